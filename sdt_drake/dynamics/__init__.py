@@ -1,0 +1,16 @@
+"""Inverse dynamics by torque groups, their decoupling into loads, and effective inertia."""
+
+from sdt_drake.dynamics.decoupling import SIGNS, Loads, decouple
+from sdt_drake.dynamics.effective_inertia import InertiaRange, effective_inertia
+from sdt_drake.dynamics.inverse import TorqueGroups, groups_of_sample, torque_groups
+
+__all__ = [
+    "SIGNS",
+    "InertiaRange",
+    "Loads",
+    "TorqueGroups",
+    "decouple",
+    "effective_inertia",
+    "groups_of_sample",
+    "torque_groups",
+]

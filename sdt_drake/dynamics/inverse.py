@@ -1,0 +1,92 @@
+"""The torque of each joint, split into the four groups of Eq. 2."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydrake.systems.framework import Context
+
+from sdt_drake.errors import InputError
+from sdt_drake.robot import Robot
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueGroups:
+    """Joint torques by cause (Eq. 2): **link side**, so without the inertia of the motors.
+
+    All arrays have the shape of the motion, (n,) for a sample or (N, n); joint side.
+
+    Attributes:
+        inertial: d_kk vd_k [N m].
+        reaction: sum over j != k of d_kj vd_j, from the accelerations of other joints [N m].
+        velocity: centrifugal and Coriolis terms, and viscous friction if the SDF has any [N m].
+        gravity: torque that holds the links against gravity [N m].
+        d_kk: diagonal of the mass matrix of the links [kg m²].
+    """
+
+    inertial: Array
+    reaction: Array
+    velocity: Array
+    gravity: Array
+    d_kk: Array
+
+    @property
+    def coupled(self) -> Array:
+        """tau_coupled: all but the inertial group (Eq. 4) [N m]."""
+        return self.reaction + self.velocity + self.gravity
+
+    @property
+    def total(self) -> Array:
+        """tau of Eq. 2: the sum of the four groups [N m]."""
+        return self.inertial + self.coupled
+
+
+def groups_of_sample(
+    robot: Robot, context: Context, q: Array, v: Array, vd: Array
+) -> tuple[Array, Array, Array, Array, Array]:
+    """The fields of `TorqueGroups` for one sample: inertial, reaction, velocity, gravity, d_kk.
+
+    `context` is scratch of `robot.plant`; q [rad], v [rad/s], vd [rad/s²] have shape (n,). Nothing
+    is checked here: this is the inner loop of a motion and of the on-line block.
+    """
+    plant = robot.plant
+    plant.SetPositions(context, q)
+    plant.SetVelocities(context, v)
+    M = plant.CalcMassMatrix(context)
+    d_kk = M.diagonal() - robot.reflected_inertia
+    inertial = d_kk * vd
+    reaction = M @ vd - M.diagonal() * vd
+    velocity = plant.CalcBiasTerm(context) + robot.damping * v
+    gravity = -plant.CalcGravityGeneralizedForces(context)
+    return inertial, reaction, velocity, gravity, d_kk
+
+
+def torque_groups(robot: Robot, q: ArrayLike, v: ArrayLike, vd: ArrayLike) -> TorqueGroups:
+    """Inverse dynamics of the links by groups (Eq. 2), for a sample or a whole motion.
+
+    Args:
+        robot: the robot.
+        q, v, vd: joint positions [rad], speeds [rad/s] and accelerations [rad/s²], all of shape
+            (n,) or all of shape (N, n).
+
+    Raises:
+        InputError: if the shapes do not agree with each other and with the robot.
+    """
+    q, v, vd = (np.asarray(a, dtype=float) for a in (q, v, vd))
+    if not (q.shape == v.shape == vd.shape and q.ndim in (1, 2) and q.shape[-1] == robot.n):
+        raise InputError(
+            f"torque_groups: shapes {q.shape}, {v.shape}, {vd.shape}, "
+            f"expected three times ({robot.n},) or (N, {robot.n})"
+        )
+    context = robot.plant.CreateDefaultContext()
+    groups = np.empty((5, *q.shape))
+    if q.ndim == 1:
+        groups[:] = groups_of_sample(robot, context, q, v, vd)
+    else:
+        for i in range(len(q)):
+            groups[:, i] = groups_of_sample(robot, context, q[i], v[i], vd[i])
+    return TorqueGroups(*groups)

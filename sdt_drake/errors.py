@@ -1,0 +1,92 @@
+"""The one exception that a user's bad input raises."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+class InputError(ValueError):
+    """Input that cannot be used; the message is one line: where, what, and what would be right."""
+
+
+def checked_vector(
+    values: ArrayLike,
+    n: int,
+    where: str,
+    *,
+    positive: bool = False,
+) -> NDArray[np.float64]:
+    """`values` as a finite array of shape (n,), all > 0 if `positive`.
+
+    Raises:
+        InputError: naming `where`, if length, finiteness or sign is wrong.
+    """
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{where}: {values!r} is not a list of numbers") from None
+    if array.shape != (n,):
+        raise InputError(f"{where}: {array.size} value(s), expected {n}, one for each joint")
+    if not np.all(np.isfinite(array)):
+        raise InputError(f"{where}: {array.tolist()} contains a value that is not finite")
+    if positive and np.any(array <= 0):
+        raise InputError(f"{where}: {array.tolist()}, every value must be > 0")
+    return array
+
+
+def checked_number(
+    value: float, where: str, *, minimum: float = -np.inf, exclusive: bool = False
+) -> float:
+    """`value` as a finite number >= `minimum` (> `minimum` if `exclusive`).
+
+    Raises:
+        InputError: naming `where`.
+    """
+    relation = ">" if exclusive else ">="
+    bad = not np.isfinite(value) or value < minimum or (exclusive and value == minimum)
+    if bad:
+        bound = f" {relation} {minimum:g}" if np.isfinite(minimum) else ""
+        raise InputError(f"{where}: {value}, expected a finite number{bound}")
+    return float(value)
+
+
+def checked_choice(value: str, choices: tuple[str, ...], where: str) -> str:
+    """`value` if it is one of `choices`.
+
+    Raises:
+        InputError: naming `where` and the choices.
+    """
+    if value not in choices:
+        raise InputError(f"{where}: '{value}', expected one of {', '.join(choices)}")
+    return value
+
+
+def whole_periods(duration: float, period: float, where: str) -> int:
+    """How many periods [s] make up `duration` [s].
+
+    Raises:
+        InputError: if that is not a whole number >= 1.
+    """
+    count = round(duration / period)
+    if count < 1 or abs(count * period - duration) > 1e-9 * max(1.0, duration):
+        raise InputError(
+            f"{where}: {duration:g} s is not a whole multiple of the period {period:g} s"
+        )
+    return count
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary path beside `path` that takes its place only if the block succeeds."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.partial{path.suffix}")
+    try:
+        yield partial
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)

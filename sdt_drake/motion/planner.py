@@ -1,0 +1,240 @@
+"""The off-line planner of Section 2: commanded speeds to a motion within the motors' torques."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sdt_drake.dynamics import torque_groups
+from sdt_drake.errors import InputError, checked_number, whole_periods
+from sdt_drake.motion.profile import CommandProfile
+from sdt_drake.motion.trajectory import Motion
+from sdt_drake.robot import Robot
+
+Array = NDArray[np.float64]
+
+INTERPOLATION_PERIOD = 0.005  # s, published
+TORQUE_TOLERANCE = 1e-6  # N m
+_SPEED_TOLERANCE = 1e-9  # rad/s; round-off of a commanded speed
+# What an overpowered joint may slip, while it is off its command, before the motion is lost:
+_SLIP = 0.01  # of the range of its commanded speeds, and
+_SLIP_SPEED = 1e-3  # rad/s
+_MAX_SWEEPS = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A motion that the motors can do, and how hard they work.
+
+    Attributes:
+        motion: the reference.
+        torque: joint torque with the motors' inertia at each sample, joint side [N m],
+            shape (N + 1, n).
+        limited: where the limiter reduced an acceleration, shape (N + 1, n).
+        margin: share of the motors' torque that was allowed [-].
+    """
+
+    motion: Motion
+    torque: Array
+    limited: NDArray[np.bool_]
+    margin: float
+
+    def peak_use(self, robot: Robot) -> Array:
+        """Largest |torque| over the motor's limit [-], shape (n,)."""
+        return np.max(np.abs(self.torque), axis=0) / robot.effort_limit
+
+
+def plan_motion(
+    robot: Robot,
+    profile: CommandProfile,
+    *,
+    period: float = INTERPOLATION_PERIOD,
+    margin: float = 1.0,
+) -> Plan:
+    """Plan a motion; where a motor is too weak, its joint accelerates less and catches up later.
+
+    The limiter looks one period ahead. It can lose a motion for good, when coupling torques grow
+    beyond a motor before the speeds come down. A joint that is driven away from its command with
+    its motor at full torque, or that does not get back to its command by the end, is lost, and
+    the motion is refused.
+
+    Args:
+        robot: the robot.
+        profile: commanded joint speeds.
+        period: interpolation period [s].
+        margin: share of the motors' torque that may be used, in (0, 1].
+
+    Raises:
+        InputError: if the profile does not fit the robot or the period, or the motion cannot be
+            done: naming joint, time, what it needs and what there is.
+    """
+    checked_number(period, "period", minimum=0, exclusive=True)
+    if not 0 < margin <= 1:
+        raise InputError(f"margin: {margin}, expected a share of the motors' torque in (0, 1]")
+    if len(profile.joints) != robot.n:
+        raise InputError(
+            f"motion '{profile.name}': {len(profile.joints)} joints, "
+            f"robot '{robot.name}' has {robot.n}"
+        )
+    count = whole_periods(profile.duration, period, f"motion '{profile.name}': duration")
+    command = profile.speeds(np.arange(count + 1) * period)
+    v, limited = _limited_speeds(robot, profile.start(), command, period, margin)
+    motion = Motion.from_speeds(period, profile.start(), v)
+    torque = check_motion(robot, motion, margin=margin)
+    return Plan(motion, torque, limited, margin)
+
+
+def check_motion(robot: Robot, motion: Motion, *, margin: float = 1.0) -> Array:
+    """Joint torques that a motion needs, with the motors' inertia, joint side [N m], (N + 1, n).
+
+    Raises:
+        InputError: if the motion has another number of joints, or leaves the torque, speed or
+            position limits: naming joint, time, what it needs and what there is.
+    """
+    if motion.n != robot.n:
+        raise InputError(f"motion: {motion.n} joints, robot '{robot.name}' has {robot.n}")
+    groups = torque_groups(robot, motion.q, motion.v, motion.vd)
+    torque = groups.total + robot.reflected_inertia * motion.vd
+    available = margin * robot.effort_limit
+    _refuse_beyond(robot, motion, "torque", "N m", torque, -available, available, TORQUE_TOLERANCE)
+    speed = robot.velocity_limit
+    _refuse_beyond(robot, motion, "speed", "rad/s", motion.v, -speed, speed, _SPEED_TOLERANCE)
+    stops = robot.position_lower, robot.position_upper
+    _refuse_beyond(robot, motion, "position", "rad", motion.q, *stops, 1e-9)
+    return torque
+
+
+def _refuse_beyond(
+    robot: Robot,
+    motion: Motion,
+    quantity: str,
+    unit: str,
+    values: Array,
+    lower: Array,
+    upper: Array,
+    tolerance: float,
+) -> None:
+    beyond = (values < lower - tolerance) | (values > upper + tolerance)
+    if beyond.any():
+        i, k = np.argwhere(beyond)[0]
+        raise InputError(
+            f"joint {k + 1} '{robot.joint_names[k]}' at {motion.time[i]:.3f} s: needs {quantity} "
+            f"{values[i, k]:.6g} {unit}, available {lower[k]:.6g} to {upper[k]:.6g} {unit}"
+        )
+
+
+def _limited_speeds(
+    robot: Robot, q0: Array, command: Array, period: float, margin: float
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Speeds that follow `command`, shape (N + 1, n), as closely as the torques allow."""
+    plant, context = robot.plant, robot.plant.CreateDefaultContext()
+    available = margin * robot.effort_limit
+    guard = _LostMotionGuard(robot, command, period, available)
+    limited = np.zeros(command.shape, dtype=bool)
+    speeds = command.copy()
+    q, v = q0.copy(), command[0]
+    for i in range(len(command) - 1):
+        wanted = (command[i + 1] - v) / period
+        plant.SetPositions(context, q)
+        plant.SetVelocities(context, v)
+        M = plant.CalcMassMatrix(context)  # with the motors' inertia
+        bias = (
+            plant.CalcBiasTerm(context)
+            + robot.damping * v
+            - plant.CalcGravityGeneralizedForces(context)
+        )
+        if np.all(np.abs(M @ wanted + bias) <= available):
+            vd, v_next = wanted, command[i + 1]
+        else:
+            vd = limit_accelerations(M, bias, wanted, available)
+            limited[i] = vd != wanted
+            v_next = np.where(limited[i], v + vd * period, command[i + 1])
+        guard.check(i, wanted, vd, M @ vd + bias + M.diagonal() * (wanted - vd))
+        q = q + (v + v_next) * (period / 2)
+        v = speeds[i + 1] = v_next
+    guard.check_end(v)
+    return speeds, limited
+
+
+def limit_accelerations(M: Array, bias: Array, wanted: Array, available: Array) -> Array:
+    """Accelerations nearest to `wanted` [rad/s²] with |M vd + bias| <= `available` [N m].
+
+    Joint after joint from the tip to the base, each as near to its wish as the others leave it,
+    until every torque is within TORQUE_TOLERANCE. These sweeps are coordinate descent on
+
+        1/2 (vd - wanted)' M (vd - wanted) + (M wanted + bias)' vd + available' |vd - wanted|,
+
+    which is strictly convex because M is positive definite: there is always one solution, in
+    which each joint has its wish or its motor gives all it has, and the sweeps converge to it.
+    """
+    vd = wanted.copy()
+    diagonal = M.diagonal()
+    for _ in range(_MAX_SWEEPS):
+        before = vd.copy()
+        for k in reversed(range(len(vd))):
+            rest = M[k] @ vd - diagonal[k] * vd[k] + bias[k]
+            lowest = (-available[k] - rest) / diagonal[k]
+            highest = (available[k] - rest) / diagonal[k]
+            vd[k] = min(max(wanted[k], lowest), highest)
+        if np.all(np.abs(M @ (vd - before)) <= TORQUE_TOLERANCE / 2):
+            return vd
+    raise InputError(f"accelerations within the torque limits not found in {_MAX_SWEEPS} sweeps")
+
+
+class _LostMotionGuard:
+    """Notices a joint that its motor can no longer hold to its command.
+
+    A limited joint lags, but still accelerates towards its command. One that is driven away from
+    it, with its motor at full torque, is overpowered; it slips.
+    """
+
+    def __init__(self, robot: Robot, command: Array, period: float, available: Array) -> None:
+        self._robot = robot
+        self._command = command
+        self._period = period
+        self._available = available
+        self._largest_slip = _SLIP * np.ptp(command, axis=0) + _SLIP_SPEED
+        self._slip = np.zeros(robot.n)
+        self._onset = np.full(robot.n, -1)
+        self._needed = np.zeros(robot.n)
+
+    def check(self, i: int, wanted: Array, vd: Array, torque: Array) -> None:
+        """Refuse a joint that has slipped too far by the end of period i.
+
+        `wanted` and `vd` [rad/s²] are what each joint wishes and gets; `torque` [N m] is what it
+        would need for its wish, beside what the others really do.
+        """
+        limited = vd != wanted
+        start = limited & (self._onset < 0)
+        self._onset[start] = i
+        self._needed[start] = torque[start]
+        self._onset[~limited] = -1
+        away = limited & (vd * wanted <= 0)
+        self._slip = np.where(limited, self._slip + away * np.abs(vd) * self._period, 0.0)
+        lost = self._slip > self._largest_slip
+        if lost.any():
+            k = int(np.argmax(self._slip / self._largest_slip))
+            self._refuse(
+                k,
+                f"by {(i + 1) * self._period:.3f} s it is driven {self._slip[k]:.4g} rad/s away "
+                "from its command",
+            )
+
+    def check_end(self, v: Array) -> None:
+        """Refuse a joint that is not back on its command at the end."""
+        off = np.abs(v - self._command[-1]) > _SPEED_TOLERANCE
+        if off.any():
+            k = int(np.argmax(off))
+            self._refuse(
+                k,
+                f"its speed ends at {v[k]:.4g} rad/s, commanded is {self._command[-1, k]:.4g} rad/s",
+            )
+
+    def _refuse(self, k: int, outcome: str) -> None:
+        raise InputError(
+            f"motion lost: joint {k + 1} '{self._robot.joint_names[k]}' at "
+            f"{self._onset[k] * self._period:.3f} s needs torque {self._needed[k]:.6g} N m, "
+            f"available ±{self._available[k]:.6g} N m; {outcome}"
+        )

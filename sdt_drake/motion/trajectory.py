@@ -1,0 +1,109 @@
+"""A motion: the reference of all joints at the interpolation period, as Drake trajectories."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.trajectories import PiecewisePolynomial, Trajectory
+
+from sdt_drake.errors import InputError
+from sdt_drake.tables import read_table, write_table
+
+Array = NDArray[np.float64]
+
+_COLUMNS = ("q_ref", "v_ref", "vd_ref")
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Joint positions, speeds and accelerations at time i * period, i = 0..N; joint side.
+
+    The acceleration of sample i holds until sample i + 1, so speeds are piecewise linear and
+    positions piecewise quadratic.
+
+    Attributes:
+        period: interpolation period [s].
+        q: positions [rad], shape (N + 1, n).
+        v: speeds [rad/s], shape (N + 1, n).
+        vd: accelerations [rad/s²], shape (N + 1, n); the last row is 0.
+    """
+
+    period: float
+    q: Array
+    v: Array
+    vd: Array
+
+    @staticmethod
+    def from_speeds(period: float, q0: Array, v: Array) -> Motion:
+        """The motion through speeds of shape (N + 1, n), starting at `q0` [rad]."""
+        vd = np.vstack([np.diff(v, axis=0) / period, np.zeros_like(v[:1])])
+        steps = (v[1:] + v[:-1]) * (period / 2)
+        q = np.vstack([q0, q0 + np.cumsum(steps, axis=0)])
+        return Motion(period, q, v, vd)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self.q.shape[1]
+
+    @property
+    def time(self) -> Array:
+        """i * period [s], shape (N + 1,): the very numbers at which a Drake simulator samples."""
+        return np.arange(len(self.q)) * self.period
+
+    @property
+    def duration(self) -> float:
+        """Time of the last sample [s]."""
+        return (len(self.q) - 1) * self.period
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """Joint positions as a Drake trajectory; its derivatives are speed and acceleration.
+
+        A cubic through positions and speeds is exact here: the positions are quadratic.
+        """
+        return PiecewisePolynomial.CubicHermite(self.time, self.q.T, self.v.T)
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write time, q_ref_k, v_ref_k, vd_ref_k, exactly."""
+        write_table(
+            path, self.time, dict(zip(_COLUMNS, (self.q, self.v, self.vd), strict=True))
+        )
+
+    @staticmethod
+    def from_csv(path: str | Path) -> Motion:
+        """Read what `to_csv` writes; further columns are ignored.
+
+        Raises:
+            InputError: naming the file and the line: missing columns, gaps in time, numbers that
+                are not finite, positions or speeds that are not the integral of what follows.
+        """
+        time, columns = read_table(path)
+        missing = [name for name in _COLUMNS if name not in columns]
+        if missing:
+            raise InputError(f"{path}: no column {missing[0]}_1, expected time, q_ref_k, v_ref_k, "
+                             "vd_ref_k for every joint k")
+        if len({columns[name].shape for name in _COLUMNS}) > 1:
+            raise InputError(f"{path}: q_ref, v_ref and vd_ref differ in their number of joints")
+        if time[0] != 0:
+            raise InputError(f"{path}, line 2: time starts at {time[0]:g} s, expected 0")
+        # The step as its shortest decimal: 0.005, not the mean of rounded differences.
+        period = float(f"{time[-1] / (len(time) - 1):.9g}")
+        motion = Motion(period, *(columns[name] for name in _COLUMNS))
+        motion._check_integrals(path)
+        return motion
+
+    def _check_integrals(self, path: str | Path) -> None:
+        integral = Motion.from_speeds(self.period, self.q[0], self.v)
+        for name, own, other in (("vd_ref", self.vd[:-1], integral.vd[:-1]),
+                                 ("q_ref", np.diff(self.q, axis=0), np.diff(integral.q, axis=0))):
+            wrong = np.abs(own - other) > 1e-6
+            if wrong.any():
+                i, k = np.argwhere(wrong)[0]
+                raise InputError(
+                    f"{path}, line {i + 2}: {name}_{k + 1} does not fit v_ref_{k + 1}: "
+                    f"{own[i, k]:g} over this period, the speeds give {other[i, k]:g}"
+                )

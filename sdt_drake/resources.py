@@ -1,0 +1,43 @@
+"""Where the robots, motions and scenarios that ship with the package are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sdt_drake.errors import InputError
+
+_PACKAGE = Path(__file__).resolve().parent
+PACKAGE_PREFIX = "package://sdt/"
+
+
+def models_dir() -> Path:
+    """The folder `models/`: inside an installed package, or beside it in a checkout."""
+    installed = _PACKAGE / "models"
+    return installed if installed.is_dir() else _PACKAGE.parent / "models"
+
+
+def find_file(reference: str | Path, base: Path | None = None) -> Path:
+    """The file that `reference` means.
+
+    Args:
+        reference: `package://sdt/...` for a file that ships with the package, otherwise a path.
+        base: folder that a relative path starts from; the working directory if None.
+
+    Raises:
+        InputError: if there is no such file.
+    """
+    text = str(reference)
+    if text.startswith(PACKAGE_PREFIX):
+        path = models_dir() / text.removeprefix(PACKAGE_PREFIX)
+        choices = sorted(p.name for p in path.parent.glob(f"*{path.suffix}"))
+        hint = f"; shipped: {', '.join(choices)}" if choices else ""
+    else:
+        path = Path(text) if base is None else base / text
+        hint = f"; files of the package start with {PACKAGE_PREFIX}"
+    try:
+        is_file = path.is_file()
+    except (OSError, ValueError):
+        is_file = False
+    if not is_file:
+        raise InputError(f"{text}: no such file{hint}")
+    return path

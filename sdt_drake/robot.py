@@ -1,0 +1,293 @@
+"""An SDF file as a validated serial robot: its plant, motors, gears and limits."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RevoluteJoint, RigidBody, WeldJoint
+
+from sdt_drake.errors import InputError
+from sdt_drake.resources import find_file, models_dir
+
+Vector = NDArray[np.float64]
+
+DEFAULT_ROBOT = "package://sdt/sdt.sdf"
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A serial chain of n revolute joints, each with a motor and a gear, base to tip.
+
+    Attributes:
+        name: of the SDF model.
+        path: of the SDF file.
+        plant: finalized continuous MultibodyPlant. Velocity k and actuator k belong to joint k;
+            rotor inertias are reflected in its mass matrix; it has **no effort limits** (the
+            saturation block is the one limiter of a loop).
+        joint_names: base to tip.
+        rotor_inertia: I_m of motor and gearbox, motor side [kg m²], shape (n,).
+        gear_ratio: r, motor speed over joint speed [-], shape (n,).
+        effort_limit: largest torque, **joint side** [N m], shape (n,).
+        velocity_limit: largest joint speed [rad/s], inf where the file gives none, shape (n,).
+        position_lower, position_upper: joint stops [rad], ±inf where there are none, shape (n,).
+        damping: viscous friction of the joints, joint side [N m s/rad], shape (n,).
+    """
+
+    name: str
+    path: Path
+    plant: MultibodyPlant
+    joint_names: tuple[str, ...]
+    rotor_inertia: Vector
+    gear_ratio: Vector
+    effort_limit: Vector
+    velocity_limit: Vector
+    position_lower: Vector
+    position_upper: Vector
+    damping: Vector
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    @property
+    def motor_torque_limit(self) -> Vector:
+        """Largest torque of each motor, motor side [N m], shape (n,)."""
+        return self.effort_limit / self.gear_ratio
+
+    @property
+    def reflected_inertia(self) -> Vector:
+        """r² I_m: what the motors add to the diagonal of the mass matrix [kg m²], shape (n,)."""
+        return self.gear_ratio**2 * self.rotor_inertia
+
+    def make_plant(self) -> MultibodyPlant:
+        """A copy of the plant that a diagram can own."""
+        return self.plant.Clone()
+
+
+def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
+    """Load and validate a serial robot.
+
+    What Drake would silently repair or ignore is refused: masses and inertias that are missing or
+    impossible, `<friction>`, actuators without a limit.
+
+    Args:
+        path: an SDF file, or `package://sdt/...` for a robot that ships with the package.
+
+    Raises:
+        InputError: naming the file, the link or joint, and the number.
+    """
+    file = find_file(path)
+    if file.suffix != ".sdf":
+        raise InputError(f"{file}: expected an .sdf file")
+    _check_text(file)
+    plant = _parse(file)
+    joints = _chain(plant, file)
+    actuators = _actuators(plant, joints, file)
+    effort_limit = np.array([a.effort_limit() for a in actuators])
+    rotor_inertia = np.array([a.default_rotor_inertia() for a in actuators])
+    gear_ratio = np.array([a.default_gear_ratio() for a in actuators])
+    _replace_actuators(plant, joints, actuators)
+    plant.Finalize()
+    _check_inertias_kept(plant, file)
+    return Robot(
+        name=plant.GetModelInstanceName(joints[0].model_instance()),
+        path=file,
+        plant=plant,
+        joint_names=tuple(j.name() for j in joints),
+        rotor_inertia=rotor_inertia,
+        gear_ratio=gear_ratio,
+        effort_limit=effort_limit,
+        velocity_limit=np.array([j.velocity_upper_limits()[0] for j in joints]),
+        position_lower=np.array([j.position_lower_limits()[0] for j in joints]),
+        position_upper=np.array([j.position_upper_limits()[0] for j in joints]),
+        damping=np.array([j.default_damping_vector()[0] for j in joints]),
+    )
+
+
+# --- what only the text of the file can tell -------------------------------------------------
+
+
+def _check_text(file: Path) -> None:
+    """Refuse what the SDF parser would fill in, replace or drop without an error."""
+    try:
+        root = ET.parse(file).getroot()
+    except (ET.ParseError, UnicodeDecodeError) as error:
+        raise InputError(f"{file}: not well-formed XML ({error})") from None
+    if root.find(".//include") is not None:
+        raise InputError(f"{file}: <include> is not supported, write the links into the file")
+    if len(root.findall(".//model")) != 1:
+        raise InputError(f"{file}: {len(root.findall('.//model'))} models, expected one")
+    for link in root.iter("link"):
+        _check_inertial(link, f"{file}: link '{link.get('name')}'")
+    for joint in root.iter("joint"):
+        where = f"{file}: joint '{joint.get('name')}'"
+        friction = joint.find(".//dynamics/friction")
+        if friction is not None and _number(friction, where) != 0:
+            raise InputError(
+                f"{where}: <friction> {friction.text} would be dropped by Drake; remove it"
+            )
+        for tag in ("spring_stiffness", "spring_reference"):
+            spring = joint.find(f".//dynamics/{tag}")
+            if spring is not None and _number(spring, where) != 0:
+                raise InputError(f"{where}: <{tag}> {spring.text}, springs are not supported")
+
+
+def _check_inertial(link: ET.Element, where: str) -> None:
+    """Mass > 0; central inertia with principal moments that some rigid body can have."""
+    mass = link.find("inertial/mass")
+    if mass is None:
+        raise InputError(f"{where}: no <mass>; Drake would take 1 kg")
+    if _number(mass, where) <= 0:
+        raise InputError(f"{where}: <mass> {mass.text} kg, expected a number > 0")
+    moments = np.linalg.eigvalsh(_inertia_matrix(link, where))
+    if moments[0] < 0:
+        raise InputError(
+            f"{where}: inertia has the principal moment {moments[0]:g} kg m², expected >= 0"
+        )
+    if moments[2] > (moments[0] + moments[1]) * (1 + 1e-12):
+        raise InputError(
+            f"{where}: inertia breaks the triangle inequality, principal moments "
+            f"{moments[0]:g} + {moments[1]:g} < {moments[2]:g} kg m²"
+        )
+
+
+def _inertia_matrix(link: ET.Element, where: str) -> NDArray[np.float64]:
+    values = {}
+    for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"):
+        element = link.find(f"inertial/inertia/{key}")
+        if element is None and key[1] == key[2]:
+            raise InputError(f"{where}: no <{key}>; Drake would take 1 kg m²")
+        values[key] = 0.0 if element is None else _number(element, where)
+    return np.array(
+        [
+            [values["ixx"], values["ixy"], values["ixz"]],
+            [values["ixy"], values["iyy"], values["iyz"]],
+            [values["ixz"], values["iyz"], values["izz"]],
+        ]
+    )
+
+
+def _number(element: ET.Element, where: str) -> float:
+    try:
+        value = float(element.text or "")
+    except ValueError:
+        value = float("nan")
+    if not np.isfinite(value):
+        raise InputError(f"{where}: <{element.tag}> is '{element.text}', expected a number")
+    return value
+
+
+# --- what the parsed plant tells -------------------------------------------------------------
+
+
+def _parse(file: Path) -> MultibodyPlant:
+    """The plant of the file, not finalized."""
+    plant = MultibodyPlant(time_step=0.0)
+    parser = Parser(plant)
+    parser.SetStrictParsing()
+    parser.package_map().AddPackageXml(str(models_dir() / "package.xml"))
+    try:
+        parser.AddModels(str(file))
+    except RuntimeError as error:
+        reason = " ".join(str(error).split()).replace(f"{file.resolve()}:", "line ")
+        raise InputError(f"{file}: {reason}") from None
+    return plant
+
+
+def _chain(plant: MultibodyPlant, file: Path) -> list[RevoluteJoint]:
+    """The revolute joints, base to tip; welded bodies count as one."""
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    for joint in joints:
+        if not isinstance(joint, RevoluteJoint | WeldJoint):
+            raise InputError(
+                f"{file}: joint '{joint.name()}' is {joint.type_name()}, expected revolute or fixed"
+            )
+    chain: list[RevoluteJoint] = []
+    reached = _welded_to(plant.world_body(), plant)
+    n_reached = len(reached)
+    while True:
+        outboard = [
+            j for j in joints if isinstance(j, RevoluteJoint) and j.parent_body().index() in reached
+        ]
+        if len(outboard) > 1:
+            names = ", ".join(f"'{j.name()}'" for j in outboard)
+            raise InputError(f"{file}: the chain branches at joints {names}, expected one chain")
+        if not outboard:
+            break
+        chain.append(outboard[0])
+        reached = _welded_to(outboard[0].child_body(), plant)
+        n_reached += len(reached)
+    if n_reached < plant.num_bodies():
+        raise InputError(
+            f"{file}: {plant.num_bodies() - n_reached} link(s) are not connected to the world by "
+            "revolute or fixed joints; give the base a joint with <parent>world</parent>"
+        )
+    if not chain:
+        raise InputError(f"{file}: no revolute joint")
+    return chain
+
+
+def _welded_to(body: RigidBody, plant: MultibodyPlant) -> set[object]:
+    return {b.index() for b in plant.GetBodiesWeldedTo(body)}
+
+
+def _actuators(plant: MultibodyPlant, joints: list[RevoluteJoint], file: Path) -> list:
+    """The actuator of each joint, in the order of the joints, with sound motor data."""
+    by_joint = {}
+    for index in plant.GetJointActuatorIndices():
+        actuator = plant.get_joint_actuator(index)
+        by_joint[actuator.joint().index()] = actuator
+    for joint in joints:
+        where = f"{file}: joint '{joint.name()}'"
+        actuator = by_joint.get(joint.index())
+        limit = 0.0 if actuator is None else actuator.effort_limit()
+        if not 0 < limit < np.inf:
+            raise InputError(
+                f"{where}: actuator effort limit {limit:g} N m, expected <limit><effort> > 0"
+            )
+        if actuator.default_rotor_inertia() < 0:
+            raise InputError(
+                f"{where}: rotor inertia {actuator.default_rotor_inertia():g} kg m², expected >= 0"
+            )
+        if actuator.default_gear_ratio() <= 0:
+            raise InputError(
+                f"{where}: gear ratio {actuator.default_gear_ratio():g}, expected > 0"
+            )
+    return [by_joint[joint.index()] for joint in joints]
+
+
+def _replace_actuators(plant: MultibodyPlant, joints: list[RevoluteJoint], old: list) -> None:
+    """Put the actuators in the order of the joints and take their effort limits away.
+
+    A plant clamps its actuation by itself, silently; a loop has one limiter, its saturation block.
+    """
+    motors = [(a.name(), a.default_rotor_inertia(), a.default_gear_ratio()) for a in old]
+    for actuator in old:
+        plant.RemoveJointActuator(actuator)
+    for joint, (name, rotor_inertia, gear_ratio) in zip(joints, motors, strict=True):
+        actuator = plant.AddJointActuator(name, joint)
+        actuator.set_default_rotor_inertia(rotor_inertia)
+        actuator.set_default_gear_ratio(gear_ratio)
+
+
+def _check_inertias_kept(plant: MultibodyPlant, file: Path) -> None:
+    """Every link of the plant has the mass and the trace of inertia that the file gives it."""
+    for link in ET.parse(file).getroot().iter("link"):
+        where = f"{file}: link '{link.get('name')}'"
+        central = plant.GetBodyByName(link.get("name", "")).default_spatial_inertia()
+        mass = _number(link.find("inertial/mass"), where)
+        trace = np.trace(_inertia_matrix(link, where))
+        com = central.get_com()
+        about_origin = central.CalcRotationalInertia().CopyToFullMatrix3()
+        shift = central.get_mass() * 2 * (com @ com)  # trace of the parallel-axis term
+        if not np.allclose(
+            [central.get_mass(), np.trace(about_origin) - shift], [mass, trace], rtol=1e-9
+        ):
+            raise InputError(f"{where}: Drake replaced its mass or inertia; check <inertial>")

@@ -1,0 +1,110 @@
+"""Typed YAML with errors that say where.
+
+Drake's `yaml_load_typed` does the loading. It refuses unknown keys, but does not say where they
+are, and it takes a few wrong types for right ones; so the raw data is held against the schema
+first.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import types
+import typing
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydrake.common.yaml import yaml_load_data, yaml_load_typed
+
+from sdt_drake.errors import InputError
+from sdt_drake.resources import find_file
+
+T = TypeVar("T")
+
+
+def load_yaml(schema: type[T], path: str | Path) -> tuple[T, Path]:
+    """The object of dataclass `schema` that a YAML file describes, and the file's path.
+
+    Raises:
+        InputError: naming the file, the field by its dotted name, and what would be right.
+    """
+    file = find_file(path)
+    try:
+        text = file.read_text(encoding="utf-8")
+        data = yaml_load_data(text)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{file}: cannot be read ({error})") from None
+    except Exception as error:  # the YAML library raises many kinds, all about the text
+        raise InputError(f"{file}: not valid YAML, {' '.join(str(error).split())}") from None
+    _check(schema, data, str(file), "")
+    try:
+        return yaml_load_typed(schema=schema, data=text), file
+    except (RuntimeError, TypeError, ValueError, AssertionError) as error:
+        raise InputError(f"{file}: {' '.join(str(error).split())}") from None
+
+
+def _check(schema: Any, data: Any, file: str, name: str) -> None:
+    """Hold raw YAML against a type, at the dotted `name`."""
+    origin, arguments = typing.get_origin(schema), typing.get_args(schema)
+    if origin in (typing.Union, types.UnionType):
+        options = [a for a in arguments if a is not type(None)]
+        if data is None and len(options) < len(arguments):
+            return
+        _check(_option(options, data, file, name), data, file, name)
+    elif origin is list:
+        if not isinstance(data, list):
+            raise _wrong(file, name, data, "a list")
+        for i, item in enumerate(data):
+            _check(arguments[0], item, file, f"{name}[{i + 1}]")
+    elif dataclasses.is_dataclass(schema):
+        _check_fields(schema, data, file, name)
+    elif schema is float:
+        if not _is_number(data):
+            raise _wrong(file, name, data, "a number")
+    elif schema is bool:
+        if not isinstance(data, bool):
+            raise _wrong(file, name, data, "true or false")
+    elif schema is str and not isinstance(data, str):
+        raise _wrong(file, name, data, "a text")
+
+
+def _check_fields(schema: Any, data: Any, file: str, name: str) -> None:
+    hints = typing.get_type_hints(schema)
+    if not isinstance(data, dict):
+        raise _wrong(file, name, data, f"a mapping with {', '.join(hints)}")
+    for key, value in data.items():
+        if key == "_tag":
+            continue
+        dotted = f"{name}.{key}" if name else str(key)
+        if key not in hints:
+            near = difflib.get_close_matches(str(key), hints, n=2)
+            meant = f"did you mean {' or '.join(near)}?" if near else "expected one of"
+            known = "" if near else f" {', '.join(hints)}"
+            raise InputError(f"{file}: {dotted}: unknown field, {meant}{known}")
+        _check(hints[key], value, file, dotted)
+
+
+def _option(options: list[Any], data: Any, file: str, name: str) -> Any:
+    """The member of a union that the YAML tag (`!Name`) chooses; the first one without a tag."""
+    tag = data.get("_tag") if isinstance(data, dict) else None
+    if tag is None:
+        return options[0]
+    by_tag = {f"!{option.__name__}": option for option in options}
+    if tag not in by_tag:
+        raise InputError(f"{file}: {name}: unknown kind {tag}, expected {', '.join(by_tag)}")
+    return by_tag[tag]
+
+
+def _is_number(data: Any) -> bool:
+    if isinstance(data, bool):
+        return False
+    try:
+        float(data)  # a str too: YAML 1.1 takes 1e3 for a text, Drake takes it for a number
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def _wrong(file: str, name: str, data: Any, expected: str) -> InputError:
+    where = f"{file}: {name}" if name else file
+    return InputError(f"{where}: {data!r}, expected {expected}")
