@@ -1,0 +1,93 @@
+"""Metrics of a step response from its samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sdt_drake.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StepMetrics:
+    """What a step response is judged by; NaN where the response never gets there.
+
+    Attributes:
+        rise_time: from the first crossing of 10 % to the first of 90 % [s].
+        settling_time: from the step to the **last** entry into the band [s].
+        overshoot_percent: how far the peak is beyond the final value, of the step [%].
+        peak: value farthest from the start in the direction of the step [unit of y].
+        peak_time: when [s].
+        steady_state_error: final value minus last sample [unit of y].
+    """
+
+    rise_time: float
+    settling_time: float
+    overshoot_percent: float
+    peak: float
+    peak_time: float
+    steady_state_error: float
+
+
+def step_metrics(
+    t: ArrayLike, y: ArrayLike, *, y0: float, y_final: float, band: float = 0.02
+) -> StepMetrics:
+    """Metrics of a response `y` from `y0` towards `y_final`.
+
+    Crossings are interpolated between samples. The step may go up or down, and from or to zero.
+
+    Args:
+        t: time [s], growing, t[0] the time of the step; shape (N,).
+        y: response, shape (N,).
+        y0: value before the step.
+        y_final: value that the response should reach.
+        band: half width of the settling band, as a share of the step [-].
+
+    Raises:
+        InputError: if there is no step, the arrays do not fit, or a value is not finite.
+    """
+    t, y = np.asarray(t, dtype=float), np.asarray(y, dtype=float)
+    if t.ndim != 1 or t.shape != y.shape or len(t) < 2:
+        raise InputError(f"step_metrics: shapes {t.shape} and {y.shape}, expected (N,) twice")
+    if not (np.all(np.isfinite(t)) and np.all(np.isfinite(y)) and np.all(np.diff(t) > 0)):
+        raise InputError("step_metrics: time must grow, and every value must be finite")
+    if y_final == y0 or not 0 < band < 1:
+        raise InputError(f"step_metrics: step {y_final - y0}, band {band}: expected != 0, in (0, 1)")
+    response = (y - y0) / (y_final - y0)  # 0 before the step, 1 when done
+    i_peak = int(np.argmax(response))
+    return StepMetrics(
+        rise_time=_first_reach(t, response, 0.9) - _first_reach(t, response, 0.1),
+        settling_time=_settled(t, np.abs(response - 1) - band) - t[0],
+        overshoot_percent=100 * max(float(response[i_peak]) - 1, 0.0),
+        peak=float(y[i_peak]),
+        peak_time=float(t[i_peak] - t[0]),
+        steady_state_error=float(y_final - y[-1]),
+    )
+
+
+def _first_reach(t: Array, response: Array, level: float) -> float:
+    reached = response >= level
+    if not reached.any():
+        return float("nan")
+    i = int(np.argmax(reached))
+    return float(t[0]) if i == 0 else _crossing(t, response - level, i)
+
+
+def _settled(t: Array, outside: Array) -> float:
+    """When `outside` is > 0 for the last time; NaN if it still is at the end."""
+    out = np.flatnonzero(outside > 0)
+    if len(out) == 0:
+        return float(t[0])
+    if out[-1] == len(t) - 1:
+        return float("nan")
+    return _crossing(t, outside, out[-1] + 1)
+
+
+def _crossing(t: Array, f: Array, i: int) -> float:
+    """Where f crosses zero between samples i - 1 and i."""
+    share = f[i - 1] / (f[i - 1] - f[i])
+    return float(t[i - 1] + share * (t[i] - t[i - 1]))

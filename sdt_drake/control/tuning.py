@@ -1,0 +1,65 @@
+"""Section 3.3: gains of the PI speed controllers from inertia and structural frequency."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sdt_drake.errors import InputError
+
+Array = NDArray[np.float64]
+
+STRUCTURES = ("pi", "p_in_feedback")
+"""PI on the speed error, or with the proportional gain in the feedback path (Figure 5)."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedGains:
+    """Gains of n speed controllers, **motor side**: on motor speed, giving motor torque.
+
+    Attributes:
+        kp: K_PS [N m s/rad], shape (n,).
+        ki: K_IS [N m/rad], shape (n,).
+    """
+
+    kp: Array
+    ki: Array
+
+
+def tune(i_eff_max: ArrayLike, omega_r: float, zeta: ArrayLike) -> SpeedGains:
+    """K_IS = 0.25 omega_r² I_eff,max and K_PS = 2 zeta sqrt(I_eff,max K_IS).
+
+    So omega_n = 0.5 omega_r at the largest inertia: the loop stays an octave below the structure.
+
+    Args:
+        i_eff_max: largest effective inertia, motor side [kg m²], shape (n,).
+        omega_r: lowest natural frequency of the structure [rad/s].
+        zeta: damping ratio wanted at the largest inertia [-], shape (n,).
+
+    Raises:
+        InputError: if any of them is not > 0.
+    """
+    i_eff_max, zeta = np.asarray(i_eff_max, dtype=float), np.asarray(zeta, dtype=float)
+    for name, values in (("i_eff_max", i_eff_max), ("omega_r", omega_r), ("zeta", zeta)):
+        if not np.all(np.asarray(values) > 0) or not np.all(np.isfinite(values)):
+            raise InputError(f"tune: {name} is {values}, expected > 0")
+    ki = 0.25 * omega_r**2 * i_eff_max
+    return SpeedGains(kp=2 * zeta * np.sqrt(i_eff_max * ki), ki=ki)
+
+
+def natural_frequency(gains: SpeedGains, i_eff: ArrayLike) -> Array:
+    """omega_n = sqrt(K_IS / I_eff) [rad/s], from Eq. 5; I_eff motor side [kg m²], shape (n,)."""
+    return np.sqrt(gains.ki / np.asarray(i_eff))
+
+
+def damping_ratio(gains: SpeedGains, i_eff: ArrayLike) -> Array:
+    """zeta = K_PS / (2 sqrt(I_eff K_IS)) [-] (Eq. 6); I_eff motor side [kg m²], shape (n,)."""
+    return gains.kp / (2 * np.sqrt(np.asarray(i_eff) * gains.ki))
+
+
+def oscillation_frequency(gains: SpeedGains, i_eff: ArrayLike) -> Array:
+    """omega_0 = omega_n sqrt(1 - zeta²) [rad/s]; 0 where zeta >= 1. I_eff motor side [kg m²]."""
+    zeta = np.minimum(damping_ratio(gains, i_eff), 1.0)
+    return natural_frequency(gains, i_eff) * np.sqrt(1 - zeta**2)

@@ -1,0 +1,116 @@
+"""A scenario with everything computed that its loop needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sdt_drake.control import SpeedGains, tune
+from sdt_drake.dynamics import (
+    InertiaRange,
+    Loads,
+    TorqueGroups,
+    decouple,
+    effective_inertia,
+    torque_groups,
+)
+from sdt_drake.errors import InputError
+from sdt_drake.motion import Motion, check_motion, load_profile, plan_motion
+from sdt_drake.resources import find_file
+from sdt_drake.robot import Robot, load_robot
+from sdt_drake.scenario import Scenario
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A scenario, resolved.
+
+    Attributes:
+        scenario: what was asked for.
+        robot: from its SDF.
+        motion: planned, feasible.
+        torques: inverse dynamics of the links along the motion, joint side.
+        loads: of each motor by Algorithm 1 with the scenario's sign, motor side.
+        inertia: range of the effective inertia along the motion, motor side.
+        i_eff: inertia of the axis process, motor side [kg m²], shape (n,).
+        gains: of the PI speed controllers, motor side.
+    """
+
+    scenario: Scenario
+    robot: Robot
+    motion: Motion
+    torques: TorqueGroups
+    loads: Loads
+    inertia: InertiaRange
+    i_eff: Array
+    gains: SpeedGains
+
+
+def make_design(
+    scenario: Scenario, *, robot: Robot | None = None, motion: Motion | None = None
+) -> Design:
+    """Load, plan and tune what a scenario names.
+
+    Args:
+        scenario: validated here once more.
+        robot, motion: used instead of loading and planning the scenario's own, to save time where
+            many scenarios share them.
+
+    Raises:
+        InputError: for any bad input on the way.
+    """
+    scenario.validate()
+    robot = load_robot(scenario.robot) if robot is None else robot
+    scenario.validate_sizes(robot.n)
+    if motion is None:
+        motion = load_motion(
+            scenario.motion, robot, period=scenario.period, margin=scenario.torque_margin
+        )
+    torques = torque_groups(robot, motion.q, motion.v, motion.vd)
+    inertia = InertiaRange.of(effective_inertia(robot, torques.d_kk))
+    loads = decouple(torques.inertial, torques.coupled, robot.gear_ratio, scenario.algorithm)
+    i_eff = inertia.maximum if scenario.plant.i_eff is None else np.array(scenario.plant.i_eff)
+    gains = _gains(scenario, inertia)
+    return Design(scenario, robot, motion, torques, loads, inertia, i_eff, gains)
+
+
+def load_motion(path: str | Path, robot: Robot, *, period: float, margin: float = 1.0) -> Motion:
+    """The motion of a file: a profile (.yaml) is planned, a planned motion (.csv) is checked.
+
+    Raises:
+        InputError: if there is no such file, or `robot` cannot do the motion.
+    """
+    file = find_file(path)
+    if file.suffix in (".yaml", ".yml"):
+        try:
+            return plan_motion(robot, load_profile(path), period=period, margin=margin).motion
+        except InputError as error:
+            raise _located(error, file) from None
+    if file.suffix != ".csv":
+        raise InputError(f"{file}: expected a profile (.yaml) or a planned motion (.csv)")
+    motion = Motion.from_csv(file)
+    if abs(motion.period - period) > 1e-9:
+        raise InputError(f"{file}: sampled at {motion.period:g} s, the scenario at {period:g} s")
+    try:
+        check_motion(robot, motion, margin=margin)
+    except InputError as error:
+        raise _located(error, file) from None
+    return motion
+
+
+def _located(error: InputError, file: Path) -> InputError:
+    text = str(error)
+    return InputError(text if text.startswith(str(file)) else f"{file}: {text}")
+
+
+def _gains(scenario: Scenario, inertia: InertiaRange) -> SpeedGains:
+    controller = scenario.controller
+    if controller.kp is not None and controller.ki is not None:
+        return SpeedGains(kp=np.array(controller.kp), ki=np.array(controller.ki))
+    zeta = np.ones_like(inertia.maximum) if controller.zeta is None else controller.zeta
+    return tune(inertia.maximum, controller.omega_r or 0.0, zeta)

@@ -1,0 +1,171 @@
+"""A complete run as data: robot, motion, plant, controller, disturbance; YAML in and out."""
+
+# Drake's YAML loader reads the annotations here: they may not be postponed, and "or None" must be
+# spelled Optional[...].
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Optional
+
+from pydrake.common.yaml import yaml_dump_typed
+
+from sdt_drake.control import STRUCTURES
+from sdt_drake.dynamics import SIGNS
+from sdt_drake.errors import InputError, checked_choice, checked_number, checked_vector, replacing
+from sdt_drake.resources import PACKAGE_PREFIX
+from sdt_drake.robot import DEFAULT_ROBOT
+from sdt_drake.yaml_files import load_yaml
+
+PLANTS = ("axis", "coupled")
+CONTROLLERS = ("pi", "pi_ctc")
+INVERSE_DYNAMICS = ("table", "online")
+
+
+@dataclass
+class PlantChoice:
+    """What moves.
+
+    Attributes:
+        kind: "axis", each motor on its own with constant inertia and the load torque of the
+            reference (the paper's models), or "coupled", the MultibodyPlant.
+        i_eff: for "axis": inertia of each motor, motor side [kg m²]; by default the largest along
+            the motion.
+    """
+
+    kind: str = "axis"
+    i_eff: Optional[list[float]] = None  # noqa: UP045
+
+
+@dataclass
+class ControllerChoice:
+    """What drives it.
+
+    Attributes:
+        kind: "pi", speed feedback only, or "pi_ctc", with the load torque fed forward.
+        structure: "p_in_feedback" (Figure 5) or "pi", both gains on the error.
+        omega_r: lowest natural frequency of the structure [rad/s]; the gains follow from it.
+        zeta: damping ratio at the largest inertia [-], for each joint; 1 by default.
+        kp, ki: gains, motor side [N m s/rad, N m/rad], instead of omega_r and zeta.
+    """
+
+    kind: str = "pi"
+    structure: str = "p_in_feedback"
+    omega_r: Optional[float] = None  # noqa: UP045
+    zeta: Optional[list[float]] = None  # noqa: UP045
+    kp: Optional[list[float]] = None  # noqa: UP045
+    ki: Optional[list[float]] = None  # noqa: UP045
+
+
+@dataclass
+class Disturbance:
+    """Error of the load torque model: the true load is tau_LD (1 + A sin(omega_d t)).
+
+    Attributes:
+        amplitude: A, share of the load torque [-].
+        omega_d: [rad/s], on every axis.
+    """
+
+    amplitude: float = 0.0
+    omega_d: float = 6.283185307179586
+
+
+@dataclass
+class Scenario:
+    """A run.
+
+    Attributes:
+        name: short name.
+        robot: SDF file, relative to the scenario's own folder, or package://sdt/...
+        motion: command profile (.yaml, will be planned) or planned motion (.csv), likewise.
+        period: interpolation period of planner, hold and log [s].
+        torque_margin: share of the motors' torque that the planner may use, in (0, 1].
+        algorithm: sign of Algorithm 1's third branch, "consistent" or "printed".
+        inverse_dynamics: "table", load torques computed before the run, or "online", by a block.
+        plant: what moves.
+        controller: what drives it.
+        disturbance: what the model does not know.
+    """
+
+    name: str = ""
+    robot: str = DEFAULT_ROBOT
+    motion: str = "package://sdt/motions/reference.yaml"
+    period: float = 0.005
+    torque_margin: float = 1.0
+    algorithm: str = "consistent"
+    inverse_dynamics: str = "table"
+    plant: PlantChoice = field(default_factory=PlantChoice)
+    controller: ControllerChoice = field(default_factory=ControllerChoice)
+    disturbance: Disturbance = field(default_factory=Disturbance)
+
+    def validate(self) -> None:
+        """Check all that does not need the robot.
+
+        Raises:
+            InputError: naming the field and what would be right.
+        """
+        checked_number(self.period, "period", minimum=0, exclusive=True)
+        checked_number(self.torque_margin, "torque_margin", minimum=0, exclusive=True)
+        if self.torque_margin > 1:
+            raise InputError(f"torque_margin: {self.torque_margin:g}, expected a share in (0, 1]")
+        checked_choice(self.algorithm, SIGNS, "algorithm")
+        checked_choice(self.inverse_dynamics, INVERSE_DYNAMICS, "inverse_dynamics")
+        checked_choice(self.plant.kind, PLANTS, "plant.kind")
+        checked_choice(self.controller.kind, CONTROLLERS, "controller.kind")
+        checked_choice(self.controller.structure, STRUCTURES, "controller.structure")
+        checked_number(self.disturbance.amplitude, "disturbance.amplitude", minimum=0)
+        checked_number(self.disturbance.omega_d, "disturbance.omega_d", minimum=0)
+        if self.plant.kind == "coupled" and self.plant.i_eff is not None:
+            raise InputError("plant.i_eff: the coupled plant has its inertia from the SDF; remove")
+        self._validate_gains()
+
+    def _validate_gains(self) -> None:
+        controller = self.controller
+        given = controller.kp is not None, controller.ki is not None
+        if any(given) and not all(given):
+            raise InputError("controller: kp and ki must be given together")
+        if all(given) and (controller.omega_r is not None or controller.zeta is not None):
+            raise InputError("controller: give either kp and ki, or omega_r and zeta")
+        if not any(given) and controller.omega_r is None:
+            raise InputError("controller.omega_r: missing; the gains need it, or kp and ki")
+        if controller.omega_r is not None:
+            checked_number(controller.omega_r, "controller.omega_r", minimum=0, exclusive=True)
+
+    def validate_sizes(self, n: int) -> None:
+        """Check that every list has one value > 0 for each of the n joints.
+
+        Raises:
+            InputError: naming the field.
+        """
+        for name, values in (
+            ("plant.i_eff", self.plant.i_eff),
+            ("controller.zeta", self.controller.zeta),
+            ("controller.kp", self.controller.kp),
+            ("controller.ki", self.controller.ki),
+        ):
+            if values is not None:
+                checked_vector(values, n, name, positive=True)
+
+
+def load_scenario(path: str | Path) -> Scenario:
+    """A scenario from YAML; relative paths in it become paths from the working directory.
+
+    Raises:
+        InputError: naming the file, the field, and what would be right.
+    """
+    scenario, file = load_yaml(Scenario, path)
+    try:
+        scenario.validate()
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None
+    for name in ("robot", "motion"):
+        value = getattr(scenario, name)
+        if not value.startswith(PACKAGE_PREFIX):
+            setattr(scenario, name, str(file.parent / value))
+    scenario.name = scenario.name or file.stem
+    return scenario
+
+
+def save_scenario(scenario: Scenario, path: str | Path) -> None:
+    """Write a scenario as YAML that `load_scenario` reads."""
+    text = yaml_dump_typed(scenario, schema=Scenario)
+    with replacing(Path(path)) as partial:
+        partial.write_text(text, encoding="utf-8")

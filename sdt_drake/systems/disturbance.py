@@ -1,0 +1,42 @@
+"""Disturbance injection: the error of the load torque model. No state: a function of time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pydrake.symbolic as sym
+from pydrake.systems.framework import Diagram
+
+from sdt_drake.errors import checked_number
+from sdt_drake.systems.symbolic import make_static_law
+
+
+def make_disturbance(*, n: int, amplitude: float, omega_d: float) -> Diagram:
+    """The part of the load that the model does not know (Section 3.4, Figure 6).
+
+        disturbance = A sin(omega_D t) load_torque        [N m], motor side
+
+    so that the true load is tau_LD (1 + A sin(omega_D t)). It does not add it to anything.
+
+    .. pydrake_system::
+
+        name: disturbance
+        input_ports:
+        - load_torque
+        output_ports:
+        - disturbance
+
+    Args:
+        n: number of joints.
+        amplitude: A, share of the load torque [-], >= 0.
+        omega_d: omega_D [rad/s], >= 0.
+
+    Raises:
+        InputError: for values that are not finite and >= 0.
+    """
+    amplitude = checked_number(amplitude, "disturbance amplitude", minimum=0)
+    omega_d = checked_number(omega_d, "disturbance omega_d", minimum=0)
+
+    def law(time, load_torque):
+        return np.array([amplitude * sym.sin(omega_d * time) * tau for tau in load_torque])
+
+    return make_static_law("disturbance", n, ("load_torque",), "disturbance", law)

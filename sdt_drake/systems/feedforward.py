@@ -1,0 +1,35 @@
+"""CTC feedforward: adds the load torque to the feedback. No state."""
+
+from __future__ import annotations
+
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import Adder
+
+from sdt_drake.systems.composite import composite
+
+
+def make_ctc_feedforward(n: int) -> Diagram:
+    """Computed torque compensation of the load (Section 3.4, Figure 6).
+
+        tau_cmd = tau_fb + tau_ff        [N m], motor side
+
+    with the load torque tau_LD as tau_ff. It does not feed the joint's own acceleration forward
+    (d_kk vd_ref): the paper leaves that to the feedback.
+
+    .. pydrake_system::
+
+        name: ctc_feedforward
+        input_ports:
+        - tau_fb
+        - tau_ff
+        output_ports:
+        - tau_cmd
+    """
+    builder = DiagramBuilder()
+    total = builder.AddNamedSystem("sum", Adder(2, n))
+    return composite(
+        "ctc_feedforward",
+        builder,
+        inputs={"tau_fb": total.get_input_port(0), "tau_ff": total.get_input_port(1)},
+        outputs={"tau_cmd": total.get_output_port()},
+    )

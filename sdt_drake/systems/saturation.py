@@ -1,0 +1,48 @@
+"""Dynamic saturation of the motors' torque. No state."""
+
+from __future__ import annotations
+
+import pydrake.symbolic as sym
+from numpy.typing import ArrayLike
+from pydrake.systems.framework import Diagram
+
+from sdt_drake.errors import checked_vector
+from sdt_drake.systems.symbolic import make_static_law
+
+
+def make_dynamic_saturation(motor_torque_limit: ArrayLike) -> Diagram:
+    """The motors' limits, widened by the help of the other motors (Section 3.2, Figure 3).
+
+        tau = clip(tau_cmd, -L + min(a, 0), L + max(a, 0))      [N m], motor side
+
+    with L the largest motor torque and a the alleviating torque. The paper widens the limit in the
+    direction of the reference acceleration; a always has the sign of that. With a = 0 it is a
+    plain saturation. It does not tell the controller that it saturates.
+
+    .. pydrake_system::
+
+        name: dynamic_saturation
+        input_ports:
+        - tau_cmd
+        - alleviating_torque
+        output_ports:
+        - tau
+
+    Args:
+        motor_torque_limit: L, motor side [N m], shape (n,), > 0.
+
+    Raises:
+        InputError: for limits that are not finite and > 0.
+    """
+    n = len(list(motor_torque_limit))
+    limit = checked_vector(motor_torque_limit, n, "motor_torque_limit", positive=True)
+
+    def law(_time, tau_cmd, a):
+        return [
+            sym.min(sym.max(tau_cmd[k], sym.min(a[k], 0) - limit[k]), sym.max(a[k], 0) + limit[k])
+            for k in range(n)
+        ]
+
+    return make_static_law(
+        "dynamic_saturation", n, ("tau_cmd", "alleviating_torque"), "tau", law
+    )
