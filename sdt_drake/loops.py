@@ -1,39 +1,55 @@
-"""The three control loops of the paper, as Drake diagrams of the same blocks."""
+"""The three control loops of the paper, as Drake diagrams of the same blocks.
+
+Each can be built for two uses: `boxed=False` to simulate, with all systems side by side and logs;
+`boxed=True` to export, with one box for each block of the paper's figures and no logs. The wiring
+is the same.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Adder, ConstantVectorSource, Gain
 
 from sdt_drake.control import SpeedGains
 from sdt_drake.design import Design
 from sdt_drake.errors import checked_number
 from sdt_drake.systems import (
-    LoadTorque,
+    Block,
     add_logs,
-    make_axis_process,
-    make_ctc_feedforward,
-    make_disturbance,
-    make_dynamic_saturation,
-    make_load_torque_table,
-    make_pi_speed_controller,
-    make_reference_source,
-    make_zero_order_hold,
+    axis_process_block,
+    ctc_feedforward_block,
+    disturbance_block,
+    dynamic_saturation_block,
+    load_torque_block,
+    load_torque_table_block,
+    pi_speed_controller_block,
+    place_boxed,
+    place_flat,
+    reference_source_block,
+    zero_order_hold_block,
 )
 
 PLANT = "plant"
-"""Name of the system, in every loop, whose continuous state is q and v."""
+"""Name of the system in every loop (not boxed) whose continuous state is [q, v]."""
 
 
-def make_loop(design: Design, *, log: bool = True) -> Diagram:
+def make_loop(design: Design, *, boxed: bool = False) -> Diagram:
     """The loop of the scenario's plant: `make_axis_loop` or `make_coupled_loop`."""
     make = {"axis": make_axis_loop, "coupled": make_coupled_loop}[design.scenario.plant.kind]
-    return make(design, log=log)
+    return make(design, boxed=boxed)
 
 
 def make_step_loop(
-    *, gains: SpeedGains, i_eff: float, structure: str, step: float = 1.0, log_period: float = 1e-4
+    *,
+    gains: SpeedGains,
+    i_eff: float,
+    structure: str,
+    step: float = 1.0,
+    log_period: float = 1e-4,
+    boxed: bool = False,
 ) -> Diagram:
     """One linear speed loop without load or limit (Figures 4 and 5): a step of its reference.
 
@@ -42,69 +58,70 @@ def make_step_loop(
         i_eff: inertia, motor side [kg m²].
         structure: "pi" or "p_in_feedback".
         step: motor speed asked for from time 0 on [rad/s].
-        log_period: of v_ref and state [s].
+        log_period: of the state [s].
+        boxed: for export, see the module.
 
     Raises:
         InputError: for values that are not > 0.
     """
     checked_number(log_period, "log_period", minimum=0, exclusive=True)
-    builder = DiagramBuilder()
-    reference = builder.AddNamedSystem("step_reference", ConstantVectorSource([step]))
-    controller = builder.AddSystem(
-        make_pi_speed_controller(gains=gains, gear_ratio=[1.0], structure=structure)
+    builder, place = _start(boxed)
+    reference = builder.AddNamedSystem(
+        "step_reference",
+        ConstantVectorSource([0.0, step, 0.0]),  # q_ref, v_ref, vd_ref
     )
-    process = builder.AddSystem(make_axis_process(i_eff=[i_eff], gear_ratio=[1.0]))
+    controller = place(
+        "pi_speed_controller",
+        pi_speed_controller_block,
+        gains=gains,
+        gear_ratio=[1.0],
+        structure=structure,
+    )
+    process = place(PLANT, axis_process_block, i_eff=[i_eff], gear_ratio=[1.0])
     no_load = builder.AddNamedSystem("no_load", ConstantVectorSource([0.0]))
 
-    v_ref, state = reference.get_output_port(), process.GetOutputPort("state")
-    builder.Connect(v_ref, controller.GetInputPort("v_ref"))
-    builder.Connect(state, controller.GetInputPort("state"))
-    builder.Connect(controller.GetOutputPort("tau_fb"), process.GetInputPort("tau"))
-    builder.Connect(no_load.get_output_port(), process.GetInputPort("load_torque"))
-    add_logs(builder, {"v_ref": v_ref, "state": state}, log_period)
-    return _named(builder, "step_loop")
+    state = process.outputs["state"]
+    builder.Connect(reference.get_output_port(), controller.inputs["reference"])
+    builder.Connect(state, controller.inputs["state"])
+    builder.Connect(controller.outputs["tau_fb"], process.inputs["tau"])
+    builder.Connect(no_load.get_output_port(), process.inputs["load_torque"])
+    return _finish(builder, "step_loop", boxed, {"state": state}, log_period)
 
 
-def make_axis_loop(design: Design, *, log: bool = True) -> Diagram:
+def make_axis_loop(design: Design, *, boxed: bool = False) -> Diagram:
     """The paper's simulation models, all axes in one diagram (Figures 3, 5 and 6).
 
     Each motor turns its own constant inertia against the load torque of the reference, with its
     limits widened by the alleviating torque. With "pi_ctc" the load torque is fed forward, and the
     disturbance makes the true load differ from it.
     """
-    builder = DiagramBuilder()
-    source, held, loads = _add_reference_and_loads(builder, design)
-    controller = _add_controller(builder, design)
-    saturation = builder.AddSystem(make_dynamic_saturation(design.robot.motor_torque_limit))
-    process = builder.AddNamedSystem(
-        PLANT, make_axis_process(i_eff=design.i_eff, gear_ratio=design.robot.gear_ratio)
-    )
-    state, tau = process.GetOutputPort("state"), saturation.GetOutputPort("tau")
-    load_torque = loads.GetOutputPort("load_torque")
+    robot = design.robot
+    builder, place = _start(boxed)
+    reference, loads = _place_reference_and_loads(builder, place, design)
+    load_torque = loads.outputs["load_torque"]
+    process = place(PLANT, axis_process_block, i_eff=design.i_eff, gear_ratio=robot.gear_ratio)
+    state = process.outputs["state"]
 
-    builder.Connect(held.GetOutputPort("v_ref"), controller.GetInputPort("v_ref"))
-    builder.Connect(state, controller.GetInputPort("state"))
-    tau_cmd = _add_feedforward(builder, design, controller.GetOutputPort("tau_fb"), load_torque)
-    builder.Connect(tau_cmd, saturation.GetInputPort("tau_cmd"))
-    builder.Connect(
-        loads.GetOutputPort("alleviating_torque"), saturation.GetInputPort("alleviating_torque")
+    tau_cmd, tau = _place_controller(
+        builder, place, design, reference, state, load_torque, loads.outputs["alleviating_torque"]
     )
-    builder.Connect(tau, process.GetInputPort("tau"))
+    builder.Connect(tau, process.inputs["tau"])
     true_load = load_torque
-    disturbance = _add_disturbance(builder, design, load_torque)
+    disturbance = _place_disturbance(builder, place, design, load_torque)
     if disturbance is not None:
-        total = builder.AddNamedSystem("true_load_torque", Adder(2, design.robot.n))
+        total = builder.AddNamedSystem("true_load_torque", Adder(2, robot.n))
         builder.Connect(load_torque, total.get_input_port(0))
         builder.Connect(disturbance, total.get_input_port(1))
         true_load = total.get_output_port()
-    builder.Connect(true_load, process.GetInputPort("load_torque"))
+    builder.Connect(true_load, process.inputs["load_torque"])
 
-    if log:
-        _add_logs(builder, design, source, state, tau_cmd, tau, load_torque)
-    return _named(builder, "axis_loop")
+    logs = {"state": state, "tau_cmd": tau_cmd, "tau": tau, "load_torque": load_torque}
+    return _finish(builder, "axis_loop", boxed, logs, design.motion.period)
 
 
-def make_coupled_loop(design: Design, *, log: bool = True, widen_limits: bool = False) -> Diagram:
+def make_coupled_loop(
+    design: Design, *, boxed: bool = False, widen_limits: bool = False
+) -> Diagram:
     """The MultibodyPlant under the same controllers: all joints at once, coupled by their dynamics.
 
     The coupling torques act physically, so the motors' limits are not widened and nothing loads
@@ -112,123 +129,137 @@ def make_coupled_loop(design: Design, *, log: bool = True, widen_limits: bool = 
 
     Args:
         design: a resolved scenario.
-        log: record the signals at the interpolation period.
+        boxed: for export, see the module.
         widen_limits: widen the limits by the alleviating torque all the same, as in the axis loop.
     """
-    builder = DiagramBuilder()
-    source, held, loads = _add_reference_and_loads(builder, design)
-    controller = _add_controller(builder, design)
-    saturation = builder.AddSystem(make_dynamic_saturation(design.robot.motor_torque_limit))
-    gears = builder.AddNamedSystem("gears", Gain(design.robot.gear_ratio))
-    plant = builder.AddNamedSystem(PLANT, design.robot.make_plant())
-    state, tau = plant.get_state_output_port(), saturation.GetOutputPort("tau")
-    load_torque = loads.GetOutputPort("load_torque")
-
-    builder.Connect(held.GetOutputPort("v_ref"), controller.GetInputPort("v_ref"))
-    builder.Connect(state, controller.GetInputPort("state"))
-    tau_cmd = _add_feedforward(builder, design, controller.GetOutputPort("tau_fb"), load_torque)
-    builder.Connect(tau_cmd, saturation.GetInputPort("tau_cmd"))
+    robot = design.robot
+    builder, place = _start(boxed)
+    reference, loads = _place_reference_and_loads(builder, place, design)
+    load_torque = loads.outputs["load_torque"]
+    gears = builder.AddNamedSystem("gears", Gain(robot.gear_ratio))
+    plant = builder.AddNamedSystem(PLANT, robot.make_plant())
+    state = plant.get_state_output_port()
     if widen_limits:
-        help_ = loads.GetOutputPort("alleviating_torque")
+        alleviating_torque = loads.outputs["alleviating_torque"]
     else:
-        help_ = builder.AddNamedSystem(
-            "limits_not_widened", ConstantVectorSource(np.zeros(design.robot.n))
-        ).get_output_port()
-    builder.Connect(help_, saturation.GetInputPort("alleviating_torque"))
+        nothing = ConstantVectorSource(np.zeros(robot.n))
+        alleviating_torque = builder.AddNamedSystem("no_widening", nothing).get_output_port()
+
+    tau_cmd, tau = _place_controller(
+        builder, place, design, reference, state, load_torque, alleviating_torque
+    )
     builder.Connect(tau, gears.get_input_port())
     builder.Connect(gears.get_output_port(), plant.get_actuation_input_port())
-    disturbance = _add_disturbance(builder, design, load_torque)
+    disturbance = _place_disturbance(builder, place, design, load_torque)
     if disturbance is not None:
-        load_side = builder.AddNamedSystem("load_side", Gain(-design.robot.gear_ratio))
+        load_side = builder.AddNamedSystem("disturbance.on_joint", Gain(-robot.gear_ratio))
         builder.Connect(disturbance, load_side.get_input_port())
         builder.Connect(
             load_side.get_output_port(), plant.get_applied_generalized_force_input_port()
         )
 
-    if log:
-        _add_logs(builder, design, source, state, tau_cmd, tau, load_torque)
-    return _named(builder, "coupled_loop")
+    logs = {"state": state, "tau_cmd": tau_cmd, "tau": tau, "load_torque": load_torque}
+    return _finish(builder, "coupled_loop", boxed, logs, design.motion.period)
 
 
-# --- what both have in common ----------------------------------------------------------------
+# --- what they have in common ----------------------------------------------------------------
+
+Place = Callable[..., Block]
 
 
-def _add_reference_and_loads(
-    builder: DiagramBuilder, design: Design
-) -> tuple[System, System, System]:
-    """Reference source, hold, and load torque by table or on line."""
+def _start(boxed: bool) -> tuple[DiagramBuilder, Place]:
+    """A builder, and how blocks are placed in it."""
+    builder = DiagramBuilder()
+    place_in = place_boxed if boxed else place_flat
+
+    def place(name, describe, **arguments):
+        return place_in(builder, name, describe, **arguments)
+
+    return builder, place
+
+
+def _place_reference_and_loads(
+    builder: DiagramBuilder, place: Place, design: Design
+) -> tuple[OutputPort, Block]:
+    """The held reference, and the block of the load torque: a table, or on line."""
     motion = design.motion
-    signals = ("q_ref", "v_ref", "vd_ref")
-    source = builder.AddSystem(make_reference_source(motion))
-    hold = builder.AddSystem(
-        make_zero_order_hold(motion.period, dict.fromkeys(signals, motion.n))
-    )
-    for name in signals:
-        builder.Connect(source.GetOutputPort(name), hold.GetInputPort(name))
+    source = place("reference_source", reference_source_block, motion=motion)
+    hold = place("zero_order_hold", zero_order_hold_block, size=3 * motion.n, period=motion.period)
+    builder.Connect(source.outputs["reference"], hold.inputs["reference"])
+    reference = hold.outputs["reference"]
     if design.scenario.inverse_dynamics == "table":
-        return source, hold, builder.AddSystem(make_load_torque_table(motion, design.loads))
-    loads = builder.AddNamedSystem(
-        "load_torque", LoadTorque(robot=design.robot, sign=design.scenario.algorithm)
-    )
-    for name in signals:
-        builder.Connect(hold.GetOutputPort(name), loads.GetInputPort(name))
-    return source, hold, loads
-
-
-def _add_controller(builder: DiagramBuilder, design: Design) -> System:
-    return builder.AddSystem(
-        make_pi_speed_controller(
-            gains=design.gains,
-            gear_ratio=design.robot.gear_ratio,
-            structure=design.scenario.controller.structure,
+        loads = place(
+            "load_torque_table", load_torque_table_block, motion=motion, loads=design.loads
         )
+    else:
+        loads = place(
+            "load_torque", load_torque_block, robot=design.robot, sign=design.scenario.algorithm
+        )
+        builder.Connect(reference, loads.inputs["reference"])
+    return reference, loads
+
+
+def _place_controller(
+    builder: DiagramBuilder,
+    place: Place,
+    design: Design,
+    reference: OutputPort,
+    state: OutputPort,
+    load_torque: OutputPort,
+    alleviating_torque: OutputPort,
+) -> tuple[OutputPort, OutputPort]:
+    """PI, feedforward if the controller has one, and saturation: tau_cmd and tau."""
+    controller = place(
+        "pi_speed_controller",
+        pi_speed_controller_block,
+        gains=design.gains,
+        gear_ratio=design.robot.gear_ratio,
+        structure=design.scenario.controller.structure,
     )
+    builder.Connect(reference, controller.inputs["reference"])
+    builder.Connect(state, controller.inputs["state"])
+    tau_cmd = controller.outputs["tau_fb"]
+    if design.scenario.controller.kind == "pi_ctc":
+        feedforward = place("ctc_feedforward", ctc_feedforward_block, n=design.robot.n)
+        builder.Connect(tau_cmd, feedforward.inputs["tau_fb"])
+        builder.Connect(load_torque, feedforward.inputs["tau_ff"])
+        tau_cmd = feedforward.outputs["tau_cmd"]
+    saturation = place(
+        "dynamic_saturation",
+        dynamic_saturation_block,
+        motor_torque_limit=design.robot.motor_torque_limit,
+    )
+    builder.Connect(tau_cmd, saturation.inputs["tau_cmd"])
+    builder.Connect(alleviating_torque, saturation.inputs["alleviating_torque"])
+    return tau_cmd, saturation.outputs["tau"]
 
 
-def _add_feedforward(
-    builder: DiagramBuilder, design: Design, tau_fb: OutputPort, load_torque: OutputPort
-) -> OutputPort:
-    """The commanded torque: the feedback, with the load torque added if the controller has CTC."""
-    if design.scenario.controller.kind == "pi":
-        return tau_fb
-    feedforward = builder.AddSystem(make_ctc_feedforward(design.robot.n))
-    builder.Connect(tau_fb, feedforward.GetInputPort("tau_fb"))
-    builder.Connect(load_torque, feedforward.GetInputPort("tau_ff"))
-    return feedforward.GetOutputPort("tau_cmd")
-
-
-def _add_disturbance(
-    builder: DiagramBuilder, design: Design, load_torque: OutputPort
+def _place_disturbance(
+    builder: DiagramBuilder, place: Place, design: Design, load_torque: OutputPort
 ) -> OutputPort | None:
     choice = design.scenario.disturbance
     if choice.amplitude == 0:
         return None
-    disturbance = builder.AddSystem(
-        make_disturbance(
-            n=design.robot.n, amplitude=choice.amplitude, omega_d=choice.omega_d
-        )
+    disturbance = place(
+        "disturbance",
+        disturbance_block,
+        n=design.robot.n,
+        amplitude=choice.amplitude,
+        omega_d=choice.omega_d,
     )
-    builder.Connect(load_torque, disturbance.GetInputPort("load_torque"))
-    return disturbance.GetOutputPort("disturbance")
+    builder.Connect(load_torque, disturbance.inputs["load_torque"])
+    return disturbance.outputs["disturbance"]
 
 
-def _add_logs(
+def _finish(
     builder: DiagramBuilder,
-    design: Design,
-    source: System,
-    state: OutputPort,
-    tau_cmd: OutputPort,
-    tau: OutputPort,
-    load_torque: OutputPort,
-) -> None:
-    # The reference is logged before its hold: there it is continuous, so that its value at an
-    # instant does not depend on the side from which a log looks.
-    signals = {name: source.GetOutputPort(name) for name in ("q_ref", "v_ref")}
-    signals |= {"state": state, "tau_cmd": tau_cmd, "tau": tau, "load_torque": load_torque}
-    add_logs(builder, signals, design.motion.period)
-
-
-def _named(builder: DiagramBuilder, name: str) -> Diagram:
+    name: str,
+    boxed: bool,
+    logs: dict[str, OutputPort],
+    log_period: float,
+) -> Diagram:
+    if not boxed:
+        add_logs(builder, logs, log_period)
     diagram = builder.Build()
     diagram.set_name(name)
     return diagram

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -56,12 +57,12 @@ class Robot:
         """Number of joints."""
         return len(self.joint_names)
 
-    @property
+    @cached_property
     def motor_torque_limit(self) -> Vector:
         """Largest torque of each motor, motor side [N m], shape (n,)."""
         return self.effort_limit / self.gear_ratio
 
-    @property
+    @cached_property
     def reflected_inertia(self) -> Vector:
         """r² I_m: what the motors add to the diagonal of the mass matrix [kg m²], shape (n,)."""
         return self.gear_ratio**2 * self.rotor_inertia
@@ -257,9 +258,7 @@ def _actuators(plant: MultibodyPlant, joints: list[RevoluteJoint], file: Path) -
                 f"{where}: rotor inertia {actuator.default_rotor_inertia():g} kg m², expected >= 0"
             )
         if actuator.default_gear_ratio() <= 0:
-            raise InputError(
-                f"{where}: gear ratio {actuator.default_gear_ratio():g}, expected > 0"
-            )
+            raise InputError(f"{where}: gear ratio {actuator.default_gear_ratio():g}, expected > 0")
     return [by_joint[joint.index()] for joint in joints]
 
 

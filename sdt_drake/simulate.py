@@ -94,7 +94,7 @@ def simulate(design: Design, diagram: Diagram | None = None) -> Recording:
     simulator.AdvanceTo(motion.duration)
     time, signals = read_logs(diagram, context)
     q, v = np.hsplit(signals.pop("state"), 2)
-    return Recording(time=time, q=q, v=v, **signals)
+    return Recording(time=time, q_ref=motion.q, v_ref=motion.v, q=q, v=v, **signals)
 
 
 def simulate_scenario(scenario: Scenario) -> Recording:

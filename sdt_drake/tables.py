@@ -77,9 +77,7 @@ def _bad_line(path: Path, width: int) -> InputError:
                 try:
                     float(field)
                 except ValueError:
-                    return InputError(
-                        f"{path}, line {number}: '{field.strip()}' is not a number"
-                    )
+                    return InputError(f"{path}, line {number}: '{field.strip()}' is not a number")
     return InputError(f"{path}: fewer than two rows")
 
 

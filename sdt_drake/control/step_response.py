@@ -56,7 +56,9 @@ def step_metrics(
     if not (np.all(np.isfinite(t)) and np.all(np.isfinite(y)) and np.all(np.diff(t) > 0)):
         raise InputError("step_metrics: time must grow, and every value must be finite")
     if y_final == y0 or not 0 < band < 1:
-        raise InputError(f"step_metrics: step {y_final - y0}, band {band}: expected != 0, in (0, 1)")
+        raise InputError(
+            f"step_metrics: step {y_final - y0}, band {band}: expected != 0, in (0, 1)"
+        )
     response = (y - y0) / (y_final - y0)  # 0 before the step, 1 when done
     i_peak = int(np.argmax(response))
     return StepMetrics(

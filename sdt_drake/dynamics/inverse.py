@@ -46,21 +46,21 @@ class TorqueGroups:
 
 
 def groups_of_sample(
-    robot: Robot, context: Context, q: Array, v: Array, vd: Array
+    robot: Robot, context: Context, q_and_v: Array, vd: Array
 ) -> tuple[Array, Array, Array, Array, Array]:
     """The fields of `TorqueGroups` for one sample: inertial, reaction, velocity, gravity, d_kk.
 
-    `context` is scratch of `robot.plant`; q [rad], v [rad/s], vd [rad/s²] have shape (n,). Nothing
-    is checked here: this is the inner loop of a motion and of the on-line block.
+    `context` is scratch of `robot.plant`; q_and_v is [q, v] [rad, rad/s], shape (2n,), and vd
+    [rad/s²] has shape (n,). Nothing is checked here: this is the inner loop of a motion and of the
+    on-line block.
     """
     plant = robot.plant
-    plant.SetPositions(context, q)
-    plant.SetVelocities(context, v)
+    plant.SetPositionsAndVelocities(context, q_and_v)
     M = plant.CalcMassMatrix(context)
     d_kk = M.diagonal() - robot.reflected_inertia
     inertial = d_kk * vd
     reaction = M @ vd - M.diagonal() * vd
-    velocity = plant.CalcBiasTerm(context) + robot.damping * v
+    velocity = plant.CalcBiasTerm(context) + robot.damping * q_and_v[robot.n :]
     gravity = -plant.CalcGravityGeneralizedForces(context)
     return inertial, reaction, velocity, gravity, d_kk
 
@@ -85,8 +85,8 @@ def torque_groups(robot: Robot, q: ArrayLike, v: ArrayLike, vd: ArrayLike) -> To
     context = robot.plant.CreateDefaultContext()
     groups = np.empty((5, *q.shape))
     if q.ndim == 1:
-        groups[:] = groups_of_sample(robot, context, q, v, vd)
+        groups[:] = groups_of_sample(robot, context, np.concatenate([q, v]), vd)
     else:
-        for i in range(len(q)):
-            groups[:, i] = groups_of_sample(robot, context, q[i], v[i], vd[i])
+        for i, q_and_v in enumerate(np.hstack([q, v])):
+            groups[:, i] = groups_of_sample(robot, context, q_and_v, vd[i])
     return TorqueGroups(*groups)

@@ -69,9 +69,7 @@ class Motion:
 
     def to_csv(self, path: str | Path) -> None:
         """Write time, q_ref_k, v_ref_k, vd_ref_k, exactly."""
-        write_table(
-            path, self.time, dict(zip(_COLUMNS, (self.q, self.v, self.vd), strict=True))
-        )
+        write_table(path, self.time, dict(zip(_COLUMNS, (self.q, self.v, self.vd), strict=True)))
 
     @staticmethod
     def from_csv(path: str | Path) -> Motion:
@@ -84,8 +82,10 @@ class Motion:
         time, columns = read_table(path)
         missing = [name for name in _COLUMNS if name not in columns]
         if missing:
-            raise InputError(f"{path}: no column {missing[0]}_1, expected time, q_ref_k, v_ref_k, "
-                             "vd_ref_k for every joint k")
+            raise InputError(
+                f"{path}: no column {missing[0]}_1, expected time, q_ref_k, v_ref_k, "
+                "vd_ref_k for every joint k"
+            )
         if len({columns[name].shape for name in _COLUMNS}) > 1:
             raise InputError(f"{path}: q_ref, v_ref and vd_ref differ in their number of joints")
         if time[0] != 0:
@@ -98,8 +98,10 @@ class Motion:
 
     def _check_integrals(self, path: str | Path) -> None:
         integral = Motion.from_speeds(self.period, self.q[0], self.v)
-        for name, own, other in (("vd_ref", self.vd[:-1], integral.vd[:-1]),
-                                 ("q_ref", np.diff(self.q, axis=0), np.diff(integral.q, axis=0))):
+        for name, own, other in (
+            ("vd_ref", self.vd[:-1], integral.vd[:-1]),
+            ("q_ref", np.diff(self.q, axis=0), np.diff(integral.q, axis=0)),
+        ):
             wrong = np.abs(own - other) > 1e-6
             if wrong.any():
                 i, k = np.argwhere(wrong)[0]

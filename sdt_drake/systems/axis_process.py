@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import LinearSystem, Multiplexer
 
 from sdt_drake.errors import checked_vector
-from sdt_drake.systems.composite import composite
+from sdt_drake.systems.block import Block
 
 
-def make_axis_process(*, i_eff: ArrayLike, gear_ratio: ArrayLike) -> Diagram:
+def axis_process_block(block: Block, *, i_eff: ArrayLike, gear_ratio: ArrayLike) -> None:
     """n motors with constant inertia, each on its own (Eq. 1).
 
         I_eff r dv/dt = tau - load_torque,    dq/dt = v
@@ -35,26 +34,21 @@ def make_axis_process(*, i_eff: ArrayLike, gear_ratio: ArrayLike) -> Diagram:
     Raises:
         InputError: for values that are not finite and > 0.
     """
-    n = len(list(i_eff))
+    n = np.size(i_eff)
     i_eff = checked_vector(i_eff, n, "i_eff", positive=True)
     gear_ratio = checked_vector(gear_ratio, n, "gear_ratio", positive=True)
     zero, one = np.zeros((n, n)), np.eye(n)
     per_torque = np.diag(1 / (i_eff * gear_ratio))
-    builder = DiagramBuilder()
-    torques = builder.AddNamedSystem("tau_and_load", Multiplexer([n, n]))
-    motors = builder.AddNamedSystem(
-        "motors",
+    torques = block.add(Multiplexer([n, n]), "inputs")
+    motors = block.add(
         LinearSystem(
             A=np.block([[zero, one], [zero, zero]]),
             B=np.block([[zero, zero], [per_torque, -per_torque]]),
             C=np.eye(2 * n),
             D=np.zeros((2 * n, 2 * n)),
-        ),
+        )
     )
-    builder.Connect(torques.get_output_port(), motors.get_input_port())
-    return composite(
-        "axis_process",
-        builder,
-        inputs={"tau": torques.get_input_port(0), "load_torque": torques.get_input_port(1)},
-        outputs={"state": motors.get_output_port()},
-    )
+    block.connect(torques.get_output_port(), motors.get_input_port())
+    block.inputs["tau"] = torques.get_input_port(0)
+    block.inputs["load_torque"] = torques.get_input_port(1)
+    block.outputs["state"] = motors.get_output_port()

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pydrake.symbolic as sym
-from pydrake.systems.framework import Diagram
 
 from sdt_drake.errors import checked_number
-from sdt_drake.systems.symbolic import make_static_law
+from sdt_drake.systems.block import Block
+from sdt_drake.systems.symbolic import add_static_law
 
 
-def make_disturbance(*, n: int, amplitude: float, omega_d: float) -> Diagram:
+def disturbance_block(block: Block, *, n: int, amplitude: float, omega_d: float) -> None:
     """The part of the load that the model does not know (Section 3.4, Figure 6).
 
         disturbance = A sin(omega_D t) load_torque        [N m], motor side
@@ -39,4 +39,4 @@ def make_disturbance(*, n: int, amplitude: float, omega_d: float) -> Diagram:
     def law(time, load_torque):
         return np.array([amplitude * sym.sin(omega_d * time) * tau for tau in load_torque])
 
-    return make_static_law("disturbance", n, ("load_torque",), "disturbance", law)
+    add_static_law(block, n, inputs=("load_torque",), output="disturbance", law=law)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Adder
 
-from sdt_drake.systems.composite import composite
+from sdt_drake.systems.block import Block
 
 
-def make_ctc_feedforward(n: int) -> Diagram:
+def ctc_feedforward_block(block: Block, *, n: int) -> None:
     """Computed torque compensation of the load (Section 3.4, Figure 6).
 
         tau_cmd = tau_fb + tau_ff        [N m], motor side
@@ -25,11 +24,7 @@ def make_ctc_feedforward(n: int) -> Diagram:
         output_ports:
         - tau_cmd
     """
-    builder = DiagramBuilder()
-    total = builder.AddNamedSystem("sum", Adder(2, n))
-    return composite(
-        "ctc_feedforward",
-        builder,
-        inputs={"tau_fb": total.get_input_port(0), "tau_ff": total.get_input_port(1)},
-        outputs={"tau_cmd": total.get_output_port()},
-    )
+    total = block.add(Adder(2, n))
+    block.inputs["tau_fb"] = total.get_input_port(0)
+    block.inputs["tau_ff"] = total.get_input_port(1)
+    block.outputs["tau_cmd"] = total.get_output_port()

@@ -7,19 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    Diagram,
-    LeafSystem,
-    ValueProducer,
-)
+from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValueProducer
 
 from sdt_drake.dynamics import SIGNS, Loads, decouple, groups_of_sample
 from sdt_drake.errors import checked_choice
-from sdt_drake.motion import Motion
 from sdt_drake.robot import Robot
-from sdt_drake.systems.reference import make_held_table
+from sdt_drake.systems.block import Block
 
 Array = NDArray[np.float64]
 
@@ -43,9 +36,7 @@ class LoadTorque(LeafSystem):
 
         name: LoadTorque
         input_ports:
-        - q_ref
-        - v_ref
-        - vd_ref
+        - reference
         output_ports:
         - load_torque
         - alleviating_torque
@@ -56,12 +47,10 @@ class LoadTorque(LeafSystem):
         super().__init__()
         self._robot = robot
         self._sign = checked_choice(sign, SIGNS, "sign of Algorithm 1")
-        self._inputs = [
-            self.DeclareVectorInputPort(name, robot.n) for name in ("q_ref", "v_ref", "vd_ref")
-        ]
+        self._reference = self.DeclareVectorInputPort("reference", 3 * robot.n)
         # Without these, Drake takes every output to depend on time, and Python would be called
         # at every derivative evaluation.
-        depends_on = {port.ticket() for port in self._inputs}
+        depends_on = {self._reference.ticket()}
         self._loads = self.DeclareCacheEntry(
             "loads", ValueProducer(self._allocate, self._calc_loads), depends_on
         )
@@ -79,9 +68,10 @@ class LoadTorque(LeafSystem):
 
     def _calc_loads(self, context: Context, value: AbstractValue) -> None:
         scratch = value.get_mutable_value()
-        q, v, vd = (port.Eval(context) for port in self._inputs)
+        reference = self._reference.Eval(context)
+        end_of_v = 2 * self._robot.n
         inertial, reaction, velocity, gravity, _ = groups_of_sample(
-            self._robot, scratch.plant_context, q, v, vd
+            self._robot, scratch.plant_context, reference[:end_of_v], reference[end_of_v:]
         )
         coupled = reaction + velocity + gravity
         scratch.loads = decouple(inertial, coupled, self._robot.gear_ratio, self._sign)
@@ -93,17 +83,19 @@ class LoadTorque(LeafSystem):
         output.SetFromVector(self._loads.Eval(context).loads.alleviating_torque)
 
 
-def make_load_torque_table(motion: Motion, loads: Loads) -> Diagram:
-    """The same torques as `LoadTorque` gives along `motion`, from a table made beforehand.
-
-    Each sample is in force from its own instant on, as with the reference. It needs no input, and
-    no Python while the simulation runs; it knows nothing of any other motion.
+def load_torque_block(block: Block, *, robot: Robot, sign: str) -> None:
+    """`LoadTorque` as a block.
 
     .. pydrake_system::
 
-        name: load_torque_table
+        name: load_torque
+        input_ports:
+        - reference
         output_ports:
         - load_torque
         - alleviating_torque
     """
-    return make_held_table("load_torque_table", motion, loads._asdict())
+    system = block.add(LoadTorque(robot=robot, sign=sign))
+    block.inputs["reference"] = system.GetInputPort("reference")
+    for signal in Loads._fields:
+        block.outputs[signal] = system.GetOutputPort(signal)

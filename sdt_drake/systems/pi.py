@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import LinearSystem, Multiplexer
 
 from sdt_drake.control import STRUCTURES, SpeedGains
 from sdt_drake.errors import checked_choice, checked_vector
-from sdt_drake.systems.composite import composite
+from sdt_drake.systems.block import Block
 
 
-def make_pi_speed_controller(
-    *, gains: SpeedGains, gear_ratio: ArrayLike, structure: str = "p_in_feedback"
-) -> Diagram:
+def pi_speed_controller_block(
+    block: Block, *, gains: SpeedGains, gear_ratio: ArrayLike, structure: str = "p_in_feedback"
+) -> None:
     """n independent PI speed controllers (Eq. 5, Figure 5), one for each motor.
 
     With the motor speeds r v and r v_ref, all motor side:
@@ -29,7 +28,7 @@ def make_pi_speed_controller(
 
         name: pi_speed_controller
         input_ports:
-        - v_ref
+        - reference
         - state
         output_ports:
         - tau_fb
@@ -50,25 +49,18 @@ def make_pi_speed_controller(
     zero = np.zeros((n, n))
     kp_ref = kp if structure == "pi" else zero
 
-    # One linear system in the signals [v_ref, q, v], with the integral as its state: quicker in
+    # One linear system in the signals [q_ref, v_ref, vd_ref, q, v], with the integral as its state: quicker in
     # the derivative path than integrator, gains and sums one by one, and Drake can linearise it.
-    builder = DiagramBuilder()
-    signals = builder.AddNamedSystem("v_ref_and_state", Multiplexer([n, 2 * n]))
-    law = builder.AddNamedSystem(
-        "K_IS integral of (v_ref - v), K_PS on v_ref - v"
-        if structure == "pi"
-        else "K_IS integral of (v_ref - v), K_PS on -v",
+    signals = block.add(Multiplexer([3 * n, 2 * n]), "inputs")
+    law = block.add(
         LinearSystem(
             A=zero,
-            B=np.hstack([r, zero, -r]),
+            B=np.hstack([zero, r, zero, zero, -r]),
             C=ki,
-            D=np.hstack([kp_ref @ r, zero, -kp @ r]),
-        ),
+            D=np.hstack([zero, kp_ref @ r, zero, zero, -kp @ r]),
+        )
     )
-    builder.Connect(signals.get_output_port(), law.get_input_port())
-    return composite(
-        "pi_speed_controller",
-        builder,
-        inputs={"v_ref": signals.get_input_port(0), "state": signals.get_input_port(1)},
-        outputs={"tau_fb": law.get_output_port()},
-    )
+    block.connect(signals.get_output_port(), law.get_input_port())
+    block.inputs["reference"] = signals.get_input_port(0)
+    block.inputs["state"] = signals.get_input_port(1)
+    block.outputs["tau_fb"] = law.get_output_port()

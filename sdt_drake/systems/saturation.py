@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pydrake.symbolic as sym
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Diagram
 
 from sdt_drake.errors import checked_vector
-from sdt_drake.systems.symbolic import make_static_law
+from sdt_drake.systems.block import Block
+from sdt_drake.systems.symbolic import add_static_law
 
 
-def make_dynamic_saturation(motor_torque_limit: ArrayLike) -> Diagram:
+def dynamic_saturation_block(block: Block, *, motor_torque_limit: ArrayLike) -> None:
     """The motors' limits, widened by the help of the other motors (Section 3.2, Figure 3).
 
         tau = clip(tau_cmd, -L + min(a, 0), L + max(a, 0))      [N m], motor side
@@ -34,7 +35,7 @@ def make_dynamic_saturation(motor_torque_limit: ArrayLike) -> Diagram:
     Raises:
         InputError: for limits that are not finite and > 0.
     """
-    n = len(list(motor_torque_limit))
+    n = np.size(motor_torque_limit)
     limit = checked_vector(motor_torque_limit, n, "motor_torque_limit", positive=True)
 
     def law(_time, tau_cmd, a):
@@ -43,6 +44,4 @@ def make_dynamic_saturation(motor_torque_limit: ArrayLike) -> Diagram:
             for k in range(n)
         ]
 
-    return make_static_law(
-        "dynamic_saturation", n, ("tau_cmd", "alleviating_torque"), "tau", law
-    )
+    add_static_law(block, n, inputs=("tau_cmd", "alleviating_torque"), output="tau", law=law)

@@ -1,0 +1,133 @@
+"""How long the coupled loop steps, as a ratio to a floor of Drake's own blocks.
+
+    python tests/benchmarks/bench_coupled_loop.py [--rounds N]
+
+All loops run the reference motion (30 s, PI + CTC, logs at 5 ms) with the same integrator. They
+take turns, and the ratio is taken round by round, so a machine that drifts does not matter. The
+floor is what a Drake user would wire by hand: integrator, gains and adders, a feedforward tabulated
+beforehand, constant limits, nothing in Python. The loops have time-varying limits.
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import time
+
+import numpy as np
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import (
+    Adder,
+    Demultiplexer,
+    Gain,
+    Integrator,
+    LogVectorOutput,
+    Saturation,
+    TrajectorySource,
+    ZeroOrderHold,
+)
+from pydrake.trajectories import PiecewisePolynomial
+
+from sdt_drake.design import Design, make_design
+from sdt_drake.loops import make_coupled_loop
+from sdt_drake.scenario import load_scenario
+from sdt_drake.simulate import make_simulator
+
+TARGETS = {"table": 1.1, "online": 1.5}
+
+
+def make_floor(design: Design) -> Diagram:
+    """PI + CTC on the MultibodyPlant from Drake's primitives alone, constant limits."""
+    robot, motion, gains, n = design.robot, design.motion, design.gains, design.robot.n
+    builder = DiagramBuilder()
+    add, connect = builder.AddNamedSystem, builder.Connect
+
+    def held(name, samples):
+        table = PiecewisePolynomial.FirstOrderHold(motion.time, samples.T)
+        source = add(f"{name}_source", TrajectorySource(table))
+        hold = add(name, ZeroOrderHold(motion.period, n))
+        connect(source.get_output_port(), hold.get_input_port())
+        return hold.get_output_port()
+
+    v_ref = held("v_ref", motion.v)
+    tau_ff = held("tau_ff", design.loads.load_torque)
+    plant = add("plant", robot.make_plant())
+    split = add("split", Demultiplexer([n, n]))
+    connect(plant.get_state_output_port(), split.get_input_port())
+    v = split.get_output_port(1)
+
+    ref_motor = add("ref_motor", Gain(robot.gear_ratio))
+    minus_v_motor = add("minus_v_motor", Gain(-robot.gear_ratio))
+    error = add("error", Adder(2, n))
+    integral = add("integral", Integrator(n))
+    ki, kp = add("ki", Gain(gains.ki)), add("kp", Gain(gains.kp))
+    tau_fb, tau_cmd = add("tau_fb", Adder(2, n)), add("tau_cmd", Adder(2, n))
+    limit = robot.motor_torque_limit
+    saturation = add("saturation", Saturation(-limit, limit))
+    gears = add("gears", Gain(robot.gear_ratio))
+    connect(v_ref, ref_motor.get_input_port())
+    connect(v, minus_v_motor.get_input_port())
+    connect(ref_motor.get_output_port(), error.get_input_port(0))
+    connect(minus_v_motor.get_output_port(), error.get_input_port(1))
+    connect(error.get_output_port(), integral.get_input_port())
+    connect(integral.get_output_port(), ki.get_input_port())
+    connect(minus_v_motor.get_output_port(), kp.get_input_port())
+    connect(ki.get_output_port(), tau_fb.get_input_port(0))
+    connect(kp.get_output_port(), tau_fb.get_input_port(1))
+    connect(tau_fb.get_output_port(), tau_cmd.get_input_port(0))
+    connect(tau_ff, tau_cmd.get_input_port(1))
+    connect(tau_cmd.get_output_port(), saturation.get_input_port())
+    connect(saturation.get_output_port(), gears.get_input_port())
+    connect(gears.get_output_port(), plant.get_actuation_input_port())
+
+    for port in (
+        plant.get_state_output_port(),
+        tau_cmd.get_output_port(),
+        saturation.get_output_port(),
+        tau_ff,
+    ):
+        LogVectorOutput(port, builder, publish_period=motion.period)
+    return builder.Build()
+
+
+def stepping_time(diagram: Diagram, duration: float, period: float) -> float:
+    """Wall time [s] of advancing a fresh simulator over `duration` [s]."""
+    simulator = make_simulator(diagram, max_step=period)
+    simulator.Initialize()
+    start = time.perf_counter()
+    simulator.AdvanceTo(duration)
+    return time.perf_counter() - start
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rounds", type=int, default=9)
+    rounds = parser.parse_args().rounds
+
+    scenario = load_scenario("package://sdt/scenarios/coupled_pi_ctc.yaml")
+    designs = {}
+    for mode in TARGETS:
+        scenario = copy.deepcopy(scenario)
+        scenario.inverse_dynamics = mode
+        designs[mode] = make_design(scenario)
+    motion = designs["table"].motion
+    loops = {"floor": make_floor(designs["table"])}
+    for mode, design in designs.items():
+        loops[mode] = make_coupled_loop(design, widen_limits=True)
+
+    times = {name: [] for name in loops}
+    for _ in range(rounds + 1):
+        for name, loop in loops.items():
+            times[name].append(stepping_time(loop, motion.duration, motion.period))
+    floor = np.array(times["floor"][1:])  # the first round warms up
+    print(f"floor   {np.median(floor):.3f} s for {motion.duration:g} s of motion")
+    for name, target in TARGETS.items():
+        ratio = np.array(times[name][1:]) / floor
+        print(
+            f"{name:7s} {np.median(ratio):.3f} times the floor "
+            f"({ratio.min():.3f} to {ratio.max():.3f}), target {target}"
+        )
+
+
+if __name__ == "__main__":
+    main()
