@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Adder, ConstantVectorSource, Gain
+from pydrake.systems.primitives import ConstantVectorSource
 
 from sdt_drake.control import SpeedGains
 from sdt_drake.design import Design
@@ -29,11 +29,13 @@ from sdt_drake.systems import (
     place_boxed,
     place_flat,
     reference_source_block,
+    robot_plant_block,
+    true_load_block,
     zero_order_hold_block,
 )
 
-PLANT = "plant"
-"""Name of the system in every loop (not boxed) whose continuous state is [q, v]."""
+PLANT_NAME = {"axis": "axis_process", "coupled": "multibody_plant"}
+"""Name of the system (where not boxed) whose continuous state is [q, v], by kind of plant."""
 
 
 def make_loop(design: Design, *, boxed: bool = False) -> Diagram:
@@ -77,7 +79,7 @@ def make_step_loop(
         gear_ratio=[1.0],
         structure=structure,
     )
-    process = place(PLANT, axis_process_block, i_eff=[i_eff], gear_ratio=[1.0])
+    process = place(PLANT_NAME["axis"], axis_process_block, i_eff=[i_eff], gear_ratio=[1.0])
     no_load = builder.AddNamedSystem("no_load", ConstantVectorSource([0.0]))
 
     state = process.outputs["state"]
@@ -99,7 +101,9 @@ def make_axis_loop(design: Design, *, boxed: bool = False) -> Diagram:
     builder, place = _start(boxed)
     reference, loads = _place_reference_and_loads(builder, place, design)
     load_torque = loads.outputs["load_torque"]
-    process = place(PLANT, axis_process_block, i_eff=design.i_eff, gear_ratio=robot.gear_ratio)
+    process = place(
+        PLANT_NAME["axis"], axis_process_block, i_eff=design.i_eff, gear_ratio=robot.gear_ratio
+    )
     state = process.outputs["state"]
 
     tau_cmd, tau = _place_controller(
@@ -109,10 +113,10 @@ def make_axis_loop(design: Design, *, boxed: bool = False) -> Diagram:
     true_load = load_torque
     disturbance = _place_disturbance(builder, place, design, load_torque)
     if disturbance is not None:
-        total = builder.AddNamedSystem("true_load_torque", Adder(2, robot.n))
-        builder.Connect(load_torque, total.get_input_port(0))
-        builder.Connect(disturbance, total.get_input_port(1))
-        true_load = total.get_output_port()
+        total = place("true_load", true_load_block, n=robot.n)
+        builder.Connect(load_torque, total.inputs["modelled_load"])
+        builder.Connect(disturbance, total.inputs["disturbance"])
+        true_load = total.outputs["load_torque"]
     builder.Connect(true_load, process.inputs["load_torque"])
 
     logs = {"state": state, "tau_cmd": tau_cmd, "tau": tau, "load_torque": load_torque}
@@ -136,9 +140,14 @@ def make_coupled_loop(
     builder, place = _start(boxed)
     reference, loads = _place_reference_and_loads(builder, place, design)
     load_torque = loads.outputs["load_torque"]
-    gears = builder.AddNamedSystem("gears", Gain(robot.gear_ratio))
-    plant = builder.AddNamedSystem(PLANT, robot.make_plant())
-    state = plant.get_state_output_port()
+    disturbance = _place_disturbance(builder, place, design, load_torque)
+    plant = place(
+        PLANT_NAME["coupled"],
+        robot_plant_block,
+        robot=robot,
+        disturbed=disturbance is not None,
+    )
+    state = plant.outputs["state"]
     if widen_limits:
         alleviating_torque = loads.outputs["alleviating_torque"]
     else:
@@ -148,15 +157,9 @@ def make_coupled_loop(
     tau_cmd, tau = _place_controller(
         builder, place, design, reference, state, load_torque, alleviating_torque
     )
-    builder.Connect(tau, gears.get_input_port())
-    builder.Connect(gears.get_output_port(), plant.get_actuation_input_port())
-    disturbance = _place_disturbance(builder, place, design, load_torque)
+    builder.Connect(tau, plant.inputs["tau"])
     if disturbance is not None:
-        load_side = builder.AddNamedSystem("disturbance.on_joint", Gain(-robot.gear_ratio))
-        builder.Connect(disturbance, load_side.get_input_port())
-        builder.Connect(
-            load_side.get_output_port(), plant.get_applied_generalized_force_input_port()
-        )
+        builder.Connect(disturbance, plant.inputs["disturbance"])
 
     logs = {"state": state, "tau_cmd": tau_cmd, "tau": tau, "load_torque": load_torque}
     return _finish(builder, "coupled_loop", boxed, logs, design.motion.period)

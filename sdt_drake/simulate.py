@@ -11,7 +11,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Diagram
 
 from sdt_drake.design import Design, make_design
-from sdt_drake.loops import PLANT, make_loop
+from sdt_drake.loops import PLANT_NAME, make_loop
 from sdt_drake.scenario import Scenario
 from sdt_drake.systems import read_logs
 from sdt_drake.tables import write_table
@@ -88,7 +88,8 @@ def simulate(design: Design, diagram: Diagram | None = None) -> Recording:
     motion = design.motion
     simulator = make_simulator(diagram, max_step=motion.period)
     context = simulator.get_mutable_context()
-    plant_context = diagram.GetSubsystemByName(PLANT).GetMyMutableContextFromRoot(context)
+    plant = diagram.GetSubsystemByName(PLANT_NAME[design.scenario.plant.kind])
+    plant_context = plant.GetMyMutableContextFromRoot(context)
     plant_context.SetContinuousState(np.concatenate([motion.q[0], motion.v[0]]))
     simulator.Initialize()
     simulator.AdvanceTo(motion.duration)

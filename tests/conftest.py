@@ -10,9 +10,9 @@ import pytest
 
 matplotlib.use("Agg")
 
-from sdt_drake.design import Design, make_design  # noqa: E402
-from sdt_drake.robot import Robot, load_robot  # noqa: E402
-from sdt_drake.scenario import Scenario, load_scenario  # noqa: E402
+from sdt_drake.design import Design, make_design
+from sdt_drake.robot import Robot, load_robot
+from sdt_drake.scenario import Scenario, load_scenario
 
 
 @pytest.fixture(autouse=True)

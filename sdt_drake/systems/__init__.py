@@ -15,7 +15,7 @@ the wires, all vectors of length n unless said otherwise:
 
 from sdt_drake.systems.axis_process import axis_process_block
 from sdt_drake.systems.block import Block, make_block, place_boxed, place_flat
-from sdt_drake.systems.disturbance import disturbance_block
+from sdt_drake.systems.disturbance import disturbance_block, true_load_block
 from sdt_drake.systems.feedforward import ctc_feedforward_block
 from sdt_drake.systems.load_torque import LoadTorque, load_torque_block
 from sdt_drake.systems.logs import add_logs, read_logs
@@ -25,6 +25,7 @@ from sdt_drake.systems.reference import (
     reference_source_block,
     zero_order_hold_block,
 )
+from sdt_drake.systems.robot_plant import robot_plant_block
 from sdt_drake.systems.saturation import dynamic_saturation_block
 
 __all__ = [
@@ -43,5 +44,7 @@ __all__ = [
     "place_flat",
     "read_logs",
     "reference_source_block",
+    "robot_plant_block",
+    "true_load_block",
     "zero_order_hold_block",
 ]

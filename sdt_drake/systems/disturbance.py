@@ -1,9 +1,10 @@
-"""Disturbance injection: the error of the load torque model. No state: a function of time."""
+"""Disturbance injection: the error of the load torque model. No state: functions of time."""
 
 from __future__ import annotations
 
 import numpy as np
 import pydrake.symbolic as sym
+from pydrake.systems.primitives import Adder
 
 from sdt_drake.errors import checked_number
 from sdt_drake.systems.block import Block
@@ -40,3 +41,23 @@ def disturbance_block(block: Block, *, n: int, amplitude: float, omega_d: float)
         return np.array([amplitude * sym.sin(omega_d * time) * tau for tau in load_torque])
 
     add_static_law(block, n, inputs=("load_torque",), output="disturbance", law=law)
+
+
+def true_load_block(block: Block, *, n: int) -> None:
+    """The load that the motors really have: the modelled one and its disturbance.
+
+        load_torque = modelled_load + disturbance        [N m], motor side
+
+    .. pydrake_system::
+
+        name: true_load
+        input_ports:
+        - modelled_load
+        - disturbance
+        output_ports:
+        - load_torque
+    """
+    total = block.add(Adder(2, n))
+    block.inputs["modelled_load"] = total.get_input_port(0)
+    block.inputs["disturbance"] = total.get_input_port(1)
+    block.outputs["load_torque"] = total.get_output_port()
