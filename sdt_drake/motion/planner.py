@@ -229,7 +229,7 @@ class _LostMotionGuard:
             k = int(np.argmax(off))
             self._refuse(
                 k,
-                f"its speed ends at {v[k]:.4g} rad/s, commanded is {self._command[-1, k]:.4g} rad/s",
+                f"it ends at {v[k]:.4g} rad/s, commanded is {self._command[-1, k]:.4g} rad/s",
             )
 
     def _refuse(self, k: int, outcome: str) -> None:

@@ -2,6 +2,7 @@
 
 # Drake's YAML loader reads the annotations here: they may not be postponed, and a union must be
 # spelled Optional[...] or Union[...].
+import itertools
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Optional, Union
@@ -31,7 +32,7 @@ class Knots:
             raise InputError(f"{where}.knots: expected at least two pairs [time s, speed rad/s]")
         checked_vector(np.ravel(self.knots), 2 * len(self.knots), f"{where}.knots")
         times = [knot[0] for knot in self.knots]
-        for earlier, later in zip(times, times[1:], strict=False):
+        for earlier, later in itertools.pairwise(times):
             if later <= earlier:
                 raise InputError(
                     f"{where}.knots: time {later:g} s after {earlier:g} s, expected growing times"

@@ -49,7 +49,7 @@ def pi_speed_controller_block(
     zero = np.zeros((n, n))
     kp_ref = kp if structure == "pi" else zero
 
-    # One linear system in the signals [q_ref, v_ref, vd_ref, q, v], with the integral as its state: quicker in
+    # One linear system in [q_ref, v_ref, vd_ref, q, v] with the integral as its state: quicker in
     # the derivative path than integrator, gains and sums one by one, and Drake can linearise it.
     signals = block.add(Multiplexer([3 * n, 2 * n]), "inputs")
     law = block.add(

@@ -1,0 +1,82 @@
+"""A Drake diagram as a block diagram: .dot, and .svg or .png where Graphviz is installed."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+from pydrake.systems.framework import Diagram
+
+from sdt_drake.errors import InputError, checked_choice, replacing
+
+FORMATS = ("dot", "svg", "png")
+NO_GRAPHVIZ = "Graphviz is not installed ('dot' not found): apt install graphviz"
+
+_ID = re.compile(r"\b(clusters|cluster|s|_)(\d+)(?=\b|[a-z:])")
+_EDGES = re.compile(r"(?:^\S+ -> .*\n)+", re.MULTILINE)
+
+
+def dot_text(diagram: Diagram, *, max_depth: int = 1) -> str:
+    """The diagram in Graphviz' language; equal diagrams give equal texts.
+
+    The plant is split into its inputs and outputs, so that signals run from left to right.
+
+    Args:
+        diagram: best built with `boxed=True`.
+        max_depth: levels of boxes that are opened.
+    """
+    split = {
+        f"{system.get_name()}/split": "I/O"
+        for system in diagram.GetSystems()
+        if system.get_name() in ("axis_process", "multibody_plant")
+    }
+    text = diagram.GetGraphvizString(max_depth=max_depth, options=split)
+    numbers: dict[str, str] = {}
+
+    def renumbered(match: re.Match[str]) -> str:
+        # Drake numbers systems in the order in which the process made them.
+        number = numbers.setdefault(match[2], str(len(numbers) + 1))
+        return match[1] + number
+
+    text = _EDGES.sub(_sorted_lines, _ID.sub(renumbered, text))
+    # What a box is called is what a reader looks for; that it is a Diagram says nothing.
+    text = re.sub(r"<B>Diagram</B><BR/>\nname=([^\n<]+)", r"<B>\1</B>", text)
+    return re.sub(r"<B>(\w+)</B><BR/>\nname=([^\n<]+)", r"<B>\2</B><BR/>\1", text)
+
+
+def _sorted_lines(match: re.Match[str]) -> str:
+    # Drake lists connections in the order of memory addresses.
+    return "".join(sorted(match[0].splitlines(keepends=True)))
+
+
+def write_diagram(diagram: Diagram, path: str | Path, *, max_depth: int = 1) -> Path:
+    """Write a diagram to `path`; the suffix chooses dot, svg or png.
+
+    Raises:
+        InputError: for another suffix, or if Graphviz is needed and missing.
+    """
+    path = Path(path)
+    format_ = checked_choice(path.suffix.removeprefix("."), FORMATS, f"{path}: suffix")
+    text = dot_text(diagram, max_depth=max_depth)
+    with replacing(path) as partial:
+        if format_ == "dot":
+            partial.write_text(text, encoding="utf-8")
+        else:
+            _render(text, format_, partial)
+    return path
+
+
+def has_graphviz() -> bool:
+    """Whether svg and png can be written."""
+    return shutil.which("dot") is not None
+
+
+def _render(text: str, format_: str, path: Path) -> None:
+    if not has_graphviz():
+        raise InputError(NO_GRAPHVIZ)
+    command = ["dot", f"-T{format_}", "-o", str(path)]
+    done = subprocess.run(command, input=text, text=True, capture_output=True, check=False)
+    if done.returncode != 0:
+        raise InputError(f"Graphviz failed: {' '.join(done.stderr.split())}")
