@@ -10,8 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort
 
 from sdt_drake.control import SpeedGains
 from sdt_drake.design import Design
@@ -20,6 +19,7 @@ from sdt_drake.systems import (
     Block,
     add_logs,
     axis_process_block,
+    constant_block,
     ctc_feedforward_block,
     disturbance_block,
     dynamic_saturation_block,
@@ -67,27 +67,30 @@ def make_step_loop(
         InputError: for values that are not > 0.
     """
     checked_number(log_period, "log_period", minimum=0, exclusive=True)
-    builder, place = _start(boxed)
-    reference = builder.AddNamedSystem(
+    loop = _Loop(boxed)
+    reference = loop.place(
         "step_reference",
-        ConstantVectorSource([0.0, step, 0.0]),  # q_ref, v_ref, vd_ref
+        constant_block,
+        signal="reference",
+        value=[0.0, step, 0.0],  # q_ref, v_ref, vd_ref
     )
-    controller = place(
+    controller = loop.place(
         "pi_speed_controller",
         pi_speed_controller_block,
         gains=gains,
         gear_ratio=[1.0],
         structure=structure,
+        elements=boxed,
     )
-    process = place(PLANT_NAME["axis"], axis_process_block, i_eff=[i_eff], gear_ratio=[1.0])
-    no_load = builder.AddNamedSystem("no_load", ConstantVectorSource([0.0]))
+    process = loop.place(PLANT_NAME["axis"], axis_process_block, i_eff=[i_eff], gear_ratio=[1.0])
+    no_load = loop.place("no_load", constant_block, signal="load_torque", value=[0.0])
 
     state = process.outputs["state"]
-    builder.Connect(reference.get_output_port(), controller.inputs["reference"])
-    builder.Connect(state, controller.inputs["state"])
-    builder.Connect(controller.outputs["tau_fb"], process.inputs["tau"])
-    builder.Connect(no_load.get_output_port(), process.inputs["load_torque"])
-    return _finish(builder, "step_loop", boxed, {"state": state}, log_period)
+    loop.connect(reference.outputs["reference"], controller.inputs["reference"])
+    loop.connect(state, controller.inputs["state"])
+    loop.connect(controller.outputs["tau_fb"], process.inputs["tau"])
+    loop.connect(no_load.outputs["load_torque"], process.inputs["load_torque"])
+    return loop.finish("step_loop", {"state": state}, log_period)
 
 
 def make_axis_loop(design: Design, *, boxed: bool = False) -> Diagram:
@@ -98,29 +101,29 @@ def make_axis_loop(design: Design, *, boxed: bool = False) -> Diagram:
     disturbance makes the true load differ from it.
     """
     robot = design.robot
-    builder, place = _start(boxed)
-    reference, loads = _place_reference_and_loads(builder, place, design)
+    loop = _Loop(boxed)
+    reference, loads = _place_reference_and_loads(loop, design)
     load_torque = loads.outputs["load_torque"]
-    process = place(
+    process = loop.place(
         PLANT_NAME["axis"], axis_process_block, i_eff=design.i_eff, gear_ratio=robot.gear_ratio
     )
     state = process.outputs["state"]
 
     tau_cmd, tau = _place_controller(
-        builder, place, design, reference, state, load_torque, loads.outputs["alleviating_torque"]
+        loop, design, reference, state, load_torque, loads.outputs["alleviating_torque"]
     )
-    builder.Connect(tau, process.inputs["tau"])
+    loop.connect(tau, process.inputs["tau"])
     true_load = load_torque
-    disturbance = _place_disturbance(builder, place, design, load_torque)
+    disturbance = _place_disturbance(loop, design, load_torque)
     if disturbance is not None:
-        total = place("true_load", true_load_block, n=robot.n)
-        builder.Connect(load_torque, total.inputs["modelled_load"])
-        builder.Connect(disturbance, total.inputs["disturbance"])
+        total = loop.place("true_load", true_load_block, n=robot.n)
+        loop.connect(load_torque, total.inputs["modelled_load"])
+        loop.connect(disturbance, total.inputs["disturbance"])
         true_load = total.outputs["load_torque"]
-    builder.Connect(true_load, process.inputs["load_torque"])
+    loop.connect(true_load, process.inputs["load_torque"])
 
     logs = {"state": state, "tau_cmd": tau_cmd, "tau": tau, "load_torque": load_torque}
-    return _finish(builder, "axis_loop", boxed, logs, design.motion.period)
+    return loop.finish("axis_loop", logs, design.motion.period)
 
 
 def make_coupled_loop(
@@ -137,11 +140,11 @@ def make_coupled_loop(
         widen_limits: widen the limits by the alleviating torque all the same, as in the axis loop.
     """
     robot = design.robot
-    builder, place = _start(boxed)
-    reference, loads = _place_reference_and_loads(builder, place, design)
+    loop = _Loop(boxed)
+    reference, loads = _place_reference_and_loads(loop, design)
     load_torque = loads.outputs["load_torque"]
-    disturbance = _place_disturbance(builder, place, design, load_torque)
-    plant = place(
+    disturbance = _place_disturbance(loop, design, load_torque)
+    plant = loop.place(
         PLANT_NAME["coupled"],
         robot_plant_block,
         robot=robot,
@@ -151,60 +154,70 @@ def make_coupled_loop(
     if widen_limits:
         alleviating_torque = loads.outputs["alleviating_torque"]
     else:
-        nothing = ConstantVectorSource(np.zeros(robot.n))
-        alleviating_torque = builder.AddNamedSystem("no_widening", nothing).get_output_port()
+        none = loop.place(
+            "no_widening", constant_block, signal="alleviating_torque", value=np.zeros(robot.n)
+        )
+        alleviating_torque = none.outputs["alleviating_torque"]
 
     tau_cmd, tau = _place_controller(
-        builder, place, design, reference, state, load_torque, alleviating_torque
+        loop, design, reference, state, load_torque, alleviating_torque
     )
-    builder.Connect(tau, plant.inputs["tau"])
+    loop.connect(tau, plant.inputs["tau"])
     if disturbance is not None:
-        builder.Connect(disturbance, plant.inputs["disturbance"])
+        loop.connect(disturbance, plant.inputs["disturbance"])
 
     logs = {"state": state, "tau_cmd": tau_cmd, "tau": tau, "load_torque": load_torque}
-    return _finish(builder, "coupled_loop", boxed, logs, design.motion.period)
+    return loop.finish("coupled_loop", logs, design.motion.period)
 
 
 # --- what they have in common ----------------------------------------------------------------
 
-Place = Callable[..., Block]
+
+class _Loop:
+    """A loop being built: its blocks, flat or boxed, its wires, and its logs if it is flat."""
+
+    def __init__(self, boxed: bool) -> None:
+        self.boxed = boxed
+        self._builder = DiagramBuilder()
+        self._place_in = place_boxed if boxed else place_flat
+
+    def place(self, name: str, describe: Callable[..., None], **arguments) -> Block:
+        return self._place_in(self._builder, name, describe, **arguments)
+
+    def connect(self, output: OutputPort, target: InputPort) -> None:
+        self._builder.Connect(output, target)
+
+    def finish(self, name: str, logs: dict[str, OutputPort], log_period: float) -> Diagram:
+        if not self.boxed:
+            add_logs(self._builder, logs, log_period)
+        diagram = self._builder.Build()
+        diagram.set_name(name)
+        return diagram
 
 
-def _start(boxed: bool) -> tuple[DiagramBuilder, Place]:
-    """A builder, and how blocks are placed in it."""
-    builder = DiagramBuilder()
-    place_in = place_boxed if boxed else place_flat
-
-    def place(name, describe, **arguments):
-        return place_in(builder, name, describe, **arguments)
-
-    return builder, place
-
-
-def _place_reference_and_loads(
-    builder: DiagramBuilder, place: Place, design: Design
-) -> tuple[OutputPort, Block]:
+def _place_reference_and_loads(loop: _Loop, design: Design) -> tuple[OutputPort, Block]:
     """The held reference, and the block of the load torque: a table, or on line."""
     motion = design.motion
-    source = place("reference_source", reference_source_block, motion=motion)
-    hold = place("zero_order_hold", zero_order_hold_block, size=3 * motion.n, period=motion.period)
-    builder.Connect(source.outputs["reference"], hold.inputs["reference"])
+    source = loop.place("reference_source", reference_source_block, motion=motion)
+    hold = loop.place(
+        "zero_order_hold", zero_order_hold_block, size=3 * motion.n, period=motion.period
+    )
+    loop.connect(source.outputs["reference"], hold.inputs["reference"])
     reference = hold.outputs["reference"]
     if design.scenario.inverse_dynamics == "table":
-        loads = place(
+        loads = loop.place(
             "load_torque_table", load_torque_table_block, motion=motion, loads=design.loads
         )
     else:
-        loads = place(
+        loads = loop.place(
             "load_torque", load_torque_block, robot=design.robot, sign=design.scenario.algorithm
         )
-        builder.Connect(reference, loads.inputs["reference"])
+        loop.connect(reference, loads.inputs["reference"])
     return reference, loads
 
 
 def _place_controller(
-    builder: DiagramBuilder,
-    place: Place,
+    loop: _Loop,
     design: Design,
     reference: OutputPort,
     state: OutputPort,
@@ -212,57 +225,42 @@ def _place_controller(
     alleviating_torque: OutputPort,
 ) -> tuple[OutputPort, OutputPort]:
     """PI, feedforward if the controller has one, and saturation: tau_cmd and tau."""
-    controller = place(
+    controller = loop.place(
         "pi_speed_controller",
         pi_speed_controller_block,
         gains=design.gains,
         gear_ratio=design.robot.gear_ratio,
         structure=design.scenario.controller.structure,
+        elements=loop.boxed,
     )
-    builder.Connect(reference, controller.inputs["reference"])
-    builder.Connect(state, controller.inputs["state"])
+    loop.connect(reference, controller.inputs["reference"])
+    loop.connect(state, controller.inputs["state"])
     tau_cmd = controller.outputs["tau_fb"]
     if design.scenario.controller.kind == "pi_ctc":
-        feedforward = place("ctc_feedforward", ctc_feedforward_block, n=design.robot.n)
-        builder.Connect(tau_cmd, feedforward.inputs["tau_fb"])
-        builder.Connect(load_torque, feedforward.inputs["tau_ff"])
+        feedforward = loop.place("ctc_feedforward", ctc_feedforward_block, n=design.robot.n)
+        loop.connect(tau_cmd, feedforward.inputs["tau_fb"])
+        loop.connect(load_torque, feedforward.inputs["tau_ff"])
         tau_cmd = feedforward.outputs["tau_cmd"]
-    saturation = place(
+    saturation = loop.place(
         "dynamic_saturation",
         dynamic_saturation_block,
         motor_torque_limit=design.robot.motor_torque_limit,
     )
-    builder.Connect(tau_cmd, saturation.inputs["tau_cmd"])
-    builder.Connect(alleviating_torque, saturation.inputs["alleviating_torque"])
+    loop.connect(tau_cmd, saturation.inputs["tau_cmd"])
+    loop.connect(alleviating_torque, saturation.inputs["alleviating_torque"])
     return tau_cmd, saturation.outputs["tau"]
 
 
-def _place_disturbance(
-    builder: DiagramBuilder, place: Place, design: Design, load_torque: OutputPort
-) -> OutputPort | None:
+def _place_disturbance(loop: _Loop, design: Design, load_torque: OutputPort) -> OutputPort | None:
     choice = design.scenario.disturbance
     if choice.amplitude == 0:
         return None
-    disturbance = place(
+    disturbance = loop.place(
         "disturbance",
         disturbance_block,
         n=design.robot.n,
         amplitude=choice.amplitude,
         omega_d=choice.omega_d,
     )
-    builder.Connect(load_torque, disturbance.inputs["load_torque"])
+    loop.connect(load_torque, disturbance.inputs["load_torque"])
     return disturbance.outputs["disturbance"]
-
-
-def _finish(
-    builder: DiagramBuilder,
-    name: str,
-    boxed: bool,
-    logs: dict[str, OutputPort],
-    log_period: float,
-) -> Diagram:
-    if not boxed:
-        add_logs(builder, logs, log_period)
-    diagram = builder.Build()
-    diagram.set_name(name)
-    return diagram

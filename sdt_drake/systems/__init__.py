@@ -21,6 +21,7 @@ from sdt_drake.systems.load_torque import LoadTorque, load_torque_block
 from sdt_drake.systems.logs import add_logs, read_logs
 from sdt_drake.systems.pi import pi_speed_controller_block
 from sdt_drake.systems.reference import (
+    constant_block,
     load_torque_table_block,
     reference_source_block,
     zero_order_hold_block,
@@ -33,6 +34,7 @@ __all__ = [
     "LoadTorque",
     "add_logs",
     "axis_process_block",
+    "constant_block",
     "ctc_feedforward_block",
     "disturbance_block",
     "dynamic_saturation_block",

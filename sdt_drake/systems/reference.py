@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from pydrake.systems.primitives import TrajectorySource, ZeroOrderHold
+from numpy.typing import ArrayLike, NDArray
+from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource, ZeroOrderHold
 from pydrake.trajectories import PiecewisePolynomial
 
 from sdt_drake.dynamics import Loads
@@ -67,6 +67,19 @@ def load_torque_table_block(block: Block, *, motion: Motion, loads: Loads) -> No
         hold = block.add(ZeroOrderHold(motion.period, motion.n), f"{signal}_hold")
         block.connect(source.get_output_port(), hold.get_input_port())
         block.outputs[signal] = hold.get_output_port()
+
+
+def constant_block(block: Block, *, signal: str, value: ArrayLike) -> None:
+    """A signal that never changes.
+
+    .. pydrake_system::
+
+        name: constant
+        output_ports:
+        - (signal)
+    """
+    source = block.add(ConstantVectorSource(np.asarray(value, dtype=float)))
+    block.outputs[signal] = source.get_output_port()
 
 
 def _table(time: Array, samples: Array) -> TrajectorySource:
