@@ -18,7 +18,7 @@ from sdt_drake.dynamics import (
     torque_groups,
 )
 from sdt_drake.errors import InputError
-from sdt_drake.motion import Motion, check_motion, load_profile, plan_motion
+from sdt_drake.motion import Motion, Plan, check_motion, load_profile, plan_motion
 from sdt_drake.resources import find_file
 from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import Scenario
@@ -52,14 +52,18 @@ class Design:
 
 
 def make_design(
-    scenario: Scenario, *, robot: Robot | None = None, motion: Motion | None = None
+    scenario: Scenario,
+    *,
+    robot: Robot | None = None,
+    motion: Motion | None = None,
+    torques: TorqueGroups | None = None,
 ) -> Design:
     """Load, plan and tune what a scenario names.
 
     Args:
         scenario: validated here once more.
-        robot, motion: used instead of loading and planning the scenario's own, to save time where
-            many scenarios share them.
+        robot, motion, torques: used instead of loading, planning and computing the scenario's own,
+            to save time where many scenarios share them.
 
     Raises:
         InputError: for any bad input on the way.
@@ -68,10 +72,11 @@ def make_design(
     robot = load_robot(scenario.robot) if robot is None else robot
     scenario.validate_sizes(robot.n)
     if motion is None:
-        motion = load_motion(
+        motion = load_plan(
             scenario.motion, robot, period=scenario.period, margin=scenario.torque_margin
-        )
-    torques = torque_groups(robot, motion.q, motion.v, motion.vd)
+        ).motion
+    if torques is None:
+        torques = torque_groups(robot, motion.q, motion.v, motion.vd)
     inertia = InertiaRange.of(effective_inertia(robot, torques.d_kk))
     loads = decouple(torques.inertial, torques.coupled, robot.gear_ratio, scenario.algorithm)
     i_eff = inertia.maximum if scenario.plant.i_eff is None else np.array(scenario.plant.i_eff)
@@ -79,28 +84,25 @@ def make_design(
     return Design(scenario, robot, motion, torques, loads, inertia, i_eff, gains)
 
 
-def load_motion(path: str | Path, robot: Robot, *, period: float, margin: float = 1.0) -> Motion:
+def load_plan(path: str | Path, robot: Robot, *, period: float, margin: float = 1.0) -> Plan:
     """The motion of a file: a profile (.yaml) is planned, a planned motion (.csv) is checked.
 
     Raises:
         InputError: if there is no such file, or `robot` cannot do the motion.
     """
     file = find_file(path)
-    if file.suffix in (".yaml", ".yml"):
-        try:
-            return plan_motion(robot, load_profile(path), period=period, margin=margin).motion
-        except InputError as error:
-            raise _located(error, file) from None
-    if file.suffix != ".csv":
-        raise InputError(f"{file}: expected a profile (.yaml) or a planned motion (.csv)")
-    motion = Motion.from_csv(file)
-    if abs(motion.period - period) > 1e-9:
-        raise InputError(f"{file}: sampled at {motion.period:g} s, the scenario at {period:g} s")
     try:
-        check_motion(robot, motion, margin=margin)
+        if file.suffix in (".yaml", ".yml"):
+            return plan_motion(robot, load_profile(file), period=period, margin=margin)
+        if file.suffix == ".csv":
+            motion = Motion.from_csv(file)
+            if abs(motion.period - period) > 1e-9:
+                raise InputError(f"sampled at {motion.period:g} s, expected {period:g} s")
+            torque = check_motion(robot, motion, margin=margin)
+            return Plan(motion, torque, np.zeros(motion.q.shape, dtype=bool), margin)
     except InputError as error:
         raise _located(error, file) from None
-    return motion
+    raise InputError(f"{file}: expected a profile (.yaml) or a planned motion (.csv)")
 
 
 def _located(error: InputError, file: Path) -> InputError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import shutil
 import subprocess
@@ -51,14 +52,18 @@ def _sorted_lines(match: re.Match[str]) -> str:
     return "".join(sorted(match[0].splitlines(keepends=True)))
 
 
-def write_diagram(diagram: Diagram, path: str | Path, *, max_depth: int = 1) -> Path:
-    """Write a diagram to `path`; the suffix chooses dot, svg or png.
+def write_diagram(
+    diagram: Diagram, path: str | Path, *, format_: str = "dot", max_depth: int = 1
+) -> Path:
+    """Write a diagram to `path` as "dot", "svg" or "png".
+
+    An .svg says in a comment which .dot text it was made from.
 
     Raises:
-        InputError: for another suffix, or if Graphviz is needed and missing.
+        InputError: for another format, or if Graphviz is needed and missing.
     """
     path = Path(path)
-    format_ = checked_choice(path.suffix.removeprefix("."), FORMATS, f"{path}: suffix")
+    checked_choice(format_, FORMATS, "format")
     text = dot_text(diagram, max_depth=max_depth)
     with replacing(path) as partial:
         if format_ == "dot":
@@ -66,6 +71,11 @@ def write_diagram(diagram: Diagram, path: str | Path, *, max_depth: int = 1) -> 
         else:
             _render(text, format_, partial)
     return path
+
+
+def fingerprint(text: str) -> str:
+    """Tells one .dot text from another."""
+    return f"dot sha256 {hashlib.sha256(text.encode()).hexdigest()}"
 
 
 def has_graphviz() -> bool:
@@ -80,3 +90,6 @@ def _render(text: str, format_: str, path: Path) -> None:
     done = subprocess.run(command, input=text, text=True, capture_output=True, check=False)
     if done.returncode != 0:
         raise InputError(f"Graphviz failed: {' '.join(done.stderr.split())}")
+    if format_ == "svg":
+        with path.open("a", encoding="utf-8") as file:
+            file.write(f"<!-- {fingerprint(text)} -->\n")

@@ -27,15 +27,17 @@ class Block:
         outputs: output ports by name.
     """
 
-    def __init__(self, builder: DiagramBuilder, name: str) -> None:
+    def __init__(self, builder: DiagramBuilder, name: str, *, prefix: str = "") -> None:
         self._builder = builder
         self._name = name
+        self._prefix = prefix
         self.inputs: dict[str, InputPort] = {}
         self.outputs: dict[str, OutputPort] = {}
 
     def add(self, system: S, part: str = "") -> S:
-        """Add one of its systems: the main one under the block's name, others as "name.part"."""
-        return self._builder.AddNamedSystem(f"{self._name}.{part}".rstrip("."), system)
+        """Add one of its systems: the main one takes the block's name, others are a part of it."""
+        name = f"{self._prefix}{part}" if part else self._name
+        return self._builder.AddNamedSystem(name, system)
 
     def connect(self, output: OutputPort, target: InputPort) -> None:
         """Connect two of its systems."""
@@ -47,7 +49,7 @@ Describe = Callable[..., None]
 
 def place_flat(builder: DiagramBuilder, name: str, describe: Describe, **arguments) -> Block:
     """Put a block's systems side by side with those of the others."""
-    block = Block(builder, name)
+    block = Block(builder, name, prefix=f"{name}.")
     describe(block, **arguments)
     return block
 
@@ -68,7 +70,8 @@ def place_boxed(builder: DiagramBuilder, name: str, describe: Describe, **argume
 def make_block(name: str, describe: Describe, **arguments) -> Diagram:
     """A block alone, as a diagram with its named ports."""
     builder = DiagramBuilder()
-    block = place_flat(builder, name, describe, **arguments)
+    block = Block(builder, name)
+    describe(block, **arguments)
     for port_name, input_port in block.inputs.items():
         builder.ExportInput(input_port, port_name)
     for port_name, output_port in block.outputs.items():

@@ -1,0 +1,84 @@
+"""The block diagrams of the paper, exported from the Drake diagrams that are simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from pydrake.systems.framework import Diagram
+
+from sdt_drake import paper
+from sdt_drake.control import tune
+from sdt_drake.design import Design, make_design
+from sdt_drake.graphviz import has_graphviz, write_diagram
+from sdt_drake.loops import make_axis_loop, make_coupled_loop, make_step_loop
+from sdt_drake.scenario import load_scenario
+
+
+def figure3(base: Design) -> Diagram:
+    """Decoupling of the inverse dynamics: load and dynamic saturation around a PI controller."""
+    return make_axis_loop(_online(base, "axis_pi"), boxed=True)
+
+
+def figure4(base: Design) -> Diagram:
+    """The loop of the red step response: both gains on the error."""
+    return _step_loop(base, "pi")
+
+
+def figure5(base: Design) -> Diagram:
+    """The PI controller with its proportional gain in the feedback path, and its process."""
+    return _step_loop(base, "p_in_feedback")
+
+
+def figure6(base: Design) -> Diagram:
+    """Single joint CTC: the load torque fed forward, the true load disturbed."""
+    return make_axis_loop(_online(base, "axis_pi_ctc"), boxed=True)
+
+
+def coupled_loop(base: Design) -> Diagram:
+    """The MultibodyPlant under PI + CTC, with its load disturbed."""
+    design = _online(base, "coupled_pi_ctc", disturbance_amplitude=0.05)
+    return make_coupled_loop(design, boxed=True)
+
+
+# Levels of boxes that are opened: Figures 4 and 5 are about the inside of the controller.
+DIAGRAMS: dict[str, tuple[Callable[[Design], Diagram], int]] = {
+    "figure3": (figure3, 1),
+    "figure4": (figure4, 2),
+    "figure5": (figure5, 2),
+    "figure6": (figure6, 1),
+    "coupled_loop": (coupled_loop, 1),
+}
+
+
+def write_block_diagram(name: str, base: Design, folder: str | Path) -> list[Path]:
+    """Write one of DIAGRAMS as name.dot, and name.svg where Graphviz is installed.
+
+    Args:
+        name: a key of DIAGRAMS.
+        base: any design of the reference device and motion.
+        folder: made if need be.
+    """
+    make, max_depth = DIAGRAMS[name]
+    diagram = make(base)
+    formats = ("dot", "svg") if has_graphviz() else ("dot",)
+    return [
+        write_diagram(
+            diagram, Path(folder) / f"{name}.{format_}", format_=format_, max_depth=max_depth
+        )
+        for format_ in formats
+    ]
+
+
+def _online(base: Design, name: str, disturbance_amplitude: float | None = None) -> Design:
+    scenario = load_scenario(f"package://sdt/scenarios/{name}.yaml")
+    scenario.inverse_dynamics = "online"
+    if disturbance_amplitude is not None:
+        scenario.disturbance.amplitude = disturbance_amplitude
+    return make_design(scenario, robot=base.robot, motion=base.motion, torques=base.torques)
+
+
+def _step_loop(base: Design, structure: str) -> Diagram:
+    i_eff = base.inertia.maximum[0]
+    gains = tune([i_eff], paper.OMEGA_R, [paper.FIGURE4_ZETA[structure]])
+    return make_step_loop(gains=gains, i_eff=i_eff, structure=structure, boxed=True)

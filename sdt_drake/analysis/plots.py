@@ -1,0 +1,191 @@
+"""Figures, with the paper's colours; each function returns a matplotlib Figure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from sdt_drake.analysis.study import StepResponse
+from sdt_drake.analysis.tracking import constant_speed_segments
+from sdt_drake.dynamics import Loads
+from sdt_drake.errors import InputError, replacing
+from sdt_drake.motion import Motion
+from sdt_drake.robot import Robot
+from sdt_drake.simulate import Recording
+
+REFERENCE, PI, PI_CTC = "tab:blue", "tab:red", "tab:green"
+"""The paper's colours."""
+
+PRINTED_SIGN = "tab:purple"
+
+_STYLE = {
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "lines.linewidth": 1.1,
+    "svg.hashsalt": "sdt_drake",  # the same figure gives the same file
+}
+
+Line = tuple[str, str, str, NDArray[np.float64]]
+"""Label, colour, line style, samples of shape (N, n)."""
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """The look of all figures of this package."""
+    with matplotlib.rc_context(_STYLE):
+        yield
+
+
+def save(figure: Figure, path: str | Path) -> Path:
+    """Write a figure; the suffix chooses the format. A file that exists is replaced whole.
+
+    Raises:
+        InputError: for a suffix that matplotlib does not know.
+    """
+    path = Path(path)
+    known = sorted(figure.canvas.get_supported_filetypes())
+    if path.suffix.removeprefix(".") not in known:
+        raise InputError(f"{path}: unknown kind of figure, expected .{', .'.join(known)}")
+    metadata = {"Date": None} if path.suffix == ".svg" else None
+    with style(), replacing(path) as partial:
+        figure.savefig(partial, dpi=130, metadata=metadata)
+    return path
+
+
+def figure2(motion: Motion, joint_names: Sequence[str]) -> Figure:
+    """Reference trajectories: a row for each joint, with position, speed and acceleration."""
+    columns = (
+        ("position [deg]", np.degrees(motion.q)),
+        ("speed [rad/s]", motion.v),
+        ("acceleration [rad/s²]", motion.vd),
+    )
+    with style():
+        figure = Figure(figsize=(10, 1.9 * motion.n + 0.6), layout="constrained")
+        axes = figure.subplots(motion.n, 3, sharex=True, squeeze=False)
+        for k, name in enumerate(joint_names):
+            for ax, (label, values) in zip(axes[k], columns, strict=True):
+                ax.plot(motion.time, values[:, k], color=REFERENCE)
+                ax.set_ylabel(label)
+            axes[k, 0].set_title(_joint_title(k, name), loc="left", fontweight="bold")
+        _time_axis(axes[-1])
+        figure.suptitle("Reference trajectories of the joints (Figure 2)")
+    return figure
+
+
+def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
+    """Step responses of the speed loop by structure, with their metrics (Figure 4)."""
+    looks = {"pi": (PI, "PI on the error"), "p_in_feedback": (REFERENCE, "P in the feedback path")}
+    with style():
+        figure = Figure(figsize=(6.4, 4), layout="constrained")
+        ax = figure.subplots()
+        ax.axhspan(0.98, 1.02, color="0.9", label="±2 %")
+        for structure, step in steps.items():
+            colour, name = looks[structure]
+            m = step.metrics
+            label = (
+                f"{name}, ζ = {step.zeta:g}: rise {m.rise_time:.4f} s, "
+                f"settling {m.settling_time:.4f} s, overshoot {m.overshoot_percent:.2f} %"
+            )
+            ax.plot(step.time, step.speed, color=colour, label=label)
+        ax.set(xlim=(0, 0.35), ylim=(0, None), ylabel="motor speed [rad/s]")
+        ax.set_ylim(top=1.3 * ax.get_ylim()[1])  # room for the legend
+        _time_axis([ax])
+        ax.legend(loc="upper left", fontsize=8)
+        ax.set_title(title)
+    return figure
+
+
+def speeds(title: str, time, lines: Sequence[Line], joint_names: Sequence[str]) -> Figure:
+    """Joint speeds, a panel for each joint (Figure 7)."""
+    return _panels(title, "speed [rad/s]", time, lines, joint_names)
+
+
+def speed_errors(
+    title: str, time, lines: Sequence[Line], joint_names: Sequence[str], motion: Motion
+) -> Figure:
+    """Errors of the joint speeds, a panel for each joint (Figure 8); constant speed shaded."""
+    figure = _panels(title, "speed error [rad/s]", time, lines, joint_names)
+    steady = constant_speed_segments(motion)
+    with style():
+        for k, ax in enumerate(figure.axes):
+            largest = [f"{label} {np.abs(values[:, k]).max():.3g}" for label, _, _, values in lines]
+            ax.set_title(f"largest: {', '.join(largest)} rad/s", loc="right")
+            low, high = ax.get_ylim()
+            shade = {"color": "0.5", "alpha": 0.15, "linewidth": 0, "zorder": 0}
+            ax.fill_between(
+                motion.time, low, high, where=steady[:, k], label="constant speed", **shade
+            )
+            ax.set_ylim(low, high)
+        _legend_below(figure)
+    return figure
+
+
+def torques(title: str, recording: Recording, loads: Loads, robot: Robot) -> Figure:
+    """Motor torques against load torques and the widened limits, motor side (Figure 3)."""
+    limit = np.broadcast_to(robot.motor_torque_limit, recording.tau.shape)
+    upper = limit + np.maximum(loads.alleviating_torque, 0)
+    lower = -limit + np.minimum(loads.alleviating_torque, 0)
+    lines = [
+        ("limits, widened by the alleviating torque", "0.6", "-", upper),
+        ("_lower", "0.6", "-", lower),
+        ("load torque", "tab:orange", "-", recording.load_torque),
+        ("motor torque", PI, "-", recording.tau),
+    ]
+    return _panels(title, "torque [N m]", recording.time, lines, robot.joint_names)
+
+
+def tracking_lines(runs: Mapping[str, Recording], quantity: str) -> list[Line]:
+    """Lines of `quantity` ("v" or "speed_error") for runs labelled "PI", "PI + CTC", ..."""
+    looks = {
+        "PI": (PI, "-"),
+        "PI + CTC": (PI_CTC, "-"),
+        "PI + CTC, printed sign": (PRINTED_SIGN, ":"),
+    }
+    return [(name, *looks[name], getattr(run, quantity)) for name, run in runs.items()]
+
+
+def _panels(
+    title: str, ylabel: str, time, lines: Sequence[Line], joint_names: Sequence[str]
+) -> Figure:
+    n = len(joint_names)
+    with style():
+        figure = Figure(figsize=(10, 1.9 * n + 0.9), layout="constrained")
+        axes = figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]
+        for k, (ax, name) in enumerate(zip(axes, joint_names, strict=True)):
+            for label, colour, dashes, values in lines:
+                ax.plot(time, values[:, k], dashes, color=colour, label=label)
+            ax.set_ylabel(ylabel)
+            ax.set_title(_joint_title(k, name), loc="left", fontweight="bold")
+            ax.margins(x=0)
+        _time_axis(axes[-1:])
+        figure.suptitle(title)
+        _legend_below(figure)
+    return figure
+
+
+def _legend_below(figure: Figure) -> None:
+    for legend in list(figure.legends):
+        legend.remove()
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+
+
+def _joint_title(k: int, name: str) -> str:
+    return f"joint {k + 1}, {name}"
+
+
+def _time_axis(axes: Sequence[Axes]) -> None:
+    for ax in axes:
+        ax.set_xlabel("time [s]")

@@ -1,0 +1,211 @@
+"""The study of the paper, computed: Table 1, step responses, tracking runs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sdt_drake import paper
+from sdt_drake.analysis.tracking import Tracking, track
+from sdt_drake.control import (
+    StepMetrics,
+    damping_ratio,
+    step_metrics,
+    tune,
+)
+from sdt_drake.design import Design, make_design
+from sdt_drake.loops import make_step_loop
+from sdt_drake.scenario import Scenario, load_scenario
+from sdt_drake.simulate import Recording, make_simulator, simulate
+from sdt_drake.systems import read_logs
+
+Array = NDArray[np.float64]
+Report = Callable[[str], None]
+
+STEP_DURATION = 0.5  # s
+
+
+@dataclass(frozen=True, eq=False)
+class StepResponse:
+    """A simulated step of motor speed from 0 to 1 rad/s.
+
+    Attributes:
+        structure: "pi" or "p_in_feedback".
+        zeta: damping ratio [-].
+        time: [s], shape (N,).
+        speed: [rad/s], shape (N,).
+        metrics: of `speed`.
+    """
+
+    structure: str
+    zeta: float
+    time: Array
+    speed: Array
+    metrics: StepMetrics
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A tracking run, and what it is worth.
+
+    Attributes:
+        process: "i_eff_max" or "i_eff_min" for an axis loop, "multibody" for the coupled one.
+    """
+
+    design: Design
+    process: str
+    recording: Recording
+    tracking: Tracking
+
+    @property
+    def scenario(self) -> Scenario:
+        """What was run."""
+        return self.design.scenario
+
+    @property
+    def key(self) -> tuple[str, str, str, str, bool]:
+        """Plant, process, algorithm, controller, and whether the load is disturbed."""
+        s = self.scenario
+        disturbed = s.disturbance.amplitude > 0
+        return s.plant.kind, self.process, s.algorithm, s.controller.kind, disturbed
+
+
+@dataclass(eq=False)
+class Study:
+    """All results of the paper's study.
+
+    Attributes:
+        design: the coupled PI + CTC run, whose inertia and gains come from the SDF.
+        steps: responses of axis 1 by structure (Figure 4).
+        runs: tracking runs in the order of the report.
+        wall_time_s: by stage [s].
+    """
+
+    design: Design
+    steps: dict[str, StepResponse]
+    runs: list[Run]
+    wall_time_s: dict[str, float] = field(default_factory=dict)
+
+    def run(
+        self, plant: str, process: str, algorithm: str, controller: str, disturbed: bool
+    ) -> Run:
+        """The run with these properties."""
+        key = plant, process, algorithm, controller, disturbed
+        return next(run for run in self.runs if run.key == key)
+
+
+class Stopwatch:
+    """Wall time by stage, told as it goes."""
+
+    def __init__(self, tell: Report) -> None:
+        self.seconds: dict[str, float] = {}
+        self._tell = tell
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        start = time.perf_counter()
+        yield
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+        self._tell(f"  {name:28s} {self.seconds[name]:6.2f} s")
+
+
+def run_study(watch: Stopwatch) -> Study:
+    """Compute everything that the paper's claims are held against."""
+    with watch.stage("robot, motion, loads"):
+        design = make_design(load_scenario("package://sdt/scenarios/coupled_pi_ctc.yaml"))
+    with watch.stage("step responses"):
+        i_eff_1 = design.inertia.maximum[0]
+        steps = {
+            structure: step_response(structure, zeta, i_eff_1, paper.OMEGA_R)
+            for structure, zeta in paper.FIGURE4_ZETA.items()
+        }
+    # No Python runs inside these loops, and Drake steps without the interpreter's lock.
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        with watch.stage("axis runs"):
+            runs = list(pool.map(lambda case: _axis_run(design, *case), _AXIS_CASES))
+        with watch.stage("coupled runs"):
+            runs += pool.map(lambda case: _coupled_run(design, *case), _COUPLED_CASES)
+    return Study(design, steps, runs, watch.seconds)
+
+
+def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> StepResponse:
+    """Simulate the step of one axis, tuned for `zeta` at `i_eff`, motor side [kg m²]."""
+    gains = tune([i_eff], omega_r, [zeta])
+    loop = make_step_loop(gains=gains, i_eff=i_eff, structure=structure)
+    simulator = make_simulator(loop, max_step=1e-3)
+    simulator.Initialize()
+    simulator.AdvanceTo(STEP_DURATION)
+    t, signals = read_logs(loop, simulator.get_context())
+    speed = signals["state"][:, 1]
+    return StepResponse(structure, zeta, t, speed, step_metrics(t, speed, y0=0.0, y_final=1.0))
+
+
+def table1(design: Design) -> list[dict[str, object]]:
+    """Table 1 from the SDF and the motion; one row for each joint, with the published one."""
+    gains, inertia = design.gains, design.inertia
+    columns = {
+        "i_eff_max": inertia.maximum,
+        "i_eff_median": inertia.median,
+        "i_eff_min": inertia.minimum,
+        "variation_percent": inertia.variation_percent,
+        "kp": gains.kp,
+        "ki": gains.ki,
+        "zeta_max": damping_ratio(gains, inertia.maximum),
+        "zeta_median": damping_ratio(gains, inertia.median),
+        "zeta_min": damping_ratio(gains, inertia.minimum),
+    }
+    rows = []
+    for k in range(design.robot.n):
+        row: dict[str, object] = {"joint": k + 1}
+        row |= {name: float(values[k]) for name, values in columns.items()}
+        row["published"] = {"joint": k + 1} | {
+            name: paper.table1(name)[k] if name in paper.TABLE1 else None for name in columns
+        }
+        rows.append(row)
+    return rows
+
+
+# algorithm, process, controller
+_AXIS_CASES = [
+    (algorithm, process, controller)
+    for algorithm in ("printed", "consistent")
+    for process in ("i_eff_max", "i_eff_min")
+    for controller in ("pi", "pi_ctc")
+]
+# algorithm, controller, disturbance amplitude
+_COUPLED_CASES = [
+    ("consistent", "pi", 0.0),
+    ("consistent", "pi_ctc", 0.0),
+    ("printed", "pi_ctc", 0.0),
+    ("consistent", "pi", 0.05),
+    ("consistent", "pi_ctc", 0.05),
+]
+
+
+def _axis_run(design: Design, algorithm: str, process: str, controller: str) -> Run:
+    """A model of the paper: published inertia, or that less its published variation."""
+    scenario = load_scenario(f"package://sdt/scenarios/axis_{controller}.yaml")
+    scenario.algorithm = algorithm
+    if process == "i_eff_min":
+        variation = np.array(paper.table1("variation_percent")) / 100
+        scenario.plant.i_eff = (np.array(scenario.plant.i_eff) * (1 - variation)).tolist()
+    return _run(design, scenario, process)
+
+
+def _coupled_run(design: Design, algorithm: str, controller: str, amplitude: float) -> Run:
+    scenario = load_scenario(f"package://sdt/scenarios/coupled_{controller}.yaml")
+    scenario.algorithm = algorithm
+    scenario.disturbance.amplitude = amplitude
+    return _run(design, scenario, "multibody")
+
+
+def _run(design: Design, scenario: Scenario, process: str) -> Run:
+    own = make_design(scenario, robot=design.robot, motion=design.motion, torques=design.torques)
+    recording = simulate(own)
+    return Run(own, process, recording, track(recording, own.motion))

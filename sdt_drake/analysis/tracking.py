@@ -1,0 +1,62 @@
+"""Tracking metrics of a recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sdt_drake.motion import Motion
+from sdt_drake.simulate import Recording
+
+Array = NDArray[np.float64]
+
+SETTLED_AFTER = 1.0
+"""How long a joint must have had constant speed before its error counts as steady [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tracking:
+    """How well each joint follows; joint side, each of shape (n,).
+
+    Attributes:
+        max_abs_speed_error: [rad/s].
+        rms_speed_error: [rad/s].
+        constant_speed_error: largest |speed error| in the constant-speed segments, from
+            SETTLED_AFTER on [rad/s]; NaN for a joint that has none.
+        saturated_fraction: share of samples at which the motor gives less than was asked [-].
+        max_abs_position_error: [rad].
+    """
+
+    max_abs_speed_error: Array
+    rms_speed_error: Array
+    constant_speed_error: Array
+    saturated_fraction: Array
+    max_abs_position_error: Array
+
+
+def track(recording: Recording, motion: Motion) -> Tracking:
+    """Metrics of a recording of `motion`."""
+    error = recording.speed_error
+    steady = constant_speed_segments(motion)
+    in_segments = np.where(steady, np.abs(error), -np.inf).max(axis=0)
+    return Tracking(
+        max_abs_speed_error=np.abs(error).max(axis=0),
+        rms_speed_error=np.sqrt(np.mean(error**2, axis=0)),
+        constant_speed_error=np.where(np.isinf(in_segments), np.nan, in_segments),
+        saturated_fraction=np.mean(recording.tau != recording.tau_cmd, axis=0),
+        max_abs_position_error=np.abs(recording.position_error).max(axis=0),
+    )
+
+
+def constant_speed_segments(motion: Motion) -> NDArray[np.bool_]:
+    """Samples at which a joint moves and its speed is constant for SETTLED_AFTER, (N + 1, n)."""
+    constant = (np.abs(motion.vd) < 1e-9) & (np.abs(motion.v) > 1e-9)
+    needed = round(SETTLED_AFTER / motion.period)
+    steady = np.zeros_like(constant)
+    run = np.zeros(motion.n, dtype=int)
+    for i, row in enumerate(constant):
+        run = np.where(row, run + 1, 0)
+        steady[i] = run > needed
+    return steady
