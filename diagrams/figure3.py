@@ -2,8 +2,8 @@
 
     python diagrams/figure3.py [FOLDER]
 
-Writes figure3.dot, figure3.svg (where Graphviz is installed) and figure3_plot.png into FOLDER, by default
-the folder of this script.
+Writes figure3.dot, figure3.svg (where Graphviz is installed) and figure3_plot.png into FOLDER, by
+default the folder of this script.
 """
 
 import sys
@@ -22,7 +22,7 @@ def main(folder: Path) -> None:
 
     recording = simulate(design)
     figure = plots.torques(
-        "Torques of the motors, PI on decoupled axes, Algorithm 1 as printed",
+        "Torques, motor side: PI on decoupled axes, Algorithm 1 as printed",
         recording,
         design.loads,
         design.robot,

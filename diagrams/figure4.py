@@ -2,8 +2,8 @@
 
     python diagrams/figure4.py [FOLDER]
 
-Writes figure4.dot, figure4.svg (where Graphviz is installed) and figure4_plot.png into FOLDER, by default
-the folder of this script.
+Writes figure4.dot, figure4.svg (where Graphviz is installed) and figure4_plot.png into FOLDER, by
+default the folder of this script.
 """
 
 import sys

@@ -2,8 +2,8 @@
 
     python diagrams/figure5.py [FOLDER]
 
-Writes figure5.dot, figure5.svg (where Graphviz is installed) and figure5_plot.png into FOLDER, by default
-the folder of this script.
+Writes figure5.dot, figure5.svg (where Graphviz is installed) and figure5_plot.png into FOLDER, by
+default the folder of this script.
 """
 
 import sys
@@ -23,9 +23,8 @@ def main(folder: Path) -> None:
 
     zeta, i_eff = paper.FIGURE4_ZETA["p_in_feedback"], design.inertia.maximum[0]
     step = step_response("p_in_feedback", zeta, i_eff, paper.OMEGA_R)
-    figure = plots.step_responses(
-        "Step response, axis 1, P in the feedback path", {step.structure: step}
-    )
+    title = "Step response, axis 1, P in the feedback path"
+    figure = plots.step_responses(title, {step.structure: step})
     plots.save(figure, folder / "figure5_plot.png")
 
 

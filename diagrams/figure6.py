@@ -2,8 +2,8 @@
 
     python diagrams/figure6.py [FOLDER]
 
-Writes figure6.dot, figure6.svg (where Graphviz is installed) and figure6_plot.png into FOLDER, by default
-the folder of this script.
+Writes figure6.dot, figure6.svg (where Graphviz is installed) and figure6_plot.png into FOLDER, by
+default the folder of this script.
 """
 
 import sys

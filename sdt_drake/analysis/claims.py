@@ -286,8 +286,8 @@ def _tracking(study: Study) -> list[Claim]:
             {"jump": jump, "seconds_before_peak": lead},
             _verdict(bool(jump > 1000)),
             "but the jumps are made by the printed sign of Algorithm 1: the load changes by "
-            "2 tau_coupled when the reference acceleration ends. With the consistent sign the load "
-            "is continuous there and the largest error is "
+            "2 tau_coupled when the reference acceleration starts or ends. With the consistent "
+            "sign the load is continuous there and the largest error is "
             f"{_joint2(study, 'consistent', 'i_eff_max', 'pi'):.3f} rad/s",
         ),
     ]

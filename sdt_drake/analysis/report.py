@@ -54,7 +54,8 @@ def write_study(study: Study, folder: Path, watch: Stopwatch) -> list[Claim]:
     with watch.stage("block diagrams"):
         for name in DIAGRAMS:
             write_block_diagram(name, study.design, folder / "diagrams")
-    _write(folder / "table1.md", table1_markdown(study))
+    title = "Table 1, from the SDF and the reference motion"
+    _write(folder / "table1.md", f"# {title}\n\n{table1_markdown(study)} {PROVENANCE}\n")
     _write(folder / "report.md", report_markdown(study, claims))
     _write(folder / "summary.json", json.dumps(summary(study, claims), indent=1) + "\n")
     return claims
@@ -178,9 +179,7 @@ def table1_markdown(study: Study) -> str:
                 for name in list(published)[1:]
             ]
         )
-    return "# Table 1, from the SDF and the reference motion\n\n" + (
-        f"{_table(header, rows)}\nInertias and gains are motor side. {PROVENANCE}\n"
-    )
+    return f"{_table(header, rows)}\nInertias and gains are motor side."
 
 
 def report_markdown(study: Study, claims: Sequence[Claim]) -> str:
@@ -199,10 +198,10 @@ def report_markdown(study: Study, claims: Sequence[Claim]) -> str:
         f"{len(claims)} claims: {counts}.",
         PROVENANCE,
         "## The motion\n\n![Figure 2](figure2.png)",
-        table1_markdown(study).replace("# Table 1", "## Table 1", 1),
+        f"## Table 1, from the SDF and the motion\n\n{table1_markdown(study)}",
         "## Step response\n\n![Figure 4](figure4.png)",
-        "## The models\n\nExported from the Drake diagrams that are simulated. "
-        f"{missing}\n{diagrams}",
+        "## The models\n\nExported from the Drake diagrams that are simulated."
+        f"{missing}\n\n{diagrams}",
         "## Tracking, decoupled axes (the paper's models)\n\n"
         "![Figure 7](figure7.png)\n\n![Figure 8](figure8.png)",
         "## Tracking, coupled MultibodyPlant\n\n"
