@@ -2,8 +2,8 @@
 
     python diagrams/coupled_loop.py [FOLDER]
 
-Writes coupled_loop.dot, coupled_loop.svg (where Graphviz is installed) and coupled_loop_plot.png into FOLDER, by
-default the folder of this script.
+Writes coupled_loop.dot, coupled_loop.svg (where Graphviz is installed) and coupled_loop_plot.png
+into FOLDER, by default the folder of this script.
 """
 
 import sys
