@@ -213,7 +213,7 @@ def _plan(options: argparse.Namespace) -> None:
 
 
 def _tune(options: argparse.Namespace) -> None:
-    from sdt_drake.control import damping_ratio, natural_frequency
+    from sdt_drake.control import damping_ratio, natural_frequency, oscillation_frequency
     from sdt_drake.design import make_design
     from sdt_drake.scenario import ControllerChoice, Scenario
 
@@ -229,10 +229,14 @@ def _tune(options: argparse.Namespace) -> None:
     )
     inertia, gains = design.inertia, design.gains
     at = (inertia.maximum, inertia.median, inertia.minimum)
-    fastest = natural_frequency(gains, inertia.minimum) / options.omega_r
+    oscillation = oscillation_frequency(gains, inertia.maximum)
+    slowest, fastest = (
+        natural_frequency(gains, values) / options.omega_r
+        for values in (inertia.maximum, inertia.minimum)
+    )
     _print_table(
         ("joint", "I_eff max", "median", "min [kg m²]", "var. [%]", "K_PS", "K_IS",
-         "zeta at max", "median", "min", "omega_n/omega_r"),
+         "zeta at max", "median", "min", "omega_0", "omega_n/omega_r"),
         [
             (
                 f"{k + 1} {design.robot.joint_names[k]}",
@@ -241,12 +245,13 @@ def _tune(options: argparse.Namespace) -> None:
                 f"{gains.kp[k]:.4g}",
                 f"{gains.ki[k]:.4g}",
                 *(f"{damping_ratio(gains, values)[k]:.3f}" for values in at),
-                f"0.500 to {fastest[k]:.3f}",
+                f"{oscillation[k]:.2f}",
+                f"{slowest[k]:.3f} to {fastest[k]:.3f}",
             )
             for k in range(design.robot.n)
         ],
     )  # fmt: skip
-    print("motor side; K_PS [N m s/rad], K_IS [N m/rad]")
+    print("motor side; K_PS [N m s/rad], K_IS [N m/rad]; omega_0 [rad/s] at the largest inertia")
     too_fast = [str(k + 1) for k in range(design.robot.n) if fastest[k] > 0.5 * (1 + 1e-9)]
     if too_fast:
         print(
