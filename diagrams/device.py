@@ -53,6 +53,7 @@ def main(folder: Path) -> None:
     image = query.RenderColorImage(
         ColorRenderCamera(core), scene_graph.world_frame_id(), looking(EYE, TARGET)
     )
+    folder.mkdir(parents=True, exist_ok=True)
     matplotlib.image.imsave(folder / "device.png", image.data[:, :, :3])
 
 

@@ -68,9 +68,12 @@ def make_design(
     Raises:
         InputError: for any bad input on the way.
     """
-    scenario.validate()
     robot = load_robot(scenario.robot) if robot is None else robot
-    scenario.validate_sizes(robot.n)
+    try:
+        scenario.validate()
+        scenario.validate_sizes(robot.n)
+    except InputError as error:
+        raise InputError(f"scenario '{scenario.name}': {error}") from None
     if motion is None:
         motion = load_plan(
             scenario.motion, robot, period=scenario.period, margin=scenario.torque_margin

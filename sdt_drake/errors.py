@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+_MOST_PERIODS = 10_000_000  # what memory holds
+
 
 class InputError(ValueError):
     """Input that cannot be used; the message is one line: where, what, and what would be right."""
@@ -30,8 +32,9 @@ def checked_vector(
         array = np.asarray(values, dtype=float)
     except (TypeError, ValueError):
         raise InputError(f"{where}: {values!r} is not a list of numbers") from None
-    if array.shape != (n,):
-        raise InputError(f"{where}: {array.size} value(s), expected {n}, one for each joint")
+    if array.shape != (n,) or n < 1:
+        shape = "a single number" if array.ndim == 0 else f"{array.size} value(s)"
+        raise InputError(f"{where}: {shape}, expected {max(n, 1)}, one for each joint")
     if not np.all(np.isfinite(array)):
         raise InputError(f"{where}: {array.tolist()} contains a value that is not finite")
     if positive and np.any(array <= 0):
@@ -55,6 +58,17 @@ def checked_number(
     return float(value)
 
 
+def checked_count(value: int, where: str) -> int:
+    """`value` as a whole number >= 1.
+
+    Raises:
+        InputError: naming `where`.
+    """
+    if value != int(value) or value < 1:
+        raise InputError(f"{where}: {value}, expected a whole number >= 1")
+    return int(value)
+
+
 def checked_choice(value: str, choices: tuple[str, ...], where: str) -> str:
     """`value` if it is one of `choices`.
 
@@ -72,6 +86,10 @@ def whole_periods(duration: float, period: float, where: str) -> int:
     Raises:
         InputError: if that is not a whole number >= 1.
     """
+    if not duration / _MOST_PERIODS <= period:
+        raise InputError(
+            f"{where}: period {period:g} s, expected at least a {_MOST_PERIODS}th of {duration:g} s"
+        )
     count = round(duration / period)
     if count < 1 or abs(count * period - duration) > 1e-9 * max(1.0, duration):
         raise InputError(

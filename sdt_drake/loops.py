@@ -64,8 +64,9 @@ def make_step_loop(
         boxed: for export, see the module.
 
     Raises:
-        InputError: for values that are not > 0.
+        InputError: for a step that is not finite, or other values that are not > 0.
     """
+    checked_number(step, "step")
     checked_number(log_period, "log_period", minimum=0, exclusive=True)
     loop = _Loop(boxed)
     reference = loop.place(

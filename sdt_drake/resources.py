@@ -27,6 +27,8 @@ def find_file(reference: str | Path, base: Path | None = None) -> Path:
         InputError: if there is no such file.
     """
     text = str(reference)
+    if text.startswith("package://") and not text.startswith(PACKAGE_PREFIX):
+        raise InputError(f"{text}: no such package, files of this one start with {PACKAGE_PREFIX}")
     if text.startswith(PACKAGE_PREFIX):
         path = models_dir() / text.removeprefix(PACKAGE_PREFIX)
         choices = sorted(p.name for p in path.parent.glob(f"*{path.suffix}"))

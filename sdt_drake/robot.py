@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,6 +18,8 @@ from sdt_drake.errors import InputError
 from sdt_drake.resources import find_file, models_dir
 
 Vector = NDArray[np.float64]
+
+_DRAKE = "{http://drake.mit.edu}"
 
 DEFAULT_ROBOT = "package://sdt/sdt.sdf"
 
@@ -97,6 +100,7 @@ def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
     _replace_actuators(plant, joints, actuators)
     plant.Finalize()
     _check_inertias_kept(plant, file)
+    _check_dynamics(plant, joints, file)
     return Robot(
         name=plant.GetModelInstanceName(joints[0].model_instance()),
         path=file,
@@ -126,18 +130,37 @@ def _check_text(file: Path) -> None:
     if len(root.findall(".//model")) != 1:
         raise InputError(f"{file}: {len(root.findall('.//model'))} models, expected one")
     for link in root.iter("link"):
-        _check_inertial(link, f"{file}: link '{link.get('name')}'")
+        where = f"{file}: link '{link.get('name')}'"
+        _check_inertial(link, where)
+        if link.find(".//fluid_added_mass") is not None:
+            raise InputError(f"{where}: <fluid_added_mass> would have no effect here; remove it")
     for joint in root.iter("joint"):
-        where = f"{file}: joint '{joint.get('name')}'"
-        friction = joint.find(".//dynamics/friction")
-        if friction is not None and _number(friction, where) != 0:
-            raise InputError(
-                f"{where}: <friction> {friction.text} would be dropped by Drake; remove it"
-            )
-        for tag in ("spring_stiffness", "spring_reference"):
-            spring = joint.find(f".//dynamics/{tag}")
-            if spring is not None and _number(spring, where) != 0:
-                raise InputError(f"{where}: <{tag}> {spring.text}, springs are not supported")
+        _check_joint(joint, f"{file}: joint '{joint.get('name')}'")
+
+
+# In joints: numbers that must be finite, numbers that may be infinite, elements that must be zero
+# because nothing here models them, and elements that nothing here models at all.
+_FINITE = ("damping", f"{_DRAKE}rotor_inertia", f"{_DRAKE}gear_ratio")
+_LIMITS = ("lower", "upper", "effort", "velocity")
+_ZERO = {
+    "friction": "Drake would drop it",
+    "spring_stiffness": "springs are not supported",
+    "spring_reference": "springs are not supported",
+}
+_UNKNOWN = ("mimic", f"{_DRAKE}mimic", f"{_DRAKE}controller_gains")
+
+
+def _check_joint(joint: ET.Element, where: str) -> None:
+    for element in joint.iter():
+        tag = element.tag.removeprefix(_DRAKE)
+        if element.tag in _UNKNOWN:
+            raise InputError(f"{where}: <{tag}> would have no effect here; remove it")
+        if element.tag in _FINITE:
+            _number(element, where)
+        if element.tag in _LIMITS:
+            _number(element, where, finite=False)
+        if element.tag in _ZERO and _number(element, where) != 0:
+            raise InputError(f"{where}: <{tag}> {element.text}, {_ZERO[tag]}; remove it")
 
 
 def _check_inertial(link: ET.Element, where: str) -> None:
@@ -175,13 +198,14 @@ def _inertia_matrix(link: ET.Element, where: str) -> NDArray[np.float64]:
     )
 
 
-def _number(element: ET.Element, where: str) -> float:
+def _number(element: ET.Element, where: str, *, finite: bool = True) -> float:
     try:
         value = float(element.text or "")
     except ValueError:
         value = float("nan")
-    if not np.isfinite(value):
-        raise InputError(f"{where}: <{element.tag}> is '{element.text}', expected a number")
+    if np.isnan(value) or (finite and np.isinf(value)):
+        tag = element.tag.removeprefix(_DRAKE)
+        raise InputError(f"{where}: <{tag}> is '{element.text}', expected a number")
     return value
 
 
@@ -197,7 +221,7 @@ def _parse(file: Path) -> MultibodyPlant:
     try:
         parser.AddModels(str(file))
     except RuntimeError as error:
-        reason = " ".join(str(error).split()).replace(f"{file.resolve()}:", "line ")
+        reason = re.sub(rf"\S*{re.escape(file.name)}:", "line ", " ".join(str(error).split()))
         raise InputError(f"{file}: {reason}") from None
     return plant
 
@@ -274,6 +298,22 @@ def _replace_actuators(plant: MultibodyPlant, joints: list[RevoluteJoint], old: 
         actuator = plant.AddJointActuator(name, joint)
         actuator.set_default_rotor_inertia(rotor_inertia)
         actuator.set_default_gear_ratio(gear_ratio)
+
+
+def _check_dynamics(plant: MultibodyPlant, joints: list[RevoluteJoint], file: Path) -> None:
+    """Only gravity and motors act on the chain, and every joint has something to move."""
+    if plant.num_force_elements() > 1:  # the first one is gravity
+        raise InputError(f"{file}: springs, bushings and the like are not supported; remove them")
+    if plant.num_constraints() > 0:
+        raise InputError(f"{file}: constraints are not supported; remove them")
+    M = plant.CalcMassMatrix(plant.CreateDefaultContext())
+    eigenvalues = np.linalg.eigvalsh(M)
+    if eigenvalues[0] <= 1e-12 * eigenvalues[-1]:
+        k = int(np.argmin(M.diagonal()))
+        raise InputError(
+            f"{file}: joint '{joints[k].name()}': no inertia about its axis "
+            f"({M[k, k]:g} kg m²), expected > 0"
+        )
 
 
 def _check_inertias_kept(plant: MultibodyPlant, file: Path) -> None:

@@ -11,7 +11,6 @@ from pydrake.common.yaml import yaml_dump_typed
 from sdt_drake.control import STRUCTURES
 from sdt_drake.dynamics import SIGNS
 from sdt_drake.errors import InputError, checked_choice, checked_number, checked_vector, replacing
-from sdt_drake.resources import PACKAGE_PREFIX
 from sdt_drake.robot import DEFAULT_ROBOT
 from sdt_drake.yaml_files import load_yaml
 
@@ -146,7 +145,7 @@ class Scenario:
 
 
 def load_scenario(path: str | Path) -> Scenario:
-    """A scenario from YAML; relative paths in it become paths from the working directory.
+    """A scenario from YAML; relative paths in it start from its folder, and become absolute.
 
     Raises:
         InputError: naming the file, the field, and what would be right.
@@ -158,8 +157,8 @@ def load_scenario(path: str | Path) -> Scenario:
         raise InputError(f"{file}: {error}") from None
     for name in ("robot", "motion"):
         value = getattr(scenario, name)
-        if not value.startswith(PACKAGE_PREFIX):
-            setattr(scenario, name, str(file.parent / value))
+        if not value.startswith("package://"):
+            setattr(scenario, name, str(file.resolve().parent / value))
     scenario.name = scenario.name or file.stem
     return scenario
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
-from pydrake.systems.framework import Diagram
+from pydrake.systems.framework import Context, Diagram
 
 from sdt_drake.design import Design, make_design
 from sdt_drake.loops import PLANT_NAME, make_loop
@@ -18,7 +18,8 @@ from sdt_drake.tables import write_table
 
 Array = NDArray[np.float64]
 
-ACCURACY = 1e-4  # of the error-controlled integrator; good to 1e-4 rad/s where a motor saturates
+ACCURACY = 3e-6
+"""Of the error-controlled integrator: speeds are good to 1e-4 rad/s, where motors saturate too."""
 
 # What goes into a CSV file, in this order.
 COLUMNS = ("v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error")
@@ -29,7 +30,7 @@ class Recording:
     """What happened in a run, at the interpolation period; arrays of shape (N + 1, n).
 
     Continuous signals are those at `time`; torques are those just before the update at `time`, so
-    at the end of the period that ends there (nothing is held yet in the first row: zero).
+    at the end of the period that ends there. The first row is just after its update.
 
     Attributes:
         time: [s], shape (N + 1,).
@@ -88,14 +89,28 @@ def simulate(design: Design, diagram: Diagram | None = None) -> Recording:
     motion = design.motion
     simulator = make_simulator(diagram, max_step=motion.period)
     context = simulator.get_mutable_context()
-    plant = diagram.GetSubsystemByName(PLANT_NAME[design.scenario.plant.kind])
-    plant_context = plant.GetMyMutableContextFromRoot(context)
-    plant_context.SetContinuousState(np.concatenate([motion.q[0], motion.v[0]]))
+    _start_on_reference(design, diagram, context)
     simulator.Initialize()
     simulator.AdvanceTo(motion.duration)
     time, signals = read_logs(diagram, context)
     q, v = np.hsplit(signals.pop("state"), 2)
     return Recording(time=time, q_ref=motion.q, v_ref=motion.v, q=q, v=v, **signals)
+
+
+def _start_on_reference(design: Design, diagram: Diagram, context: Context) -> None:
+    """Joints at the first sample, holds with the first sample, and speeds that persist."""
+
+    def set_state(name: str, state: Array) -> None:
+        system = diagram.GetSubsystemByName(name)
+        system.GetMyMutableContextFromRoot(context).SetContinuousState(state)
+
+    motion, gains = design.motion, design.gains
+    set_state(PLANT_NAME[design.scenario.plant.kind], np.concatenate([motion.q[0], motion.v[0]]))
+    if design.scenario.controller.structure == "p_in_feedback":
+        # What -K_PS v takes away at the start, the integral gives.
+        motor_speed = design.robot.gear_ratio * motion.v[0]
+        set_state("pi_speed_controller", gains.kp / gains.ki * motor_speed)
+    context.SetDiscreteState(diagram.EvalUniquePeriodicDiscreteUpdate(context))
 
 
 def simulate_scenario(scenario: Scenario) -> Recording:

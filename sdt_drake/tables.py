@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +29,8 @@ def write_table(path: str | Path, time: Array, columns: Mapping[str, Array]) -> 
 def read_table(path: str | Path) -> tuple[Array, dict[str, Array]]:
     """The time column, shape (N,), and each group of columns `name_1..name_n`, shape (N, n).
 
+    Columns with other names are left out.
+
     Raises:
         InputError: naming the file, and the line where there is one: no such file, no time column,
             something that is not a finite number, a row of another length, a time that does not
@@ -37,70 +38,72 @@ def read_table(path: str | Path) -> tuple[Array, dict[str, Array]]:
     """
     path = Path(path)
     try:
-        with path.open(encoding="utf-8") as file:
-            header = [name.strip() for name in file.readline().split(",")]
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)  # no rows: said below
-                data = np.loadtxt(file, delimiter=",", ndmin=2)
+        text = path.read_text(encoding="utf-8-sig")  # spreadsheets put a byte-order mark in front
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read ({error})") from None
-    except ValueError:
-        raise _bad_line(path, len(header)) from None
-    if not header or header[0] != "time":
+    lines = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    if len(lines) < 3:
+        raise InputError(f"{path}: fewer than two rows")
+    header = [name.strip() for name in lines[0][1].split(",")]
+    if header[0] != "time":
         raise InputError(f"{path}: the first column is '{header[0]}', expected 'time'")
-    if len(data) < 2 or data.shape[1] != len(header):
-        raise _bad_line(path, len(header))
-    bad = ~np.isfinite(data)
-    if bad.any():
-        row, column = np.argwhere(bad)[0]
-        raise InputError(
-            f"{path}, line {row + 2}: {header[column]} is {data[row, column]}, "
-            "expected a finite number"
-        )
-    _check_even(path, data[:, 0])
-    return data[:, 0], _grouped(path, header[1:], data[:, 1:])
+    numbers, rows = zip(*lines[1:], strict=True)
+    try:
+        data = np.loadtxt(rows, delimiter=",", ndmin=2, comments=None)
+        if data.shape[1] != len(header):
+            raise ValueError
+    except ValueError:
+        raise _bad_line(path, lines[1:], len(header)) from None
+    groups = _groups(path, header)
+    for column in (0, *(c for group in groups.values() for c in group)):
+        bad = np.flatnonzero(~np.isfinite(data[:, column]))
+        if len(bad):
+            raise InputError(
+                f"{path}, line {numbers[bad[0]]}: {header[column]} is {data[bad[0], column]}, "
+                "expected a finite number"
+            )
+    _check_even(path, data[:, 0], numbers)
+    return data[:, 0], {name: data[:, columns] for name, columns in groups.items()}
 
 
-def _bad_line(path: Path, width: int) -> InputError:
+def _bad_line(path: Path, lines: list[tuple[int, str]], width: int) -> InputError:
     """What is wrong with a file that does not read as a rectangular table of numbers."""
-    with path.open(encoding="utf-8") as file:
-        next(file)
-        for number, line in enumerate(file, start=2):
-            fields = line.split(",")
-            if len(fields) != width:
-                return InputError(
-                    f"{path}, line {number}: {len(fields)} value(s), expected {width} as in line 1"
-                )
-            for field in fields:
-                try:
-                    float(field)
-                except ValueError:
-                    return InputError(f"{path}, line {number}: '{field.strip()}' is not a number")
-    return InputError(f"{path}: fewer than two rows")
+    for number, line in lines:
+        fields = line.split(",")
+        if len(fields) != width:
+            return InputError(
+                f"{path}, line {number}: {len(fields)} value(s), expected {width} as in line 1"
+            )
+        for field in fields:
+            try:
+                float(field.replace("_", "?"))  # Python would take 5_0 for a number
+            except ValueError:
+                return InputError(f"{path}, line {number}: '{field.strip()}' is not a number")
+    return InputError(f"{path}: not a table of numbers")
 
 
-def _check_even(path: Path, time: Array) -> None:
+def _check_even(path: Path, time: Array, numbers: Sequence[int]) -> None:
     step = time[1] - time[0]
     uneven = np.abs(np.diff(time) - step) > 1e-6 * abs(step)
     if step <= 0 or uneven.any():
         row = 1 if step <= 0 else int(np.argmax(uneven)) + 1
         raise InputError(
-            f"{path}, line {row + 2}: time goes from {time[row - 1]:g} to {time[row]:g} s, "
+            f"{path}, line {numbers[row]}: time goes from {time[row - 1]:g} to {time[row]:g} s, "
             f"expected equal steps{f' of {step:g} s' if step > 0 else ' > 0'}"
         )
 
 
-def _grouped(path: Path, names: list[str], data: Array) -> dict[str, Array]:
-    """Columns `name_1..name_n` as one array; they must stand side by side in that order."""
+def _groups(path: Path, header: list[str]) -> dict[str, list[int]]:
+    """The columns of each `name`: `name_1..name_n`, which must stand in that order."""
     groups: dict[str, list[int]] = {}
-    for i, name in enumerate(names):
+    for column, name in enumerate(header):
         stem, _, k = name.rpartition("_")
+        if not (stem and k.isdecimal()):
+            continue
         group = groups.setdefault(stem, [])
-        if k != str(len(group) + 1):
-            raise InputError(
-                f"{path}: column '{name}', expected names as v_ref_1, v_ref_2, ... in order"
-            )
-        group.append(i)
-    return {stem: data[:, columns] for stem, columns in groups.items()}
+        if int(k) != len(group) + 1:
+            raise InputError(f"{path}: column '{name}', expected '{stem}_{len(group) + 1}'")
+        group.append(column)
+    return groups

@@ -14,6 +14,7 @@ import typing
 from pathlib import Path
 from typing import Any, TypeVar
 
+import yaml  # of Drake itself
 from pydrake.common.yaml import yaml_load_data, yaml_load_typed
 
 from sdt_drake.errors import InputError
@@ -31,9 +32,12 @@ def load_yaml(schema: type[T], path: str | Path) -> tuple[T, Path]:
     file = find_file(path)
     try:
         text = file.read_text(encoding="utf-8")
+        _refuse_repeated_keys(yaml.compose(text, Loader=yaml.SafeLoader), str(file))
         data = yaml_load_data(text)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{file}: cannot be read ({error})") from None
+    except InputError:
+        raise
     except Exception as error:  # the YAML library raises many kinds, all about the text
         raise InputError(f"{file}: not valid YAML, {' '.join(str(error).split())}") from None
     _check(schema, data, str(file), "")
@@ -50,7 +54,10 @@ def _check(schema: Any, data: Any, file: str, name: str) -> None:
         options = [a for a in arguments if a is not type(None)]
         if data is None and len(options) < len(arguments):
             return
-        _check(_option(options, data, file, name), data, file, name)
+        option = _option(options, data, file, name)
+        if isinstance(data, dict):
+            data = {key: value for key, value in data.items() if key != "_tag"}
+        _check(option, data, file, name)
     elif origin is list:
         if not isinstance(data, list):
             raise _wrong(file, name, data, "a list")
@@ -74,7 +81,7 @@ def _check_fields(schema: Any, data: Any, file: str, name: str) -> None:
         raise _wrong(file, name, data, f"a mapping with {', '.join(hints)}")
     for key, value in data.items():
         if key == "_tag":
-            continue
+            raise InputError(f"{file}: {name or 'top level'}: {value} has no meaning here")
         dotted = f"{name}.{key}" if name else str(key)
         if key not in hints:
             near = difflib.get_close_matches(str(key), hints, n=2)
@@ -82,6 +89,21 @@ def _check_fields(schema: Any, data: Any, file: str, name: str) -> None:
             known = "" if near else f" {', '.join(hints)}"
             raise InputError(f"{file}: {dotted}: unknown field, {meant}{known}")
         _check(hints[key], value, file, dotted)
+
+
+def _refuse_repeated_keys(node: yaml.Node | None, file: str, name: str = "") -> None:
+    """YAML would silently let the last one win."""
+    if isinstance(node, yaml.SequenceNode):
+        for i, item in enumerate(node.value):
+            _refuse_repeated_keys(item, file, f"{name}[{i + 1}]")
+    if isinstance(node, yaml.MappingNode):
+        seen = set()
+        for key, value in node.value:
+            dotted = f"{name}.{key.value}".lstrip(".")
+            if str(key.value) in seen:
+                raise InputError(f"{file}, line {key.start_mark.line + 1}: {dotted} is given twice")
+            seen.add(str(key.value))
+            _refuse_repeated_keys(value, file, dotted)
 
 
 def _option(options: list[Any], data: Any, file: str, name: str) -> Any:
@@ -100,7 +122,7 @@ def _is_number(data: Any) -> bool:
         return False
     try:
         float(data)  # a str too: YAML 1.1 takes 1e3 for a text, Drake takes it for a number
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return False
     return True
 

@@ -34,6 +34,7 @@ _STYLE = {
     "axes.spines.right": False,
     "legend.frameon": False,
     "lines.linewidth": 1.1,
+    "text.parse_math": False,  # names are the user's, and no TeX
     "svg.hashsalt": "sdt_drake",  # the same figure gives the same file
 }
 
@@ -99,12 +100,19 @@ def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
                 f"settling {m.settling_time:.4f} s, overshoot {m.overshoot_percent:.2f} %"
             )
             ax.plot(step.time, step.speed, color=colour, label=label)
-        ax.set(xlim=(0, 0.35), ylim=(0, None), ylabel="motor speed [rad/s]")
+        ax.set(xlim=(0, _shown(steps)), ylim=(0, None), ylabel="motor speed [rad/s]")
         ax.set_ylim(top=1.3 * ax.get_ylim()[1])  # room for the legend
         _time_axis([ax])
         ax.legend(loc="upper left", fontsize=8)
         ax.set_title(title)
     return figure
+
+
+def _shown(steps: Mapping[str, StepResponse]) -> float:
+    """Time by which all have settled, and some more; all there is if one does not settle [s]."""
+    settled = max(step.metrics.settling_time for step in steps.values())
+    recorded = max(step.time[-1] for step in steps.values())
+    return float(np.nanmin([recorded, 2 * settled]))
 
 
 def speeds(title: str, time, lines: Sequence[Line], joint_names: Sequence[str]) -> Figure:

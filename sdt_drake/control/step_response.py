@@ -55,7 +55,7 @@ def step_metrics(
         raise InputError(f"step_metrics: shapes {t.shape} and {y.shape}, expected (N,) twice")
     if not (np.all(np.isfinite(t)) and np.all(np.isfinite(y)) and np.all(np.diff(t) > 0)):
         raise InputError("step_metrics: time must grow, and every value must be finite")
-    if y_final == y0 or not 0 < band < 1:
+    if not np.isfinite(y_final - y0) or y_final == y0 or not 0 < band < 1:
         raise InputError(
             f"step_metrics: step {y_final - y0}, band {band}: expected != 0, in (0, 1)"
         )
@@ -63,7 +63,7 @@ def step_metrics(
     i_peak = int(np.argmax(response))
     return StepMetrics(
         rise_time=_first_reach(t, response, 0.9) - _first_reach(t, response, 0.1),
-        settling_time=_settled(t, np.abs(response - 1) - band) - t[0],
+        settling_time=_settled(t, response - 1, band) - t[0],
         overshoot_percent=100 * max(float(response[i_peak]) - 1, 0.0),
         peak=float(y[i_peak]),
         peak_time=float(t[i_peak] - t[0]),
@@ -79,14 +79,16 @@ def _first_reach(t: Array, response: Array, level: float) -> float:
     return float(t[0]) if i == 0 else _crossing(t, response - level, i)
 
 
-def _settled(t: Array, outside: Array) -> float:
-    """When `outside` is > 0 for the last time; NaN if it still is at the end."""
-    out = np.flatnonzero(outside > 0)
+def _settled(t: Array, deviation: Array, band: float) -> float:
+    """When |deviation| exceeds the band for the last time; NaN if it still does at the end."""
+    out = np.flatnonzero(np.abs(deviation) > band)
     if len(out) == 0:
         return float(t[0])
-    if out[-1] == len(t) - 1:
+    last = out[-1]
+    if last == len(t) - 1:
         return float("nan")
-    return _crossing(t, outside, out[-1] + 1)
+    edge = np.copysign(band, deviation[last])
+    return _crossing(t, deviation - edge, last + 1)
 
 
 def _crossing(t: Array, f: Array, i: int) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sdt_drake.errors import InputError
+from sdt_drake.errors import checked_number, checked_vector
 
 Array = NDArray[np.float64]
 
@@ -36,15 +36,17 @@ def tune(i_eff_max: ArrayLike, omega_r: float, zeta: ArrayLike) -> SpeedGains:
     Args:
         i_eff_max: largest effective inertia, motor side [kg m²], shape (n,).
         omega_r: lowest natural frequency of the structure [rad/s].
-        zeta: damping ratio wanted at the largest inertia [-], shape (n,).
+        zeta: damping ratio wanted at the largest inertia [-], shape (n,) or one for all.
 
     Raises:
-        InputError: if any of them is not > 0.
+        InputError: if any of them is not > 0, or `zeta` has another length than `i_eff_max`.
     """
-    i_eff_max, zeta = np.asarray(i_eff_max, dtype=float), np.asarray(zeta, dtype=float)
-    for name, values in (("i_eff_max", i_eff_max), ("omega_r", omega_r), ("zeta", zeta)):
-        if not np.all(np.asarray(values) > 0) or not np.all(np.isfinite(values)):
-            raise InputError(f"tune: {name} is {values}, expected > 0")
+    n = np.size(i_eff_max)
+    i_eff_max = checked_vector(i_eff_max, n, "i_eff_max", positive=True)
+    zeta = checked_vector(
+        np.full(n, zeta) if np.ndim(zeta) == 0 else zeta, n, "zeta", positive=True
+    )
+    omega_r = checked_number(omega_r, "omega_r", minimum=0, exclusive=True)
     ki = 0.25 * omega_r**2 * i_eff_max
     return SpeedGains(kp=2 * zeta * np.sqrt(i_eff_max * ki), ki=ki)
 

@@ -162,7 +162,8 @@ def limit_accelerations(M: Array, bias: Array, wanted: Array, available: Array) 
     """Accelerations nearest to `wanted` [rad/s²] with |M vd + bias| <= `available` [N m].
 
     Joint after joint from the tip to the base, each as near to its wish as the others leave it,
-    until every torque is within TORQUE_TOLERANCE. These sweeps are coordinate descent on
+    until it is known which motors are at their limit; those joints' accelerations then follow
+    from their torques. These sweeps are coordinate descent on
 
         1/2 (vd - wanted)' M (vd - wanted) + (M wanted + bias)' vd + available' |vd - wanted|,
 
@@ -172,15 +173,31 @@ def limit_accelerations(M: Array, bias: Array, wanted: Array, available: Array) 
     vd = wanted.copy()
     diagonal = M.diagonal()
     for _ in range(_MAX_SWEEPS):
-        before = vd.copy()
         for k in reversed(range(len(vd))):
             rest = M[k] @ vd - diagonal[k] * vd[k] + bias[k]
             lowest = (-available[k] - rest) / diagonal[k]
             highest = (available[k] - rest) / diagonal[k]
             vd[k] = min(max(wanted[k], lowest), highest)
-        if np.all(np.abs(M @ (vd - before)) <= TORQUE_TOLERANCE / 2):
-            return vd
+        solution = _with_motors_at_limit(M, bias, wanted, available, vd)
+        if solution is not None:
+            return solution
     raise InputError(f"accelerations within the torque limits not found in {_MAX_SWEEPS} sweeps")
+
+
+def _with_motors_at_limit(
+    M: Array, bias: Array, wanted: Array, available: Array, estimate: Array
+) -> Array | None:
+    """The solution, if `estimate` shows rightly which joints cannot have their wish."""
+    limited = estimate != wanted
+    if not limited.any():
+        return estimate
+    short = np.sign(wanted - estimate)[limited]  # direction in which the motor gives all it has
+    vd = wanted.copy()
+    rest = bias[limited] + M[np.ix_(limited, ~limited)] @ wanted[~limited]
+    vd[limited] = np.linalg.solve(M[np.ix_(limited, limited)], short * available[limited] - rest)
+    excess = np.abs(M @ vd + bias) - available
+    holds = np.all(excess <= TORQUE_TOLERANCE / 2) and np.all(short * (wanted - vd)[limited] >= 0)
+    return vd if holds else None
 
 
 class _LostMotionGuard:

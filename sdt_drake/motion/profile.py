@@ -39,7 +39,8 @@ class Knots:
                 )
         if times[0] != 0 or times[-1] != duration:
             raise InputError(
-                f"{where}.knots: from {times[0]:g} to {times[-1]:g} s, expected 0 to {duration:g} s"
+                f"{where}.knots: from {times[0]:.9g} to {times[-1]:.9g} s, "
+                f"expected 0 to {duration:g} s"
             )
 
     def speed(self, time: Array) -> Array:

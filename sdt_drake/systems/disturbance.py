@@ -6,7 +6,7 @@ import numpy as np
 import pydrake.symbolic as sym
 from pydrake.systems.primitives import Adder
 
-from sdt_drake.errors import checked_number
+from sdt_drake.errors import checked_count, checked_number
 from sdt_drake.systems.block import Block
 from sdt_drake.systems.symbolic import add_static_law
 
@@ -34,6 +34,7 @@ def disturbance_block(block: Block, *, n: int, amplitude: float, omega_d: float)
     Raises:
         InputError: for values that are not finite and >= 0.
     """
+    checked_count(n, "n")
     amplitude = checked_number(amplitude, "disturbance amplitude", minimum=0)
     omega_d = checked_number(omega_d, "disturbance omega_d", minimum=0)
 
@@ -57,7 +58,7 @@ def true_load_block(block: Block, *, n: int) -> None:
         output_ports:
         - load_torque
     """
-    total = block.add(Adder(2, n))
+    total = block.add(Adder(2, checked_count(n, "n")))
     block.inputs["modelled_load"] = total.get_input_port(0)
     block.inputs["disturbance"] = total.get_input_port(1)
     block.outputs["load_torque"] = total.get_output_port()

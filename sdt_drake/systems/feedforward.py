@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pydrake.systems.primitives import Adder
 
+from sdt_drake.errors import checked_count
 from sdt_drake.systems.block import Block
 
 
@@ -24,7 +25,7 @@ def ctc_feedforward_block(block: Block, *, n: int) -> None:
         output_ports:
         - tau_cmd
     """
-    total = block.add(Adder(2, n))
+    total = block.add(Adder(2, checked_count(n, "n")))
     block.inputs["tau_fb"] = total.get_input_port(0)
     block.inputs["tau_ff"] = total.get_input_port(1)
     block.outputs["tau_cmd"] = total.get_output_port()

@@ -8,6 +8,7 @@ from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource, Z
 from pydrake.trajectories import PiecewisePolynomial
 
 from sdt_drake.dynamics import Loads
+from sdt_drake.errors import InputError, checked_count, checked_number
 from sdt_drake.motion import Motion
 from sdt_drake.systems.block import Block
 
@@ -44,7 +45,8 @@ def zero_order_hold_block(block: Block, *, size: int, period: float) -> None:
         output_ports:
         - reference
     """
-    hold = block.add(ZeroOrderHold(period, size))
+    checked_number(period, "period", minimum=0, exclusive=True)
+    hold = block.add(ZeroOrderHold(period, checked_count(size, "size")))
     block.inputs["reference"] = hold.get_input_port()
     block.outputs["reference"] = hold.get_output_port()
 
@@ -61,8 +63,13 @@ def load_torque_table_block(block: Block, *, motion: Motion, loads: Loads) -> No
         output_ports:
         - load_torque
         - alleviating_torque
+
+    Raises:
+        InputError: if the loads are not those of the motion.
     """
     for signal, samples in loads._asdict().items():
+        if samples.shape != motion.v.shape:
+            raise InputError(f"{signal}: shape {samples.shape}, the motion has {motion.v.shape}")
         source = block.add(_table(motion.time, samples), f"{signal}_samples")
         hold = block.add(ZeroOrderHold(motion.period, motion.n), f"{signal}_hold")
         block.connect(source.get_output_port(), hold.get_input_port())

@@ -10,6 +10,8 @@ from sdt_drake.errors import checked_vector
 from sdt_drake.systems.block import Block
 from sdt_drake.systems.symbolic import add_static_law
 
+_TINY = np.finfo(float).tiny
+
 
 def dynamic_saturation_block(block: Block, *, motor_torque_limit: ArrayLike) -> None:
     """The motors' limits, widened by the help of the other motors (Section 3.2, Figure 3).
@@ -39,9 +41,9 @@ def dynamic_saturation_block(block: Block, *, motor_torque_limit: ArrayLike) -> 
     limit = checked_vector(motor_torque_limit, n, "motor_torque_limit", positive=True)
 
     def law(_time, tau_cmd, a):
-        return [
-            sym.min(sym.max(tau_cmd[k], sym.min(a[k], 0) - limit[k]), sym.max(a[k], 0) + limit[k])
-            for k in range(n)
-        ]
+        # min(a, 0) and max(a, 0) with a derivative at a = 0 as well: Drake's are NaN there.
+        lower = [sym.if_then_else(a[k] < -_TINY, a[k], 0) - limit[k] for k in range(n)]
+        upper = [sym.if_then_else(a[k] > _TINY, a[k], 0) + limit[k] for k in range(n)]
+        return [sym.min(sym.max(tau_cmd[k], lower[k]), upper[k]) for k in range(n)]
 
     add_static_law(block, n, inputs=("tau_cmd", "alleviating_torque"), output="tau", law=law)

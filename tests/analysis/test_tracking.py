@@ -1,0 +1,159 @@
+"""Tracking metrics on recordings whose answers are known."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from sdt_drake.analysis.tracking import constant_speed_segments, track
+from sdt_drake.motion import Motion
+from sdt_drake.simulate import Recording
+
+PERIOD = 0.01
+
+
+def make_motion(*knots):
+    """A motion through knots (time, speed, speed, ...), linear between them, from q = 0."""
+    times, *speeds = np.transpose(np.array(knots, dtype=float))
+    t = np.arange(round(times[-1] / PERIOD) + 1) * PERIOD
+    # Rounded, so that a constant speed is one number.
+    v = np.stack([np.round(np.interp(t, times, joint), 9) for joint in speeds], axis=1)
+    return Motion.from_speeds(PERIOD, np.zeros(len(speeds)), v)
+
+
+def make_recording(motion, **signals):
+    """A recording without any error, but for the signals given."""
+    zero = np.zeros_like(motion.v)
+    perfect = {"q": motion.q, "v": motion.v, "tau_cmd": zero, "tau": zero, "load_torque": zero}
+    return Recording(time=motion.time, q_ref=motion.q, v_ref=motion.v, **(perfect | signals))
+
+
+def at(motion, t):
+    return round(t / PERIOD)
+
+
+# Joint 1: rest, ramp, constant for 3 s, ramp, rest. Joint 2 rests. Joint 3 always accelerates.
+# Joint 4: constant for 0.9 s only. Joint 5: constant from the first sample to the last.
+MOTION = make_motion(
+    (0, 0, 0, 0.0, 0, -0.3),
+    (1, 0, 0, 0.1, 0, -0.3),
+    (2, 0.5, 0, 0.3, 1, -0.3),
+    (2.9, 0.5, 0, 0.6, 1, -0.3),
+    (5, 0.5, 0, 1.0, 0, -0.3),
+    (6, 0, 0, 1.5, 0, -0.3),
+)
+
+
+def test_perfect_tracking_is_zero():
+    tracking = track(make_recording(MOTION), MOTION)
+
+    for name in (
+        "max_abs_speed_error",
+        "rms_speed_error",
+        "saturated_fraction",
+        "max_abs_position_error",
+    ):
+        np.testing.assert_array_equal(getattr(tracking, name), np.zeros(5), err_msg=name)
+    np.testing.assert_array_equal(tracking.constant_speed_error, [0, np.nan, np.nan, np.nan, 0])
+
+
+def test_largest_and_rms_speed_error():
+    t = MOTION.time
+    error = np.zeros_like(MOTION.v)
+    error[:, 0] = -0.25  # slower than asked for
+    error[:, 1] = 0.2 * np.sin(2 * np.pi * t / 6)  # one whole period
+    error[at(MOTION, 3), 2] = 0.7  # a single sample
+    tracking = track(make_recording(MOTION, v=MOTION.v + error), MOTION)
+
+    np.testing.assert_allclose(tracking.max_abs_speed_error, [0.25, 0.2, 0.7, 0, 0], atol=1e-12)
+    expected = [0.25, 0.2 / np.sqrt(2), 0.7 / np.sqrt(601), 0, 0]
+    np.testing.assert_allclose(tracking.rms_speed_error, expected, rtol=2e-3, atol=1e-12)
+
+
+def test_constant_speed_error_counts_only_settled_samples():
+    # Joint 1 has constant speed from 2 s on, and decelerates from 5 s on; 1 s is for settling.
+    error = np.zeros_like(MOTION.v)
+    error[: at(MOTION, 3.0), 0] = 9.0
+    error[at(MOTION, 3.0) :, 0] = 0.03
+    error[at(MOTION, 4.2), 0] = -0.04
+    error[at(MOTION, 5.0) :, 0] = 9.0
+    tracking = track(make_recording(MOTION, v=MOTION.v + error), MOTION)
+
+    assert tracking.constant_speed_error[0] == pytest.approx(0.04)
+    assert tracking.max_abs_speed_error[0] == pytest.approx(9.0)
+
+
+def test_constant_speed_starts_exactly_one_second_after_the_speed_became_constant():
+    steady = constant_speed_segments(MOTION)
+
+    assert steady.shape == MOTION.v.shape
+    first, last = np.flatnonzero(steady[:, 0])[[0, -1]]
+    assert MOTION.time[first] == pytest.approx(3.0)
+    assert MOTION.time[last] == pytest.approx(5.0 - PERIOD)
+    assert steady[first : last + 1, 0].all()
+
+
+def test_each_segment_needs_its_own_second():
+    # 1.5 s of each sign, with a ramp of 0.5 s between: 0.5 s of each counts.
+    motion = make_motion((0, 0.2), (1.5, 0.2), (2, -0.2), (3.5, -0.2), (4, 0.2))
+    times = motion.time[constant_speed_segments(motion)[:, 0]]
+
+    first, second = times[times < 2], times[times > 2]
+    np.testing.assert_allclose([first[0], first[-1]], [1.0, 1.5 - PERIOD])
+    np.testing.assert_allclose([second[0], second[-1]], [3.0, 3.5 - PERIOD])
+
+
+def test_a_joint_without_a_settled_constant_speed_has_nan():
+    error = np.full_like(MOTION.v, 0.1)
+    steady = track(make_recording(MOTION, v=MOTION.v + error), MOTION).constant_speed_error
+
+    # At rest, always accelerating, constant for less than a second.
+    assert np.isnan(steady[1:4]).all()
+    np.testing.assert_allclose(steady[[0, 4]], 0.1)
+
+
+def test_constant_speed_until_the_end_counts_to_the_last_sample():
+    error = np.zeros_like(MOTION.v)
+    error[-1, 4] = 0.02
+    steady = track(make_recording(MOTION, v=MOTION.v + error), MOTION).constant_speed_error
+
+    assert steady[4] == pytest.approx(0.02)
+
+
+def test_motion_shorter_than_the_settling_time():
+    motion = make_motion((0, 0.5), (PERIOD, 0.5))
+    tracking = track(make_recording(motion, v=motion.v + 0.1), motion)
+
+    assert np.isnan(tracking.constant_speed_error).all()
+    np.testing.assert_allclose(tracking.max_abs_speed_error, 0.1)
+
+
+def test_saturated_fraction_is_the_share_of_samples_with_less_torque_than_asked_for():
+    rows = len(MOTION.time)
+    tau_cmd = np.full_like(MOTION.v, 10.0)
+    tau = tau_cmd.copy()
+    tau[: rows // 4, 0] = 8.0
+    tau[::2, 1] = -8.0
+    tau[:, 2] = 8.0
+    tracking = track(make_recording(MOTION, tau_cmd=tau_cmd, tau=tau), MOTION)
+
+    expected = [rows // 4 / rows, (rows + 1) // 2 / rows, 1.0, 0.0, 0.0]
+    np.testing.assert_allclose(tracking.saturated_fraction, expected)
+
+
+def test_position_error_does_not_come_from_speed_error():
+    q = MOTION.q.copy()
+    q[:, 1] -= 0.4
+    q[at(MOTION, 2.5), 3] += 0.05
+    tracking = track(make_recording(MOTION, q=q), MOTION)
+
+    np.testing.assert_allclose(tracking.max_abs_position_error, [0, 0.4, 0, 0.05, 0], atol=1e-12)
+    np.testing.assert_array_equal(tracking.max_abs_speed_error, np.zeros(5))
+
+
+def test_every_metric_has_one_value_for_each_joint():
+    motion = make_motion((0, 0.1), (2, 0.1))
+    tracking = track(make_recording(motion), motion)
+
+    for field in dataclasses.fields(tracking):
+        assert getattr(tracking, field.name).shape == (1,), field.name

@@ -1,0 +1,177 @@
+"""The scripts in diagrams/, and the exports of theirs that are committed."""
+
+from __future__ import annotations
+
+import ast
+import re
+import runpy
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sdt_drake.analysis.block_diagrams import DIAGRAMS, write_block_diagram
+from sdt_drake.graphviz import dot_text, fingerprint, has_graphviz
+
+FOLDER = Path(__file__).resolve().parents[1] / "diagrams"
+SCRIPTS = sorted(path.stem for path in FOLDER.glob("*.py"))
+FIGURES = sorted(DIAGRAMS)
+PNG = b"\x89PNG\r\n"
+
+
+def run(script, *arguments, cwd):
+    """What a user types, from another folder."""
+    return subprocess.run(
+        [sys.executable, str(script), *map(str, arguments)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+
+
+def run_here(script, *arguments, cwd):
+    """The same without a new process, which would import Drake once more; raises what it raises."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(cwd)
+        patch.setattr(sys, "argv", [str(script), *map(str, arguments)])
+        runpy.run_path(str(script), run_name="__main__")
+
+
+@pytest.fixture(scope="session")
+def ran(tmp_path_factory):
+    """Folder of each script, run from another folder; two of them as a user runs them."""
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    folders = {name: tmp_path_factory.mktemp("figures") for name in SCRIPTS}
+    for name, folder in folders.items():
+        script = FOLDER / f"{name}.py"
+        if name in ("device", "figure3"):  # the device is rendered: not in this process
+            done = run(script, folder, cwd=elsewhere)
+            assert done.returncode == 0, done.stderr
+            assert "Warning" not in done.stderr
+        else:
+            run_here(script, folder, cwd=elsewhere)
+    assert list(elsewhere.iterdir()) == []
+    return folders
+
+
+# --- what is committed -----------------------------------------------------------------------
+
+
+def test_there_is_a_script_for_every_diagram():
+    assert set(SCRIPTS) >= {*DIAGRAMS, "figure3", "figure4", "figure5", "figure6"}
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_committed_dot_is_up_to_date(name, design):
+    make, depth = DIAGRAMS[name]
+    committed = (FOLDER / f"{name}.dot").read_text(encoding="utf-8")
+
+    assert committed == dot_text(make(design), max_depth=depth), f"run diagrams/{name}.py again"
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_committed_svg_was_made_from_the_committed_dot(name):
+    text = (FOLDER / f"{name}.dot").read_text(encoding="utf-8")
+    svg = (FOLDER / f"{name}.svg").read_text(encoding="utf-8")
+
+    assert re.findall(r"dot sha256 [0-9a-f]+", svg) == [fingerprint(text)]
+    assert "<svg" in svg and "</svg>" in svg
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_committed_svg_shows_every_block(name):
+    dot = (FOLDER / f"{name}.dot").read_text(encoding="utf-8")
+    svg = (FOLDER / f"{name}.svg").read_text(encoding="utf-8")
+
+    shown = set(re.findall(r">([^<>]+)</text>", svg))
+    assert set(re.findall(r"<B>(.*?)</B>", dot)) <= shown
+
+
+def test_nothing_is_committed_that_no_script_writes():
+    written = {f"{name}.{suffix}" for name in FIGURES for suffix in ("dot", "svg")}
+    written |= {f"{name}_plot.png" for name in FIGURES} | {"device.png"}
+    there = {path.name for path in FOLDER.iterdir() if path.is_file()}
+
+    assert there - {f"{name}.py" for name in SCRIPTS} == written
+
+
+# --- the scripts -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_script_writes_the_committed_dot_and_a_plot(ran, name):
+    folder = ran[name]
+
+    expected = {f"{name}.dot", f"{name}_plot.png"} | ({f"{name}.svg"} if has_graphviz() else set())
+    assert {path.name for path in folder.iterdir()} == expected
+    assert (folder / f"{name}.dot").read_bytes() == (FOLDER / f"{name}.dot").read_bytes()
+    plot = (folder / f"{name}_plot.png").read_bytes()
+    assert plot.startswith(PNG) and len(plot) > 10_000
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_script_writes_a_picture_of_the_diagram(ran, name):
+    if shutil.which("dot") is None:
+        pytest.skip("needs Graphviz")
+    folder = ran[name]
+    dot = (folder / f"{name}.dot").read_text(encoding="utf-8")
+
+    assert fingerprint(dot) in (folder / f"{name}.svg").read_text(encoding="utf-8")
+
+
+def test_device_is_drawn(ran):
+    (picture,) = ran["device"].iterdir()
+    assert picture.name == "device.png"
+    assert picture.read_bytes().startswith(PNG) and picture.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_usage_of_a_script_names_what_it_writes(ran, name):
+    usage = ast.get_docstring(ast.parse((FOLDER / f"{name}.py").read_text(encoding="utf-8")))
+    folder = ran[name]
+
+    assert f"python diagrams/{name}.py" in usage
+    for path in folder.iterdir():
+        assert path.name in usage
+
+
+def test_without_a_folder_a_script_writes_beside_itself(tmp_path):
+    here, elsewhere = tmp_path / "diagrams", tmp_path / "elsewhere"
+    here.mkdir()
+    elsewhere.mkdir()
+    shutil.copy(FOLDER / "figure5.py", here)
+    run_here(here / "figure5.py", cwd=elsewhere)
+
+    assert {"figure5.dot", "figure5_plot.png"} <= {path.name for path in here.iterdir()}
+    assert list(elsewhere.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["figure5", "device"])
+def test_a_script_makes_its_folder(tmp_path, name):
+    folder = tmp_path / "not" / "yet"
+    if name == "device":
+        assert run(FOLDER / "device.py", folder, cwd=tmp_path).returncode == 0
+    else:
+        run_here(FOLDER / f"{name}.py", folder, cwd=tmp_path)
+
+    assert any(folder.iterdir())
+
+
+def test_without_graphviz_a_script_writes_the_dot_and_the_plot(tmp_path, monkeypatch):
+    empty = tmp_path / "bin"
+    empty.mkdir()
+    monkeypatch.setenv("PATH", str(empty))
+    run_here(FOLDER / "figure5.py", tmp_path / "out", cwd=tmp_path)
+
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"figure5.dot", "figure5_plot.png"}
+
+
+def test_the_study_writes_the_same_diagrams(design, tmp_path):
+    """`sdt-drake reproduce` and the scripts share one function."""
+    for name in FIGURES:
+        dot = write_block_diagram(name, design, tmp_path)[0]
+        assert dot.read_bytes() == (FOLDER / dot.name).read_bytes()

@@ -1,0 +1,429 @@
+"""Loading of robots: the shipped device, any serial chain, and what is refused."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from pydrake.multibody.tree import JacobianWrtVariable
+from pydrake.systems.framework import DiagramBuilder
+
+from sdt_drake.errors import InputError
+from sdt_drake.robot import load_robot
+
+# A planar arm with round numbers. Both joints turn about y; at q = 0 it points along x. Link 1 is
+# 0.8 m long, its centre of mass is at 0.5 m; that of link 2 is 0.3 m from the elbow.
+ARM = """<?xml version="1.0"?>
+<sdf version="1.9" xmlns:drake="http://drake.mit.edu">
+  <model name="arm">
+    <link name="upper">
+      <inertial>
+        <pose>0.5 0 0 0 0 0</pose><mass>4</mass>
+        <inertia><ixx>0.25</ixx><iyy>0.5</iyy><izz>0.6</izz></inertia>
+      </inertial>
+    </link>
+    <link name="lower">
+      <pose relative_to="elbow"/>
+      <inertial>
+        <pose>0.3 0 0 0 0 0</pose><mass>2</mass>
+        <inertia><ixx>0.1</ixx><iyy>0.2</iyy><izz>0.25</izz></inertia>
+      </inertial>
+    </link>
+    <joint name="shoulder" type="revolute">
+      <parent>world</parent><child>upper</child>
+      <axis>
+        <xyz>0 1 0</xyz>
+        <limit><effort>90</effort><velocity>3</velocity><lower>-2</lower><upper>1</upper></limit>
+        <dynamics><damping>0.7</damping></dynamics>
+      </axis>
+      <drake:rotor_inertia>0.01</drake:rotor_inertia>
+      <drake:gear_ratio>10</drake:gear_ratio>
+    </joint>
+    <joint name="elbow" type="revolute">
+      <pose relative_to="upper">0.8 0 0 0 0 0</pose>
+      <parent>upper</parent><child>lower</child>
+      <axis><xyz>0 1 0</xyz><limit><effort>40</effort></limit></axis>
+    </joint>
+  </model>
+</sdf>
+"""
+
+
+def chain_sdf(n: int, *, seed: int = 0, base: bool = False, rotor_inertia: float = 0.01) -> str:
+    """A random chain of n joints, declared in no order, with products of inertia and damping.
+
+    Joint k = 1..n: effort 100 k, rotor inertia k `rotor_inertia`, gear ratio 2, damping 0.1 k. With
+    `base`, the first joint stands on a link that is welded to the world.
+    """
+    rng = np.random.default_rng(seed)
+    parts = []
+    for k, name in enumerate(chain_names(n), start=1):
+        parent = ("base" if base else "world") if k == 1 else f"link_{k - 1}"
+        frame = "__model__" if parent == "world" else parent
+        # Four masses of 1.5 kg: an inertia that a body can have.
+        r = rng.normal(scale=0.3, size=(4, 3))
+        com = r.mean(axis=0)
+        r -= com
+        I = 1.5 * (np.sum(r**2) * np.eye(3) - r.T @ r)  # noqa: E741
+        moments = "".join(
+            f"<i{a}{b}>{float(I[i, j])!r}</i{a}{b}>"
+            for i, a in enumerate("xyz")
+            for j, b in enumerate("xyz")
+            if i <= j
+        )
+        parts.append(
+            f'<link name="link_{k}"><pose relative_to="{name}"/><inertial><mass>6</mass>'
+            f"<pose>{_text(com)} 0 0 0</pose><inertia>{moments}</inertia></inertial></link>"
+        )
+        parts.append(
+            f'<joint name="{name}" type="revolute">'
+            f'<pose relative_to="{frame}">{_text(rng.uniform(-0.5, 0.5, size=6))}</pose>'
+            f"<parent>{parent}</parent><child>link_{k}</child>"
+            f"<axis><xyz>{_text(rng.normal(size=3))}</xyz><limit><effort>{100 * k}</effort></limit>"
+            f"<dynamics><damping>{0.1 * k}</damping></dynamics></axis>"
+            f"<drake:rotor_inertia>{k * rotor_inertia}</drake:rotor_inertia>"
+            "<drake:gear_ratio>2</drake:gear_ratio></joint>"
+        )
+    if base:
+        parts.append(
+            '<link name="base"><inertial><mass>9</mass><inertia><ixx>1</ixx><iyy>1</iyy>'
+            "<izz>1</izz></inertia></inertial></link>"
+        )
+        parts.append(
+            '<joint name="anchor" type="fixed"><parent>world</parent><child>base</child></joint>'
+        )
+    rng.shuffle(parts)
+    return (
+        '<sdf version="1.9" xmlns:drake="http://drake.mit.edu"><model name="chain">'
+        + "".join(parts)
+        + "</model></sdf>"
+    )
+
+
+def chain_names(n: int) -> tuple[str, ...]:
+    """Joints of `chain_sdf`, base to tip: the alphabet would have them the other way round."""
+    return tuple(f"joint_{chr(ord('z') - k)}" for k in range(n))
+
+
+def _text(values) -> str:
+    return " ".join(map(repr, map(float, values)))
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write the text of an SDF; gives its path."""
+
+    def write_sdf(text: str, name: str = "robot.sdf"):
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write_sdf
+
+
+# --- the shipped device ----------------------------------------------------------------------
+
+
+def test_shipped_motors_and_limits_are_the_published_ones(robot):
+    assert robot.name == "sdt"
+    assert robot.n == 4
+    assert robot.joint_names == ("planetary", "roll", "pitch", "yaw")
+    np.testing.assert_allclose(robot.effort_limit, [13655.04, 3950, 2150, 2150], rtol=1e-12)
+    np.testing.assert_allclose(robot.motor_torque_limit, [203.2, 3950, 2150, 2150], rtol=1e-12)
+    np.testing.assert_array_equal(robot.gear_ratio, [67.2, 1, 1, 1])
+    np.testing.assert_array_equal(robot.rotor_inertia, [0.1291, 1.73, 0.531, 0.531])
+    np.testing.assert_allclose(
+        robot.reflected_inertia, [67.2**2 * 0.1291, 1.73, 0.531, 0.531], rtol=1e-12
+    )
+    rpm = 2 * np.pi / 60
+    np.testing.assert_allclose(
+        robot.velocity_limit, [2000 / 67.2 * rpm, 45 * rpm, 60 * rpm, 60 * rpm], rtol=2e-5
+    )
+    np.testing.assert_array_equal(robot.position_lower, [-np.inf] * 4)
+    np.testing.assert_array_equal(robot.position_upper, [np.inf] * 4)
+    np.testing.assert_array_equal(robot.damping, np.zeros(4))
+    np.testing.assert_allclose(robot.plant.gravity_field().gravity_vector(), [0, 0, -9.81])
+
+
+@pytest.mark.parametrize(
+    "links, mass, com, moments",
+    [
+        (["arm"], 5600, [0.4, 0, 0], [1500, 8000, 9067.5]),
+        (["roll_frame"], 300, [0, 0, -0.18373], [95, 9, 95]),
+        (["pitch_frame"], 340, [0, 0, -0.18373], [533.8, 9, 535.8]),
+        (["gondola", "payload"], 370, [0, 0, -0.18373], [238, 13, 249.749]),
+    ],
+)
+def test_shipped_links_have_the_calibrated_inertia(robot, links, mass, com, moments):
+    plant = robot.plant
+    bodies = [plant.GetBodyByName(name) for name in links]
+    total = plant.CalcSpatialInertia(
+        plant.CreateDefaultContext(), bodies[0].body_frame(), [b.index() for b in bodies]
+    )
+    assert total.get_mass() == pytest.approx(mass, rel=1e-12)
+    np.testing.assert_allclose(total.get_com(), com, atol=1e-12)
+    central = total.Shift(total.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
+    np.testing.assert_allclose(central, np.diag(moments), atol=1e-9)
+
+
+def test_payload_is_its_own_link_of_180_kg_welded_into_the_gondola(robot):
+    payload = robot.plant.GetBodyByName("payload")
+    welded = {b.name() for b in robot.plant.GetBodiesWeldedTo(payload)}
+    assert payload.default_mass() == 180
+    assert welded == {"gondola", "payload"}
+
+
+def test_shipped_axes_are_z_y_x_z_and_meet_at_2_6_m(robot):
+    plant, context = robot.plant, robot.plant.CreateDefaultContext()
+    world = plant.world_frame()
+    jacobian = plant.CalcJacobianSpatialVelocity(
+        context,
+        JacobianWrtVariable.kV,
+        plant.GetFrameByName("gondola"),
+        np.zeros(3),
+        world,
+        world,
+    )
+    z, y, x = np.eye(3)[[2, 1, 0]]
+    np.testing.assert_allclose(jacobian[:3].T, [z, y, x, z], atol=1e-15)
+    np.testing.assert_allclose(jacobian[3:].T, [2.6 * y, 0 * x, 0 * x, 0 * x], atol=1e-12)
+
+
+def test_plant_passes_any_torque_on(robot):
+    plant, context = robot.plant, robot.plant.CreateDefaultContext()
+    torque = 50 * robot.effort_limit
+    plant.get_actuation_input_port().FixValue(context, torque)
+    np.testing.assert_array_equal(plant.get_net_actuation_output_port().Eval(context), torque)
+
+
+def test_make_plant_gives_copies_that_diagrams_own_and_robot_does_not_lose(robot):
+    diagrams = []
+    for _ in range(2):
+        builder = DiagramBuilder()
+        plant = builder.AddSystem(robot.make_plant())
+        assert plant is not robot.plant
+        diagrams.append(builder.Build())
+        context = diagrams[-1].CreateDefaultContext()
+        np.testing.assert_array_equal(
+            plant.CalcMassMatrix(plant.GetMyContextFromRoot(context)),
+            robot.plant.CalcMassMatrix(robot.plant.CreateDefaultContext()),
+        )
+    del diagrams, plant, builder, context
+    assert robot.plant.CreateDefaultContext().num_continuous_states() == 8
+
+
+# --- any serial chain ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("base", [False, True])
+@pytest.mark.parametrize("n", [1, 2, 7])
+def test_any_chain_loads_with_states_and_actuators_from_base_to_tip(write, n, base):
+    robot = load_robot(write(chain_sdf(n, seed=n, base=base, rotor_inertia=1e6)))
+    k = np.arange(1, n + 1)
+    assert robot.joint_names == chain_names(n)
+    np.testing.assert_allclose(robot.effort_limit, 100 * k)
+    np.testing.assert_allclose(robot.rotor_inertia, 1e6 * k)
+    np.testing.assert_allclose(robot.reflected_inertia, 4e6 * k)
+    np.testing.assert_allclose(robot.damping, 0.1 * k)
+    plant = robot.plant
+    context = plant.CreateDefaultContext()
+    # Velocity k is that of joint k: the motor of joint k outweighs the links by far.
+    M = plant.CalcMassMatrix(context)
+    np.testing.assert_allclose(M.diagonal() / 4e6, k, rtol=1e-3)
+    np.testing.assert_array_equal(plant.MakeActuationMatrix(), np.eye(n))
+    # Position k is that of joint k.
+    for i, name in enumerate(robot.joint_names):
+        plant.SetPositions(context, np.eye(n)[i])
+        assert plant.GetJointByName(name).get_angle(context) == 1
+
+
+def test_values_of_an_sdf_reach_the_robot(write):
+    path = write(ARM)
+    robot = load_robot(str(path))
+    assert (robot.name, robot.path, robot.joint_names) == ("arm", path, ("shoulder", "elbow"))
+    np.testing.assert_array_equal(robot.effort_limit, [90, 40])
+    np.testing.assert_array_equal(robot.velocity_limit, [3, np.inf])
+    np.testing.assert_array_equal(robot.position_lower, [-2, -np.inf])
+    np.testing.assert_array_equal(robot.position_upper, [1, np.inf])
+    np.testing.assert_array_equal(robot.damping, [0.7, 0])
+    np.testing.assert_array_equal(robot.gear_ratio, [10, 1])
+    np.testing.assert_array_equal(robot.rotor_inertia, [0.01, 0])
+
+
+# --- what is refused -------------------------------------------------------------------------
+
+_UPPER, _LOWER = r"link 'upper': ", r"link 'lower': "
+_SHOULDER, _ELBOW = r"joint 'shoulder': ", r"joint 'elbow': "
+_ELBOW_LIMIT = "<limit><effort>40</effort></limit>"
+_LOWER_INERTIAL = ARM[ARM.rindex("<inertial>") : ARM.rindex("</link>")]
+_THIRD_LINK = f'<link name="third"><pose relative_to="elbow"/>{_LOWER_INERTIAL}</link>'
+_END = "</model>"
+
+
+BAD = [
+    # Masses and inertias that Drake would fill in or replace.
+    ("<izz>0.6", "<izz>0.76", _UPPER + r".*triangle inequality.* 0\.25 \+ 0\.5 < 0\.76"),
+    ("<ixx>0.1<", "<ixy>0.3</ixy><ixx>0.1<", _LOWER + r".*principal moment -0\.154"),
+    ("<ixx>0.25", "<ixx>-0.25", _UPPER + r".*principal moment -0\.25"),
+    (_LOWER_INERTIAL, "", _LOWER + "no <mass>"),
+    ("<mass>2</mass>", "", _LOWER + "no <mass>"),
+    ("<ixx>0.1</ixx>", "", _LOWER + "no <ixx>"),
+    ("<izz>0.25</izz>", "", _LOWER + "no <izz>"),
+    ("<mass>4", "<mass>0", _UPPER + "<mass> 0 kg"),
+    ("<mass>4", "<mass>-4", _UPPER + "<mass> -4 kg"),
+    ("<mass>4", "<mass>NaN", _UPPER + "<mass> is 'NaN'"),
+    ("<mass>4", "<mass>inf", _UPPER + "<mass> is 'inf'"),
+    ("<mass>4", "<mass>four", _UPPER + "<mass> is 'four'"),
+    ("<iyy>0.2<", "<iyy>nan<", _LOWER + "<iyy> is 'nan'"),
+    # Joints.
+    ("<damping>", "<friction>0.2</friction><damping>", _SHOULDER + "<friction> 0.2"),
+    (
+        "<damping>",
+        "<spring_stiffness>5</spring_stiffness><damping>",
+        _SHOULDER + "<spring_stiffness> 5",
+    ),
+    ('elbow" type="revolute"', 'elbow" type="prismatic"', "joint 'elbow' is prismatic"),
+    ('elbow" type="revolute"', 'elbow" type="screw"', "joint 'elbow' is screw"),
+    (
+        _END,
+        _THIRD_LINK
+        + ARM[ARM.index('<joint name="elbow"') : ARM.index(_END)]
+        .replace('"elbow"', '"wrist"')
+        .replace("lower", "third")
+        + _END,
+        "branches at joints 'elbow', 'wrist'",
+    ),
+    ("<parent>world", "<parent>third", "third"),
+    (_END, _THIRD_LINK + _END, r"1 link\(s\) are not connected to the world"),
+    ("revolute", "fixed", "no revolute joint"),
+    # Motors.
+    (_ELBOW_LIMIT, "", _ELBOW + "actuator effort limit inf"),
+    ("<effort>40</effort>", "", _ELBOW + "actuator effort limit inf"),
+    ("<effort>40", "<effort>inf", _ELBOW + "actuator effort limit inf"),
+    ("<effort>40", "<effort>0", _ELBOW + "actuator effort limit 0"),
+    ("<effort>40", "<effort>nan", "nan"),
+    ("inertia>0.01", "inertia>-0.01", _SHOULDER + r"rotor inertia -0\.01"),
+    ("ratio>10", "ratio>0", _SHOULDER + "gear ratio 0"),
+    ("ratio>10", "ratio>-10", _SHOULDER + "gear ratio -10"),
+    ('<link name="lower">', '<link name="lower"><gravity>false</gravity>', "gravity: false"),
+    ("drake:rotor_inertia", "rotor_inertia", "rotor_inertia"),
+    # Files.
+    (ARM, "robot", "not well-formed XML"),
+    (_END, "</modell>", "not well-formed XML"),
+    (
+        _END,
+        "<include><uri>package://sdt/sdt.sdf</uri></include></model>",
+        "<include> is not supported",
+    ),
+    ("</sdf>", '<model name="two"/></sdf>', "2 models, expected one"),
+    (_END, '<link name="upper"/></model>', "upper"),
+    ("<child>lower", "<child>nothing", "nothing"),
+]
+
+
+@pytest.mark.parametrize("old, new, message", BAD, ids=[case[-1] for case in BAD])
+def test_a_bad_sdf_is_refused_with_file_place_and_number(write, old, new, message):
+    _check_refused(write, ARM.replace(old, new), message)
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "text"])
+@pytest.mark.parametrize(
+    "element",
+    [
+        "<drake:rotor_inertia>0.01<",
+        "<drake:gear_ratio>10<",
+        "<damping>0.7<",
+        "<velocity>3<",
+        "<lower>-2<",
+    ],
+)
+def test_a_joint_value_that_is_not_a_finite_number_is_refused(write, element, value):
+    if (element, value) == ("<velocity>3<", "inf"):
+        return  # no limit, said in another way
+    _check_refused(
+        write, ARM.replace(element, f"{element[: element.index('>')]}>{value}<"), "shoulder"
+    )
+
+
+@pytest.mark.parametrize(
+    "extra, name",
+    [
+        (
+            '<frame name="f" attached_to="upper"/><frame name="g" attached_to="lower"/>'
+            "<drake:linear_bushing_rpy><drake:bushing_frameA>f</drake:bushing_frameA>"
+            "<drake:bushing_frameC>g</drake:bushing_frameC>"
+            + "".join(
+                f"<drake:bushing_{a}_{b}>1 1 1</drake:bushing_{a}_{b}>"
+                for a in ("torque", "force")
+                for b in ("stiffness", "damping")
+            )
+            + "</drake:linear_bushing_rpy>",
+            "bushing",
+        ),
+        (
+            "<drake:ball_constraint>"
+            "<drake:ball_constraint_body_A>upper</drake:ball_constraint_body_A>"
+            "<drake:ball_constraint_body_B>lower</drake:ball_constraint_body_B>"
+            "<drake:ball_constraint_p_AP>0 0 0</drake:ball_constraint_p_AP>"
+            "<drake:ball_constraint_p_BQ>0 0 0</drake:ball_constraint_p_BQ>"
+            "</drake:ball_constraint>",
+            "constraint",
+        ),
+    ],
+    ids=["bushing", "constraint"],
+)
+def test_forces_that_no_torque_group_holds_are_refused(write, extra, name):
+    _check_refused(write, ARM.replace(_END, extra + _END), name)
+
+
+@pytest.mark.parametrize(
+    "old, new",
+    [
+        (
+            "</limit></axis>",
+            '</limit><mimic joint="shoulder"><multiplier>1</multiplier><offset>0</offset>'
+            "<reference>0</reference></mimic></axis>",
+        ),
+        ("<drake:gear_ratio>", '<drake:controller_gains p="9" d="1"/><drake:gear_ratio>'),
+    ],
+    ids=["mimic", "controller_gains"],
+)
+def test_joint_elements_without_effect_are_refused(write, old, new):
+    _check_refused(write, ARM.replace(old, new), "joint '")
+
+
+def test_a_joint_without_any_inertia_is_refused(write):
+    # A point mass on the last axis and a motor without inertia: the mass matrix is singular.
+    point = "<mass>2</mass><inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia></inertial>"
+    _check_refused(write, ARM.replace(_LOWER_INERTIAL, f"<inertial>{point}"), "elbow|lower")
+
+
+def _check_refused(write, text: str, message: str) -> None:
+    assert text != ARM
+    path = write(text, "bad.sdf")
+    with pytest.raises(InputError, match=f"^{re.escape(str(path))}: .*{message}") as error:
+        load_robot(path)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "reference, message",
+    [
+        ("nowhere.sdf", r"^nowhere\.sdf: no such file"),
+        ("package://sdt/nothing.sdf", r"nothing\.sdf: no such file; shipped: .*sdt\.sdf"),
+        ("package://sdt/motions/reference.yaml", r"reference\.yaml: expected an \.sdf file"),
+        (".", "no such file"),
+    ],
+)
+def test_a_file_that_is_no_sdf_is_refused(tmp_path, monkeypatch, reference, message):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=message):
+        load_robot(reference)
+
+
+def test_bytes_that_are_no_text_are_refused(tmp_path):
+    path = tmp_path / "binary.sdf"
+    path.write_bytes(b"\xff\xfe\x00\x01")
+    with pytest.raises(InputError, match=r"binary\.sdf: not well-formed XML"):
+        load_robot(path)

@@ -1,0 +1,444 @@
+"""Scenarios: YAML in and out, paths, designs, and what is refused."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sdt_drake
+from sdt_drake.design import load_plan, make_design
+from sdt_drake.errors import InputError
+from sdt_drake.motion import Motion, load_profile
+from sdt_drake.resources import find_file, models_dir
+from sdt_drake.scenario import (
+    ControllerChoice,
+    Disturbance,
+    PlantChoice,
+    Scenario,
+    load_scenario,
+    save_scenario,
+)
+from sdt_drake.yaml_files import load_yaml
+
+SHIPPED = sorted(path.stem for path in (models_dir() / "scenarios").glob("*.yaml"))
+# Table 1.
+I_EFF = [4.26, 98.01, 796.3, 250.28]
+KP = [267.1, 6.34e3, 5.2e4, 1.57e4]
+KI = [4.64e3, 1.07e5, 8.67e5, 2.73e5]
+ZETA = [0.95, 0.98, 0.99, 0.95]
+STILL = "duration: 1\njoints:\n" + 4 * "  - !Knots {knots: [[0, 0], [1, 0]]}\n"
+
+
+def shipped(name: str) -> Scenario:
+    return load_scenario(f"package://sdt/scenarios/{name}.yaml")
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Write the text of a scenario and load it."""
+
+    def load_text(text: str) -> Scenario:
+        path = tmp_path / "run.yaml"
+        path.write_text(text, encoding="utf-8")
+        return load_scenario(path)
+
+    return load_text
+
+
+# --- the shipped scenarios -------------------------------------------------------------------
+
+
+def test_four_scenarios_are_shipped():
+    assert SHIPPED == ["axis_pi", "axis_pi_ctc", "coupled_pi", "coupled_pi_ctc"]
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_shipped_scenario_survives_a_round_trip_and_can_be_made(name, tmp_path, make_variant):
+    scenario = shipped(name)
+    scenario.validate()
+    scenario.validate_sizes(4)
+    assert scenario.name == name
+    assert scenario.period == 0.005
+    save_scenario(scenario, tmp_path / "new" / "copy.yaml")
+    assert load_scenario(tmp_path / "new" / "copy.yaml") == scenario
+    assert make_variant(name).scenario == scenario
+
+
+@pytest.mark.parametrize("name", ["axis_pi", "axis_pi_ctc"])
+def test_axis_scenarios_have_the_published_numbers(name, make_variant):
+    scenario = shipped(name)
+    assert scenario.plant == PlantChoice("axis", I_EFF)
+    assert scenario.controller == ControllerChoice(
+        kind=name.removeprefix("axis_"), structure="p_in_feedback", kp=KP, ki=KI
+    )
+    assert scenario.algorithm == "printed"
+    design = make_variant(name)
+    np.testing.assert_array_equal(design.i_eff, I_EFF)
+    np.testing.assert_array_equal(design.gains.kp, KP)
+    np.testing.assert_array_equal(design.gains.ki, KI)
+
+
+@pytest.mark.parametrize("name", ["coupled_pi", "coupled_pi_ctc"])
+def test_coupled_scenarios_are_tuned_to_table_1(name, make_variant):
+    scenario = shipped(name)
+    assert scenario.plant == PlantChoice("coupled", None)
+    assert scenario.controller == ControllerChoice(
+        kind=name.removeprefix("coupled_"), structure="p_in_feedback", omega_r=65.991, zeta=ZETA
+    )
+    assert scenario.controller.omega_r == pytest.approx(2 * np.pi * 10.5028, rel=1e-5)
+    assert scenario.algorithm == "consistent"
+    gains = make_variant(name).gains
+    # The paper prints 2.73e5 for joint 4; its own formula gives 2.7248e5.
+    np.testing.assert_allclose(gains.ki, [4.64e3, 1.067e5, 8.67e5, 2.7248e5], rtol=1e-3)
+    np.testing.assert_allclose(gains.kp, KP, rtol=5e-3)
+
+
+def test_published_disturbance_belongs_to_the_axis_loop_with_ctc():
+    amplitudes = {name: shipped(name).disturbance.amplitude for name in SHIPPED}
+    assert amplitudes == {name: 0.05 * (name == "axis_pi_ctc") for name in SHIPPED}
+    assert shipped("axis_pi_ctc").disturbance.omega_d == pytest.approx(2 * np.pi)
+
+
+# --- a design takes what the scenario says ---------------------------------------------------
+
+
+def test_inertia_of_the_axes_is_the_largest_one_if_not_given(make_variant):
+    def without_i_eff(scenario):
+        scenario.plant.i_eff = None
+
+    design = make_variant("axis_pi", without_i_eff)
+    np.testing.assert_allclose(design.i_eff, [4.2601, 98.0127, 796.298, 250.280], rtol=1e-5)
+
+
+def test_zeta_is_1_if_not_given(make_variant):
+    def without_zeta(scenario):
+        scenario.controller.zeta = None
+
+    design = make_variant("coupled_pi", without_zeta)
+    # zeta = 1: K_PS = 2 I_eff omega_n with omega_n = omega_r / 2
+    np.testing.assert_allclose(design.gains.kp, 65.991 * design.inertia.maximum, rtol=1e-12)
+
+
+def test_algorithm_chooses_the_sign_of_the_loads(make_variant):
+    def printed(scenario):
+        scenario.algorithm = "printed"
+
+    consistent, printed = (
+        make_variant("coupled_pi").loads,
+        make_variant("coupled_pi", printed).loads,
+    )
+    np.testing.assert_array_equal(printed.alleviating_torque, consistent.alleviating_torque)
+    np.testing.assert_array_equal(np.abs(printed.load_torque), np.abs(consistent.load_torque))
+    assert np.any(printed.load_torque != consistent.load_torque)
+
+
+def test_torque_margin_and_period_reach_the_planner():
+    scenario = shipped("coupled_pi")
+    scenario.torque_margin, scenario.period = 0.9, 0.01
+    motion = make_design(scenario).motion
+    assert motion.period == 0.01
+    command = load_profile("package://sdt/motions/reference.yaml").speeds(motion.time)
+    np.testing.assert_array_equal(np.any(np.abs(motion.v - command) > 1e-3, axis=0), [0, 1, 0, 0])
+
+
+def test_every_field_of_a_scenario_is_read_somewhere():
+    read = set()
+    for path in Path(sdt_drake.__file__).parent.rglob("*.py"):
+        if path.name == "scenario.py":
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load):
+                read.add(node.attr)
+    for schema in (Scenario, PlantChoice, ControllerChoice, Disturbance):
+        unread = {field.name for field in dataclasses.fields(schema)} - read
+        assert not unread, f"{schema.__name__}: nothing reads {unread}"
+
+
+# --- paths -----------------------------------------------------------------------------------
+
+PROJECT = """robot: robots/own.sdf
+motion: ../still.yaml
+controller:
+  omega_r: 60
+"""
+
+
+@pytest.fixture
+def project(tmp_path):
+    """A folder with a scenario of relative paths, its robot and its motion."""
+    folder = tmp_path / "project" / "runs"
+    (folder / "robots").mkdir(parents=True)
+    (folder / "robots" / "own.sdf").write_bytes(find_file("package://sdt/sdt.sdf").read_bytes())
+    (folder.parent / "still.yaml").write_text(STILL)
+    (folder / "first_run.yaml").write_text(PROJECT)
+    return folder
+
+
+@pytest.mark.parametrize("start, path", [("elsewhere", "../project/runs"), ("project", "runs")])
+def test_relative_paths_start_from_the_folder_of_the_scenario(
+    project, tmp_path, monkeypatch, start, path
+):
+    (tmp_path / start).mkdir(exist_ok=True)
+    monkeypatch.chdir(tmp_path / start)
+    for reference in (f"{path}/first_run.yaml", project / "first_run.yaml"):
+        scenario = load_scenario(reference)
+        assert scenario.name == "first_run"
+        design = make_design(scenario)
+        assert design.robot.path.samefile(project / "robots" / "own.sdf")
+        assert design.motion.duration == 1
+
+
+def test_absolute_paths_stay_as_they_are(project, load):
+    robot = project / "robots" / "own.sdf"
+    assert load(PROJECT.replace("robots/own.sdf", str(robot))).robot == str(robot)
+
+
+@pytest.mark.parametrize("absolute", [True, False])
+def test_relative_paths_survive_saving_in_another_folder(project, tmp_path, monkeypatch, absolute):
+    monkeypatch.chdir(tmp_path)
+    folder = project if absolute else project.relative_to(tmp_path)
+    save_scenario(load_scenario(folder / "first_run.yaml"), tmp_path / "results" / "copy.yaml")
+    copy = load_scenario(tmp_path / "results" / "copy.yaml")
+    assert Path(copy.robot).is_file()
+    assert Path(copy.motion).is_file()
+
+
+# --- what is refused -------------------------------------------------------------------------
+
+AXIS = find_file("package://sdt/scenarios/axis_pi.yaml").read_text(encoding="utf-8")
+COUPLED = find_file("package://sdt/scenarios/coupled_pi.yaml").read_text(encoding="utf-8")
+
+BAD = [
+    # Fields.
+    (AXIS, "period:", "perod:", "perod: unknown field, did you mean period"),
+    (AXIS, "  kind: axis", "  kid: axis", r"plant\.kid: unknown field, did you mean kind"),
+    (AXIS, "  kp:", "  kq:", r"controller\.kq: unknown field, expected one of kind, structure, om"),
+    (AXIS, "  struc", "  struk", r"controller\.strukture: unknown field, did you mean structure"),
+    (AXIS, "plant:\n", "plant: !Axis\n", "plant: .*Axis"),
+    # Types.
+    (AXIS, "0.005", "fast", "period: 'fast', expected a number"),
+    (AXIS, "0.005", "true", "period: True, expected a number"),
+    (AXIS, "0.005", "[0.005]", r"period: \[0\.005\], expected a number"),
+    (AXIS, "0.005", "", "period: None, expected a number"),
+    (AXIS, "0.005", "1" + 400 * "0", "period: "),
+    (AXIS, "name: axis_pi", "name: 7", "name: 7, expected a text"),
+    (AXIS, "name: axis_pi", "name: [a]", r"name: \['a'\], expected a text"),
+    (AXIS, "name: axis_pi", "disturbance: 0.05", r"disturbance: 0\.05, expected a mapping with am"),
+    (AXIS, "[4.26, 98.01, 796.3, 250.28]", "4.26", r"plant\.i_eff: 4\.26, expected a list"),
+    (AXIS, "4.26,", "big,", r"plant\.i_eff\[1\]: 'big', expected a number"),
+    (AXIS, "98.01,", "true,", r"plant\.i_eff\[2\]: True, expected a number"),
+    # Values.
+    (AXIS, "0.005", "0", "period: 0.0, expected a finite number > 0"),
+    (AXIS, "0.005", "-0.005", "period: -0.005, "),
+    (AXIS, "0.005", ".nan", "period: nan, "),
+    (AXIS, "0.005", ".inf", "period: inf, "),
+    (AXIS, "0.005", "1e999", "period: inf, "),
+    (AXIS, "name: axis_pi", "torque_margin: 0", "torque_margin: 0.0, expected a finite number > 0"),
+    (AXIS, "name: axis_pi", "torque_margin: 1.1", r"torque_margin: 1\.1, .* \(0, 1\]"),
+    (AXIS, "name: axis_pi", "torque_margin: .nan", "torque_margin: nan, "),
+    (AXIS, "algorithm: printed", "algorithm: print", "algorithm: 'print', expected one of consis"),
+    (AXIS, "name: axis_pi", "inverse_dynamics: no", "inverse_dynamics: False, expected a text"),
+    (AXIS, "name: axis_pi", "inverse_dynamics: off_line", "'off_line', expected one of table, onl"),
+    (AXIS, "kind: axis", "kind: axes", r"plant\.kind: 'axes', expected one of axis, coupled"),
+    (AXIS, "kind: pi", "kind: pid", r"controller\.kind: 'pid', expected one of pi, pi_ctc"),
+    (AXIS, "p_in_feedback", "p", r"controller\.structure: 'p', expected one of pi, p_in_feedback"),
+    (AXIS, "kind: axis", "kind: coupled", r"plant\.i_eff: the coupled plant has its inertia"),
+    (
+        AXIS,
+        "name: axis_pi",
+        "disturbance: {amplitude: -0.1}",
+        r"disturbance\.amplitude: -0\.1, expected a finite number >= 0",
+    ),
+    (
+        AXIS,
+        "name: axis_pi",
+        "disturbance: {omega_d: .nan}",
+        r"disturbance\.omega_d: nan, expected a finite number >= 0",
+    ),
+    # Gains.
+    (AXIS, "  ki:", "  # ki:", "controller: kp and ki must be given together"),
+    (AXIS, "  kp:", "  # kp:", "controller: kp and ki must be given together"),
+    (AXIS, "  kp:", "  omega_r: 60\n  kp:", "controller: give either kp and ki, or omega_r"),
+    (AXIS, "  kp:", "  zeta: [1, 1, 1, 1]\n  kp:", "controller: give either kp and ki, or omega_r"),
+    (COUPLED, "  omega_r:", "  # omega_r:", r"controller\.omega_r: missing"),
+    (COUPLED, "65.991", "0", r"controller\.omega_r: 0\.0, expected a finite number > 0"),
+    (COUPLED, "65.991", "-66", r"controller\.omega_r: -66\.0, "),
+    (COUPLED, "65.991", ".nan", r"controller\.omega_r: nan, "),
+]
+
+
+@pytest.mark.parametrize("text, old, new, message", BAD, ids=[case[-1] for case in BAD])
+def test_a_bad_field_is_refused_with_file_and_name(load, text, old, new, message):
+    assert old in text
+    with pytest.raises(InputError, match=rf"run\.yaml: .*({message})") as error:
+        load(text.replace(old, new, 1))
+    assert "\n" not in str(error.value)
+
+
+MISFIT = [
+    (AXIS, "4.26, ", "", r"plant\.i_eff: 3 value\(s\), expected 4"),
+    (AXIS, "4.26, ", "-4.26, ", r"plant\.i_eff: \[-4\.26, .*every value must be > 0"),
+    (AXIS, "4.26, ", "0, ", r"plant\.i_eff: .*every value must be > 0"),
+    (AXIS, "4.26, ", ".nan, ", r"plant\.i_eff: .*not finite"),
+    (AXIS, "267.1, ", "", r"controller\.kp: 3 value\(s\), expected 4"),
+    (AXIS, "2.73e5]", "-2.73e5]", r"controller\.ki: .*every value must be > 0"),
+    (COUPLED, "0.95]", "0.95, 1]", r"controller\.zeta: 5 value\(s\), expected 4"),
+    (COUPLED, "[0.95", "[.inf", r"controller\.zeta: .*not finite"),
+    (AXIS, "0.005", "0.007", r"30 s is not a whole multiple of the period 0\.007 s"),
+    (AXIS, "0.005", "1e-310", "period"),
+    (AXIS, "0.005", "1e-14", "period"),
+    (AXIS, "package://sdt/sdt.sdf", "none.sdf", r"none\.sdf: no such file"),
+    (AXIS, "package://sdt/motions/reference", "none", r"none\.yaml: no such file"),
+    (AXIS, "package://sdt/motions/reference", "package://sdt/motions/x", r"shipped: .*referen"),
+    (AXIS, "package://sdt/sdt.sdf", "package://other/a.sdf", "package://other/a.sdf: no such"),
+]
+
+
+@pytest.mark.parametrize("text, old, new, message", MISFIT, ids=[case[-1] for case in MISFIT])
+def test_a_field_that_does_not_fit_the_robot_or_motion_is_refused(load, text, old, new, message):
+    assert old in text
+    scenario = load(text.replace(old, new, 1))
+    with pytest.raises(InputError, match=message):
+        make_design(scenario)
+
+
+# --- YAML files in general -------------------------------------------------------------------
+
+UNREADABLE = [
+    (b"", "None, expected a mapping with name, description, duration, q0, joints"),
+    (b"# nothing\n", "None, expected a mapping"),
+    (b"- 1\n- 2\n", r"\[1, 2\], expected a mapping"),
+    (b"text", "'text', expected a mapping"),
+    (b"joints: [1", "not valid YAML"),
+    (b"name: a\n---\nname: b\n", "not valid YAML"),
+    (b"\tname: a\n", "not valid YAML"),
+    (b"name: \xff\n", "cannot be read"),
+    (b"joints: 3\n", "joints: 3, expected a list"),
+    (b"joints: [3]\n", r"joints\[1\]: 3, expected a mapping"),
+    (b"joints:\n- !Spline {knots: []}\n", r"joints\[1\]: unknown kind !Spline, expected !Knots, "),
+    (b"joints:\n- !Knots {knot: []}\n", r"joints\[1\]\.knot: unknown field, did you mean knots"),
+    (b"joints:\n- !Sampled {period: x}\n", r"joints\[1\]\.period: 'x', expected a number"),
+    (b"joints:\n- !Knots {knots: [1]}\n", r"joints\[1\]\.knots\[1\]: 1, expected a list"),
+    (
+        b"joints:\n- !Knots {knots: [[0, a]]}\n",
+        r"joints\[1\]\.knots\[1\]\[2\]: 'a', expected a num",
+    ),
+    (b"q0: [0, null]\n", r"q0\[2\]: None, expected a number"),
+    (b"7: 8\n", ""),
+]
+
+
+@pytest.mark.parametrize("content, message", UNREADABLE, ids=[case[-1] for case in UNREADABLE])
+def test_a_bad_yaml_file_is_refused_with_file_and_place(tmp_path, content, message):
+    path = tmp_path / "bad.yaml"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=rf"bad\.yaml: {message}") as error:
+        load_profile(path)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "text, name",
+    [
+        ("period: 0.005\nname: a\nperiod: 0.01\ncontroller: {omega_r: 60}\n", "period"),
+        ("controller: {omega_r: 60, kind: pi, omega_r: 66}\n", "omega_r"),
+    ],
+)
+def test_a_key_that_is_given_twice_is_refused(load, text, name):
+    with pytest.raises(InputError, match=rf"run\.yaml, line \d: .*{name} is given twice"):
+        load(text)
+
+
+def test_a_missing_yaml_file_is_refused_with_what_there_is(tmp_path):
+    with pytest.raises(InputError, match=r"none\.yaml: no such file; files of the package start"):
+        load_scenario(tmp_path / "none.yaml")
+    with pytest.raises(InputError, match=r"shipped: axis_pi\.yaml, axis_pi_ctc\.yaml, coupled_pi"):
+        load_scenario("package://sdt/scenarios/none.yaml")
+    with pytest.raises(InputError, match="no such file"):
+        load_scenario(tmp_path)
+
+
+def test_numbers_without_a_point_and_missing_fields_are_taken(tmp_path):
+    path = tmp_path / "run.yaml"
+    path.write_text("period: 1e-2\ncontroller: {omega_r: 60, zeta: null}\n")
+    scenario, file = load_yaml(Scenario, str(path))
+    assert file == path
+    assert scenario == Scenario(period=0.01, controller=ControllerChoice(omega_r=60.0))
+    assert scenario.robot == "package://sdt/sdt.sdf"
+
+
+# --- motions of a design ---------------------------------------------------------------------
+
+
+@pytest.fixture
+def write_motion(tmp_path):
+    """Write a motion as CSV; gives its path."""
+
+    def write(motion: Motion) -> Path:
+        path = tmp_path / "motion.csv"
+        motion.to_csv(path)
+        return path
+
+    return write
+
+
+def standing(n: int = 4, period: float = 0.005, speed: float = 0.0) -> Motion:
+    v = np.zeros((11, n))
+    v[:, 0] = speed * np.arange(11)
+    return Motion.from_speeds(period, np.zeros(n), v)
+
+
+def test_a_planned_motion_is_the_same_from_its_csv(design, robot, write_motion):
+    motion = load_plan(write_motion(design.motion), robot, period=0.005).motion
+    for name in ("q", "v", "vd", "time"):
+        np.testing.assert_array_equal(getattr(motion, name), getattr(design.motion, name))
+
+
+@pytest.mark.parametrize(
+    "motion, message",
+    [
+        (standing(period=0.01), r"sampled at 0\.01 s, expected 0\.005 s"),
+        (standing(n=3), "3 joints, robot 'sdt' has 4"),
+        # 200 rad/s² of joint 1.
+        (standing(speed=1.0), r"joint 1 'planetary' at 0\.000 s: needs torque 3\.65093e\+06 N m"),
+    ],
+    ids=["period", "joints", "torque"],
+)
+def test_a_csv_that_the_robot_cannot_do_is_refused(robot, write_motion, motion, message):
+    with pytest.raises(InputError, match=rf"motion\.csv: .*{message}"):
+        load_plan(write_motion(motion), robot, period=0.005)
+
+
+def test_the_margin_holds_for_a_csv_too(design, robot, write_motion):
+    path = write_motion(design.motion)
+    load_plan(path, robot, period=0.005, margin=0.93)
+    with pytest.raises(InputError, match=r"motion\.csv: joint 2 'roll' at .* N m"):
+        load_plan(path, robot, period=0.005, margin=0.92)
+
+
+@pytest.mark.parametrize(
+    "name, text, message",
+    [
+        ("still.txt", STILL, r"expected a profile \(\.yaml\) or a planned motion \(\.csv\)"),
+        ("still.yaml", STILL.replace("duration", "length"), "length: unknown field"),
+        ("still.yml", STILL.replace("0], [1, 0", "0], [1, 9", 1), "joint 1 'planetary' at 0.000 s"),
+        ("still.yaml", STILL.replace("1, 0]", "1, 9]", 4), "motion lost"),
+        ("still.yaml", STILL[: STILL.rindex("  -")], "3 joints, robot 'sdt' has 4"),
+        ("still.csv", "time,q_1\n0,0\n1,0\n", "no column q_ref_1"),
+    ],
+)
+def test_a_file_that_is_no_motion_of_the_robot_is_refused(robot, tmp_path, name, text, message):
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(InputError, match=f"{name}: .*{message}") as error:
+        load_plan(path, robot, period=0.005)
+    assert str(error.value).count(name) == 1
+
+
+def test_a_missing_motion_is_refused(robot):
+    with pytest.raises(InputError, match=r"none\.csv: no such file"):
+        load_plan("none.csv", robot, period=0.005)

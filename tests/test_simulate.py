@@ -1,0 +1,279 @@
+"""Running a loop, and its recording; also of robots other than the reference device."""
+
+import copy
+import dataclasses
+
+import numpy as np
+import pytest
+
+from sdt_drake.design import make_design
+from sdt_drake.loops import make_loop
+from sdt_drake.motion import Motion
+from sdt_drake.scenario import ControllerChoice, PlantChoice, Scenario
+from sdt_drake.simulate import simulate, simulate_scenario
+
+PLANTS = ("axis", "coupled")
+SIGNALS = ("q_ref", "v_ref", "q", "v", "tau_cmd", "tau", "load_torque")
+COLUMNS = ("v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error")
+
+
+def along(design, q0, rows):
+    """The design along some rows of its motion, all angles moved so that it starts at `q0`."""
+    q, v, vd = (getattr(design.motion, name)[rows] for name in ("q", "v", "vd"))
+    motion = Motion(design.motion.period, q - q[0] + q0, v, vd)
+    return make_design(design.scenario, robot=design.robot, motion=motion)
+
+
+@pytest.fixture(scope="module")
+def designs(_reference_design):
+    """By plant: PI + CTC, disturbed, 4 s, with motors that are too weak by 40 %."""
+    base, made = _reference_design, {}
+    for plant in PLANTS:
+        scenario = copy.deepcopy(base.scenario)
+        scenario.plant.kind = plant
+        scenario.disturbance.amplitude = 0.05
+        whole = make_design(scenario, robot=base.robot, motion=base.motion)
+        weak = dataclasses.replace(base.robot, effort_limit=0.6 * base.robot.effort_limit)
+        made[plant] = dataclasses.replace(along(whole, 0, slice(0, 801)), robot=weak)
+    return made
+
+
+@pytest.fixture(scope="module")
+def recordings(designs):
+    return {plant: simulate(design) for plant, design in designs.items()}
+
+
+# --- recording -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_recording_has_every_sample(designs, recordings, plant):
+    motion, recording = designs[plant].motion, recordings[plant]
+    np.testing.assert_array_equal(recording.time, np.arange(801) * 0.005)
+    for name in SIGNALS:
+        values = getattr(recording, name)
+        assert values.shape == (801, 4), name
+        assert np.all(np.isfinite(values)), name
+    np.testing.assert_array_equal(recording.q_ref, motion.q)
+    np.testing.assert_array_equal(recording.v_ref, motion.v)
+    np.testing.assert_array_equal(recording.speed_error, recording.v - motion.v)
+    np.testing.assert_array_equal(recording.position_error, recording.q - motion.q)
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_torques_are_those_before_the_update(designs, recordings, plant):
+    """Row i has the load and the limits of sample i - 1, and the speed at its own time."""
+    design, recording = designs[plant], recordings[plant]
+    load, help_ = design.loads
+    np.testing.assert_array_equal(recording.load_torque[1:], load[:-1])
+    limit = 0.6 * np.array([203.2, 3950, 2150, 2150])
+    help_ = help_[:-1] if plant == "axis" else np.zeros((800, 4))
+    lower, upper = -limit + np.minimum(help_, 0), limit + np.maximum(help_, 0)
+    np.testing.assert_allclose(
+        recording.tau[1:], np.clip(recording.tau_cmd[1:], lower, upper), rtol=1e-12
+    )
+    assert np.any(recording.tau != recording.tau_cmd)
+    # tau_cmd - tau_ff = K_IS integral - K_PS r v; the integral is that of the held reference.
+    r = design.robot.gear_ratio
+    held = np.cumsum(design.motion.v[:-1], axis=0) * design.motion.period
+    integral = r * (held - (recording.q[1:] - recording.q[0]))
+    expected = design.gains.ki * integral - design.gains.kp * r * recording.v[1:] + load[:-1]
+    np.testing.assert_allclose(recording.tau_cmd[1:], expected, rtol=1e-6, atol=0.01)
+
+
+def test_coupled_torques_stay_within_the_motors(recordings):
+    limit = 0.6 * np.array([203.2, 3950, 2150, 2150])
+    assert np.all(np.abs(recordings["coupled"].tau) <= limit)
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_csv_is_exact(recordings, plant, tmp_path):
+    recording = recordings[plant]
+    recording.to_csv(tmp_path / "run.csv")
+    header, *rows = (tmp_path / "run.csv").read_text().splitlines()
+    names = [f"{name}_{k}" for name in COLUMNS for k in (1, 2, 3, 4)]
+    assert header == ",".join(["time", *names])
+    data = np.array([row.split(",") for row in rows], dtype=float)
+    expected = [recording.time[:, None], *(getattr(recording, name) for name in COLUMNS)]
+    np.testing.assert_array_equal(data, np.hstack(expected))
+
+
+def same_bits(first, second):
+    for name in ("time", *SIGNALS):
+        assert getattr(first, name).tobytes() == getattr(second, name).tobytes(), name
+
+
+@pytest.mark.parametrize("inverse_dynamics", ["table", "online"])
+@pytest.mark.parametrize("plant", PLANTS)
+def test_runs_repeat_bit_for_bit(designs, plant, inverse_dynamics):
+    scenario = copy.deepcopy(designs[plant].scenario)
+    scenario.inverse_dynamics = inverse_dynamics
+    design = dataclasses.replace(designs[plant], scenario=scenario)
+    first = simulate(design)
+    same_bits(first, simulate(design))
+    diagram = make_loop(design)
+    same_bits(first, simulate(design, diagram))
+    same_bits(first, simulate(design, diagram))  # nothing is left over in a diagram
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_starts_on_the_reference(designs, plant):
+    """Wherever it begins; at rest there, the error stays as small as from zero."""
+    q0 = np.array([1.0, -0.4, 0.3, 2.0])
+    design = along(designs[plant], q0, slice(0, 201))
+    recording = simulate(design)
+    np.testing.assert_array_equal(recording.q[0], q0)
+    np.testing.assert_array_equal(recording.v[0], design.motion.v[0])
+    np.testing.assert_allclose(recording.q_ref[0], q0)
+    assert np.abs(recording.q - recording.q_ref).max() < 0.05
+    # At once the load is that of q0: the motors of roll and pitch bear the offset gondola.
+    assert np.abs(recording.load_torque[1, 1:3]).min() > 10
+
+
+@pytest.mark.parametrize("structure", ["pi", "p_in_feedback"])
+@pytest.mark.parametrize("plant", PLANTS)
+def test_starts_at_speed_without_a_dip(tmp_path, plant, structure):
+    """Constant speed, no load, no friction: nothing has to happen."""
+    scenario = scenario_of(tmp_path, [{"axis": "0 0 1"}], plant=plant)
+    scenario.controller.structure = structure
+    motion = Motion.from_speeds(0.005, np.zeros(1), np.full((101, 1), 0.5))
+    recording = simulate(make_design(scenario, motion=motion))
+    np.testing.assert_allclose(recording.v, 0.5, rtol=0, atol=1e-6)
+
+
+# --- other robots ----------------------------------------------------------------------------
+
+GRAVITY = 9.81
+LINK = """
+    <link name="link_{k}">
+      <pose relative_to="{base}">{offset} 0 0 0 0 0</pose>
+      <inertial>
+        <pose>{com} 0 0 0 0 0</pose><mass>{mass}</mass>
+        <inertia><ixx>0.2</ixx><iyy>0.3</iyy><izz>0.3</izz></inertia>
+      </inertial>
+    </link>
+    <joint name="joint_{k}" type="revolute">
+      <parent>{parent}</parent><child>link_{k}</child>
+      <axis>
+        <xyz>{axis}</xyz>
+        <limit><effort>{effort}</effort></limit>
+        <dynamics><damping>{damping}</damping></dynamics>
+      </axis>
+      <drake:rotor_inertia>0.002</drake:rotor_inertia><drake:gear_ratio>{gear}</drake:gear_ratio>
+    </joint>"""
+
+
+def write_robot(folder, links):
+    """An SDF chain of links, each a dict that changes the defaults below."""
+    defaults = {"com": 0.5, "mass": 4.0, "axis": "0 1 0", "effort": 400, "damping": 0, "gear": 20}
+    body = ""
+    for k, link in enumerate(links, start=1):
+        base = {"base": "__model__", "offset": 0, "parent": "world"}
+        if k > 1:
+            base = {"base": f"link_{k - 1}", "offset": 0.8, "parent": f"link_{k - 1}"}
+        body += LINK.format(k=k, **base, **(defaults | link))
+    path = folder / "chain.sdf"
+    path.write_text(
+        f'<sdf version="1.9" xmlns:drake="drake.mit.edu"><model name="chain">{body}</model></sdf>'
+    )
+    return path
+
+
+def write_motion(folder, n, duration, q0=None):
+    """Each joint speeds up, holds, and stops."""
+    speeds = [0.4 * (k + 1) * (-1) ** k for k in range(n)]
+    joints = "\n".join(
+        f"  - !Knots {{knots: [[0, 0], [{0.3 * duration}, {v}], [{0.7 * duration}, {v}], "
+        f"[{duration}, 0]]}}"
+        for v in speeds
+    )
+    start = "" if q0 is None else f"q0: {list(q0)}\n"
+    path = folder / "motion.yaml"
+    path.write_text(f"duration: {duration}\n{start}joints:\n{joints}\n")
+    return path
+
+
+def scenario_of(folder, links, *, plant, duration=1.2, q0=None, **fields):
+    return Scenario(
+        robot=str(write_robot(folder, links)),
+        motion=str(write_motion(folder, len(links), duration, q0)),
+        plant=PlantChoice(kind=plant),
+        controller=ControllerChoice(kind="pi_ctc", omega_r=60.0),
+        **fields,
+    )
+
+
+@pytest.mark.parametrize("inverse_dynamics", ["table", "online"])
+@pytest.mark.parametrize("n", [1, 2])
+@pytest.mark.parametrize("plant", PLANTS)
+def test_other_numbers_of_joints(tmp_path, plant, n, inverse_dynamics):
+    links = [{"axis": "0 0 1"}, {"gear": 35}][:n]
+    scenario = scenario_of(tmp_path, links, plant=plant, inverse_dynamics=inverse_dynamics)
+    recording = simulate_scenario(scenario)
+    assert recording.v.shape == recording.tau.shape == (241, n)
+    # omega_n = 30 rad/s and zeta = 1: the loop lags by 2 zeta / omega_n times the acceleration.
+    acceleration = np.abs(np.diff(recording.v_ref, axis=0)).max() / 0.005
+    largest = np.abs(recording.speed_error).max()
+    assert 0.5 * acceleration / 15 < largest < 1.5 * acceleration / 15
+    np.testing.assert_allclose(recording.v[-1], 0, atol=1.2 * acceleration / 15)
+    recording.to_csv(tmp_path / "run.csv")
+    header = (tmp_path / "run.csv").read_text().partition("\n")[0]
+    assert header.count(",") == 6 * n
+    assert header.endswith(f"speed_error_{n}")
+
+
+def test_one_joint_is_the_same_robot_in_both_plants(tmp_path):
+    """Nothing to couple with, no gravity about the axis: the plants are one equation."""
+    axis, coupled = (
+        simulate_scenario(scenario_of(tmp_path, [{"axis": "0 0 1"}], plant=plant))
+        for plant in PLANTS
+    )
+    np.testing.assert_allclose(axis.v, coupled.v, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(axis.tau, coupled.tau, rtol=0, atol=1e-3)
+    assert not axis.load_torque.any()
+
+
+@pytest.mark.parametrize("inverse_dynamics", ["table", "online"])
+@pytest.mark.parametrize("plant", PLANTS)
+def test_load_of_a_pendulum(tmp_path, plant, inverse_dynamics):
+    """The load torque, less the help, bears gravity and friction: -m g l cos q + b v, over r."""
+    scenario = scenario_of(
+        tmp_path,
+        [{"damping": 3.0}],
+        plant=plant,
+        inverse_dynamics=inverse_dynamics,
+        q0=[0.7],
+        duration=1.0,
+    )
+    design = make_design(scenario)
+    recording = simulate(design)
+    q, v, vd = design.motion.q, design.motion.v, design.motion.vd
+    coupled = -4.0 * GRAVITY * 0.5 * np.cos(q) + 3.0 * v
+    own = (0.3 + 4.0 * 0.25) * vd
+    helps = (np.sign(own) != np.sign(coupled)) & (np.abs(own) > 0)
+    load = np.where(helps, np.sign(coupled) * np.maximum(np.abs(coupled) - np.abs(own), 0), coupled)
+    np.testing.assert_allclose(recording.load_torque[1:], load[:-1] / 20, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("inverse_dynamics", ["table", "online"])
+def test_the_first_row_is_just_after_its_update(tmp_path, inverse_dynamics):
+    """As `Recording` says, also for a robot that bears a load when all references are zero."""
+    scenario = scenario_of(tmp_path, [{}], plant="axis", inverse_dynamics=inverse_dynamics)
+    design = make_design(scenario)
+    recording = simulate(design)
+    assert abs(recording.load_torque[0, 0]) > 0.5
+    np.testing.assert_array_equal(recording.load_torque[0], design.loads.load_torque[0])
+
+
+@pytest.mark.parametrize("period", [0.002, 0.003, 1 / 300, 0.01, 0.007])
+@pytest.mark.parametrize("plant", PLANTS)
+def test_any_period_is_met_exactly(tmp_path, plant, period):
+    """No sample early, late or twice, whatever its time is in binary."""
+    duration = round(900 * period, 10)
+    scenario = scenario_of(
+        tmp_path, [{"axis": "0 0 1"}, {}], plant=plant, duration=duration, period=period
+    )
+    design = make_design(scenario)
+    recording = simulate(design)
+    np.testing.assert_array_equal(recording.time, np.arange(901) * period)
+    np.testing.assert_array_equal(recording.load_torque[1:], design.loads.load_torque[:-1])
