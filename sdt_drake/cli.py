@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import os
+import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -30,6 +32,11 @@ class _Parser(argparse.ArgumentParser):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit code: 0, or 2 after one line about bad input."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # a terminal that lacks a letter is no error
+    # Drake also logs what it raises. (It sets the logger's level itself, when it is imported.)
+    logging.getLogger("drake").addFilter(lambda record: False)
     try:
         options = _parser().parse_args(arguments)
         options.command(options)
@@ -37,8 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except InputError as error:
         return _refuse(str(error))
     except BrokenPipeError:
-        # Whoever read our output has enough. Python would complain once more at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _stop_printing()
     except OSError as error:
         return _refuse(f"{error.filename or 'files'}: {error.strerror or error}")
     except KeyboardInterrupt:
@@ -47,8 +53,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _refuse(message: str) -> int:
-    print(f"sdt-drake: {message}", file=sys.stderr)
+    print(f"sdt-drake: {' '.join(message.splitlines())}", file=sys.stderr)
     return BAD_INPUT
+
+
+def _say(text: str = "") -> None:
+    """Print a line; whoever reads us may have enough, the results are written all the same."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        _stop_printing()
+
+
+def _stop_printing() -> None:
+    # Python would complain once more at exit.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -116,7 +135,7 @@ def _parser() -> argparse.ArgumentParser:
         "sdt-drake diagram package://sdt/scenarios/axis_pi_ctc.yaml --format svg --out loop.svg",
     )  # fmt: skip
     _add_scenario(diagram)
-    diagram.add_argument("--format", default="dot", help="dot, svg or png")
+    diagram.add_argument("--format", help="dot, svg or png (default: by --out, or dot)")
     diagram.add_argument("--depth", type=int, default=1, help="levels of boxes to open")
     _add_out(diagram, "file; by default the scenario's name")
     return parser
@@ -169,15 +188,15 @@ def _reproduce(options: argparse.Namespace) -> None:
     start = time.perf_counter()
     folder: Path = options.out
     folder.mkdir(parents=True, exist_ok=True)
-    watch = Stopwatch(lambda line: print(line, flush=True))
+    watch = Stopwatch(_say)
     study = run_study(watch)
     claims = write_study(study, folder, watch)
-    print()
+    _say()
     for claim in claims:
-        print(f"  {claim.id:28s} {claim.verdict}")
+        _say(f"  {claim.id:28s} {claim.verdict}")
     if not has_graphviz():
-        print(f"\nNo .svg of the block diagrams: {NO_GRAPHVIZ}")
-    print(f"\n{folder / 'report.md'} written, {time.perf_counter() - start:.1f} s in all")
+        _say(f"\nNo .svg of the block diagrams: {NO_GRAPHVIZ}")
+    _say(f"\n{folder / 'report.md'} written, {time.perf_counter() - start:.1f} s in all")
 
 
 def _plan(options: argparse.Namespace) -> None:
@@ -189,7 +208,7 @@ def _plan(options: argparse.Namespace) -> None:
     robot = load_robot(options.robot)
     plan = load_plan(options.motion, robot, period=options.period, margin=options.margin)
     motion = plan.motion
-    print(f"{options.motion}: {motion.duration:g} s, {len(motion.time)} samples, feasible")
+    _say(f"{options.motion}: {motion.duration:g} s, {len(motion.time)} samples, feasible")
     peak = np.abs(plan.torque).max(axis=0)
     _print_table(
         ("joint", "peak torque [N m]", "of the motor [%]", "limited [s]", "speed [rad/s]",
@@ -206,10 +225,10 @@ def _plan(options: argparse.Namespace) -> None:
             for k in range(robot.n)
         ],
     )  # fmt: skip
-    print("torques are joint side, with the motors' inertia")
+    _say("torques are joint side, with the motors' inertia")
     if options.out:
         motion.to_csv(options.out)
-        print(f"{options.out} written")
+        _say(f"{options.out} written")
 
 
 def _tune(options: argparse.Namespace) -> None:
@@ -251,10 +270,10 @@ def _tune(options: argparse.Namespace) -> None:
             for k in range(design.robot.n)
         ],
     )  # fmt: skip
-    print("motor side; K_PS [N m s/rad], K_IS [N m/rad]; omega_0 [rad/s] at the largest inertia")
+    _say("motor side; K_PS [N m s/rad], K_IS [N m/rad]; omega_0 [rad/s] at the largest inertia")
     too_fast = [str(k + 1) for k in range(design.robot.n) if fastest[k] > 0.5 * (1 + 1e-9)]
     if too_fast:
-        print(
+        _say(
             f"note: omega_n exceeds 0.5 omega_r where the inertia is small, joint "
             f"{', '.join(too_fast)}"
         )
@@ -271,11 +290,11 @@ def _step(options: argparse.Namespace) -> None:
     units = {"overshoot_percent": "%", "peak": "rad/s", "steady_state_error": "rad/s"}
     for name, value in asdict(step.metrics).items():
         label = name.removesuffix("_percent").replace("_", " ")
-        print(f"{label:20s} {value:.5g} {units.get(name, 's')}")
+        _say(f"{label:20s} {value:.5g} {units.get(name, 's')}")
     if options.out:
         figure = plots.step_responses("Step response", {step.structure: step})
         plots.save(figure, options.out)
-        print(f"{options.out} written")
+        _say(f"{options.out} written")
 
 
 def _simulate(options: argparse.Namespace) -> None:
@@ -287,11 +306,13 @@ def _simulate(options: argparse.Namespace) -> None:
     from sdt_drake.scenario import load_scenario
     from sdt_drake.simulate import simulate
 
+    if options.out and options.out.suffix != ".csv":
+        plots.checked_figure_path(options.out)
     design = make_design(load_scenario(options.scenario))
     scenario = design.scenario
     recording = simulate(design)
     tracking = track(recording, design.motion)
-    print(f"{scenario.name}: {scenario.controller.kind} on the {scenario.plant.kind} plant")
+    _say(f"{scenario.name}: {scenario.controller.kind} on the {scenario.plant.kind} plant")
     _print_table(
         ("joint", "largest error [rad/s]", "RMS [rad/s]", "constant speed [rad/s]",
          "position [deg]", "saturated [%]"),
@@ -318,7 +339,7 @@ def _simulate(options: argparse.Namespace) -> None:
         title = f"{scenario.name}: speed errors"
         figure = plots.speed_errors(title, recording.time, lines, names, design.motion)
         plots.save(figure, options.out)
-    print(f"{options.out} written")
+    _say(f"{options.out} written")
 
 
 def _diagram(options: argparse.Namespace) -> None:
@@ -328,17 +349,23 @@ def _diagram(options: argparse.Namespace) -> None:
     from sdt_drake.loops import make_loop
     from sdt_drake.scenario import load_scenario
 
-    checked_choice(options.format, FORMATS, "--format")
-    checked_number(options.depth, "--depth", minimum=1)
+    suffix = options.out.suffix.removeprefix(".") if options.out else ""
+    format_ = options.format or (suffix if suffix in FORMATS else "dot")
+    checked_choice(format_, FORMATS, "--format")
+    if suffix in FORMATS and suffix != format_:
+        raise InputError(f"--format: {format_}, but {options.out} ends in .{suffix}")
+    if not 1 <= options.depth <= 100:
+        raise InputError(f"--depth: {options.depth}, expected 1 to 100")
     design = make_design(load_scenario(options.scenario))
-    path = options.out or Path(f"{design.scenario.name}.{options.format}")
+    name = re.sub(r"[^\w.-]+", "_", design.scenario.name).strip(".")
+    path = options.out or Path(f"{name}.{format_}")
     loop = make_loop(design, boxed=True)
-    write_diagram(loop, path, format_=options.format, max_depth=options.depth)
-    print(f"{path} written")
+    write_diagram(loop, path, format_=format_, max_depth=options.depth)
+    _say(f"{path} written")
 
 
 def _print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     for cells in (header, *rows):
         first = cells[0].ljust(widths[0])
-        print("  ".join([first, *(c.rjust(w) for c, w in zip(cells[1:], widths[1:], strict=True))]))
+        _say("  ".join([first, *(c.rjust(w) for c, w in zip(cells[1:], widths[1:], strict=True))]))

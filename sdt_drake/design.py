@@ -84,6 +84,7 @@ def make_design(
     loads = decouple(torques.inertial, torques.coupled, robot.gear_ratio, scenario.algorithm)
     i_eff = inertia.maximum if scenario.plant.i_eff is None else np.array(scenario.plant.i_eff)
     gains = _gains(scenario, inertia)
+    _check_speed(scenario, gains, i_eff if scenario.plant.kind == "axis" else inertia.minimum)
     return Design(scenario, robot, motion, torques, loads, inertia, i_eff, gains)
 
 
@@ -113,9 +114,28 @@ def _located(error: InputError, file: Path) -> InputError:
     return InputError(text if text.startswith(str(file)) else f"{file}: {text}")
 
 
+_FASTEST = 1000.0  # rad per interpolation period; far beyond what a drive could do
+
+
+def _check_speed(scenario: Scenario, gains: SpeedGains, i_eff: Array) -> None:
+    """Refuse a loop so stiff that its simulation would not end."""
+    with np.errstate(over="ignore", divide="ignore"):
+        fastest = np.maximum(gains.kp / i_eff, np.sqrt(gains.ki / i_eff))
+    if np.any(fastest * scenario.period > _FASTEST):
+        k = int(np.argmax(fastest))
+        raise InputError(
+            f"scenario '{scenario.name}': gains (kp, ki, or omega_r, zeta) against inertia give "
+            f"joint {k + 1} a pole at {fastest[k]:.3g} rad/s, expected less than "
+            f"{_FASTEST / scenario.period:.3g}"
+        )
+
+
 def _gains(scenario: Scenario, inertia: InertiaRange) -> SpeedGains:
     controller = scenario.controller
     if controller.kp is not None and controller.ki is not None:
         return SpeedGains(kp=np.array(controller.kp), ki=np.array(controller.ki))
-    zeta = np.ones_like(inertia.maximum) if controller.zeta is None else controller.zeta
-    return tune(inertia.maximum, controller.omega_r or 0.0, zeta)
+    zeta = 1.0 if controller.zeta is None else controller.zeta
+    try:
+        return tune(inertia.maximum, controller.omega_r or 0.0, zeta)
+    except InputError as error:
+        raise InputError(f"scenario '{scenario.name}': {error}") from None

@@ -100,11 +100,20 @@ def whole_periods(duration: float, period: float, where: str) -> int:
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` that takes its place only if the block succeeds."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """A temporary path beside `path` that takes its place only if the block succeeds.
+
+    Raises:
+        InputError: if `path` cannot be written.
+    """
+    if not path.name or path.name == ".." or path.is_dir():
+        raise InputError(f"{path}: is a folder, expected a file")
     partial = path.with_name(f".{path.name}.partial{path.suffix}")
     try:
-        yield partial
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            yield partial
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None

@@ -11,6 +11,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, Diagram
 
 from sdt_drake.design import Design, make_design
+from sdt_drake.errors import InputError
 from sdt_drake.loops import PLANT_NAME, make_loop
 from sdt_drake.scenario import Scenario
 from sdt_drake.systems import read_logs
@@ -90,8 +91,14 @@ def simulate(design: Design, diagram: Diagram | None = None) -> Recording:
     simulator = make_simulator(diagram, max_step=motion.period)
     context = simulator.get_mutable_context()
     _start_on_reference(design, diagram, context)
-    simulator.Initialize()
-    simulator.AdvanceTo(motion.duration)
+    try:
+        simulator.Initialize()
+        simulator.AdvanceTo(motion.duration)
+    except RuntimeError as error:
+        reason = " ".join(str(error).split())
+        raise InputError(
+            f"scenario '{design.scenario.name}': cannot be simulated ({reason})"
+        ) from None
     time, signals = read_logs(diagram, context)
     q, v = np.hsplit(signals.pop("state"), 2)
     return Recording(time=time, q_ref=motion.q, v_ref=motion.v, q=q, v=v, **signals)

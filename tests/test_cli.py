@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -96,11 +96,10 @@ class Done:
     code: int
     out: str
     err: str
-    table: list[dict[str, str]] = field(default_factory=list)
 
 
 def read_printed_table(text):
-    """Rows of the aligned table in `text`, by column number; names of columns may repeat."""
+    """Header and rows of the aligned table in `text`."""
     lines = text.splitlines()
     (start,) = [i for i, line in enumerate(lines) if line.startswith("joint ")]
     rows = []
@@ -149,6 +148,22 @@ def command(*arguments, cwd, **options):
     return subprocess.run(
         [sys.executable, "-m", "sdt_drake", *map(str, arguments)], cwd=cwd, **options
     )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _reproducing(tmp_path_factory):
+    """`sdt-drake reproduce` takes the longest: it runs beside the other tests."""
+    folder = tmp_path_factory.mktemp("reproduce")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sdt_drake", "reproduce", "--out", "some/results"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=folder,
+    )
+    yield process, folder
+    process.kill()
+    process.communicate()
 
 
 def snapshot(folder):
@@ -275,16 +290,21 @@ def test_plan_at_another_period(good, desk):
 
 
 def test_plan_with_a_margin_limits_the_accelerations(good, desk):
-    profile = SHORT.replace("[0.5, 0.5]]", "[1.5, 0.5]]").replace("0.5, 0]]", "1.5, 0]]")
-    (desk / "long.yaml").write_text(profile.replace("duration: 0.5", "duration: 1.5"))
-    free = read_printed_table(good("plan", "long.yaml").out)[1][1]
-    # Joint 2 needs about I dv/dt = 67 * 2 = 134 N m of its 3950 N m.
-    assert float(free[1]) == pytest.approx(66.82 * 2, rel=0.05) and float(free[3]) == 0
-    limited = read_printed_table(good("plan", "long.yaml", "--margin", "0.02").out)[1][1]
+    rest = "  - !Knots {knots: [[0, 0], [1.5, 0]]}\n"
+    (desk / "arm_only.yaml").write_text(
+        "duration: 1.5\njoints:\n  - !Knots {knots: [[0, 0], [0.5, 0.1], [1.5, 0.1]]}\n" + 3 * rest
+    )
+    inertia = 4.0424 * 67.2**2  # of the arm at q = 0, motor side 4.0424 kg m²
+    free = read_printed_table(good("plan", "arm_only.yaml").out)[1][0]
+    assert float(free[1]) == pytest.approx(0.2 * inertia, rel=1e-3) and float(free[3]) == 0
+    done = good("plan", "arm_only.yaml", "--margin", "0.1")
+    limited = read_printed_table(done.out)[1][0]
 
-    assert float(limited[1]) == pytest.approx(0.02 * 3950, abs=0.1)
-    assert float(limited[2]) == pytest.approx(2.0, abs=0.05)
-    assert float(limited[3]) == pytest.approx(0.5 / (79 / 66.82), abs=0.05)  # catches up later
+    torque = 0.1 * 203.2 * 67.2  # published
+    assert float(limited[1]) == pytest.approx(torque, abs=0.1)
+    assert float(limited[2]) == pytest.approx(10.0, abs=0.05)
+    assert float(limited[3]) == pytest.approx(0.1 * inertia / torque, abs=0.01)  # later at speed
+    assert float(limited[4]) == pytest.approx(0.1)
 
 
 # --- tune ------------------------------------------------------------------------------------
@@ -384,7 +404,7 @@ def test_step_writes_a_figure(good, desk, suffix, magic):
 )
 def test_step_of_an_absurdly_stiff_loop_ends(tmp_path, arguments):
     """Answer or refuse, but do not hang."""
-    done = command("step", *arguments, cwd=tmp_path, timeout=15)
+    done = command("step", *arguments, cwd=tmp_path, timeout=20)
 
     assert done.returncode in (0, 2)
     assert done.stderr == "" or is_one_line(done.stderr)
@@ -514,80 +534,6 @@ def test_a_suffix_never_holds_another_format(call, desk):
     else:
         assert done.code == 2 and is_one_line(done.err)
         assert not (desk / "loop.svg").exists()
-
-
-# --- reproduce -------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def reproduced(tmp_path_factory):
-    """The real command, from a folder of its own."""
-    folder = tmp_path_factory.mktemp("reproduce")
-    return command("reproduce", "--out", "some/results", cwd=folder), folder
-
-
-def test_reproduce(reproduced):
-    done, folder = reproduced
-    out = folder / "some" / "results"
-
-    assert (done.returncode, done.stderr) == (0, "")
-    assert [path.name for path in folder.iterdir()] == ["some"]
-    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    for name in ("report.md", "table1.md", "reference.csv", "figure8.png", "diagrams/figure6.dot"):
-        assert (out / name).is_file(), name
-    for claim in summary["claims"]:
-        assert re.search(rf"^\s+{claim['id']}\s+{claim['verdict']}$", done.stdout, re.M)
-    assert "some/results/report.md" in done.stdout
-
-
-def test_reproduce_says_how_long_each_stage_took(reproduced):
-    done, folder = reproduced
-    summary = json.loads((folder / "some/results/summary.json").read_text(encoding="utf-8"))
-
-    for stage in summary["wall_time_s"]:
-        assert re.search(rf"^\s+{re.escape(stage)}\s+\d+\.\d\d s$", done.stdout, re.M), stage
-    assert re.search(r"\d+\.\d s in all", done.stdout)
-
-
-@pytest.fixture
-def quick_study(monkeypatch):
-    """A study that is computed and written at once: two stages, one claim, one file."""
-
-    def run_study(watch):
-        with watch.stage("first"):
-            pass
-        with watch.stage("second"):
-            return SimpleNamespace()
-
-    def write_study(_, folder, watch):
-        with watch.stage("files"):
-            (folder / "report.md").write_text("report")
-        return [SimpleNamespace(id="a_claim", verdict="reproduced")]
-
-    monkeypatch.setattr(study, "run_study", run_study)
-    monkeypatch.setattr(report, "write_study", write_study)
-
-
-def test_reproduce_into_the_default_folder(good, desk, quick_study):
-    good("reproduce")
-
-    assert (desk / "out" / "report.md").is_file()
-
-
-def test_reproduce_without_graphviz_says_so_in_one_line(
-    good, desk, quick_study, tmp_path, monkeypatch
-):
-    empty = tmp_path / "empty"
-    empty.mkdir()
-    monkeypatch.setenv("PATH", str(empty))
-
-    (line,) = [line for line in good("reproduce").out.splitlines() if "Graphviz" in line]
-    assert ".svg" in line and "install" in line
-
-
-@needs_graphviz
-def test_reproduce_with_graphviz_does_not_speak_of_it(good, desk, quick_study):
-    assert "Graphviz" not in good("reproduce").out
 
 
 # --- pipes, interrupts, encodings ------------------------------------------------------------
@@ -734,7 +680,7 @@ def test_simulate_another_robot(good, desk, plant, controller):
     assert [row[0] for row in read_printed_table(done.out)[1]] == ["1 shoulder", "2 elbow"]
     # Lag of the reference, 2 zeta / omega_n * 0.8 rad/s², and what gravity adds without CTC.
     largest = np.abs(columns["speed_error"]).max(axis=0)
-    assert np.all((0.03 < largest) & (largest < 0.5))
+    assert np.all((largest > 0.03) & (largest < 0.5))
     good("simulate", "arm_run.yaml", "--out", "arm.png")
     good("diagram", "arm_run.yaml")
     assert "elbow" not in (desk / "arm_run.dot").read_text()  # blocks, not joints
@@ -787,7 +733,6 @@ def refuse(call, desk, tmp_path):
         assert is_one_line(done.err), done.err
         for words in saying:
             assert words in done.err
-        assert "partial" not in done.err  # of no meaning to the user
         assert snapshot(tmp_path) == before
         return done.err
 
@@ -916,6 +861,23 @@ def test_places_that_cannot_be_written(refuse, desk, writer, out):
 
 
 @pytest.mark.parametrize(
+    "out",
+    [
+        "folder.csv",
+        pytest.param("/proc/here.csv", marks=needs_proc),
+        "n" * 300 + ".csv",
+        "..",
+    ],
+    ids=["folder", "proc_root", "long", "dotdot"],
+)
+def test_a_place_is_named_as_it_was_given(call, desk, out):
+    """Not by the hidden file that is written first."""
+    done = call("plan", "short.yaml", "--out", out)
+
+    assert out in done.err and "partial" not in done.err
+
+
+@pytest.mark.parametrize(
     "out", ["file", BELOW_A_FILE.format(suffix="d"), pytest.param("/proc/x", marks=needs_proc)]
 )
 def test_places_where_a_study_cannot_go(refuse, monkeypatch, out):
@@ -999,7 +961,8 @@ BAD_SCENARIOS = {
         ["short.yaml", "4", "2", "two_links"],
     ),
     "robot_of_another_motion": (
-        "motion: arm.yaml\ncontroller: {{omega_r: 60}}\n", ["arm.yaml", "2", "4", "sdt"]
+        "robot: package://sdt/sdt.sdf\nmotion: arm.yaml\ncontroller: {{omega_r: 60}}\n",
+        ["arm.yaml", "2", "4", "sdt"],
     ),
 }  # fmt: skip
 # Faults of a file that the scenario names: the line names that file.
@@ -1037,10 +1000,10 @@ def test_bad_scenarios(refuse, desk, fault):
 
 @pytest.mark.parametrize("fault", sorted(BAD_SCENARIOS.keys() - ELSEWHERE - {"inertia_vanishing"}))
 def test_bad_scenarios_are_named(call, desk, fault):
-    """A line about a scenario names its file."""
+    """A line about a scenario says which."""
     write_scenario(desk / "bad.yaml", BAD_SCENARIOS[fault][0])
 
-    assert "bad.yaml" in call("simulate", "bad.yaml").err
+    assert re.search(r"bad\.yaml|scenario 'bad'", call("simulate", "bad.yaml").err)
 
 
 def test_the_scenario_of_the_bad_ones_is_good(good, desk):
@@ -1051,7 +1014,7 @@ def test_the_scenario_of_the_bad_ones_is_good(good, desk):
 
 def test_a_vanishing_inertia_does_not_hang(desk):
     write_scenario(desk / "bad.yaml", "{rest}plant: {{i_eff: [1e-9, 1e-9]}}\n")
-    done = command("simulate", "bad.yaml", cwd=desk, timeout=15)
+    done = command("simulate", "bad.yaml", cwd=desk, timeout=20)
 
     assert done.returncode in (0, 2)
     assert done.stderr == "" or is_one_line(done.stderr)
@@ -1194,10 +1157,9 @@ def test_bad_robots(refuse, desk, fault):
     ("old", "new"),
     [
         ("<effort>3950", "<effort>strong"),
-        ("<xyz>0 1 0</xyz>", "<xyz>0 1</xyz>"),
         ('relative_to="arm">2.6', 'relative_to="arm">nan'),
     ],
-    ids=["effort", "axis", "pose"],
+    ids=["effort", "pose"],
 )
 def test_errors_of_the_sdf_parser_are_one_line_too(desk, old, new):
     """The parser logs by itself, past Python's stderr: only a process of its own shows it."""
@@ -1226,6 +1188,81 @@ def test_a_refused_result_leaves_the_old_one(call, desk):
 
 def test_a_line_break_in_a_path_stays_one_line(refuse, desk):
     refuse("plan", "no\nwhere.yaml", saying=["no such file"])
+
+
+# --- reproduce -------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def reproduced(_reproducing):
+    """The real command, from a folder of its own."""
+    process, folder = _reproducing
+    out, err = process.communicate(timeout=200)
+    return subprocess.CompletedProcess(process.args, process.returncode, out, err), folder
+
+
+def test_reproduce(reproduced):
+    done, folder = reproduced
+    out = folder / "some" / "results"
+
+    assert (done.returncode, done.stderr) == (0, "")
+    assert [path.name for path in folder.iterdir()] == ["some"]
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    for name in ("report.md", "table1.md", "reference.csv", "figure8.png", "diagrams/figure6.dot"):
+        assert (out / name).is_file(), name
+    for claim in summary["claims"]:
+        assert re.search(rf"^\s+{claim['id']}\s+{claim['verdict']}$", done.stdout, re.M)
+    assert "some/results/report.md" in done.stdout
+
+
+def test_reproduce_says_how_long_each_stage_took(reproduced):
+    done, folder = reproduced
+    summary = json.loads((folder / "some/results/summary.json").read_text(encoding="utf-8"))
+
+    for stage in summary["wall_time_s"]:
+        assert re.search(rf"^\s+{re.escape(stage)}\s+\d+\.\d\d s$", done.stdout, re.M), stage
+    assert re.search(r"\d+\.\d s in all", done.stdout)
+
+
+@pytest.fixture
+def quick_study(monkeypatch):
+    """A study that is computed and written at once: two stages, one claim, one file."""
+
+    def run_study(watch):
+        with watch.stage("first"):
+            pass
+        with watch.stage("second"):
+            return SimpleNamespace()
+
+    def write_study(_, folder, watch):
+        with watch.stage("files"):
+            (folder / "report.md").write_text("report")
+        return [SimpleNamespace(id="a_claim", verdict="reproduced")]
+
+    monkeypatch.setattr(study, "run_study", run_study)
+    monkeypatch.setattr(report, "write_study", write_study)
+
+
+def test_reproduce_into_the_default_folder(good, desk, quick_study):
+    good("reproduce")
+
+    assert (desk / "out" / "report.md").is_file()
+
+
+def test_reproduce_without_graphviz_says_so_in_one_line(
+    good, desk, quick_study, tmp_path, monkeypatch
+):
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    monkeypatch.setenv("PATH", str(empty))
+
+    (line,) = [line for line in good("reproduce").out.splitlines() if "Graphviz" in line]
+    assert ".svg" in line and "install" in line
+
+
+@needs_graphviz
+def test_reproduce_with_graphviz_does_not_speak_of_it(good, desk, quick_study):
+    assert "Graphviz" not in good("reproduce").out
 
 
 # --- what nobody should see ------------------------------------------------------------------

@@ -55,13 +55,23 @@ def save(figure: Figure, path: str | Path) -> Path:
     Raises:
         InputError: for a suffix that matplotlib does not know.
     """
-    path = Path(path)
-    known = sorted(figure.canvas.get_supported_filetypes())
-    if path.suffix.removeprefix(".") not in known:
-        raise InputError(f"{path}: unknown kind of figure, expected .{', .'.join(known)}")
+    path = checked_figure_path(path)
     metadata = {"Date": None} if path.suffix == ".svg" else None
     with style(), replacing(path) as partial:
         figure.savefig(partial, dpi=130, metadata=metadata)
+    return path
+
+
+def checked_figure_path(path: str | Path) -> Path:
+    """`path` if its suffix is that of a figure.
+
+    Raises:
+        InputError: for a suffix that matplotlib does not know.
+    """
+    path = Path(path)
+    known = sorted(Figure().canvas.get_supported_filetypes())
+    if path.suffix.removeprefix(".") not in known:
+        raise InputError(f"{path}: unknown kind of figure, expected .{', .'.join(known)}")
     return path
 
 

@@ -20,6 +20,7 @@ from sdt_drake.control import (
     tune,
 )
 from sdt_drake.design import Design, make_design
+from sdt_drake.errors import InputError
 from sdt_drake.loops import make_step_loop
 from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.simulate import Recording, make_simulator, simulate
@@ -27,8 +28,6 @@ from sdt_drake.systems import read_logs
 
 Array = NDArray[np.float64]
 Report = Callable[[str], None]
-
-STEP_DURATION = 0.5  # s
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,12 +134,26 @@ def run_study(watch: Stopwatch) -> Study:
 
 
 def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> StepResponse:
-    """Simulate the step of one axis, tuned for `zeta` at `i_eff`, motor side [kg m²]."""
+    """Simulate the step of one axis until it has settled.
+
+    Args:
+        structure: "pi" or "p_in_feedback".
+        zeta: damping ratio [-], 0.01 to 100.
+        i_eff: inertia, motor side [kg m²].
+        omega_r: lowest natural frequency of the structure [rad/s]; omega_n is half of it.
+
+    Raises:
+        InputError: for values out of range.
+    """
     gains = tune([i_eff], omega_r, [zeta])
-    loop = make_step_loop(gains=gains, i_eff=i_eff, structure=structure)
-    simulator = make_simulator(loop, max_step=1e-3)
+    if not 0.01 <= zeta <= 100:
+        raise InputError(f"zeta: {zeta:g}, expected 0.01 to 100")
+    # The slowest pole decays like zeta omega_n (zeta < 1) or omega_n / (2 zeta).
+    duration = 16.5 * max(zeta, 1 / zeta) / (0.5 * omega_r)
+    loop = make_step_loop(gains=gains, i_eff=i_eff, structure=structure, log_period=duration / 5000)
+    simulator = make_simulator(loop, max_step=duration / 500)
     simulator.Initialize()
-    simulator.AdvanceTo(STEP_DURATION)
+    simulator.AdvanceTo(duration)
     t, signals = read_logs(loop, simulator.get_context())
     speed = signals["state"][:, 1]
     return StepResponse(structure, zeta, t, speed, step_metrics(t, speed, y0=0.0, y_final=1.0))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sdt_drake.errors import checked_number, checked_vector
+from sdt_drake.errors import InputError, checked_number, checked_vector
 
 Array = NDArray[np.float64]
 
@@ -47,8 +47,15 @@ def tune(i_eff_max: ArrayLike, omega_r: float, zeta: ArrayLike) -> SpeedGains:
         np.full(n, zeta) if np.ndim(zeta) == 0 else zeta, n, "zeta", positive=True
     )
     omega_r = checked_number(omega_r, "omega_r", minimum=0, exclusive=True)
-    ki = 0.25 * omega_r**2 * i_eff_max
-    return SpeedGains(kp=2 * zeta * np.sqrt(i_eff_max * ki), ki=ki)
+    with np.errstate(over="ignore"):
+        ki = 0.25 * np.square(omega_r) * i_eff_max
+        kp = 2 * zeta * np.sqrt(i_eff_max * ki)
+    if not np.all(np.isfinite(kp)):
+        raise InputError(
+            f"gains too large for a number: inertia {i_eff_max.tolist()} kg m², "
+            f"omega_r {omega_r:g} rad/s, zeta {zeta.tolist()}"
+        )
+    return SpeedGains(kp=kp, ki=ki)
 
 
 def natural_frequency(gains: SpeedGains, i_eff: ArrayLike) -> Array:
