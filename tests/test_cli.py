@@ -1190,6 +1190,32 @@ def test_a_line_break_in_a_path_stays_one_line(refuse, desk):
     refuse("plan", "no\nwhere.yaml", saying=["no such file"])
 
 
+def test_a_device_or_pipe_is_not_replaced_by_a_file(desk):
+    """`--out /dev/null`, as root, must not turn the device into a file; here with a named pipe."""
+    os.mkfifo(desk / "pipe.csv")
+    reader = os.open(desk / "pipe.csv", os.O_RDWR | os.O_NONBLOCK)  # so that writing cannot block
+    try:
+        done = command("plan", "short.yaml", "--out", "pipe.csv", cwd=desk)
+    finally:
+        os.close(reader)
+
+    assert (desk / "pipe.csv").is_fifo()
+    assert done.returncode in (0, 2) and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("out", ["short.yaml", "motion.yaml", "motion.png", "motion"])
+def test_a_motion_goes_into_a_csv_file_only(refuse, out):
+    """No command could read it under another suffix; and a profile is not overwritten by it."""
+    refuse("plan", "short.yaml", "--out", out, saying=[out, ".csv"])
+
+
+def test_a_line_about_an_option_does_not_speak_of_a_scenario(call, desk):
+    """`tune` makes a scenario inside; the user gave none."""
+    for arguments in (("--zeta", "1"), ("--zeta", "1", "1", "1", "0"), ("--omega-r", "0")):
+        err = call("tune", "short.yaml", *arguments).err
+        assert is_one_line(err) and "scenario" not in err, err
+
+
 # --- reproduce -------------------------------------------------------------------------------
 
 

@@ -59,6 +59,7 @@ def save(figure: Figure, path: str | Path) -> Path:
     metadata = {"Date": None} if path.suffix == ".svg" else None
     with style(), replacing(path) as partial:
         figure.savefig(partial, dpi=130, metadata=metadata)
+        figure.set_layout_engine("none")  # it is laid out now; the next format need not do it again
     return path
 
 

@@ -14,6 +14,7 @@ from sdt_drake.analysis import plots
 from sdt_drake.analysis.block_diagrams import DIAGRAMS
 from sdt_drake.analysis.report import report_markdown, summary, write_study
 from sdt_drake.analysis.study import Stopwatch
+from sdt_drake.errors import InputError
 from sdt_drake.graphviz import has_graphviz
 from sdt_drake.motion import Motion
 from sdt_drake.tables import read_table
@@ -570,7 +571,7 @@ def test_a_disk_that_fills_up_leaves_no_half_written_file(study, used_folder, mo
         raise OSError(28, "No space left on device", str(path))
 
     monkeypatch.setattr(Figure, "savefig", savefig)
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(InputError, match=r"figure2\.png: cannot be written \(No space left"):
         write_study(study, used_folder, quiet())
 
     after = contents(used_folder)
