@@ -32,6 +32,8 @@ class _Parser(argparse.ArgumentParser):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit code: 0, or 2 after one line about bad input."""
+    if sys.stdout is None:  # closed by whoever called us
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # a terminal that lacks a letter is no error
@@ -93,7 +95,7 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     plan.add_argument("motion", nargs="?", default=MOTION, help="profile .yaml or motion .csv")
     _add_robot(plan)
-    plan.add_argument("--period", type=float, default=0.005, help="interpolation period [s]")
+    _add_period(plan)
     plan.add_argument(
         "--margin", type=float, default=1.0, help="share of the motors' torque to use, in (0, 1]"
     )
@@ -106,6 +108,7 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     tune.add_argument("motion", nargs="?", default=MOTION, help="profile .yaml or motion .csv")
     _add_robot(tune)
+    _add_period(tune)
     _add_tuning(tune)
 
     step = _command(
@@ -164,6 +167,10 @@ def _add_robot(parser) -> None:
     parser.add_argument("--robot", default=ROBOT, help="SDF file (default: the shipped device)")
 
 
+def _add_period(parser) -> None:
+    parser.add_argument("--period", type=float, default=0.005, help="interpolation period [s]")
+
+
 def _add_scenario(parser) -> None:
     parser.add_argument("scenario", metavar="SCENARIO.yaml")
 
@@ -193,7 +200,7 @@ def _reproduce(options: argparse.Namespace) -> None:
     claims = write_study(study, folder, watch)
     _say()
     for claim in claims:
-        _say(f"  {claim.id:28s} {claim.verdict}")
+        _say(f"  {claim.id:29s} {claim.verdict}")
     if not has_graphviz():
         _say(f"\nNo .svg of the block diagrams: {NO_GRAPHVIZ}")
     _say(f"\n{folder / 'report.md'} written, {time.perf_counter() - start:.1f} s in all")
@@ -205,6 +212,8 @@ def _plan(options: argparse.Namespace) -> None:
     from sdt_drake.design import load_plan
     from sdt_drake.robot import load_robot
 
+    if options.out and options.out.suffix != ".csv":
+        raise InputError(f"{options.out}: expected a .csv file")
     robot = load_robot(options.robot)
     plan = load_plan(options.motion, robot, period=options.period, margin=options.margin)
     motion = plan.motion
@@ -234,18 +243,25 @@ def _plan(options: argparse.Namespace) -> None:
 def _tune(options: argparse.Namespace) -> None:
     from sdt_drake.control import damping_ratio, natural_frequency, oscillation_frequency
     from sdt_drake.design import make_design
+    from sdt_drake.resources import find_file
     from sdt_drake.scenario import ControllerChoice, Scenario
 
     zeta = options.zeta
-    if zeta is None and options.robot == ROBOT:
+    if zeta is None and find_file(options.robot).resolve() == find_file(ROBOT).resolve():
         zeta = paper.table1("zeta_max")
-    design = make_design(
-        Scenario(
-            robot=options.robot,
-            motion=options.motion,
-            controller=ControllerChoice(omega_r=options.omega_r, zeta=zeta),
+    try:
+        design = make_design(
+            Scenario(
+                robot=options.robot,
+                motion=options.motion,
+                period=options.period,
+                controller=ControllerChoice(omega_r=options.omega_r, zeta=zeta),
+            )
         )
-    )
+    except InputError as error:
+        # The fields of the scenario are options here.
+        text = re.sub(r"(?:controller\.)?\b(zeta|omega_r|period)(?=:)", r"--\1", str(error))
+        raise InputError(text.replace("--omega_r", "--omega-r")) from None
     inertia, gains = design.inertia, design.gains
     at = (inertia.maximum, inertia.median, inertia.minimum)
     oscillation = oscillation_frequency(gains, inertia.maximum)
@@ -286,6 +302,8 @@ def _step(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.study import step_response
 
     checked_number(options.inertia, "--inertia", minimum=0, exclusive=True)
+    if options.out:
+        plots.checked_figure_path(options.out)
     step = step_response(options.structure, options.zeta, options.inertia, options.omega_r)
     units = {"overshoot_percent": "%", "peak": "rad/s", "steady_state_error": "rad/s"}
     for name, value in asdict(step.metrics).items():
@@ -321,7 +339,7 @@ def _simulate(options: argparse.Namespace) -> None:
                 f"{k + 1} {design.robot.joint_names[k]}",
                 f"{tracking.max_abs_speed_error[k]:.4f}",
                 f"{tracking.rms_speed_error[k]:.4f}",
-                f"{tracking.constant_speed_error[k]:.4f}",
+                f"{tracking.constant_speed_error[k]:.4f}".replace("nan", "–"),
                 f"{np.degrees(tracking.max_abs_position_error[k]):.3f}",
                 f"{100 * tracking.saturated_fraction[k]:.2f}",
             )

@@ -73,7 +73,7 @@ def make_design(
         scenario.validate()
         scenario.validate_sizes(robot.n)
     except InputError as error:
-        raise InputError(f"scenario '{scenario.name}': {error}") from None
+        raise InputError(f"{_named(scenario)}{error}") from None
     if motion is None:
         motion = load_plan(
             scenario.motion, robot, period=scenario.period, margin=scenario.torque_margin
@@ -109,6 +109,10 @@ def load_plan(path: str | Path, robot: Robot, *, period: float, margin: float = 
     raise InputError(f"{file}: expected a profile (.yaml) or a planned motion (.csv)")
 
 
+def _named(scenario: Scenario) -> str:
+    return f"scenario '{scenario.name}': " if scenario.name else ""
+
+
 def _located(error: InputError, file: Path) -> InputError:
     text = str(error)
     return InputError(text if text.startswith(str(file)) else f"{file}: {text}")
@@ -124,7 +128,7 @@ def _check_speed(scenario: Scenario, gains: SpeedGains, i_eff: Array) -> None:
     if np.any(fastest * scenario.period > _FASTEST):
         k = int(np.argmax(fastest))
         raise InputError(
-            f"scenario '{scenario.name}': gains (kp, ki, or omega_r, zeta) against inertia give "
+            f"{_named(scenario)}gains (kp, ki, or omega_r, zeta) against inertia give "
             f"joint {k + 1} a pole at {fastest[k]:.3g} rad/s, expected less than "
             f"{_FASTEST / scenario.period:.3g}"
         )
@@ -138,4 +142,4 @@ def _gains(scenario: Scenario, inertia: InertiaRange) -> SpeedGains:
     try:
         return tune(inertia.maximum, controller.omega_r or 0.0, zeta)
     except InputError as error:
-        raise InputError(f"scenario '{scenario.name}': {error}") from None
+        raise InputError(f"{_named(scenario)}{error}") from None

@@ -105,8 +105,11 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises:
         InputError: if `path` cannot be written.
     """
+    given, path = path, path.resolve() if path.is_symlink() else path
     if not path.name or path.name == ".." or path.is_dir():
-        raise InputError(f"{path}: is a folder, expected a file")
+        raise InputError(f"{given}: is a folder, expected a file")
+    if path.exists() and not path.is_file():
+        raise InputError(f"{given}: is a device or pipe, expected a file")
     partial = path.with_name(f".{path.name}.partial{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -116,4 +119,4 @@ def replacing(path: Path) -> Iterator[Path]:
         finally:
             partial.unlink(missing_ok=True)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+        raise InputError(f"{given}: cannot be written ({error.strerror or error})") from None

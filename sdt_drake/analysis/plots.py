@@ -38,6 +38,8 @@ _STYLE = {
     "svg.hashsalt": "sdt_drake",  # the same figure gives the same file
 }
 
+FIGURES = (".png", ".svg", ".pdf")
+
 Line = tuple[str, str, str, NDArray[np.float64]]
 """Label, colour, line style, samples of shape (N, n)."""
 
@@ -53,7 +55,7 @@ def save(figure: Figure, path: str | Path) -> Path:
     """Write a figure; the suffix chooses the format. A file that exists is replaced whole.
 
     Raises:
-        InputError: for a suffix that matplotlib does not know.
+        InputError: for another suffix than those of FIGURES.
     """
     path = checked_figure_path(path)
     metadata = {"Date": None} if path.suffix == ".svg" else None
@@ -67,12 +69,11 @@ def checked_figure_path(path: str | Path) -> Path:
     """`path` if its suffix is that of a figure.
 
     Raises:
-        InputError: for a suffix that matplotlib does not know.
+        InputError: for another suffix.
     """
     path = Path(path)
-    known = sorted(Figure().canvas.get_supported_filetypes())
-    if path.suffix.removeprefix(".") not in known:
-        raise InputError(f"{path}: unknown kind of figure, expected .{', .'.join(known)}")
+    if path.suffix not in FIGURES:
+        raise InputError(f"{path}: unknown kind of figure, expected {', '.join(FIGURES)}")
     return path
 
 

@@ -540,8 +540,9 @@ def test_existing_files_are_replaced_and_foreign_files_are_left_alone(
         assert after.pop(name) == f"foreign {name}".encode()
     fresh = contents(written.folder)
     assert set(after) == set(fresh)
-    for name in ("reference.csv", "coupled_pi.csv", "table1.md", "diagrams/figure3.dot"):
-        assert after[name] == fresh[name], name
+    for name in fresh:  # the same study gives the same bytes
+        if name.endswith((".csv", ".dot")) or name in SVG_OF_DIAGRAMS or name == "table1.md":
+            assert after[name] == fresh[name], name
     assert b"old" not in after["report.md"][:100] and after["figure2.png"] == b"a figure"
     json.loads(after["summary.json"])
 
@@ -578,16 +579,6 @@ def test_a_disk_that_fills_up_leaves_no_half_written_file(study, used_folder, mo
     assert after["figure2.png"] == before["figure2.png"]
     assert not [name for name in after if "partial" in name]
     assert after["report.md"] == before["report.md"]
-
-
-def test_a_second_run_writes_the_same_bytes(study, written, tmp_path, fast_figures):
-    folder = tmp_path / "again"
-    write_study(study, folder, quiet())
-
-    first, second = contents(written.folder), contents(folder)
-    for name in first:
-        if name.endswith((".csv", ".dot")) or name in SVG_OF_DIAGRAMS or name == "table1.md":
-            assert second[name] == first[name], name
 
 
 # --- without Graphviz ------------------------------------------------------------------------
