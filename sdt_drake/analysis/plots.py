@@ -61,7 +61,6 @@ def save(figure: Figure, path: str | Path) -> Path:
     metadata = {"Date": None} if path.suffix == ".svg" else None
     with style(), replacing(path) as partial:
         figure.savefig(partial, dpi=130, metadata=metadata)
-        figure.set_layout_engine("none")  # it is laid out now; the next format need not do it again
     return path
 
 
@@ -85,15 +84,14 @@ def figure2(motion: Motion, joint_names: Sequence[str]) -> Figure:
         ("acceleration [rad/s²]", motion.vd),
     )
     with style():
-        figure = Figure(figsize=(10, 1.9 * motion.n + 0.6), layout="constrained")
-        axes = figure.subplots(motion.n, 3, sharex=True, squeeze=False)
+        figure, axes = _grid(motion.n, 3)
         for k, name in enumerate(joint_names):
             for ax, (label, values) in zip(axes[k], columns, strict=True):
                 ax.plot(motion.time, values[:, k], color=REFERENCE)
                 ax.set_ylabel(label)
             axes[k, 0].set_title(_joint_title(k, name), loc="left", fontweight="bold")
         _time_axis(axes[-1])
-        figure.suptitle("Reference trajectories of the joints (Figure 2)")
+        _title(figure, "Reference trajectories of the joints (Figure 2)")
     return figure
 
 
@@ -181,8 +179,8 @@ def _panels(
 ) -> Figure:
     n = len(joint_names)
     with style():
-        figure = Figure(figsize=(10, 1.9 * n + 0.9), layout="constrained")
-        axes = figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]
+        figure, axes = _grid(n, 1)
+        axes = axes[:, 0]
         for k, (ax, name) in enumerate(zip(axes, joint_names, strict=True)):
             for label, colour, dashes, values in lines:
                 ax.plot(time, values[:, k], dashes, color=colour, label=label)
@@ -190,16 +188,43 @@ def _panels(
             ax.set_title(_joint_title(k, name), loc="left", fontweight="bold")
             ax.margins(x=0)
         _time_axis(axes[-1:])
-        figure.suptitle(title)
+        _title(figure, title)
         _legend_below(figure)
     return figure
+
+
+def _grid(rows: int, columns: int) -> tuple[Figure, NDArray]:
+    """A figure and its axes. The margins are fixed [inch]: computing them takes a second."""
+    left, right, top, bottom, gap = 0.8, 0.15, 0.65, 0.85, 0.35
+    width, panel = 10.0, 1.55
+    height = rows * panel + (rows - 1) * gap + top + bottom
+    figure = Figure(figsize=(width, height))
+    axes = figure.subplots(
+        rows,
+        columns,
+        sharex=True,
+        squeeze=False,
+        gridspec_kw={
+            "left": left / width,
+            "right": 1 - right / width,
+            "top": 1 - top / height,
+            "bottom": bottom / height,
+            "hspace": gap / panel,
+            "wspace": 0.3,
+        },
+    )
+    return figure, axes
+
+
+def _title(figure: Figure, title: str) -> None:
+    figure.suptitle(title, y=1 - 0.12 / figure.get_figheight(), verticalalignment="top")
 
 
 def _legend_below(figure: Figure) -> None:
     for legend in list(figure.legends):
         legend.remove()
     handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    figure.legend(handles, labels, loc="lower center", ncols=len(labels))
 
 
 def _joint_title(k: int, name: str) -> str:
