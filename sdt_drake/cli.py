@@ -214,18 +214,20 @@ def _plan(options: argparse.Namespace) -> None:
 
     if options.out and options.out.suffix != ".csv":
         raise InputError(f"{options.out}: expected a .csv file")
+    if not 0 < options.margin <= 1:
+        raise InputError(f"--margin: {options.margin:g}, expected a share in (0, 1]")
     robot = load_robot(options.robot)
     plan = load_plan(options.motion, robot, period=options.period, margin=options.margin)
     motion = plan.motion
     _say(f"{options.motion}: {motion.duration:g} s, {len(motion.time)} samples, feasible")
-    peak = np.abs(plan.torque).max(axis=0)
+    peak, use = np.abs(plan.torque).max(axis=0), plan.peak_use(robot)
     _print_table(
         ("joint", "peak torque [N m]", "of the motor [%]", "limited [s]", "speed [rad/s]",
          "from [deg]", "to [deg]"),
         [
             (
                 f"{k + 1} {robot.joint_names[k]}", f"{peak[k]:.1f}",
-                f"{100 * peak[k] / robot.effort_limit[k]:.1f}",
+                f"{100 * use[k]:.1f}",
                 f"{plan.limited[:, k].sum() * motion.period:.3f}",
                 f"{np.abs(motion.v[:, k]).max():.3f}",
                 f"{np.degrees(motion.q[:, k].min()):.1f}",
@@ -300,8 +302,11 @@ def _step(options: argparse.Namespace) -> None:
 
     from sdt_drake.analysis import plots
     from sdt_drake.analysis.study import step_response
+    from sdt_drake.control import STRUCTURES
+    from sdt_drake.errors import checked_choice
 
     checked_number(options.inertia, "--inertia", minimum=0, exclusive=True)
+    checked_choice(options.structure, STRUCTURES, "--structure")
     if options.out:
         plots.checked_figure_path(options.out)
     step = step_response(options.structure, options.zeta, options.inertia, options.omega_r)
@@ -320,13 +325,11 @@ def _simulate(options: argparse.Namespace) -> None:
 
     from sdt_drake.analysis import plots
     from sdt_drake.analysis.tracking import track
-    from sdt_drake.design import make_design
-    from sdt_drake.scenario import load_scenario
     from sdt_drake.simulate import simulate
 
     if options.out and options.out.suffix != ".csv":
         plots.checked_figure_path(options.out)
-    design = make_design(load_scenario(options.scenario))
+    design = _design_of(options.scenario)
     scenario = design.scenario
     recording = simulate(design)
     tracking = track(recording, design.motion)
@@ -351,7 +354,9 @@ def _simulate(options: argparse.Namespace) -> None:
     if options.out.suffix == ".csv":
         recording.to_csv(options.out)
     else:
-        label = {"pi": "PI", "pi_ctc": "PI + CTC"}[scenario.controller.kind]
+        label = {"pi": "PI", "pi_ctc": "PI + CTC"}.get(
+            scenario.controller.kind, scenario.controller.kind
+        )
         lines = plots.tracking_lines({label: recording}, "speed_error")
         names = design.robot.joint_names
         title = f"{scenario.name}: speed errors"
@@ -360,12 +365,23 @@ def _simulate(options: argparse.Namespace) -> None:
     _say(f"{options.out} written")
 
 
-def _diagram(options: argparse.Namespace) -> None:
+def _design_of(path: str):
+    """The design of a scenario file; errors name the file."""
     from sdt_drake.design import make_design
+    from sdt_drake.scenario import load_scenario
+
+    scenario = load_scenario(path)
+    try:
+        return make_design(scenario)
+    except InputError as error:
+        own = str(error).removeprefix(f"scenario '{scenario.name}': ")
+        raise InputError(f"{path}: {own}" if own != str(error) else own) from None
+
+
+def _diagram(options: argparse.Namespace) -> None:
     from sdt_drake.errors import checked_choice
     from sdt_drake.graphviz import FORMATS, write_diagram
     from sdt_drake.loops import make_loop
-    from sdt_drake.scenario import load_scenario
 
     suffix = options.out.suffix.removeprefix(".") if options.out else ""
     format_ = options.format or (suffix if suffix in FORMATS else "dot")
@@ -374,7 +390,7 @@ def _diagram(options: argparse.Namespace) -> None:
         raise InputError(f"--format: {format_}, but {options.out} ends in .{suffix}")
     if not 1 <= options.depth <= 100:
         raise InputError(f"--depth: {options.depth}, expected 1 to 100")
-    design = make_design(load_scenario(options.scenario))
+    design = _design_of(options.scenario)
     name = re.sub(r"[^\w.-]+", "_", design.scenario.name).strip(".")
     path = options.out or Path(f"{name}.{format_}")
     loop = make_loop(design, boxed=True)

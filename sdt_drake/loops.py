@@ -75,7 +75,7 @@ def make_step_loop(
         signal="reference",
         value=[0.0, step, 0.0],  # q_ref, v_ref, vd_ref
     )
-    controller = loop.place(
+    controller = loop.place_open(
         "pi_speed_controller",
         pi_speed_controller_block,
         gains=gains,
@@ -184,6 +184,10 @@ class _Loop:
 
     def place(self, name: str, describe: Callable[..., None], **arguments) -> Block:
         return self._place_in(self._builder, name, describe, **arguments)
+
+    def place_open(self, name: str, describe: Callable[..., None], **arguments) -> Block:
+        """A block whose inside is to be seen in an export too."""
+        return place_flat(self._builder, name, describe, **arguments)
 
     def connect(self, output: OutputPort, target: InputPort) -> None:
         self._builder.Connect(output, target)

@@ -147,7 +147,12 @@ _ZERO = {
     "spring_stiffness": "springs are not supported",
     "spring_reference": "springs are not supported",
 }
-_UNKNOWN = ("mimic", f"{_DRAKE}mimic", f"{_DRAKE}controller_gains")
+_UNKNOWN = (
+    "mimic",
+    f"{_DRAKE}mimic",
+    f"{_DRAKE}controller_gains",
+    f"{_DRAKE}acceleration",
+)
 
 
 def _check_joint(joint: ET.Element, where: str) -> None:

@@ -426,7 +426,7 @@ def test_the_margin_holds_for_a_csv_too(design, robot, write_motion):
         ("still.txt", STILL, r"expected a profile \(\.yaml\) or a planned motion \(\.csv\)"),
         ("still.yaml", STILL.replace("duration", "length"), "length: unknown field"),
         ("still.yml", STILL.replace("0], [1, 0", "0], [1, 9", 1), "joint 1 'planetary' at 0.000 s"),
-        ("still.yaml", STILL.replace("1, 0]", "1, 9]", 4), "motion lost"),
+        ("still.yaml", STILL.replace("1, 0]", "1, 9]", 4), "motion refused"),
         ("still.yaml", STILL[: STILL.rindex("  -")], "3 joints, robot 'sdt' has 4"),
         ("still.csv", "time,q_1\n0,0\n1,0\n", "no column q_ref_1"),
     ],

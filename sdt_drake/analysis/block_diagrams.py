@@ -1,4 +1,8 @@
-"""The block diagrams of the paper, exported from the Drake diagrams that are simulated."""
+"""The block diagrams of the paper, from the builders of the loops that are simulated.
+
+Exports have a box for each block, the elements of the PI controller, and the inverse dynamics on
+line; runs have none of these, for speed. Tests hold both to the same speeds.
+"""
 
 from __future__ import annotations
 
@@ -41,13 +45,12 @@ def coupled_loop(base: Design) -> Diagram:
     return make_coupled_loop(design, boxed=True)
 
 
-# Levels of boxes that are opened: Figures 4 and 5 are about the inside of the controller.
-DIAGRAMS: dict[str, tuple[Callable[[Design], Diagram], int]] = {
-    "figure3": (figure3, 1),
-    "figure4": (figure4, 2),
-    "figure5": (figure5, 2),
-    "figure6": (figure6, 1),
-    "coupled_loop": (coupled_loop, 1),
+DIAGRAMS: dict[str, Callable[[Design], Diagram]] = {
+    "figure3": figure3,
+    "figure4": figure4,
+    "figure5": figure5,
+    "figure6": figure6,
+    "coupled_loop": coupled_loop,
 }
 
 
@@ -59,13 +62,10 @@ def write_block_diagram(name: str, base: Design, folder: str | Path) -> list[Pat
         base: any design of the reference device and motion.
         folder: made if need be.
     """
-    make, max_depth = DIAGRAMS[name]
-    diagram = make(base)
+    diagram = DIAGRAMS[name](base)
     formats = ("dot", "svg") if has_graphviz() else ("dot",)
     return [
-        write_diagram(
-            diagram, Path(folder) / f"{name}.{format_}", format_=format_, max_depth=max_depth
-        )
+        write_diagram(diagram, Path(folder) / f"{name}.{format_}", format_=format_)
         for format_ in formats
     ]
 

@@ -171,7 +171,10 @@ def tracking_lines(runs: Mapping[str, Recording], quantity: str) -> list[Line]:
         "PI + CTC": (PI_CTC, "-"),
         "PI + CTC, printed sign": (PRINTED_SIGN, ":"),
     }
-    return [(name, *looks[name], getattr(run, quantity)) for name, run in runs.items()]
+    return [
+        (name, *looks.get(name, ("tab:orange", "-")), getattr(run, quantity))
+        for name, run in runs.items()
+    ]
 
 
 def _panels(

@@ -11,6 +11,7 @@ from importlib import metadata
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 import sdt_drake
 from sdt_drake import paper
@@ -36,7 +37,8 @@ PROVENANCE = (
     "The paper publishes motors, gear, payload and Table 1, but no geometry, no masses, no inertia "
     "tensors and no data behind Figure 2. The device here is therefore ours: a physically valid "
     "rigid chain, calibrated so that the largest effective inertias and the variation of joint 2 "
-    "come out of its mass matrix. Its motion is assumed, with what the text says of Figure 2."
+    "come out of its mass matrix. Its motion is assumed, with what the text says of Figure 2, and "
+    "so is the frequency of the disturbance, 1 Hz."
 )
 
 
@@ -80,7 +82,7 @@ def write_reference(study: Study, path: Path) -> None:
     write_table(path, motion.time, columns)
 
 
-def figures(study: Study) -> dict[str, object]:
+def figures(study: Study) -> dict[str, Figure]:
     """All figures by file name."""
     motion, names = study.design.motion, study.design.robot.joint_names
     axis = {
@@ -200,7 +202,8 @@ def report_markdown(study: Study, claims: Sequence[Claim]) -> str:
         "## The motion\n\n![Figure 2](figure2.png)",
         f"## Table 1, from the SDF and the motion\n\n{table1_markdown(study)}",
         "## Step response\n\n![Figure 4](figure4.png)",
-        "## The models\n\nExported from the Drake diagrams that are simulated."
+        "## The models\n\nDrawn by the builders of the loops that are simulated, with the load "
+        "torque on line and the elements of the PI controller."
         f"{missing}\n\n{diagrams}",
         "## Tracking, decoupled axes (the paper's models)\n\n"
         "![Figure 7](figure7.png)\n\n![Figure 8](figure8.png)",
@@ -208,8 +211,10 @@ def report_markdown(study: Study, claims: Sequence[Claim]) -> str:
         "Here the joints move each other by their dynamics; the controllers are the same.\n\n"
         "![errors on the coupled plant](coupled_errors.png)",
         "## All runs\n\nLargest, RMS and constant-speed (from 1 s after the speed became constant) "
-        "error of the joint speeds, largest position error, share of time in saturation; "
-        f"joints 1 to {study.design.robot.n}.\n\n{_runs_table(study.runs)}",
+        "error of the joint speeds, largest position error, share of time in saturation; joint "
+        f"side; joints 1 to {study.design.robot.n}. Process i_eff_min is the published I_eff,max "
+        "less the published variation, for joint 4 too. A is the amplitude of the disturbance."
+        f"\n\n{_runs_table(study.runs)}",
         f"## Claims\n\n{_claims_table(claims)}",
         "## Versions and wall time\n\n"
         + _table(("", "version"), [[k, v] for k, v in versions().items()])
@@ -240,7 +245,7 @@ def _runs_table(runs: Iterable[Run]) -> str:
 
 def _claims_table(claims: Iterable[Claim]) -> str:
     rows = [
-        [c.id, c.statement, _text(c.published), _text(c.computed), f"**{c.verdict}**", c.why]
+        [c.id, c.statement, _text(c.published, 6), _text(c.computed), f"**{c.verdict}**", c.why]
         for c in claims
     ]
     return _table(("id", "the paper", "published", "computed", "verdict", "why"), rows)
@@ -271,14 +276,15 @@ def _plain(value: object) -> object:
     return value
 
 
-def _text(value: object) -> str:
+def _text(value: object, digits: int = 4) -> str:
     if isinstance(value, dict):
-        return "; ".join(f"{key.replace('_', ' ')} {_text(item)}" for key, item in value.items())
+        items = ((key.replace("_", " "), _text(item, digits)) for key, item in value.items())
+        return "; ".join(f"{key} {text}" for key, text in items)
     if isinstance(value, list):
-        return ", ".join(map(_text, value))
+        return ", ".join(_text(item, digits) for item in value)
     if isinstance(value, bool) or not isinstance(value, float):
         return str(value)
-    return f"{value:.4g}"
+    return f"{value:.{digits}g}"
 
 
 def _joined(values: Iterable[float], spec: str) -> str:

@@ -125,11 +125,10 @@ def run_study(watch: Stopwatch) -> Study:
             for structure, zeta in paper.FIGURE4_ZETA.items()
         }
     # No Python runs inside these loops, and Drake steps without the interpreter's lock.
-    with ThreadPoolExecutor(max_workers=2) as pool:
-        with watch.stage("axis runs"):
-            runs = list(pool.map(lambda case: _axis_run(design, *case), _AXIS_CASES))
-        with watch.stage("coupled runs"):
-            runs += pool.map(lambda case: _coupled_run(design, *case), _COUPLED_CASES)
+    with watch.stage("simulations"), ThreadPoolExecutor(max_workers=2) as pool:
+        coupled = [pool.submit(_coupled_run, design, *case) for case in _COUPLED_CASES]
+        axis = [pool.submit(_axis_run, design, *case) for case in _AXIS_CASES]
+        runs = [future.result() for future in (*axis, *coupled)]
     return Study(design, steps, runs, watch.seconds)
 
 

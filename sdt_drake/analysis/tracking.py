@@ -54,9 +54,6 @@ def constant_speed_segments(motion: Motion) -> NDArray[np.bool_]:
     """Samples at which a joint moves and its speed is constant for SETTLED_AFTER, (N + 1, n)."""
     constant = (np.abs(motion.vd) < 1e-9) & (np.abs(motion.v) > 1e-9)
     needed = round(SETTLED_AFTER / motion.period)
-    steady = np.zeros_like(constant)
-    run = np.zeros(motion.n, dtype=int)
-    for i, row in enumerate(constant):
-        run = np.where(row, run + 1, 0)
-        steady[i] = run > needed
-    return steady
+    index = np.arange(len(constant))[:, None]
+    last_change = np.maximum.accumulate(np.where(constant, -1, index), axis=0)
+    return index - last_change > needed

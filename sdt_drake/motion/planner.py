@@ -56,9 +56,9 @@ def plan_motion(
     """Plan a motion; where a motor is too weak, its joint accelerates less and catches up later.
 
     The limiter looks one period ahead. It can lose a motion for good, when coupling torques grow
-    beyond a motor before the speeds come down. A joint that is driven away from its command with
-    its motor at full torque, or that does not get back to its command by the end, is lost, and
-    the motion is refused.
+    beyond a motor before the speeds come down. So a motion is refused if a joint is driven away
+    from its command with its motor at full torque, by more than 1 % of the range of its commanded
+    speeds and 1e-3 rad/s, even if it would come back; or if it is not on its command at the end.
 
     Args:
         robot: the robot.
@@ -159,7 +159,7 @@ def _limited_speeds(
 
 
 def limit_accelerations(M: Array, bias: Array, wanted: Array, available: Array) -> Array:
-    """Accelerations nearest to `wanted` [rad/s²] with |M vd + bias| <= `available` [N m].
+    """Accelerations [rad/s²] towards `wanted` with |M vd + bias| <= `available` [N m].
 
     Joint after joint from the tip to the base, each as near to its wish as the others leave it,
     until it is known which motors are at their limit; those joints' accelerations then follow
@@ -236,7 +236,7 @@ class _LostMotionGuard:
             self._refuse(
                 k,
                 f"by {(i + 1) * self._period:.3f} s it is driven {self._slip[k]:.4g} rad/s away "
-                "from its command",
+                f"from its command, allowed are {self._largest_slip[k]:.4g} rad/s",
             )
 
     def check_end(self, v: Array) -> None:
@@ -251,7 +251,7 @@ class _LostMotionGuard:
 
     def _refuse(self, k: int, outcome: str) -> None:
         raise InputError(
-            f"motion lost: joint {k + 1} '{self._robot.joint_names[k]}' at "
+            f"motion refused: joint {k + 1} '{self._robot.joint_names[k]}' at "
             f"{self._onset[k] * self._period:.3f} s needs torque {self._needed[k]:.6g} N m, "
             f"available ±{self._available[k]:.6g} N m; {outcome}"
         )

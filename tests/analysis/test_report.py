@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -335,8 +336,62 @@ def test_coupled_runs(content, key):
 def test_steady_errors_of_the_coupled_plant(content):
     (claim,) = [c for c in content["claims"] if c["id"] == "ctc_steady_on_coupled_plant"]
 
-    expected = {"pi": 0.0486, "pi_ctc": 0.0052, "pi_ctc_printed_sign": 0.0970}
-    assert claim["computed"] == pytest.approx(expected, rel=0.02)
+    for name, key in (
+        ("pi", ("coupled", "multibody", "consistent", "pi", False)),
+        ("pi_ctc", ("coupled", "multibody", "consistent", "pi_ctc", False)),
+    ):
+        error = tracking(content, key)["constant_speed_error"]
+        assert claim["computed"][name] == {"joint 2": error[1], "joint 4": error[3]}
+
+
+def test_errors_in_the_middle_segment(study):
+    """Joint 2, 11 s < t < 16.5 s, against the independent calculation."""
+    for key, expected in (
+        (("coupled", "multibody", "consistent", "pi", False), 0.0486),
+        (("coupled", "multibody", "consistent", "pi_ctc", False), 0.0052),
+        (("coupled", "multibody", "printed", "pi_ctc", False), 0.0970),
+        (("axis", "i_eff_max", "printed", "pi", False), 0.0470),
+        (("axis", "i_eff_max", "printed", "pi_ctc", True), 0.0090),
+    ):
+        recording = study.run(*key).recording
+        inside = (recording.time > 11) & (recording.time < 16.5)
+        largest = np.abs(recording.speed_error[inside, 1]).max()
+        assert largest == pytest.approx(expected, rel=0.02)
+
+
+def test_readme_shows_the_numbers_of_the_study(study):
+    text = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    rows = {
+        line.split("|")[1].strip(): line.split("|")[3]
+        for line in text.splitlines()
+        if line.count("|") == 4
+    }
+
+    def errors(name, plant, key, joint):
+        runs = [
+            study.run(plant, "i_eff_max" if plant == "axis" else "multibody", sign, kind, kind == d)
+            for sign, kind, d in key
+        ]
+        return [getattr(run.tracking, name)[joint - 1] for run in runs]
+
+    axis = [("printed", "pi", ""), ("printed", "pi_ctc", "pi_ctc")]
+    coupled = [("consistent", "pi", ""), ("consistent", "pi_ctc", "")]
+    for label, values in {
+        "decoupled axes, joint 2, largest speed error: PI, PI + CTC": errors(
+            "max_abs_speed_error", "axis", axis, 2
+        ),
+        "**coupled plant**, joint 2, largest speed error: PI, PI + CTC": errors(
+            "max_abs_speed_error", "coupled", coupled, 2
+        ),
+        "coupled plant, joint 2 at constant speed, largest": errors(
+            "constant_speed_error", "coupled", coupled, 2
+        ),
+        "coupled plant, joint 4 at constant speed, largest": errors(
+            "constant_speed_error", "coupled", coupled, 4
+        ),
+    }.items():
+        shown = [float(number) for number in re.findall(r"[\d.]+(?=[, ])", rows[label])]
+        assert shown == [float(f"{value:.3g}") for value in values], label
 
 
 def test_every_combination_of_the_axis_models_was_run(content):

@@ -1,0 +1,36 @@
+"""The way of the data: imports run in one direction only."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+PACKAGE = Path(__file__).parents[1] / "sdt_drake"
+
+# From the bottom up; README's layout shows the same order.
+ORDER = (
+    "errors", "resources", "tables", "yaml_files", "robot", "dynamics", "motion", "control",
+    "scenario", "design", "systems", "loops", "simulate", "graphviz", "paper", "analysis", "cli",
+    "__main__",
+)  # fmt: skip
+
+
+def part_of(module: str) -> str:
+    return module.removeprefix("sdt_drake.").split(".")[0]
+
+
+def test_every_import_goes_down():
+    for file in PACKAGE.rglob("*.py"):
+        own = file.relative_to(PACKAGE).with_suffix("").parts[0]
+        if own == "__init__":
+            continue
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("sdt_drake."):
+                other = part_of(node.module)
+                assert ORDER.index(other) <= ORDER.index(own), f"{file.name} imports {node.module}"
+
+
+def test_no_star_import_and_no_pydrake_all():
+    for file in PACKAGE.rglob("*.py"):
+        text = file.read_text(encoding="utf-8")
+        assert "import *" not in text and "pydrake.all" not in text, file
