@@ -407,9 +407,10 @@ def _coupled(study: Study) -> list[Claim]:
             _verdict(all(value < 1 for value in share.values())),
             f"the largest error of joint 2 is {less['joint 2']:.1f} times less than with PI "
             f"({_middle_error(pi) / _middle_error(ctc):.1f} times from 11 to 16.5 s), of joint 4 "
-            f"{less['joint 4']:.1f} times (below 1: more), because the motors cannot follow a load "
-            "that jumps with the acceleration of another joint. With the printed sign the error of "
-            f"joint 2 is {steady['pi_ctc_printed_sign']['joint 2'] / steady['pi']['joint 2']:.1f} "
+            f"{less['joint 4']:.1f} times (below 1: more): the load of the reference is fed "
+            "forward when joint 2 should start to reverse, but joint 2 lags its reference, and the "
+            "real coupling comes later. With the printed sign the error of joint 2 is "
+            f"{steady['pi_ctc_printed_sign']['joint 2'] / steady['pi']['joint 2']:.1f} "
             "times that of PI",
         ),
     ]
