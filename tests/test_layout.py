@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).parents[1] / "sdt_drake"
 # From the bottom up; README's layout shows the same order.
 ORDER = (
     "errors", "resources", "tables", "yaml_files", "robot", "dynamics", "motion", "control",
-    "scenario", "design", "systems", "loops", "simulate", "graphviz", "paper", "analysis", "cli",
+    "scenario", "design", "systems", "loops", "simulate", "graphviz", "paper", "analysis", "commands", "cli",
     "__main__",
 )  # fmt: skip
 

@@ -1,0 +1,102 @@
+"""What the commands share: options, texts, printing."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from sdt_drake import paper
+from sdt_drake.errors import InputError
+
+# The heavy imports stand in the functions that run: --help and --version answer at once.
+
+MOTION = "package://sdt/motions/reference.yaml"
+ROBOT = "package://sdt/sdt.sdf"
+
+
+# --- options ---------------------------------------------------------------------------------
+
+
+def add_command(
+    commands, name: str, run: Callable[[argparse.Namespace], None], help_: str, example: str
+) -> argparse.ArgumentParser:
+    """The parser of a new command, still without options."""
+    parser = commands.add_parser(
+        name,
+        help=help_,
+        description=f"{help_[0].upper()}{help_[1:]}.",
+        epilog=f"example: {example}",
+    )
+    parser.set_defaults(command=run)
+    return parser
+
+
+def add_out(parser: argparse.ArgumentParser, help_: str, default: str | None = None) -> None:
+    note = f" (default: {default})" if default else ""
+    parser.add_argument("--out", type=Path, default=default and Path(default), help=help_ + note)
+
+
+def add_motion(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("motion", nargs="?", default=MOTION, help="profile .yaml or motion .csv")
+
+
+def add_robot(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--robot", default=ROBOT, help="SDF file (default: the shipped device)")
+
+
+def add_period(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--period", type=float, default=0.005, help="interpolation period [s]")
+
+
+def add_scenario(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scenario", metavar="SCENARIO.yaml")
+
+
+def add_omega_r(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--omega-r",
+        type=float,
+        default=paper.OMEGA_R,
+        help="lowest natural frequency of the structure [rad/s]",
+    )
+
+
+def design_of(path: str):
+    """The design of a scenario file; errors name the file."""
+    from sdt_drake.design import make_design
+    from sdt_drake.scenario import load_scenario
+
+    scenario = load_scenario(path)
+    try:
+        return make_design(scenario)
+    except InputError as error:
+        own = str(error).removeprefix(f"scenario '{scenario.name}': ")
+        raise InputError(f"{path}: {own}" if own != str(error) else own) from None
+
+
+# --- printing --------------------------------------------------------------------------------
+
+
+def say(text: str = "") -> None:
+    """Print a line; whoever reads us may have enough, the results are written all the same."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        stop_printing()
+
+
+def stop_printing() -> None:
+    """Send the rest of the output nowhere: its reader is gone."""
+    # Python would complain once more at exit.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print aligned columns: the first to the left, the others to the right."""
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    for cells in (header, *rows):
+        first = cells[0].ljust(widths[0])
+        say("  ".join([first, *(c.rjust(w) for c, w in zip(cells[1:], widths[1:], strict=True))]))

@@ -1,0 +1,43 @@
+"""Export the block diagram of a scenario's loop."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+
+from sdt_drake.commands.common import add_command, add_out, add_scenario, design_of, say
+from sdt_drake.errors import InputError, checked_choice
+
+
+def add(commands) -> None:
+    parser = add_command(
+        commands,
+        "diagram",
+        run,
+        "export the block diagram of a scenario's loop",
+        "sdt-drake diagram package://sdt/scenarios/axis_pi_ctc.yaml --format svg --out loop.svg",
+    )
+    add_scenario(parser)
+    parser.add_argument("--format", help="dot, svg or png (default: by --out, or dot)")
+    parser.add_argument("--depth", type=int, default=1, help="levels of boxes to open")
+    add_out(parser, "file; by default the scenario's name")
+
+
+def run(options: argparse.Namespace) -> None:
+    from sdt_drake.graphviz import FORMATS, write_diagram
+    from sdt_drake.loops import make_loop
+
+    suffix = options.out.suffix.removeprefix(".") if options.out else ""
+    format_ = options.format or (suffix if suffix in FORMATS else "dot")
+    checked_choice(format_, FORMATS, "--format")
+    if suffix in FORMATS and suffix != format_:
+        raise InputError(f"--format: {format_}, but {options.out} ends in .{suffix}")
+    if not 1 <= options.depth <= 100:
+        raise InputError(f"--depth: {options.depth}, expected 1 to 100")
+    design = design_of(options.scenario)
+    name = re.sub(r"[^\w.-]+", "_", design.scenario.name).strip(".")
+    path = options.out or Path(f"{name}.{format_}")
+    loop = make_loop(design, boxed=True)
+    write_diagram(loop, path, format_=format_, max_depth=options.depth)
+    say(f"{path} written")

@@ -1,0 +1,71 @@
+"""Run a scenario and show how well the joints follow."""
+
+from __future__ import annotations
+
+import argparse
+
+from sdt_drake.commands.common import (
+    add_command,
+    add_out,
+    add_scenario,
+    design_of,
+    print_table,
+    say,
+)
+
+
+def add(commands) -> None:
+    parser = add_command(
+        commands,
+        "simulate",
+        run,
+        "run a scenario and show how well the joints follow",
+        "sdt-drake simulate package://sdt/scenarios/coupled_pi_ctc.yaml --out run.csv",
+    )
+    add_scenario(parser)
+    add_out(parser, "CSV file for the recording, or a figure of it (.png, .svg, .pdf)")
+
+
+def run(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from sdt_drake.analysis import plots
+    from sdt_drake.analysis.tracking import track
+    from sdt_drake.simulate import simulate
+
+    if options.out and options.out.suffix != ".csv":
+        plots.checked_figure_path(options.out)
+    design = design_of(options.scenario)
+    scenario = design.scenario
+    recording = simulate(design)
+    tracking = track(recording, design.motion)
+    say(f"{scenario.name}: {scenario.controller.kind} on the {scenario.plant.kind} plant")
+    print_table(
+        ("joint", "largest error [rad/s]", "RMS [rad/s]", "constant speed [rad/s]",
+         "position [deg]", "saturated [%]"),
+        [
+            (
+                f"{k + 1} {design.robot.joint_names[k]}",
+                f"{tracking.max_abs_speed_error[k]:.4f}",
+                f"{tracking.rms_speed_error[k]:.4f}",
+                f"{tracking.constant_speed_error[k]:.4f}".replace("nan", "–"),
+                f"{np.degrees(tracking.max_abs_position_error[k]):.3f}",
+                f"{100 * tracking.saturated_fraction[k]:.2f}",
+            )
+            for k in range(design.robot.n)
+        ],
+    )  # fmt: skip
+    if options.out is None:
+        return
+    if options.out.suffix == ".csv":
+        recording.to_csv(options.out)
+    else:
+        label = {"pi": "PI", "pi_ctc": "PI + CTC"}.get(
+            scenario.controller.kind, scenario.controller.kind
+        )
+        lines = plots.tracking_lines({label: recording}, "speed_error")
+        names = design.robot.joint_names
+        title = f"{scenario.name}: speed errors"
+        figure = plots.speed_errors(title, recording.time, lines, names, design.motion)
+        plots.save(figure, options.out)
+    say(f"{options.out} written")

@@ -1,0 +1,46 @@
+"""Simulate the step response of one speed loop."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+
+from sdt_drake.commands.common import add_command, add_omega_r, add_out, say
+from sdt_drake.errors import checked_choice, checked_number
+
+
+def add(commands) -> None:
+    parser = add_command(
+        commands,
+        "step",
+        run,
+        "simulate the step response of one speed loop",
+        "sdt-drake step --inertia 4.26 --structure p_in_feedback --zeta 0.95 --out step.png",
+    )
+    parser.add_argument(
+        "--inertia", type=float, default=4.26, help="effective inertia, motor side [kg m²]"
+    )
+    parser.add_argument("--structure", default="p_in_feedback", help="pi or p_in_feedback")
+    add_omega_r(parser)
+    parser.add_argument("--zeta", type=float, default=1.0, help="damping ratio [-]")
+    add_out(parser, "figure (.png, .svg, .pdf)")
+
+
+def run(options: argparse.Namespace) -> None:
+    from sdt_drake.analysis import plots
+    from sdt_drake.analysis.study import step_response
+    from sdt_drake.control import STRUCTURES
+
+    checked_number(options.inertia, "--inertia", minimum=0, exclusive=True)
+    checked_choice(options.structure, STRUCTURES, "--structure")
+    if options.out:
+        plots.checked_figure_path(options.out)
+    step = step_response(options.structure, options.zeta, options.inertia, options.omega_r)
+    units = {"overshoot_percent": "%", "peak": "rad/s", "steady_state_error": "rad/s"}
+    for name, value in asdict(step.metrics).items():
+        label = name.removesuffix("_percent").replace("_", " ")
+        say(f"{label:20s} {value:.5g} {units.get(name, 's')}")
+    if options.out:
+        figure = plots.step_responses("Step response", {step.structure: step})
+        plots.save(figure, options.out)
+        say(f"{options.out} written")

@@ -1,0 +1,91 @@
+"""Print the effective inertia along a motion, and the gains that follow."""
+
+from __future__ import annotations
+
+import argparse
+import re
+
+from sdt_drake import paper
+from sdt_drake.commands.common import (
+    ROBOT,
+    add_command,
+    add_motion,
+    add_omega_r,
+    add_period,
+    add_robot,
+    print_table,
+    say,
+)
+from sdt_drake.errors import InputError
+
+
+def add(commands) -> None:
+    parser = add_command(
+        commands,
+        "tune",
+        run,
+        "effective inertia along a motion, and the gains that follow",
+        "sdt-drake tune --omega-r 65.991 --zeta 0.95 0.98 0.99 0.95",
+    )
+    add_motion(parser)
+    add_robot(parser)
+    add_period(parser)
+    add_omega_r(parser)
+    parser.add_argument(
+        "--zeta", type=float, nargs="+", help="damping ratio at the largest inertia, each joint [-]"
+    )
+
+
+def run(options: argparse.Namespace) -> None:
+    from sdt_drake.control import damping_ratio, natural_frequency, oscillation_frequency
+    from sdt_drake.design import make_design
+    from sdt_drake.resources import find_file
+    from sdt_drake.scenario import ControllerChoice, Scenario
+
+    zeta = options.zeta
+    if zeta is None and find_file(options.robot).resolve() == find_file(ROBOT).resolve():
+        zeta = paper.table1("zeta_max")
+    try:
+        design = make_design(
+            Scenario(
+                robot=options.robot,
+                motion=options.motion,
+                period=options.period,
+                controller=ControllerChoice(omega_r=options.omega_r, zeta=zeta),
+            )
+        )
+    except InputError as error:
+        # The fields of the scenario are options here.
+        text = re.sub(r"(?:controller\.)?\b(zeta|omega_r|period)(?=:)", r"--\1", str(error))
+        raise InputError(text.replace("--omega_r", "--omega-r")) from None
+    inertia, gains = design.inertia, design.gains
+    at = (inertia.maximum, inertia.median, inertia.minimum)
+    oscillation = oscillation_frequency(gains, inertia.maximum)
+    slowest, fastest = (
+        natural_frequency(gains, values) / options.omega_r
+        for values in (inertia.maximum, inertia.minimum)
+    )
+    print_table(
+        ("joint", "I_eff max", "median", "min [kg m²]", "var. [%]", "K_PS", "K_IS",
+         "zeta at max", "median", "min", "omega_0", "omega_n/omega_r"),
+        [
+            (
+                f"{k + 1} {design.robot.joint_names[k]}",
+                *(f"{values[k]:.5g}" for values in at),
+                f"{inertia.variation_percent[k]:.2f}",
+                f"{gains.kp[k]:.4g}",
+                f"{gains.ki[k]:.4g}",
+                *(f"{damping_ratio(gains, values)[k]:.3f}" for values in at),
+                f"{oscillation[k]:.2f}",
+                f"{slowest[k]:.3f} to {fastest[k]:.3f}",
+            )
+            for k in range(design.robot.n)
+        ],
+    )  # fmt: skip
+    say("motor side; K_PS [N m s/rad], K_IS [N m/rad]; omega_0 [rad/s] at the largest inertia")
+    too_fast = [str(k + 1) for k in range(design.robot.n) if fastest[k] > 0.5 * (1 + 1e-9)]
+    if too_fast:
+        say(
+            f"note: omega_n exceeds 0.5 omega_r where the inertia is small, joint "
+            f"{', '.join(too_fast)}"
+        )
