@@ -8,7 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.control import SpeedGains, tune
+from sdt_drake.control import (
+    SpeedGains,
+    feedforward_torque,
+    natural_frequency,
+    tune,
+)
+from sdt_drake.device import ElasticJoints, elastic_joints, joint_friction, sliding_friction
 from sdt_drake.dynamics import (
     InertiaRange,
     Loads,
@@ -18,6 +24,7 @@ from sdt_drake.dynamics import (
     torque_groups,
 )
 from sdt_drake.errors import InputError
+from sdt_drake.model_errors import load_model
 from sdt_drake.motion import Motion, Plan, check_motion, load_profile, plan_motion
 from sdt_drake.resources import find_file
 from sdt_drake.robot import Robot, load_robot
@@ -38,7 +45,14 @@ class Design:
         loads: of each motor by Algorithm 1 with the scenario's sign, motor side.
         inertia: range of the effective inertia along the motion, motor side.
         i_eff: inertia of the axis process, motor side [kg m²], shape (n,).
-        gains: of the PI speed controllers, motor side.
+        gains: of the PI speed controllers, motor side; tuned on the controller's model.
+        model: what the controller takes the robot for; `robot` itself if it knows it exactly.
+        tau_ff: torque feedforward along the motion, motor side [N m], shape (N + 1, n); None where
+            the controller has none.
+        inertia_share: I_eff along the motion over its largest, of the model [-], shape (N + 1, n).
+        omega_n: natural frequency of the speed loops at the model's largest inertia [rad/s], (n,).
+        position_gain: K_V of a position loop [1/s], shape (n,).
+        elastic: springs of the joints, None if all are rigid.
     """
 
     scenario: Scenario
@@ -49,6 +63,12 @@ class Design:
     inertia: InertiaRange
     i_eff: Array
     gains: SpeedGains
+    model: Robot
+    tau_ff: Array | None
+    inertia_share: Array
+    omega_n: Array
+    position_gain: Array
+    elastic: ElasticJoints | None
 
 
 def make_design(
@@ -80,12 +100,42 @@ def make_design(
         ).motion
     if torques is None:
         torques = torque_groups(robot, motion.q, motion.v, motion.vd)
-    inertia = InertiaRange.of(effective_inertia(robot, torques.d_kk))
-    loads = decouple(torques.inertial, torques.coupled, robot.gear_ratio, scenario.algorithm)
-    i_eff = inertia.maximum if scenario.plant.i_eff is None else np.array(scenario.plant.i_eff)
-    gains = _gains(scenario, inertia)
-    _check_speed(scenario, gains, i_eff if scenario.plant.kind == "axis" else inertia.minimum)
-    return Design(scenario, robot, motion, torques, loads, inertia, i_eff, gains)
+    choice = scenario.controller
+    try:
+        model = load_model(robot, choice.model)
+        inertia = InertiaRange.of(effective_inertia(robot, torques.d_kk))
+        loads = decouple(torques.inertial, torques.coupled, robot.gear_ratio, scenario.algorithm)
+        i_eff = inertia.maximum if scenario.plant.i_eff is None else np.array(scenario.plant.i_eff)
+        elastic = _elastic_joints(scenario, robot, motion, torques, i_eff)
+        modelled = (
+            torques if model is robot else torque_groups(model, motion.q, motion.v, motion.vd)
+        )
+        i_eff_modelled = effective_inertia(model, modelled.d_kk)
+        largest = i_eff_modelled.max(axis=0)
+        gains = _gains(scenario, largest)
+        slowest = i_eff if scenario.plant.kind == "axis" else inertia.minimum
+        _check_speed(scenario, robot, gains, slowest, elastic)
+    except InputError as error:
+        raise InputError(f"{_named(scenario)}{error}") from None
+    omega_n = natural_frequency(gains, largest)
+    return Design(
+        scenario=scenario,
+        robot=robot,
+        motion=motion,
+        torques=torques,
+        loads=loads,
+        inertia=inertia,
+        i_eff=i_eff,
+        gains=gains,
+        model=model,
+        tau_ff=_tau_ff(scenario, model, modelled, motion),
+        inertia_share=i_eff_modelled / largest,
+        omega_n=omega_n,
+        position_gain=omega_n / 4
+        if choice.position_gain is None
+        else np.array(choice.position_gain),
+        elastic=elastic,
+    )
 
 
 def load_plan(path: str | Path, robot: Robot, *, period: float, margin: float = 1.0) -> Plan:
@@ -118,28 +168,97 @@ def _located(error: InputError, file: Path) -> InputError:
     return InputError(text if text.startswith(str(file)) else f"{file}: {text}")
 
 
+def _tau_ff(
+    scenario: Scenario, model: Robot, modelled: TorqueGroups, motion: Motion
+) -> Array | None:
+    choice = scenario.controller
+    kind = choice.feedforward_in_use
+    if kind == "none" and not choice.friction_compensation:
+        return None
+    groups = (modelled.inertial, modelled.reaction, modelled.velocity, modelled.gravity)
+    tau_ff = feedforward_torque(kind, model, groups, motion.vd, scenario.algorithm)
+    if choice.feedforward_gain is not None:
+        tau_ff = np.array(choice.feedforward_gain) * tau_ff
+    if choice.friction_compensation and scenario.plant.friction is not None:
+        friction = joint_friction(scenario.plant.friction, model.n)
+        tau_ff = tau_ff + sliding_friction(friction, motion.v) / model.gear_ratio
+    return tau_ff
+
+
+def _elastic_joints(
+    scenario: Scenario, robot: Robot, motion: Motion, torques: TorqueGroups, i_eff: Array
+) -> ElasticJoints | None:
+    """The springs, from the inertia that each sees where it is largest along the motion."""
+    elasticity = scenario.plant.elasticity
+    if elasticity is None:
+        return None
+    if scenario.plant.kind == "axis":
+        links = robot.gear_ratio**2 * (i_eff - robot.rotor_inertia)
+        gravity_stiffness = np.zeros(robot.n)
+    else:
+        links = torques.d_kk.max(axis=0)
+        at = motion.q[torques.d_kk.argmax(axis=0)]  # a row for each joint
+        gravity_stiffness = np.array([_gravity_stiffness(robot, at[k], k) for k in range(robot.n)])
+    elastic = np.array(elasticity.natural_frequency) > 0
+    for k in np.flatnonzero(elastic):
+        if robot.rotor_inertia[k] <= 0 or links[k] <= 0:
+            raise InputError(
+                f"plant.elasticity: joint {k + 1} has the rotor inertia {robot.rotor_inertia[k]:g} "
+                f"kg m² (motor side) and the link inertia {links[k]:g} kg m² (joint side); an "
+                "elastic joint needs both > 0"
+            )
+    return elastic_joints(elasticity, links, gravity_stiffness)
+
+
+def _gravity_stiffness(robot: Robot, q: Array, k: int) -> float:
+    """Change of the gravity torque of joint k with its angle, joint side [N m/rad]."""
+    step = 1e-5  # rad
+    around = np.array([q, q])
+    around[0, k] -= step
+    around[1, k] += step
+    rest = np.zeros_like(around)
+    low, high = torque_groups(robot, around, rest, rest).gravity[:, k]
+    return (high - low) / (2 * step)
+
+
 _FASTEST = 1000.0  # rad per interpolation period; far beyond what a drive could do
 
 
-def _check_speed(scenario: Scenario, gains: SpeedGains, i_eff: Array) -> None:
+def _check_speed(
+    scenario: Scenario,
+    robot: Robot,
+    gains: SpeedGains,
+    i_eff: Array,
+    elastic: ElasticJoints | None,
+) -> None:
     """Refuse a loop so stiff that its simulation would not end."""
-    with np.errstate(over="ignore", divide="ignore"):
-        fastest = np.maximum(gains.kp / i_eff, np.sqrt(gains.ki / i_eff))
-    if np.any(fastest * scenario.period > _FASTEST):
-        k = int(np.argmax(fastest))
+    at_motor = i_eff
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        if elastic is not None:
+            # Above the spring's frequency the motor has nothing but its rotor to turn.
+            at_motor = np.where(elastic.elastic, robot.rotor_inertia, i_eff)
+            springs = np.sqrt(elastic.stiffness / robot.reflected_inertia)
+            _check_pole(
+                scenario,
+                np.where(elastic.elastic, springs, 0.0),
+                "plant.elasticity.natural_frequency gives",
+            )
+        fastest = np.maximum(gains.kp / at_motor, np.sqrt(gains.ki / at_motor))
+    _check_pole(scenario, fastest, "gains (kp, ki, or omega_r, zeta) against inertia give")
+
+
+def _check_pole(scenario: Scenario, poles: Array, cause: str) -> None:
+    if np.any(poles * scenario.period > _FASTEST):
+        k = int(np.argmax(poles))
         raise InputError(
-            f"{_named(scenario)}gains (kp, ki, or omega_r, zeta) against inertia give "
-            f"joint {k + 1} a pole at {fastest[k]:.3g} rad/s, expected less than "
+            f"{cause} joint {k + 1} a pole at {poles[k]:.3g} rad/s, expected less than "
             f"{_FASTEST / scenario.period:.3g}"
         )
 
 
-def _gains(scenario: Scenario, inertia: InertiaRange) -> SpeedGains:
+def _gains(scenario: Scenario, i_eff_max: Array) -> SpeedGains:
     controller = scenario.controller
     if controller.kp is not None and controller.ki is not None:
         return SpeedGains(kp=np.array(controller.kp), ki=np.array(controller.ki))
     zeta = 1.0 if controller.zeta is None else controller.zeta
-    try:
-        return tune(inertia.maximum, controller.omega_r or 0.0, zeta)
-    except InputError as error:
-        raise InputError(f"{_named(scenario)}{error}") from None
+    return tune(i_eff_max, controller.omega_r or 0.0, zeta)

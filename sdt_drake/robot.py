@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +21,8 @@ from sdt_drake.resources import find_file, models_dir
 Vector = NDArray[np.float64]
 
 _DRAKE = "{http://drake.mit.edu}"
+# Drake knows its elements by this prefix; with another, rotor inertias and gears are not read.
+ET.register_namespace("drake", _DRAKE.strip("{}"))
 
 DEFAULT_ROBOT = "package://sdt/sdt.sdf"
 
@@ -75,7 +78,9 @@ class Robot:
         return self.plant.Clone()
 
 
-def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
+def load_robot(
+    path: str | Path = DEFAULT_ROBOT, edit: Callable[[ET.Element], None] | None = None
+) -> Robot:
     """Load and validate a serial robot.
 
     What Drake would silently repair or ignore is refused: masses and inertias that are missing or
@@ -83,6 +88,8 @@ def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
 
     Args:
         path: an SDF file, or `package://sdt/...` for a robot that ships with the package.
+        edit: changes the XML of the file in place, <sdf> and all below, before it is checked and
+            parsed; the file stays as it is.
 
     Raises:
         InputError: naming the file, the link or joint, and the number.
@@ -90,8 +97,11 @@ def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
     file = find_file(path)
     if file.suffix != ".sdf":
         raise InputError(f"{file}: expected an .sdf file")
-    _check_text(file)
-    plant = _parse(file)
+    root = _read(file)
+    if edit is not None:
+        edit(root)
+    _check_text(root, file)
+    plant = _parse(file, None if edit is None else ET.tostring(root, encoding="unicode"))
     joints = _chain(plant, file)
     actuators = _actuators(plant, joints, file)
     effort_limit = np.array([a.effort_limit() for a in actuators])
@@ -99,7 +109,7 @@ def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
     gear_ratio = np.array([a.default_gear_ratio() for a in actuators])
     _replace_actuators(plant, joints, actuators)
     plant.Finalize()
-    _check_inertias_kept(plant, file)
+    _check_inertias_kept(plant, root, file)
     _check_dynamics(plant, joints, file)
     return Robot(
         name=plant.GetModelInstanceName(joints[0].model_instance()),
@@ -119,12 +129,26 @@ def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
 # --- what only the text of the file can tell -------------------------------------------------
 
 
-def _check_text(file: Path) -> None:
-    """Refuse what the SDF parser would fill in, replace or drop without an error."""
+def _read(file: Path) -> ET.Element:
+    """The XML of the file, Drake's elements in the namespace `_DRAKE`.
+
+    Drake goes by the prefix alone and takes any address for it; many files have "drake.mit.edu".
+    """
     try:
-        root = ET.parse(file).getroot()
+        with file.open("rb") as stream:
+            reader = ET.iterparse(stream, events=["start-ns"])
+            prefixes = {f"{{{uri}": prefix for _, (prefix, uri) in reader}
     except (ET.ParseError, UnicodeDecodeError) as error:
         raise InputError(f"{file}: not well-formed XML ({error})") from None
+    for element in reader.root.iter():
+        uri, _, tag = element.tag.rpartition("}")
+        if prefixes.get(uri) == "drake":
+            element.tag = _DRAKE + tag
+    return reader.root
+
+
+def _check_text(root: ET.Element, file: Path) -> None:
+    """Refuse what the SDF parser would fill in, replace or drop without an error."""
     if root.find(".//include") is not None:
         raise InputError(f"{file}: <include> is not supported, write the links into the file")
     if len(root.findall(".//model")) != 1:
@@ -217,16 +241,28 @@ def _number(element: ET.Element, where: str, *, finite: bool = True) -> float:
 # --- what the parsed plant tells -------------------------------------------------------------
 
 
-def _parse(file: Path) -> MultibodyPlant:
-    """The plant of the file, not finalized."""
+_PLACE_IN_TEXT = r"<(data|literal)-string>\S* "  # as Drake writes it
+
+
+def _parse(file: Path, text: str | None) -> MultibodyPlant:
+    """The plant of the file, or of its edited `text`, not finalized.
+
+    No geometry is read, so paths of meshes, which a text could not resolve, do not matter.
+    """
     plant = MultibodyPlant(time_step=0.0)
     parser = Parser(plant)
     parser.SetStrictParsing()
     parser.package_map().AddPackageXml(str(models_dir() / "package.xml"))
     try:
-        parser.AddModels(str(file))
+        if text is None:
+            parser.AddModels(str(file))
+        else:
+            parser.AddModelsFromString(text, "sdf")
     except RuntimeError as error:
-        reason = re.sub(rf"\S*{re.escape(file.name)}:", "line ", " ".join(str(error).split()))
+        reason = " ".join(str(error).split())
+        if text is not None:  # its lines are not those of the file
+            raise InputError(f"{file}, edited: {re.sub(_PLACE_IN_TEXT, '', reason)}") from None
+        reason = re.sub(rf"\S*{re.escape(file.name)}:", "line ", reason)
         raise InputError(f"{file}: {reason}") from None
     return plant
 
@@ -321,9 +357,9 @@ def _check_dynamics(plant: MultibodyPlant, joints: list[RevoluteJoint], file: Pa
         )
 
 
-def _check_inertias_kept(plant: MultibodyPlant, file: Path) -> None:
-    """Every link of the plant has the mass and the trace of inertia that the file gives it."""
-    for link in ET.parse(file).getroot().iter("link"):
+def _check_inertias_kept(plant: MultibodyPlant, root: ET.Element, file: Path) -> None:
+    """Every link of the plant has the mass and the trace of inertia that the XML gives it."""
+    for link in root.iter("link"):
         where = f"{file}: link '{link.get('name')}'"
         central = plant.GetBodyByName(link.get("name", "")).default_spatial_inertia()
         mass = _number(link.find("inertial/mass"), where)

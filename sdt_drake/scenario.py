@@ -8,14 +8,15 @@ from typing import Optional
 
 from pydrake.common.yaml import yaml_dump_typed
 
-from sdt_drake.control import STRUCTURES
+from sdt_drake.control import CONTROLLERS, FEEDFORWARDS, STRUCTURES
+from sdt_drake.device import Drive, Elasticity, Friction
 from sdt_drake.dynamics import SIGNS
 from sdt_drake.errors import InputError, checked_choice, checked_number, checked_vector, replacing
+from sdt_drake.model_errors import ModelErrors
 from sdt_drake.robot import DEFAULT_ROBOT
 from sdt_drake.yaml_files import load_yaml
 
 PLANTS = ("axis", "coupled")
-CONTROLLERS = ("pi", "pi_ctc")
 INVERSE_DYNAMICS = ("table", "online")
 
 
@@ -28,10 +29,14 @@ class PlantChoice:
             reference (the paper's models), or "coupled", the MultibodyPlant.
         i_eff: for "axis": inertia of each motor, motor side [kg m²]; by default the largest along
             the motion.
+        friction: in the joints; none by default.
+        elasticity: of the joints; rigid by default.
     """
 
     kind: str = "axis"
     i_eff: Optional[list[float]] = None  # noqa: UP045
+    friction: Optional[Friction] = None  # noqa: UP045
+    elasticity: Optional[Elasticity] = None  # noqa: UP045
 
 
 @dataclass
@@ -39,11 +44,21 @@ class ControllerChoice:
     """What drives it.
 
     Attributes:
-        kind: "pi", speed feedback only, or "pi_ctc", with the load torque fed forward.
-        structure: "p_in_feedback" (Figure 5) or "pi", both gains on the error.
+        kind: one of `sdt_drake.control.CONTROLLERS`.
+        structure: of the PI controller: "p_in_feedback" (Figure 5) or "pi", both gains on the
+            error. The kinds "pi_id" and "p_pi" always have both gains on the error.
         omega_r: lowest natural frequency of the structure [rad/s]; the gains follow from it.
         zeta: damping ratio at the largest inertia [-], for each joint; 1 by default.
         kp, ki: gains, motor side [N m s/rad, N m/rad], instead of omega_r and zeta.
+        anti_windup: whether the integral of the PI controller follows the torque that the motor
+            can give (back-calculation).
+        feedforward: torque feedforward of the kinds "p_pi" and "pi_scheduled", which leave it open:
+            "none" (default), "ctc" or "id".
+        feedforward_gain: factor on the torque feedforward of each joint [-]; 1 by default.
+        friction_compensation: whether the plant's friction, at the speed of the reference, is part
+            of the feedforward.
+        position_gain: K_V of the kind "p_pi" [1/s], for each joint; omega_n / 4 by default.
+        model: what the controller's model of the robot gets wrong; nothing by default.
     """
 
     kind: str = "pi"
@@ -52,6 +67,28 @@ class ControllerChoice:
     zeta: Optional[list[float]] = None  # noqa: UP045
     kp: Optional[list[float]] = None  # noqa: UP045
     ki: Optional[list[float]] = None  # noqa: UP045
+    anti_windup: bool = False
+    feedforward: Optional[str] = None  # noqa: UP045
+    feedforward_gain: Optional[list[float]] = None  # noqa: UP045
+    friction_compensation: bool = False
+    position_gain: Optional[list[float]] = None  # noqa: UP045
+    model: ModelErrors = field(default_factory=ModelErrors)
+
+    @property
+    def feedforward_in_use(self) -> str:
+        """One of FEEDFORWARDS: that of the kind, or the chosen one."""
+        return CONTROLLERS[self.kind].feedforward or self.feedforward or "none"
+
+    @property
+    def structure_in_use(self) -> str:
+        """Of the PI controller: that of the kind, or the chosen one."""
+        return CONTROLLERS[self.kind].structure or self.structure
+
+    @property
+    def label(self) -> str:
+        """Short name: the kind, and the feedforward where it was chosen; "p_pi+id"."""
+        chosen = CONTROLLERS[self.kind].feedforward is None and self.feedforward_in_use != "none"
+        return f"{self.kind}+{self.feedforward}" if chosen else self.kind
 
 
 @dataclass
@@ -80,6 +117,7 @@ class Scenario:
         algorithm: sign of Algorithm 1's third branch, "consistent" or "printed".
         inverse_dynamics: "table", load torques computed before the run, or "online", by a block.
         plant: what moves.
+        drive: of the motors; ideal by default.
         controller: what drives it.
         disturbance: what the model does not know.
     """
@@ -92,6 +130,7 @@ class Scenario:
     algorithm: str = "consistent"
     inverse_dynamics: str = "table"
     plant: PlantChoice = field(default_factory=PlantChoice)
+    drive: Optional[Drive] = None  # noqa: UP045
     controller: ControllerChoice = field(default_factory=ControllerChoice)
     disturbance: Disturbance = field(default_factory=Disturbance)
 
@@ -108,13 +147,21 @@ class Scenario:
         checked_choice(self.algorithm, SIGNS, "algorithm")
         checked_choice(self.inverse_dynamics, INVERSE_DYNAMICS, "inverse_dynamics")
         checked_choice(self.plant.kind, PLANTS, "plant.kind")
-        checked_choice(self.controller.kind, CONTROLLERS, "controller.kind")
+        checked_choice(self.controller.kind, tuple(CONTROLLERS), "controller.kind")
         checked_choice(self.controller.structure, STRUCTURES, "controller.structure")
         checked_number(self.disturbance.amplitude, "disturbance.amplitude", minimum=0)
         checked_number(self.disturbance.omega_d, "disturbance.omega_d", minimum=0)
         if self.plant.kind == "coupled" and self.plant.i_eff is not None:
             raise InputError("plant.i_eff: the coupled plant has its inertia from the SDF; remove")
+        if self.plant.friction is not None:
+            self.plant.friction.validate("plant.friction")
+        if self.plant.elasticity is not None:
+            self.plant.elasticity.validate("plant.elasticity")
+        if self.drive is not None:
+            self.drive.validate("drive", self.period)
+        self.controller.model.validate("controller.model")
         self._validate_gains()
+        self._validate_options()
 
     def _validate_gains(self) -> None:
         controller = self.controller
@@ -128,8 +175,31 @@ class Scenario:
         if controller.omega_r is not None:
             checked_number(controller.omega_r, "controller.omega_r", minimum=0, exclusive=True)
 
+    def _validate_options(self) -> None:
+        """Refuse what the chosen kind of controller would not use."""
+        controller, kind = self.controller, CONTROLLERS[self.controller.kind]
+        where = f"controller.kind {controller.kind}"
+        if self.plant.kind not in kind.plants:
+            raise InputError(f"{where}: needs plant.kind {' or '.join(kind.plants)}")
+        if controller.feedforward is not None:
+            if kind.feedforward is not None:
+                open_ = [name for name, k in CONTROLLERS.items() if k.feedforward is None]
+                raise InputError(
+                    f"controller.feedforward: {controller.kind} has its own; only "
+                    f"{', '.join(open_)} leave it open"
+                )
+            checked_choice(controller.feedforward, FEEDFORWARDS, "controller.feedforward")
+        if controller.position_gain is not None and kind.feedback != "position":
+            raise InputError(f"controller.position_gain: {controller.kind} has no position loop")
+        if controller.feedforward_gain is not None and controller.feedforward_in_use == "none":
+            raise InputError(f"controller.feedforward_gain: {controller.kind} has no feedforward")
+        if controller.anti_windup and kind.feedback == "inverse_dynamics":
+            raise InputError(f"controller.anti_windup: {controller.kind} has no integral")
+        if controller.friction_compensation and self.plant.friction is None:
+            raise InputError("controller.friction_compensation: needs plant.friction")
+
     def validate_sizes(self, n: int) -> None:
-        """Check that every list has one value > 0 for each of the n joints.
+        """Check that every list has one good value for each of the n joints.
 
         Raises:
             InputError: naming the field.
@@ -139,9 +209,18 @@ class Scenario:
             ("controller.zeta", self.controller.zeta),
             ("controller.kp", self.controller.kp),
             ("controller.ki", self.controller.ki),
+            ("controller.position_gain", self.controller.position_gain),
         ):
             if values is not None:
                 checked_vector(values, n, name, positive=True)
+        if self.controller.feedforward_gain is not None:
+            checked_vector(self.controller.feedforward_gain, n, "controller.feedforward_gain")
+        if self.plant.friction is not None:
+            self.plant.friction.validate_sizes(n, "plant.friction")
+        if self.plant.elasticity is not None:
+            self.plant.elasticity.validate_sizes(n, "plant.elasticity")
+        if self.drive is not None:
+            self.drive.validate_sizes(n, "drive")
 
 
 def load_scenario(path: str | Path) -> Scenario:

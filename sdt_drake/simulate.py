@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.primitives import ZeroOrderHold
 
+from sdt_drake.control import CONTROLLERS
 from sdt_drake.design import Design, make_design
 from sdt_drake.errors import InputError
-from sdt_drake.loops import PLANT_NAME, make_loop
+from sdt_drake.loops import PI_NAME, PLANT_NAME, make_loop
 from sdt_drake.scenario import Scenario
 from sdt_drake.systems import read_logs
 from sdt_drake.tables import write_table
@@ -39,7 +41,8 @@ class Recording:
         q_ref, v_ref: reference of the planner, joint side [rad, rad/s].
         q, v: of the plant, joint side [rad, rad/s].
         tau_cmd: torque that the controller asks for, motor side [N m].
-        tau: torque of the motors after saturation, motor side [N m].
+        tau_limited: the same after saturation, motor side [N m].
+        tau: torque that the motors give: the same with an ideal drive, motor side [N m].
         load_torque: tau_LD of Algorithm 1, motor side [N m].
     """
 
@@ -49,6 +52,7 @@ class Recording:
     q: Array
     v: Array
     tau_cmd: Array
+    tau_limited: Array
     tau: Array
     load_torque: Array
 
@@ -67,29 +71,35 @@ class Recording:
         write_table(path, self.time, {name: getattr(self, name) for name in COLUMNS})
 
 
-def make_simulator(diagram: Diagram, *, max_step: float) -> Simulator:
+def make_simulator(diagram: Diagram, *, max_step: float, accuracy: float = ACCURACY) -> Simulator:
     """A simulator, not initialized, that meets every sample and integrates between them."""
     simulator = Simulator(diagram)
     config = SimulatorConfig(
         integration_scheme="runge_kutta3",
         max_step_size=max_step,
-        accuracy=ACCURACY,
+        accuracy=accuracy,
         use_error_control=True,
     )
     ApplySimulatorConfig(config, simulator)
     return simulator
 
 
-def simulate(design: Design, diagram: Diagram | None = None) -> Recording:
+def simulate(
+    design: Design, diagram: Diagram | None = None, *, accuracy: float = ACCURACY
+) -> Recording:
     """Run a loop along its motion, starting on the reference.
 
     Args:
         design: a resolved scenario.
         diagram: its loop with logs; built here by default.
+        accuracy: of the integrator.
+
+    Raises:
+        InputError: if the integrator gives up.
     """
     diagram = make_loop(design) if diagram is None else diagram
     motion = design.motion
-    simulator = make_simulator(diagram, max_step=motion.period)
+    simulator = make_simulator(diagram, max_step=motion.period, accuracy=accuracy)
     context = simulator.get_mutable_context()
     _start_on_reference(design, diagram, context)
     try:
@@ -105,23 +115,56 @@ def simulate(design: Design, diagram: Diagram | None = None) -> Recording:
         ) from None
     time, signals = read_logs(diagram, context)
     q, v = np.hsplit(signals.pop("state"), 2)
+    signals.setdefault("tau_limited", signals["tau"])
     return Recording(time=time, q_ref=motion.q, v_ref=motion.v, q=q, v=v, **signals)
 
 
 def _start_on_reference(design: Design, diagram: Diagram, context: Context) -> None:
-    """Joints at the first sample, holds with the first sample, and speeds that persist."""
+    """Joints and motors at the first sample, holds with what they sample, speeds that persist."""
+    scenario, motion, gains = design.scenario, design.motion, design.gains
+    n, q, v = motion.n, motion.q[0], motion.v[0]
+    systems = {system.get_name(): system for system in diagram.GetSystems()}
 
-    def set_state(name: str, state: Array) -> None:
-        system = diagram.GetSubsystemByName(name)
-        system.GetMyMutableContextFromRoot(context).SetContinuousState(state)
+    def context_of(name: str) -> Context:
+        return systems[name].GetMyMutableContextFromRoot(context)
 
-    motion, gains = design.motion, design.gains
-    set_state(PLANT_NAME[design.scenario.plant.kind], np.concatenate([motion.q[0], motion.v[0]]))
-    if design.scenario.controller.structure == "p_in_feedback":
+    context_of(PLANT_NAME[scenario.plant.kind]).SetContinuousState(np.concatenate([q, v]))
+    if design.elastic is not None:
+        axes = design.elastic.elastic
+        wound = _spring_torque_at_start(design)[axes] / design.elastic.stiffness[axes]
+        context_of("elastic_joints").SetContinuousState(np.concatenate([q[axes] + wound, v[axes]]))
+    integral = f"{PI_NAME}.integral" if scenario.controller.anti_windup else PI_NAME
+    if integral in systems and scenario.controller.structure_in_use == "p_in_feedback":
         # What -K_PS v takes away at the start, the integral gives.
-        motor_speed = design.robot.gear_ratio * motion.v[0]
-        set_state("pi_speed_controller", gains.kp / gains.ki * motor_speed)
-    context.SetDiscreteState(diagram.EvalUniquePeriodicDiscreteUpdate(context))
+        share = 1.0
+        if CONTROLLERS[scenario.controller.kind].feedback == "scheduled":
+            share = design.inertia_share[0]
+        start = share * gains.kp / gains.ki * design.robot.gear_ratio * v
+        own = context_of(integral)
+        if own.num_discrete_state_groups() > 0:
+            own.SetDiscreteState(start)
+        else:
+            own.SetContinuousState(start)
+    for name, system in systems.items():  # in the order of the signals, but for the encoders
+        if isinstance(system, ZeroOrderHold):
+            _sample(system, context_of(name))
+    for name in systems:
+        if name.endswith(".before"):  # of an encoder, which takes the speed from differences
+            position = context_of(name.replace(".before", ".now")).get_discrete_state_vector()
+            period = systems[name].period()
+            context_of(name).SetDiscreteState(position.value() - period * v[:n])
+
+
+def _sample(hold: ZeroOrderHold, context: Context) -> None:
+    context.SetDiscreteState(hold.get_input_port().Eval(context))
+
+
+def _spring_torque_at_start(design: Design) -> Array:
+    """What the springs carry at time 0, joint side [N m]."""
+    if design.scenario.plant.kind == "axis":
+        link = design.robot.gear_ratio**2 * (design.i_eff - design.robot.rotor_inertia)
+        return link * design.motion.vd[0] + design.robot.gear_ratio * design.loads.load_torque[0]
+    return design.torques.total[0]
 
 
 def simulate_scenario(scenario: Scenario) -> Recording:

@@ -13,9 +13,14 @@ from sdt_drake.errors import InputError, replacing
 Array = NDArray[np.float64]
 
 
-def write_table(path: str | Path, time: Array, columns: Mapping[str, Array]) -> None:
-    """Write `time` [s], shape (N,), and columns of shape (N, n), exactly (17 digits)."""
-    header, blocks = ["time"], [time[:, None]]
+def write_table(
+    path: str | Path, time: Array, columns: Mapping[str, Array], *, first: str = "time"
+) -> None:
+    """Write `time` [s], shape (N,), and columns of shape (N, n), exactly (17 digits).
+
+    `first` is the name of the first column, where it is not the time.
+    """
+    header, blocks = [first], [time[:, None]]
     for name, values in columns.items():
         header += [f"{name}_{k + 1}" for k in range(values.shape[1])]
         blocks.append(values)

@@ -9,9 +9,9 @@ PACKAGE = Path(__file__).parents[1] / "sdt_drake"
 
 # From the bottom up; README's layout shows the same order.
 ORDER = (
-    "errors", "resources", "tables", "yaml_files", "robot", "dynamics", "motion", "control",
-    "scenario", "design", "systems", "loops", "simulate", "graphviz", "paper", "analysis", "commands", "cli",
-    "__main__",
+    "errors", "resources", "tables", "yaml_files", "robot", "model_errors", "dynamics", "device",
+    "motion", "control", "scenario", "design", "systems", "loops", "simulate", "graphviz", "paper",
+    "analysis", "commands", "cli", "__main__",
 )  # fmt: skip
 
 

@@ -9,9 +9,15 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
+from sdt_drake.analysis.budget import ErrorBudget
+from sdt_drake.analysis.comparison import Compared
+from sdt_drake.analysis.frequency_response import FrequencyResponse, unwrapped_degrees
+from sdt_drake.analysis.stability import StabilitySweep
 from sdt_drake.analysis.study import StepResponse
 from sdt_drake.analysis.tracking import constant_speed_segments
 from sdt_drake.dynamics import Loads
@@ -177,6 +183,136 @@ def tracking_lines(runs: Mapping[str, Recording], quantity: str) -> list[Line]:
     ]
 
 
+def comparison(title: str, compared: Sequence[Compared]) -> Figure:
+    """Controllers side by side: errors on a logarithmic scale, and torques."""
+    names = compared[0].design.robot.joint_names
+    panels = (
+        ("largest speed error [rad/s]", lambda c: c.tracking.max_abs_speed_error, True),
+        ("RMS speed error [rad/s]", lambda c: c.tracking.rms_speed_error, True),
+        (
+            "speed error at constant speed [rad/s]",
+            lambda c: c.tracking.constant_speed_error,
+            True,
+        ),
+        (
+            "largest position error [deg]",
+            lambda c: np.degrees(c.tracking.max_abs_position_error),
+            True,
+        ),
+        ("RMS torque, of the motor [%]", lambda c: 100 * c.motors.rms_share, False),
+        ("peak torque, of the motor [%]", lambda c: 100 * c.motors.peak_share, False),
+    )
+    with style():
+        figure, axes = _grid(3, 2)
+        width = 0.8 / len(compared)
+        at = np.arange(len(names))
+        for ax, (label, value, logarithmic) in zip(axes.flat, panels, strict=True):
+            for i, (c, colour) in enumerate(zip(compared, _colours(len(compared)), strict=True)):
+                shift = (i - (len(compared) - 1) / 2) * width
+                ax.bar(at + shift, value(c), width, color=colour, label=c.label)
+            ax.set_title(label, loc="left")
+            if logarithmic:
+                ax.set_yscale("log")
+                _plain_numbers(ax.yaxis)
+            ax.grid(axis="x", visible=False)
+            ax.set_xticks(at, [f"{k + 1} {name}" for k, name in enumerate(names)])
+        _title(figure, title)
+        _legend_below(figure)
+    return figure
+
+
+def error_budget(title: str, budget: ErrorBudget, joint_names: Sequence[str]) -> Figure:
+    """The speed error and its parts, a panel for each joint."""
+    parts = [(name, values) for name, values in budget.parts.items() if values.any()]
+    if np.abs(budget.remainder).max() > 1e-6:
+        parts.append(("remainder", budget.remainder))
+    lines = [("speed error", "0.75", "-", budget.whole)]
+    lines += [
+        (name, colour, "-", values)
+        for (name, values), colour in zip(parts, _colours(len(parts)), strict=True)
+    ]
+    figure = _panels(title, "speed error [rad/s]", budget.time, lines, joint_names)
+    for ax in figure.axes:
+        ax.lines[0].set_linewidth(3.0)
+    return figure
+
+
+def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) -> Figure:
+    """Size and phase of tracking and loop gain over frequency, a line for each joint."""
+    columns = (
+        ("speed over its reference", response.tracking),
+        ("loop, cut at the motor", response.loop_gain),
+    )
+    with style():
+        figure, axes = _grid(2, 2, panel=2.4)
+        for column, (label, values) in enumerate(columns):
+            size, phase = axes[:, column]
+            colours = _colours(len(joint_names))
+            for k, (name, colour) in enumerate(zip(joint_names, colours, strict=True)):
+                look = {"color": colour, "linestyle": _DASHES[k % len(_DASHES)]}
+                decibel = 20 * np.log10(np.abs(values[:, k]))
+                size.semilogx(response.omega, decibel, label=_joint_title(k, name), **look)
+                phase.semilogx(response.omega, unwrapped_degrees(values)[:, k], **look)
+            size.set_title(label, loc="left", fontweight="bold")
+            size.set_ylabel("size [dB]")
+            size.set_ylim(-60, 60 if column else 20)
+            phase.set_ylabel("phase [deg]")
+            phase.set_xlabel("frequency [rad/s]")
+            phase.margins(x=0)
+            _plain_numbers(phase.xaxis)
+        for level, ax in ((-3, axes[0, 0]), (0, axes[0, 1]), (-180, axes[1, 1])):
+            ax.axhline(level, color="0.4", linewidth=0.8)
+        _title(figure, title)
+        _legend_below(figure)
+    return figure
+
+
+def stability(
+    title: str,
+    sweeps: Mapping[str, Mapping[str, StabilitySweep]],
+    joint_names: Sequence[str],
+) -> Figure:
+    """Least damping and overshoot over omega_n / omega_r.
+
+    `sweeps` by place of the encoder, a column each, and by drive, a line style each.
+    """
+    with style():
+        figure, axes = _grid(2, len(sweeps), panel=2.4)
+        for (damping, overshoot), (encoder, by_drive) in zip(axes.T, sweeps.items(), strict=True):
+            for (drive, sweep), dashes in zip(by_drive.items(), _DASHES, strict=False):
+                colours = _colours(len(joint_names))
+                for k, (name, colour) in enumerate(zip(joint_names, colours, strict=True)):
+                    look = {"color": colour, "linestyle": dashes}
+                    label = f"{_joint_title(k, name)}, {drive}"
+                    damping.plot(sweep.ratio, sweep.damping[:, k], label=label, **look)
+                    overshoot.plot(sweep.ratio, sweep.overshoot_percent[:, k], **look)
+            damping.set_title(f"encoder on the {encoder}", loc="left", fontweight="bold")
+            damping.axhspan(-1, 0, color=PI, alpha=0.12, linewidth=0)
+            damping.set(ylim=(-0.4, 1.02), ylabel="smallest damping ratio")
+            overshoot.set(ylim=(0, 60), ylabel="overshoot of the link [%]", xlabel="ω_n / ω_r")
+            for ax in (damping, overshoot):
+                ax.axvline(0.5, color="0.4", linewidth=0.8)
+                ax.margins(x=0)
+        _title(figure, f"{title} (red: unstable)")
+        _legend_below(figure, columns=len(joint_names))
+    return figure
+
+
+def _plain_numbers(axis: Axis) -> None:
+    """Powers of ten as numbers: matplotlib would write them in TeX, which is off here."""
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+# Okabe and Ito: colours that colour-blind people can tell apart.
+_PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
+_DASHES = ("-", "--", "-.", ":")
+
+
+def _colours(count: int) -> list[str]:
+    return [_PALETTE[i % len(_PALETTE)] for i in range(count)]
+
+
 def _panels(
     title: str, ylabel: str, time, lines: Sequence[Line], joint_names: Sequence[str]
 ) -> Figure:
@@ -196,10 +332,10 @@ def _panels(
     return figure
 
 
-def _grid(rows: int, columns: int) -> tuple[Figure, NDArray]:
+def _grid(rows: int, columns: int, *, panel: float = 1.55) -> tuple[Figure, NDArray]:
     """A figure and its axes. The margins are fixed [inch]: computing them takes a second."""
     left, right, top, bottom, gap = 0.8, 0.15, 0.65, 0.85, 0.35
-    width, panel = 10.0, 1.55
+    width = 10.0
     height = rows * panel + (rows - 1) * gap + top + bottom
     figure = Figure(figsize=(width, height))
     axes = figure.subplots(
@@ -223,11 +359,11 @@ def _title(figure: Figure, title: str) -> None:
     figure.suptitle(title, y=1 - 0.12 / figure.get_figheight(), verticalalignment="top")
 
 
-def _legend_below(figure: Figure) -> None:
+def _legend_below(figure: Figure, columns: int | None = None) -> None:
     for legend in list(figure.legends):
         legend.remove()
     handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower center", ncols=len(labels))
+    figure.legend(handles, labels, loc="lower center", ncols=columns or len(labels))
 
 
 def _joint_title(k: int, name: str) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.motion import Motion
+from sdt_drake.robot import Robot
 from sdt_drake.simulate import Recording
 
 Array = NDArray[np.float64]
@@ -45,7 +46,7 @@ def track(recording: Recording, motion: Motion) -> Tracking:
         max_abs_speed_error=np.abs(error).max(axis=0),
         rms_speed_error=np.sqrt(np.mean(error**2, axis=0)),
         constant_speed_error=np.where(np.isinf(in_segments), np.nan, in_segments),
-        saturated_fraction=np.mean(recording.tau != recording.tau_cmd, axis=0),
+        saturated_fraction=np.mean(recording.tau_limited != recording.tau_cmd, axis=0),
         max_abs_position_error=np.abs(recording.position_error).max(axis=0),
     )
 
@@ -57,3 +58,27 @@ def constant_speed_segments(motion: Motion) -> NDArray[np.bool_]:
     index = np.arange(len(constant))[:, None]
     last_change = np.maximum.accumulate(np.where(constant, -1, index), axis=0)
     return index - last_change > needed
+
+
+@dataclass(frozen=True, eq=False)
+class MotorUse:
+    """What a run takes of the motors; each of shape (n,).
+
+    Attributes:
+        peak_torque: largest |tau|, motor side [N m].
+        rms_torque: of tau over the run, motor side [N m].
+        peak_share, rms_share: the same over the motor's largest torque [-].
+    """
+
+    peak_torque: Array
+    rms_torque: Array
+    peak_share: Array
+    rms_share: Array
+
+
+def motor_use(recording: Recording, robot: Robot) -> MotorUse:
+    """Torques of a recording against the motors of `robot`."""
+    peak = np.abs(recording.tau).max(axis=0)
+    rms = np.sqrt(np.mean(recording.tau**2, axis=0))
+    limit = robot.motor_torque_limit
+    return MotorUse(peak, rms, peak / limit, rms / limit)

@@ -1,5 +1,17 @@
 """The commands of `sdt-drake`, each a module: `add` declares its options, `run` does the work."""
 
-from sdt_drake.commands import diagram, plan, reproduce, simulate, step, tune
+from sdt_drake.commands import (
+    bode,
+    budget,
+    compare,
+    diagram,
+    plan,
+    reproduce,
+    simulate,
+    stability,
+    step,
+    tune,
+)
 
-COMMANDS = (reproduce, plan, tune, step, simulate, diagram)  # as --help lists them
+# As --help lists them.
+COMMANDS = (reproduce, plan, tune, step, simulate, compare, budget, bode, stability, diagram)

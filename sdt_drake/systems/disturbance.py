@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pydrake.symbolic as sym
 from pydrake.systems.primitives import Adder
@@ -41,11 +43,13 @@ def disturbance_block(block: Block, *, n: int, amplitude: float, omega_d: float)
     def law(time, load_torque):
         return np.array([amplitude * sym.sin(omega_d * time) * tau for tau in load_torque])
 
-    add_static_law(block, n, inputs=("load_torque",), output="disturbance", law=law)
+    add_static_law(block, inputs={"load_torque": n}, output="disturbance", law=law)
 
 
-def true_load_block(block: Block, *, n: int) -> None:
-    """The load that the motors really have: the modelled one and its disturbance.
+def true_load_block(
+    block: Block, *, n: int, parts: Sequence[str] = ("modelled_load", "disturbance")
+) -> None:
+    """The load that the motors really have: the sum of its parts.
 
         load_torque = modelled_load + disturbance        [N m], motor side
 
@@ -57,8 +61,12 @@ def true_load_block(block: Block, *, n: int) -> None:
         - disturbance
         output_ports:
         - load_torque
+
+    Args:
+        n: number of joints.
+        parts: names of the inputs.
     """
-    total = block.add(Adder(2, checked_count(n, "n")))
-    block.inputs["modelled_load"] = total.get_input_port(0)
-    block.inputs["disturbance"] = total.get_input_port(1)
+    total = block.add(Adder(len(parts), checked_count(n, "n")))
+    for i, part in enumerate(parts):
+        block.inputs[part] = total.get_input_port(i)
     block.outputs["load_torque"] = total.get_output_port()

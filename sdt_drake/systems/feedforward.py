@@ -13,8 +13,8 @@ def ctc_feedforward_block(block: Block, *, n: int) -> None:
 
         tau_cmd = tau_fb + tau_ff        [N m], motor side
 
-    with the load torque tau_LD as tau_ff. It does not feed the joint's own acceleration forward
-    (d_kk vd_ref): the paper leaves that to the feedback.
+    The paper's tau_ff is the load torque tau_LD: it leaves the joint's own acceleration
+    (d_kk vd_ref) to the feedback. What tau_ff holds is not decided here.
 
     .. pydrake_system::
 

@@ -39,6 +39,7 @@ def make_recording(motion, error):
         q=motion.q,
         v=v,
         tau_cmd=torque,
+        tau_limited=torque / 2,
         tau=torque / 2,
         load_torque=-torque,
     )

@@ -25,7 +25,9 @@ def make_recording(motion, **signals):
     """A recording without any error, but for the signals given."""
     zero = np.zeros_like(motion.v)
     perfect = {"q": motion.q, "v": motion.v, "tau_cmd": zero, "tau": zero, "load_torque": zero}
-    return Recording(time=motion.time, q_ref=motion.q, v_ref=motion.v, **(perfect | signals))
+    signals = perfect | signals
+    signals.setdefault("tau_limited", signals["tau"])
+    return Recording(time=motion.time, q_ref=motion.q, v_ref=motion.v, **signals)
 
 
 def at(motion, t):

@@ -1,0 +1,121 @@
+"""Error budget: which part of the speed error comes from what, by superposition runs."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sdt_drake.design import Design
+from sdt_drake.dynamics import Loads
+from sdt_drake.errors import InputError
+from sdt_drake.motion import Motion
+from sdt_drake.simulate import simulate
+
+Array = NDArray[np.float64]
+
+PARTS = ("reference lag", "load", "disturbance", "saturation")
+
+_ACCURACY = 1e-7  # sums of runs then agree to 1e-7 rad/s
+_NO_LIMIT = 1e9  # times the motors' torque
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorBudget:
+    """The speed error of a run, and what it consists of; joint side, shape (N + 1, n) [rad/s].
+
+    Attributes:
+        time: [s], shape (N + 1,).
+        whole: the speed error.
+        parts: by name. "reference lag": the loop follows its reference late, with no load at all.
+            "load": what the load torque does, less what the feedforward takes of it.
+            "disturbance": what the model does not know of the load. "saturation": the run less
+            the same one with motors that do not saturate.
+        remainder: what is left: friction and other nonlinear effects; else round-off.
+    """
+
+    time: Array
+    whole: Array
+    parts: Mapping[str, Array]
+    remainder: Array
+
+
+def error_budget(design: Design) -> ErrorBudget:
+    """Runs of a design on the axis plant: whole, without limits, with the reference alone, the load
+    alone, and the disturbance.
+
+    Reference, load and disturbance are each given to the loop alone; that their responses add up
+    holds for linear loops only, and so for the axis plant only: on the coupled one the load is a
+    function of the motion.
+
+    Raises:
+        InputError: for the coupled plant, or a scenario with on-line inverse dynamics.
+    """
+    scenario = design.scenario
+    if scenario.plant.kind != "axis":
+        raise InputError(
+            "plant.kind: coupled, but an error budget adds responses up, which only the axis "
+            "plant allows; expected axis"
+        )
+    if scenario.inverse_dynamics != "table":
+        raise InputError("inverse_dynamics: online, but an error budget needs table")
+    limit = design.robot.effort_limit
+    free = replace(design, robot=replace(design.robot, effort_limit=_NO_LIMIT * limit))
+    at_rest = _without_motion(free)
+    runs = [
+        design,
+        free,
+        _without_load(_undisturbed(free)),
+        _undisturbed(at_rest),
+        at_rest,
+    ]
+    if scenario.disturbance.amplitude == 0:
+        runs.pop()
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        whole, unlimited, reference, load, *disturbed = pool.map(_speed_error, runs)
+    disturbance = disturbed[0] - load if disturbed else np.zeros_like(load)
+    parts = dict(zip(PARTS, (reference, load, disturbance, whole - unlimited), strict=True))
+    return ErrorBudget(design.motion.time, whole, parts, whole - sum(parts.values()))
+
+
+def _speed_error(design: Design) -> Array:
+    return simulate(design, accuracy=_ACCURACY).speed_error
+
+
+def _undisturbed(design: Design) -> Design:
+    scenario = copy.deepcopy(design.scenario)
+    scenario.disturbance.amplitude = 0.0
+    return replace(design, scenario=scenario)
+
+
+def _without_load(design: Design) -> Design:
+    """Only the reference: of the feedforward, what belongs to the joint's own motion."""
+    nothing = np.zeros_like(design.loads.load_torque)
+    tau_ff = None if design.tau_ff is None else design.tau_ff - _load_ff(design)
+    loads = Loads(nothing, design.loads.alleviating_torque)
+    return replace(design, loads=loads, tau_ff=tau_ff)
+
+
+def _without_motion(design: Design) -> Design:
+    """Only the load, and of the feedforward what belongs to it, with a reference at rest."""
+    motion = design.motion
+    nothing = np.zeros_like(motion.v)
+    tau_ff = None if design.tau_ff is None else _load_ff(design)
+    at_rest = Motion(motion.period, nothing, nothing, nothing)
+    return replace(design, motion=at_rest, tau_ff=tau_ff)
+
+
+def _load_ff(design: Design) -> Array:
+    """The part of the feedforward that answers the load, motor side [N m]: all of it but the
+    inertia of the axis process."""
+    if design.tau_ff is None:
+        return np.zeros_like(design.motion.v)
+    if design.scenario.controller.feedforward_in_use != "id":
+        return design.tau_ff
+    gain = np.array(design.scenario.controller.feedforward_gain or 1.0)
+    own = design.i_eff * design.robot.gear_ratio * design.motion.vd
+    return design.tau_ff - gain * own

@@ -1,0 +1,161 @@
+"""Controllers side by side on one scenario: errors, motors, and what each has to know."""
+
+from __future__ import annotations
+
+import copy
+import csv
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.primitives import VectorLogSink
+
+from sdt_drake.analysis.tracking import MotorUse, Tracking, motor_use, track
+from sdt_drake.control import CONTROLLERS, FEEDFORWARDS, needs
+from sdt_drake.design import Design, make_design
+from sdt_drake.errors import InputError, checked_choice, replacing
+from sdt_drake.loops import make_loop
+from sdt_drake.scenario import Scenario
+from sdt_drake.simulate import Recording, simulate
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """One controller of a comparison.
+
+    Attributes:
+        label: as in the comparison, "p_pi+id".
+        design: what was run.
+        recording: of the run.
+        tracking: how well the joints follow.
+        motors: what it takes of the motors.
+        blocks: number of Drake systems in the loop.
+        needs: what must be known to commission it.
+    """
+
+    label: str
+    design: Design
+    recording: Recording
+    tracking: Tracking
+    motors: MotorUse
+    blocks: int
+    needs: tuple[str, ...]
+
+
+def compare(design: Design, labels: Sequence[str]) -> list[Compared]:
+    """Run the scenario of a design with other controllers; everything else stays.
+
+    Args:
+        design: gives scenario, robot and motion.
+        labels: kinds of controllers, with a feedforward where the kind leaves it open: "pi",
+            "p_pi+id".
+
+    Raises:
+        InputError: for a label that is unknown or twice there, or a kind that the plant rules out.
+    """
+    if not labels:
+        raise InputError("controllers: none given")
+    for label in labels:
+        if labels.count(label) > 1:
+            raise InputError(f"controllers: '{label}' is given twice")
+    designs = [
+        make_design(
+            with_controller(design.scenario, label),
+            robot=design.robot,
+            motion=design.motion,
+            torques=design.torques,
+        )
+        for label in labels
+    ]
+    # One at a time where Python runs in the loop: two would wait for each other.
+    online = design.scenario.inverse_dynamics == "online"
+    with ThreadPoolExecutor(max_workers=1 if online else 2) as pool:
+        return list(pool.map(_run, labels, designs))
+
+
+def with_controller(scenario: Scenario, label: str) -> Scenario:
+    """A copy with another controller; options that it would not use are left out.
+
+    Raises:
+        InputError: for an unknown label.
+    """
+    kind, plus, feedforward = label.partition("+")
+    checked_choice(kind, tuple(CONTROLLERS), "controllers")
+    if plus:
+        if CONTROLLERS[kind].feedforward is not None:
+            raise InputError(f"controllers: '{label}', but {kind} has its own feedforward")
+        checked_choice(feedforward, FEEDFORWARDS, f"controllers: feedforward of {kind}")
+    scenario = copy.deepcopy(scenario)
+    choice = scenario.controller
+    choice.kind = kind
+    choice.feedforward = feedforward or None
+    feedback = CONTROLLERS[kind].feedback
+    if feedback != "position":
+        choice.position_gain = None
+    if choice.feedforward_in_use == "none":
+        choice.feedforward_gain = None
+    if feedback == "inverse_dynamics":
+        choice.anti_windup = False
+    return scenario
+
+
+def _run(label: str, design: Design) -> Compared:
+    loop = make_loop(design)
+    recording = simulate(design, loop)
+    choice = design.scenario.controller
+    logs = sum(isinstance(system, VectorLogSink) for system in loop.GetSystems())
+    return Compared(
+        label=label,
+        design=design,
+        recording=recording,
+        tracking=track(recording, design.motion),
+        motors=motor_use(recording, design.robot),
+        blocks=len(loop.GetSystems()) - logs,
+        needs=needs(choice.kind, choice.feedforward_in_use),
+    )
+
+
+_COLUMNS = (
+    ("largest error [rad/s]", ".4f", lambda c: c.tracking.max_abs_speed_error),
+    ("RMS [rad/s]", ".5f", lambda c: c.tracking.rms_speed_error),
+    ("constant speed [rad/s]", ".4f", lambda c: c.tracking.constant_speed_error),
+    ("position [deg]", ".3f", lambda c: np.degrees(c.tracking.max_abs_position_error)),
+    ("torque RMS [%]", ".1f", lambda c: 100 * c.motors.rms_share),
+    ("torque peak [%]", ".1f", lambda c: 100 * c.motors.peak_share),
+    ("saturated [%]", ".2f", lambda c: 100 * c.tracking.saturated_fraction),
+)
+"""Of the table: header, format, and values of shape (n,) of one controller."""
+
+
+def comparison_rows(compared: Sequence[Compared]) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of the table: a row for each controller and joint."""
+    header = ["controller", "joint", *(name for name, _, _ in _COLUMNS)]
+    rows = []
+    for c in compared:
+        values = [(value(c), spec) for _, spec, value in _COLUMNS]
+        for k, name in enumerate(c.design.robot.joint_names):
+            cells = [format(v[k], spec).replace("nan", "–") for v, spec in values]
+            rows.append([c.label if k == 0 else "", f"{k + 1} {name}", *cells])
+    return header, rows
+
+
+def write_comparison(compared: Sequence[Compared], path: str | Path) -> None:
+    """Write the table as CSV: a row for each controller and joint, full precision.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
+    with replacing(Path(path)) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        header = ["controller", "joint", *(name for name, _, _ in _COLUMNS), "blocks", "needs"]
+        table.writerow(header)
+        for c in compared:
+            values = [value(c) for _, _, value in _COLUMNS]
+            for k in range(c.design.robot.n):
+                cells = ["" if np.isnan(v[k]) else repr(float(v[k])) for v in values]
+                table.writerow([c.label, k + 1, *cells, c.blocks, ", ".join(c.needs)])

@@ -1,0 +1,152 @@
+"""Frequency responses of the closed loops, and what they are judged by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sdt_drake.analysis.linear import linearise
+from sdt_drake.design import Design
+from sdt_drake.errors import InputError
+from sdt_drake.tables import write_table
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Of each joint's loop; arrays of shape (len(omega), n) or (n,).
+
+    Attributes:
+        omega: [rad/s], shape (len(omega),).
+        tracking: v / v_ref of the link, all loops closed, without feedforward [-].
+        loop_gain: of the loop, cut at the motor's torque, the others closed [-].
+        bandwidth: where |tracking| has fallen by 3 dB for good [rad/s]; NaN if beyond the range.
+        peak_db: largest |tracking| [dB].
+        peak_omega: where [rad/s].
+        crossover: where |loop_gain| falls below 1 for the last time [rad/s]; NaN if nowhere.
+        phase_margin: smallest angle of the loop gain to -180 deg where its size is 1 [deg].
+        modulus_margin: smallest distance of the loop gain to -1 [-].
+        stable: whether every mode of the loop decays (those at rest apart: positions).
+    """
+
+    omega: Array
+    tracking: Complex
+    loop_gain: Complex
+    bandwidth: Array
+    peak_db: Array
+    peak_omega: Array
+    crossover: Array
+    phase_margin: Array
+    modulus_margin: Array
+    stable: NDArray[np.bool_]
+
+
+def frequency_response(
+    design: Design, *, sample: int | None = None, points: int = 4000
+) -> FrequencyResponse:
+    """Frequency responses around a sample of the motion, at rest.
+
+    Args:
+        design: a resolved scenario. The drive's lag and sampling and elastic joints count; limits
+            and friction have no frequency response.
+        sample: of the motion; by default for each joint the one where its inertia is largest.
+        points: of omega, from 1/1000 to 100 times the natural frequency of the speed loops, or to
+            the Nyquist frequency of a sampled drive.
+
+    Raises:
+        InputError: for a sample that the motion does not have.
+    """
+    n = design.robot.n
+    if sample is not None:
+        if not 0 <= sample < len(design.motion.time):
+            raise InputError(f"sample: {sample}, expected 0 to {len(design.motion.time) - 1}")
+        samples = [sample] * n
+    elif design.scenario.plant.kind == "coupled":
+        samples = design.torques.d_kk.argmax(axis=0).tolist()
+    else:
+        samples = [0] * n
+    loops = {i: linearise(design, i) for i in set(samples)}
+    top = 100 * design.omega_n.max()
+    period = loops[samples[0]].feedback.period
+    if period:
+        top = min(top, np.pi / period)
+    omega = np.geomspace(1e-3 * design.omega_n.min(), top, points)
+    tracking, gain = np.empty((2, points, n), dtype=complex)
+    stable = np.empty(n, dtype=bool)
+    for i, loop in loops.items():
+        mine = [k for k in range(n) if samples[k] == i]
+        tracking[:, mine] = loop.tracking(omega)[:, mine]
+        gain[:, mine] = loop.loop_gain(omega)[:, mine]
+        for k in mine:
+            stable[k] = is_stable(loop.closed(k).modes(), design.omega_n[k])
+    size = np.abs(tracking)
+    return FrequencyResponse(
+        omega=omega,
+        tracking=tracking,
+        loop_gain=gain,
+        bandwidth=np.array([_last_fall(omega, size[:, k], np.sqrt(0.5)) for k in range(n)]),
+        peak_db=20 * np.log10(size.max(axis=0)),
+        peak_omega=omega[size.argmax(axis=0)],
+        crossover=np.array([_last_fall(omega, np.abs(gain[:, k]), 1.0) for k in range(n)]),
+        phase_margin=np.array([_phase_margin(omega, gain[:, k]) for k in range(n)]),
+        modulus_margin=np.abs(1 + gain).min(axis=0),
+        stable=stable,
+    )
+
+
+def is_stable(modes: Complex, omega_n: float) -> bool:
+    """Whether all modes [1/s] decay; those that rest (positions) do not count."""
+    return bool(np.all(modes.real < 1e-6 * omega_n))
+
+
+def _last_fall(omega: Array, size: Array, level: float) -> float:
+    """Where `size` falls below `level` for the last time; NaN if it does not end below."""
+    above = np.flatnonzero(size >= level)
+    if len(above) == 0 or above[-1] == len(size) - 1:
+        return float("nan")
+    return _between(omega, size, int(above[-1]), level)
+
+
+def _between(omega: Array, size: Array, i: int, level: float) -> float:
+    """Between points i and i + 1, straight in the logarithms."""
+    x, y = np.log(omega[i : i + 2]), np.log(size[i : i + 2])
+    return float(np.exp(x[0] + (np.log(level) - y[0]) / (y[1] - y[0]) * (x[1] - x[0])))
+
+
+def _phase_margin(omega: Array, gain: Complex) -> float:
+    size = np.abs(gain)
+    crossings = np.flatnonzero((size[:-1] >= 1) != (size[1:] >= 1))
+    if len(crossings) == 0:
+        return float("nan")
+    margins = []
+    for i in crossings:
+        share = np.log(_between(omega, size, int(i), 1.0) / omega[i])
+        share /= np.log(omega[i + 1] / omega[i])
+        angle = np.angle(gain[i]) + share * np.angle(gain[i + 1] / gain[i])
+        margins.append(abs(np.degrees(np.angle(np.exp(1j * (angle + np.pi))))))
+    return float(min(margins))
+
+
+def write_responses(response: FrequencyResponse, path: str | Path) -> None:
+    """Write omega and, for each joint, size [-] and phase [deg] of tracking and loop gain, as CSV.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
+    columns = {}
+    for name in ("tracking", "loop_gain"):
+        values = getattr(response, name)
+        columns[f"{name}_size"] = np.abs(values)
+        columns[f"{name}_phase"] = unwrapped_degrees(values)
+    write_table(path, response.omega, columns, first="omega")
+
+
+def unwrapped_degrees(response: Complex) -> Array:
+    """Phase along the first axis, without jumps, from -270 to 90 deg at its end [deg]."""
+    phase = np.degrees(np.unwrap(np.angle(response[::-1]), axis=0)[::-1])
+    return phase - 360 * (phase[-1] > 90)

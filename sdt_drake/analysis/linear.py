@@ -1,0 +1,195 @@
+"""Linear analysis of the loops: Drake's linearisation of process and feedback, closed in numpy.
+
+Process and feedback are linearised apart, so that a sampled speed loop can be closed exactly: the
+process then has the zero-order-hold map of its period.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.analysis import DiscreteTimeApproximation
+from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.primitives import FirstOrderTaylorApproximation, LinearSystem
+
+from sdt_drake.design import Design
+from sdt_drake.loops import PLANT_NAME, make_feedback, make_process
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """x' = A x + B u (or, sampled, x of the next period), y = C x + D u.
+
+    Attributes:
+        period: sampling period [s]; 0: continuous.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    period: float = 0.0
+
+    def response(self, omega: Array) -> NDArray[np.complex128]:
+        """Frequency response at `omega` [rad/s], shape (len(omega), outputs, inputs)."""
+        if len(self.A) == 0:
+            return np.broadcast_to(self.D + 0j, (len(omega), *self.D.shape))
+        s = np.exp(1j * omega * self.period) if self.period else 1j * omega
+        resolvent = s[:, None, None] * np.eye(len(self.A)) - self.A
+        return self.C @ np.linalg.solve(resolvent, self.B + 0j) + self.D
+
+    def sampled(self, period: float) -> StateSpace:
+        """The same behind zero-order holds, at the samples."""
+        exact = DiscreteTimeApproximation(LinearSystem(self.A, self.B, self.C, self.D), period)
+        return StateSpace(exact.A(), exact.B(), exact.C(), exact.D(), period)
+
+    def modes(self) -> NDArray[np.complex128]:
+        """Eigenvalues [1/s]; of a sampled system, the continuous ones that they stand for."""
+        eigenvalues = np.linalg.eigvals(self.A).astype(complex)
+        if not self.period:
+            return eigenvalues
+        with np.errstate(divide="ignore"):
+            return np.log(eigenvalues) / self.period
+
+    def step(self, duration: float, samples: int) -> tuple[Array, Array]:
+        """Outputs after a step of the one input: time [s] (N + 1,) and y (N + 1, outputs)."""
+        system = self if self.period else self.sampled(duration / samples)
+        count = round(duration / system.period)
+        x, y = np.zeros(len(system.A)), np.empty((count + 1, len(system.C)))
+        for i in range(count + 1):
+            y[i] = system.C @ x + system.D[:, 0]
+            x = system.A @ x + system.B[:, 0]
+        return np.arange(count + 1) * system.period, y
+
+
+@dataclass(frozen=True, eq=False)
+class LinearLoop:
+    """A loop of n joints, linear around a sample of its motion at rest.
+
+    Attributes:
+        process: from tau_cmd (n) to [measured (2n), state (2n)].
+        feedback: from [reference (3n), measured (2n)] to tau_fb (n); of the same period.
+        n: number of joints.
+    """
+
+    process: StateSpace
+    feedback: StateSpace
+    n: int
+
+    def loop_gain(self, omega: Array) -> NDArray[np.complex128]:
+        """-(tau_fb / tau_cmd) of each joint, all others closed; shape (len(omega), n)."""
+        n = self.n
+        H = -self.feedback.response(omega)[:, :, 3 * n :] @ self.process.response(omega)[:, : 2 * n]
+        gain = np.empty((len(omega), n), dtype=complex)
+        for k in range(n):
+            o = [j for j in range(n) if j != k]
+            others = np.eye(n - 1) + H[:, o][:, :, o]
+            through = H[:, [k]][:, :, o] @ np.linalg.solve(others, H[:, o][:, :, [k]])
+            gain[:, k] = H[:, k, k] - through[:, 0, 0]
+        return gain
+
+    def tracking(self, omega: Array) -> NDArray[np.complex128]:
+        """v / v_ref of each joint's link, all loops closed, no feedforward: (len(omega), n).
+
+        q_ref and vd_ref are the integral and the derivative of v_ref.
+        """
+        n = self.n
+        P, F = self.process.response(omega), self.feedback.response(omega)
+        H = -F[:, :, 3 * n :] @ P[:, : 2 * n]
+        s = 1j * omega
+        one = np.eye(n)
+        reference = np.stack([np.vstack([one / s_i, one, one * s_i]) for s_i in s])
+        tau = np.linalg.solve(np.eye(n) + H, F[:, :, : 3 * n] @ reference)
+        v = P[:, 3 * n :] @ tau
+        return np.einsum("ikk->ik", v)
+
+    def closed(self, k: int) -> StateSpace:
+        """From v_ref of joint k (q_ref and vd_ref at 0) to v of its link, all loops closed."""
+        p, f, n = self.process, self.feedback, self.n
+        from_measured, from_ref = f.B[:, 3 * n :], f.B[:, [n + k]]
+        measured = p.C[: 2 * n]  # tau does not reach the encoders at once: D is 0 there
+        A = np.block([
+            [p.A + p.B @ f.D[:, 3 * n :] @ measured, p.B @ f.C],
+            [from_measured @ measured, f.A],
+        ])  # fmt: skip
+        B = np.vstack([p.B @ f.D[:, [n + k]], from_ref])
+        C = np.hstack([p.C[[3 * n + k]], np.zeros((1, len(f.A)))])
+        return StateSpace(A, B, C, np.zeros((1, 1)), p.period)
+
+
+def linearise(design: Design, sample: int = 0) -> LinearLoop:
+    """The loop of a design around a sample of its motion, at rest there.
+
+    What is not sampled in the loop counts as continuous; of the sampling, that of the drive's
+    speed loop is exact. Samples of the position are taken for continuous.
+    """
+    return close(linear_process(design, sample), linear_feedback(design, sample))
+
+
+def close(process: StateSpace, feedback: StateSpace) -> LinearLoop:
+    """A loop of both; the process at the feedback's samples if that is sampled."""
+    if feedback.period:
+        process = process.sampled(feedback.period)
+    return LinearLoop(process, feedback, process.B.shape[1])
+
+
+def linear_process(design: Design, sample: int = 0) -> StateSpace:
+    """From tau_cmd (n) to [measured (2n), state (2n)], continuous."""
+    return _linearise(
+        make_process(design), design, sample, inputs=["tau_cmd"], outputs=["measured", "state"]
+    )
+
+
+def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
+    """From [reference (3n), measured (2n)] to tau_fb (n), of the drive's period."""
+    return _linearise(
+        make_feedback(design, sample),
+        design,
+        sample,
+        inputs=["reference", "measured"],
+        outputs=["tau_fb"],
+    )
+
+
+def _linearise(
+    diagram: Diagram, design: Design, sample: int, inputs: list[str], outputs: list[str]
+) -> StateSpace:
+    """From all of `inputs`, stacked, to all of `outputs`."""
+    at = np.concatenate([design.motion.q[sample], np.zeros(design.robot.n)])
+    context = diagram.CreateDefaultContext()
+    _stand(diagram, context, design, at)
+    resting = {"reference": np.concatenate([at, np.zeros(design.robot.n)]), "measured": at}
+    for name in inputs:
+        port = diagram.GetInputPort(name)
+        port.FixValue(context, resting.get(name, np.zeros(port.size())))
+    parts = [
+        [
+            FirstOrderTaylorApproximation(
+                diagram,
+                context,
+                input_port_index=diagram.GetInputPort(i).get_index(),
+                output_port_index=diagram.GetOutputPort(o).get_index(),
+            )
+            for i in inputs
+        ]
+        for o in outputs
+    ]
+    return StateSpace(
+        A=parts[0][0].A(),
+        B=np.hstack([part.B() for part in parts[0]]),
+        C=np.vstack([row[0].C() for row in parts]),
+        D=np.block([[part.D() for part in row] for row in parts]),
+        period=parts[0][0].time_period(),
+    )
+
+
+def _stand(diagram: Diagram, context: Context, design: Design, at: Array) -> None:
+    """Put links and motors at rest; all else is linear, and does not care where it is."""
+    name = PLANT_NAME[design.scenario.plant.kind]
+    if diagram.HasSubsystemNamed(name):
+        system = diagram.GetSubsystemByName(name)
+        system.GetMyMutableContextFromRoot(context).SetContinuousState(at)

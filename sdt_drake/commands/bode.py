@@ -1,0 +1,90 @@
+"""Frequency responses of the closed speed and position loops."""
+
+from __future__ import annotations
+
+import argparse
+
+from sdt_drake.commands.common import (
+    add_command,
+    add_out,
+    add_scenario,
+    design_of,
+    print_table,
+    say,
+)
+from sdt_drake.errors import InputError, checked_number
+
+
+def add(commands) -> None:
+    parser = add_command(
+        commands,
+        "bode",
+        run,
+        "frequency response of each joint's loop: bandwidth, margins, peak",
+        "sdt-drake bode package://sdt/scenarios/coupled_pi.yaml --out bode.png",
+    )
+    add_scenario(parser)
+    parser.add_argument(
+        "--time",
+        type=float,
+        help="linearise where the motion is at that time [s] (default: for each joint where its "
+        "inertia is largest)",
+    )
+    add_out(parser, "CSV file for the responses, or a figure of them (.png, .svg, .pdf)")
+
+
+def run(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from sdt_drake.analysis import plots
+    from sdt_drake.analysis.frequency_response import frequency_response, write_responses
+
+    if options.out and options.out.suffix != ".csv":
+        plots.checked_figure_path(options.out)
+    design = design_of(options.scenario)
+    sample = None
+    if options.time is not None:
+        checked_number(options.time, "--time", minimum=0)
+        if options.time > design.motion.duration:
+            raise InputError(
+                f"--time: {options.time:g} s, the motion ends at {design.motion.duration:g} s"
+            )
+        sample = round(options.time / design.motion.period)
+    response = frequency_response(design, sample=sample)
+    scenario = design.scenario
+    say(f"{scenario.name}: {scenario.controller.kind} on the {scenario.plant.kind} plant")
+    print_table(
+        ("joint", "bandwidth [rad/s]", "peak [dB]", "at [rad/s]", "crossover [rad/s]",
+         "phase margin [deg]", "modulus margin", "stable"),
+        [
+            (
+                f"{k + 1} {design.robot.joint_names[k]}",
+                *(
+                    f"{values[k]:{spec}}".replace("nan", "–")
+                    for values, spec in (
+                        (response.bandwidth, ".2f"),
+                        (np.round(response.peak_db, 2) + 0.0, ".2f"),
+                        (response.peak_omega, ".2f"),
+                        (response.crossover, ".2f"),
+                        (response.phase_margin, ".1f"),
+                        (response.modulus_margin, ".3f"),
+                    )
+                ),
+                "yes" if response.stable[k] else "no",
+            )
+            for k in range(design.robot.n)
+        ],
+    )  # fmt: skip
+    say("speed of the link over its reference, without feedforward; the loop cut at the motor")
+    if scenario.plant.friction is not None:
+        say("note: friction has no frequency response and is left out")
+    if np.any(~response.stable):
+        say("note: the margins of an unstable loop say nothing")
+    if options.out is None:
+        return
+    if options.out.suffix == ".csv":
+        write_responses(response, options.out)
+    else:
+        title = f"{scenario.name}: {scenario.controller.label}"
+        plots.save(plots.bode(title, response, design.robot.joint_names), options.out)
+    say(f"{options.out} written")

@@ -1,0 +1,63 @@
+"""Split the speed error of a scenario into its causes."""
+
+from __future__ import annotations
+
+import argparse
+
+from sdt_drake.commands.common import (
+    add_command,
+    add_out,
+    add_scenario,
+    design_of,
+    print_table,
+    say,
+)
+
+
+def add(commands) -> None:
+    parser = add_command(
+        commands,
+        "budget",
+        run,
+        "split the speed error of an axis scenario into its causes",
+        "sdt-drake budget package://sdt/scenarios/axis_pi_ctc.yaml --out budget.png",
+    )
+    add_scenario(parser)
+    add_out(parser, "CSV file for the parts, or a figure of them (.png, .svg, .pdf)")
+
+
+def run(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from sdt_drake.analysis import plots
+    from sdt_drake.analysis.budget import error_budget
+    from sdt_drake.tables import write_table
+
+    if options.out and options.out.suffix != ".csv":
+        plots.checked_figure_path(options.out)
+    design = design_of(options.scenario)
+    budget = error_budget(design)
+    signals = {"whole": budget.whole, **budget.parts, "remainder": budget.remainder}
+    names = design.robot.joint_names
+    say(f"{design.scenario.name}: RMS of the speed error and of its parts [rad/s]; in brackets the")
+    say("largest. The parts add up to the whole at every instant; their sizes do not.")
+
+    def size(values, k: int) -> str:
+        return f"{np.sqrt(np.mean(values[:, k] ** 2)):.2g} ({np.abs(values[:, k]).max():.2g})"
+
+    print_table(
+        ("part", *(f"{k + 1} {name}" for k, name in enumerate(names))),
+        [
+            (label, *(size(values, k) for k in range(len(names))))
+            for label, values in signals.items()
+        ],
+    )
+    if options.out is None:
+        return
+    if options.out.suffix == ".csv":
+        columns = {name.replace(" ", "_"): values for name, values in signals.items()}
+        write_table(options.out, budget.time, columns)
+    else:
+        title = f"{design.scenario.name}: parts of the speed error"
+        plots.save(plots.error_budget(title, budget, names), options.out)
+    say(f"{options.out} written")

@@ -1,0 +1,70 @@
+"""Run a scenario with several controllers, side by side."""
+
+from __future__ import annotations
+
+import argparse
+
+from sdt_drake.commands.common import (
+    add_command,
+    add_out,
+    add_scenario,
+    design_of,
+    print_table,
+    say,
+)
+from sdt_drake.errors import InputError
+
+CONTROLLERS = {
+    "axis": "pi,pi_ctc,pi_id,p_pi+id,pi_scheduled",
+    "coupled": "pi,pi_ctc,pi_id,p_pi,p_pi+id,pi_scheduled,inverse_dynamics",
+}
+
+
+def add(commands) -> None:
+    parser = add_command(
+        commands,
+        "compare",
+        run,
+        "run a scenario with several controllers, side by side",
+        "sdt-drake compare package://sdt/scenarios/coupled_pi.yaml --controllers pi,pi_id,p_pi+id",
+    )
+    add_scenario(parser)
+    parser.add_argument(
+        "--controllers",
+        help="kinds of controllers, with +none, +ctc or +id where a kind leaves its feedforward "
+        "open (default: all that the plant allows)",
+    )
+    add_out(parser, "CSV file for the table, or a figure of it (.png, .svg, .pdf)")
+
+
+def run(options: argparse.Namespace) -> None:
+    from sdt_drake.analysis import plots
+    from sdt_drake.analysis.comparison import compare, comparison_rows, write_comparison
+
+    if options.out and options.out.suffix != ".csv":
+        plots.checked_figure_path(options.out)
+    design = design_of(options.scenario)
+    text = options.controllers
+    if text is None:
+        text = CONTROLLERS[design.scenario.plant.kind]
+    try:
+        compared = compare(design, [label.strip() for label in text.split(",") if label.strip()])
+    except InputError as error:
+        raise InputError(str(error).replace("controllers:", "--controllers:", 1)) from None
+    scenario = design.scenario
+    say(f"{scenario.name}: {len(compared)} controllers on the {scenario.plant.kind} plant")
+    header, rows = comparison_rows(compared)
+    print_table(header, rows)
+    say("speeds and positions are joint side, torques motor side, % of the motor's largest")
+    say()
+    print_table(
+        ("controller", "blocks", "needs to know"),
+        [(c.label, str(c.blocks), ", ".join(c.needs)) for c in compared],
+    )
+    if options.out is None:
+        return
+    if options.out.suffix == ".csv":
+        write_comparison(compared, options.out)
+    else:
+        plots.save(plots.comparison(f"{scenario.name}: controllers", compared), options.out)
+    say(f"{options.out} written")

@@ -1,0 +1,92 @@
+"""Elastic joints: a spring and a damper between each motor and its link."""
+
+# Drake's YAML loader reads the annotations of `Elasticity`: not postponed.
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sdt_drake.errors import InputError, checked_choice, checked_number, checked_vector
+
+Array = NDArray[np.float64]
+
+ENCODERS = ("motor", "link")
+
+
+@dataclass
+class Elasticity:
+    """Elastic joints, given by their natural frequencies.
+
+    Attributes:
+        natural_frequency: of each link against its motor at a standstill, the other joints held,
+            where the motion has its largest inertia [rad/s]; 0: this joint is rigid.
+        damping_ratio: of that oscillation [-].
+        encoder: where the controller measures, "motor" or "link".
+    """
+
+    natural_frequency: list[float] = field(default_factory=list)
+    damping_ratio: float = 0.01
+    encoder: str = "motor"
+
+    def validate(self, where: str) -> None:
+        """Check what does not need the robot.
+
+        Raises:
+            InputError: naming the field below `where`.
+        """
+        checked_number(self.damping_ratio, f"{where}.damping_ratio", minimum=0)
+        checked_choice(self.encoder, ENCODERS, f"{where}.encoder")
+
+    def validate_sizes(self, n: int, where: str) -> None:
+        """Check the frequencies of the n joints.
+
+        Raises:
+            InputError: naming the field below `where`.
+        """
+        values = checked_vector(self.natural_frequency, n, f"{where}.natural_frequency")
+        if np.any(values < 0):
+            raise InputError(f"{where}.natural_frequency: {values.tolist()} contains a value < 0")
+        if not np.any(values > 0):
+            raise InputError(f"{where}.natural_frequency: all joints are rigid; remove {where}")
+
+
+@dataclass(frozen=True, eq=False)
+class ElasticJoints:
+    """Springs and dampers, **joint side**; arrays of shape (n,), 0 at rigid joints.
+
+    Attributes:
+        elastic: which joints are.
+        stiffness: k [N m/rad].
+        damping: c [N m s/rad].
+    """
+
+    elastic: NDArray[np.bool_]
+    stiffness: Array
+    damping: Array
+
+
+def elastic_joints(
+    elasticity: Elasticity, inertia: ArrayLike, gravity_stiffness: ArrayLike
+) -> ElasticJoints:
+    """k = omega² d - k_g and c = 2 zeta omega d, so that (k + k_g) / d = omega².
+
+    Args:
+        elasticity: gives omega and zeta.
+        inertia: d, of the links that each spring turns, joint side [kg m²], shape (n,).
+        gravity_stiffness: k_g, change of the joint's gravity torque with its angle [N m/rad],
+            shape (n,).
+
+    Raises:
+        InputError: where gravity alone makes the link swing faster than omega.
+    """
+    omega = np.array(elasticity.natural_frequency, dtype=float)
+    elastic = omega > 0
+    with np.errstate(over="ignore"):
+        k = np.where(elastic, omega**2 * inertia - gravity_stiffness, 0.0)
+        c = np.where(elastic, 2 * elasticity.damping_ratio * omega * inertia, 0.0)
+    for j in np.flatnonzero(elastic & ~((k > 0) & np.isfinite(k) & np.isfinite(c))):
+        raise InputError(
+            f"plant.elasticity.natural_frequency: {omega[j]:g} rad/s gives joint {j + 1} the "
+            f"stiffness {k[j]:g} N m/rad, expected a number > 0"
+        )
+    return ElasticJoints(elastic, k, c)

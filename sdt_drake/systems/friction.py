@@ -1,0 +1,73 @@
+"""Friction of the joints. State: stretch z of the bristles of each joint, as z / z_c / 100."""
+
+from __future__ import annotations
+
+import pydrake.symbolic as sym
+from numpy.typing import ArrayLike
+
+from sdt_drake.device import OVERFLOW_RATE, PRESLIDING_DAMPING_TIME, JointFriction
+from sdt_drake.errors import checked_vector
+from sdt_drake.systems.block import Block
+from sdt_drake.systems.symbolic import add_dynamic_law
+
+_STATE = 100.0  # z / z_c in a unit of the state; when sliding, z / z_c is in the hundreds
+
+
+def friction_block(block: Block, *, friction: JointFriction, gear_ratio: ArrayLike) -> None:
+    """Coulomb, viscous and Stribeck friction that can hold a joint at rest.
+
+    Bristles of length z carry the Coulomb friction like a spring up to z_c; stretched further,
+    they slip (an elastic, perfectly plastic element: it neither creeps under a load below F_c nor
+    drifts when the load oscillates, as LuGre's does):
+
+        dz/dt = v - lambda (z - clip(z, -z_c, z_c))
+        F     = F_c clip(z / z_c, -1, 1) + T F_c / z_c max(0, 1 - (z / z_c)²) v
+                + (F_b - F_c) (v / v_s) exp((1 - (v / v_s)²) / 2) + b v
+        friction = F / r                                    [N m], motor side
+
+    with v, z and F joint side. The second term damps a joint that sticks. Energy only falls: with
+    W = int F_c clip(z / z_c) dz stored in the bristles, F v - dW/dt is a sum of terms >= 0.
+
+    Sliding, z rests at z_c + v / lambda and F is `sliding_friction`. A load between F_c and F_b
+    does not hold still: it makes the joint creep, at less than v_s.
+
+    .. pydrake_system::
+
+        name: friction
+        input_ports:
+        - state
+        output_ports:
+        - friction
+
+    Args:
+        friction: of n joints, joint side.
+        gear_ratio: r [-], shape (n,), > 0.
+
+    Raises:
+        InputError: for gear ratios that are not > 0 or not n.
+    """
+    n = len(friction.coulomb)
+    r = checked_vector(gear_ratio, n, "gear_ratio", positive=True)
+    v_s, z_c = friction.stribeck_speed, friction.presliding
+    extra = friction.breakaway - friction.coulomb
+
+    def within(stretch):
+        return sym.min(sym.max(stretch, -1.0), 1.0)
+
+    # An error-controlled integrator would not see 1e-5 rad, and see nothing but z / z_c.
+    def rates(x, state):
+        stretch = _STATE * x
+        overflow = stretch - [within(u) for u in stretch]
+        return (state[n:] / z_c - OVERFLOW_RATE * overflow) / _STATE
+
+    def law(x, state):
+        forces = []
+        for k, v in enumerate(state[n:]):
+            stretch, s = _STATE * x[k], v / v_s
+            damping = PRESLIDING_DAMPING_TIME / z_c * sym.max(1 - stretch * stretch, 0.0) * v
+            bristles = friction.coulomb[k] * (within(stretch) + damping)
+            stribeck = extra[k] * s * sym.exp((1 - s * s) / 2)
+            forces.append((bristles + stribeck + friction.viscous[k] * v) / r[k])
+        return forces
+
+    add_dynamic_law(block, inputs={"state": 2 * n}, output="friction", size=n, rates=rates, law=law)

@@ -1,0 +1,62 @@
+"""Feedback linearisation with Drake's InverseDynamicsController. State: an integral without use."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydrake.systems.controllers import InverseDynamicsController
+from pydrake.systems.primitives import Demultiplexer, Gain
+
+from sdt_drake.errors import checked_vector
+from sdt_drake.robot import Robot
+from sdt_drake.systems.block import Block
+
+
+def inverse_dynamics_block(
+    block: Block, *, model: Robot, omega_n: ArrayLike, zeta: ArrayLike
+) -> None:
+    """Computed torque from the whole state: every joint becomes a double integrator.
+
+        r tau_fb = M(q) (vd_ref + 2 zeta omega_n (v_ref - v) + omega_n² (q_ref - q)) + bias(q, v)
+
+    with the inertia of the motors in M, and gravity in bias; q, v joint side, tau_fb motor side
+    [N m]. It has no integral: a wrong model leaves an error at rest. The state must be sampled at
+    the instants of the reference, as for the position loop.
+
+    .. pydrake_system::
+
+        name: inverse_dynamics
+        input_ports:
+        - reference
+        - state
+        output_ports:
+        - tau_fb
+
+    Args:
+        model: what the controller takes the robot for.
+        omega_n: natural frequency of the error [rad/s], shape (n,), > 0.
+        zeta: its damping ratio [-], shape (n,), > 0.
+
+    Raises:
+        InputError: for values that are not finite and > 0.
+    """
+    n = model.n
+    omega_n = checked_vector(omega_n, n, "omega_n", positive=True)
+    zeta = checked_vector(zeta, n, "zeta", positive=True)
+    controller = block.add(
+        InverseDynamicsController(
+            model.make_plant(),
+            kp=omega_n**2,
+            ki=np.zeros(n),
+            kd=2 * zeta * omega_n,
+            has_reference_acceleration=True,
+        )
+    )
+    reference = block.add(Demultiplexer([2 * n, n]), "reference")
+    gears = block.add(Gain(1 / model.gear_ratio), "gears")
+    block.connect(reference.get_output_port(0), controller.get_input_port_desired_state())
+    block.connect(reference.get_output_port(1), controller.get_input_port_desired_acceleration())
+    block.connect(controller.get_output_port_control(), gears.get_input_port())
+    block.inputs["reference"] = reference.get_input_port()
+    block.inputs["state"] = controller.get_input_port_estimated_state()
+    block.outputs["tau_fb"] = gears.get_output_port()

@@ -1,0 +1,400 @@
+"""Models of a robot with stated errors, against calculations by hand; and edited SDFs."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from test_robot import ARM, chain_names, chain_sdf
+
+from sdt_drake.dynamics import torque_groups
+from sdt_drake.errors import InputError
+from sdt_drake.model_errors import ModelErrors, load_model
+from sdt_drake.robot import load_robot
+from sdt_drake.yaml_files import load_yaml
+
+G = 9.81  # m/s²
+Q = np.random.default_rng(3).uniform(-3, 3, size=(20, 4))  # rad
+
+# The shipped device by hand: what stands on each of the joints 2 to 4 as mass [kg] and centre of
+# mass [m], from the point in which their axes y, x, z meet.
+COM = np.array([0, 0, -0.18373])
+ROLL, PITCH, GONDOLA, PAYLOAD = 300, 340, 190, 180
+TOTAL = 5600 + ROLL + PITCH + GONDOLA + PAYLOAD
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Write the text of an SDF and load it."""
+
+    def load_text(text: str, edit=None):
+        path = tmp_path / "robot.sdf"
+        path.write_text(text, encoding="utf-8")
+        return load_robot(path, edit)
+
+    return load_text
+
+
+@pytest.fixture
+def arm(load):
+    """A planar arm of the links "upper" and "lower", with a motor of 10² 0.01 kg m² on joint 1."""
+    return load(ARM)
+
+
+def mass_matrix(robot, q=None):
+    """M(q), joint side [kg m²], rotors included."""
+    context = robot.plant.CreateDefaultContext()
+    if q is not None:
+        robot.plant.SetPositions(context, q)
+    return robot.plant.CalcMassMatrix(context)
+
+
+def bias(robot, q, v):
+    """C(q, v) v, joint side [N m]."""
+    context = robot.plant.CreateDefaultContext()
+    robot.plant.SetPositionsAndVelocities(context, [*q, *v])
+    return robot.plant.CalcBiasTerm(context)
+
+
+def holding_torque(robot, q):
+    """Torque that holds the links against gravity, joint side [N m], for each row of q [rad]."""
+    return torque_groups(robot, q, 0 * q, 0 * q).gravity
+
+
+def total_mass(robot) -> float:
+    return robot.plant.CalcTotalMass(robot.plant.CreateDefaultContext())
+
+
+def central_inertia(robot, link: str):
+    """Mass [kg], centre of mass [m] and central inertia [kg m²] of a link, in its frame."""
+    inertia = robot.plant.GetBodyByName(link).default_spatial_inertia()
+    central = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
+    return inertia.get_mass(), inertia.get_com(), central
+
+
+def rotation(axis: int, angle: float):
+    """Matrix of a turn about x, y or z (0, 1, 2)."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    R = np.eye(3)
+    R[i, i] = R[j, j] = np.cos(angle)
+    R[j, i] = np.sin(angle)
+    R[i, j] = -R[j, i]
+    return R
+
+
+def holding_torque_by_hand(q, payload=PAYLOAD, com=COM, scale=1.0):
+    """That of the shipped device: moments of the weights about the axes y, x, z [N m]."""
+    roll = rotation(2, q[0]) @ rotation(1, q[1])
+    pitch = roll @ rotation(0, q[2])
+    yaw = pitch @ rotation(2, q[3])
+    axes = [roll[:, 1], pitch[:, 0], yaw[:, 2]]
+    # On each axis stand the bodies from it to the tip.
+    bodies = [
+        (ROLL, roll @ COM, 1),
+        (PITCH, pitch @ COM, 2),
+        (GONDOLA, yaw @ COM, 3),
+        (payload, yaw @ com, 3),
+    ]
+    torque = [
+        sum(m * G * axis @ np.cross(r, [0, 0, 1]) for m, r, last in bodies if k < last)
+        for k, axis in enumerate(axes)
+    ]
+    return scale * np.array([0.0, *torque])  # axis 1 is vertical
+
+
+# --- an edit of the SDF ----------------------------------------------------------------------
+
+
+def test_an_edit_that_does_nothing_changes_nothing(robot):
+    same = load_robot(edit=lambda root: None)
+    assert same is not robot
+    check_same_but_inertia(same, robot)
+    for q, v in zip(Q, np.roll(Q, 1, axis=0), strict=True):
+        np.testing.assert_array_equal(mass_matrix(same, q), mass_matrix(robot, q))
+        np.testing.assert_array_equal(bias(same, q, v), bias(robot, q, v))
+    np.testing.assert_array_equal(holding_torque(same, Q), holding_torque(robot, Q))
+
+
+def check_same_but_inertia(model, robot):
+    """All fields agree but the plant; and the rotors are in the mass matrix of both."""
+    for field in dataclasses.fields(robot):
+        if field.name != "plant":
+            a, b = getattr(model, field.name), getattr(robot, field.name)
+            assert np.array_equal(a, b), field.name
+    for any_robot in (model, robot):
+        plant = any_robot.plant
+        indices = plant.GetJointActuatorIndices()
+        actuators = [plant.get_joint_actuator(index) for index in indices]
+        assert tuple(a.joint().name() for a in actuators) == robot.joint_names
+        rotors = [a.default_rotor_inertia() for a in actuators]
+        np.testing.assert_array_equal(rotors, robot.rotor_inertia)
+        ratios = [a.default_gear_ratio() for a in actuators]
+        np.testing.assert_array_equal(ratios, robot.gear_ratio)
+
+
+@pytest.mark.parametrize("uri", ["http://drake.mit.edu", "drake.mit.edu"])
+def test_drakes_elements_survive_an_edit_whatever_the_address_of_their_prefix(load, uri):
+    text = ARM.replace("http://drake.mit.edu", uri)
+    arm, edited = load(text), load(text, lambda root: None)
+    np.testing.assert_array_equal(edited.rotor_inertia, [0.01, 0])
+    np.testing.assert_array_equal(edited.gear_ratio, [10, 1])
+    np.testing.assert_array_equal(mass_matrix(edited), mass_matrix(arm))
+    # And they are checked.
+    with pytest.raises(InputError, match="joint 'shoulder': <rotor_inertia> is 'nan'"):
+        load(text.replace("inertia>0.01", "inertia>nan"))
+
+
+def test_an_edit_reaches_the_plant_and_not_the_file(load):
+    def edit(root):
+        root.find(".//link[@name='lower']/inertial/mass").text = "7"
+
+    edited = load(ARM, edit)
+    assert edited.plant.GetBodyByName("lower").default_mass() == 7
+    assert edited.path.read_text(encoding="utf-8") == ARM
+    assert total_mass(load_robot(edited.path)) == 6
+
+
+@pytest.mark.parametrize(
+    "path, text, message",
+    [
+        (".//link[@name='lower']/inertial/mass", "-7", ": link 'lower': <mass> -7 kg, expected"),
+        (".//link[@name='lower']/inertial/inertia/izz", "9", ": link 'lower': .*triangle"),
+        (".//joint[@name='elbow']/child", "nothing", ", edited: .*nothing"),
+        (".//joint[@name='elbow']/axis/xyz", "0 1", ", edited: error: At XML path .*xyz"),
+        (".//joint[@name='elbow']/axis/limit/effort", "0", ": joint 'elbow': actuator effort"),
+    ],
+)
+def test_what_an_edit_leaves_is_checked_as_a_file_is(load, tmp_path, path, text, message):
+    def edit(root):
+        root.find(path).text = text
+
+    where = re.escape(str(tmp_path / "robot.sdf"))
+    with pytest.raises(InputError, match=f"^{where}{message}") as error:
+        load(ARM, edit)
+    assert "\n" not in str(error.value) and "-string>" not in str(error.value)
+
+
+@pytest.mark.parametrize("uri", ["meshes/arm.obj", "package://nowhere/arm.obj"])
+def test_meshes_are_not_looked_for(load, uri):
+    mesh = f"<geometry><mesh><uri>{uri}</uri></mesh></geometry>"
+    text = ARM.replace(
+        '<link name="upper">', f'<link name="upper"><visual name="v">{mesh}</visual>'
+    )
+    arm = load(text)
+    np.testing.assert_array_equal(mass_matrix(load(text, lambda root: None)), mass_matrix(arm))
+
+
+# --- each error ------------------------------------------------------------------------------
+
+
+def test_the_shipped_device_by_hand_is_the_one_of_the_sdf(robot):
+    assert total_mass(robot) == pytest.approx(TOTAL, rel=1e-12)
+    by_hand = [holding_torque_by_hand(q) for q in Q]
+    np.testing.assert_allclose(holding_torque(robot, Q), by_hand, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "errors",
+    [
+        ModelErrors(payload_mass=-80),
+        ModelErrors(payload_mass=45.5),
+        ModelErrors(payload_offset=[0.1, -0.2, 0.03]),
+        ModelErrors(inertia_scale=1.1),
+        ModelErrors(payload_mass=20, payload_offset=[0, 0.05, 0], inertia_scale=0.8),
+    ],
+    ids=str,
+)
+def test_weights_of_the_model_are_those_by_hand(robot, errors):
+    model = load_model(robot, errors)
+    scale, added = errors.inertia_scale, errors.payload_mass
+    assert total_mass(model) == pytest.approx(scale * (TOTAL + added), rel=1e-12)
+    com = COM + errors.payload_offset
+    by_hand = np.array([holding_torque_by_hand(q, PAYLOAD + added, com, scale) for q in Q])
+    np.testing.assert_allclose(holding_torque(model, Q), by_hand, atol=1e-9)
+    assert np.max(np.abs(by_hand - holding_torque(robot, Q))) > 10  # N m: the error matters
+    # The robot is still the true one, and the model's errors are of inertia only.
+    assert total_mass(robot) == pytest.approx(TOTAL, rel=1e-12)
+    check_same_but_inertia(model, robot)
+
+
+@pytest.mark.parametrize(
+    "errors",
+    [
+        ModelErrors("lower", payload_mass=1),
+        ModelErrors("lower", payload_offset=[-0.1, 0.4, 0.2]),
+        ModelErrors("lower", inertia_scale=1.3),
+        ModelErrors("lower", payload_mass=-0.5, payload_offset=[0.1, 0, -0.1], inertia_scale=0.7),
+    ],
+    ids=str,
+)
+def test_mass_matrix_of_a_planar_arm_is_that_of_the_textbook(arm, errors):
+    model = load_model(arm, errors)
+    l1, c1, m1, I1, rotor = 0.8, 0.5, 4, 0.5, 10**2 * 0.01
+    m2 = 2 + errors.payload_mass
+    I2 = 0.2 * m2 / 2
+    dx, _, dz = errors.payload_offset  # y is along the axes
+    for q in Q[:, :2]:
+        x, _, z = rotation(1, q[1]) @ [0.3 + dx, 0, dz]  # of the last link, from the elbow
+        square = x**2 + z**2
+        d11 = m1 * c1**2 + I1 + m2 * ((l1 + x) ** 2 + z**2) + I2
+        d12 = m2 * (square + l1 * x) + I2
+        links = errors.inertia_scale * np.array([[d11, d12], [d12, m2 * square + I2]])
+        np.testing.assert_allclose(mass_matrix(model, q), links + np.diag([rotor, 0]), rtol=1e-12)
+
+
+def test_payload_is_shifted_by_the_parallel_axis_theorem(load):
+    robot = load(chain_sdf(3, seed=4, base=True))  # with products of inertia
+    m, com, central = central_inertia(robot, "link_2")
+    errors = ModelErrors("link_2", payload_mass=3, payload_offset=[0.1, -0.2, 0.3])
+    model = load_model(robot, errors)
+    moved = com + errors.payload_offset
+    about_origin = central * (m + 3) / m + (m + 3) * (
+        moved @ moved * np.eye(3) - np.outer(moved, moved)
+    )
+    body = model.plant.GetBodyByName("link_2")
+    inertia = body.default_spatial_inertia()
+    assert inertia.get_mass() == pytest.approx(m + 3, rel=1e-12)
+    np.testing.assert_allclose(inertia.get_com(), moved, atol=1e-15)
+    np.testing.assert_allclose(
+        inertia.CalcRotationalInertia().CopyToFullMatrix3(), about_origin, atol=1e-12
+    )
+    for other in ("base", "link_1", "link_3"):
+        for a, b in zip(central_inertia(model, other), central_inertia(robot, other), strict=True):
+            np.testing.assert_array_equal(a, b)
+    check_same_but_inertia(model, robot)
+
+
+def test_scale_acts_on_every_link_and_on_no_rotor(load):
+    robot = load(chain_sdf(4, seed=1, base=True))
+    model = load_model(robot, ModelErrors(inertia_scale=1.25))  # there is no link "payload" here
+    assert model.joint_names == robot.joint_names == chain_names(4)
+    for link in ("base", "link_1", "link_2", "link_3", "link_4"):
+        m, com, central = central_inertia(robot, link)
+        scaled = central_inertia(model, link)
+        assert scaled[0] == pytest.approx(1.25 * m, rel=1e-12)
+        np.testing.assert_allclose(scaled[1], com, atol=1e-15)
+        np.testing.assert_allclose(scaled[2], 1.25 * central, rtol=1e-9, atol=1e-12)
+    rotors = np.diag(robot.reflected_inertia)
+    assert np.all(robot.reflected_inertia > 0)
+    for q, v in zip(Q, np.roll(Q, 1, axis=0), strict=True):
+        links = mass_matrix(robot, q) - rotors
+        np.testing.assert_allclose(mass_matrix(model, q), 1.25 * links + rotors, rtol=1e-9)
+        np.testing.assert_allclose(bias(model, q, v), 1.25 * bias(robot, q, v), rtol=1e-9)
+    expected = 1.25 * holding_torque(robot, Q)
+    np.testing.assert_allclose(holding_torque(model, Q), expected, rtol=1e-9)
+    np.testing.assert_array_equal(model.damping, robot.damping)  # friction is no inertia
+    check_same_but_inertia(model, robot)
+
+
+def test_values_of_numpy_are_numbers_too(robot):
+    errors = ModelErrors(
+        payload_mass=np.float64(20),
+        payload_offset=np.array([0.1, 0, 0]),
+        inertia_scale=np.float64(2),
+    )
+    assert total_mass(load_model(robot, errors)) == pytest.approx(2 * (TOTAL + 20), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "pose, com",
+    [
+        ("", [0.1, 0.2, 0.3]),
+        ("<pose/>", [0.1, 0.2, 0.3]),
+        ('<pose rotation_format="quat_xyzw"/>', [0.1, 0.2, 0.3]),
+        ('<pose degrees="true">\n 0.3 0 -1\n 0 0 90 </pose>', [0.4, 0.2, -0.7]),
+        ('<pose rotation_format="quat_xyzw">0.3 0 -1 0 0 1 1</pose>', [0.4, 0.2, -0.7]),
+    ],
+)
+def test_any_way_to_write_the_pose_of_the_payload_will_do(load, pose, com):
+    arm = load(ARM.replace("<pose>0.3 0 0 0 0 0</pose>", pose))
+    model = load_model(arm, ModelErrors("lower", payload_offset=[0.1, 0.2, 0.3]))
+    _, moved, central = central_inertia(model, "lower")
+    np.testing.assert_allclose(moved, com, atol=1e-15)
+    # It is not turned by the offset: a pose of 90 deg about z swaps ixx and iyy, another does not.
+    turned = " 90 " in pose or "1 1<" in pose
+    moments = [0.2, 0.1, 0.25] if turned else [0.1, 0.2, 0.25]
+    np.testing.assert_allclose(central, np.diag(moments), atol=1e-12)
+
+
+# --- none, several, bad ones -----------------------------------------------------------------
+
+
+def test_without_errors_the_model_is_the_robot_itself(robot):
+    assert ModelErrors().exact
+    assert load_model(robot, ModelErrors()) is robot
+    assert load_model(robot, ModelErrors(payload="nothing changes it")) is robot
+    for errors in (
+        ModelErrors(payload_mass=1e-9),
+        ModelErrors(payload_offset=[0, 0, 1e-9]),
+        ModelErrors(inertia_scale=1 + 1e-9),
+    ):
+        assert not errors.exact
+        assert load_model(robot, errors) is not robot
+
+
+def test_models_share_no_list():
+    ModelErrors().payload_offset[0] = 1.0
+    assert ModelErrors().exact
+
+
+def test_errors_of_a_model_of_a_model_count_from_the_file(robot):
+    once = load_model(robot, ModelErrors(inertia_scale=2, payload_mass=10))
+    twice = load_model(once, ModelErrors(payload_mass=5))
+    assert total_mass(once) == pytest.approx(2 * (TOTAL + 10), rel=1e-12)
+    assert total_mass(twice) == pytest.approx(TOTAL + 5, rel=1e-12)
+
+
+def test_errors_can_be_read_from_yaml(tmp_path):
+    path = tmp_path / "errors.yaml"
+    path.write_text("{payload: gondola, payload_mass: 2, payload_offset: [0, 1, 0]}")
+    errors, _ = load_yaml(ModelErrors, path)
+    assert errors == ModelErrors("gondola", 2.0, [0.0, 1.0, 0.0], 1.0)
+
+
+BAD = [
+    ({"payload_mass": np.nan}, "payload_mass: nan, expected a finite number"),
+    ({"payload_mass": np.inf}, "payload_mass: inf, expected a finite number"),
+    ({"payload_offset": [0.0, 1.0]}, "payload_offset: 2 value(s), expected 3: x, y, z"),
+    ({"payload_offset": []}, "payload_offset: 0 value(s), expected 3: x, y, z"),
+    ({"payload_offset": [0.0, -np.inf, 0.0]}, "payload_offset: -inf, expected a finite number"),
+    ({"inertia_scale": 0.0}, "inertia_scale: 0.0, expected a finite number > 0"),
+    ({"inertia_scale": -1.0}, "inertia_scale: -1.0, expected a finite number > 0"),
+    ({"inertia_scale": np.nan}, "inertia_scale: nan, expected a finite number > 0"),
+]
+
+
+@pytest.mark.parametrize("values, message", BAD, ids=[message for _, message in BAD])
+def test_a_bad_value_is_refused_with_its_name(robot, values, message):
+    with pytest.raises(InputError) as error:
+        ModelErrors(**values).validate("controller.model")
+    assert str(error.value) == f"controller.model.{message}"
+    with pytest.raises(InputError) as error:
+        load_model(robot, ModelErrors(**values))
+    assert str(error.value) == f"errors.{message}"
+
+
+@pytest.mark.parametrize(
+    "values, message",
+    [
+        (
+            {"payload_mass": -200},
+            "payload_mass: -200 kg would leave -20 kg of link 'payload', expected more than -180",
+        ),
+        (
+            {"payload_mass": -180, "inertia_scale": 2.0},
+            "payload_mass: -180 kg would leave 0 kg of link 'payload', expected more than -180",
+        ),
+        (
+            {"payload": "seat", "payload_offset": [0, 0, 1]},
+            "payload: no link 'seat' in {file}, expected one of arm, roll_frame, pitch_frame, "
+            "gondola, payload",
+        ),
+    ],
+)
+def test_an_error_that_does_not_fit_the_robot_is_refused(robot, values, message):
+    ModelErrors(**values).validate("controller.model")
+    with pytest.raises(InputError) as error:
+        load_model(robot, ModelErrors(**values))
+    assert str(error.value) == message.format(file=robot.path)
