@@ -63,19 +63,25 @@ def compare(design: Design, labels: Sequence[str]) -> list[Compared]:
     for label in labels:
         if labels.count(label) > 1:
             raise InputError(f"controllers: '{label}' is given twice")
-    designs = [
-        make_design(
-            with_controller(design.scenario, label),
-            robot=design.robot,
-            motion=design.motion,
-            torques=design.torques,
-        )
-        for label in labels
-    ]
+    designs = [design_with(design, label) for label in labels]
     # One at a time where Python runs in the loop: two would wait for each other.
     online = design.scenario.inverse_dynamics == "online"
     with ThreadPoolExecutor(max_workers=1 if online else 2) as pool:
-        return list(pool.map(_run, labels, designs))
+        return list(pool.map(run_of, labels, designs))
+
+
+def design_with(design: Design, label: str) -> Design:
+    """The design of the same scenario with another controller.
+
+    Raises:
+        InputError: for an unknown label, or a kind that the plant rules out.
+    """
+    return make_design(
+        with_controller(design.scenario, label),
+        robot=design.robot,
+        motion=design.motion,
+        torques=design.torques,
+    )
 
 
 def with_controller(scenario: Scenario, label: str) -> Scenario:
@@ -104,9 +110,11 @@ def with_controller(scenario: Scenario, label: str) -> Scenario:
     return scenario
 
 
-def _run(label: str, design: Design) -> Compared:
+def run_of(label: str, design: Design, recording: Recording | None = None) -> Compared:
+    """One controller of a comparison; run here if there is no recording of it yet."""
     loop = make_loop(design)
-    recording = simulate(design, loop)
+    if recording is None:
+        recording = simulate(design, loop)
     choice = design.scenario.controller
     logs = sum(isinstance(system, VectorLogSink) for system in loop.GetSystems())
     return Compared(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake import paper
+from sdt_drake.analysis.comparison import Compared, design_with, run_of
 from sdt_drake.analysis.tracking import Tracking, track
 from sdt_drake.control import (
     StepMetrics,
@@ -83,12 +84,14 @@ class Study:
         design: the coupled PI + CTC run, whose inertia and gains come from the SDF.
         steps: responses of axis 1 by structure (Figure 4).
         runs: tracking runs in the order of the report.
+        beyond: the coupled plant under more controllers than the paper has.
         wall_time_s: by stage [s].
     """
 
     design: Design
     steps: dict[str, StepResponse]
     runs: list[Run]
+    beyond: list[Compared]
     wall_time_s: dict[str, float] = field(default_factory=dict)
 
     def run(
@@ -128,8 +131,14 @@ def run_study(watch: Stopwatch) -> Study:
     with watch.stage("simulations"), ThreadPoolExecutor(max_workers=2) as pool:
         coupled = [pool.submit(_coupled_run, design, *case) for case in _COUPLED_CASES]
         axis = [pool.submit(_axis_run, design, *case) for case in _AXIS_CASES]
+        more = [pool.submit(run_of, label, design_with(design, label)) for label in _BEYOND]
         runs = [future.result() for future in (*axis, *coupled)]
-    return Study(design, steps, runs, watch.seconds)
+        beyond = [future.result() for future in more]
+    known = [
+        run_of(run.scenario.controller.kind, run.design, run.recording)
+        for run in (coupled[0].result(), coupled[1].result())  # pi, pi_ctc
+    ]
+    return Study(design, steps, runs, known + beyond, watch.seconds)
 
 
 def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> StepResponse:
@@ -198,6 +207,8 @@ _COUPLED_CASES = [
     ("consistent", "pi", 0.05),
     ("consistent", "pi_ctc", 0.05),
 ]
+
+_BEYOND = ("pi_id", "p_pi", "p_pi+id", "pi_scheduled", "inverse_dynamics")
 
 
 def _axis_run(design: Design, algorithm: str, process: str, controller: str) -> Run:

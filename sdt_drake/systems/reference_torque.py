@@ -72,7 +72,8 @@ class ReferenceTorque(LeafSystem):
 
     def _calc_torques(self, context: Context, value: AbstractValue) -> None:
         scratch = value.get_mutable_value()
-        q_and_v, vd = np.split(self._reference.Eval(context), [2 * self._robot.n])
+        reference, end_of_v = self._reference.Eval(context), 2 * self._robot.n
+        q_and_v, vd = reference[:end_of_v], reference[end_of_v:]
         groups = groups_of_sample(self._robot, scratch.plant_context, q_and_v, vd)[:4]
         scratch.torques = self._law(groups, q_and_v[self._robot.n :], vd)
 

@@ -162,6 +162,7 @@ def test_keys_of_the_summary(content):
         "step_response",
         "tracking",
         "claims",
+        "beyond",
         "versions",
         "wall_time_s",
     }

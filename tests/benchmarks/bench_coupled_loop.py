@@ -2,10 +2,11 @@
 
     python tests/benchmarks/bench_coupled_loop.py [--rounds N]
 
-All loops run the reference motion (30 s, PI + CTC, logs at 5 ms) with the same integrator. They
-take turns, and the ratio is taken round by round, so a machine that drifts does not matter. The
-floor is what a Drake user would wire by hand: integrator, gains and adders, a feedforward tabulated
-beforehand, constant limits, nothing in Python. The loops have time-varying limits.
+All loops run the reference motion (30 s, logs at 5 ms) with the same integrator. They take turns,
+and the ratio is taken round by round, so a machine that drifts does not matter. The floor is what a
+Drake user would wire by hand: PI + CTC from integrator, gains and adders, a feedforward tabulated
+beforehand, constant limits, nothing in Python. "table" and "online" are PI + CTC with time-varying
+limits; the others are the controllers by name, and the last one a drive and friction.
 """
 
 from __future__ import annotations
@@ -28,12 +29,18 @@ from pydrake.systems.primitives import (
 )
 from pydrake.trajectories import PiecewisePolynomial
 
+from sdt_drake.analysis.comparison import design_with
 from sdt_drake.design import Design, make_design
+from sdt_drake.device import Drive
 from sdt_drake.loops import make_coupled_loop
-from sdt_drake.scenario import load_scenario
+from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.simulate import make_simulator
 
 TARGETS = {"table": 1.1, "online": 1.5}
+CONTROLLERS = dict.fromkeys(
+    ("pi", "pi_id", "p_pi", "p_pi+id", "pi_scheduled", "inverse_dynamics"), 1.6
+)
+REAL_DEVICE = {"1 ms drive, friction": 8.0}
 
 
 def make_floor(design: Design) -> Diagram:
@@ -99,6 +106,16 @@ def stepping_time(diagram: Diagram, duration: float, period: float) -> float:
     return time.perf_counter() - start
 
 
+def _real_device() -> Scenario:
+    """PI + CTC with the shipped friction, and a drive of which only the sampling counts."""
+    scenario = load_scenario("package://sdt/scenarios/coupled_pi_ctc.yaml")
+    scenario.plant.friction = load_scenario(
+        "package://sdt/scenarios/real_device.yaml"
+    ).plant.friction
+    scenario.drive = Drive(period=0.001)
+    return scenario
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=9)
@@ -115,16 +132,20 @@ def main() -> None:
     for mode, design in designs.items():
         loops[mode] = make_coupled_loop(design, widen_limits=True)
 
+    for label in CONTROLLERS:
+        loops[label] = make_coupled_loop(design_with(designs["table"], label))
+    loops["1 ms drive, friction"] = make_coupled_loop(make_design(_real_device()))
+
     times = {name: [] for name in loops}
     for _ in range(rounds + 1):
         for name, loop in loops.items():
             times[name].append(stepping_time(loop, motion.duration, motion.period))
     floor = np.array(times["floor"][1:])  # the first round warms up
-    print(f"floor   {np.median(floor):.3f} s for {motion.duration:g} s of motion")
-    for name, target in TARGETS.items():
+    print(f"{'floor':20s} {np.median(floor):.3f} s for {motion.duration:g} s of motion")
+    for name, target in {**TARGETS, **CONTROLLERS, **REAL_DEVICE}.items():
         ratio = np.array(times[name][1:]) / floor
         print(
-            f"{name:7s} {np.median(ratio):.3f} times the floor "
+            f"{name:20s} {np.median(ratio):.3f} times the floor "
             f"({ratio.min():.3f} to {ratio.max():.3f}), target {target}"
         )
 
