@@ -14,7 +14,13 @@ from sdt_drake.control import (
     natural_frequency,
     tune,
 )
-from sdt_drake.device import ElasticJoints, elastic_joints, joint_friction, sliding_friction
+from sdt_drake.device import (
+    PRESLIDING_DAMPING_TIME,
+    ElasticJoints,
+    elastic_joints,
+    joint_friction,
+    sliding_friction,
+)
 from sdt_drake.dynamics import (
     InertiaRange,
     Loads,
@@ -24,7 +30,7 @@ from sdt_drake.dynamics import (
     torque_groups,
 )
 from sdt_drake.errors import InputError
-from sdt_drake.model_errors import load_model
+from sdt_drake.model_errors import ModelErrors, load_model
 from sdt_drake.motion import Motion, Plan, check_motion, load_profile, plan_motion
 from sdt_drake.resources import find_file
 from sdt_drake.robot import Robot, load_robot
@@ -102,7 +108,7 @@ def make_design(
         torques = torque_groups(robot, motion.q, motion.v, motion.vd)
     choice = scenario.controller
     try:
-        model = load_model(robot, choice.model)
+        model = _load_model(robot, choice.model)
         inertia = InertiaRange.of(effective_inertia(robot, torques.d_kk))
         loads = decouple(torques.inertial, torques.coupled, robot.gear_ratio, scenario.algorithm)
         i_eff = inertia.maximum if scenario.plant.i_eff is None else np.array(scenario.plant.i_eff)
@@ -115,6 +121,7 @@ def make_design(
         gains = _gains(scenario, largest)
         slowest = i_eff if scenario.plant.kind == "axis" else inertia.minimum
         _check_speed(scenario, robot, gains, slowest, elastic)
+        _check_device_speed(scenario, robot, slowest)
     except InputError as error:
         raise InputError(f"{_named(scenario)}{error}") from None
     omega_n = natural_frequency(gains, largest)
@@ -166,6 +173,13 @@ def _named(scenario: Scenario) -> str:
 def _located(error: InputError, file: Path) -> InputError:
     text = str(error)
     return InputError(text if text.startswith(str(file)) else f"{file}: {text}")
+
+
+def _load_model(robot: Robot, errors: ModelErrors) -> Robot:
+    try:
+        return load_model(robot, errors)
+    except InputError as error:
+        raise InputError(f"controller.model.{error}") from None
 
 
 def _tau_ff(
@@ -237,14 +251,37 @@ def _check_speed(
         if elastic is not None:
             # Above the spring's frequency the motor has nothing but its rotor to turn.
             at_motor = np.where(elastic.elastic, robot.rotor_inertia, i_eff)
-            springs = np.sqrt(elastic.stiffness / robot.reflected_inertia)
-            _check_pole(
-                scenario,
-                np.where(elastic.elastic, springs, 0.0),
-                "plant.elasticity.natural_frequency gives",
-            )
+            for name, poles in (
+                ("natural_frequency", np.sqrt(elastic.stiffness / robot.reflected_inertia)),
+                ("damping_ratio", elastic.damping / robot.reflected_inertia),
+            ):
+                poles = np.where(elastic.elastic, poles, 0.0)
+                _check_pole(scenario, poles, f"plant.elasticity.{name} gives")
         fastest = np.maximum(gains.kp / at_motor, np.sqrt(gains.ki / at_motor))
     _check_pole(scenario, fastest, "gains (kp, ki, or omega_r, zeta) against inertia give")
+
+
+def _check_device_speed(scenario: Scenario, robot: Robot, i_eff: Array) -> None:
+    """The same for friction and drive; i_eff motor side [kg m²]."""
+    inertia = robot.gear_ratio**2 * i_eff
+    if scenario.plant.friction is not None:
+        friction = joint_friction(scenario.plant.friction, robot.n)
+        bristles = friction.coulomb / friction.presliding / inertia
+        extra = friction.breakaway - friction.coulomb
+        for name, poles in (
+            ("coulomb over presliding", np.sqrt(bristles)),
+            ("coulomb over presliding", PRESLIDING_DAMPING_TIME * bristles),
+            ("breakaway over stribeck_speed", 2 * extra / friction.stribeck_speed / inertia),
+            ("viscous", friction.viscous / inertia),
+        ):
+            _check_pole(scenario, poles, f"plant.friction: {name} gives")
+    drive = scenario.drive
+    if drive is not None and drive.torque_bandwidth is not None:
+        lag = np.full(robot.n, 2 * np.pi * drive.torque_bandwidth)
+        _check_pole(scenario, lag, "drive.torque_bandwidth gives")
+    if drive is not None and drive.n1 is not None and drive.n0 is not None:
+        slope = robot.motor_torque_limit / (np.array(drive.n0) - np.array(drive.n1))
+        _check_pole(scenario, slope / i_eff, "drive: n0 so close to n1 gives")
 
 
 def _check_pole(scenario: Scenario, poles: Array, cause: str) -> None:

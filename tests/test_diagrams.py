@@ -18,6 +18,7 @@ from sdt_drake.graphviz import dot_text, fingerprint, has_graphviz
 FOLDER = Path(__file__).resolve().parents[1] / "diagrams"
 SCRIPTS = sorted(path.stem for path in FOLDER.glob("*.py"))
 FIGURES = sorted(DIAGRAMS)
+PLOTS = ("controllers", "stability")  # scripts that write a plot and no diagram
 PNG = b"\x89PNG\r\n"
 
 
@@ -91,7 +92,7 @@ def test_committed_svg_shows_every_block(name):
 
 def test_nothing_is_committed_that_no_script_writes():
     written = {f"{name}.{suffix}" for name in FIGURES for suffix in ("dot", "svg")}
-    written |= {f"{name}_plot.png" for name in FIGURES} | {"device.png"}
+    written |= {f"{name}_plot.png" for name in (*FIGURES, *PLOTS)} | {"device.png"}
     there = {path.name for path in FOLDER.iterdir() if path.is_file()}
 
     assert there - {f"{name}.py" for name in SCRIPTS} == written
@@ -119,6 +120,13 @@ def test_script_writes_a_picture_of_the_diagram(ran, name):
     dot = (folder / f"{name}.dot").read_text(encoding="utf-8")
 
     assert fingerprint(dot) in (folder / f"{name}.svg").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", PLOTS)
+def test_script_writes_a_plot(ran, name):
+    (plot,) = ran[name].iterdir()
+    assert plot.name == f"{name}_plot.png"
+    assert plot.read_bytes().startswith(PNG) and plot.stat().st_size > 10_000
 
 
 def test_device_is_drawn(ran):

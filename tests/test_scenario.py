@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import ast
+import copy
 import dataclasses
+import re
+import typing
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import sdt_drake
+from sdt_drake.control import CONTROLLERS
 from sdt_drake.design import load_plan, make_design
+from sdt_drake.device import Drive, Elasticity, Friction
 from sdt_drake.errors import InputError
+from sdt_drake.model_errors import ModelErrors
 from sdt_drake.motion import Motion, load_profile
 from sdt_drake.resources import find_file, models_dir
 from sdt_drake.scenario import (
@@ -52,8 +58,26 @@ def load(tmp_path):
 # --- the shipped scenarios -------------------------------------------------------------------
 
 
-def test_four_scenarios_are_shipped():
-    assert SHIPPED == ["axis_pi", "axis_pi_ctc", "coupled_pi", "coupled_pi_ctc"]
+PUBLISHED = ["axis_pi", "axis_pi_ctc", "coupled_pi", "coupled_pi_ctc"]
+
+
+def test_the_papers_scenarios_and_a_real_device_are_shipped():
+    assert {*PUBLISHED, "real_device"} <= set(SHIPPED)
+
+
+def test_the_papers_scenarios_are_ideal():
+    for scenario in map(shipped, PUBLISHED):
+        assert scenario.plant.friction is scenario.plant.elasticity is scenario.drive is None
+        assert scenario.controller.model.exact
+
+
+@pytest.mark.parametrize("name", [name for name in SHIPPED if name not in PUBLISHED])
+def test_the_others_are_the_coupled_one_with_a_real_plant_drive_or_model(name):
+    ideal, real = values(shipped("coupled_pi")), values(shipped(name))
+    apart = {field for field in real if field not in ideal or real[field] != ideal[field]}
+    parts = ("plant.friction", "plant.elasticity", "drive", "controller.model.")
+    assert apart > {"name"}
+    assert all(field.startswith(parts) for field in apart - {"name"}), apart
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -145,17 +169,162 @@ def test_torque_margin_and_period_reach_the_planner():
     np.testing.assert_array_equal(np.any(np.abs(motion.v - command) > 1e-3, axis=0), [0, 1, 0, 0])
 
 
-def test_every_field_of_a_scenario_is_read_somewhere():
-    read = set()
+# --- every field -----------------------------------------------------------------------------
+
+
+def schemas(schema=Scenario) -> list[type]:
+    """A dataclass and all that it holds, optional ones too."""
+    found = [schema]
+    for hint in typing.get_type_hints(schema).values():
+        for part in (hint, *typing.get_args(hint)):
+            if dataclasses.is_dataclass(part):
+                found += schemas(part)
+    return found
+
+
+class _Reads(ast.NodeVisitor):
+    """Names of attributes that code reads, checks aside."""
+
+    def __init__(self) -> None:
+        self.names: set[str] = set()
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
+        if not node.name.lstrip("_").startswith("validate"):
+            self.generic_visit(node)
+
+    def visit_Attribute(self, node: ast.Attribute) -> None:
+        if isinstance(node.ctx, ast.Load):
+            self.names.add(node.attr)
+        self.generic_visit(node)
+
+
+def test_a_scenario_is_made_of_these():
+    assert set(schemas()) == {
+        Scenario,
+        PlantChoice,
+        Friction,
+        Elasticity,
+        Drive,
+        ControllerChoice,
+        ModelErrors,
+        Disturbance,
+    }
+
+
+@pytest.mark.parametrize("schema", schemas())
+def test_every_field_of_a_scenario_is_read_somewhere(schema):
+    reads = _Reads()
     for path in Path(sdt_drake.__file__).parent.rglob("*.py"):
-        if path.name == "scenario.py":
-            continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load):
-                read.add(node.attr)
-    for schema in (Scenario, PlantChoice, ControllerChoice, Disturbance):
-        unread = {field.name for field in dataclasses.fields(schema)} - read
-        assert not unread, f"{schema.__name__}: nothing reads {unread}"
+        reads.visit(ast.parse(path.read_text(encoding="utf-8")))
+    unread = {field.name for field in dataclasses.fields(schema)} - reads.names
+    assert not unread, f"{schema.__name__}: nothing reads {unread}"
+
+
+def on_axes() -> Scenario:
+    """No field has its default but omega_r and zeta."""
+    return Scenario(
+        name="axes",
+        robot="package://sdt/other.sdf",
+        motion="package://sdt/motions/other.csv",
+        period=0.01,
+        torque_margin=0.9,
+        algorithm="printed",
+        inverse_dynamics="online",
+        plant=PlantChoice(
+            "axis", I_EFF, Friction(I_EFF, KP, KI, 0.1, 2e-5), Elasticity([0.0, 9, 9, 9], 0, "link")
+        ),
+        drive=Drive(0.0005, 200.0, [0.0, 0.1, -0.1, 0], [1e6] * 4, I_EFF, KP, 0.015),
+        controller=ControllerChoice(
+            kind="p_pi",
+            structure="pi",
+            kp=KP,
+            ki=KI,
+            anti_windup=True,
+            feedforward="id",
+            feedforward_gain=[1.1, 1.0, 0.9, -0.5],
+            friction_compensation=True,
+            position_gain=[1.0, 2.0, 3.0, 4.0],
+            model=ModelErrors("gondola", -40.5, [0.0, 1e-3, -0.1], 1.05),
+        ),
+        disturbance=Disturbance(0.05, 3.0),
+    )
+
+
+def coupled() -> Scenario:
+    """The same on the coupled plant, with omega_r and zeta instead of gains."""
+    scenario = on_axes()
+    scenario.plant.kind, scenario.plant.i_eff = "coupled", None
+    controller = scenario.controller
+    controller.kp = controller.ki = None
+    controller.omega_r, controller.zeta = 65.991, ZETA
+    return scenario
+
+
+def values(scenario) -> dict[str, object]:
+    """Values by dotted name, without those that stand for others."""
+    found = {}
+    for field in dataclasses.fields(scenario):
+        value = getattr(scenario, field.name)
+        if dataclasses.is_dataclass(value):
+            found |= {f"{field.name}.{name}": v for name, v in values(value).items()}
+        else:
+            found[field.name] = value
+    return found
+
+
+def test_these_scenarios_use_every_field():
+    default = values(
+        Scenario(plant=PlantChoice(friction=Friction(), elasticity=Elasticity()), drive=Drive())
+    )
+    first, second = values(on_axes()), values(coupled())
+    assert set(first) == set(second) == set(default)
+    # The kind of plant cannot be new: both are there.
+    unused = {name for name in default if first[name] == second[name] == default[name]}
+    assert not unused
+
+
+@pytest.mark.parametrize("make", [on_axes, coupled])
+def test_every_field_survives_a_round_trip(make, tmp_path):
+    scenario = make()
+    scenario.validate()
+    scenario.validate_sizes(4)
+    save_scenario(scenario, tmp_path / "run.yaml")
+    assert load_scenario(tmp_path / "run.yaml") == scenario
+    again = tmp_path / "again.yaml"
+    save_scenario(load_scenario(tmp_path / "run.yaml"), again)
+    assert again.read_bytes() == (tmp_path / "run.yaml").read_bytes()
+
+
+def test_empty_parts_are_ideal_ones_and_null_is_none(load):
+    scenario = load(
+        "controller: {omega_r: 60, model: {}}\ndrive: {}\nplant: {friction: {}, elasticity: null}\n"
+    )
+    assert scenario.drive == Drive()
+    assert scenario.plant == PlantChoice(friction=Friction())
+    assert scenario.controller.model.exact
+
+
+# --- what a controller is in use -------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "kind, feedforward, in_use, structure, label",
+    [
+        ("pi", None, "none", "p_in_feedback", "pi"),
+        ("pi_ctc", None, "ctc", "p_in_feedback", "pi_ctc"),
+        ("pi_id", None, "id", "pi", "pi_id"),
+        ("p_pi", None, "none", "pi", "p_pi"),
+        ("p_pi", "none", "none", "pi", "p_pi"),
+        ("p_pi", "id", "id", "pi", "p_pi+id"),
+        ("pi_scheduled", "ctc", "ctc", "p_in_feedback", "pi_scheduled+ctc"),
+        ("inverse_dynamics", None, "none", "p_in_feedback", "inverse_dynamics"),
+    ],
+)
+def test_feedforward_structure_and_label(kind, feedforward, in_use, structure, label):
+    choice = ControllerChoice(kind=kind, feedforward=feedforward)
+    assert choice.feedforward_in_use == in_use
+    assert choice.structure_in_use == structure
+    assert choice.label == label
 
 
 # --- paths -----------------------------------------------------------------------------------
@@ -217,6 +386,25 @@ BAD = [
     (AXIS, "period:", "perod:", "perod: unknown field, did you mean period"),
     (AXIS, "  kind: axis", "  kid: axis", r"plant\.kid: unknown field, did you mean kind"),
     (AXIS, "  kp:", "  kq:", r"controller\.kq: unknown field, expected one of kind, structure, om"),
+    (
+        AXIS,
+        "  i_eff",
+        "  frict: {}\n  i_eff",
+        r"plant\.frict: unknown field, did you mean friction",
+    ),
+    (
+        AXIS,
+        "  i_eff",
+        "  friction: {coulom: [1]}\n  i_eff",
+        r"plant\.friction\.coulom: unknown field, did you mean coulomb",
+    ),
+    (AXIS, "  kp:", "  model: {mass: 1}\n  kp:", r"controller\.model\.mass: unknown field"),
+    (
+        AXIS,
+        "name: axis_pi",
+        "drive: {periods: 1}",
+        r"drive\.periods: unknown field, did you mean p",
+    ),
     (AXIS, "  struc", "  struk", r"controller\.strukture: unknown field, did you mean structure"),
     (AXIS, "plant:\n", "plant: !Axis\n", "plant: .*Axis"),
     # Types.
@@ -231,6 +419,17 @@ BAD = [
     (AXIS, "[4.26, 98.01, 796.3, 250.28]", "4.26", r"plant\.i_eff: 4\.26, expected a list"),
     (AXIS, "4.26,", "big,", r"plant\.i_eff\[1\]: 'big', expected a number"),
     (AXIS, "98.01,", "true,", r"plant\.i_eff\[2\]: True, expected a number"),
+    (AXIS, "name: axis_pi", "drive: ideal", "drive: 'ideal', expected a mapping with period, tor"),
+    (AXIS, "name: axis_pi", "drive: {n1: 3}", r"drive\.n1: 3, expected a list"),
+    (AXIS, "name: axis_pi", "drive: {n1: [a]}", r"drive\.n1\[1\]: 'a', expected a number"),
+    (AXIS, "  kp:", "  anti_windup: 1\n  kp:", r"controller\.anti_windup: 1, expected true or f"),
+    (AXIS, "  kp:", "  feedforward: 1\n  kp:", r"controller\.feedforward: 1, expected a text"),
+    (
+        AXIS,
+        "  i_eff",
+        "  elasticity: {natural_frequency: 9}\n  i_eff",
+        r"plant\.elasticity\.natural_frequency: 9, expected a list",
+    ),
     # Values.
     (AXIS, "0.005", "0", "period: 0.0, expected a finite number > 0"),
     (AXIS, "0.005", "-0.005", "period: -0.005, "),
@@ -244,7 +443,13 @@ BAD = [
     (AXIS, "name: axis_pi", "inverse_dynamics: no", "inverse_dynamics: False, expected a text"),
     (AXIS, "name: axis_pi", "inverse_dynamics: off_line", "'off_line', expected one of table, onl"),
     (AXIS, "kind: axis", "kind: axes", r"plant\.kind: 'axes', expected one of axis, coupled"),
-    (AXIS, "kind: pi", "kind: pid", r"controller\.kind: 'pid', expected one of pi, pi_ctc"),
+    (
+        AXIS,
+        "kind: pi",
+        "kind: pid",
+        r"controller\.kind: 'pid', expected one of pi, pi_ctc, pi_id, p_pi, pi_scheduled, "
+        r"inverse_dynamics$",
+    ),
     (AXIS, "p_in_feedback", "p", r"controller\.structure: 'p', expected one of pi, p_in_feedback"),
     (AXIS, "kind: axis", "kind: coupled", r"plant\.i_eff: the coupled plant has its inertia"),
     (
@@ -259,6 +464,51 @@ BAD = [
         "disturbance: {omega_d: .nan}",
         r"disturbance\.omega_d: nan, expected a finite number >= 0",
     ),
+    (
+        AXIS,
+        "  i_eff",
+        "  friction: {presliding: 0}\n  i_eff",
+        r"plant\.friction\.presliding: 0\.0, expected a finite number > 0",
+    ),
+    (
+        AXIS,
+        "  i_eff",
+        "  elasticity: {encoder: load}\n  i_eff",
+        r"plant\.elasticity\.encoder: 'load', expected one of motor, link",
+    ),
+    (
+        AXIS,
+        "name: axis_pi",
+        "drive: {period: 0.002}",
+        r"drive\.period: 0\.002 s does not divide the interpolation period, 0\.005 s",
+    ),
+    (AXIS, "name: axis_pi", "drive: {n1: [1]}", "drive: n1 and n0 must be given together"),
+    (
+        AXIS,
+        "  kp:",
+        "  model: {inertia_scale: 0}\n  kp:",
+        r"controller\.model\.inertia_scale: 0\.0, expected a finite number > 0",
+    ),
+    (
+        AXIS,
+        "  kp:",
+        "  model: {payload_offset: [1]}\n  kp:",
+        r"controller\.model\.payload_offset: 1 value\(s\), expected 3: x, y, z",
+    ),
+    # Options that the kind would not use.
+    (
+        AXIS,
+        "kind: pi",
+        "kind: inverse_dynamics",
+        r"controller\.kind inverse_dynamics: needs plant\.kind coupled$",
+    ),
+    (
+        AXIS,
+        "  kp:",
+        "  feedforward: id\n  kp:",
+        r"controller\.feedforward: pi has its own; only p_pi, pi_scheduled leave it open$",
+    ),
+    (AXIS, "  kp:", "  position_gain: [1]\n  kp:", r"controller\.position_gain: pi has no posit"),
     # Gains.
     (AXIS, "  ki:", "  # ki:", "controller: kp and ki must be given together"),
     (AXIS, "  kp:", "  # kp:", "controller: kp and ki must be given together"),
@@ -279,6 +529,89 @@ def test_a_bad_field_is_refused_with_file_and_name(load, text, old, new, message
     assert "\n" not in str(error.value)
 
 
+LEAVES_IT_OPEN = ("p_pi", "pi_scheduled")
+UNUSED = [
+    *(
+        (
+            kind,
+            {"feedforward": feedforward},
+            f"controller.feedforward: {kind} has its own; only p_pi, pi_scheduled leave it open",
+        )
+        for kind in CONTROLLERS
+        if kind not in LEAVES_IT_OPEN
+        for feedforward in ("none", "id")
+    ),
+    *(
+        (
+            kind,
+            {"feedforward": "full"},
+            "controller.feedforward: 'full', expected one of none, ctc, id",
+        )
+        for kind in LEAVES_IT_OPEN
+    ),
+    *(
+        (
+            kind,
+            {"position_gain": [1.0] * 4},
+            f"controller.position_gain: {kind} has no position loop",
+        )
+        for kind in CONTROLLERS
+        if kind != "p_pi"
+    ),
+    *(
+        (
+            kind,
+            {"feedforward_gain": [1.0] * 4},
+            f"controller.feedforward_gain: {kind} has no feedforward",
+        )
+        for kind in ("pi", "p_pi", "pi_scheduled", "inverse_dynamics")
+    ),
+    (
+        "p_pi",
+        {"feedforward": "none", "feedforward_gain": [1.0] * 4},
+        "controller.feedforward_gain: p_pi has no feedforward",
+    ),
+    (
+        "inverse_dynamics",
+        {"anti_windup": True},
+        "controller.anti_windup: inverse_dynamics has no integral",
+    ),
+    *(
+        (
+            kind,
+            {"friction_compensation": True},
+            "controller.friction_compensation: needs plant.friction",
+        )
+        for kind in CONTROLLERS
+    ),
+    ("pi_id", {"structure": "pd"}, "controller.structure: 'pd', expected one of pi, p_in_feedback"),
+]
+
+
+@pytest.mark.parametrize("kind, options, message", UNUSED, ids=str)
+def test_an_option_that_the_kind_would_not_use_is_refused(kind, options, message):
+    scenario = Scenario(
+        plant=PlantChoice("coupled"),
+        controller=ControllerChoice(kind=kind, omega_r=66.0),
+    )
+    scenario.validate()
+    for name, value in options.items():
+        setattr(scenario.controller, name, copy.deepcopy(value))
+    with pytest.raises(InputError, match=f"^{re.escape(message)}$"):
+        scenario.validate()
+
+
+@pytest.mark.parametrize("kind", CONTROLLERS)
+def test_a_kind_is_refused_on_a_plant_that_it_is_not_for(kind):
+    scenario = Scenario(controller=ControllerChoice(kind=kind, omega_r=66.0))
+    if kind == "inverse_dynamics":
+        message = r"^controller\.kind inverse_dynamics: needs plant\.kind coupled$"
+        with pytest.raises(InputError, match=message):
+            scenario.validate()
+    else:
+        scenario.validate()
+
+
 MISFIT = [
     (AXIS, "4.26, ", "", r"plant\.i_eff: 3 value\(s\), expected 4"),
     (AXIS, "4.26, ", "-4.26, ", r"plant\.i_eff: \[-4\.26, .*every value must be > 0"),
@@ -288,6 +621,48 @@ MISFIT = [
     (AXIS, "2.73e5]", "-2.73e5]", r"controller\.ki: .*every value must be > 0"),
     (COUPLED, "0.95]", "0.95, 1]", r"controller\.zeta: 5 value\(s\), expected 4"),
     (COUPLED, "[0.95", "[.inf", r"controller\.zeta: .*not finite"),
+    (
+        AXIS,
+        "  i_eff",
+        "  friction: {coulomb: [1, 2, 3]}\n  i_eff",
+        r"scenario 'axis_pi': plant\.friction\.coulomb: 3 value\(s\), expected 4",
+    ),
+    (
+        AXIS,
+        "  i_eff",
+        "  elasticity: {}\n  i_eff",
+        r"scenario 'axis_pi': plant\.elasticity\.natural_frequency: 0 value\(s\), expected 4",
+    ),
+    (
+        AXIS,
+        "name: axis_pi",
+        "drive: {torque_error: [-1, 0, 0, 0]}",
+        r"scenario 'run': drive\.torque_error: \[-1\.0, .*expected > -1",
+    ),
+    (
+        COUPLED,
+        "kind: pi",
+        "kind: p_pi\n  position_gain: [1, 1, 1, 0]",
+        r"controller\.position_gain: .*every value must be > 0",
+    ),
+    (
+        COUPLED,
+        "kind: pi",
+        "kind: pi_id\n  feedforward_gain: [1]",
+        r"controller\.feedforward_gain: 1 value\(s\), expected 4",
+    ),
+    (
+        COUPLED,
+        "kind: pi",
+        "kind: pi\n  model: {payload_mass: -180}",
+        r"scenario 'coupled_pi': controller\.model\.payload_mass: -180 kg would leave 0 kg",
+    ),
+    (
+        COUPLED,
+        "kind: pi",
+        "kind: pi\n  model: {payload: cabin, payload_mass: 1}",
+        r"scenario 'coupled_pi': controller\.model\.payload: no link 'cabin'",
+    ),
     (AXIS, "0.005", "0.007", r"30 s is not a whole multiple of the period 0\.007 s"),
     (AXIS, "0.005", "1e-310", "period"),
     (AXIS, "0.005", "1e-14", "period"),

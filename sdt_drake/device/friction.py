@@ -56,7 +56,7 @@ class Friction:
         """
         for field in fields(self):
             values = getattr(self, field.name)
-            if isinstance(values, list):
+            if values is not None and field.name in ("coulomb", "viscous", "breakaway"):
                 array = checked_vector(values, n, f"{where}.{field.name}")
                 if np.any(array < 0):
                     raise InputError(f"{where}.{field.name}: {values} contains a value < 0")

@@ -1,0 +1,148 @@
+"""Friction of sliding joints against its formula, its limits, and what is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+from sdt_drake.device import Friction, joint_friction, sliding_friction
+from sdt_drake.errors import InputError
+
+V_S = 0.03  # rad/s
+COULOMB = [300.0, 60.0, 0.0, 20.0]
+VISCOUS = [40.0, 0.0, 8.0, 2.0]
+BREAKAWAY = [450.0, 60.0, 10.0, 50.0]
+FRICTION = Friction(COULOMB, VISCOUS, BREAKAWAY, stribeck_speed=V_S)
+DRY = dataclasses.replace(FRICTION, viscous=None)
+
+
+def at(friction, v):
+    """Friction at the same speed of every joint, or at speeds of shape (N,): (N, 4)."""
+    v = np.multiply.outer(np.asarray(v, dtype=float), np.ones(4))
+    return sliding_friction(joint_friction(friction, 4), v)
+
+
+# --- the law ---------------------------------------------------------------------------------
+
+
+def test_law_by_hand():
+    # Joint 1 at 2 v_s: 300 + 150 * 2 exp(-3 / 2) + 40 * 0.06.
+    assert at(FRICTION, 2 * V_S)[0] == pytest.approx(300 + 66.9390480 + 2.4, rel=1e-9)
+    # Joint 3 at v_s / 2: 10 / 2 exp(3 / 8) + 8 * 0.015.
+    assert at(FRICTION, V_S / 2)[2] == pytest.approx(7.2749571 + 0.12, rel=1e-7)
+
+
+def test_nothing_at_rest():
+    np.testing.assert_array_equal(at(FRICTION, 0.0), 0)
+
+
+def test_coulomb_just_above_rest():
+    np.testing.assert_allclose(at(FRICTION, 1e-9), COULOMB, rtol=1e-6, atol=1e-5)
+
+
+def test_peak_at_the_stribeck_speed_is_breakaway():
+    v = np.linspace(0.2, 5, 4801) * V_S
+    friction = at(DRY, v)
+    np.testing.assert_allclose(at(DRY, V_S), BREAKAWAY, rtol=1e-12)
+    np.testing.assert_allclose(friction.max(axis=0), BREAKAWAY, rtol=1e-9)
+    peak = v[friction.argmax(axis=0)]
+    np.testing.assert_allclose(peak[[0, 2, 3]], V_S, rtol=2e-3)
+    np.testing.assert_array_equal(friction[:, 1], 60)  # breakaway is coulomb: no peak
+
+
+def test_coulomb_and_viscous_far_above_the_stribeck_speed():
+    v = 10 * V_S
+    np.testing.assert_allclose(at(FRICTION, v), COULOMB + np.array(VISCOUS) * v, rtol=1e-12)
+
+
+def test_odd():
+    v = np.linspace(0, 20, 300) * V_S
+    np.testing.assert_array_equal(at(FRICTION, -v), -at(FRICTION, v))
+
+
+def test_takes_energy_at_every_speed():
+    v = np.linspace(-20, 20, 400) * V_S
+    assert np.all(at(FRICTION, v) * v[:, None] >= 0)
+
+
+def test_a_sample_or_a_whole_motion():
+    v = np.random.default_rng(1).normal(size=(50, 4))
+    friction = joint_friction(FRICTION, 4)
+    rows = [sliding_friction(friction, row) for row in v]
+    np.testing.assert_array_equal(sliding_friction(friction, v), rows)
+
+
+# --- defaults --------------------------------------------------------------------------------
+
+
+def test_no_friction_by_default():
+    np.testing.assert_array_equal(at(Friction(), np.linspace(-1, 1, 21)), 0)
+
+
+def test_breakaway_is_coulomb_by_default():
+    friction = joint_friction(Friction(coulomb=COULOMB), 4)
+    np.testing.assert_array_equal(friction.breakaway, COULOMB)
+    np.testing.assert_array_equal(friction.viscous, 0)
+    v = np.array([0.01, 1, 30]) * V_S
+    np.testing.assert_array_equal(at(Friction(coulomb=COULOMB), v), [COULOMB] * 3)
+
+
+def test_speed_and_presliding_are_passed_on():
+    friction = joint_friction(Friction(stribeck_speed=0.5, presliding=2e-4), 3)
+    assert (friction.stribeck_speed, friction.presliding) == (0.5, 2e-4)
+    assert friction.coulomb.shape == (3,)
+
+
+# --- what is refused -------------------------------------------------------------------------
+
+
+def test_good_friction_is_taken():
+    for friction in (Friction(), FRICTION, Friction(breakaway=[1.0, 0.0, 0.0, 0.0])):
+        friction.validate("plant.friction")
+        friction.validate_sizes(4, "plant.friction")
+
+
+BAD_NUMBERS = [
+    ({"stribeck_speed": 0.0}, "stribeck_speed: 0.0, expected a finite number > 0"),
+    ({"stribeck_speed": -0.1}, "stribeck_speed: -0.1, expected a finite number > 0"),
+    ({"stribeck_speed": np.nan}, "stribeck_speed: nan, expected a finite number > 0"),
+    ({"presliding": 0.0}, "presliding: 0.0, expected a finite number > 0"),
+    ({"presliding": np.inf}, "presliding: inf, expected a finite number > 0"),
+]
+
+
+@pytest.mark.parametrize(("fields", "message"), BAD_NUMBERS, ids=str)
+def test_bad_number_is_refused(fields, message):
+    with pytest.raises(InputError, match=f"^{re.escape(f'plant.friction.{message}')}$"):
+        Friction(**fields).validate("plant.friction")
+
+
+BAD_LISTS = [
+    ({"coulomb": [1.0, -1.0, 1.0, 1.0]}, "coulomb: [1.0, -1.0, 1.0, 1.0] contains a value < 0"),
+    ({"viscous": [0.0, 0.0, 0.0, -1e-9]}, "viscous: [0.0, 0.0, 0.0, -1e-09] contains a value < 0"),
+    ({"breakaway": [-1.0, 0, 0, 0]}, "breakaway: [-1.0, 0, 0, 0] contains a value < 0"),
+    ({"coulomb": [1.0] * 3}, "coulomb: 3 value(s), expected 4, one for each joint"),
+    ({"coulomb": []}, "coulomb: 0 value(s), expected 4, one for each joint"),
+    ({"viscous": [1.0] * 5}, "viscous: 5 value(s), expected 4, one for each joint"),
+    (
+        {"breakaway": [1.0, np.nan, 1.0, 1.0]},
+        "breakaway: [1.0, nan, 1.0, 1.0] contains a value that is not finite",
+    ),
+    (
+        {"coulomb": [np.inf, 1.0, 1.0, 1.0]},
+        "coulomb: [inf, 1.0, 1.0, 1.0] contains a value that is not finite",
+    ),
+    (
+        {"coulomb": [1.0, 2.0, 3.0, 4.0], "breakaway": [1.0, 2.0, 2.9, 4.0]},
+        "breakaway: [1.0, 2.0, 2.9, 4.0], expected at least coulomb, [1.0, 2.0, 3.0, 4.0]",
+    ),
+]
+
+
+@pytest.mark.parametrize(("fields", "message"), BAD_LISTS, ids=str)
+def test_bad_list_is_refused(fields, message):
+    with pytest.raises(InputError, match=f"^{re.escape(f'plant.friction.{message}')}$"):
+        Friction(**fields).validate_sizes(4, "plant.friction")
