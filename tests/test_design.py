@@ -336,7 +336,7 @@ def test_bad_sizes_name_the_scenario(make):
     [
         (
             lambda s: setattr(s.plant, "friction", Friction(coulomb=[1e9] * 4)),
-            r"plant\.friction: coulomb over presliding gives joint \d a pole at \S+ rad/s, expected",
+            r"plant\.friction: coulomb over presliding gives joint \d a pole at \S+ rad/s",
         ),
         (
             lambda s: setattr(s.plant, "friction", Friction(viscous=[0.0, 1e9, 0.0, 0.0])),

@@ -35,7 +35,7 @@ class ErrorBudget:
             "load": what the load torque does, less what the feedforward takes of it.
             "disturbance": what the model does not know of the load. "saturation": the run less
             the same one with motors that do not saturate.
-        remainder: what is left: friction and other nonlinear effects; else round-off.
+        remainder: what is left: the effect of friction; without it, round-off.
     """
 
     time: Array
@@ -65,11 +65,12 @@ def error_budget(design: Design) -> ErrorBudget:
         raise InputError("inverse_dynamics: online, but an error budget needs table")
     limit = design.robot.effort_limit
     free = replace(design, robot=replace(design.robot, effort_limit=_NO_LIMIT * limit))
-    at_rest = _without_motion(free)
+    smooth = _without_friction(free)
+    at_rest = _without_motion(smooth)
     runs = [
         design,
         free,
-        _without_load(_undisturbed(free)),
+        _without_load(_undisturbed(smooth)),
         _undisturbed(at_rest),
         at_rest,
     ]
@@ -89,6 +90,12 @@ def _speed_error(design: Design) -> Array:
 def _undisturbed(design: Design) -> Design:
     scenario = copy.deepcopy(design.scenario)
     scenario.disturbance.amplitude = 0.0
+    return replace(design, scenario=scenario)
+
+
+def _without_friction(design: Design) -> Design:
+    scenario = copy.deepcopy(design.scenario)
+    scenario.plant.friction = None
     return replace(design, scenario=scenario)
 
 

@@ -58,11 +58,7 @@ def compare(design: Design, labels: Sequence[str]) -> list[Compared]:
     Raises:
         InputError: for a label that is unknown or twice there, or a kind that the plant rules out.
     """
-    if not labels:
-        raise InputError("controllers: none given")
-    for label in labels:
-        if labels.count(label) > 1:
-            raise InputError(f"controllers: '{label}' is given twice")
+    check_labels(labels)
     designs = [design_with(design, label) for label in labels]
     # One at a time where Python runs in the loop: two would wait for each other.
     online = design.scenario.inverse_dynamics == "online"
@@ -90,16 +86,11 @@ def with_controller(scenario: Scenario, label: str) -> Scenario:
     Raises:
         InputError: for an unknown label.
     """
-    kind, plus, feedforward = label.partition("+")
-    checked_choice(kind, tuple(CONTROLLERS), "controllers")
-    if plus:
-        if CONTROLLERS[kind].feedforward is not None:
-            raise InputError(f"controllers: '{label}', but {kind} has its own feedforward")
-        checked_choice(feedforward, FEEDFORWARDS, f"controllers: feedforward of {kind}")
+    kind, feedforward = _parsed(label, "controllers")
     scenario = copy.deepcopy(scenario)
     choice = scenario.controller
     choice.kind = kind
-    choice.feedforward = feedforward or None
+    choice.feedforward = feedforward
     feedback = CONTROLLERS[kind].feedback
     if feedback != "position":
         choice.position_gain = None
@@ -108,6 +99,31 @@ def with_controller(scenario: Scenario, label: str) -> Scenario:
     if feedback == "inverse_dynamics":
         choice.anti_windup = False
     return scenario
+
+
+def check_labels(labels: Sequence[str], where: str = "controllers") -> None:
+    """Refuse labels that name no controller, or one twice.
+
+    Raises:
+        InputError: naming `where` and what would be right.
+    """
+    if not labels:
+        raise InputError(f"{where}: none given, expected some of {', '.join(CONTROLLERS)}")
+    for label in labels:
+        _parsed(label, where)
+        if labels.count(label) > 1:
+            raise InputError(f"{where}: '{label}' is given twice")
+
+
+def _parsed(label: str, where: str) -> tuple[str, str | None]:
+    """Kind and feedforward of "p_pi+id"; no feedforward where none is given."""
+    kind, plus, feedforward = label.partition("+")
+    checked_choice(kind, tuple(CONTROLLERS), where)
+    if not plus:
+        return kind, None
+    if CONTROLLERS[kind].feedforward is not None:
+        raise InputError(f"{where}: '{label}', but {kind} has its own feedforward")
+    return kind, checked_choice(feedforward, FEEDFORWARDS, f"{where}: feedforward of {kind}")
 
 
 def run_of(label: str, design: Design, recording: Recording | None = None) -> Compared:

@@ -31,7 +31,7 @@ class FrequencyResponse:
         crossover: where |loop_gain| falls below 1 for the last time [rad/s]; NaN if nowhere.
         phase_margin: smallest angle of the loop gain to -180 deg where its size is 1 [deg].
         modulus_margin: smallest distance of the loop gain to -1 [-].
-        stable: whether every mode of the loop decays (those at rest apart: positions).
+        stable: whether every mode between v_ref and v decays (those at rest apart: positions).
     """
 
     omega: Array
@@ -55,8 +55,8 @@ def frequency_response(
         design: a resolved scenario. The drive's lag and sampling and elastic joints count; limits
             and friction have no frequency response.
         sample: of the motion; by default for each joint the one where its inertia is largest.
-        points: of omega, from 1/1000 to 100 times the natural frequency of the speed loops, or to
-            the Nyquist frequency of a sampled drive.
+        points: of omega, from 1/1000 to 100 times the natural frequency of the speed loops (further
+            with elastic joints), or to the Nyquist frequency of a sampled drive.
 
     Raises:
         InputError: for a sample that the motion does not have.
@@ -72,6 +72,9 @@ def frequency_response(
         samples = [0] * n
     loops = {i: linearise(design, i) for i in set(samples)}
     top = 100 * design.omega_n.max()
+    if design.elastic is not None:  # far above, the gains have nothing but the rotors to turn
+        rotors = np.where(design.elastic.elastic, design.robot.rotor_inertia, np.inf)
+        top = max(top, 10 * np.max(design.gains.kp / rotors))
     period = loops[samples[0]].feedback.period
     if period:
         top = min(top, np.pi / period)

@@ -12,7 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.analysis import DiscreteTimeApproximation
 from pydrake.systems.framework import Context, Diagram
-from pydrake.systems.primitives import FirstOrderTaylorApproximation, LinearSystem
+from pydrake.systems.primitives import (
+    AffineSystem,
+    FirstOrderTaylorApproximation,
+    LinearSystem,
+)
 
 from sdt_drake.design import Design
 from sdt_drake.loops import PLANT_NAME, make_feedback, make_process
@@ -46,6 +50,16 @@ class StateSpace:
         """The same behind zero-order holds, at the samples."""
         exact = DiscreteTimeApproximation(LinearSystem(self.A, self.B, self.C, self.D), period)
         return StateSpace(exact.A(), exact.B(), exact.C(), exact.D(), period)
+
+    def between(self) -> StateSpace:
+        """The same without the states that no input reaches or no output shows."""
+        wired = self.A != 0
+        reached, shown = (self.B != 0).any(axis=1), (self.C != 0).any(axis=0)
+        for _ in range(len(wired)):
+            reached = reached | (wired & reached).any(axis=1)
+            shown = shown | (wired & shown[:, None]).any(axis=0)
+        x = reached & shown
+        return StateSpace(self.A[np.ix_(x, x)], self.B[x], self.C[:, x], self.D, self.period)
 
     def modes(self) -> NDArray[np.complex128]:
         """Eigenvalues [1/s]; of a sampled system, the continuous ones that they stand for."""
@@ -108,7 +122,10 @@ class LinearLoop:
         return np.einsum("ikk->ik", v)
 
     def closed(self, k: int) -> StateSpace:
-        """From v_ref of joint k (q_ref and vd_ref at 0) to v of its link, all loops closed."""
+        """From v_ref of joint k (q_ref and vd_ref at 0) to v of its link, all loops closed.
+
+        Of the states only those that come between: on decoupled axes those of joint k.
+        """
         p, f, n = self.process, self.feedback, self.n
         from_measured, from_ref = f.B[:, 3 * n :], f.B[:, [n + k]]
         measured = p.C[: 2 * n]  # tau does not reach the encoders at once: D is 0 there
@@ -118,23 +135,42 @@ class LinearLoop:
         ])  # fmt: skip
         B = np.vstack([p.B @ f.D[:, [n + k]], from_ref])
         C = np.hstack([p.C[[3 * n + k]], np.zeros((1, len(f.A)))])
-        return StateSpace(A, B, C, np.zeros((1, 1)), p.period)
+        return StateSpace(A, B, C, np.zeros((1, 1)), p.period).between()
 
 
 def linearise(design: Design, sample: int = 0) -> LinearLoop:
     """The loop of a design around a sample of its motion, at rest there.
 
     What is not sampled in the loop counts as continuous; of the sampling, that of the drive's
-    speed loop is exact. Samples of the position are taken for continuous.
+    speed loop is exact, and with encoders of a resolution speeds are differences of positions, as
+    in the loop. Samples of the position are taken for continuous, and increments for small.
     """
-    return close(linear_process(design, sample), linear_feedback(design, sample))
+    return close(design, linear_process(design, sample), linear_feedback(design, sample))
 
 
-def close(process: StateSpace, feedback: StateSpace) -> LinearLoop:
+def close(design: Design, process: StateSpace, feedback: StateSpace) -> LinearLoop:
     """A loop of both; the process at the feedback's samples if that is sampled."""
+    n, drive = design.robot.n, design.scenario.drive
     if feedback.period:
         process = process.sampled(feedback.period)
-    return LinearLoop(process, feedback, process.B.shape[1])
+        if drive is not None and drive.encoder_resolution is not None:
+            process = _with_differences(process, n)
+    return LinearLoop(process, feedback, n)
+
+
+def _with_differences(process: StateSpace, n: int) -> StateSpace:
+    """A sampled process whose measured speeds are differences of its measured positions."""
+    positions = process.C[:n]
+    zero, one = np.zeros((n, n)), np.eye(n)
+    C = np.hstack([process.C, np.zeros((4 * n, n))])
+    C[n : 2 * n] = np.hstack([positions, -one]) / process.period
+    return StateSpace(
+        A=np.block([[process.A, np.zeros((len(process.A), n))], [positions, zero]]),
+        B=np.vstack([process.B, zero]),
+        C=C,
+        D=process.D,
+        period=process.period,
+    )
 
 
 def linear_process(design: Design, sample: int = 0) -> StateSpace:
@@ -161,23 +197,16 @@ def _linearise(
     """From all of `inputs`, stacked, to all of `outputs`."""
     at = np.concatenate([design.motion.q[sample], np.zeros(design.robot.n)])
     context = diagram.CreateDefaultContext()
-    _stand(diagram, context, design, at)
     resting = {"reference": np.concatenate([at, np.zeros(design.robot.n)]), "measured": at}
     for name in inputs:
         port = diagram.GetInputPort(name)
         port.FixValue(context, resting.get(name, np.zeros(port.size())))
-    parts = [
-        [
-            FirstOrderTaylorApproximation(
-                diagram,
-                context,
-                input_port_index=diagram.GetInputPort(i).get_index(),
-                output_port_index=diagram.GetOutputPort(o).get_index(),
-            )
-            for i in inputs
-        ]
-        for o in outputs
-    ]
+    plant = PLANT_NAME[design.scenario.plant.kind]
+    if diagram.HasSubsystemNamed(plant):
+        system = diagram.GetSubsystemByName(plant)
+        system.GetMyMutableContextFromRoot(context).SetContinuousState(at)
+        _hold_still(diagram, context, inputs[0], first=len(at))
+    parts = [[_taylor(diagram, context, i, o) for i in inputs] for o in outputs]
     return StateSpace(
         A=parts[0][0].A(),
         B=np.hstack([part.B() for part in parts[0]]),
@@ -187,9 +216,28 @@ def _linearise(
     )
 
 
-def _stand(diagram: Diagram, context: Context, design: Design, at: Array) -> None:
-    """Put links and motors at rest; all else is linear, and does not care where it is."""
-    name = PLANT_NAME[design.scenario.plant.kind]
-    if diagram.HasSubsystemNamed(name):
-        system = diagram.GetSubsystemByName(name)
-        system.GetMyMutableContextFromRoot(context).SetContinuousState(at)
+def _hold_still(diagram: Diagram, context: Context, tau_cmd: str, first: int) -> None:
+    """Give motors, springs and torque loops what the plant needs to stay where it is.
+
+    Away from equilibrium a linearisation would have the change of M(q) times an acceleration in
+    it. The plant's state, the first in the diagram, stays; all others and the torque enter the
+    derivatives linearly, so one step of Newton's method is exact.
+    """
+    taylor = _taylor(diagram, context, tau_cmd, "state")
+    port = diagram.GetInputPort(tau_cmd)
+    state = context.get_continuous_state_vector().CopyToVector()
+    acting = np.hstack([taylor.A()[:, first:], taylor.B()])
+    moving = diagram.EvalTimeDerivatives(context).CopyToVector()
+    change = np.linalg.lstsq(acting, -moving, rcond=None)[0]
+    others = len(state) - first
+    context.SetContinuousState(state + np.concatenate([np.zeros(first), change[:others]]))
+    port.FixValue(context, port.Eval(context) + change[others:])
+
+
+def _taylor(diagram: Diagram, context: Context, input_name: str, output_name: str) -> AffineSystem:
+    return FirstOrderTaylorApproximation(
+        diagram,
+        context,
+        input_port_index=diagram.GetInputPort(input_name).get_index(),
+        output_port_index=diagram.GetOutputPort(output_name).get_index(),
+    )

@@ -211,7 +211,11 @@ def comparison(title: str, compared: Sequence[Compared]) -> Figure:
                 shift = (i - (len(compared) - 1) / 2) * width
                 ax.bar(at + shift, value(c), width, color=colour, label=c.label)
             ax.set_title(label, loc="left")
-            if logarithmic:
+            heights = np.array([value(c) for c in compared])
+            if not np.any(heights > 0):
+                ax.text(0.5, 0.5, "none", transform=ax.transAxes, horizontalalignment="center")
+                ax.set_yticks([])
+            elif logarithmic:
                 ax.set_yscale("log")
                 _plain_numbers(ax.yaxis)
             ax.grid(axis="x", visible=False)
@@ -277,7 +281,7 @@ def stability(
     `sweeps` by place of the encoder, a column each, and by drive, a line style each.
     """
     with style():
-        figure, axes = _grid(2, len(sweeps), panel=2.4)
+        figure, axes = _grid(2, len(sweeps), panel=2.4, bottom=1.05)  # two rows of legend
         for (damping, overshoot), (encoder, by_drive) in zip(axes.T, sweeps.items(), strict=True):
             for (drive, sweep), dashes in zip(by_drive.items(), _DASHES, strict=False):
                 colours = _colours(len(joint_names))
@@ -332,9 +336,11 @@ def _panels(
     return figure
 
 
-def _grid(rows: int, columns: int, *, panel: float = 1.55) -> tuple[Figure, NDArray]:
+def _grid(
+    rows: int, columns: int, *, panel: float = 1.55, bottom: float = 0.85
+) -> tuple[Figure, NDArray]:
     """A figure and its axes. The margins are fixed [inch]: computing them takes a second."""
-    left, right, top, bottom, gap = 0.8, 0.15, 0.65, 0.85, 0.35
+    left, right, top, gap = 0.8, 0.15, 0.65, 0.35
     width = 10.0
     height = rows * panel + (rows - 1) * gap + top + bottom
     figure = Figure(figsize=(width, height))

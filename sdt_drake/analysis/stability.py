@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sdt_drake.analysis.linear import (
-    LinearLoop,
     StateSpace,
     close,
     linear_feedback,
@@ -81,8 +80,8 @@ def stability_sweep(
     process = linear_process(elastic)
 
     def axes(ratio: float) -> list[StateSpace]:
-        loop = close(process, linear_feedback(_tuned(elastic, ratio * omega_r)))
-        return [_axis(loop, k).closed(0) for k in range(design.robot.n)]
+        loop = close(elastic, process, linear_feedback(_tuned(elastic, ratio * omega_r)))
+        return [loop.closed(k) for k in range(design.robot.n)]
 
     shape = len(ratios), design.robot.n
     damping, overshoot = np.empty(shape), np.full(shape, np.nan)
@@ -122,7 +121,7 @@ def _elastic_design(
     scenario.drive = drive
     scenario.controller = ControllerChoice(
         structure=design.scenario.controller.structure,
-        omega_r=omega_r,
+        omega_r=1.0,  # tuned for each ratio, below
         zeta=damping_ratio_of(design.gains, design.inertia.maximum).tolist(),
     )
     return make_design(scenario, robot=design.robot, motion=design.motion, torques=design.torques)
@@ -132,25 +131,6 @@ def _tuned(elastic: Design, omega_n: float) -> Design:
     inertia = elastic.inertia.maximum
     zeta = damping_ratio_of(elastic.gains, inertia)
     return replace(elastic, gains=tune(inertia, 2 * omega_n, zeta))
-
-
-def _axis(loop: LinearLoop, k: int) -> LinearLoop:
-    """Joint k of decoupled axes, whose states come in groups of n."""
-    n, p, f = loop.n, loop.process, loop.feedback
-
-    def own(size: int) -> NDArray[np.int_]:
-        return np.arange(size).reshape(-1, n)[:, k]
-
-    x, u = own(len(p.A)), [k]
-    process = StateSpace(
-        p.A[np.ix_(x, x)], p.B[np.ix_(x, u)], p.C[np.ix_(own(4 * n), x)],
-        p.D[np.ix_(own(4 * n), u)], p.period,
-    )  # fmt: skip
-    x, u, y = own(len(f.A)), own(5 * n), [k]
-    feedback = StateSpace(
-        f.A[np.ix_(x, x)], f.B[np.ix_(x, u)], f.C[np.ix_(y, x)], f.D[np.ix_(y, u)], f.period
-    )
-    return LinearLoop(process, feedback, 1)
 
 
 def _border(damping_at: Callable[[float], float], ratios: Array, damping: Array) -> float:

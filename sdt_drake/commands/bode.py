@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> None:
         sample = round(options.time / design.motion.period)
     response = frequency_response(design, sample=sample)
     scenario = design.scenario
-    say(f"{scenario.name}: {scenario.controller.kind} on the {scenario.plant.kind} plant")
+    say(f"{scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant")
     print_table(
         ("joint", "bandwidth [rad/s]", "peak [dB]", "at [rad/s]", "crossover [rad/s]",
          "phase margin [deg]", "modulus margin", "stable"),

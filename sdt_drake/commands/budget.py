@@ -9,6 +9,7 @@ from sdt_drake.commands.common import (
     add_out,
     add_scenario,
     design_of,
+    naming,
     print_table,
     say,
 )
@@ -36,7 +37,8 @@ def run(options: argparse.Namespace) -> None:
     if options.out and options.out.suffix != ".csv":
         plots.checked_figure_path(options.out)
     design = design_of(options.scenario)
-    budget = error_budget(design)
+    with naming(options.scenario):
+        budget = error_budget(design)
     signals = {"whole": budget.whole, **budget.parts, "remainder": budget.remainder}
     names = design.robot.joint_names
     say(f"{design.scenario.name}: RMS of the speed error and of its parts [rad/s]; in brackets the")

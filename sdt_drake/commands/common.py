@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from sdt_drake import paper
@@ -75,6 +77,16 @@ def design_of(path: str):
     except InputError as error:
         own = str(error).removeprefix(f"scenario '{scenario.name}': ")
         raise InputError(f"{path}: {own}" if own != str(error) else own) from None
+
+
+@contextmanager
+def naming(path: str) -> Iterator[None]:
+    """Errors within name the scenario file."""
+    try:
+        yield
+    except InputError as error:
+        own = re.sub(r"^scenario '.*?': ", "", str(error))
+        raise InputError(f"{path}: {own}") from None
 
 
 # --- printing --------------------------------------------------------------------------------

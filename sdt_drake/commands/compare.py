@@ -9,10 +9,10 @@ from sdt_drake.commands.common import (
     add_out,
     add_scenario,
     design_of,
+    naming,
     print_table,
     say,
 )
-from sdt_drake.errors import InputError
 
 CONTROLLERS = {
     "axis": "pi,pi_ctc,pi_id,p_pi+id,pi_scheduled",
@@ -39,7 +39,12 @@ def add(commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis import plots
-    from sdt_drake.analysis.comparison import compare, comparison_rows, write_comparison
+    from sdt_drake.analysis.comparison import (
+        check_labels,
+        compare,
+        comparison_rows,
+        write_comparison,
+    )
 
     if options.out and options.out.suffix != ".csv":
         plots.checked_figure_path(options.out)
@@ -47,10 +52,10 @@ def run(options: argparse.Namespace) -> None:
     text = options.controllers
     if text is None:
         text = CONTROLLERS[design.scenario.plant.kind]
-    try:
-        compared = compare(design, [label.strip() for label in text.split(",") if label.strip()])
-    except InputError as error:
-        raise InputError(str(error).replace("controllers:", "--controllers:", 1)) from None
+    labels = [label.strip() for label in text.split(",") if label.strip()]
+    check_labels(labels, "--controllers")
+    with naming(options.scenario):
+        compared = compare(design, labels)
     scenario = design.scenario
     say(f"{scenario.name}: {len(compared)} controllers on the {scenario.plant.kind} plant")
     header, rows = comparison_rows(compared)

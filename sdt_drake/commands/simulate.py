@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> None:
     scenario = design.scenario
     recording = simulate(design)
     tracking = track(recording, design.motion)
-    say(f"{scenario.name}: {scenario.controller.kind} on the {scenario.plant.kind} plant")
+    say(f"{scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant")
     print_table(
         ("joint", "largest error [rad/s]", "RMS [rad/s]", "constant speed [rad/s]",
          "position [deg]", "saturated [%]"),
@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> None:
         recording.to_csv(options.out)
     else:
         label = {"pi": "PI", "pi_ctc": "PI + CTC"}.get(
-            scenario.controller.kind, scenario.controller.kind
+            scenario.controller.kind, scenario.controller.label
         )
         lines = plots.tracking_lines({label: recording}, "speed_error")
         names = design.robot.joint_names

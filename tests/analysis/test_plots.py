@@ -1,5 +1,7 @@
 """Figures: panels, labels, colours, and files."""
 
+import dataclasses
+from itertools import pairwise
 from types import SimpleNamespace
 
 import matplotlib
@@ -9,7 +11,12 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
 from sdt_drake.analysis import plots
+from sdt_drake.analysis.budget import ErrorBudget
+from sdt_drake.analysis.comparison import Compared
+from sdt_drake.analysis.frequency_response import FrequencyResponse
+from sdt_drake.analysis.stability import StabilitySweep
 from sdt_drake.analysis.study import StepResponse
+from sdt_drake.analysis.tracking import MotorUse, Tracking
 from sdt_drake.control import step_metrics
 from sdt_drake.dynamics import Loads
 from sdt_drake.errors import InputError
@@ -67,8 +74,61 @@ def steps():
     }
 
 
+LABELS = ("pi", "p_pi+id", "inverse_dynamics")
+CONSTANT = np.array([0.02, np.nan, 0.04])
+
+
 @pytest.fixture(scope="module")
-def figures(motion, runs, steps):
+def compared():
+    """Three controllers; the second joint has no constant speed."""
+    robot = SimpleNamespace(joint_names=NAMES)
+    made = []
+    for label, share in zip(LABELS, (1.0, 0.1, 0.004), strict=True):
+        row = share * np.array([0.1, 0.2, 0.3])
+        tracking = Tracking(row, row / 3, share * CONSTANT, 0 * row, np.radians(row))
+        motors = MotorUse(row, row, 2 * row, row)
+        made.append(Compared(label, SimpleNamespace(robot=robot), None, tracking, motors, 9, ()))
+    return made
+
+
+@pytest.fixture(scope="module")
+def budget(motion):
+    t = motion.time[:, None] * np.array([1.0, 2.0, 3.0])
+    parts = {
+        "reference lag": -0.2 * t,
+        "load": 0.1 * t,
+        "disturbance": 0 * t,
+        "saturation": 0.02 * t**2,
+    }
+    remainder = 0.01 * np.sin(t)
+    return ErrorBudget(motion.time, sum(parts.values()) + remainder, parts, remainder)
+
+
+@pytest.fixture(scope="module")
+def response():
+    """Loops omega_c / s of three joints."""
+    omega = np.geomspace(0.01, 1000, 200)
+    gain = np.array([5.0, 10.0, 20.0]) / (1j * omega[:, None])
+    row = np.ones(3)
+    return FrequencyResponse(omega, gain / (1 + gain), gain, *(6 * [row]), row > 0)
+
+
+@pytest.fixture(scope="module")
+def sweeps():
+    """By place of the encoder and drive."""
+    ratio = np.linspace(0.1, 1.5, 15)
+    made = {}
+    for encoder, start in (("motor", 0.9), ("link", 0.3)):
+        made[encoder] = {}
+        for drive, slope in (("ideal drive", 0.2), ("the scenario's drive", 0.4)):
+            damping = start - slope * ratio[:, None] * np.array([1.0, 1.2, 1.4])
+            overshoot = np.where(damping > 0, 30 * (1 - damping), np.nan)
+            made[encoder][drive] = StabilitySweep(ratio, damping, overshoot, np.ones(3))
+    return made
+
+
+@pytest.fixture(scope="module")
+def figures(motion, runs, steps, compared, budget, response, sweeps):
     """One of each kind."""
     reference = ("reference", plots.REFERENCE, "-", motion.v)
     robot = SimpleNamespace(motor_torque_limit=np.array([5.0, 6.0, 7.0]), joint_names=NAMES)
@@ -82,11 +142,16 @@ def figures(motion, runs, steps):
         "speeds": plots.speeds("speeds", motion.time, speed_lines, NAMES),
         "speed_errors": plots.speed_errors("errors", motion.time, error_lines, NAMES, motion),
         "torques": plots.torques("torques", runs["PI"], loads, robot),
+        "error_budget": plots.error_budget("budget", budget, NAMES),
+        "comparison": plots.comparison("comparison", compared),
+        "bode": plots.bode("bode", response, NAMES),
+        "stability": plots.stability("stability", sweeps, NAMES),
     }
 
 
-KINDS = ("figure2", "step_responses", "speeds", "speed_errors", "torques")
-PANELS = ("speeds", "speed_errors", "torques")
+KINDS = ("figure2", "step_responses", "speeds", "speed_errors", "torques", "error_budget")
+PANELS = ("speeds", "speed_errors", "torques", "error_budget")
+ANALYSES = ("comparison", "error_budget", "bode", "stability")
 
 
 def line(ax, label):
@@ -246,6 +311,193 @@ def test_step_responses_show_a_slow_response_to_its_end():
     assert ax.get_xlim()[1] >= settled, f"settles at {settled:.2f} s, off the figure"
 
 
+# --- comparison, budget, bode, stability -----------------------------------------------------
+
+
+def grid(figure):
+    """Axes in rows and columns."""
+    rows, columns = figure.axes[0].get_gridspec().get_geometry()
+    return np.reshape(figure.axes, (rows, columns))
+
+
+@pytest.mark.parametrize("kind", ANALYSES)
+def test_title_of_the_figure(figures, kind):
+    assert kind.split("_")[-1] in figures[kind].get_suptitle()
+
+
+@pytest.mark.parametrize("kind", ANALYSES)
+def test_no_panel_is_empty(figures, kind):
+    for ax in figures[kind].axes:
+        low, high = ax.get_ylim()
+        heights = [bar.get_height() for bar in ax.patches]
+        values = [y for line in ax.lines for y in np.atleast_1d(line.get_ydata())]
+        assert any(low < y <= high for y in [*heights, *values]), ax.get_title(loc="left")
+
+
+@pytest.mark.parametrize("kind", ANALYSES)
+def test_numbers_at_the_axes_are_plain(figures, tmp_path, kind):
+    figure = figures[kind]
+    plots.save(figure, tmp_path / "figure.svg")
+    texts = [
+        label.get_text()
+        for ax in figure.axes
+        for axis in (ax.xaxis, ax.yaxis)
+        for label in [*axis.get_ticklabels(), *axis.get_ticklabels(minor=True)]
+    ]
+    assert len([text for text in texts if text]) > 10
+    assert not [text for text in texts if "$" in text or "math" in text or "^" in text]
+
+
+def test_powers_of_ten_are_written_out(figures, tmp_path):
+    def shown(axis, limits):
+        return {
+            label.get_text()
+            for label in axis.get_ticklabels()
+            if limits[0] <= (label.get_position()[axis.axis_name == "y"]) <= limits[1]
+        }
+
+    ax = figures["comparison"].axes[0]
+    plots.save(figures["comparison"], tmp_path / "figure.png")
+    assert {"0.001", "0.01", "0.1"} <= shown(ax.yaxis, ax.get_ylim())
+    ax = figures["bode"].axes[-1]
+    plots.save(figures["bode"], tmp_path / "figure.png")
+    assert {"0.1", "1", "10", "100"} <= shown(ax.xaxis, ax.get_xlim())
+
+
+def test_comparison_has_a_bar_for_each_controller_and_joint(figures, compared):
+    figure = figures["comparison"]
+    values = (
+        [c.tracking.max_abs_speed_error for c in compared],
+        [c.tracking.rms_speed_error for c in compared],
+        [c.tracking.constant_speed_error for c in compared],
+        [np.degrees(c.tracking.max_abs_position_error) for c in compared],
+        [100 * c.motors.rms_share for c in compared],
+        [100 * c.motors.peak_share for c in compared],
+    )
+    assert len(figure.axes) == 6
+    for ax, rows in zip(figure.axes, values, strict=True):
+        assert [c.get_label() for c in ax.containers] == list(LABELS)
+        for bars, expected in zip(ax.containers, rows, strict=True):
+            np.testing.assert_allclose([bar.get_height() for bar in bars], expected)
+            for k, bar in enumerate(bars):  # around the name of its joint
+                assert abs(bar.get_x() + bar.get_width() / 2 - k) < 0.5
+        edges = sorted((bar.get_x(), bar.get_x() + bar.get_width()) for bar in ax.patches)
+        assert all(a[1] <= b[0] + 1e-9 for a, b in pairwise(edges))
+
+
+def test_comparison_names_joints_controllers_and_units(figures):
+    figure = figures["comparison"]
+    assert legend_texts(figure) == list(LABELS)
+    for ax in figure.axes:
+        assert ax.get_title(loc="left").endswith(("[rad/s]", "[deg]", "[%]"))
+    for ax in grid(figure)[-1]:
+        names = [label.get_text() for label in ax.get_xticklabels()]
+        assert names == ["1 base", "2 elbow", "3 wrist"]
+    colours = [bars[0].get_facecolor() for bars in figure.axes[0].containers]
+    assert len(set(colours)) == 3
+
+
+def test_comparison_of_errors_is_logarithmic_and_that_of_torques_starts_at_zero(figures):
+    axes = figures["comparison"].axes
+    assert [ax.get_yscale() for ax in axes] == 4 * ["log"] + 2 * ["linear"]
+    assert [ax.get_ylim()[0] for ax in axes[4:]] == [0, 0]
+
+
+def test_comparison_without_any_constant_speed_has_no_empty_panel(compared):
+    short = [
+        dataclasses.replace(
+            c,
+            tracking=dataclasses.replace(c.tracking, constant_speed_error=np.full(3, np.nan)),
+        )
+        for c in compared
+    ]
+    for ax in plots.comparison("short", short).axes:
+        heights = [bar.get_height() for bar in ax.patches]
+        assert np.isfinite(heights).any() or ax.texts or not ax.get_visible()
+
+
+def test_budget_shows_the_whole_and_its_parts(figures, budget):
+    figure = figures["error_budget"]
+    parts = budget.parts | {"speed error": budget.whole, "remainder": budget.remainder}
+    del parts["disturbance"]  # there is none
+
+    assert set(legend_texts(figure)) == set(parts)
+    for k, ax in enumerate(figure.axes):
+        assert len(ax.lines) == len(parts)
+        for name, values in parts.items():
+            np.testing.assert_array_equal(line(ax, name).get_ydata(), values[:, k])
+            np.testing.assert_array_equal(line(ax, name).get_xdata(), budget.time)
+        whole = line(ax, "speed error").get_linewidth()
+        assert all(
+            line(ax, name).get_linewidth() < whole for name in parts if name != "speed error"
+        )
+        assert len({line.get_color() for line in ax.lines}) == len(parts)
+
+
+def test_budget_without_a_remainder_does_not_name_it(budget):
+    exact = dataclasses.replace(budget, remainder=np.full_like(budget.whole, 1e-8))
+    assert "remainder" not in legend_texts(plots.error_budget("exact", exact, NAMES))
+
+
+def test_bode_shows_size_and_phase(figures, response):
+    axes = grid(figures["bode"])
+    assert axes.shape == (2, 2)
+    angle = {0: -np.arctan(response.omega[:, None] / [5, 10, 20]), 1: np.full((200, 3), -np.pi / 2)}
+    for column, values in enumerate((response.tracking, response.loop_gain)):
+        for k, name in enumerate(NAMES):
+            size = line(axes[0, column], f"joint {k + 1}, {name}")
+            np.testing.assert_allclose(size.get_xdata(), response.omega)
+            np.testing.assert_allclose(size.get_ydata(), 20 * np.log10(np.abs(values[:, k])))
+            phase = axes[1, column].get_lines()[k]
+            np.testing.assert_allclose(phase.get_ydata(), np.degrees(angle[column][:, k]))
+            assert phase.get_color() == size.get_color()
+
+
+def test_bode_has_labels_with_units(figures):
+    axes = grid(figures["bode"])
+    assert {ax.get_ylabel() for ax in axes[0]} == {"size [dB]"}
+    assert {ax.get_ylabel() for ax in axes[1]} == {"phase [deg]"}
+    assert {ax.get_xlabel() for ax in axes[1]} == {"frequency [rad/s]"}
+    assert {ax.get_xscale() for ax in axes.flat} == {"log"}
+    assert [ax.get_title(loc="left") for ax in axes[0]] == [
+        "speed over its reference",
+        "loop, cut at the motor",
+    ]
+    assert legend_texts(figures["bode"]) == ["joint 1, base", "joint 2, elbow", "joint 3, wrist"]
+
+
+def test_stability_shows_damping_and_overshoot(figures, sweeps):
+    axes = grid(figures["stability"])
+    assert axes.shape == (2, 2)
+    for column, (encoder, by_drive) in enumerate(sweeps.items()):
+        damping, overshoot = axes[:, column]
+        assert encoder in damping.get_title(loc="left")
+        for i, (drive, sweep) in enumerate(by_drive.items()):
+            for k, name in enumerate(NAMES):
+                shown = line(damping, f"joint {k + 1}, {name}, {drive}")
+                np.testing.assert_array_equal(shown.get_xdata(), sweep.ratio)
+                np.testing.assert_array_equal(shown.get_ydata(), sweep.damping[:, k])
+                below = overshoot.get_lines()[3 * i + k]
+                np.testing.assert_array_equal(below.get_ydata(), sweep.overshoot_percent[:, k])
+                look = (shown.get_color(), shown.get_linestyle())
+                assert look == (below.get_color(), below.get_linestyle())
+
+
+def test_stability_tells_joints_by_colour_and_drives_by_dashes(figures):
+    lines = [x for x in figures["stability"].axes[0].get_lines() if x.get_label()[0] != "_"]
+    assert len(lines) == 6
+    assert len({x.get_color() for x in lines}) == 3 and len({x.get_linestyle() for x in lines}) == 2
+    texts = legend_texts(figures["stability"])
+    assert sorted(texts) == sorted(x.get_label() for x in lines)
+
+
+def test_stability_has_labels(figures):
+    axes = grid(figures["stability"])
+    assert {ax.get_ylabel() for ax in axes[0]} == {"smallest damping ratio"}
+    assert {ax.get_ylabel() for ax in axes[1]} == {"overshoot of the link [%]"}
+    assert {ax.get_xlabel() for ax in axes[1]} == {"ω_n / ω_r"}
+
+
 def test_every_figure_of_the_study(written):
     for name in ("figure2", "figure4", "figure7", "figure8"):
         assert (written.folder / f"{name}.png").stat().st_size > 10_000
@@ -330,3 +582,16 @@ def test_names_with_dollar_signs_are_text(motion, tmp_path):
     plots.save(figure, tmp_path / "figure.png")
     lines = [("PI", plots.PI, "-", motion.v)]
     plots.save(plots.speeds("$x^{$", motion.time, lines, names), tmp_path / "speeds.png")
+
+
+def test_names_with_dollar_signs_are_text_in_analyses(compared, budget, response, sweeps, tmp_path):
+    names = ("$x^{$", "cost in $", "a_b^c")
+    robot = SimpleNamespace(joint_names=names)
+    odd = [dataclasses.replace(c, design=SimpleNamespace(robot=robot)) for c in compared]
+    for figure in (
+        plots.comparison("$x^{$", odd),
+        plots.error_budget("$x^{$", budget, names),
+        plots.bode("$x^{$", response, names),
+        plots.stability("$x^{$", sweeps, names),
+    ):
+        plots.save(figure, tmp_path / "figure.png")

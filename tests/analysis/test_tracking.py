@@ -1,11 +1,12 @@
 """Tracking metrics on recordings whose answers are known."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from sdt_drake.analysis.tracking import constant_speed_segments, track
+from sdt_drake.analysis.tracking import constant_speed_segments, motor_use, track
 from sdt_drake.motion import Motion
 from sdt_drake.simulate import Recording
 
@@ -159,3 +160,40 @@ def test_every_metric_has_one_value_for_each_joint():
 
     for field in dataclasses.fields(tracking):
         assert getattr(tracking, field.name).shape == (1,), field.name
+
+
+# --- motors -------------------------------------------------------------------------------------
+
+LIMITS = SimpleNamespace(motor_torque_limit=np.array([10.0, 20, 5, 8, 1]))
+
+
+def torques():
+    t = MOTION.time
+    tau = np.zeros_like(MOTION.v)
+    tau[:, 0] = -3.0
+    tau[:, 1] = 12 * np.sin(2 * np.pi * t / 6)  # one whole period
+    tau[at(MOTION, 2), 2] = -5.0  # a single sample
+    tau[:, 3] = np.where(t < 3, 4.0, -8.0)
+    return tau
+
+
+def test_peak_and_rms_torque():
+    use = motor_use(make_recording(MOTION, tau=torques()), LIMITS)
+
+    np.testing.assert_allclose(use.peak_torque, [3, 12, 5, 8, 0])
+    expected = [3, 12 / np.sqrt(2), 5 / np.sqrt(601), np.sqrt((300 * 16 + 301 * 64) / 601), 0]
+    np.testing.assert_allclose(use.rms_torque, expected, rtol=2e-3)
+    np.testing.assert_allclose(use.rms_torque, np.sqrt((torques() ** 2).mean(axis=0)))
+
+
+def test_shares_are_of_the_motors_largest_torque():
+    use = motor_use(make_recording(MOTION, tau=torques()), LIMITS)
+
+    np.testing.assert_allclose(use.peak_share, [0.3, 0.6, 1.0, 1.0, 0.0])
+    np.testing.assert_allclose(use.rms_share * [10, 20, 5, 8, 1], use.rms_torque)
+
+
+def test_motors_are_judged_by_what_they_give():
+    tau = torques()
+    recording = make_recording(MOTION, tau=tau, tau_cmd=9 * tau + 1, tau_limited=2 * tau)
+    np.testing.assert_allclose(motor_use(recording, LIMITS).peak_torque, [3, 12, 5, 8, 0])

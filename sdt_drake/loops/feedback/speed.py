@@ -32,7 +32,7 @@ def place_pi(loop: DesignLoopBuilder, reference: OutputPort, state: OutputPort) 
         gains=design.gains,
         gear_ratio=design.robot.gear_ratio,
         structure=choice.structure_in_use,
-        anti_windup=choice.anti_windup,
+        anti_windup=choice.anti_windup and loop.frozen_at is None,  # nothing saturates there
         period=loop.drive.period,
         elements=loop.boxed,
     )

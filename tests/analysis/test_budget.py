@@ -1,0 +1,232 @@
+"""The error budget: its parts, each against a calculation by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_linear import R, kind, variant
+from test_loops import rk4
+
+from sdt_drake.analysis.budget import PARTS, error_budget
+from sdt_drake.device import Drive, Elasticity, Friction
+from sdt_drake.errors import InputError
+from sdt_drake.motion import Motion
+from sdt_drake.scenario import Disturbance
+from sdt_drake.simulate import simulate
+
+PERIOD = 0.005
+ACCELERATION = np.array([0.2, 0.5, 0.05, 0.1])  # rad/s², for 0.8 s
+START = np.array([0.0, 0.4, -0.1, 0.2])
+FRICTION = Friction([270.0, 80, 43, 43], [100.0, 10, 10, 10])
+PI = {"algorithm": "consistent"}
+CTC = PI | {"disturbance": Disturbance(0.05)}
+ID = PI | kind("p_pi", feedforward="id")
+
+
+@pytest.fixture(scope="module")
+def short(_reference_design):
+    """0.8 s of constant acceleration, 0.2 s of constant speed."""
+    t = PERIOD * np.arange(201)
+    return Motion.from_speeds(PERIOD, START, np.outer(np.clip(t, 0, 0.8), ACCELERATION))
+
+
+@pytest.fixture(scope="module")
+def designed(_reference_design, short):
+    def make(name="axis_pi", fields=None, motion=short):
+        return variant(_reference_design, name, fields, motion=motion)
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def budgets(designed):
+    """A budget by scenario and fields, computed once: design and budget."""
+    made = {}
+
+    def get(name="axis_pi", fields=None):
+        key = name, repr(fields)
+        if key not in made:
+            design = designed(name, fields)
+            made[key] = design, error_budget(design)
+        return made[key]
+
+    return get
+
+
+def largest(values):
+    return np.abs(values).max(axis=0)
+
+
+def same(actual, expected, tolerance):
+    np.testing.assert_allclose(actual, expected, rtol=0, atol=tolerance)
+
+
+# --- the sum ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "fields"),
+    [
+        ("axis_pi", PI),
+        ("axis_pi_ctc", CTC),
+        ("axis_pi", ID),
+        ("axis_pi", PI | kind("pi_scheduled", feedforward="ctc", feedforward_gain=[0.5] * 4)),
+        ("axis_pi_ctc", CTC | {"drive": Drive(period=0.001, torque_error=[0.02, 0, 0, -0.02])}),
+        ("axis_pi_ctc", CTC | {"drive": Drive(torque_bandwidth=100.0, reference_delay=0.007)}),
+        ("axis_pi_ctc", CTC | {"plant.elasticity": Elasticity([0, 65.991, 0, 0])}),
+        ("axis_pi", ID | {"controller.anti_windup": True}),
+    ],
+    ids=["pi", "pi_ctc", "p_pi+id", "scheduled", "sampled", "late", "elastic", "anti_windup"],
+)
+def test_parts_of_a_linear_loop_add_up(budgets, name, fields):
+    design, budget = budgets(name, fields)
+
+    assert tuple(budget.parts) == PARTS
+    same(sum(budget.parts.values()) + budget.remainder, budget.whole, 1e-15)
+    same(budget.remainder, 0, 1e-6)
+    same(budget.parts["saturation"], 0, 1e-6)
+    assert np.all(largest(budget.whole) > 1e-4)
+    np.testing.assert_array_equal(budget.time, design.motion.time)
+
+
+def test_whole_is_the_speed_error_of_the_run(budgets):
+    design, budget = budgets("axis_pi_ctc", CTC)
+    same(budget.whole, simulate(design).speed_error, 1e-4)
+
+
+def test_design_is_left_alone(budgets):
+    design, _ = budgets("axis_pi_ctc", CTC)
+    assert design.scenario.disturbance.amplitude == 0.05
+    assert design.motion.v.any() and design.loads.load_torque.any()
+
+
+# --- each part ----------------------------------------------------------------------------------
+
+
+def linear_loop(design, torque_at, v_ref):
+    """Speed of the motors under PI with P in the feedback path; torque_at(t, i) loads them."""
+    kp, ki, inertia = design.gains.kp, design.gains.ki, design.i_eff
+
+    def law(i):
+        def derivative(t, state):
+            w, x = np.split(state, 2)
+            w_ref = R * v_ref[i]
+            tau = ki * x - kp * w - torque_at(t, i)
+            return np.concatenate([tau / inertia, w_ref - w])
+
+        return derivative
+
+    states = rk4(law, np.zeros(8), design.motion.time, 4)
+    return states[:, :4] / R
+
+
+def test_reference_lag_under_constant_acceleration(budgets):
+    """2 zeta / omega_n times the acceleration, and half the period for which it is held."""
+    design, budget = budgets("axis_pi", PI)
+    lag = budget.parts["reference lag"][160]  # at 0.8 s, the loops have settled
+    zeta = design.gains.kp / (2 * np.sqrt(design.gains.ki * design.i_eff))
+    omega_n = np.sqrt(design.gains.ki / design.i_eff)
+
+    assert 0.8 * omega_n.min() > 20
+    same(lag, -(2 * zeta / omega_n + PERIOD / 2) * ACCELERATION, 2e-6)
+
+
+def test_reference_lag_is_the_loop_without_load(budgets):
+    design, budget = budgets("axis_pi", PI)
+    v = linear_loop(design, lambda t, i: 0, design.motion.v)
+    # The last sample arrives at its own instant: the reference before it was still in force.
+    same(budget.parts["reference lag"], v - design.motion.v, 1e-5)
+
+
+def test_load_is_what_the_load_torque_does(budgets):
+    design, budget = budgets("axis_pi", PI)
+    load = design.loads.load_torque
+    expected = linear_loop(design, lambda t, i: load[i], np.zeros_like(design.motion.v))
+
+    same(budget.parts["load"], expected, 1e-5)
+    assert largest(expected).max() > 0.05
+    same(budget.parts["disturbance"], 0, 0)
+
+
+def test_a_known_load_leaves_no_part(budgets):
+    _, budget = budgets("axis_pi_ctc", CTC)
+    same(budget.parts["load"], 0, 1e-6)
+
+
+def test_half_a_feedforward_leaves_half_the_load(budgets):
+    _, whole = budgets("axis_pi", PI)
+    _, half = budgets("axis_pi", PI | kind("pi_ctc", feedforward_gain=[0.5] * 4))
+    same(half.parts["load"], whole.parts["load"] / 2, 1e-6)
+    same(half.parts["reference lag"], whole.parts["reference lag"], 1e-6)
+
+
+def test_disturbance_is_what_the_model_does_not_know(budgets):
+    design, budget = budgets("axis_pi_ctc", CTC)
+    load, omega_d = design.loads.load_torque, 2 * np.pi
+
+    def unknown(t, i):
+        return 0.05 * np.sin(omega_d * t) * load[i]
+
+    expected = linear_loop(design, unknown, np.zeros_like(design.motion.v))
+    same(budget.parts["disturbance"], expected, 1e-5)
+    assert largest(expected).max() > 1e-3
+
+
+def test_without_disturbance_its_part_is_zero(budgets):
+    for fields in (PI, ID):
+        _, budget = budgets("axis_pi", fields)
+        np.testing.assert_array_equal(budget.parts["disturbance"], 0)
+
+
+@pytest.mark.parametrize("fields", [PI, CTC | kind("pi_ctc")], ids=["pi", "pi_ctc"])
+def test_friction_lands_in_the_remainder(budgets, fields):
+    _, without = budgets("axis_pi", fields)
+    _, budget = budgets("axis_pi", fields | {"plant.friction": FRICTION})
+
+    for name in PARTS:
+        same(budget.parts[name], without.parts[name], 1e-6)
+    same(budget.remainder, budget.whole - without.whole, 1e-5)
+    assert largest(budget.remainder).max() > 1e-3
+
+
+def test_saturation_is_a_part(_reference_design, designed):
+    """axis_pi as printed, from 8.9 to 9.6 s: motor 2 saturates."""
+    reference = _reference_design.motion
+    i = round(8.9 / PERIOD)
+    motion = Motion.from_speeds(PERIOD, reference.q[i], reference.v[i : i + 141])
+    design = designed("axis_pi", motion=motion)
+    assert design.scenario.algorithm == "printed"
+    recording = simulate(design)
+    budget = error_budget(design)
+
+    saturated = (recording.tau_limited != recording.tau_cmd).any(axis=0)
+    assert saturated.tolist() == [False, True, False, False]
+    assert largest(budget.parts["saturation"])[1] > 0.05
+    same(budget.parts["saturation"][:, ~saturated], 0, 1e-6)
+    same(sum(budget.parts.values()) + budget.remainder, budget.whole, 1e-15)
+    same(budget.remainder, 0, 1e-5)
+    same(budget.whole, recording.speed_error, 1e-3)
+
+
+def test_envelope_counts_as_saturation(designed, budgets):
+    envelope = Drive(n1=[5.0, 0.1, 1, 1], n0=[30.0, 0.5, 2, 2])
+    _, free = budgets("axis_pi", PI)
+    budget = error_budget(designed("axis_pi", PI | {"drive": envelope}))
+
+    assert largest(budget.parts["saturation"])[1] > 1e-3
+    for name in ("reference lag", "load"):
+        same(budget.parts[name], free.parts[name], 1e-6)
+    same(budget.remainder, 0, 1e-6)
+
+
+# --- what it is not for -------------------------------------------------------------------------
+
+
+def test_coupled_plant_is_refused(designed):
+    with pytest.raises(InputError, match=r"plant\.kind: coupled, .*expected axis"):
+        error_budget(designed("coupled_pi"))
+
+
+def test_online_inverse_dynamics_is_refused(designed):
+    with pytest.raises(InputError, match=r"inverse_dynamics: online, .*needs table"):
+        error_budget(designed("axis_pi_ctc", {"inverse_dynamics": "online"}))

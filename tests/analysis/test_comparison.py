@@ -1,0 +1,265 @@
+"""Controllers side by side: the same numbers as each of them alone."""
+
+from __future__ import annotations
+
+import copy
+import csv
+
+import numpy as np
+import pytest
+from pydrake.systems.primitives import VectorLogSink
+from test_linear import variant
+
+from sdt_drake.analysis.comparison import (
+    compare,
+    comparison_rows,
+    with_controller,
+    write_comparison,
+)
+from sdt_drake.analysis.tracking import motor_use, track
+from sdt_drake.control import CONTROLLERS
+from sdt_drake.device import Friction
+from sdt_drake.errors import InputError
+from sdt_drake.loops import make_loop
+from sdt_drake.motion import Motion
+from sdt_drake.scenario import load_scenario
+from sdt_drake.simulate import simulate
+
+PERIOD = 0.005
+LABELS = ("pi", "pi_ctc", "p_pi+id", "pi_scheduled+ctc", "inverse_dynamics")
+COLUMNS = (
+    "largest error [rad/s]",
+    "RMS [rad/s]",
+    "constant speed [rad/s]",
+    "position [deg]",
+    "torque RMS [%]",
+    "torque peak [%]",
+    "saturated [%]",
+)
+
+
+@pytest.fixture(scope="module")
+def design(_reference_design):
+    """Joints 1 and 2 up to speed within 0.2 s and 1.1 s on; joint 3 keeps on accelerating."""
+    t = PERIOD * np.arange(261)
+    # Rounded, so that a constant speed is one number.
+    v = np.round(np.outer(np.clip(t / 0.2, 0, 1), [0.02, 0.2, 0, 0]), 9)
+    v[:, 2] = 0.02 * t
+    motion = Motion.from_speeds(PERIOD, np.zeros(4), v)
+    return variant(_reference_design, "coupled_pi", motion=motion)
+
+
+@pytest.fixture(scope="module")
+def compared(design):
+    return compare(design, LABELS)
+
+
+def metrics(c):
+    """The table's values by hand, (columns, n)."""
+    run, limit = c.recording, np.array([203.2, 3950, 2150, 2150])
+    tracking = track(run, c.design.motion)
+    return np.array([
+        np.abs(run.v - run.v_ref).max(axis=0),
+        np.sqrt(np.mean((run.v - run.v_ref) ** 2, axis=0)),
+        tracking.constant_speed_error,
+        np.rad2deg(np.abs(run.q - run.q_ref).max(axis=0)),
+        100 * np.sqrt(np.mean(run.tau**2, axis=0)) / limit,
+        100 * np.abs(run.tau).max(axis=0) / limit,
+        100 * np.mean(run.tau_limited != run.tau_cmd, axis=0),
+    ])  # fmt: skip
+
+
+# --- runs ---------------------------------------------------------------------------------------
+
+
+def test_one_run_for_each_label_in_order(compared):
+    assert tuple(c.label for c in compared) == LABELS
+    assert tuple(c.design.scenario.controller.label for c in compared) == LABELS
+
+
+@pytest.mark.parametrize("i", range(len(LABELS)), ids=LABELS)
+def test_same_numbers_as_the_run_alone(design, compared, i):
+    c = compared[i]
+    alone = simulate(variant(design, "coupled_pi", own(LABELS[i]), motion=design.motion))
+
+    for name in ("q", "v", "tau_cmd", "tau", "load_torque"):
+        np.testing.assert_array_equal(getattr(c.recording, name), getattr(alone, name), name)
+    for of, expected in (
+        (c.tracking, track(alone, design.motion)),
+        (c.motors, motor_use(alone, design.robot)),
+    ):
+        for name, value in vars(expected).items():
+            np.testing.assert_array_equal(getattr(of, name), value, name)
+
+
+def own(label):
+    name, _, feedforward = label.partition("+")
+    return {"controller.kind": name, "controller.feedforward": feedforward or None}
+
+
+def test_everything_but_the_controller_stays(design, compared):
+    for c in compared:
+        before, after = copy.deepcopy(design.scenario), copy.deepcopy(c.design.scenario)
+        before.controller = after.controller = None
+        assert before == after
+        assert c.design.motion is design.motion and c.design.robot is design.robot
+    assert design.scenario.controller.kind == "pi"
+
+
+def test_controllers_differ(compared):
+    rms = {c.label: c.tracking.rms_speed_error[1] for c in compared}
+    assert rms["pi"] > 5 * rms["p_pi+id"] > 5 * rms["inverse_dynamics"]
+
+
+def test_blocks_are_the_systems_without_logs(compared):
+    for c in compared:
+        systems = make_loop(c.design).GetSystems()
+        logs = [s for s in systems if isinstance(s, VectorLogSink)]
+        assert len(logs) >= 4 and c.blocks == len(systems) - len(logs)
+    blocks = {c.label: c.blocks for c in compared}
+    assert blocks["pi_ctc"] == blocks["pi"] + 1  # the sum of feedback and feedforward
+    assert blocks["p_pi+id"] > blocks["pi"] < blocks["pi_scheduled+ctc"]
+
+
+def test_needs_are_those_of_feedback_and_feedforward(compared):
+    geometry, rotors = "links' masses and geometry", "motors' inertia"
+    expected = {
+        "pi": {"largest inertia of each joint"},
+        "pi_ctc": {"largest inertia of each joint", geometry},
+        "p_pi+id": {"largest inertia of each joint", geometry, rotors},
+        "pi_scheduled+ctc": {"inertia along the motion", geometry},
+        "inverse_dynamics": {geometry, rotors, "state of all joints at once"},
+    }
+    assert {c.label: set(c.needs) for c in compared} == expected
+
+
+def test_online_runs_too(design):
+    motion = Motion.from_speeds(PERIOD, np.zeros(4), design.motion.v[:21])
+    online = variant(design, "coupled_pi", {"inverse_dynamics": "online"}, motion=motion)
+    table = variant(design, "coupled_pi", motion=motion)
+    for a, b in zip(compare(online, ["pi", "pi_id"]), compare(table, ["pi", "pi_id"]), strict=True):
+        np.testing.assert_allclose(a.recording.v, b.recording.v, atol=1e-5)
+
+
+# --- the table ----------------------------------------------------------------------------------
+
+
+def test_rows_hold_the_metrics(compared):
+    header, rows = comparison_rows(compared)
+
+    assert header == ["controller", "joint", *COLUMNS]
+    assert [row[0] for row in rows] == [x for label in LABELS for x in (label, "", "", "")]
+    assert [row[1] for row in rows] == ["1 planetary", "2 roll", "3 pitch", "4 yaw"] * 5
+    rounding = np.array([6e-5, 6e-6, 6e-5, 6e-4, 0.06, 0.06, 0.006])[:, None]
+    for i, c in enumerate(compared):
+        shown = np.array([row[2:] for row in rows[4 * i : 4 * i + 4]]).T
+        expected = metrics(c)
+        assert (shown == "–").tolist() == np.isnan(expected).tolist()
+        shown = np.where(shown == "–", "nan", shown).astype(float)
+        assert np.all(np.nan_to_num(np.abs(shown - expected)) < rounding)
+    assert [row[4] for row in rows[2:4]] == ["–", "–"]
+
+
+def test_csv_holds_the_same_in_full(compared, tmp_path):
+    write_comparison(compared, tmp_path / "new" / "table.csv")
+    with (tmp_path / "new" / "table.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+
+    assert list(rows[0]) == ["controller", "joint", *COLUMNS, "blocks", "needs"]
+    assert len(rows) == 20
+    for i, c in enumerate(compared):
+        expected = metrics(c)
+        for k, row in enumerate(rows[4 * i : 4 * i + 4]):
+            assert (row["controller"], row["joint"]) == (c.label, str(k + 1))
+            assert row["blocks"] == str(c.blocks) and row["needs"] == ", ".join(c.needs)
+            values = [float(row[name] or "nan") for name in COLUMNS]
+            np.testing.assert_allclose(values, expected[:, k], rtol=1e-14)
+
+
+def test_csv_that_cannot_be_written(compared, tmp_path):
+    with pytest.raises(InputError, match="folder"):
+        write_comparison(compared, tmp_path)
+
+
+# --- labels -------------------------------------------------------------------------------------
+
+
+def scenario(**fields):
+    made = load_scenario("package://sdt/scenarios/axis_pi.yaml")
+    for name, value in fields.items():
+        setattr(made.controller, name, value)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("label", "parts"),
+    [
+        ("pi", ("pi", "none")),
+        ("pi_ctc", ("pi_ctc", "ctc")),
+        ("pi_id", ("pi_id", "id")),
+        ("p_pi", ("p_pi", "none")),
+        ("p_pi+ctc", ("p_pi", "ctc")),
+        ("p_pi+none", ("p_pi", "none")),
+        ("pi_scheduled+id", ("pi_scheduled", "id")),
+    ],
+)
+def test_a_label_is_a_kind_and_a_feedforward(label, parts):
+    choice = with_controller(scenario(), label).controller
+    assert (choice.kind, choice.feedforward_in_use) == parts
+
+
+def test_a_label_without_feedforward_does_not_keep_that_of_the_scenario():
+    before = scenario(kind="p_pi", feedforward="id")
+    assert with_controller(before, "p_pi").controller.feedforward_in_use == "none"
+    assert before.controller.feedforward == "id"
+
+
+@pytest.mark.parametrize("label", ["pi", "pi_id", "p_pi", "pi_scheduled+ctc", "inverse_dynamics"])
+def test_options_without_use_are_left_out(label):
+    before = scenario(
+        kind="p_pi",
+        feedforward="id",
+        feedforward_gain=[0.9] * 4,
+        position_gain=[5.0] * 4,
+        anti_windup=True,
+        friction_compensation=True,
+    )
+    before.plant.friction = Friction([1.0] * 4)
+    if label == "inverse_dynamics":
+        before.plant.kind, before.plant.i_eff = "coupled", None
+    untouched = copy.deepcopy(before)
+    after = with_controller(before, label)
+
+    after.validate()
+    assert before == untouched
+    choice = after.controller
+    assert choice.position_gain == ([5.0] * 4 if label == "p_pi" else None)
+    has_feedforward = label in ("pi_id", "pi_scheduled+ctc")
+    assert choice.feedforward_gain == ([0.9] * 4 if has_feedforward else None)
+    assert choice.anti_windup == (label != "inverse_dynamics")
+    assert choice.friction_compensation and choice.kp == before.controller.kp
+
+
+@pytest.mark.parametrize(
+    ("labels", "message"),
+    [
+        ([], "none given"),
+        (["pi", "p_pi", "pi"], "'pi' is given twice"),
+        (["pi", "pid"], "'pid', expected one of " + ", ".join(CONTROLLERS)),
+        ([""], "'', expected one of " + ", ".join(CONTROLLERS)),
+        (["+id"], "'', expected one of " + ", ".join(CONTROLLERS)),
+        (["p_pi+"], "feedforward of p_pi: '', expected one of none, ctc, id"),
+        (["p_pi+id+ctc"], "feedforward of p_pi: 'id+ctc', expected one of none, ctc, id"),
+        (["pi+id"], "'pi+id', but pi has its own feedforward"),
+    ],
+)
+def test_bad_labels_are_refused(design, labels, message):
+    with pytest.raises(InputError) as caught:
+        compare(design, labels)
+    assert str(caught.value).startswith("controllers: ") and message in str(caught.value)
+
+
+def test_what_the_plant_rules_out_is_refused(design):
+    axis = variant(design, "axis_pi", motion=design.motion)
+    with pytest.raises(InputError, match=r"inverse_dynamics.*coupled"):
+        compare(axis, ["pi", "inverse_dynamics"])

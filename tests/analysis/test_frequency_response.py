@@ -1,0 +1,369 @@
+"""Frequency responses and margins, against analytic loops and python-control."""
+
+from __future__ import annotations
+
+import csv
+
+import control
+import numpy as np
+import pytest
+from test_linear import OMEGA_R, ROTORS, R, kind, matrices, same, two_mass_polynomials, variant
+
+from sdt_drake.analysis.frequency_response import (
+    frequency_response,
+    unwrapped_degrees,
+    write_responses,
+)
+from sdt_drake.device import Drive, Elasticity
+from sdt_drake.errors import InputError
+
+STRUCTURES = ("pi", "p_in_feedback")
+HALF = np.sqrt(0.5)
+
+
+@pytest.fixture(scope="module")
+def designed(_reference_design):
+    def make(name="axis_pi", fields=None):
+        return variant(_reference_design, name, fields)
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def damped(designed):
+    """Axes with the damping ratios ZETA, by structure: design and response."""
+    made = {}
+    for structure in STRUCTURES:
+        fields = {"plant.i_eff": None, "controller.kp": None, "controller.ki": None}
+        fields |= kind("pi", omega_r=OMEGA_R, zeta=ZETA.tolist(), structure=structure)
+        design = designed(fields=fields)
+        made[structure] = design, frequency_response(design)
+    return made
+
+
+ZETA = np.array([0.2, 0.35, 0.5, 0.65])
+OMEGA_N = OMEGA_R / 2
+
+
+def pi(design, s):
+    """Proportional and integral part of each controller, (len(s), n)."""
+    s = s[:, None]
+    return design.gains.kp + 0 * s, design.gains.ki / s
+
+
+# --- analytic loops -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_axis_loop_is_the_analytic_one(designed, structure):
+    design = designed(fields={"controller.structure": structure})
+    response = frequency_response(design)
+    s = 1j * response.omega
+    p, i = pi(design, s)
+    inertia = 1 / (design.i_eff * s[:, None])
+    gain = (p + i) * inertia
+
+    np.testing.assert_allclose(response.loop_gain, gain, rtol=1e-8)
+    ahead = p + i if structure == "pi" else i
+    np.testing.assert_allclose(response.tracking, ahead * inertia / (1 + gain), rtol=1e-8)
+    np.testing.assert_allclose(response.modulus_margin, np.abs(1 + gain).min(axis=0), rtol=1e-8)
+    assert response.stable.all()
+
+
+def test_both_structures_have_the_loop_gain_of_their_gains(damped):
+    gains = [response.loop_gain for _, response in damped.values()]
+    same(*gains)
+
+
+def test_crossover_and_phase_margin(damped):
+    crossover = OMEGA_N * np.sqrt(2 * ZETA**2 + np.sqrt(4 * ZETA**4 + 1))
+    margin = np.degrees(np.arctan(2 * ZETA * crossover / OMEGA_N))
+    for _, response in damped.values():
+        np.testing.assert_allclose(response.crossover, crossover, rtol=1e-5)
+        np.testing.assert_allclose(response.phase_margin, margin, atol=1e-3)
+
+
+def test_modulus_margin(damped):
+    # Of s² / (s² + 2 zeta omega_n s + omega_n²), the largest value.
+    for _, response in damped.values():
+        np.testing.assert_allclose(
+            response.modulus_margin, 2 * ZETA * np.sqrt(1 - ZETA**2), rtol=1e-5
+        )
+
+
+def test_bandwidth_with_p_in_feedback(damped):
+    a = 1 - 2 * ZETA**2
+    expected = OMEGA_N * np.sqrt(a + np.sqrt(a**2 + 1))
+    np.testing.assert_allclose(damped["p_in_feedback"][1].bandwidth, expected, rtol=1e-5)
+
+
+def test_bandwidth_with_pi(damped):
+    a = 1 + 2 * ZETA**2
+    expected = OMEGA_N * np.sqrt(a + np.sqrt(a**2 + 1))
+    np.testing.assert_allclose(damped["pi"][1].bandwidth, expected, rtol=1e-5)
+
+
+def test_peak_with_p_in_feedback(damped):
+    _, response = damped["p_in_feedback"]
+    peak = 1 / (2 * ZETA * np.sqrt(1 - ZETA**2))
+    np.testing.assert_allclose(response.peak_db, 20 * np.log10(peak), atol=1e-4)
+    np.testing.assert_allclose(response.peak_omega, OMEGA_N * np.sqrt(1 - 2 * ZETA**2), rtol=3e-3)
+
+
+def test_peak_with_pi(damped):
+    _, response = damped["pi"]
+    x = (np.sqrt(1 + 8 * ZETA**2) - 1) / (4 * ZETA**2)  # (omega / omega_n)²
+    peak = np.sqrt((1 + 4 * ZETA**2 * x) / ((1 - x) ** 2 + 4 * ZETA**2 * x))
+    np.testing.assert_allclose(response.peak_db, 20 * np.log10(peak), atol=1e-4)
+    np.testing.assert_allclose(response.peak_omega, OMEGA_N * np.sqrt(x), rtol=3e-3)
+
+
+def test_range_of_frequencies(damped):
+    _, response = damped["pi"]
+    assert response.omega[[0, -1]] == pytest.approx([1e-3 * OMEGA_N, 100 * OMEGA_N])
+
+
+def test_cascade_is_the_analytic_one(designed):
+    k_v = np.array([3.0, 5.0, 7.0, 20.0])
+    design = designed(fields=kind("p_pi", position_gain=k_v.tolist()))
+    response = frequency_response(design)
+    s = 1j * response.omega
+    p, i = pi(design, s)
+    gain = (p + i) * (1 + k_v / s[:, None]) / (design.i_eff * s[:, None])
+
+    np.testing.assert_allclose(response.loop_gain, gain, rtol=1e-8)
+    np.testing.assert_allclose(response.tracking, gain / (1 + gain), rtol=1e-8)
+
+
+# --- python-control -----------------------------------------------------------------------------
+
+
+def judged(loop, ahead):
+    """Crossover, phase margin, bandwidth and modulus margin by python-control."""
+    _, margins, _, _, crossings, _ = control.stability_margins(loop, returnall=True)
+    _, _, distance, _, _, _ = control.stability_margins(loop)
+    closed = control.minreal(ahead / (1 + loop), verbose=False)
+    bandwidth = control.bandwidth(closed, dbdrop=20 * np.log10(HALF))
+    return max(crossings), np.abs(margins).min(), bandwidth, distance
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+@pytest.mark.parametrize("bandwidth", [None, 20.0])
+def test_margins_are_those_of_python_control(designed, structure, bandwidth):
+    drive = Drive(torque_bandwidth=bandwidth, torque_error=[0.1, 0, -0.1, 0])
+    design = designed(fields={"drive": drive, "controller.structure": structure})
+    response = frequency_response(design)
+    for k in range(4):
+        lag = 0.0 if bandwidth is None else 1 / (2 * np.pi * bandwidth)
+        process = control.tf(
+            [1 + drive.torque_error[k]], [design.i_eff[k] * lag, design.i_eff[k], 0]
+        )
+        kp, ki = design.gains.kp[k], design.gains.ki[k]
+        both = control.tf([kp, ki], [1, 0])
+        first = both if structure == "pi" else control.tf([ki], [1, 0])
+        loop = both * process
+        crossover, margin, width, distance = judged(loop, first * process)
+
+        _, plain, _, at = control.margin(loop)
+        assert (plain, at) == pytest.approx((margin, crossover), rel=1e-6)
+        assert response.crossover[k] == pytest.approx(crossover, rel=1e-4)
+        assert response.phase_margin[k] == pytest.approx(margin, abs=0.01)
+        assert response.bandwidth[k] == pytest.approx(width, rel=1e-3)
+        if np.isfinite(distance):  # python-control finds none where the loop keeps off -1
+            assert response.modulus_margin[k] == pytest.approx(distance, rel=1e-4)
+
+
+def test_an_elastic_axis_is_judged_at_its_worst_crossing(designed):
+    """The resonance crosses 1 again: the smallest margin counts, and the last crossing."""
+    damping = 0.002
+    design = designed(fields={"plant.elasticity": Elasticity([OMEGA_R] * 4, damping, "link")})
+    response = frequency_response(design, points=20_000)
+    several = 0
+    for k in range(4):
+        rotor, inertia = ROTORS[k], design.i_eff[k]
+        speed, below = two_mass_polynomials(rotor, inertia - rotor, OMEGA_R, damping)
+        gain = control.tf(
+            np.polymul([design.gains.kp[k], design.gains.ki[k]], speed["link"]),
+            np.polymul([1, 0], below),
+        )
+        same(response.loop_gain[:, k], gain(1j * response.omega), 1e-6)
+        _, margins, _, _, crossings, _ = control.stability_margins(gain, returnall=True)
+        several += len(crossings) > 1
+        assert response.crossover[k] == pytest.approx(max(crossings), rel=1e-4)
+        assert response.phase_margin[k] == pytest.approx(np.abs(margins).min(), abs=0.1)
+    assert several >= 2
+
+
+# --- sampled drives -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+@pytest.mark.parametrize("bandwidth", [None, 100.0])
+@pytest.mark.parametrize("period", [0.001, 0.005])
+def test_sampled_loop_is_the_z_transfer_function(designed, structure, bandwidth, period):
+    drive = Drive(period=period, torque_bandwidth=bandwidth)
+    design = designed(fields={"drive": drive, "controller.structure": structure})
+    response = frequency_response(design, points=500)
+    z = np.exp(1j * response.omega * period)[:, None]
+    # 1 / s behind a hold, with the lag: T / (z - 1) - tau (1 - a) / (z - a).
+    per_inertia = period / (z - 1)
+    if bandwidth is not None:
+        tau = 1 / (2 * np.pi * bandwidth)
+        a = np.exp(-period / tau)
+        per_inertia = per_inertia - tau * (1 - a) / (z - a)
+    integral = design.gains.ki * period / (z - 1)  # x+ = x + T e
+    both = design.gains.kp + integral
+    gain = both * per_inertia / design.i_eff
+
+    np.testing.assert_allclose(response.loop_gain, gain, rtol=1e-8)
+    ahead = both if structure == "pi" else integral
+    expected = ahead * per_inertia / design.i_eff / (1 + gain)
+    np.testing.assert_allclose(response.tracking, expected, rtol=1e-8)
+    assert response.omega[-1] == pytest.approx(min(np.pi / period, 100 * design.omega_n.max()))
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_encoders_give_differences_of_positions(designed, structure):
+    T = 0.001
+    drive = Drive(period=T, encoder_resolution=[4096.0] * 4)
+    design = designed(fields={"drive": drive, "controller.structure": structure})
+    response = frequency_response(design, points=500)
+    z = np.exp(1j * response.omega * T)[:, None]
+    position = T**2 * (z + 1) / (2 * (z - 1) ** 2) / design.i_eff  # 1 / s² behind a hold
+    integral = design.gains.ki * T / (z - 1)
+    gain = (design.gains.kp + integral) * position * (1 - 1 / z) / T
+
+    np.testing.assert_allclose(response.loop_gain, gain, rtol=1e-6, atol=1e-12)
+    ahead = design.gains.kp + integral if structure == "pi" else integral
+    expected = ahead * T / (z - 1) / design.i_eff / (1 + gain)  # the link's true speed
+    np.testing.assert_allclose(response.tracking, expected, rtol=1e-6, atol=1e-12)
+
+
+def test_sampling_costs_phase(designed):
+    continuous, slow = (
+        frequency_response(designed(fields={"drive": drive}))
+        for drive in (None, Drive(period=0.005))
+    )
+    # A hold is late by half a period, and so is the integral that steps after it.
+    late = np.degrees(0.0025 * continuous.crossover)
+    lost = continuous.phase_margin - slow.phase_margin
+    assert np.all((lost > 0.8 * late) & (lost < 1.5 * late))
+
+
+@pytest.mark.parametrize(("share", "stable"), [(0.98, True), (1.02, False)])
+def test_too_slow_a_drive_is_unstable(designed, share, stable):
+    # (z - 1)² + a (z - 1) + b: z = -1 is reached at a = 2 + b / 2, with a = K_PS T / I.
+    inertia, T, b = 100.0, 0.005, 0.1
+    kp = share * (2 + b / 2) * inertia / T
+    gains = {"kp": [kp] * 4, "ki": [b * inertia / T**2] * 4, "omega_r": None, "zeta": None}
+    fields = {"plant.i_eff": [inertia] * 4, "drive": Drive(period=T)} | kind("pi", **gains)
+
+    assert frequency_response(designed(fields=fields)).stable.tolist() == [stable] * 4
+
+
+# --- the coupled plant --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sample", [0, 1000, 4776])
+def test_coupled_loop_gain_has_the_others_closed(designed, sample):
+    design = designed("coupled_pi")
+    response = frequency_response(design, sample=sample, points=60)
+    M, K = matrices(design.robot, design.motion.q[sample])
+    s = 1j * response.omega
+    per_speed = (design.gains.kp + design.gains.ki / s[:, None]) * R**2  # joint side
+    for k in range(4):
+        closed = per_speed * (np.arange(4) != k)
+        A = M * s[:, None, None] ** 2 + K + s[:, None, None] * np.eye(4) * closed[:, None, :]
+        v = s * np.linalg.inv(A)[:, k, k]
+        np.testing.assert_allclose(response.loop_gain[:, k], per_speed[:, k] * v, rtol=1e-5)
+
+
+def test_gravity_is_a_stiffness(designed):
+    """Slow loops of the coupled plant work against gravity: |L| ends at K_IS r² / k_g, where that
+    of an axis would go on growing."""
+    design = designed("coupled_pi")
+    response = frequency_response(design, sample=0)
+    _, K = matrices(design.robot, design.motion.q[0])
+    stiffness = design.gains.ki * R**2
+    slow = np.abs(response.loop_gain[0])
+    for k in (1, 2):
+        others = np.diag(stiffness * (np.arange(4) != k))
+        expected = stiffness[k] * np.linalg.inv(K + others)[k, k]
+        assert abs(K[k, k]) > 1000
+        assert slow[k] == pytest.approx(abs(expected), rel=0.05)
+    assert slow[0] > 1e5  # turns about a vertical axis
+
+
+def test_by_default_each_joint_is_judged_at_its_largest_inertia(designed):
+    design = designed("coupled_pi")
+    response = frequency_response(design, points=30)
+    for k, sample in enumerate(design.torques.d_kk.argmax(axis=0)):
+        own = frequency_response(design, sample=int(sample), points=30)
+        np.testing.assert_array_equal(response.tracking[:, k], own.tracking[:, k])
+        np.testing.assert_array_equal(response.loop_gain[:, k], own.loop_gain[:, k])
+
+
+def test_an_unstable_loop_is_told(designed):
+    for encoder, stable in (("motor", True), ("link", False)):
+        elasticity = Elasticity([OMEGA_R, 0, 0, 0], 0.01, encoder)
+        response = frequency_response(designed(fields={"plant.elasticity": elasticity}), points=50)
+        assert response.stable[0] == stable, encoder
+
+
+# --- edges --------------------------------------------------------------------------------------
+
+
+def test_no_crossover_is_nan(designed):
+    weak = Drive(torque_error=[-1 + 1e-8, 0, 0, 0])
+    response = frequency_response(designed(fields={"drive": weak}), points=300)
+    for name in ("crossover", "phase_margin", "bandwidth"):
+        assert np.isnan(getattr(response, name)).tolist() == [True, False, False, False], name
+
+
+def test_a_bandwidth_beyond_the_range_is_nan(designed):
+    response = frequency_response(
+        designed("coupled_pi", kind("inverse_dynamics")), sample=0, points=50
+    )
+    assert np.isnan(response.bandwidth).all()
+    np.testing.assert_allclose(response.peak_db, 0, atol=1e-3)
+
+
+@pytest.mark.parametrize("sample", [-1, 6001])
+def test_a_sample_that_the_motion_does_not_have_is_refused(designed, sample):
+    design = designed()
+    with pytest.raises(InputError, match=rf"sample: {sample}, expected 0 to 6000"):
+        frequency_response(design, sample=sample)
+    frequency_response(design, sample=6000, points=3)
+
+
+def test_unwrapped_phase_has_no_jumps():
+    omega = np.geomspace(0.01, 100, 2000)
+    s = 1j * omega[:, None]
+    response = np.hstack([1 / s**2, 1 / (s * (1 + s) ** 2), 1 / (1 + s), s / (1 + s / 50)])
+    phase = unwrapped_degrees(response)
+
+    assert np.abs(np.diff(phase, axis=0)).max() < 2
+    np.testing.assert_allclose(np.exp(1j * np.radians(phase)), response / np.abs(response))
+    np.testing.assert_allclose(phase[-1], [-180, -270, -90, 90 - np.degrees(np.arctan(2))], atol=2)
+    np.testing.assert_allclose(phase[0], [-180, -90, 0, 90], atol=2)
+
+
+def test_written_responses_read_back(damped, tmp_path):
+    _, response = damped["pi"]
+    write_responses(response, tmp_path / "bode.csv")
+    with (tmp_path / "bode.csv").open() as file:
+        header, *rows = csv.reader(file)
+    columns = dict(zip(header, np.array(rows, dtype=float).T, strict=True))
+
+    np.testing.assert_array_equal(columns.pop("omega"), response.omega)
+    for name in ("tracking", "loop_gain"):
+        for k in range(4):
+            size, phase = columns.pop(f"{name}_size_{k + 1}"), columns.pop(f"{name}_phase_{k + 1}")
+            back = size * np.exp(1j * np.radians(phase))
+            np.testing.assert_allclose(back, getattr(response, name)[:, k], rtol=1e-12)
+    assert header[0] == "omega" and columns == {}
+
+
+def test_responses_that_cannot_be_written(damped, tmp_path):
+    with pytest.raises(InputError, match="folder"):
+        write_responses(damped["pi"][1], tmp_path)

@@ -1,0 +1,416 @@
+"""Linearised loops, against matrices and polynomials by hand."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+
+from sdt_drake.analysis.linear import (
+    StateSpace,
+    linear_feedback,
+    linear_process,
+    linearise,
+)
+from sdt_drake.analysis.study import step_response
+from sdt_drake.control import tune
+from sdt_drake.design import make_design
+from sdt_drake.device import Drive, Elasticity, Friction
+from sdt_drake.scenario import load_scenario
+
+OMEGA_R = 65.991
+OMEGA = np.geomspace(0.1, 2000, 60)
+SAMPLES = (0, 1000, 3000, 4776)  # at the last, joint 3 holds the most against gravity
+R = np.array([67.2, 1, 1, 1])
+ROTORS = np.array([0.1291, 1.73, 0.531, 0.531])  # kg m², motor side
+
+
+# --- shared with the other tests of this folder -------------------------------------------------
+
+
+def variant(reference, name="coupled_pi", fields=None, motion=None):
+    """A design from a shipped scenario and fields by dotted name; robot and motion are shared."""
+    scenario = load_scenario(f"package://sdt/scenarios/{name}.yaml")
+    for dotted, value in (fields or {}).items():
+        *parents, field = dotted.split(".")
+        target = scenario
+        for parent in parents:
+            target = getattr(target, parent)
+        setattr(target, field, copy.deepcopy(value))
+    return make_design(
+        scenario,
+        robot=reference.robot,
+        motion=reference.motion if motion is None else motion,
+        torques=reference.torques if motion is None else None,
+    )
+
+
+def kind(name, **fields):
+    """Fields of a controller."""
+    return {"controller.kind": name} | {f"controller.{f}": value for f, value in fields.items()}
+
+
+def expm(A):
+    """Matrix exponential: a series, scaled and squared."""
+    squarings = max(0, int(np.ceil(np.log2(max(np.abs(A).sum(axis=1).max(), 1e-300)))) + 6)
+    term = total = np.eye(len(A))
+    for i in range(1, 16):
+        term = term @ A / 2**squarings / i
+        total = total + term
+    for _ in range(squarings):
+        total = total @ total
+    return total
+
+
+def held(A, B, period):
+    """The map of x' = A x + B u over a period with u held."""
+    n, m = B.shape
+    both = np.zeros((n + m, n + m))
+    both[:n, :n], both[:n, n:] = A, B
+    both = expm(both * period)
+    return both[:n, :n], both[:n, n:]
+
+
+def two_masses(rotor, link, omega_r, damping_ratio=0.01):
+    """Of an elastic axis, motor side: A and B of [q, v, theta, w]' and of the torque."""
+    k, c = omega_r**2 * link, 2 * damping_ratio * omega_r * link
+    A = np.zeros((4, 4))
+    A[0, 1] = A[2, 3] = 1
+    A[1] = np.array([-k, -c, k, c]) / link
+    A[3] = np.array([k, c, -k, -c]) / rotor
+    return A, np.array([[0], [0], [0], [1 / rotor]])
+
+
+def two_mass_polynomials(rotor, link, omega_r, damping_ratio=0.01):
+    """Of an elastic axis, motor side: speeds of motor and link over the torque, and what both are
+    divided by."""
+    k, c = omega_r**2 * link, 2 * damping_ratio * omega_r * link
+    below = np.polyadd([rotor * link, 0, 0, 0], np.polymul([(rotor + link), 0], [c, k]))
+    return {"motor": np.array([link, c, k]), "link": np.array([c, k])}, below
+
+
+def moving(modes, least=1e-4):
+    """Modes apart from those at rest."""
+    return modes[np.abs(modes) > least]
+
+
+def same_modes(actual, expected, tolerance=1e-6):
+    """The same numbers in any order, to a share of their size."""
+    actual, expected = list(actual), list(expected)
+    assert len(actual) == len(expected), (actual, expected)
+    for mode in expected:
+        near = min(range(len(actual)), key=lambda i, mode=mode: abs(actual[i] - mode))
+        assert abs(actual.pop(near) - mode) < tolerance * abs(mode), mode
+
+
+def same(actual, expected, tolerance=1e-9):
+    """Equal to a share of the largest value."""
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(actual, expected, rtol=0, atol=tolerance * scale)
+
+
+@pytest.fixture(scope="module")
+def designed(_reference_design):
+    def make(name="coupled_pi", fields=None):
+        return variant(_reference_design, name, fields)
+
+    return make
+
+
+# --- state space --------------------------------------------------------------------------------
+
+# A mass of 2 kg, a spring, a damper: y is its position.
+SWING = StateSpace(
+    np.array([[0, 1], [-50.0, -0.6]]),
+    np.array([[0], [0.5]]),
+    np.array([[1.0, 0]]),
+    np.zeros((1, 1)),
+)
+
+
+def test_response_of_a_swing():
+    s = 1j * OMEGA
+    same(SWING.response(OMEGA)[:, 0, 0], 1 / (2 * s**2 + 1.2 * s + 100), 1e-12)
+
+
+def test_response_without_states_is_a_gain():
+    gain = StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), np.array([[3.0, -4.0]]))
+    np.testing.assert_array_equal(gain.response(OMEGA), np.full((60, 1, 2), [3.0, -4.0]))
+
+
+@pytest.mark.parametrize("period", [0.001, 0.2])
+def test_sampled_is_the_exponential_series(period):
+    sampled = SWING.sampled(period)
+    A, B = held(SWING.A, SWING.B, period)
+    same(sampled.A, A, 1e-12)
+    same(sampled.B, B, 1e-12)
+    assert sampled.period == period
+
+
+def test_modes_of_samples_are_the_continuous_ones():
+    expected = np.roots([2, 1.2, 100])
+    same_modes(SWING.modes(), expected, 1e-12)
+    same_modes(SWING.sampled(0.01).modes(), expected, 1e-10)
+
+
+def test_sampled_response_is_that_of_the_z_transfer_function():
+    # x+ = a x + (1 - a) u behind a hold: a lag of 0.1 s at 0.02 s.
+    lag = StateSpace(-10 * np.eye(1), 10 * np.eye(1), np.eye(1), np.zeros((1, 1))).sampled(0.02)
+    omega = np.array([1.0, 20.0, np.pi / 0.02])
+    a, z = np.exp(-0.2), np.exp(1j * omega * 0.02)
+    same(lag.response(omega)[:, 0, 0], (1 - a) / (z - a), 1e-12)
+
+
+def test_step_of_a_swing():
+    t, y = SWING.step(3.0, 300)
+    decay, omega = 0.3, np.sqrt(50 - 0.09)
+    expected = 0.01 * (
+        1 - np.exp(-decay * t) * (np.cos(omega * t) + decay / omega * np.sin(omega * t))
+    )
+    assert t[-1] == pytest.approx(3.0) and y.shape == (301, 1)
+    same(y[:, 0], expected, 1e-10)
+
+
+def test_step_passes_a_feedthrough_at_once():
+    lead = StateSpace(-np.eye(1), np.eye(1), np.eye(1), np.array([[2.0]]))
+    t, y = lead.step(1.0, 50)
+    same(y[:, 0], 2 + 1 - np.exp(-t), 1e-12)
+
+
+@pytest.mark.parametrize("structure", ["pi", "p_in_feedback"])
+def test_step_is_that_of_the_simulated_loop(designed, structure):
+    gains = tune([98.0], OMEGA_R, 0.6)
+    all_joints = {"kp": [gains.kp[0]] * 4, "ki": [gains.ki[0]] * 4}
+    design = designed(
+        "axis_pi", {"plant.i_eff": [98.0] * 4} | kind("pi", structure=structure, **all_joints)
+    )
+    simulated = step_response(structure, 0.6, 98.0, OMEGA_R)
+    t, speed = linearise(design).closed(1).step(simulated.time[-1], 1000)
+
+    expected = np.interp(t, simulated.time, simulated.speed)
+    np.testing.assert_allclose(speed[:, 0], expected, rtol=0, atol=2e-4)
+    assert speed.max() > 1.05
+
+
+@pytest.mark.parametrize("structure", ["pi", "p_in_feedback"])
+def test_step_of_a_sampled_loop_is_the_recursion(designed, structure):
+    T = 0.005
+    design = designed("axis_pi", {"drive": Drive(period=T), "controller.structure": structure})
+    kp, ki, inertia = design.gains.kp[2], design.gains.ki[2], design.i_eff[2]
+    v = x = 0.0
+    expected = []
+    for _ in range(101):
+        expected.append(v)
+        tau = ki * x - kp * v + (kp if structure == "pi" else 0)
+        x, v = x + T * (1 - v), v + T * tau / inertia
+    t, speed = linearise(design).closed(2).step(0.5, 7)
+
+    np.testing.assert_allclose(t, T * np.arange(101), atol=1e-12)
+    np.testing.assert_allclose(speed[:, 0], expected, atol=1e-9)
+
+
+# --- processes ----------------------------------------------------------------------------------
+
+
+def test_axis_process_is_an_inertia(designed):
+    design = designed(
+        "axis_pi", {"drive": Drive(torque_bandwidth=50.0, torque_error=[0.1, 0, 0, 0])}
+    )
+    P = linear_process(design).response(OMEGA)
+    s = 1j * OMEGA
+    lag = 1 / (1 + s / (2 * np.pi * 50))
+    for k in range(4):
+        v = (1.1 if k == 0 else 1) * lag / (design.i_eff[k] * R[k] * s)
+        for first in (0, 8):  # measured, state
+            same(P[:, first + k, k], v / s)
+            same(P[:, first + 4 + k, k], v)
+    assert np.count_nonzero(np.abs(P).max(axis=0)) == 16  # no coupling
+
+
+def matrices(robot, q):
+    """Inertia with motors, and change of the gravity torque with q, from the plant itself."""
+    plant = robot.make_plant()
+    context = plant.CreateDefaultContext()
+
+    def gravity(at):
+        plant.SetPositions(context, at)
+        return -plant.CalcGravityGeneralizedForces(context)
+
+    h = 1e-5
+    stiffness = [(gravity(q + h * e) - gravity(q - h * e)) / (2 * h) for e in np.eye(len(q))]
+    plant.SetPositions(context, q)
+    return plant.CalcMassMatrix(context), np.transpose(stiffness)
+
+
+@pytest.mark.parametrize("sample", SAMPLES)
+def test_coupled_process_is_inertia_and_gravity(designed, sample):
+    """At rest the motors hold the links: gravity gives the angles a stiffness, and nothing else."""
+    design = designed()
+    M, K = matrices(design.robot, design.motion.q[sample])
+    P = linear_process(design, sample).response(OMEGA)
+    s = 1j * OMEGA[:, None, None]
+    q = np.linalg.solve(M * s**2 + K, np.diag(R) + 0j)
+
+    assert np.abs(K).max() > 100
+    same(P[:, 8:12], q, 1e-6)
+    same(P[:, 12:], s * q, 1e-6)
+    np.testing.assert_array_equal(P[:, :8], P[:, 8:])
+
+
+@pytest.mark.parametrize("encoder", ["motor", "link"])
+@pytest.mark.parametrize("sample", SAMPLES)
+def test_coupled_process_with_elastic_joints(designed, sample, encoder):
+    design = designed(fields={"plant.elasticity": Elasticity([OMEGA_R] * 4, 0.02, encoder)})
+    M, K = matrices(design.robot, design.motion.q[sample])
+    rotors = np.diag(R**2 * ROTORS)
+    spring = np.diag(design.elastic.stiffness)
+    damper = np.diag(design.elastic.damping)
+    s = 1j * OMEGA[:, None, None]
+    joint = spring + s * damper
+    both = np.block([[(M - rotors) * s**2 + K + joint, -joint], [-joint, rotors * s**2 + joint]])
+    q = np.linalg.solve(both, np.vstack([np.zeros((4, 4)), np.diag(R)]) + 0j)
+    P = linear_process(design, sample).response(OMEGA)
+
+    same(P[:, 8:12], q[:, :4], 1e-6)
+    same(P[:, :4], q[:, 4:] if encoder == "motor" else q[:, :4], 1e-6)
+
+
+def test_friction_and_limits_do_not_count(designed):
+    plain = linearise(designed("axis_pi"))
+    real = linearise(
+        designed(
+            "axis_pi",
+            {
+                "plant.friction": Friction([100.0] * 4, [10.0] * 4),
+                "drive": Drive(n1=[5.0] * 4, n0=[9.0] * 4, reference_delay=0.004),
+            },
+        )
+    )
+    same(real.loop_gain(OMEGA), plain.loop_gain(OMEGA))
+
+
+# --- modes of closed loops ----------------------------------------------------------------------
+
+
+def all_modes(loop):
+    """Of the loops of all joints, which share none: the axes are decoupled."""
+    return np.concatenate([loop.closed(k).modes() for k in range(loop.n)])
+
+
+def test_modes_are_the_roots_of_the_polynomial(designed):
+    error = np.array([0.02, -0.02, 0, 0.01])
+    drive = Drive(torque_bandwidth=30.0, torque_error=error.tolist())
+    design = designed("axis_pi", {"drive": drive})
+    lag = 1 / (2 * np.pi * 30)
+    expected = [
+        np.roots([inertia * lag, inertia, (1 + e) * kp, (1 + e) * ki])
+        for inertia, kp, ki, e in zip(
+            design.i_eff, design.gains.kp, design.gains.ki, error, strict=True
+        )
+    ]
+    modes = all_modes(linearise(design))
+
+    same_modes(moving(modes), np.concatenate(expected))
+    assert len(modes) == 12  # none of the positions, which nothing feeds back
+
+
+@pytest.mark.parametrize("encoder", ["motor", "link"])
+def test_modes_of_elastic_axes_are_the_roots_of_the_polynomial(designed, encoder):
+    design = designed("axis_pi", {"plant.elasticity": Elasticity([OMEGA_R] * 4, 0.03, encoder)})
+    expected = []
+    for rotor, inertia, kp, ki in zip(
+        ROTORS, design.i_eff, design.gains.kp, design.gains.ki, strict=True
+    ):
+        speed, below = two_mass_polynomials(rotor, inertia - rotor, OMEGA_R, 0.03)
+        loop = np.polyadd(np.polymul([1, 0], below), np.polymul([kp, ki], speed[encoder]))
+        expected.append(np.roots(loop))
+
+    same_modes(moving(all_modes(linearise(design))), np.concatenate(expected))
+
+
+def test_modes_of_the_cascade(designed):
+    design = designed("axis_pi", kind("p_pi", position_gain=[3.0, 5.0, 7.0, 9.0]))
+    expected = [
+        np.roots([inertia, kp, ki + kp * kv, ki * kv])
+        for inertia, kp, ki, kv in zip(
+            design.i_eff, design.gains.kp, design.gains.ki, (3, 5, 7, 9), strict=True
+        )
+    ]
+    same_modes(all_modes(linearise(design)), np.concatenate(expected))
+
+
+def test_modes_of_a_sampled_loop(designed):
+    T = 0.005
+    design = designed("axis_pi", {"drive": Drive(period=T)})
+    expected = []
+    for inertia, kp, ki in zip(design.i_eff, design.gains.kp, design.gains.ki, strict=True):
+        z = 1 + np.roots([1, kp * T / inertia, ki * T**2 / inertia])
+        expected.append(np.log(z + 0j) / T)
+    same_modes(moving(all_modes(linearise(design))), np.concatenate(expected))
+
+
+@pytest.mark.parametrize("sample", [0, 2000])
+def test_scheduled_gains_are_those_of_the_sample(designed, sample):
+    design = designed("axis_pi", kind("pi_scheduled"))
+    share = design.inertia_share[sample]
+    expected = [
+        np.roots([inertia, s * kp, s * ki])
+        for inertia, kp, ki, s in zip(
+            design.i_eff, design.gains.kp, design.gains.ki, share, strict=True
+        )
+    ]
+    same_modes(moving(all_modes(linearise(design, sample))), np.concatenate(expected))
+    assert share.min() < 1
+
+
+@pytest.mark.parametrize("sample", SAMPLES)
+def test_inverse_dynamics_decouples_the_coupled_plant(designed, sample):
+    """q = (2 zeta omega_n s + omega_n²) / (...) q_ref for every joint, and no other moves."""
+    design = designed(fields=kind("inverse_dynamics"))
+    loop = linearise(design, sample)
+    zeta, omega_n = np.array([0.95, 0.98, 0.99, 0.95]), OMEGA_R / 2
+    s = 1j * OMEGA
+
+    P, F = loop.process.response(OMEGA), loop.feedback.response(OMEGA)
+    gain = -F[:, :, 12:] @ P[:, :8]
+    # From v_ref alone, q_ref and vd_ref at 0: all links.
+    v = P[:, 12:] @ np.linalg.solve(np.eye(4) + gain, F[:, :, 4:8])
+    expected = np.zeros((len(s), 4, 4), dtype=complex)
+    for k in range(4):
+        error = 2 * zeta[k] * omega_n * s
+        expected[:, k, k] = s * error / (s**2 + error + omega_n**2) / s
+        np.testing.assert_allclose(
+            loop.closed(k).response(OMEGA)[:, 0, 0], expected[:, k, k], atol=1e-5
+        )
+    np.testing.assert_allclose(v, expected, atol=1e-5)
+    # With q_ref and vd_ref that belong to it, nothing is left to correct.
+    np.testing.assert_allclose(loop.tracking(OMEGA), 1, atol=1e-5)
+
+
+def test_inverse_dynamics_has_the_modes_it_was_tuned_for(designed):
+    design = designed(fields=kind("inverse_dynamics", zeta=[0.3, 0.5, 0.7, 0.9]))
+    zetas = (0.3, 0.5, 0.7, 0.9)
+    expected = np.concatenate([np.roots([1, z * OMEGA_R, OMEGA_R**2 / 4]) for z in zetas])
+    for sample in SAMPLES:
+        # Round-off joins the joints: some modes are there more than once.
+        modes = moving(all_modes(linearise(design, sample)))
+        distance = np.abs(modes[:, None] - expected)
+        assert distance.min(axis=1).max() < 1e-5 * OMEGA_R  # no other mode
+        assert distance.min(axis=0).max() < 1e-5 * OMEGA_R  # and none missing
+
+
+def test_anti_windup_does_not_count_while_nothing_saturates(designed):
+    plain, careful = (
+        linearise(designed("axis_pi", {"controller.anti_windup": a})) for a in (False, True)
+    )
+    same(careful.loop_gain(OMEGA), plain.loop_gain(OMEGA))
+    same(careful.tracking(OMEGA), plain.tracking(OMEGA))
+
+
+def test_a_sampled_feedback_samples_the_process(designed):
+    design = designed("axis_pi", {"drive": Drive(period=0.001)})
+
+    assert (linear_process(design).period, linear_feedback(design).period) == (0, 0.001)
+    loop = linearise(design)
+    assert (loop.process.period, loop.feedback.period) == (0.001, 0.001)

@@ -1,0 +1,312 @@
+"""Stability with elastic joints, against characteristic polynomials, expm, and simulation."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from test_linear import OMEGA_R, ROTORS, held, moving, two_mass_polynomials, two_masses, variant
+
+from sdt_drake.analysis.linear import StateSpace
+from sdt_drake.analysis.stability import RATIOS, least_damping, stability_sweep
+from sdt_drake.control import tune
+from sdt_drake.device import Drive, Elasticity
+from sdt_drake.errors import InputError
+from sdt_drake.loops import make_axis_loop
+from sdt_drake.motion import Motion
+from sdt_drake.scenario import load_scenario
+from sdt_drake.simulate import simulate
+
+ZETA = np.array([0.95, 0.98, 0.99, 0.95])
+ENCODERS = ("motor", "link")
+SOME = np.array([0.1, 0.3, 0.5, 0.7, 1.0, 1.5])
+DRIVE = load_scenario("package://sdt/scenarios/real_device.yaml").drive
+
+
+@pytest.fixture(scope="module")
+def design(_reference_design):
+    return variant(_reference_design)
+
+
+@pytest.fixture(scope="module")
+def sweeps(design):
+    """Over all ratios, by place of the encoder and drive."""
+    return {
+        (encoder, name): stability_sweep(design, OMEGA_R, encoder=encoder, drive=drive)
+        for encoder in ENCODERS
+        for name, drive in (("ideal", None), ("real", DRIVE))
+    }
+
+
+def damping_of(modes):
+    modes = moving(np.asarray(modes))
+    return float(np.min(-modes.real / np.abs(modes)))
+
+
+def polynomial(inertia, k, ratio, encoder, damping_ratio=0.01):
+    """Characteristic polynomial of joint k, gains by hand; motor side."""
+    speed, below = two_mass_polynomials(ROTORS[k], inertia - ROTORS[k], OMEGA_R, damping_ratio)
+    omega_n = ratio * OMEGA_R
+    gains = inertia * np.array([2 * ZETA[k] * omega_n, omega_n**2])
+    return np.polyadd(np.polymul([1, 0], below), np.polymul(gains, speed[encoder]))
+
+
+def by_polynomial(inertia, k, ratio, encoder, damping_ratio=0.01):
+    return damping_of(np.roots(polynomial(inertia, k, ratio, encoder, damping_ratio)))
+
+
+def by_samples(inertia, k, ratio, encoder, drive):
+    """The same with a sampled drive: eigenvalues of its map over a period."""
+    rotor, omega_n, T = ROTORS[k], ratio * OMEGA_R, drive.period
+    kp, ki = 2 * ZETA[k] * omega_n * inertia, omega_n**2 * inertia
+    A, B = two_masses(rotor, inertia - rotor, OMEGA_R)
+    A, B = held(A, B, T)
+    gain = 1.0 if drive.torque_error is None else 1 + drive.torque_error[k]
+    # States: of both masses, the integral, and the position at the last sample.
+    at = 2 if encoder == "motor" else 0
+    speed = np.eye(6)[at + 1]
+    if drive.encoder_resolution is not None:
+        speed = (np.eye(6)[at] - np.eye(6)[5]) / T
+    closed = np.zeros((6, 6))
+    closed[:4, :4] = A
+    closed[:4] += gain * np.outer(B[:, 0], ki * np.eye(6)[4] - kp * speed)
+    closed[4] = np.eye(6)[4] - T * speed
+    closed[5, at] = 1
+    eigenvalues = np.linalg.eigvals(closed).astype(complex)
+    return damping_of(np.log(eigenvalues[np.abs(eigenvalues) > 1e-9]) / T)
+
+
+# --- against calculations by hand ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize("damping_ratio", [0.0, 0.01, 0.2])
+@pytest.mark.parametrize("encoder", ENCODERS)
+def test_damping_is_that_of_the_characteristic_polynomial(design, encoder, damping_ratio):
+    sweep = stability_sweep(
+        design, OMEGA_R, encoder=encoder, ratios=SOME, damping_ratio=damping_ratio
+    )
+    expected = [
+        [
+            by_polynomial(design.inertia.maximum[k], k, ratio, encoder, damping_ratio)
+            for k in range(4)
+        ]
+        for ratio in SOME
+    ]
+    np.testing.assert_allclose(sweep.damping, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("encoder", ENCODERS)
+@pytest.mark.parametrize(
+    "drive",
+    [
+        DRIVE,
+        Drive(period=0.00025),
+        Drive(period=0.005, torque_error=[0.1, -0.1, 0, 0.2]),
+        Drive(period=0.0005, encoder_resolution=[4096.0] * 4),
+    ],
+    ids=["real_device", "250 us", "5 ms", "encoders"],
+)
+def test_damping_of_a_sampled_drive_is_that_of_its_map(design, encoder, drive):
+    sweep = stability_sweep(design, OMEGA_R, encoder=encoder, drive=drive, ratios=SOME)
+    expected = [
+        [by_samples(design.inertia.maximum[k], k, ratio, encoder, drive) for k in range(4)]
+        for ratio in SOME
+    ]
+    np.testing.assert_allclose(sweep.damping, expected, atol=1e-6)
+
+
+def test_a_lag_of_the_torque_adds_a_pole(design):
+    drive = Drive(torque_bandwidth=100.0)
+    sweep = stability_sweep(design, OMEGA_R, drive=drive, ratios=SOME)
+    lag = 1 / (2 * np.pi * 100)
+    for i, ratio in enumerate(SOME):
+        for k, inertia in enumerate(design.inertia.maximum):
+            _, below = two_mass_polynomials(ROTORS[k], inertia - ROTORS[k], OMEGA_R)
+            late = np.polymul([lag, 0], np.polymul([1, 0], below))
+            roots = np.roots(np.polyadd(late, polynomial(inertia, k, ratio, "motor")))
+            assert sweep.damping[i, k] == pytest.approx(damping_of(roots), abs=1e-6)
+
+
+def border_by_hand(damping_at, ratios=RATIOS):
+    """Where the damping first changes its sign, found to 1e-9."""
+    first = next((i for i, ratio in enumerate(ratios) if damping_at(ratio) < 0), None)
+    if first is None:
+        return np.inf
+    low, high = (ratios[first - 1] if first else 1e-6), ratios[first]
+    while high - low > 1e-9:
+        middle = (low + high) / 2
+        low, high = (low, middle) if damping_at(middle) < 0 else (middle, high)
+    return high
+
+
+@pytest.mark.parametrize("drive", ["ideal", "real"])
+@pytest.mark.parametrize("encoder", ENCODERS)
+def test_border_is_where_the_damping_changes_its_sign(design, sweeps, encoder, drive):
+    for k, inertia in enumerate(design.inertia.maximum):
+
+        def damping_at(ratio, k=k, inertia=inertia):
+            if drive == "real":
+                return by_samples(inertia, k, ratio, encoder, DRIVE)
+            return by_polynomial(inertia, k, ratio, encoder)
+
+        found = sweeps[encoder, drive].border[k]
+        assert found == pytest.approx(border_by_hand(damping_at), abs=1e-3), k
+        if np.isfinite(found):
+            assert damping_at(found) < 0 < damping_at(found - 1e-3)
+
+
+def test_border_below_the_first_ratio_is_found(design):
+    whole = stability_sweep(design, OMEGA_R, encoder="link")
+    late = stability_sweep(design, OMEGA_R, encoder="link", ratios=[0.9, 1.5])
+    np.testing.assert_allclose(late.border, whole.border, atol=1e-3)
+
+
+@pytest.mark.parametrize("ratio", [0.5, 1.0])
+def test_overshoot_is_that_of_the_partial_fractions(design, ratio):
+    sweep = stability_sweep(design, OMEGA_R, ratios=[ratio])
+    t = np.linspace(0, 20 / (ratio * OMEGA_R), 5000)
+    for k, inertia in enumerate(design.inertia.maximum):
+        below = polynomial(inertia, k, ratio, "motor")
+        speed, _ = two_mass_polynomials(ROTORS[k], inertia - ROTORS[k], OMEGA_R)
+        above = inertia * (ratio * OMEGA_R) ** 2 * speed["link"]
+        poles = np.roots(below)
+        slopes = np.polyval(np.polyder(below), poles)
+        residues = np.polyval(above, poles) / (poles * slopes)
+        step = 1 + (residues * np.exp(poles * t[:, None])).sum(axis=1).real
+        expected = 100 * max(step.max() - 1, 0)
+        assert sweep.overshoot_percent[0, k] == pytest.approx(expected, abs=0.02)
+
+
+def test_overshoot_is_nan_where_and_only_where_unstable(sweeps):
+    for sweep in sweeps.values():
+        np.testing.assert_array_equal(np.isnan(sweep.overshoot_percent), sweep.damping <= 0)
+
+
+@pytest.mark.parametrize("damping_ratio", [0.0, 0.01])
+def test_encoder_on_the_motor_with_an_ideal_drive_is_never_unstable(design, damping_ratio):
+    ratios = np.geomspace(0.01, 50, 12)
+    sweep = stability_sweep(design, OMEGA_R, ratios=ratios, damping_ratio=damping_ratio)
+
+    assert np.isinf(sweep.border).all() and np.all(sweep.damping > 0)
+
+
+def test_only_the_ratio_counts(design):
+    slow, fast = (stability_sweep(design, omega, encoder="link", ratios=SOME) for omega in (5, 50))
+    np.testing.assert_allclose(slow.damping, fast.damping, atol=1e-9)
+    np.testing.assert_allclose(slow.border, fast.border, atol=1e-3)
+
+
+def test_a_stiff_structure_is_swept_too(design):
+    """Nothing is simulated: no pole is too fast."""
+    sweep = stability_sweep(design, 400.0, ratios=SOME)
+    same = stability_sweep(design, OMEGA_R, ratios=SOME)
+    np.testing.assert_allclose(sweep.damping, same.damping, atol=1e-9)
+
+
+def test_resting_modes_do_not_count():
+    def loop(*poles):
+        return StateSpace(np.diag(poles), np.zeros((len(poles), 1)), np.zeros((1, len(poles))), 0)
+
+    assert least_damping(loop(0.0, -2.0, 1e-12)) == 1
+    assert least_damping(loop(0.0, -2.0, 0.1)) == -1
+
+
+# --- findings -----------------------------------------------------------------------------------
+
+
+def at(sweep, ratio):
+    (i,) = np.flatnonzero(np.isclose(sweep.ratio, ratio))
+    return i
+
+
+def test_finding_the_rule_of_thumb_holds_with_the_encoder_on_the_motor(sweeps):
+    sweep = sweeps["motor", "ideal"]
+    half, one = at(sweep, 0.5), at(sweep, 1.0)
+
+    assert np.all(sweep.damping[half] > 0.5) and np.all(sweep.overshoot_percent[half] < 1)
+    np.testing.assert_allclose(sweep.damping[one], 0.2, atol=0.02)
+    np.testing.assert_allclose(sweep.overshoot_percent[one], 25, atol=2)
+
+
+def test_finding_the_encoder_on_the_link_breaks_the_rule(sweeps):
+    border = sweeps["link", "ideal"].border
+    np.testing.assert_allclose(border[:2], [0.35, 0.59], atol=0.01)
+    assert np.isinf(border[2:]).all()
+
+
+def test_finding_a_sampled_drive_cannot_hold_light_rotors(sweeps):
+    """1 ms is too slow for K_PS against the rotors of joints 3 and 4 alone."""
+    sweep = sweeps["motor", "real"]
+    assert (sweep.damping[at(sweep, 0.1)] < 0).tolist() == [False, False, True, True]
+    assert np.all(sweep.border[2:] < 0.1)
+
+
+# --- in the time domain -------------------------------------------------------------------------
+
+
+def elastic_run(reference, encoder, ratio):
+    """Joint 2 elastic on the axis plant: a ramp to 0.1 rad/s, and then 1.2 s to swing."""
+    t = 0.005 * np.arange(281)
+    v = np.outer(np.clip(t / 0.2, 0, 1), [0, 0.1, 0, 0])
+    motion = Motion.from_speeds(0.005, np.zeros(4), v)
+    inertia = reference.inertia.maximum
+    gains = tune(inertia, 2 * ratio * OMEGA_R, ZETA)
+    fields = {
+        "plant.kind": "axis",
+        "plant.i_eff": inertia.tolist(),
+        "plant.elasticity": Elasticity([0, OMEGA_R, 0, 0], 0.01, encoder),
+        "controller.omega_r": None,
+        "controller.zeta": None,
+        "controller.kp": gains.kp.tolist(),
+        "controller.ki": gains.ki.tolist(),
+    }
+    design = variant(reference, fields=fields, motion=motion)
+    nothing = np.zeros_like(v)
+    no_load = design.loads._replace(load_torque=nothing, alleviating_torque=nothing)
+    design = dataclasses.replace(design, loads=no_load)
+    recording = simulate(design, make_axis_loop(design), accuracy=3e-7)
+    np.testing.assert_array_equal(recording.tau_limited, recording.tau_cmd)
+    return recording.time, recording.speed_error[:, 1]
+
+
+@pytest.mark.parametrize(("ratio", "stable"), [(0.5, True), (0.65, False)])
+def test_simulation_swings_as_the_sweep_says(_reference_design, ratio, stable):
+    """The envelope of the link's swinging grows or decays like the least damped mode."""
+    sweep = stability_sweep(_reference_design, OMEGA_R, encoder="link", ratios=[ratio])
+    time, error = elastic_run(_reference_design, "link", ratio)
+    roots = np.roots(polynomial(_reference_design.inertia.maximum[1], 1, ratio, "link"))
+    rate = roots.real.max()
+
+    first, last = ((time > a) & (time < a + 0.3) for a in (0.6, 1.1))
+    measured = np.log(np.std(error[last]) / np.std(error[first])) / 0.5
+    assert (sweep.damping[0, 1] > 0) == stable == (measured < 0)
+    assert measured == pytest.approx(rate, rel=0.05)
+
+
+# --- bad input ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("omega_r", "options", "match"),
+    [
+        (0.0, {}, "omega_r"),
+        (-1.0, {}, "omega_r"),
+        (np.nan, {}, "omega_r"),
+        (OMEGA_R, {"encoder": "both"}, r"encoder.*motor, link"),
+        (OMEGA_R, {"ratios": [0.1, 0.0]}, "ratios"),
+        (OMEGA_R, {"ratios": [0.1, np.nan]}, "ratios"),
+        (OMEGA_R, {"ratios": []}, "ratios"),
+        (OMEGA_R, {"damping_ratio": -0.1}, "damping_ratio"),
+        (OMEGA_R, {"drive": Drive(period=0.003)}, "drive.period"),
+    ],
+)
+def test_bad_values_are_refused(design, omega_r, options, match):
+    with pytest.raises(InputError, match=match):
+        stability_sweep(design, omega_r, **options)
+
+
+def test_a_robot_without_rotors_is_refused(design):
+    robot = dataclasses.replace(design.robot, rotor_inertia=np.zeros(4))
+    with pytest.raises(InputError, match="joint 1 has the rotor inertia 0"):
+        stability_sweep(dataclasses.replace(design, robot=robot), OMEGA_R)
