@@ -108,6 +108,7 @@ def make_design(
         torques = torque_groups(robot, motion.q, motion.v, motion.vd)
     choice = scenario.controller
     try:
+        _check_delay(scenario, motion)
         model = _load_model(robot, choice.model)
         inertia = InertiaRange.of(effective_inertia(robot, torques.d_kk))
         loads = decouple(torques.inertial, torques.coupled, robot.gear_ratio, scenario.algorithm)
@@ -175,11 +176,22 @@ def _located(error: InputError, file: Path) -> InputError:
     return InputError(text if text.startswith(str(file)) else f"{file}: {text}")
 
 
+def _check_delay(scenario: Scenario, motion: Motion) -> None:
+    delay = scenario.drive.reference_delay if scenario.drive is not None else 0.0
+    if delay >= motion.duration:
+        raise InputError(
+            f"drive.reference_delay: {delay:g} s, but the motion ends at {motion.duration:g} s"
+        )
+
+
 def _load_model(robot: Robot, errors: ModelErrors) -> Robot:
     try:
         return load_model(robot, errors)
     except InputError as error:
-        raise InputError(f"controller.model.{error}") from None
+        text = str(error)
+        if text.startswith("payload"):
+            raise InputError(f"controller.model.{text}") from None
+        raise InputError(f"controller.model: no body could be like that ({text})") from None
 
 
 def _tau_ff(
@@ -258,7 +270,8 @@ def _check_speed(
                 poles = np.where(elastic.elastic, poles, 0.0)
                 _check_pole(scenario, poles, f"plant.elasticity.{name} gives")
         fastest = np.maximum(gains.kp / at_motor, np.sqrt(gains.ki / at_motor))
-    _check_pole(scenario, fastest, "gains (kp, ki, or omega_r, zeta) against inertia give")
+    model = "" if scenario.controller.model.exact else ", for the inertia of controller.model,"
+    _check_pole(scenario, fastest, f"gains (kp, ki, or omega_r, zeta){model} against inertia give")
 
 
 def _check_device_speed(scenario: Scenario, robot: Robot, i_eff: Array) -> None:

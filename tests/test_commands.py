@@ -115,6 +115,19 @@ def test_a_wrong_suffix_is_refused_before_anything_is_computed(call, desk, monke
     assert list(desk.iterdir()) == []
 
 
+@pytest.mark.parametrize("name", [*COMMANDS, "simulate"])
+def test_a_folder_is_refused_before_anything_is_computed(call, desk, monkeypatch, name):
+    def computed(path):
+        raise AssertionError("computed")
+
+    monkeypatch.setattr(
+        importlib.import_module(f"sdt_drake.commands.{name}"), "design_of", computed
+    )
+    (desk / "x.png").mkdir()
+    refused(call(name, "../given/axis.yaml", "--out", "x.png"), "x.png: is a folder")
+    assert list((desk / "x.png").iterdir()) == []
+
+
 def test_stability_has_no_table_to_write(call, desk):
     refused(call("stability", "../given/axis.yaml", "--out", "x.csv"), "x.csv", ".png")
     assert list(desk.iterdir()) == []
@@ -438,11 +451,23 @@ def test_stability_damping_moves_the_border(good, desk):
     assert border("--omega-r", "20") == pytest.approx(0.35, abs=0.05)
 
 
-@pytest.mark.parametrize("value", ["0", "-1", "nan", "inf", "soft"])
+@pytest.mark.parametrize("value", ["0", "-1", "0.05", "nan", "inf", "soft", "1e9"])
 def test_stability_refuses_an_omega_r(call, desk, value):
     done = call("stability", "../given/axis.yaml", f"--omega-r={value}", "--out", "x.png")
     refused(done, "--omega-r")
     assert list(desk.iterdir()) == []
+
+
+def test_stability_of_a_slow_structure_and_a_fast_drive_ends(good, desk):
+    """20 / omega_n are 16 million periods of the drive."""
+    text = SCENARIO + "drive: {period: 0.000125}\n"
+    (desk.parent / "given" / "fast.yaml").write_text(text, encoding="utf-8")
+    shown = good("stability", "../given/fast.yaml", "--omega-r", "0.1").out
+    slow, fast = tables(shown)[:2]
+    for one, other in zip(slow[1:], fast[1:], strict=True):
+        for cell, same in zip(one[1:7], other[1:7], strict=True):
+            pairs = [[float(x) for x in re.findall(r"[\d.]+", text)] for text in (cell, same)]
+            np.testing.assert_allclose(pairs[0], pairs[1], atol=1)
 
 
 @pytest.mark.parametrize("value", ["-0.1", "nan", "inf"])

@@ -6,9 +6,13 @@ import re
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from sdt_drake.analysis.comparison import compare
 from sdt_drake.cli import main
+from sdt_drake.design import make_design
+from sdt_drake.scenario import load_scenario
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 
@@ -44,3 +48,31 @@ def test_links_and_pictures_exist():
     local = [t for t in targets if not t.startswith("http")]
     assert local
     assert [t for t in local if not (root / t).exists()] == []
+
+
+def rows_of_table(header: str) -> list[list[str]]:
+    """Cells of the table whose header starts so, without the header."""
+    lines = README[README.index(f"\n| {header}") :].split("\n\n")[0].strip().splitlines()
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+@pytest.mark.parametrize(
+    ("scenario", "first"), [("coupled_pi", 1), ("wrong_model", 3)], ids=["exact", "wrong"]
+)
+def test_table_of_controllers_is_what_compare_finds(_reference_design, scenario, first):
+    rows = rows_of_table("controller |")
+    labels = [re.match(r"`(.*?)`", row[0])[1] for row in rows]
+    design = make_design(
+        load_scenario(f"package://sdt/scenarios/{scenario}.yaml"),
+        robot=_reference_design.robot,
+        motion=_reference_design.motion,
+        torques=_reference_design.torques,
+    )
+    for row, compared in zip(rows, compare(design, labels), strict=True):
+        position = np.rad2deg(compared.tracking.max_abs_position_error)
+        np.testing.assert_allclose(
+            np.array(row[first].split(), dtype=float), position, atol=5.1e-4, err_msg=row[0]
+        )
+        assert float(row[first + 1]) == pytest.approx(
+            compared.tracking.rms_speed_error[1], abs=5.1e-6
+        )

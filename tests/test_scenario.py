@@ -637,7 +637,7 @@ MISFIT = [
         AXIS,
         "name: axis_pi",
         "drive: {torque_error: [-1, 0, 0, 0]}",
-        r"scenario 'run': drive\.torque_error: \[-1\.0, .*expected > -1",
+        r"scenario 'run': drive\.torque_error: \[-1\.0, .*expected shares between -1 and 1",
     ),
     (
         COUPLED,

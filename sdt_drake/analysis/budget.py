@@ -64,7 +64,9 @@ def error_budget(design: Design) -> ErrorBudget:
     if scenario.inverse_dynamics != "table":
         raise InputError("inverse_dynamics: online, but an error budget needs table")
     limit = design.robot.effort_limit
-    free = replace(design, robot=replace(design.robot, effort_limit=_NO_LIMIT * limit))
+    free = replace(
+        _without_envelope(design), robot=replace(design.robot, effort_limit=_NO_LIMIT * limit)
+    )
     smooth = _without_friction(free)
     at_rest = _without_motion(smooth)
     runs = [
@@ -90,6 +92,13 @@ def _speed_error(design: Design) -> Array:
 def _undisturbed(design: Design) -> Design:
     scenario = copy.deepcopy(design.scenario)
     scenario.disturbance.amplitude = 0.0
+    return replace(design, scenario=scenario)
+
+
+def _without_envelope(design: Design) -> Design:
+    scenario = copy.deepcopy(design.scenario)
+    if scenario.drive is not None:
+        scenario.drive.n1 = scenario.drive.n0 = None
     return replace(design, scenario=scenario)
 
 

@@ -109,10 +109,12 @@ def check_labels(labels: Sequence[str], where: str = "controllers") -> None:
     """
     if not labels:
         raise InputError(f"{where}: none given, expected some of {', '.join(CONTROLLERS)}")
+    seen = set()
     for label in labels:
-        _parsed(label, where)
-        if labels.count(label) > 1:
+        kind, feedforward = _parsed(label, where)
+        if (kind, feedforward or "none") in seen:
             raise InputError(f"{where}: '{label}' is given twice")
+        seen.add((kind, feedforward or "none"))
 
 
 def _parsed(label: str, where: str) -> tuple[str, str | None]:

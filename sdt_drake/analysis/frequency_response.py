@@ -145,11 +145,20 @@ def write_responses(response: FrequencyResponse, path: str | Path) -> None:
     for name in ("tracking", "loop_gain"):
         values = getattr(response, name)
         columns[f"{name}_size"] = np.abs(values)
-        columns[f"{name}_phase"] = unwrapped_degrees(values)
+        columns[f"{name}_phase"] = unwrapped_degrees(values, at_crossover=name == "loop_gain")
     write_table(path, response.omega, columns, first="omega")
 
 
-def unwrapped_degrees(response: Complex) -> Array:
-    """Phase along the first axis, without jumps, from -270 to 90 deg at its end [deg]."""
-    phase = np.degrees(np.unwrap(np.angle(response[::-1]), axis=0)[::-1])
-    return phase - 360 * (phase[-1] > 90)
+def unwrapped_degrees(response: Complex, *, at_crossover: bool = False) -> Array:
+    """Phase along the first axis, without jumps [deg].
+
+    It starts between -180 and 180 deg; or it has between -270 and 90 deg where the size falls
+    below 1 for the last time, for loop gains, whose phase at low frequency says little.
+    """
+    phase = np.degrees(np.unwrap(np.angle(response), axis=0))
+    if not at_crossover:
+        return phase
+    n = response.shape[1]
+    above = [np.flatnonzero(np.abs(response[:, k]) >= 1) for k in range(n)]
+    at = np.array([phase[i[-1] if len(i) else -1, k] for k, i in enumerate(above)])
+    return phase - 360 * np.ceil((at - 90) / 360)

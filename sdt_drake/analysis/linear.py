@@ -70,14 +70,22 @@ class StateSpace:
             return np.log(eigenvalues) / self.period
 
     def step(self, duration: float, samples: int) -> tuple[Array, Array]:
-        """Outputs after a step of the one input: time [s] (N + 1,) and y (N + 1, outputs)."""
+        """Outputs after a step of the one input: time [s] (N + 1,) and y (N + 1, outputs).
+
+        N is `samples`; of a sampled system less, if it has fewer periods, or up to twice as many.
+        """
         system = self if self.period else self.sampled(duration / samples)
-        count = round(duration / system.period)
-        x, y = np.zeros(len(system.A)), np.empty((count + 1, len(system.C)))
+        every = max(1, round(duration / system.period) // samples)
+        count = round(duration / system.period / every)
+        n = len(system.A)
+        one_period = np.block([[system.A, system.B], [np.zeros((1, n)), np.ones((1, 1))]])
+        onwards = np.linalg.matrix_power(one_period, every)
+        x_u = np.append(np.zeros(n), 1.0)
+        y = np.empty((count + 1, len(system.C)))
         for i in range(count + 1):
-            y[i] = system.C @ x + system.D[:, 0]
-            x = system.A @ x + system.B[:, 0]
-        return np.arange(count + 1) * system.period, y
+            y[i] = np.hstack([system.C, system.D]) @ x_u
+            x_u = onwards @ x_u
+        return np.arange(count + 1) * every * system.period, y
 
 
 @dataclass(frozen=True, eq=False)

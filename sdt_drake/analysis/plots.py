@@ -252,11 +252,12 @@ def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) ->
         for column, (label, values) in enumerate(columns):
             size, phase = axes[:, column]
             colours = _colours(len(joint_names))
+            degrees = unwrapped_degrees(values, at_crossover=column == 1)
             for k, (name, colour) in enumerate(zip(joint_names, colours, strict=True)):
                 look = {"color": colour, "linestyle": _DASHES[k % len(_DASHES)]}
                 decibel = 20 * np.log10(np.abs(values[:, k]))
                 size.semilogx(response.omega, decibel, label=_joint_title(k, name), **look)
-                phase.semilogx(response.omega, unwrapped_degrees(values)[:, k], **look)
+                phase.semilogx(response.omega, degrees[:, k], **look)
             size.set_title(label, loc="left", fontweight="bold")
             size.set_ylabel("size [dB]")
             size.set_ylim(-60, 60 if column else 20)
@@ -292,7 +293,7 @@ def stability(
                     overshoot.plot(sweep.ratio, sweep.overshoot_percent[:, k], **look)
             damping.set_title(f"encoder on the {encoder}", loc="left", fontweight="bold")
             damping.axhspan(-1, 0, color=PI, alpha=0.12, linewidth=0)
-            damping.set(ylim=(-0.4, 1.02), ylabel="smallest damping ratio")
+            damping.set(ylim=(-1, 1.02), ylabel="smallest damping ratio")
             overshoot.set(ylim=(0, 60), ylabel="overshoot of the link [%]", xlabel="ω_n / ω_r")
             for ax in (damping, overshoot):
                 ax.axvline(0.5, color="0.4", linewidth=0.8)

@@ -3,6 +3,10 @@
 The paper chooses omega_n = 0.5 omega_r, citing a rule of thumb. Here the rule is tried: each axis
 of the device becomes two masses, rotor and link, with a spring that gives the locked-rotor
 frequency omega_r, under the PI controller that `tune` gives for omega_n = ratio * omega_r.
+
+Each axis stands alone, with its largest inertia. On the coupled plant a smaller inertia, or what
+the other joints do, can bring the border down where speed is measured on the link: `simulate` with
+`plant.elasticity` shows it.
 """
 
 from __future__ import annotations
@@ -28,6 +32,9 @@ from sdt_drake.errors import checked_number, checked_vector
 from sdt_drake.scenario import ControllerChoice
 
 Array = NDArray[np.float64]
+
+SLOWEST = 0.1
+"""Least omega_r of a sweep [rad/s]: slower than that is round-off of a sampled loop."""
 
 RATIOS = np.round(np.arange(0.1, 1.5001, 0.05), 10)
 """omega_n / omega_r."""
@@ -75,7 +82,7 @@ def stability_sweep(
     """
     ratios = np.atleast_1d(np.asarray(ratios, dtype=float))
     checked_vector(ratios, len(ratios), "ratios", positive=True)
-    checked_number(omega_r, "omega_r", minimum=0, exclusive=True)
+    checked_number(omega_r, "omega_r", minimum=SLOWEST)
     elastic = _elastic_design(design, omega_r, encoder, drive, damping_ratio)
     process = linear_process(elastic)
 
@@ -87,25 +94,30 @@ def stability_sweep(
     damping, overshoot = np.empty(shape), np.full(shape, np.nan)
     for i, ratio in enumerate(ratios):
         for k, closed in enumerate(axes(ratio)):
-            damping[i, k] = least_damping(closed)
+            damping[i, k] = least_damping(closed, ratio * omega_r)
             if damping[i, k] > 0:
                 _, speed = closed.step(_SHOWN / (ratio * omega_r), _STEPS)
                 overshoot[i, k] = 100 * max(speed.max() - 1, 0.0)
     border = [
-        _border(lambda ratio, k=k: least_damping(axes(ratio)[k]), ratios, damping[:, k])
+        _border(
+            lambda ratio, k=k: least_damping(axes(ratio)[k], ratio * omega_r), ratios, damping[:, k]
+        )
         for k in range(design.robot.n)
     ]
     return StabilitySweep(ratios, damping, overshoot, np.array(border))
 
 
 _SHOWN, _STEPS = 20.0, 1000  # of a step response: 1 / omega_n, and samples of a continuous loop
-_RESTING = 1e-6  # rad/s; a free position neither decays nor grows
 
 
-def least_damping(loop: StateSpace) -> float:
-    """Smallest damping ratio -Re(s) / |s| of all modes, those at rest apart [-]."""
+def least_damping(loop: StateSpace, omega_n: float) -> float:
+    """Smallest damping ratio -Re(s) / |s| of all modes of a loop with that omega_n [-].
+
+    A free position neither decays nor grows; what is 1e4 times slower than the loop is one, with
+    its round-off.
+    """
     modes = loop.modes()
-    moving = modes[np.abs(modes) > _RESTING]
+    moving = modes[np.abs(modes) > 1e-4 * omega_n]
     return float(np.min(-moving.real / np.abs(moving)))
 
 

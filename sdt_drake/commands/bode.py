@@ -8,6 +8,7 @@ from sdt_drake.commands.common import (
     add_command,
     add_out,
     add_scenario,
+    check_out,
     design_of,
     print_table,
     say,
@@ -39,8 +40,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis import plots
     from sdt_drake.analysis.frequency_response import frequency_response, write_responses
 
-    if options.out and options.out.suffix != ".csv":
-        plots.checked_figure_path(options.out)
+    check_out(options.out, csv=True)
     design = design_of(options.scenario)
     sample = None
     if options.time is not None:

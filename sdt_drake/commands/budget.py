@@ -8,6 +8,7 @@ from sdt_drake.commands.common import (
     add_command,
     add_out,
     add_scenario,
+    check_out,
     design_of,
     naming,
     print_table,
@@ -34,8 +35,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.budget import error_budget
     from sdt_drake.tables import write_table
 
-    if options.out and options.out.suffix != ".csv":
-        plots.checked_figure_path(options.out)
+    check_out(options.out, csv=True)
     design = design_of(options.scenario)
     with naming(options.scenario):
         budget = error_budget(design)

@@ -79,6 +79,18 @@ def design_of(path: str):
         raise InputError(f"{path}: {own}" if own != str(error) else own) from None
 
 
+def check_out(path: Path | None, *, csv: bool = False) -> None:
+    """Refuse what could not be written, before anything is computed; None: nothing is written."""
+    from sdt_drake.analysis import plots
+
+    if path is None:
+        return
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder, expected a file")
+    if not (csv and path.suffix == ".csv"):
+        plots.checked_figure_path(path)
+
+
 @contextmanager
 def naming(path: str) -> Iterator[None]:
     """Errors within name the scenario file."""

@@ -8,6 +8,7 @@ from sdt_drake.commands.common import (
     add_command,
     add_out,
     add_scenario,
+    check_out,
     design_of,
     naming,
     print_table,
@@ -46,8 +47,7 @@ def run(options: argparse.Namespace) -> None:
         write_comparison,
     )
 
-    if options.out and options.out.suffix != ".csv":
-        plots.checked_figure_path(options.out)
+    check_out(options.out, csv=True)
     design = design_of(options.scenario)
     text = options.controllers
     if text is None:
@@ -57,7 +57,8 @@ def run(options: argparse.Namespace) -> None:
     with naming(options.scenario):
         compared = compare(design, labels)
     scenario = design.scenario
-    say(f"{scenario.name}: {len(compared)} controllers on the {scenario.plant.kind} plant")
+    count = f"{len(compared)} controller{'s' if len(compared) > 1 else ''}"
+    say(f"{scenario.name}: {count} on the {scenario.plant.kind} plant")
     header, rows = comparison_rows(compared)
     print_table(header, rows)
     say("speeds and positions are joint side, torques motor side, % of the motor's largest")

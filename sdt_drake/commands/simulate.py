@@ -8,6 +8,7 @@ from sdt_drake.commands.common import (
     add_command,
     add_out,
     add_scenario,
+    check_out,
     design_of,
     print_table,
     say,
@@ -33,8 +34,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.tracking import track
     from sdt_drake.simulate import simulate
 
-    if options.out and options.out.suffix != ".csv":
-        plots.checked_figure_path(options.out)
+    check_out(options.out, csv=True)
     design = design_of(options.scenario)
     scenario = design.scenario
     recording = simulate(design)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import re
 
 from sdt_drake.commands.common import (
     add_command,
     add_omega_r,
     add_out,
     add_scenario,
+    check_out,
     design_of,
     print_table,
     say,
 )
-from sdt_drake.errors import checked_number
+from sdt_drake.errors import InputError, checked_number
 
 SHOWN = (0.1, 0.25, 0.5, 0.75, 1.0, 1.5)
 
@@ -38,27 +40,36 @@ def run(options: argparse.Namespace) -> None:
     import numpy as np
 
     from sdt_drake.analysis import plots
-    from sdt_drake.analysis.stability import stability_sweep
+    from sdt_drake.analysis.stability import SLOWEST, stability_sweep
     from sdt_drake.device import ENCODERS
 
-    checked_number(options.omega_r, "--omega-r", minimum=0, exclusive=True)
+    checked_number(options.omega_r, "--omega-r", minimum=SLOWEST)
     checked_number(options.damping, "--damping", minimum=0)
-    if options.out:
-        plots.checked_figure_path(options.out)
+    check_out(options.out)
     design = design_of(options.scenario)
     names = design.robot.joint_names
     drives = {"ideal drive": None}
     if design.scenario.drive is not None:
         drives["the scenario's drive"] = design.scenario.drive
-    sweeps = {
-        encoder: {
-            label: stability_sweep(
-                design, options.omega_r, encoder=encoder, drive=drive, damping_ratio=options.damping
-            )
-            for label, drive in drives.items()
+    try:
+        sweeps = {
+            encoder: {
+                label: stability_sweep(
+                    design,
+                    options.omega_r,
+                    encoder=encoder,
+                    drive=drive,
+                    damping_ratio=options.damping,
+                )
+                for label, drive in drives.items()
+            }
+            for encoder in ENCODERS
         }
-        for encoder in ENCODERS
-    }
+    except InputError as error:
+        # The fields of the springs are options here.
+        text = re.sub(r"^scenario '.*?': ", "", str(error))
+        text = text.replace("plant.elasticity.natural_frequency", "--omega-r")
+        raise InputError(text.replace("plant.elasticity.damping_ratio", "--damping")) from None
     cases = [(e, d, sweep) for e, by_drive in sweeps.items() for d, sweep in by_drive.items()]
     for encoder, drive, sweep in cases:
         say(f"encoder on the {encoder}, {drive}: damping ratio, and overshoot of the link's speed,")
@@ -81,6 +92,7 @@ def run(options: argparse.Namespace) -> None:
             ],
         )
         say()
+    say("each axis alone, with its largest inertia; a sampled drive at its own period")
     if options.out:
         title = f"{design.scenario.name}: elastic joints of {options.omega_r:g} rad/s"
         plots.save(plots.stability(title, sweeps, names), options.out)

@@ -55,6 +55,10 @@ def tune(i_eff_max: ArrayLike, omega_r: float, zeta: ArrayLike) -> SpeedGains:
             f"gains too large for a number: inertia {i_eff_max.tolist()} kg m², "
             f"omega_r {omega_r:g} rad/s, zeta {zeta.tolist()}"
         )
+    if np.any(kp <= 0) or np.any(ki <= 0):
+        raise InputError(
+            f"omega_r: {omega_r:g} rad/s gives gains too small for a number, expected more"
+        )
     return SpeedGains(kp=kp, ki=ki)
 
 

@@ -81,9 +81,15 @@ class Drive:
             values = getattr(self, name)
             if values is not None:
                 checked_vector(values, n, f"{where}.{name}", positive=True)
+        if self.encoder_resolution is not None and np.any(np.array(self.encoder_resolution) < 1):
+            raise InputError(
+                f"{where}.encoder_resolution: {self.encoder_resolution}, expected at least 1"
+            )
         if self.n1 is not None and np.any(np.array(self.n1) >= np.array(self.n0)):
             raise InputError(f"{where}.n0: {self.n0}, expected more than n1, {self.n1}, everywhere")
         if self.torque_error is not None:
             error = checked_vector(self.torque_error, n, f"{where}.torque_error")
-            if np.any(error <= -1):
-                raise InputError(f"{where}.torque_error: {self.torque_error}, expected > -1")
+            if np.any(np.abs(error) >= 1):
+                raise InputError(
+                    f"{where}.torque_error: {self.torque_error}, expected shares between -1 and 1"
+                )

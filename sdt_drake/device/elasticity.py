@@ -84,9 +84,15 @@ def elastic_joints(
     with np.errstate(over="ignore"):
         k = np.where(elastic, omega**2 * inertia - gravity_stiffness, 0.0)
         c = np.where(elastic, 2 * elasticity.damping_ratio * omega * inertia, 0.0)
-    for j in np.flatnonzero(elastic & ~((k > 0) & np.isfinite(k) & np.isfinite(c))):
+    for j in np.flatnonzero(elastic & (k <= 0)):
+        alone = np.sqrt(np.asarray(gravity_stiffness)[j] / np.asarray(inertia)[j])
         raise InputError(
-            f"plant.elasticity.natural_frequency: {omega[j]:g} rad/s gives joint {j + 1} the "
-            f"stiffness {k[j]:g} N m/rad, expected a number > 0"
+            f"plant.elasticity.natural_frequency: {omega[j]:g} rad/s, but gravity alone makes "
+            f"joint {j + 1} swing with {alone:.4g}; expected more"
+        )
+    for j in np.flatnonzero(~(np.isfinite(k) & np.isfinite(c))):
+        raise InputError(
+            f"plant.elasticity: natural_frequency {omega[j]:g} rad/s and damping_ratio "
+            f"{elasticity.damping_ratio:g} are too large for joint {j + 1}"
         )
     return ElasticJoints(elastic, k, c)

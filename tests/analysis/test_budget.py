@@ -219,6 +219,15 @@ def test_envelope_counts_as_saturation(designed, budgets):
     same(budget.remainder, 0, 1e-6)
 
 
+def test_speeds_beyond_the_envelope_have_no_part_without_load(designed, budgets):
+    """Motor 2 has no torque at all above 0.3 rad/s: that is saturation, not reference lag."""
+    _, free = budgets("axis_pi", PI)
+    envelope = Drive(n1=[5.0, 0.1, 1, 1], n0=[30.0, 0.3, 2, 2])
+    budget = error_budget(designed("axis_pi", PI | {"drive": envelope}))
+    same(budget.parts["reference lag"], free.parts["reference lag"], 1e-6)
+    assert largest(budget.parts["saturation"])[1] > 0.1
+
+
 # --- what it is not for -------------------------------------------------------------------------
 
 

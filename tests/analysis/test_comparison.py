@@ -245,6 +245,7 @@ def test_options_without_use_are_left_out(label):
     [
         ([], "none given"),
         (["pi", "p_pi", "pi"], "'pi' is given twice"),
+        (["p_pi", "p_pi+none"], "'p_pi+none' is given twice"),
         (["pi", "pid"], "'pid', expected one of " + ", ".join(CONTROLLERS)),
         ([""], "'', expected one of " + ", ".join(CONTROLLERS)),
         (["+id"], "'', expected one of " + ", ".join(CONTROLLERS)),

@@ -348,6 +348,18 @@ def test_unwrapped_phase_has_no_jumps():
     np.testing.assert_allclose(phase[0], [-180, -90, 0, 90], atol=2)
 
 
+def test_phase_at_the_last_crossover_is_between_minus_270_and_90():
+    """Of a response that is nowhere above 1, at the end."""
+    omega = np.geomspace(0.01, 100, 2000)
+    s = 1j * omega[:, None]
+    responses = [1 / (s**2 * (s + 0.05)), 1e-9 / (s + 1), -1e-9 / (s + 1)]
+    phase = unwrapped_degrees(np.hstack(responses), at_crossover=True)
+
+    assert np.abs(np.diff(phase, axis=0)).max() < 2
+    np.testing.assert_allclose(phase[0], [-180 - np.degrees(np.arctan(0.2)), 0, -180], atol=1)
+    np.testing.assert_allclose(phase[-1], [-270, -90, -270], atol=1)
+
+
 def test_written_responses_read_back(damped, tmp_path):
     _, response = damped["pi"]
     write_responses(response, tmp_path / "bode.csv")

@@ -204,10 +204,11 @@ def test_step_of_a_sampled_loop_is_the_recursion(designed, structure):
         expected.append(v)
         tau = ki * x - kp * v + (kp if structure == "pi" else 0)
         x, v = x + T * (1 - v), v + T * tau / inertia
-    t, speed = linearise(design).closed(2).step(0.5, 7)
-
-    np.testing.assert_allclose(t, T * np.arange(101), atol=1e-12)
-    np.testing.assert_allclose(speed[:, 0], expected, atol=1e-9)
+    closed = linearise(design).closed(2)
+    for samples, every in ((1000, 1), (51, 1), (25, 4), (1, 100)):
+        t, speed = closed.step(0.5, samples)
+        np.testing.assert_allclose(t, T * np.arange(0, 101, every), atol=1e-12)
+        np.testing.assert_allclose(speed[:, 0], expected[::every], atol=1e-9)
 
 
 # --- processes ----------------------------------------------------------------------------------

@@ -208,8 +208,9 @@ def test_resting_modes_do_not_count():
     def loop(*poles):
         return StateSpace(np.diag(poles), np.zeros((len(poles), 1)), np.zeros((1, len(poles))), 0)
 
-    assert least_damping(loop(0.0, -2.0, 1e-12)) == 1
-    assert least_damping(loop(0.0, -2.0, 0.1)) == -1
+    assert least_damping(loop(0.0, -2.0, 1e-5), 1.0) == 1
+    assert least_damping(loop(0.0, -2.0, 0.1), 1.0) == -1
+    assert least_damping(loop(0.0, -2e-4, 1e-5), 1e-4) == -1, "slow loops have slow modes"
 
 
 # --- findings -----------------------------------------------------------------------------------

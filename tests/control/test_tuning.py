@@ -95,6 +95,13 @@ def test_bad_values_are_refused_by_name(which, bad):
         tune(**arguments)
 
 
+def test_gains_that_are_no_numbers_are_refused():
+    with pytest.raises(InputError, match="too small"):
+        tune([1.0], 1e-170, 1.0)
+    with pytest.raises(InputError, match="too large"):
+        tune([1.0], 1e170, 1.0)
+
+
 @pytest.mark.parametrize("zeta", [[0.95, 0.98, 0.99], ["fast", "slow"]])
 def test_arrays_that_do_not_fit_are_refused(zeta):
     with pytest.raises(InputError, match="zeta"):

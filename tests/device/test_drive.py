@@ -14,8 +14,8 @@ INTERPOLATION = 0.005  # s
 GOOD = Drive(
     period=125e-6,
     torque_bandwidth=200.0,
-    torque_error=[-0.99, 0.0, 0.05, 2.0],
-    encoder_resolution=[2.0**20, 1e6, 4096.0, 0.5],
+    torque_error=[-0.99, 0.0, 0.05, 0.99],
+    encoder_resolution=[2.0**20, 1e6, 4096.0, 1.0],
     n1=[200.0, 4.0, 4.0, 4.0],
     n0=[300.0, 6.0, 6.0, 4.1],
     reference_delay=0.0125,
@@ -90,11 +90,15 @@ BAD_LISTS = [
     ),
     (
         {"torque_error": [0.1, -1.0, 0.0, 0.0]},
-        "drive.torque_error: [0.1, -1.0, 0.0, 0.0], expected > -1",
+        "drive.torque_error: [0.1, -1.0, 0.0, 0.0], expected shares between -1 and 1",
     ),
     (
-        {"torque_error": [0.0, 0.0, 0.0, -1.5]},
-        "drive.torque_error: [0.0, 0.0, 0.0, -1.5], expected > -1",
+        {"torque_error": [0.0, 0.0, 0.0, 1.5]},
+        "drive.torque_error: [0.0, 0.0, 0.0, 1.5], expected shares between -1 and 1",
+    ),
+    (
+        {"encoder_resolution": [1e6, 1e6, 1e6, 0.5]},
+        "drive.encoder_resolution: [1000000.0, 1000000.0, 1000000.0, 0.5], expected at least 1",
     ),
     (
         {"encoder_resolution": [1e6] * 5},
