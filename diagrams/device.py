@@ -26,9 +26,10 @@ from pydrake.systems.sensors import CameraInfo
 
 from sdt_drake.resources import models_dir
 
-EYE, TARGET = np.array([6.0, -6.2, 3.6]), np.array([0.9, 0.1, -0.45])  # m
-POSE = [0.0, 0.35, -0.15, 0.3]  # rad
-LIGHTS = [([-0.6, 0.5, -0.7], 1.0), ([-0.4, -0.8, -0.3], 0.5), ([0.8, 0.3, -0.2], 0.5)]
+EYE, TARGET = np.array([7.3, 4.0, 3.0]), np.array([1.3, -0.2, -0.55])  # m
+POSE = [0.0, 0.3, -0.15, 0.3]  # rad
+LIGHTS = [([-0.5, -0.4, -0.8], 0.85), ([-0.9, 0.3, -0.2], 0.4), ([0.4, -0.8, -0.2], 0.35)]
+BACKGROUND = [0.96, 0.97, 0.98]  # RGB
 
 
 def main(folder: Path) -> None:
@@ -40,7 +41,7 @@ def main(folder: Path) -> None:
         LightParameter(type="directional", direction=direction, frame="world", intensity=intensity)
         for direction, intensity in LIGHTS
     ]
-    parameters = RenderEngineVtkParams(default_clear_color=[1.0, 1.0, 1.0], lights=lights)
+    parameters = RenderEngineVtkParams(default_clear_color=BACKGROUND, lights=lights)
     scene_graph.AddRenderer("vtk", MakeRenderEngineVtk(parameters))
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +30,19 @@ from sdt_drake.dynamics import (
     effective_inertia,
     torque_groups,
 )
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, checked_choice
 from sdt_drake.model_errors import ModelErrors, load_model
-from sdt_drake.motion import Motion, Plan, check_motion, load_profile, plan_motion
+from sdt_drake.motion import (
+    PLANNERS,
+    CommandProfile,
+    Motion,
+    Plan,
+    Sampled,
+    check_motion,
+    find_motion,
+    import_motion,
+    load_command,
+)
 from sdt_drake.resources import find_file
 from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import Scenario
@@ -102,7 +113,11 @@ def make_design(
         raise InputError(f"{_named(scenario)}{error}") from None
     if motion is None:
         motion = load_plan(
-            scenario.motion, robot, period=scenario.period, margin=scenario.torque_margin
+            scenario.motion,
+            robot,
+            period=scenario.period,
+            margin=scenario.torque_margin,
+            planner=scenario.planner,
         ).motion
     if torques is None:
         torques = torque_groups(robot, motion.q, motion.v, motion.vd)
@@ -146,25 +161,43 @@ def make_design(
     )
 
 
-def load_plan(path: str | Path, robot: Robot, *, period: float, margin: float = 1.0) -> Plan:
-    """The motion of a file: a profile (.yaml) is planned, a planned motion (.csv) is checked.
+def load_plan(
+    path: str | Path,
+    robot: Robot,
+    *,
+    period: float,
+    margin: float = 1.0,
+    planner: str = "limiter",
+) -> Plan:
+    """Plan the motion of a file, or the shipped one of a name.
+
+    A command (.yaml) is planned. So is a CSV, resampled if it has to be; but one that is a motion
+    at `period` already is planned only by the retiming planner, for the limiter just checked.
 
     Raises:
         InputError: if there is no such file, or `robot` cannot do the motion.
     """
-    file = find_file(path)
+    checked_choice(planner, tuple(PLANNERS), "planner")
+    file = find_file(find_motion(path))
+    plan = partial(PLANNERS[planner], robot, period=period, margin=margin)
     try:
         if file.suffix in (".yaml", ".yml"):
-            return plan_motion(robot, load_profile(file), period=period, margin=margin)
+            return plan(load_command(file, robot))
         if file.suffix == ".csv":
-            motion = Motion.from_csv(file)
-            if abs(motion.period - period) > 1e-9:
-                raise InputError(f"sampled at {motion.period:g} s, expected {period:g} s")
-            torque = check_motion(robot, motion, margin=margin)
-            return Plan(motion, torque, np.zeros(motion.q.shape, dtype=bool), margin)
+            motion, loss = import_motion(file, period)
+            if loss is None and planner == "limiter":
+                torque = check_motion(robot, motion, margin=margin)
+                return Plan(motion, torque, np.zeros(motion.q.shape, dtype=bool), margin, motion)
+            return replace(plan(_as_command(motion, file.stem)), loss=loss)
     except InputError as error:
         raise _located(error, file) from None
-    raise InputError(f"{file}: expected a profile (.yaml) or a planned motion (.csv)")
+    raise InputError(f"{file}: expected a profile (.yaml) or a motion (.csv)")
+
+
+def _as_command(motion: Motion, name: str) -> CommandProfile:
+    """A motion as what is commanded."""
+    joints = [Sampled(motion.period, speeds.tolist()) for speeds in motion.v.T]
+    return CommandProfile(name, "", motion.duration, motion.q[0].tolist(), joints)
 
 
 def _named(scenario: Scenario) -> str:

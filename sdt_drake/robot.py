@@ -42,8 +42,11 @@ class Robot:
         gear_ratio: r, motor speed over joint speed [-], shape (n,).
         effort_limit: largest torque, **joint side** [N m], shape (n,).
         velocity_limit: largest joint speed [rad/s], inf where the file gives none, shape (n,).
+        acceleration_limit: largest joint acceleration [rad/s²], of `<drake:acceleration>`, inf
+            where the file gives none, shape (n,).
         position_lower, position_upper: joint stops [rad], ±inf where there are none, shape (n,).
         damping: viscous friction of the joints, joint side [N m s/rad], shape (n,).
+        sdf: text that the plant was parsed from.
     """
 
     name: str
@@ -54,9 +57,11 @@ class Robot:
     gear_ratio: Vector
     effort_limit: Vector
     velocity_limit: Vector
+    acceleration_limit: Vector
     position_lower: Vector
     position_upper: Vector
     damping: Vector
+    sdf: str
 
     @property
     def n(self) -> int:
@@ -76,6 +81,13 @@ class Robot:
     def make_plant(self) -> MultibodyPlant:
         """A copy of the plant that a diagram can own."""
         return self.plant.Clone()
+
+    def make_open_plant(self) -> MultibodyPlant:
+        """A plant like `plant`, not finalized: bodies and joints can still be added."""
+        plant = _parse(self.path, self.sdf)
+        joints = [plant.GetJointByName(name) for name in self.joint_names]
+        _replace_actuators(plant, joints, _actuators(plant, joints, self.path))
+        return plant
 
 
 def load_robot(
@@ -101,7 +113,8 @@ def load_robot(
     if edit is not None:
         edit(root)
     _check_text(root, file)
-    plant = _parse(file, None if edit is None else ET.tostring(root, encoding="unicode"))
+    text = ET.tostring(root, encoding="unicode")
+    plant = _parse(file, None if edit is None else text)
     joints = _chain(plant, file)
     actuators = _actuators(plant, joints, file)
     effort_limit = np.array([a.effort_limit() for a in actuators])
@@ -120,9 +133,11 @@ def load_robot(
         gear_ratio=gear_ratio,
         effort_limit=effort_limit,
         velocity_limit=np.array([j.velocity_upper_limits()[0] for j in joints]),
+        acceleration_limit=np.array([j.acceleration_upper_limits()[0] for j in joints]),
         position_lower=np.array([j.position_lower_limits()[0] for j in joints]),
         position_upper=np.array([j.position_upper_limits()[0] for j in joints]),
         damping=np.array([j.default_damping_vector()[0] for j in joints]),
+        sdf=text,
     )
 
 
@@ -165,7 +180,8 @@ def _check_text(root: ET.Element, file: Path) -> None:
 # In joints: numbers that must be finite, numbers that may be infinite, elements that must be zero
 # because nothing here models them, and elements that nothing here models at all.
 _FINITE = ("damping", f"{_DRAKE}rotor_inertia", f"{_DRAKE}gear_ratio")
-_LIMITS = ("lower", "upper", "effort", "velocity")
+_ACCELERATION = f"{_DRAKE}acceleration"
+_LIMITS = ("lower", "upper", "effort", "velocity", _ACCELERATION)
 _ZERO = {
     "friction": "Drake would drop it",
     "spring_stiffness": "springs are not supported",
@@ -175,7 +191,6 @@ _UNKNOWN = (
     "mimic",
     f"{_DRAKE}mimic",
     f"{_DRAKE}controller_gains",
-    f"{_DRAKE}acceleration",
 )
 
 
@@ -187,7 +202,9 @@ def _check_joint(joint: ET.Element, where: str) -> None:
         if element.tag in _FINITE:
             _number(element, where)
         if element.tag in _LIMITS:
-            _number(element, where, finite=False)
+            limit = _number(element, where, finite=False)
+            if element.tag == _ACCELERATION and limit <= 0:
+                raise InputError(f"{where}: <{tag}> {element.text}, expected a number > 0")
         if element.tag in _ZERO and _number(element, where) != 0:
             raise InputError(f"{where}: <{tag}> {element.text}, {_ZERO[tag]}; remove it")
 

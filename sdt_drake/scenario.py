@@ -13,6 +13,7 @@ from sdt_drake.device import Drive, Elasticity, Friction
 from sdt_drake.dynamics import SIGNS
 from sdt_drake.errors import InputError, checked_choice, checked_number, checked_vector, replacing
 from sdt_drake.model_errors import ModelErrors
+from sdt_drake.motion import PLANNERS, find_motion
 from sdt_drake.robot import DEFAULT_ROBOT
 from sdt_drake.yaml_files import load_yaml
 
@@ -111,9 +112,12 @@ class Scenario:
     Attributes:
         name: short name.
         robot: SDF file, relative to the scenario's own folder, or package://sdt/...
-        motion: command profile (.yaml, will be planned) or planned motion (.csv), likewise.
+        motion: what is commanded (.yaml, will be planned) or a planned motion (.csv), likewise; or
+            the name of a motion that ships with the package.
         period: interpolation period of planner, hold and log [s].
         torque_margin: share of the motors' torque that the planner may use, in (0, 1].
+        planner: "limiter", the paper's, which keeps the time where it can, or "retiming", which
+            keeps the path and slows down.
         algorithm: sign of Algorithm 1's third branch, "consistent" or "printed".
         inverse_dynamics: "table", load torques computed before the run, or "online", by a block.
         plant: what moves.
@@ -127,6 +131,7 @@ class Scenario:
     motion: str = "package://sdt/motions/reference.yaml"
     period: float = 0.005
     torque_margin: float = 1.0
+    planner: str = "limiter"
     algorithm: str = "consistent"
     inverse_dynamics: str = "table"
     plant: PlantChoice = field(default_factory=PlantChoice)
@@ -144,6 +149,7 @@ class Scenario:
         checked_number(self.torque_margin, "torque_margin", minimum=0, exclusive=True)
         if self.torque_margin > 1:
             raise InputError(f"torque_margin: {self.torque_margin:g}, expected a share in (0, 1]")
+        checked_choice(self.planner, tuple(PLANNERS), "planner")
         checked_choice(self.algorithm, SIGNS, "algorithm")
         checked_choice(self.inverse_dynamics, INVERSE_DYNAMICS, "inverse_dynamics")
         checked_choice(self.plant.kind, PLANTS, "plant.kind")
@@ -232,11 +238,13 @@ def load_scenario(path: str | Path) -> Scenario:
     scenario, file = load_yaml(Scenario, path)
     try:
         scenario.validate()
+        has_shipped_motion = find_motion(scenario.motion) != scenario.motion
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
     for name in ("robot", "motion"):
         value = getattr(scenario, name)
-        if not value.startswith("package://"):
+        by_name = name == "motion" and has_shipped_motion
+        if not by_name and not value.startswith("package://"):
             setattr(scenario, name, str(file.resolve().parent / value))
     scenario.name = scenario.name or file.stem
     return scenario

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from sdt_drake.errors import InputError
 from sdt_drake.loops import PI_NAME, PLANT_NAME, make_loop
 from sdt_drake.scenario import Scenario
 from sdt_drake.systems import read_logs
-from sdt_drake.tables import write_table
+from sdt_drake.tables import read_table, write_table
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,9 @@ ACCURACY = 7e-6
 """Of the error-controlled integrator: speeds are good to 1e-4 rad/s, where motors saturate too."""
 
 # What goes into a CSV file, in this order.
-COLUMNS = ("v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error")
+COLUMNS = (
+    "v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error", "q_ref", "q", "tau_limited",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +69,28 @@ class Recording:
         return self.q - self.q_ref
 
     def to_csv(self, path: str | Path) -> None:
-        """Write time and, for each joint, v_ref, v, tau_cmd, tau, load_torque, speed_error."""
+        """Write time and, for each joint, COLUMNS, exactly."""
         write_table(path, self.time, {name: getattr(self, name) for name in COLUMNS})
+
+    @staticmethod
+    def from_csv(path: str | Path) -> Recording:
+        """Read what `to_csv` writes; further columns are ignored.
+
+        Raises:
+            InputError: naming the file and the line or the column: something missing, gaps in
+                time, numbers that are not finite.
+        """
+        time, columns = read_table(path)
+        names = [field.name for field in fields(Recording) if field.name != "time"]
+        missing = [name for name in names if name not in columns]
+        if missing:
+            raise InputError(
+                f"{path}: no column {missing[0]}_1, expected a recording as `simulate` writes it: "
+                f"time and, for every joint k, {', '.join(f'{name}_k' for name in names)}"
+            )
+        if len({columns[name].shape for name in names}) > 1:
+            raise InputError(f"{path}: the columns differ in their number of joints")
+        return Recording(time=time, **{name: columns[name] for name in names})
 
 
 def make_simulator(diagram: Diagram, *, max_step: float, accuracy: float = ACCURACY) -> Simulator:

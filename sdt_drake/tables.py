@@ -31,15 +31,15 @@ def write_table(
         file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
 
 
-def read_table(path: str | Path) -> tuple[Array, dict[str, Array]]:
+def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str, Array]]:
     """The time column, shape (N,), and each group of columns `name_1..name_n`, shape (N, n).
 
-    Columns with other names are left out.
+    Columns with other names are left out. The time must grow: in equal steps if `even`.
 
     Raises:
         InputError: naming the file, and the line where there is one: no such file, no time column,
             something that is not a finite number, a row of another length, a time that does not
-            grow in equal steps.
+            grow as it must.
     """
     path = Path(path)
     try:
@@ -69,7 +69,7 @@ def read_table(path: str | Path) -> tuple[Array, dict[str, Array]]:
                 f"{path}, line {numbers[bad[0]]}: {header[column]} is {data[bad[0], column]}, "
                 "expected a finite number"
             )
-    _check_even(path, data[:, 0], numbers)
+    _check_time(path, data[:, 0], numbers, even=even)
     return data[:, 0], {name: data[:, columns] for name, columns in groups.items()}
 
 
@@ -89,14 +89,18 @@ def _bad_line(path: Path, lines: list[tuple[int, str]], width: int) -> InputErro
     return InputError(f"{path}: not a table of numbers")
 
 
-def _check_even(path: Path, time: Array, numbers: Sequence[int]) -> None:
-    step = time[1] - time[0]
-    uneven = np.abs(np.diff(time) - step) > 1e-6 * abs(step)
-    if step <= 0 or uneven.any():
-        row = 1 if step <= 0 else int(np.argmax(uneven)) + 1
+def _check_time(path: Path, time: Array, numbers: Sequence[int], *, even: bool) -> None:
+    steps = np.diff(time)
+    bad = steps <= 0
+    expected = "a growing time"
+    if even:
+        bad |= np.abs(steps - steps[0]) > 1e-6 * abs(steps[0])
+        expected = f"equal steps{f' of {steps[0]:g} s' if steps[0] > 0 else ' > 0'}"
+    if bad.any():
+        row = int(np.argmax(bad)) + 1
         raise InputError(
             f"{path}, line {numbers[row]}: time goes from {time[row - 1]:g} to {time[row]:g} s, "
-            f"expected equal steps{f' of {step:g} s' if step > 0 else ' > 0'}"
+            f"expected {expected}"
         )
 
 

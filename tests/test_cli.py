@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import sdt_drake
-from sdt_drake.analysis import report, study
+from sdt_drake.analysis import page, report, study
 from sdt_drake.cli import main
 from sdt_drake.graphviz import dot_text
 from sdt_drake.loops import make_loop
@@ -260,9 +260,53 @@ def test_plan_of_the_reference_motion(good):
     # pitch -9.9 to 1.6 deg, yaw -10.5 to 18.0 deg.
     assert [row[0] for row in rows] == ["1 planetary", "2 roll", "3 pitch", "4 yaw"]
     assert [float(row[2]) for row in rows] == pytest.approx([82, 93, 30, 23], abs=0.5)
-    assert [float(row[3]) for row in rows] == [0, 0, 0, 0]
-    assert [float(row[4]) for row in rows] == pytest.approx([2.4, 1.5, 0.1257, 0.2093], abs=6e-4)
-    assert rows[2][5:] == ["-9.9", "1.6"] and rows[3][5:] == ["-10.5", "18.0"]
+    assert [float(row[4]) for row in rows] == [0, 0, 0, 0]
+    assert [float(row[5]) for row in rows] == pytest.approx([2.4, 1.5, 0.1257, 0.2093], abs=6e-4)
+    assert rows[2][7:9] == ["-9.9", "1.6"] and rows[3][7:9] == ["-10.5", "18.0"]
+    assert "smallest margin: 7.2 %, torque of joint 2 'roll' at 9.000 s" in done.out
+
+
+def test_plan_retimes_what_the_limiter_refuses(good, call, desk):
+    text = (MODELS / "motions" / "reference.yaml").read_text(encoding="utf-8")
+    assert text.count("2.4]") == 2
+    (desk / "fast.yaml").write_text(text.replace("2.4]", "2.95]"), encoding="utf-8")
+    done = call("plan", "fast.yaml")
+    assert done.code == 2 and "joint 2 'roll' at 6.355 s needs torque 3956.91 N m" in done.err
+    done = good(
+        "plan", "fast.yaml", "--planner", "retiming", "--out", "fast.png",
+        "--drive-table", "drives.csv", "--envelope", "package://sdt/scenarios/real_device.yaml",
+    )  # fmt: skip
+    assert "s longer than commanded" in done.out
+    assert (desk / "fast.png").stat().st_size > 20_000
+    _, columns = read_table(desk / "drives.csv")
+    limits = np.array([203.2, 3950, 2150, 2150])
+    assert np.all(np.abs(columns["tau_motor"]) <= limits + 1e-6)
+    assert np.abs(columns["v_motor"][:, 0]).max() == pytest.approx(2.95 * 67.2, rel=1e-4)
+
+
+def test_plan_takes_a_csv_of_any_period_and_says_what_it_lost(good, desk):
+    rows = [f"{0.04 * i:g},{0.02 * min(i, 5, 25 - i):g},0,0,0" for i in range(26)]
+    text = "\n".join(["time,v_ref_1,v_ref_2,v_ref_3,v_ref_4", *rows])
+    (desk / "in.csv").write_text(text, encoding="utf-8")
+    done = good("plan", "in.csv", "--out", "out.csv")
+    assert "resampled at 0.005 s: at most" in done.out
+    assert Motion.from_csv(desk / "out.csv").period == 0.005
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (("--drive-table", "t.txt"), ("--drive-table: t.txt", ".csv")),
+        (("--drive-table", "a.csv", "--out", "a.csv"), ("--drive-table: a.csv", "--out")),
+        (("--envelope", "run.yaml"), ("run.yaml: drive.n1 and drive.n0 missing",)),
+    ],
+)
+def test_plan_refuses_outputs_and_envelopes_that_cannot_be(call, desk, options, words):
+    before = set(desk.iterdir())
+    done = call("plan", "short.yaml", *options)
+    assert done.code == 2 and len(done.err.splitlines()) == 1, done.err
+    assert all(word in done.err for word in words), done.err
+    assert set(desk.iterdir()) == before
 
 
 def test_plan_writes_a_motion_that_every_command_takes(good, desk):
@@ -296,15 +340,15 @@ def test_plan_with_a_margin_limits_the_accelerations(good, desk):
     )
     inertia = 4.0424 * 67.2**2  # of the arm at q = 0, motor side 4.0424 kg m²
     free = read_printed_table(good("plan", "arm_only.yaml").out)[1][0]
-    assert float(free[1]) == pytest.approx(0.2 * inertia, rel=1e-3) and float(free[3]) == 0
+    assert float(free[1]) == pytest.approx(0.2 * inertia, rel=1e-3) and float(free[4]) == 0
     done = good("plan", "arm_only.yaml", "--margin", "0.1")
     limited = read_printed_table(done.out)[1][0]
 
     torque = 0.1 * 203.2 * 67.2  # published
     assert float(limited[1]) == pytest.approx(torque, abs=0.1)
     assert float(limited[2]) == pytest.approx(10.0, abs=0.05)
-    assert float(limited[3]) == pytest.approx(0.1 * inertia / torque, abs=0.01)  # later at speed
-    assert float(limited[4]) == pytest.approx(0.1)
+    assert float(limited[4]) == pytest.approx(0.1 * inertia / torque, abs=0.01)  # later at speed
+    assert float(limited[5]) == pytest.approx(0.1)
 
 
 # --- tune ------------------------------------------------------------------------------------
@@ -419,7 +463,9 @@ def test_simulate_prints_and_writes_the_same_run(good, desk):
 
     assert "pi on the coupled plant" in done.out and done.out.startswith("run:")
     np.testing.assert_allclose(time, 0.005 * np.arange(101), atol=1e-12)
-    assert list(columns) == ["v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error"]
+    assert list(columns) == [
+        "v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error", "q_ref", "q", "tau_limited",
+    ]  # fmt: skip
     _, rows = read_printed_table(done.out)
     error = columns["speed_error"]
     assert [float(row[1]) for row in rows] == pytest.approx(np.abs(error).max(axis=0), abs=6e-5)
@@ -536,7 +582,7 @@ def test_a_suffix_never_holds_another_format(call, desk):
 PIPE = """
 import sys
 from types import SimpleNamespace
-from sdt_drake.analysis import report, study
+from sdt_drake.analysis import page, report, study
 def run_study(watch):
     for name in ("first", "second", "third"):
         with watch.stage(name):
@@ -545,6 +591,7 @@ def write_study(_, folder, watch):
     (folder / "report.md").write_text("report")
     return [SimpleNamespace(id="a_claim", verdict="reproduced")]
 study.run_study, report.write_study = run_study, write_study
+page.write_study_page = lambda _, folder, watch: folder / "report.html"
 from sdt_drake.cli import main
 sys.exit(main(sys.argv[1:]))
 """
@@ -1109,7 +1156,7 @@ BAD_MOTIONS = {
     "empty": (only(0), []),
     "header_only": (only(1), ["two rows"]),
     "one_row": (only(2), ["two rows"]),
-    "gap": (drop(10), ["line 11", "time"]),
+    "time_goes_back": (change(10, 0, "0.03"), ["line 11", "time"]),
     "nan": (change(7, 6, "nan"), ["line 8", "v_ref_2", "nan"]),
     "infinite": (change(7, 6, "inf"), ["line 8", "v_ref_2", "inf"]),
     "text": (change(7, 6, "fast"), ["line 8", "fast"]),
@@ -1212,8 +1259,8 @@ def test_a_device_or_pipe_is_not_replaced_by_a_file(desk):
     assert done.returncode in (0, 2) and "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("out", ["short.yaml", "motion.yaml", "motion.png", "motion"])
-def test_a_motion_goes_into_a_csv_file_only(refuse, out):
+@pytest.mark.parametrize("out", ["short.yaml", "motion.yaml", "motion.txt", "motion"])
+def test_a_motion_goes_into_a_csv_file_or_a_figure(refuse, out):
     """No command could read it under another suffix; and a profile is not overwritten by it."""
     refuse("plan", "short.yaml", "--out", out, saying=[out, ".csv"])
 
@@ -1243,7 +1290,8 @@ def test_reproduce(reproduced):
     assert (done.returncode, done.stderr) == (0, "")
     assert [path.name for path in folder.iterdir()] == ["some"]
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    for name in ("report.md", "table1.md", "reference.csv", "figure8.png", "diagrams/figure6.dot"):
+    names = ("report.md", "report.html", "table1.md", "reference.csv", "figure8.png")
+    for name in (*names, "diagrams/figure6.dot"):
         assert (out / name).is_file(), name
     for claim in summary["claims"]:
         assert re.search(rf"^\s+{claim['id']}\s+{claim['verdict']}$", done.stdout, re.M)
@@ -1276,6 +1324,7 @@ def quick_study(monkeypatch):
 
     monkeypatch.setattr(study, "run_study", run_study)
     monkeypatch.setattr(report, "write_study", write_study)
+    monkeypatch.setattr(page, "write_study_page", lambda _, folder, watch: folder / "report.html")
 
 
 def test_reproduce_into_the_default_folder(good, desk, quick_study):

@@ -22,6 +22,7 @@ call, good = test_cli.call, test_cli.good
 
 COMMANDS = ("compare", "budget", "bode", "stability")
 FIGURE = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
+FELT = ["felt [% of time]", "largest rotation", "rotation about", "largest force", "force along"]
 JOINTS = ["1 planetary", "2 roll", "3 pitch", "4 yaw"]
 # 1.25 s: joint 2 up to 0.5 rad/s within 0.25 s; the others at rest.
 MOTION = SHORT.replace("[0.5, 0.5]]", "[1.25, 0.5]]").replace("[0.5, 0]]", "[1.25, 0]]")
@@ -191,7 +192,7 @@ def test_a_bad_scenario_is_refused_with_file_and_field(call, desk, name, bad):
 
 @pytest.mark.parametrize("plant", ["axis", "coupled"])
 def test_compare_runs_all_that_the_plant_allows(good, desk, plant):
-    results, systems = tables(good("compare", f"../given/{plant}.yaml").out)
+    results, felt, systems = tables(good("compare", f"../given/{plant}.yaml").out)
 
     allowed = {name for name, kind in CONTROLLERS.items() if plant in kind.plants}
     labels = [row[0] for row in systems[1:]]
@@ -199,6 +200,7 @@ def test_compare_runs_all_that_the_plant_allows(good, desk, plant):
     assert results[0][:2] == ["controller", "joint"] and len(results) == 1 + 4 * len(labels)
     assert [row[0] for row in results[1::4]] == labels
     assert systems[0] == ["controller", "blocks", "needs to know"]
+    assert felt[0] == ["controller", *FELT] and [row[0] for row in felt[1:]] == labels
 
 
 def test_compare_prints_what_it_writes(good, desk):
@@ -206,7 +208,7 @@ def test_compare_prints_what_it_writes(good, desk):
         "compare", "../given/coupled.yaml", "--controllers", "pi, p_pi+id", "--out", "x/c.csv"
     )
     header, *rows = read_csv(desk / "x" / "c.csv")
-    results, _ = tables(done.out)
+    results, felt, _ = tables(done.out)
 
     assert done.out.startswith("coupled: 2 controllers on the coupled plant\n")
     assert done.out.endswith("x/c.csv written\n")
@@ -221,6 +223,25 @@ def test_compare_prints_what_it_writes(good, desk):
                 assert cell == "–"
     largest = {row[0]: float(row[2]) for row in rows if row[1] == "2"}
     assert largest["pi"] > 0.1 > 0.01 > largest["p_pi+id"]
+    assert header[11:] == FELT
+    for label, *shown in felt[1:]:
+        for row in (row for row in rows if row[0] == label):
+            assert [row[13], row[15]] == [shown[2], shown[4]]
+            for k in (11, 12, 14):
+                assert float(shown[k - 11]) == pytest.approx(float(row[k]), abs=0.051)
+
+
+def test_compare_of_a_robot_without_a_head_leaves_the_pilot_out(good, desk):
+    robot = (test_cli.MODELS / "sdt.sdf").read_text(encoding="utf-8")
+    headless = re.sub(r'<frame name="head".*?</frame>', "", robot, flags=re.S)
+    assert headless != robot
+    (desk.parent / "given" / "headless.sdf").write_text(headless, encoding="utf-8")
+    (desk.parent / "given" / "headless.yaml").write_text(
+        ENDS["axis"] + "robot: headless.sdf\n", encoding="utf-8"
+    )
+    done = good("compare", "../given/headless.yaml", "--controllers", "pi", "--out", "c.csv")
+    assert len(tables(done.out)) == 2 and "felt" not in done.out
+    assert read_csv(desk / "c.csv")[0][-1] == "needs"
 
 
 def test_compare_agrees_with_simulate(good, desk):

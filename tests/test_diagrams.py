@@ -14,11 +14,13 @@ import pytest
 
 from sdt_drake.analysis.block_diagrams import DIAGRAMS, write_block_diagram
 from sdt_drake.graphviz import dot_text, fingerprint, has_graphviz
+from sdt_drake.motion import shipped_motions
 
 FOLDER = Path(__file__).resolve().parents[1] / "diagrams"
 SCRIPTS = sorted(path.stem for path in FOLDER.glob("*.py"))
 FIGURES = sorted(DIAGRAMS)
 PLOTS = ("controllers", "stability")  # scripts that write a plot and no diagram
+TRAINING = {f"training_{name}_plot.png" for name in shipped_motions()}
 PNG = b"\x89PNG\r\n"
 
 
@@ -92,10 +94,10 @@ def test_committed_svg_shows_every_block(name):
 
 def test_nothing_is_committed_that_no_script_writes():
     written = {f"{name}.{suffix}" for name in FIGURES for suffix in ("dot", "svg")}
-    written |= {f"{name}_plot.png" for name in (*FIGURES, *PLOTS)} | {"device.png"}
+    written |= {f"{name}_plot.png" for name in (*FIGURES, *PLOTS)} | {"device.png"} | TRAINING
     there = {path.name for path in FOLDER.iterdir() if path.is_file()}
 
-    assert there - {f"{name}.py" for name in SCRIPTS} == written
+    assert there - {f"{name}.py" for name in SCRIPTS} - {"tutorial.ipynb"} == written
 
 
 # --- the scripts -----------------------------------------------------------------------------
@@ -127,6 +129,13 @@ def test_script_writes_a_plot(ran, name):
     (plot,) = ran[name].iterdir()
     assert plot.name == f"{name}_plot.png"
     assert plot.read_bytes().startswith(PNG) and plot.stat().st_size > 10_000
+
+
+def test_every_training_motion_has_a_plot(ran):
+    plots = list(ran["training"].iterdir())
+    assert {plot.name for plot in plots} == TRAINING
+    for plot in plots:
+        assert plot.read_bytes().startswith(PNG) and plot.stat().st_size > 10_000
 
 
 def test_device_is_drawn(ran):

@@ -10,8 +10,8 @@ PACKAGE = Path(__file__).parents[1] / "sdt_drake"
 # From the bottom up; README's layout shows the same order.
 ORDER = (
     "errors", "resources", "tables", "yaml_files", "robot", "model_errors", "dynamics", "device",
-    "motion", "control", "scenario", "design", "systems", "loops", "simulate", "graphviz", "paper",
-    "analysis", "commands", "cli", "__main__",
+    "motion", "pilot", "control", "scenario", "design", "systems", "loops", "simulate", "graphviz",
+    "viewer", "paper", "analysis", "commands", "cli", "__main__",
 )  # fmt: skip
 
 

@@ -24,11 +24,19 @@ def blocks(language: str) -> list[str]:
 COMMANDS = [line for block in blocks("sh") for line in block.splitlines()]
 
 
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory):
+    """A folder in which the commands are typed one after the other."""
+    return tmp_path_factory.mktemp("desk")
+
+
 @pytest.mark.parametrize("line", [line for line in COMMANDS if line.startswith("sdt-drake")])
-def test_command_of_the_tour_runs(line, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_command_of_the_tour_runs(line, desk, monkeypatch, capsys):
+    monkeypatch.chdir(desk)
     assert main(shlex.split(line)[1:]) == 0
     assert capsys.readouterr().out
+    for name in re.findall(r"--(?:out|record|drive-table) (\S+)", line):
+        assert (desk / name).stat().st_size > 1000
 
 
 def test_python_of_the_tour_runs(capsys):
@@ -60,7 +68,7 @@ def rows_of_table(header: str) -> list[list[str]]:
     ("scenario", "first"), [("coupled_pi", 1), ("wrong_model", 3)], ids=["exact", "wrong"]
 )
 def test_table_of_controllers_is_what_compare_finds(_reference_design, scenario, first):
-    rows = rows_of_table("controller |")
+    rows = rows_of_table("controller | position")
     labels = [re.match(r"`(.*?)`", row[0])[1] for row in rows]
     design = make_design(
         load_scenario(f"package://sdt/scenarios/{scenario}.yaml"),
@@ -76,3 +84,17 @@ def test_table_of_controllers_is_what_compare_finds(_reference_design, scenario,
         assert float(row[first + 1]) == pytest.approx(
             compared.tracking.rms_speed_error[1], abs=5.1e-6
         )
+
+
+def test_table_of_what_is_felt_is_what_compare_finds(_reference_design):
+    rows = rows_of_table("controller | share of time")
+    labels = [row[0].strip("`") for row in rows]
+    design = make_design(
+        load_scenario("package://sdt/scenarios/coupled_pi.yaml"),
+        robot=_reference_design.robot,
+        motion=_reference_design.motion,
+        torques=_reference_design.torques,
+    )
+    for row, compared in zip(rows, compare(design, labels), strict=True):
+        shares = 100 * compared.head.felt.share, 100 * compared.head.felt_from_angles.share
+        assert [float(cell) for cell in row[1:]] == pytest.approx(shares, abs=0.051)

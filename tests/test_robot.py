@@ -238,12 +238,39 @@ def test_any_chain_loads_with_states_and_actuators_from_base_to_tip(write, n, ba
         assert plant.GetJointByName(name).get_angle(context) == 1
 
 
+def test_acceleration_limits_of_an_sdf_reach_the_robot_or_are_refused(write):
+    def limited(text: str) -> str:
+        limit = f"<effort>40</effort><drake:acceleration>{text}</drake:acceleration>"
+        return ARM.replace("<effort>40</effort>", limit)
+
+    robot = load_robot(write(limited("2.5")))
+    np.testing.assert_array_equal(robot.acceleration_limit, [np.inf, 2.5])
+    for bad in ("0", "-1", "nan", "fast"):
+        with pytest.raises(InputError, match=r"joint 'elbow': <acceleration> .*, expected a numb"):
+            load_robot(write(limited(bad)))
+
+
+def test_an_open_plant_is_the_same_and_can_be_added_to(write):
+    robot = load_robot(write(ARM))
+    plant = robot.make_open_plant()
+    assert not plant.is_finalized()
+    plant.Finalize()
+    q = np.array([0.3, -1.1])
+    M = []
+    for one in (plant, robot.plant):
+        context = one.CreateDefaultContext()
+        one.SetPositions(context, q)
+        M.append(one.CalcMassMatrix(context))
+    np.testing.assert_array_equal(*M)
+
+
 def test_values_of_an_sdf_reach_the_robot(write):
     path = write(ARM)
     robot = load_robot(str(path))
     assert (robot.name, robot.path, robot.joint_names) == ("arm", path, ("shoulder", "elbow"))
     np.testing.assert_array_equal(robot.effort_limit, [90, 40])
     np.testing.assert_array_equal(robot.velocity_limit, [3, np.inf])
+    np.testing.assert_array_equal(robot.acceleration_limit, [np.inf, np.inf])
     np.testing.assert_array_equal(robot.position_lower, [-2, -np.inf])
     np.testing.assert_array_equal(robot.position_upper, [1, np.inf])
     np.testing.assert_array_equal(robot.damping, [0.7, 0])

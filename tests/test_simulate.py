@@ -7,14 +7,17 @@ import numpy as np
 import pytest
 
 from sdt_drake.design import make_design
+from sdt_drake.errors import InputError
 from sdt_drake.loops import make_loop
 from sdt_drake.motion import Motion
 from sdt_drake.scenario import ControllerChoice, PlantChoice, Scenario
-from sdt_drake.simulate import simulate, simulate_scenario
+from sdt_drake.simulate import Recording, simulate, simulate_scenario
 
 PLANTS = ("axis", "coupled")
 SIGNALS = ("q_ref", "v_ref", "q", "v", "tau_cmd", "tau", "load_torque")
-COLUMNS = ("v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error")
+COLUMNS = (
+    "v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error", "q_ref", "q", "tau_limited",
+)  # fmt: skip
 
 
 def along(design, q0, rows):
@@ -96,6 +99,56 @@ def test_csv_is_exact(recordings, plant, tmp_path):
     data = np.array([row.split(",") for row in rows], dtype=float)
     expected = [recording.time[:, None], *(getattr(recording, name) for name in COLUMNS)]
     np.testing.assert_array_equal(data, np.hstack(expected))
+
+    back = Recording.from_csv(tmp_path / "run.csv")
+    same_bits(back, recording)
+    assert back.tau_limited.tobytes() == recording.tau_limited.tobytes()
+
+
+def write_columns(path, names, n=2):
+    """A table with these columns, `name` or `name:joints`, and two rows of zeros."""
+    pairs = [(name.partition(":")[0], int(name.partition(":")[2] or n)) for name in names]
+    header = ["time", *(f"{name}_{k + 1}" for name, joints in pairs for k in range(joints))]
+    rows = [",".join([time, *["0"] * (len(header) - 1)]) for time in ("0", "0.005")]
+    path.write_text("\n".join([",".join(header), *rows]), encoding="utf-8")
+    return path
+
+
+READ = ("q_ref", "v_ref", "q", "v", "tau_cmd", "tau_limited", "tau", "load_torque")
+
+
+def test_a_recording_needs_no_derived_column_and_ignores_others(tmp_path):
+    recording = Recording.from_csv(write_columns(tmp_path / "run.csv", [*READ, "notes"]))
+    assert recording.q.shape == recording.tau_limited.shape == (2, 2)
+
+
+@pytest.mark.parametrize("missing", READ)
+def test_a_recording_without_a_column_is_refused(tmp_path, missing):
+    path = write_columns(tmp_path / "run.csv", [name for name in READ if name != missing])
+    with pytest.raises(InputError) as caught:
+        Recording.from_csv(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: no column {missing}_1, expected") and "\n" not in message
+
+
+def test_a_recording_with_different_numbers_of_joints_is_refused(tmp_path):
+    path = write_columns(tmp_path / "run.csv", [*READ[:-1], "load_torque:3"])
+    with pytest.raises(InputError, match="differ in their number of joints"):
+        Recording.from_csv(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "fewer than two rows"),
+        ("time,q_1\n0,1\n0.005,nan\n", "line 3: q_1 is nan"),
+        ("time,q_1\n0,1\n0.005,1\n0.004,1\n", "line 4: time goes from"),
+    ],
+)
+def test_what_is_no_table_is_refused(tmp_path, content, message):
+    (tmp_path / "run.csv").write_text(content, encoding="utf-8")
+    with pytest.raises(InputError, match=message):
+        Recording.from_csv(tmp_path / "run.csv")
 
 
 def same_bits(first, second):
@@ -218,8 +271,8 @@ def test_other_numbers_of_joints(tmp_path, plant, n, inverse_dynamics):
     np.testing.assert_allclose(recording.v[-1], 0, atol=1.2 * acceleration / 15)
     recording.to_csv(tmp_path / "run.csv")
     header = (tmp_path / "run.csv").read_text().partition("\n")[0]
-    assert header.count(",") == 6 * n
-    assert header.endswith(f"speed_error_{n}")
+    assert header.count(",") == 9 * n
+    assert header.endswith(f"tau_limited_{n}")
 
 
 def test_one_joint_is_the_same_robot_in_both_plants(tmp_path):

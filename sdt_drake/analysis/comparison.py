@@ -7,17 +7,26 @@ import csv
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.primitives import VectorLogSink
 
-from sdt_drake.analysis.tracking import MotorUse, Tracking, motor_use, track
+from sdt_drake.analysis.tracking import (
+    HeadTracking,
+    MotorUse,
+    Tracking,
+    motor_use,
+    track,
+    track_head,
+)
 from sdt_drake.control import CONTROLLERS, FEEDFORWARDS, needs
 from sdt_drake.design import Design, make_design
 from sdt_drake.errors import InputError, checked_choice, replacing
 from sdt_drake.loops import make_loop
+from sdt_drake.pilot import has_head
 from sdt_drake.scenario import Scenario
 from sdt_drake.simulate import Recording, simulate
 
@@ -45,6 +54,12 @@ class Compared:
     motors: MotorUse
     blocks: int
     needs: tuple[str, ...]
+
+    @cached_property
+    def head(self) -> HeadTracking | None:
+        """How well the pilot's head follows; None for a robot without one."""
+        robot = self.design.robot
+        return track_head(self.recording, robot) if has_head(robot) else None
 
 
 def compare(design: Design, labels: Sequence[str]) -> list[Compared]:
@@ -158,6 +173,28 @@ _COLUMNS = (
 """Of the table: header, format, and values of shape (n,) of one controller."""
 
 
+_FELT = (
+    ("felt [% of time]", ".1f", lambda felt: 100 * felt.share),
+    ("largest rotation", ".2f", lambda felt: felt.worst_rotation[1]),
+    ("rotation about", "", lambda felt: felt.worst_rotation[0]),
+    ("largest force", ".2f", lambda felt: felt.worst_force[1]),
+    ("force along", "", lambda felt: felt.worst_force[0]),
+)
+"""What the pilot could feel of the error: header, format, and value of one controller; the largest
+as multiples of what is just felt."""
+
+
+def felt_rows(compared: Sequence[Compared]) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of the second table, a row for each controller; none without a head."""
+    header = ["controller", *(name for name, _, _ in _FELT)]
+    rows = [
+        [c.label, *(format(value(c.head.felt), spec) for _, spec, value in _FELT)]
+        for c in compared
+        if c.head is not None
+    ]
+    return header, rows
+
+
 def comparison_rows(compared: Sequence[Compared]) -> tuple[list[str], list[list[str]]]:
     """Header and rows of the table: a row for each controller and joint."""
     header = ["controller", "joint", *(name for name, _, _ in _COLUMNS)]
@@ -171,17 +208,20 @@ def comparison_rows(compared: Sequence[Compared]) -> tuple[list[str], list[list[
 
 
 def write_comparison(compared: Sequence[Compared], path: str | Path) -> None:
-    """Write the table as CSV: a row for each controller and joint, full precision.
+    """Write the tables as CSV: a row for each controller and joint, full precision.
 
     Raises:
         InputError: if the file cannot be written.
     """
     with replacing(Path(path)) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
+        has_heads = all(c.head is not None for c in compared)
+        felt_columns = _FELT if has_heads else ()
         header = ["controller", "joint", *(name for name, _, _ in _COLUMNS), "blocks", "needs"]
-        table.writerow(header)
+        table.writerow([*header, *(name for name, _, _ in felt_columns)])
         for c in compared:
             values = [value(c) for _, _, value in _COLUMNS]
+            felt = [value(c.head.felt) for _, _, value in felt_columns]
             for k in range(c.design.robot.n):
                 cells = ["" if np.isnan(v[k]) else repr(float(v[k])) for v in values]
-                table.writerow([c.label, k + 1, *cells, c.blocks, ", ".join(c.needs)])
+                table.writerow([c.label, k + 1, *cells, c.blocks, ", ".join(c.needs), *felt])

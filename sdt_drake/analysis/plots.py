@@ -1,4 +1,4 @@
-"""Figures, with the paper's colours; each function returns a matplotlib Figure."""
+"""Figures in one style; each function returns a matplotlib Figure."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from sdt_drake.analysis.frequency_response import FrequencyResponse, unwrapped_d
 from sdt_drake.analysis.stability import StabilitySweep
 from sdt_drake.analysis.study import StepResponse
 from sdt_drake.analysis.tracking import constant_speed_segments
-from sdt_drake.dynamics import Loads
+from sdt_drake.dynamics import InertiaRange, Loads
 from sdt_drake.errors import InputError, replacing
 from sdt_drake.motion import Motion
 from sdt_drake.robot import Robot
 from sdt_drake.simulate import Recording
 
-REFERENCE, PI, PI_CTC = "tab:blue", "tab:red", "tab:green"
-"""The paper's colours."""
-
-PRINTED_SIGN = "tab:purple"
+# Okabe and Ito, "Color universal design", 2008: colours that colour-blind people can tell apart.
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
+REFERENCE, PI, PI_CTC, PRINTED_SIGN, OTHER = PALETTE[:5]
+"""What the paper draws in blue, red and green keeps these hues as far as the palette has them."""
 
 _STYLE = {
     "font.size": 9,
@@ -45,6 +45,9 @@ _STYLE = {
 }
 
 FIGURES = (".png", ".svg", ".pdf")
+
+# matplotlib's backends that write files only.
+_PAPER = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
 
 Line = tuple[str, str, str, NDArray[np.float64]]
 """Label, colour, line style, samples of shape (N, n)."""
@@ -80,6 +83,39 @@ def checked_figure_path(path: str | Path) -> Path:
     if path.suffix not in FIGURES:
         raise InputError(f"{path}: unknown kind of figure, expected {', '.join(FIGURES)}")
     return path
+
+
+def check_screen(where: str) -> None:
+    """Refuse to show figures where there is no screen.
+
+    Raises:
+        InputError: naming `where`.
+    """
+    import matplotlib.pyplot as plt
+
+    backend = matplotlib.get_backend()  # the best there is, unless $MPLBACKEND says which
+    try:
+        plt.switch_backend(backend)
+        screen = backend.lower() not in _PAPER
+    except ImportError:
+        screen = False
+    if not screen:
+        raise InputError(
+            f"{where}: no screen to draw on (matplotlib's backend is {backend}); write the figure "
+            "to a file with --out"
+        )
+
+
+def show(figure: Figure) -> None:
+    """Open a figure in a window; returns when that is closed. See `check_screen`."""
+    import matplotlib.pyplot as plt
+
+    # Only pyplot has windows, and only figures of its own: ours takes the place of an empty one.
+    canvas = plt.figure(figsize=figure.get_size_inches()).canvas
+    canvas.figure = figure
+    figure.set_canvas(canvas)
+    plt.show(block=True)
+    plt.close("all")
 
 
 def figure2(motion: Motion, joint_names: Sequence[str]) -> Figure:
@@ -164,10 +200,49 @@ def torques(title: str, recording: Recording, loads: Loads, robot: Robot) -> Fig
     lines = [
         ("limits, widened by the alleviating torque", "0.6", "-", upper),
         ("_lower", "0.6", "-", lower),
-        ("load torque", "tab:orange", "-", recording.load_torque),
+        ("load torque", REFERENCE, "-", recording.load_torque),
         ("motor torque", PI, "-", recording.tau),
     ]
     return _panels(title, "torque [N m]", recording.time, lines, robot.joint_names)
+
+
+def effective_inertia(
+    title: str,
+    time,
+    i_eff: NDArray[np.float64],
+    joint_names: Sequence[str],
+    published_maximum: Sequence[float] | None = None,
+) -> Figure:
+    """Effective inertia along a motion, motor side [kg m²], with its largest, median and smallest.
+
+    Args:
+        title: of the figure.
+        time: [s], shape (N,).
+        i_eff: motor side [kg m²], shape (N, n).
+        joint_names: n names.
+        published_maximum: of Table 1, motor side [kg m²], drawn as well.
+    """
+    span = InertiaRange.of(i_eff)
+    levels = [
+        ("largest", PI, "--", span.maximum),
+        ("median", PI_CTC, "-.", span.median),
+        ("smallest", PRINTED_SIGN, "--", span.minimum),
+    ]
+    if published_maximum is not None:
+        levels.append(("Table 1, largest", PALETTE[6], ":", np.asarray(published_maximum)))
+    lines = [("effective inertia", REFERENCE, "-", i_eff)]
+    # One scale for all joints, relative to the largest: who varies little looks like it.
+    lowest = min(0.9, float(np.min(span.minimum / span.maximum))) - 0.05
+    figure = _panels(title, "inertia [kg m²]", time, lines, joint_names)
+    with style():
+        for k, ax in enumerate(figure.axes):
+            for label, colour, dashes, values in levels:
+                ax.axhline(values[k], color=colour, linestyle=dashes, label=label, linewidth=0.9)
+            ax.set_title(f"variation {span.variation_percent[k]:.2f} %", loc="right")
+            top = max(values[k] for _, _, _, values in levels)
+            ax.set_ylim(lowest * span.maximum[k], 1.05 * top)
+        _legend_below(figure)
+    return figure
 
 
 def tracking_lines(runs: Mapping[str, Recording], quantity: str) -> list[Line]:
@@ -178,8 +253,7 @@ def tracking_lines(runs: Mapping[str, Recording], quantity: str) -> list[Line]:
         "PI + CTC, printed sign": (PRINTED_SIGN, ":"),
     }
     return [
-        (name, *looks.get(name, ("tab:orange", "-")), getattr(run, quantity))
-        for name, run in runs.items()
+        (name, *looks.get(name, (OTHER, "-")), getattr(run, quantity)) for name, run in runs.items()
     ]
 
 
@@ -298,7 +372,7 @@ def stability(
             for ax in (damping, overshoot):
                 ax.axvline(0.5, color="0.4", linewidth=0.8)
                 ax.margins(x=0)
-        _title(figure, f"{title} (red: unstable)")
+        _title(figure, f"{title} (shaded: unstable)")
         _legend_below(figure, columns=len(joint_names))
     return figure
 
@@ -309,13 +383,11 @@ def _plain_numbers(axis: Axis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-# Okabe and Ito: colours that colour-blind people can tell apart.
-_PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
 _DASHES = ("-", "--", "-.", ":")
 
 
 def _colours(count: int) -> list[str]:
-    return [_PALETTE[i % len(_PALETTE)] for i in range(count)]
+    return [PALETTE[i % len(PALETTE)] for i in range(count)]
 
 
 def _panels(

@@ -20,9 +20,11 @@ from sdt_drake.analysis.block_diagrams import DIAGRAMS, write_block_diagram
 from sdt_drake.analysis.claims import NOT_COMPARABLE, NOT_REPRODUCED, REPRODUCED, Claim, judge
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.study import Run, Stopwatch, Study, table1
+from sdt_drake.analysis.tracking import HeadTracking
 from sdt_drake.dynamics import TorqueGroups, effective_inertia
 from sdt_drake.errors import replacing
 from sdt_drake.graphviz import NO_GRAPHVIZ, has_graphviz
+from sdt_drake.pilot import CHANNELS, felt_difference
 from sdt_drake.tables import write_table
 
 # Which run is behind which file: plant, process, algorithm, controller, disturbed.
@@ -249,7 +251,8 @@ def _beyond_markdown(study: Study) -> str:
     )
     header = (
         "controller", "largest [rad/s]", "RMS [rad/s]", "constant speed [rad/s]",
-        "position [deg]", "torque RMS [%]", "torque peak [%]", "blocks", "needs to know",
+        "position [deg]", "torque RMS [%]", "torque peak [%]", "felt [% of time]",
+        "largest rotation", "largest force", "blocks", "needs to know",
     )  # fmt: skip
     rows = [
         [
@@ -260,6 +263,9 @@ def _beyond_markdown(study: Study) -> str:
             _joined(np.degrees(c.tracking.max_abs_position_error), ".3f"),
             _joined(100 * c.motors.rms_share, ".1f"),
             _joined(100 * c.motors.peak_share, ".1f"),
+            f"{100 * c.head.felt.share:.1f}",
+            _worst(c.head.felt.worst_rotation),
+            _worst(c.head.felt.worst_force),
             str(c.blocks),
             ", ".join(c.needs),
         ]
@@ -277,11 +283,57 @@ def _beyond_markdown(study: Study) -> str:
         "with the inertia does not pay: where the inertia is small it makes the loop softer "
         "against the load. `sdt-drake compare` runs this table on any scenario, with friction, "
         "drives and a wrong model.\n\n"
+        f"{_noticed(by_label)}\n\n"
         "![controllers on the coupled plant](controllers.png)\n\n"
         f"{_table(header, rows)}\n"
-        "Joint side, joints 1 to n; torques as shares of the motor's largest; blocks: Drake "
-        "systems in the loop."
+        "Joint side, joints 1 to n; torques as shares of the motor's largest; felt: share of "
+        "time in which the pilot could feel the error, and the largest rotation and force in "
+        "multiples of what is just felt, in the axes of the head; blocks: Drake systems in the "
+        "loop. The thresholds are those of attentive people in silence and dark, and are assumed "
+        "to hold for differences: what is said not to be felt is not, what could be felt need "
+        "not be."
     )
+
+
+def _noticed(by_label: Mapping[str, Compared]) -> str:
+    """Does the pilot notice that CTC is missing?"""
+    without, with_ctc = by_label["pi"].head, by_label["pi_ctc"].head
+    between = felt_difference(
+        with_ctc.achieved, without.achieved, by_label["pi"].design.motion.period
+    )
+    question = "**Does the pilot notice that CTC is missing?**"
+    apart = (
+        f"at most {_worst(between.worst_rotation)} and {_worst(between.worst_force)} times what "
+        "is just felt"
+    )
+    if between.share == 0:
+        return f"{question} No: the rides with and without it differ by {apart}."
+
+    def felt(label: str) -> str:
+        return f"{100 * by_label[label].head.felt.share:.1f} %"
+
+    gained = without.felt.share - with_ctc.felt.share
+    angles = [head.felt_from_angles.share for head in (without, with_ctc)]
+    because = (
+        ": both lose the position, and gravity and the centrifugal force then pull from another "
+        "side"
+        if min(angles) > 0.5 * with_ctc.felt.share
+        else ""
+    )
+    return (
+        f"{question} Who rode both could tell `pi` and `pi_ctc` apart {100 * between.share:.0f} % "
+        f"of the time ({apart}). As an error, against the motion that was asked for, "
+        f"{'much' if gained >= 0.1 else 'little'} is gained: it could be felt {felt('pi')} of the "
+        f"time without CTC and {felt('pi_ctc')} with it, by the wrong joint angles alone "
+        f"{100 * angles[0]:.1f} and {100 * angles[1]:.1f} %{because}. With a position loop around "
+        f"the speed loop it is {felt('p_pi')} without feedforward, {felt('p_pi+ctc')} with CTC and "
+        f"{felt('p_pi+id')} with the whole inverse dynamics."
+    )
+
+
+def _worst(channel: tuple[str, float]) -> str:
+    name, multiple = channel
+    return f"{multiple:.2f} ({name})"
 
 
 def _runs_table(runs: Iterable[Run]) -> str:
@@ -316,8 +368,19 @@ def _beyond_entry(compared: Compared) -> dict[str, object]:
         "controller": compared.label,
         **asdict(compared.tracking),
         **asdict(compared.motors),
+        "felt": None if compared.head is None else _felt_entry(compared.head),
         "blocks": compared.blocks,
         "needs": list(compared.needs),
+    }
+
+
+def _felt_entry(head: HeadTracking) -> dict[str, object]:
+    return {
+        "share": head.felt.share,
+        "share_from_angles": head.felt_from_angles.share,
+        "channels": list(CHANNELS),
+        "largest": head.felt.largest,
+        "channel_share": head.felt.channel_share,
     }
 
 

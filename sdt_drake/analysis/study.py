@@ -216,7 +216,7 @@ _COUPLED_CASES = [
     ("consistent", "pi_ctc", 0.05),
 ]
 
-_BEYOND = ("pi_id", "p_pi", "p_pi+id", "pi_scheduled", "inverse_dynamics")
+_BEYOND = ("pi_id", "p_pi", "p_pi+ctc", "p_pi+id", "pi_scheduled", "inverse_dynamics")
 
 
 def _axis_run(design: Design, algorithm: str, process: str, controller: str) -> Run:

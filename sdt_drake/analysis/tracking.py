@@ -1,4 +1,4 @@
-"""Tracking metrics of a recording."""
+"""Tracking metrics of a recording: joints, motors, and the pilot's head."""
 
 from __future__ import annotations
 
@@ -8,6 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.motion import Motion
+from sdt_drake.pilot import (
+    FeltDifference,
+    HeadMotion,
+    felt_difference,
+    head_motion_of_samples,
+)
 from sdt_drake.robot import Robot
 from sdt_drake.simulate import Recording
 
@@ -82,3 +88,38 @@ def motor_use(recording: Recording, robot: Robot) -> MotorUse:
     rms = np.sqrt(np.mean(recording.tau**2, axis=0))
     limit = robot.motor_torque_limit
     return MotorUse(peak, rms, peak / limit, rms / limit)
+
+
+@dataclass(frozen=True, eq=False)
+class HeadTracking:
+    """How well the pilot's head follows.
+
+    Attributes:
+        reference, achieved: motion of the head.
+        felt: their difference, as far as the pilot could feel it.
+        felt_from_angles: the same if only the joint angles were off, and speeds and accelerations
+            those of the reference: what a loss of position does, mostly by tilting the head.
+    """
+
+    reference: HeadMotion
+    achieved: HeadMotion
+    felt: FeltDifference
+    felt_from_angles: FeltDifference
+
+
+def track_head(recording: Recording, robot: Robot) -> HeadTracking:
+    """The head along a recording.
+
+    Raises:
+        InputError: if the robot has no head, or not as many joints as the recording.
+    """
+    run, period = recording, float(recording.time[1] - recording.time[0])
+    reference = head_motion_of_samples(robot, period, run.q_ref, run.v_ref)
+    achieved = head_motion_of_samples(robot, period, run.q, run.v)
+    moved_away = head_motion_of_samples(robot, period, run.q, run.v_ref)
+    return HeadTracking(
+        reference=reference,
+        achieved=achieved,
+        felt=felt_difference(reference, achieved, period),
+        felt_from_angles=felt_difference(reference, moved_away, period),
+    )

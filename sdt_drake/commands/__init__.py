@@ -5,13 +5,32 @@ from sdt_drake.commands import (
     budget,
     compare,
     diagram,
+    motions,
+    pilot,
     plan,
+    report,
     reproduce,
     simulate,
     stability,
     step,
     tune,
+    view,
 )
 
 # As --help lists them.
-COMMANDS = (reproduce, plan, tune, step, simulate, compare, budget, bode, stability, diagram)
+COMMANDS = (
+    reproduce,
+    report,
+    motions,
+    plan,
+    tune,
+    step,
+    simulate,
+    compare,
+    pilot,
+    view,
+    budget,
+    bode,
+    stability,
+    diagram,
+)

@@ -8,7 +8,9 @@ from sdt_drake.commands.common import (
     add_command,
     add_out,
     add_scenario,
+    add_show,
     check_out,
+    deliver,
     design_of,
     print_table,
     say,
@@ -32,6 +34,7 @@ def add(commands) -> None:
         "inertia is largest)",
     )
     add_out(parser, "CSV file for the responses, or a figure of them (.png, .svg, .pdf)")
+    add_show(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -40,7 +43,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis import plots
     from sdt_drake.analysis.frequency_response import frequency_response, write_responses
 
-    check_out(options.out, csv=True)
+    check_out(options.out, csv=True, show=options.show)
     design = design_of(options.scenario)
     sample = None
     if options.time is not None:
@@ -80,11 +83,9 @@ def run(options: argparse.Namespace) -> None:
         say("note: friction has no frequency response and is left out")
     if np.any(~response.stable):
         say("note: the margins of an unstable loop say nothing")
-    if options.out is None:
-        return
-    if options.out.suffix == ".csv":
-        write_responses(response, options.out)
-    else:
-        title = f"{scenario.name}: {scenario.controller.label}"
-        plots.save(plots.bode(title, response, design.robot.joint_names), options.out)
-    say(f"{options.out} written")
+    title = f"{scenario.name}: {scenario.controller.label}"
+    deliver(
+        options,
+        lambda: plots.bode(title, response, design.robot.joint_names),
+        lambda path: write_responses(response, path),
+    )

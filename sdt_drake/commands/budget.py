@@ -8,7 +8,9 @@ from sdt_drake.commands.common import (
     add_command,
     add_out,
     add_scenario,
+    add_show,
     check_out,
+    deliver,
     design_of,
     naming,
     print_table,
@@ -26,6 +28,7 @@ def add(commands) -> None:
     )
     add_scenario(parser)
     add_out(parser, "CSV file for the parts, or a figure of them (.png, .svg, .pdf)")
+    add_show(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -35,7 +38,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.budget import error_budget
     from sdt_drake.tables import write_table
 
-    check_out(options.out, csv=True)
+    check_out(options.out, csv=True, show=options.show)
     design = design_of(options.scenario)
     with naming(options.scenario):
         budget = error_budget(design)
@@ -54,12 +57,10 @@ def run(options: argparse.Namespace) -> None:
             for label, values in signals.items()
         ],
     )
-    if options.out is None:
-        return
-    if options.out.suffix == ".csv":
-        columns = {name.replace(" ", "_"): values for name, values in signals.items()}
-        write_table(options.out, budget.time, columns)
-    else:
-        title = f"{design.scenario.name}: parts of the speed error"
-        plots.save(plots.error_budget(title, budget, names), options.out)
-    say(f"{options.out} written")
+    title = f"{design.scenario.name}: parts of the speed error"
+    columns = {name.replace(" ", "_"): values for name, values in signals.items()}
+    deliver(
+        options,
+        lambda: plots.error_budget(title, budget, names),
+        lambda path: write_table(path, budget.time, columns),
+    )

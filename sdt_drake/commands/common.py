@@ -9,9 +9,13 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sdt_drake import paper
 from sdt_drake.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # The heavy imports stand in the functions that run: --help and --version answer at once.
 
@@ -39,6 +43,10 @@ def add_command(
 def add_out(parser: argparse.ArgumentParser, help_: str, default: str | None = None) -> None:
     note = f" (default: {default})" if default else ""
     parser.add_argument("--out", type=Path, default=default and Path(default), help=help_ + note)
+
+
+def add_show(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--show", action="store_true", help="open the figure on the screen")
 
 
 def add_motion(parser: argparse.ArgumentParser) -> None:
@@ -79,16 +87,49 @@ def design_of(path: str):
         raise InputError(f"{path}: {own}" if own != str(error) else own) from None
 
 
-def check_out(path: Path | None, *, csv: bool = False) -> None:
-    """Refuse what could not be written, before anything is computed; None: nothing is written."""
+def check_out(path: Path | None, *, csv: bool = False, show: bool = False) -> None:
+    """Refuse what could not be written or shown, before anything is computed.
+
+    None: nothing is written.
+    """
     from sdt_drake.analysis import plots
 
+    if show:
+        plots.check_screen("--show")
     if path is None:
         return
     if path.is_dir():
         raise InputError(f"{path}: is a folder, expected a file")
-    if not (csv and path.suffix == ".csv"):
-        plots.checked_figure_path(path)
+    suffixes = ((".csv",) if csv else ()) + plots.FIGURES
+    if path.suffix not in suffixes:
+        raise InputError(f"{path}: unknown kind of file, expected {', '.join(suffixes)}")
+
+
+def deliver(
+    options: argparse.Namespace,
+    figure: Callable[[], Figure],
+    table: Callable[[Path], object] | None = None,
+) -> None:
+    """Do what --out and --show ask for.
+
+    Args:
+        options: with `out` (checked by `check_out`) and `show`.
+        figure: draws it; not called if nobody wants it.
+        table: writes the CSV file.
+    """
+    from sdt_drake.analysis import plots
+
+    out: Path | None = options.out
+    as_table = out is not None and table is not None and out.suffix == ".csv"
+    drawn = figure() if options.show or (out and not as_table) else None
+    if out is not None:
+        if as_table:
+            table(out)
+        else:
+            plots.save(drawn, out)
+        say(f"{out} written")
+    if options.show:
+        plots.show(drawn)
 
 
 @contextmanager

@@ -8,7 +8,9 @@ from sdt_drake.commands.common import (
     add_command,
     add_out,
     add_scenario,
+    add_show,
     check_out,
+    deliver,
     design_of,
     naming,
     print_table,
@@ -36,6 +38,7 @@ def add(commands) -> None:
         "open (default: all that the plant allows)",
     )
     add_out(parser, "CSV file for the table, or a figure of it (.png, .svg, .pdf)")
+    add_show(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -44,10 +47,11 @@ def run(options: argparse.Namespace) -> None:
         check_labels,
         compare,
         comparison_rows,
+        felt_rows,
         write_comparison,
     )
 
-    check_out(options.out, csv=True)
+    check_out(options.out, csv=True, show=options.show)
     design = design_of(options.scenario)
     text = options.controllers
     if text is None:
@@ -63,14 +67,18 @@ def run(options: argparse.Namespace) -> None:
     print_table(header, rows)
     say("speeds and positions are joint side, torques motor side, % of the motor's largest")
     say()
+    header, rows = felt_rows(compared)
+    if rows:
+        print_table(header, rows)
+        say("share of time in which the pilot could feel the error; largest: multiples of what is")
+        say("just felt, about and along the axes of the head")
+        say()
     print_table(
         ("controller", "blocks", "needs to know"),
         [(c.label, str(c.blocks), ", ".join(c.needs)) for c in compared],
     )
-    if options.out is None:
-        return
-    if options.out.suffix == ".csv":
-        write_comparison(compared, options.out)
-    else:
-        plots.save(plots.comparison(f"{scenario.name}: controllers", compared), options.out)
-    say(f"{options.out} written")
+    deliver(
+        options,
+        lambda: plots.comparison(f"{scenario.name}: controllers", compared),
+        lambda path: write_comparison(compared, path),
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from sdt_drake.commands.common import (
     add_command,
@@ -10,6 +11,9 @@ from sdt_drake.commands.common import (
     add_out,
     add_period,
     add_robot,
+    add_show,
+    check_out,
+    deliver,
     print_table,
     say,
 )
@@ -22,48 +26,147 @@ def add(commands) -> None:
         "plan",
         run,
         "plan a motion within the motors' torques",
-        "sdt-drake plan package://sdt/motions/reference.yaml --out motion.csv",
+        "sdt-drake plan graveyard_spin --planner retiming --out motion.csv",
     )
     add_motion(parser)
     add_robot(parser)
     add_period(parser)
     parser.add_argument(
+        "--planner",
+        choices=("limiter", "retiming"),
+        default="limiter",
+        help="what gives way where a motor is too weak: a joint for a while (limiter, default), or "
+        "the time of the whole path (retiming)",
+    )
+    parser.add_argument(
         "--margin", type=float, default=1.0, help="share of the motors' torque to use, in (0, 1]"
     )
-    add_out(parser, "CSV file for the motion")
+    parser.add_argument(
+        "--envelope",
+        metavar="SCENARIO.yaml",
+        help="scenario whose drive has the motors' torque-speed envelope (n1, n0); for the report",
+    )
+    parser.add_argument(
+        "--drive-table",
+        type=Path,
+        metavar="FILE.csv",
+        help="positions, speeds and torque pre-control of the motors, motor side",
+    )
+    add_out(parser, "the motion (.csv), or a figure of torques and speeds (.png, .svg, .pdf)")
+    add_show(parser)
 
 
 def run(options: argparse.Namespace) -> None:
-    import numpy as np
-
+    from sdt_drake.analysis import plots_motion
     from sdt_drake.design import load_plan
+    from sdt_drake.motion import margins, write_drive_table
     from sdt_drake.robot import load_robot
 
-    if options.out and options.out.suffix != ".csv":
-        raise InputError(f"{options.out}: expected a .csv file")
+    _check_outputs(options)
     if not 0 < options.margin <= 1:
         raise InputError(f"--margin: {options.margin:g}, expected a share in (0, 1]")
     robot = load_robot(options.robot)
-    plan = load_plan(options.motion, robot, period=options.period, margin=options.margin)
+    n1, n0 = _envelope(options.envelope, robot.n)
+    plan = load_plan(
+        options.motion,
+        robot,
+        period=options.period,
+        margin=options.margin,
+        planner=options.planner,
+    )
+    report = margins(robot, plan.motion, n1=n1, n0=n0)
+    _print_report(options, robot, plan, report)
+    if options.drive_table:
+        write_drive_table(options.drive_table, robot, plan)
+        say(f"{options.drive_table} written")
+    title = f"{Path(options.motion).name}, {options.planner}: {_duration(plan)}"
+    deliver(
+        options,
+        figure=lambda: plots_motion.plan(title, robot, plan, report),
+        table=plan.motion.to_csv,
+    )
+
+
+def _check_outputs(options: argparse.Namespace) -> None:
+    check_out(options.out, csv=True, show=options.show)
+    table = options.drive_table
+    if table is None:
+        return
+    if table.suffix != ".csv" or table.is_dir():
+        raise InputError(f"--drive-table: {table}, expected a .csv file")
+    if options.out is not None and table.resolve() == options.out.resolve():
+        raise InputError(f"--drive-table: {table} is the file of --out too, expected another one")
+
+
+def _envelope(path: str | None, n: int):
+    """n1 and n0 of a scenario's drive [rad/s], motor side; None without a scenario."""
+    from sdt_drake.scenario import load_scenario
+
+    if path is None:
+        return None, None
+    drive = load_scenario(path).drive
+    if drive is None or drive.n1 is None:
+        raise InputError(f"{path}: drive.n1 and drive.n0 missing, expected an envelope")
+    try:
+        drive.validate_sizes(n, "drive")
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    return drive.n1, drive.n0
+
+
+def _duration(plan) -> str:
+    text = f"{plan.motion.duration:g} s"
+    return text if plan.longer <= 0 else f"{text}, {plan.longer:g} s longer than commanded"
+
+
+def _print_report(options: argparse.Namespace, robot, plan, report) -> None:
+    import numpy as np
+
     motion = plan.motion
-    say(f"{options.motion}: {motion.duration:g} s, {len(motion.time)} samples, feasible")
-    peak, use = np.abs(plan.torque).max(axis=0), plan.peak_use(robot)
+    say(f"{options.motion}: {_duration(plan)}, {len(motion.time)} samples, feasible")
+    if plan.loss is not None:
+        loss = plan.loss
+        j, k = int(loss.speed.argmax()), int(loss.position.argmax())
+        say(
+            f"resampled at {motion.period:g} s: at most {loss.speed[j]:.3g} rad/s lost (joint "
+            f"{j + 1}, {loss.speed_time[j]:.3f} s) and {loss.position[k]:.3g} rad (joint {k + 1}, "
+            f"{loss.position_time[k]:.3f} s)"
+        )
+    tightest = [report.tightest(k) for k in range(robot.n)]
+    speed = np.abs(motion.v).max(axis=0)
     print_table(
-        ("joint", "peak torque [N m]", "of the motor [%]", "limited [s]", "speed [rad/s]",
-         "from [deg]", "to [deg]"),
+        ("joint", "torque [N m]", "of motor [%]", "RMS [%]", "held [s]", "speed [rad/s]",
+         "of limit [%]", "from [deg]", "to [deg]", "tightest"),
         [
             (
-                f"{k + 1} {robot.joint_names[k]}", f"{peak[k]:.1f}",
-                f"{100 * use[k]:.1f}",
+                f"{k + 1} {robot.joint_names[k]}", f"{report.peak_torque[k]:.1f}",
+                f"{100 * report.peak_torque[k] / robot.effort_limit[k]:.1f}",
+                f"{100 * report.rms_torque[k] / robot.effort_limit[k]:.1f}",
                 f"{plan.limited[:, k].sum() * motion.period:.3f}",
-                f"{np.abs(motion.v[:, k]).max():.3f}",
+                f"{speed[k]:.3f}", f"{100 * speed[k] / robot.velocity_limit[k]:.1f}",
                 f"{np.degrees(motion.q[:, k].min()):.1f}",
                 f"{np.degrees(motion.q[:, k].max()):.1f}",
+                f"{place.quantity}, {100 * place.share:.1f} % at {place.time:.3f} s",
             )
-            for k in range(robot.n)
+            for k, place in enumerate(tightest)
         ],
     )  # fmt: skip
-    say("torques are joint side, with the motors' inertia")
-    if options.out:
-        motion.to_csv(options.out)
-        say(f"{options.out} written")
+    for k in np.flatnonzero(np.isfinite(report.to_stop)):
+        say(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
+    place = report.smallest
+    say(
+        f"smallest margin: {100 * place.margin:.1f} %, {place.quantity} of joint "
+        f"{place.joint + 1} '{robot.joint_names[place.joint]}' at {place.time:.3f} s"
+    )
+    if place.quantity == "torque at speed" and place.margin < 0:
+        say("beyond the torque-speed envelope: the planners do not know it; take a lower --margin")
+    growth = report.growth / robot.effort_limit
+    k = int(growth.argmax())
+    say(
+        "largest torques, joint side, with the motors' inertia; held: back by the limiter, or all "
+        "joints together by the retiming"
+    )
+    say(
+        "between samples the peaks grow by at "
+        f"most {100 * growth[k]:.2g} % of the motor (joint {k + 1})"
+    )

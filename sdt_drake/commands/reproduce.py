@@ -21,6 +21,7 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
+    from sdt_drake.analysis.page import write_study_page
     from sdt_drake.analysis.report import write_study
     from sdt_drake.analysis.study import Stopwatch, run_study
     from sdt_drake.graphviz import NO_GRAPHVIZ, has_graphviz
@@ -31,9 +32,11 @@ def run(options: argparse.Namespace) -> None:
     watch = Stopwatch(say)
     study = run_study(watch)
     claims = write_study(study, folder, watch)
+    page = write_study_page(study, folder, watch)
     say()
     for claim in claims:
         say(f"  {claim.id:29s} {claim.verdict}")
     if not has_graphviz():
         say(f"\nNo .svg of the block diagrams: {NO_GRAPHVIZ}")
-    say(f"\n{folder / 'report.md'} written, {time.perf_counter() - start:.1f} s in all")
+    seconds = time.perf_counter() - start
+    say(f"\n{folder / 'report.md'} and {page.name} written, {seconds:.1f} s in all")

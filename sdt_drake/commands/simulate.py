@@ -8,7 +8,9 @@ from sdt_drake.commands.common import (
     add_command,
     add_out,
     add_scenario,
+    add_show,
     check_out,
+    deliver,
     design_of,
     print_table,
     say,
@@ -25,6 +27,7 @@ def add(commands) -> None:
     )
     add_scenario(parser)
     add_out(parser, "CSV file for the recording, or a figure of it (.png, .svg, .pdf)")
+    add_show(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -34,7 +37,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.tracking import track
     from sdt_drake.simulate import simulate
 
-    check_out(options.out, csv=True)
+    check_out(options.out, csv=True, show=options.show)
     design = design_of(options.scenario)
     scenario = design.scenario
     recording = simulate(design)
@@ -55,17 +58,16 @@ def run(options: argparse.Namespace) -> None:
             for k in range(design.robot.n)
         ],
     )  # fmt: skip
-    if options.out is None:
-        return
-    if options.out.suffix == ".csv":
-        recording.to_csv(options.out)
-    else:
-        label = {"pi": "PI", "pi_ctc": "PI + CTC"}.get(
-            scenario.controller.kind, scenario.controller.label
-        )
-        lines = plots.tracking_lines({label: recording}, "speed_error")
-        names = design.robot.joint_names
-        title = f"{scenario.name}: speed errors"
-        figure = plots.speed_errors(title, recording.time, lines, names, design.motion)
-        plots.save(figure, options.out)
-    say(f"{options.out} written")
+    paper_label = {"pi": "PI", "pi_ctc": "PI + CTC"}
+    label = paper_label.get(scenario.controller.kind, scenario.controller.label)
+    deliver(
+        options,
+        lambda: plots.speed_errors(
+            f"{scenario.name}: speed errors",
+            recording.time,
+            plots.tracking_lines({label: recording}, "speed_error"),
+            design.robot.joint_names,
+            design.motion,
+        ),
+        recording.to_csv,
+    )

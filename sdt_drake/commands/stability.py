@@ -10,7 +10,9 @@ from sdt_drake.commands.common import (
     add_omega_r,
     add_out,
     add_scenario,
+    add_show,
     check_out,
+    deliver,
     design_of,
     print_table,
     say,
@@ -34,6 +36,7 @@ def add(commands) -> None:
         "--damping", type=float, default=0.01, help="damping ratio of the elastic joints [-]"
     )
     add_out(parser, "figure (.png, .svg, .pdf)")
+    add_show(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -45,7 +48,7 @@ def run(options: argparse.Namespace) -> None:
 
     checked_number(options.omega_r, "--omega-r", minimum=SLOWEST)
     checked_number(options.damping, "--damping", minimum=0)
-    check_out(options.out)
+    check_out(options.out, show=options.show)
     design = design_of(options.scenario)
     names = design.robot.joint_names
     drives = {"ideal drive": None}
@@ -93,7 +96,5 @@ def run(options: argparse.Namespace) -> None:
         )
         say()
     say("each axis alone, with its largest inertia; a sampled drive at its own period")
-    if options.out:
-        title = f"{design.scenario.name}: elastic joints of {options.omega_r:g} rad/s"
-        plots.save(plots.stability(title, sweeps, names), options.out)
-        say(f"{options.out} written")
+    title = f"{design.scenario.name}: elastic joints of {options.omega_r:g} rad/s"
+    deliver(options, lambda: plots.stability(title, sweeps, names))

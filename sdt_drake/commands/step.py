@@ -5,7 +5,15 @@ from __future__ import annotations
 import argparse
 from dataclasses import asdict
 
-from sdt_drake.commands.common import add_command, add_omega_r, add_out, say
+from sdt_drake.commands.common import (
+    add_command,
+    add_omega_r,
+    add_out,
+    add_show,
+    check_out,
+    deliver,
+    say,
+)
 from sdt_drake.errors import checked_choice, checked_number
 
 
@@ -24,6 +32,7 @@ def add(commands) -> None:
     add_omega_r(parser)
     parser.add_argument("--zeta", type=float, default=1.0, help="damping ratio [-]")
     add_out(parser, "figure (.png, .svg, .pdf)")
+    add_show(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -33,14 +42,10 @@ def run(options: argparse.Namespace) -> None:
 
     checked_number(options.inertia, "--inertia", minimum=0, exclusive=True)
     checked_choice(options.structure, STRUCTURES, "--structure")
-    if options.out:
-        plots.checked_figure_path(options.out)
+    check_out(options.out, show=options.show)
     step = step_response(options.structure, options.zeta, options.inertia, options.omega_r)
     units = {"overshoot_percent": "%", "peak": "rad/s", "steady_state_error": "rad/s"}
     for name, value in asdict(step.metrics).items():
         label = name.removesuffix("_percent").replace("_", " ")
         say(f"{label:20s} {value:.5g} {units.get(name, 's')}")
-    if options.out:
-        figure = plots.step_responses("Step response", {step.structure: step})
-        plots.save(figure, options.out)
-        say(f"{options.out} written")
+    deliver(options, lambda: plots.step_responses("Step response", {step.structure: step}))

@@ -11,8 +11,12 @@ from sdt_drake.commands.common import (
     add_command,
     add_motion,
     add_omega_r,
+    add_out,
     add_period,
     add_robot,
+    add_show,
+    check_out,
+    deliver,
     print_table,
     say,
 )
@@ -34,16 +38,22 @@ def add(commands) -> None:
     parser.add_argument(
         "--zeta", type=float, nargs="+", help="damping ratio at the largest inertia, each joint [-]"
     )
+    add_out(parser, "figure of the effective inertia along the motion (.png, .svg, .pdf)")
+    add_show(parser)
 
 
 def run(options: argparse.Namespace) -> None:
+    from sdt_drake.analysis import plots
     from sdt_drake.control import damping_ratio, natural_frequency, oscillation_frequency
     from sdt_drake.design import make_design
+    from sdt_drake.dynamics import effective_inertia
     from sdt_drake.resources import find_file
     from sdt_drake.scenario import ControllerChoice, Scenario
 
+    check_out(options.out, show=options.show)
+    shipped = find_file(options.robot).resolve() == find_file(ROBOT).resolve()
     zeta = options.zeta
-    if zeta is None and find_file(options.robot).resolve() == find_file(ROBOT).resolve():
+    if zeta is None and shipped:
         zeta = paper.table1("zeta_max")
     try:
         design = make_design(
@@ -89,3 +99,13 @@ def run(options: argparse.Namespace) -> None:
             f"note: omega_n exceeds 0.5 omega_r where the inertia is small, joint "
             f"{', '.join(too_fast)}"
         )
+    deliver(
+        options,
+        lambda: plots.effective_inertia(
+            f"{options.motion}: effective inertia, motor side",
+            design.motion.time,
+            effective_inertia(design.robot, design.torques.d_kk),
+            design.robot.joint_names,
+            paper.table1("i_eff_max") if shipped else None,
+        ),
+    )

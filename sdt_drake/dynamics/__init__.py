@@ -2,7 +2,12 @@
 
 from sdt_drake.dynamics.decoupling import SIGNS, Loads, decouple
 from sdt_drake.dynamics.effective_inertia import InertiaRange, effective_inertia
-from sdt_drake.dynamics.inverse import TorqueGroups, groups_of_sample, torque_groups
+from sdt_drake.dynamics.inverse import (
+    TorqueGroups,
+    groups_of_sample,
+    inverse_dynamics,
+    torque_groups,
+)
 
 __all__ = [
     "SIGNS",
@@ -12,5 +17,6 @@ __all__ = [
     "decouple",
     "effective_inertia",
     "groups_of_sample",
+    "inverse_dynamics",
     "torque_groups",
 ]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.framework import Context
 
 from sdt_drake.errors import InputError
@@ -63,6 +64,25 @@ def groups_of_sample(
     velocity = plant.CalcBiasTerm(context) + robot.damping * q_and_v[robot.n :]
     gravity = -plant.CalcGravityGeneralizedForces(context)
     return inertial, reaction, velocity, gravity, d_kk
+
+
+def inverse_dynamics(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
+    """Joint torque **with the inertia of the motors**, joint side [N m], shape (N, n).
+
+    It is the total of `torque_groups` and r² I_m vd, by Drake's recursion, which is faster.
+
+    Args:
+        robot: the robot.
+        q, v, vd: joint positions [rad], speeds [rad/s] and accelerations [rad/s²], shape (N, n).
+    """
+    plant = robot.plant
+    context, forces = plant.CreateDefaultContext(), MultibodyForces(plant)
+    torque = np.empty(q.shape)
+    for i, q_and_v in enumerate(np.hstack([q, v])):
+        plant.SetPositionsAndVelocities(context, q_and_v)
+        plant.CalcForceElementsContribution(context, forces)  # gravity and viscous friction
+        torque[i] = plant.CalcInverseDynamics(context, vd[i], forces)
+    return torque
 
 
 def torque_groups(robot: Robot, q: ArrayLike, v: ArrayLike, vd: ArrayLike) -> TorqueGroups:

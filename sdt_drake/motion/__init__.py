@@ -1,6 +1,9 @@
 """From commanded joint speeds to a motion that the motors can do."""
 
-from sdt_drake.motion.planner import Plan, check_motion, plan_motion
+from sdt_drake.motion.command import Command
+from sdt_drake.motion.drive_table import write_drive_table
+from sdt_drake.motion.margins import Margins, Tightest, margins
+from sdt_drake.motion.planner import INTERPOLATION_PERIOD, Plan, check_motion, plan_motion
 from sdt_drake.motion.profile import (
     CommandProfile,
     Knots,
@@ -8,16 +11,44 @@ from sdt_drake.motion.profile import (
     Sampled,
     load_profile,
 )
+from sdt_drake.motion.resampling import Loss, import_motion, resample
+from sdt_drake.motion.retiming import retime
+from sdt_drake.motion.training import (
+    TrainingProfile,
+    find_motion,
+    load_command,
+    load_training,
+    shipped_motions,
+)
 from sdt_drake.motion.trajectory import Motion
 
+PLANNERS = {"limiter": plan_motion, "retiming": retime}
+"""Each `(robot, command, *, period, margin) -> Plan`."""
+
 __all__ = [
+    "INTERPOLATION_PERIOD",
+    "PLANNERS",
+    "Command",
     "CommandProfile",
     "Knots",
+    "Loss",
+    "Margins",
     "Motion",
     "Oscillation",
     "Plan",
     "Sampled",
+    "Tightest",
+    "TrainingProfile",
     "check_motion",
+    "find_motion",
+    "import_motion",
+    "load_command",
     "load_profile",
+    "load_training",
+    "margins",
     "plan_motion",
+    "resample",
+    "retime",
+    "shipped_motions",
+    "write_drive_table",
 ]

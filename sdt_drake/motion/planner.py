@@ -1,4 +1,7 @@
-"""The off-line planner of Section 2: commanded speeds to a motion within the motors' torques."""
+"""The off-line planner of Section 2: commanded speeds to a motion within the motors' torques.
+
+What every planner gives and checks stands here too.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.dynamics import torque_groups
+from sdt_drake.dynamics import inverse_dynamics
 from sdt_drake.errors import InputError, checked_number, whole_periods
+from sdt_drake.motion.command import Command
 from sdt_drake.motion.profile import CommandProfile
+from sdt_drake.motion.resampling import Loss
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot import Robot
 
@@ -17,11 +22,13 @@ Array = NDArray[np.float64]
 
 INTERPOLATION_PERIOD = 0.005  # s, published
 TORQUE_TOLERANCE = 1e-6  # N m
-_SPEED_TOLERANCE = 1e-9  # rad/s; round-off of a commanded speed
+SPEED_TOLERANCE = 1e-9  # rad/s; round-off of a commanded speed
+ACCELERATION_TOLERANCE = 1e-6  # rad/s²; that of a speed, over a period
 # What an overpowered joint may slip, while it is off its command, before the motion is lost:
 _SLIP = 0.01  # of the range of its commanded speeds, and
 _SLIP_SPEED = 1e-3  # rad/s
 _MAX_SWEEPS = 1000
+_SHORTEST_LOOK, _LONGEST_LOOK = 16, 1024  # samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,14 +39,23 @@ class Plan:
         motion: the reference.
         torque: joint torque with the motors' inertia at each sample, joint side [N m],
             shape (N + 1, n).
-        limited: where the limiter reduced an acceleration, shape (N + 1, n).
+        limited: where the planner held a joint back, shape (N + 1, n).
         margin: share of the motors' torque that was allowed [-].
+        commanded: what was asked for, at the same period.
+        loss: of the resampling of a CSV; None if nothing was resampled.
     """
 
     motion: Motion
     torque: Array
     limited: NDArray[np.bool_]
     margin: float
+    commanded: Motion
+    loss: Loss | None = None
+
+    @property
+    def longer(self) -> float:
+        """How much longer than commanded the motion lasts [s]."""
+        return self.motion.duration - self.commanded.duration
 
     def peak_use(self, robot: Robot) -> Array:
         """Largest |torque| over the motor's limit [-], shape (n,)."""
@@ -48,12 +64,14 @@ class Plan:
 
 def plan_motion(
     robot: Robot,
-    profile: CommandProfile,
+    command: Command | CommandProfile,
     *,
     period: float = INTERPOLATION_PERIOD,
     margin: float = 1.0,
 ) -> Plan:
     """Plan a motion; where a motor is too weak, its joint accelerates less and catches up later.
+
+    The same where the command asks for more than the acceleration limits of the robot.
 
     The limiter looks one period ahead. It can lose a motion for good, when coupling torques grow
     beyond a motor before the speeds come down. So a motion is refused if a joint is driven away
@@ -62,48 +80,68 @@ def plan_motion(
 
     Args:
         robot: the robot.
-        profile: commanded joint speeds.
+        command: commanded joint speeds.
         period: interpolation period [s].
         margin: share of the motors' torque that may be used, in (0, 1].
 
     Raises:
-        InputError: if the profile does not fit the robot or the period, or the motion cannot be
+        InputError: if the command does not fit the robot or the period, or the motion cannot be
             done: naming joint, time, what it needs and what there is.
+    """
+    commanded = commanded_motion(robot, command, period, margin)
+    v, limited = _limited_speeds(robot, commanded, margin)
+    motion = Motion.from_speeds(period, commanded.q[0], v)
+    torque = check_motion(robot, motion, margin=margin)
+    return Plan(motion, torque, limited, margin, commanded)
+
+
+def commanded_motion(
+    robot: Robot, command: Command | CommandProfile, period: float, margin: float
+) -> Motion:
+    """The command at the interpolation period, whether the robot can do it or not.
+
+    Raises:
+        InputError: if command, robot and period do not fit each other, or `margin` is no share.
     """
     checked_number(period, "period", minimum=0, exclusive=True)
     if not 0 < margin <= 1:
         raise InputError(f"margin: {margin}, expected a share of the motors' torque in (0, 1]")
-    if len(profile.joints) != robot.n:
+    start = command.start()
+    if len(start) != robot.n:
         raise InputError(
-            f"motion '{profile.name}': {len(profile.joints)} joints, "
-            f"robot '{robot.name}' has {robot.n}"
+            f"motion '{command.name}': {len(start)} joints, robot '{robot.name}' has {robot.n}"
         )
-    count = whole_periods(profile.duration, period, f"motion '{profile.name}': duration")
-    command = profile.speeds(np.arange(count + 1) * period)
-    v, limited = _limited_speeds(robot, profile.start(), command, period, margin)
-    motion = Motion.from_speeds(period, profile.start(), v)
-    torque = check_motion(robot, motion, margin=margin)
-    return Plan(motion, torque, limited, margin)
+    count = whole_periods(command.duration, period, f"motion '{command.name}': duration")
+    return Motion.from_speeds(period, start, command.speeds(np.arange(count + 1) * period))
 
 
 def check_motion(robot: Robot, motion: Motion, *, margin: float = 1.0) -> Array:
     """Joint torques that a motion needs, with the motors' inertia, joint side [N m], (N + 1, n).
 
+    The torques are those at the samples. Until the next one positions and speeds go on, with the
+    same acceleration; how far the torques then grow, `margins` tells.
+
     Raises:
-        InputError: if the motion has another number of joints, or leaves the torque, speed or
-            position limits: naming joint, time, what it needs and what there is.
+        InputError: if the motion has another number of joints, or leaves the torque, speed,
+            acceleration or position limits: naming joint, time, what it needs and what there is.
     """
     if motion.n != robot.n:
         raise InputError(f"motion: {motion.n} joints, robot '{robot.name}' has {robot.n}")
-    groups = torque_groups(robot, motion.q, motion.v, motion.vd)
-    torque = groups.total + robot.reflected_inertia * motion.vd
+    torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
     available = margin * robot.effort_limit
     _refuse_beyond(robot, motion, "torque", "N m", torque, -available, available, TORQUE_TOLERANCE)
     speed = robot.velocity_limit
-    _refuse_beyond(robot, motion, "speed", "rad/s", motion.v, -speed, speed, _SPEED_TOLERANCE)
+    _refuse_beyond(robot, motion, "speed", "rad/s", motion.v, -speed, speed, SPEED_TOLERANCE)
+    limit, slack = robot.acceleration_limit, ACCELERATION_TOLERANCE
+    _refuse_beyond(robot, motion, "acceleration", "rad/s²", motion.vd, -limit, limit, slack)
+    check_stops(robot, motion)
+    return torque
+
+
+def check_stops(robot: Robot, motion: Motion) -> None:
+    """Raise InputError if a joint leaves its position limits: naming joint, time and angle."""
     stops = robot.position_lower, robot.position_upper
     _refuse_beyond(robot, motion, "position", "rad", motion.q, *stops, 1e-9)
-    return torque
 
 
 def _refuse_beyond(
@@ -126,17 +164,29 @@ def _refuse_beyond(
 
 
 def _limited_speeds(
-    robot: Robot, q0: Array, command: Array, period: float, margin: float
+    robot: Robot, commanded: Motion, margin: float
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Speeds that follow `command`, shape (N + 1, n), as closely as the torques allow."""
+    """Speeds that follow the command, shape (N + 1, n), as closely as the torques allow."""
     plant, context = robot.plant, robot.plant.CreateDefaultContext()
-    available = margin * robot.effort_limit
+    available, period, command = margin * robot.effort_limit, commanded.period, commanded.v
+    largest = robot.acceleration_limit + ACCELERATION_TOLERANCE / 2
     guard = _LostMotionGuard(robot, command, period, available)
     limited = np.zeros(command.shape, dtype=bool)
     speeds = command.copy()
-    q, v = q0.copy(), command[0]
-    for i in range(len(command) - 1):
+    q, v = commanded.q[0], command[0]
+    i, look, last = 0, _SHORTEST_LOOK, len(command) - 1
+    while i < last:
+        # Most of a motion is its command. Following it is much faster than deciding on it.
+        if not limited[i - 1].any():
+            end = min(i + look, last)
+            followed = _feasible_samples(robot, commanded, q, i, end, available, largest)
+            look = min(2 * look, _LONGEST_LOOK) if i + followed == end else _SHORTEST_LOOK
+            q = q + (commanded.q[i + followed] - commanded.q[i])
+            i, v = i + followed, command[i + followed]
+            if i == end:
+                continue
         wanted = (command[i + 1] - v) / period
+        wish = np.clip(wanted, -largest, largest)
         plant.SetPositions(context, q)
         plant.SetVelocities(context, v)
         M = plant.CalcMassMatrix(context)  # with the motors' inertia
@@ -145,17 +195,33 @@ def _limited_speeds(
             + robot.damping * v
             - plant.CalcGravityGeneralizedForces(context)
         )
-        if np.all(np.abs(M @ wanted + bias) <= available):
-            vd, v_next = wanted, command[i + 1]
-        else:
-            vd = limit_accelerations(M, bias, wanted, available)
-            limited[i] = vd != wanted
-            v_next = np.where(limited[i], v + vd * period, command[i + 1])
-        guard.check(i, wanted, vd, M @ vd + bias + M.diagonal() * (wanted - vd))
+        vd = limit_accelerations(M, bias, wish, available)
+        limited[i] = vd != wanted
+        v_next = np.where(limited[i], v + vd * period, command[i + 1])
+        guard.check(i, wish, vd, M @ vd + bias + M.diagonal() * (wish - vd))
         q = q + (v + v_next) * (period / 2)
-        v = speeds[i + 1] = v_next
+        i, v = i + 1, v_next
+        speeds[i] = v
     guard.check_end(v)
     return speeds, limited
+
+
+def _feasible_samples(
+    robot: Robot,
+    commanded: Motion,
+    q: Array,
+    first: int,
+    end: int,
+    available: Array,
+    largest: Array,
+) -> int:
+    """How many samples from `first` on, before `end`, can be as commanded; q is that of `first`."""
+    rows = slice(first, end)
+    vd = commanded.vd[rows]
+    shifted = q + (commanded.q[rows] - commanded.q[first])
+    torque = inverse_dynamics(robot, shifted, commanded.v[rows], vd)
+    beyond = (np.abs(torque) > available) | (np.abs(vd) > largest)
+    return int(np.argmax(beyond.any(axis=1))) if beyond.any() else end - first
 
 
 def limit_accelerations(M: Array, bias: Array, wanted: Array, available: Array) -> Array:
@@ -241,7 +307,7 @@ class _LostMotionGuard:
 
     def check_end(self, v: Array) -> None:
         """Refuse a joint that is not back on its command at the end."""
-        off = np.abs(v - self._command[-1]) > _SPEED_TOLERANCE
+        off = np.abs(v - self._command[-1]) > SPEED_TOLERANCE
         if off.any():
             k = int(np.argmax(off))
             self._refuse(

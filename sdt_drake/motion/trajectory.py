@@ -14,7 +14,7 @@ from sdt_drake.tables import read_table, write_table
 
 Array = NDArray[np.float64]
 
-_COLUMNS = ("q_ref", "v_ref", "vd_ref")
+COLUMNS = ("q_ref", "v_ref", "vd_ref")
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +44,17 @@ class Motion:
         q = np.vstack([q0, q0 + np.cumsum(steps, axis=0)])
         return Motion(period, q, v, vd)
 
+    @staticmethod
+    def from_positions(period: float, q: Array) -> Motion:
+        """The motion by positions `q` at (i - 1) * period, i = 0..N + 2, shape (N + 3, n).
+
+        Its speeds are central differences: v_i = (q_i+1 - q_i-1) / (2 h). So its positions are
+        q_i + (q_i+1 - 2 q_i + q_i-1) / 4; they are off by a h² / 4 where the acceleration is a, and
+        this does not add up.
+        """
+        v = (q[2:] - q[:-2]) / (2 * period)
+        return Motion.from_speeds(period, (q[0] + 2 * q[1] + q[2]) / 4, v)
+
     @property
     def n(self) -> int:
         """Number of joints."""
@@ -69,7 +80,7 @@ class Motion:
 
     def to_csv(self, path: str | Path) -> None:
         """Write time, q_ref_k, v_ref_k, vd_ref_k, exactly."""
-        write_table(path, self.time, dict(zip(_COLUMNS, (self.q, self.v, self.vd), strict=True)))
+        write_table(path, self.time, dict(zip(COLUMNS, (self.q, self.v, self.vd), strict=True)))
 
     @staticmethod
     def from_csv(path: str | Path) -> Motion:
@@ -80,13 +91,13 @@ class Motion:
                 are not finite, positions or speeds that are not the integral of what follows.
         """
         time, columns = read_table(path)
-        missing = [name for name in _COLUMNS if name not in columns]
+        missing = [name for name in COLUMNS if name not in columns]
         if missing:
             raise InputError(
                 f"{path}: no column {missing[0]}_1, expected time, q_ref_k, v_ref_k, "
                 "vd_ref_k for every joint k"
             )
-        if len({columns[name].shape for name in _COLUMNS}) > 1:
+        if len({columns[name].shape for name in COLUMNS}) > 1:
             raise InputError(f"{path}: q_ref, v_ref and vd_ref differ in their number of joints")
         if time[0] != 0:
             raise InputError(f"{path}, line 2: time starts at {time[0]:g} s, expected 0")
@@ -94,7 +105,7 @@ class Motion:
         period = float(time[1])
         if abs(period * (len(time) - 1) - time[-1]) > 1e-6 * period:
             period = float(time[-1] / (len(time) - 1))
-        motion = Motion(period, *(columns[name] for name in _COLUMNS))
+        motion = Motion(period, *(columns[name] for name in COLUMNS))
         motion._check_integrals(path)
         return motion
 

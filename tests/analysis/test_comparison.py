@@ -13,6 +13,7 @@ from test_linear import variant
 from sdt_drake.analysis.comparison import (
     compare,
     comparison_rows,
+    felt_rows,
     with_controller,
     write_comparison,
 )
@@ -22,6 +23,7 @@ from sdt_drake.device import Friction
 from sdt_drake.errors import InputError
 from sdt_drake.loops import make_loop
 from sdt_drake.motion import Motion
+from sdt_drake.pilot import CHANNELS, felt_difference, head_motion_of_samples
 from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import simulate
 
@@ -36,6 +38,7 @@ COLUMNS = (
     "torque peak [%]",
     "saturated [%]",
 )
+FELT = ["felt [% of time]", "largest rotation", "rotation about", "largest force", "force along"]
 
 
 @pytest.fixture(scope="module")
@@ -141,6 +144,36 @@ def test_online_runs_too(design):
         np.testing.assert_allclose(a.recording.v, b.recording.v, atol=1e-5)
 
 
+# --- the pilot ----------------------------------------------------------------------------------
+
+
+def test_head_follows_as_its_recording_says(compared):
+    for c in compared:
+        run, robot = c.recording, c.design.robot
+        reference, achieved = (
+            head_motion_of_samples(robot, PERIOD, q, v)
+            for q, v in ((run.q_ref, run.v_ref), (run.q, run.v))
+        )
+        expected = felt_difference(reference, achieved, PERIOD)
+        np.testing.assert_array_equal(c.head.felt.multiples, expected.multiples)
+        assert c.head is c.head  # computed once
+    share = {c.label: c.head.felt.share for c in compared}
+    assert share["pi"] > share["p_pi+id"] == share["inverse_dynamics"] == 0
+
+
+def test_felt_rows_hold_the_metrics(compared):
+    header, rows = felt_rows(compared)
+    assert header == ["controller", *FELT]
+    for c, (label, share, rotation, about, force, along) in zip(compared, rows, strict=True):
+        felt = c.head.felt
+        assert label == c.label
+        assert float(share) == pytest.approx(100 * felt.share, abs=0.051)
+        assert float(rotation) == pytest.approx(felt.largest[:3].max(), abs=0.0051)
+        assert float(force) == pytest.approx(felt.largest[3:].max(), abs=0.0051)
+        assert felt.largest[CHANNELS.index(about)] == felt.largest[:3].max()
+        assert felt.largest[CHANNELS.index(along)] == felt.largest[3:].max()
+
+
 # --- the table ----------------------------------------------------------------------------------
 
 
@@ -165,7 +198,7 @@ def test_csv_holds_the_same_in_full(compared, tmp_path):
     with (tmp_path / "new" / "table.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
 
-    assert list(rows[0]) == ["controller", "joint", *COLUMNS, "blocks", "needs"]
+    assert list(rows[0]) == ["controller", "joint", *COLUMNS, "blocks", "needs", *FELT]
     assert len(rows) == 20
     for i, c in enumerate(compared):
         expected = metrics(c)
@@ -174,6 +207,9 @@ def test_csv_holds_the_same_in_full(compared, tmp_path):
             assert row["blocks"] == str(c.blocks) and row["needs"] == ", ".join(c.needs)
             values = [float(row[name] or "nan") for name in COLUMNS]
             np.testing.assert_allclose(values, expected[:, k], rtol=1e-14)
+            assert float(row[FELT[0]]) == 100 * c.head.felt.share
+            assert (row[FELT[2]], float(row[FELT[1]])) == c.head.felt.worst_rotation
+            assert (row[FELT[4]], float(row[FELT[3]])) == c.head.felt.worst_force
 
 
 def test_csv_that_cannot_be_written(compared, tmp_path):

@@ -1,7 +1,7 @@
 """Figures: panels, labels, colours, and files."""
 
 import dataclasses
-from itertools import pairwise
+from itertools import combinations, pairwise
 from types import SimpleNamespace
 
 import matplotlib
@@ -25,7 +25,8 @@ from sdt_drake.simulate import Recording
 
 PERIOD = 0.01
 NAMES = ("base", "elbow", "wrist")
-BLUE, RED, GREEN = "tab:blue", "tab:red", "tab:green"  # reference, PI, PI + CTC of the paper
+# Okabe and Ito's blue, vermilion and bluish green, for the paper's: reference, PI, PI + CTC.
+BLUE, RED, GREEN = "#0072B2", "#D55E00", "#009E73"
 
 
 @pytest.fixture(scope="module")
@@ -219,6 +220,64 @@ def test_colours_of_the_paper(figures):
         assert same_color(line(ax, "PI + CTC").get_color(), GREEN)
     for ax in figures["figure2"].axes:
         assert same_color(ax.get_lines()[0].get_color(), BLUE)
+
+
+# Machado, Oliveira, Fernandes, "A physiologically-based model for simulation of color vision
+# deficiency", 2009: linear RGB as seen without red, green, blue cones.
+NO_CONES = {
+    "none": np.eye(3),
+    "red": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216],
+            [-0.003882, -0.048116, 1.051998]],
+    "green": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413],
+              [-0.011820, 0.042940, 0.968881]],
+    "blue": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602],
+             [0.004733, 0.691367, 0.303900]],
+}  # fmt: skip
+
+
+def lab(colour, seen_by):
+    """CIE L*a*b* of an sRGB colour (D65), as the eye `seen_by` sees it."""
+    rgb = np.array(matplotlib.colors.to_rgb(colour))
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    linear = np.clip(np.array(seen_by) @ linear, 0, 1)
+    to_xyz = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    t = np.array(to_xyz) @ linear / [0.9505, 1.0, 1.089]
+    f = np.where(t > (6 / 29) ** 3, np.cbrt(t), t / (3 * (6 / 29) ** 2) + 4 / 29)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("eye", NO_CONES)
+def test_colours_of_lines_in_one_panel_differ_for_every_eye(eye):
+    """A difference of 2.3 is just noticeable side by side; lines need many times that."""
+    for first, second in combinations(plots.PALETTE[:5], 2):
+        seen = [lab(colour, NO_CONES[eye]) for colour in (first, second)]
+        assert np.linalg.norm(seen[0] - seen[1]) > 15, (first, second)
+
+
+def test_effective_inertia_shows_its_range_and_what_is_published(motion):
+    t = motion.time[:, None]
+    i_eff = np.hstack([4 + np.sin(t), 100 - 10 * t, np.full_like(t, 7.0)])
+    figure = plots.effective_inertia("inertia", motion.time, i_eff, NAMES, [5.5, 101, 8])
+
+    for k, ax in enumerate(figure.axes):
+        np.testing.assert_array_equal(line(ax, "effective inertia").get_ydata(), i_eff[:, k])
+        for label, value in (
+            ("largest", i_eff[:, k].max()),
+            ("median", np.median(i_eff[:, k])),
+            ("smallest", i_eff[:, k].min()),
+            ("Table 1, largest", [5.5, 101, 8][k]),
+        ):
+            assert line(ax, label).get_ydata()[0] == value
+        low, high = ax.get_ylim()
+        assert low < i_eff[:, k].min() and [5.5, 101, 8][k] < high
+        assert "kg m²" in ax.get_ylabel()
+    assert "variation 30.00 %" in figure.axes[1].get_title(loc="right")  # (100 - 70) / 100
+    # One scale, relative to the largest: a joint that varies little looks like it.
+    assert len({round(ax.get_ylim()[0] / v, 6) for ax, v in zip(
+        figure.axes, i_eff.max(axis=0), strict=True)}) == 1  # fmt: skip
+    assert "Table 1, largest" in legend_texts(figure)
+    plain = plots.effective_inertia("inertia", motion.time, i_eff, NAMES)
+    assert "Table 1, largest" not in legend_texts(plain)
 
 
 def test_figure2_shows_position_speed_and_acceleration(figures, motion):

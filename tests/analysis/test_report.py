@@ -18,6 +18,7 @@ from sdt_drake.analysis.study import Stopwatch
 from sdt_drake.errors import InputError
 from sdt_drake.graphviz import has_graphviz
 from sdt_drake.motion import Motion
+from sdt_drake.pilot import felt_difference
 from sdt_drake.tables import read_table
 
 JOINTS = range(1, 5)
@@ -63,7 +64,9 @@ MIDDLE = {
     "coupled_pi_ctc": 0.0052,
 }
 
-RUN_COLUMNS = ("v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error")
+RUN_COLUMNS = (
+    "v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error", "q_ref", "q", "tau_limited",
+)  # fmt: skip
 REFERENCE_COLUMNS = (
     "q_ref",
     "v_ref",
@@ -665,3 +668,50 @@ def test_with_graphviz_the_report_does_not_speak_of_it(report):
 
     assert "not installed" not in report
     assert set(re.findall(r"\]\((diagrams/[^)]+)\)", report)) == SVG_OF_DIAGRAMS
+
+
+# --- what the pilot feels -----------------------------------------------------------------------
+
+
+def test_every_controller_beyond_the_paper_has_what_is_felt_of_it(study, content):
+    for entry, compared in zip(content["beyond"], study.beyond, strict=True):
+        felt = entry["felt"]
+        assert list(felt) == ["share", "share_from_angles", "channels", "largest", "channel_share"]
+        head = compared.head
+        assert felt["share"] == head.felt.share
+        assert felt["share_from_angles"] == head.felt_from_angles.share
+        assert felt["channels"] == ["roll", "pitch", "yaw", "fore-aft", "lateral", "vertical"]
+        np.testing.assert_array_equal(felt["largest"], head.felt.multiples.max(axis=0))
+        np.testing.assert_array_equal(felt["channel_share"], (head.felt.multiples > 1).mean(axis=0))
+        assert felt["share"] >= max(felt["channel_share"])
+
+
+def test_the_share_that_could_be_felt(content):
+    """Runs that lose the position are felt nearly always, those that keep it hardly ever."""
+    share = {entry["controller"]: entry["felt"]["share"] for entry in content["beyond"]}
+    assert share["pi"] > 0.8 and share["pi_ctc"] > 0.8
+    assert 0.3 > share["p_pi"] > 3 * share["p_pi+ctc"] > 9 * share["p_pi+id"] > 0
+    assert share["inverse_dynamics"] == 0
+
+
+def test_the_report_says_whether_the_pilot_notices_that_ctc_is_missing(study, content, written):
+    text = (written.folder / "report.md").read_text(encoding="utf-8")
+    (answer,) = [line for line in text.splitlines() if "pilot notice that CTC" in line]
+    by_label = {c.label: c for c in study.beyond}
+    between = felt_difference(
+        by_label["pi"].head.achieved, by_label["pi_ctc"].head.achieved, study.design.motion.period
+    )
+    assert f"{100 * between.share:.0f} % of the time" in answer
+    for entry in content["beyond"]:
+        if entry["controller"] in ("pi", "pi_ctc", "p_pi", "p_pi+ctc", "p_pi+id"):
+            assert f"{100 * entry['felt']['share']:.1f} %" in answer
+
+
+def test_a_difference_that_is_not_felt_is_called_so(study):
+    """Computed, not written down: with CTC compared to itself the answer is no."""
+    changed = dataclasses.replace(study)
+    with_ctc = next(c for c in study.beyond if c.label == "pi_ctc")
+    same = dataclasses.replace(with_ctc, label="pi")
+    changed.__dict__["beyond"] = [same, *(c for c in study.beyond if c.label != "pi")]
+    (answer,) = [x for x in report_markdown(changed, []).splitlines() if "that CTC is missing" in x]
+    assert "No: the rides with and without it differ by at most 0.00" in answer

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sdt_drake.analysis.tracking import constant_speed_segments, motor_use, track
+from sdt_drake.analysis.tracking import constant_speed_segments, motor_use, track, track_head
 from sdt_drake.motion import Motion
 from sdt_drake.simulate import Recording
 
@@ -160,6 +160,34 @@ def test_every_metric_has_one_value_for_each_joint():
 
     for field in dataclasses.fields(tracking):
         assert getattr(tracking, field.name).shape == (1,), field.name
+
+
+# --- head ---------------------------------------------------------------------------------------
+
+
+def test_head_of_a_perfect_run_feels_nothing(robot, design):
+    head = track_head(make_recording(design.motion), robot)
+    assert not head.felt.multiples.any() and not head.felt_from_angles.multiples.any()
+    np.testing.assert_array_equal(head.reference.specific_force, head.achieved.specific_force)
+
+
+def test_angles_alone_tilt_the_head(robot, design):
+    """At rest with joint 2 off by 1 deg: gravity from the side, at once and for ever."""
+    rest = Motion(PERIOD, *np.zeros((3, 101, 4)))
+    off = np.radians([0, 1.0, 0, 0])
+    head = track_head(make_recording(rest, q=rest.q + off), robot)
+    for felt in (head.felt, head.felt_from_angles):
+        np.testing.assert_allclose(felt.largest[4], 9.81 * np.sin(np.radians(1)) / 0.057)
+        assert felt.share == 1 and felt.worst_rotation[1] == 0
+
+
+def test_speeds_alone_are_not_of_the_angles(robot):
+    rest = Motion(PERIOD, *np.zeros((3, 101, 4)))
+    v = 0 * rest.v
+    v[50:, 3] = np.radians(2)
+    head = track_head(make_recording(rest, v=v), robot)
+    assert not head.felt_from_angles.multiples.any()
+    assert head.felt.largest[2] > 2 and 0.4 < head.felt.share < 0.6
 
 
 # --- motors -------------------------------------------------------------------------------------

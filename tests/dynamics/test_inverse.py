@@ -8,7 +8,7 @@ from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from test_robot import ARM, chain_sdf
 
-from sdt_drake.dynamics import torque_groups
+from sdt_drake.dynamics import inverse_dynamics, torque_groups
 from sdt_drake.errors import InputError
 from sdt_drake.robot import load_robot
 
@@ -46,6 +46,8 @@ def test_groups_sum_to_drakes_inverse_dynamics_without_the_motors(any_robot):
     groups = torque_groups(any_robot, q, v, vd)
     tolerance = 1e-9 * np.max(np.abs(expected), axis=0)
     assert np.all(np.abs(groups.total - expected) <= tolerance)
+    whole = inverse_dynamics(any_robot, q, v, vd)
+    assert np.all(np.abs(whole - groups.total - motors) <= tolerance)
     np.testing.assert_array_equal(groups.total, groups.inertial + groups.coupled)
     np.testing.assert_array_equal(
         groups.coupled, groups.reaction + groups.velocity + groups.gravity

@@ -74,7 +74,7 @@ def test_reference_motion_needs_no_limiter_and_follows_its_command(robot, plan):
     assert plan.motion.period == PERIOD
     assert plan.motion.time[-1] == plan.motion.duration == 30
     np.testing.assert_array_equal(plan.motion.vd[-1], 0)
-    np.testing.assert_allclose(plan.torque, needed_torque(robot, plan.motion), rtol=1e-12)
+    np.testing.assert_allclose(plan.torque, needed_torque(robot, plan.motion), atol=1e-9)
 
 
 def test_angles_of_the_reference_motion_are_those_of_the_independent_calculation(plan):
@@ -193,6 +193,25 @@ def test_a_chain_of_7_is_limited_on_many_joints_at_once(write_robot):
     plan = plan_motion(robot, profile)
     assert np.sum(plan.limited.any(axis=0)) >= 5
     assert np.all(np.abs(needed_torque(robot, plan.motion)) <= 0.99 * peak + 1e-6)
+
+
+def test_an_acceleration_limit_is_a_limit_of_the_limiter_too(robot):
+    # Joint 1 at 0.4 rad/s² instead of 0.8 from 1 s on, so it is at 1.6 rad/s after 4 s.
+    calm = dataclasses.replace(robot, acceleration_limit=np.array([0.4, 9, 9, 9]))
+    plan = plan_motion(calm, spin_up(6))
+    expected = np.clip(0.4 * (plan.motion.time - 1), 0, 1.6)
+    np.testing.assert_allclose(plan.motion.v[:, 0], expected, atol=1e-5)
+    assert plan.limited[:, 0].sum() == pytest.approx(800, abs=2)
+    # What is exactly at the limit is not limited.
+    exact = dataclasses.replace(robot, acceleration_limit=np.array([0.45, 3, 9, 9]))
+    assert not plan_motion(exact, REFERENCE).limited[:, 1:].any()
+    with pytest.raises(
+        InputError, match=r"joint 2 'roll' at 2\.000 s: needs acceleration 3 rad/s²"
+    ):
+        check_motion(
+            dataclasses.replace(robot, acceleration_limit=np.array([9, 2.0, 9, 9])),
+            plan_motion(robot, REFERENCE).motion,
+        )
 
 
 # --- motions that are refused ----------------------------------------------------------------

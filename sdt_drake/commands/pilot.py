@@ -1,0 +1,162 @@
+"""What the pilot feels of a scenario or a recording, and of the errors of its controller."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from sdt_drake.commands.common import (
+    ROBOT,
+    add_command,
+    add_out,
+    add_show,
+    check_out,
+    deliver,
+    design_of,
+    print_table,
+    say,
+)
+from sdt_drake.errors import InputError
+
+
+def add(commands) -> None:
+    parser = add_command(
+        commands,
+        "pilot",
+        run,
+        "show what the pilot feels of a motion, and of the errors of its controller",
+        "sdt-drake pilot package://sdt/scenarios/coupled_pi.yaml --out pilot.png",
+    )
+    parser.add_argument(
+        "what", metavar="SCENARIO.yaml|RECORDING.csv", help="what to run, or what `simulate` wrote"
+    )
+    parser.add_argument(
+        "--robot", help="SDF file of a recording's robot (default: the shipped device)"
+    )
+    add_out(parser, "CSV file for what is felt over time, or a figure of it (.png, .svg, .pdf)")
+    add_show(parser)
+
+
+def run(options: argparse.Namespace) -> None:
+    from sdt_drake.analysis import plots_pilot
+    from sdt_drake.analysis.tracking import track_head
+
+    check_out(options.out, csv=True, show=options.show)
+    name, recording, robot = _recorded(options)
+    if recording.q.shape[1] != robot.n:
+        raise InputError(
+            f"{options.what}: recorded with {recording.q.shape[1]} joint(s), "
+            f"but {robot.name} has {robot.n}"
+        )
+    head = track_head(recording, robot)
+    period = float(recording.time[1] - recording.time[0])
+    say(f"{name}: what the pilot feels; x forward, y left, z up, in the head's axes")
+    print_table(*_motion_rows(head, period))
+    say()
+    print_table(*_felt_rows(head, recording.time))
+    say("multiples of what is just felt; alone: if only the joint angles were off, not the speeds")
+    say(
+        f"The error could be felt {100 * head.felt.share:.1f} % of the time, "
+        f"by the joint angles alone {100 * head.felt_from_angles.share:.1f} %."
+    )
+    deliver(
+        options,
+        lambda: plots_pilot.pilot(f"{name}: what the pilot feels", recording.time, head),
+        lambda path: _write(path, recording.time, period, head),
+    )
+
+
+def _recorded(options: argparse.Namespace):
+    """Name, recording and robot of what was asked for."""
+    from sdt_drake.pilot import check_head
+    from sdt_drake.robot import load_robot
+    from sdt_drake.simulate import Recording, simulate
+
+    if Path(options.what).suffix == ".csv":
+        robot = load_robot(options.robot or ROBOT)
+        check_head(robot)
+        return Path(options.what).stem, Recording.from_csv(options.what), robot
+    if options.robot is not None:
+        raise InputError(f"--robot: for a recording only, {options.what} names its own robot")
+    design = design_of(options.what)
+    check_head(design.robot)
+    return design.scenario.name, simulate(design), design.robot
+
+
+def _motion_rows(head, period: float):
+    """Header and rows: largest quantities of the reference and of what was achieved."""
+    import numpy as np
+
+    from sdt_drake.pilot import (
+        UNPERCEIVED_RATE,
+        canals,
+        false_sensation_after_stop,
+        felt_upright,
+    )
+
+    def values(motion) -> list[str]:
+        omega = motion.angular_velocity
+        up = felt_upright(motion.specific_force, period)[:, 2]
+        after = false_sensation_after_stop(omega, period)
+        return [
+            f"{motion.resultant_g.max():.3f}",
+            f"{motion.resultant_g.min():.3f}",
+            *(f"{w:.1f}" for w in np.degrees(np.abs(omega).max(axis=0))),
+            *(f"{w:.1f}" for w in np.degrees(np.abs(canals(omega, period)).max(axis=0))),
+            *(f"{t:.1f}".replace("nan", "–") for t in after),
+            f"{np.degrees(np.arccos(np.clip(up, -1, 1))).max():.1f}",
+        ]
+
+    axes = ("roll", "pitch", "yaw")
+    labels = [
+        "largest G",
+        "smallest G",
+        *(f"{axis} rate, largest [deg/s]" for axis in axes),
+        *(f"{axis} rate that the canals tell, largest [deg/s]" for axis in axes),
+        *(
+            f"{axis} told after the stop, above {UNPERCEIVED_RATE:g} deg/s, for [s]"
+            for axis in axes
+        ),
+        "felt upright, farthest from the head's z [deg]",
+    ]
+    columns = (labels, values(head.reference), values(head.achieved))
+    return ("", "reference", "achieved"), list(zip(*columns, strict=True))
+
+
+def _felt_rows(head, time):
+    """Header and rows: the error in multiples of what is just felt, by channel."""
+    from sdt_drake.pilot import CHANNELS
+
+    rows = [
+        (
+            channel,
+            f"{head.felt.largest[k]:.2f}",
+            f"{time[head.felt.multiples[:, k].argmax()]:.3f}",
+            f"{100 * head.felt.channel_share[k]:.1f}",
+            f"{head.felt_from_angles.largest[k]:.2f}",
+            f"{100 * head.felt_from_angles.channel_share[k]:.1f}",
+        )
+        for k, channel in enumerate(CHANNELS)
+    ]
+    header = (
+        "felt error", "largest", "at [s]", "above 1 [% of time]",
+        "angles alone, largest", "above 1 [% of time]",
+    )  # fmt: skip
+    return header, rows
+
+
+def _write(path: Path, time, period: float, head) -> None:
+    """Columns name_k, k = 1, 2, 3 along x, y, z of the head; multiple_1..6 as in CHANNELS."""
+    from sdt_drake.pilot import canals, felt_upright
+    from sdt_drake.tables import write_table
+
+    columns = {}
+    for suffix, motion in (("_ref", head.reference), ("", head.achieved)):
+        columns |= {
+            f"specific_force{suffix}": motion.specific_force,
+            f"angular_velocity{suffix}": motion.angular_velocity,
+            f"angular_acceleration{suffix}": motion.angular_acceleration,
+            f"canals{suffix}": canals(motion.angular_velocity, period),
+            f"felt_upright{suffix}": felt_upright(motion.specific_force, period),
+        }
+    write_table(path, time, {**columns, "multiple": head.felt.multiples})

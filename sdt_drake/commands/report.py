@@ -1,0 +1,31 @@
+"""Make one page of a study's folder."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from sdt_drake.commands.common import add_command, say
+from sdt_drake.errors import InputError
+
+
+def add(commands) -> None:
+    parser = add_command(
+        commands,
+        "report",
+        run,
+        "make one self-contained report.html of what reproduce wrote",
+        "sdt-drake report out",
+    )
+    parser.add_argument("folder", metavar="DIR", type=Path, help="folder that reproduce wrote")
+
+
+def run(options: argparse.Namespace) -> None:
+    from sdt_drake.analysis.page import write_page
+
+    folder: Path = options.folder
+    if not folder.is_dir():
+        raise InputError(
+            f"{folder}: no such folder; run `sdt-drake reproduce --out {folder}` first"
+        )
+    say(f"{write_page(folder)} written")

@@ -1,0 +1,140 @@
+"""Motions from CSV files of any sample period, at the interpolation period; what that loses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.trajectories import PiecewisePolynomial
+
+from sdt_drake.errors import InputError, checked_number, whole_periods
+from sdt_drake.motion.trajectory import COLUMNS, Motion
+from sdt_drake.tables import read_table
+
+Array = NDArray[np.float64]
+
+# What a joint may lose by resampling, of its speeds and of its angles:
+_LOSS = 0.01  # of their range, and
+_LOSS_SIZE = 1e-3  # rad/s, rad
+
+
+@dataclass(frozen=True, eq=False)
+class Loss:
+    """Largest differences between a file and the resampled motion, at the samples of the file.
+
+    Attributes:
+        speed: [rad/s], shape (n,).
+        speed_time: when that is, since the first sample [s], shape (n,).
+        position: [rad], shape (n,).
+        position_time: when that is [s], shape (n,).
+    """
+
+    speed: Array
+    speed_time: Array
+    position: Array
+    position_time: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Samples:
+    """What a file says: time [s] from 0, shape (N,); q [rad] and v [rad/s], shape (N, n)."""
+
+    time: Array
+    q: Array
+    v: Array
+
+
+def import_motion(path: str | Path, period: float) -> tuple[Motion, Loss | None]:
+    """A motion from CSV: as it is if it is one of `Motion.to_csv` at `period`, else resampled.
+
+    Raises:
+        InputError: as `Motion.from_csv` and `resample`.
+    """
+    time, columns = read_table(path, even=False)
+    is_motion = all(name in columns for name in COLUMNS)
+    if is_motion and np.all(np.abs(np.diff(time) - period) <= 1e-6 * period):
+        return Motion.from_csv(path), None
+    return resample(path, period)
+
+
+def resample(path: str | Path, period: float) -> tuple[Motion, Loss]:
+    """A motion from a CSV with `time` and v_ref_k or q_ref_k; other columns are ignored.
+
+    Its times grow, in steps of any length, from any start. Speeds are linear between their samples;
+    positions without speeds lie on a cubic spline. Without positions the motion starts at 0. It
+    ends at the last sample or within a period after it.
+
+    Args:
+        path: the file.
+        period: interpolation period [s].
+
+    Raises:
+        InputError: naming the file, and the line where there is one: what `read_table` refuses;
+            neither v_ref nor q_ref; a joint whose speeds or angles lose more than 1 % of their
+            range and 1e-3 rad/s or rad.
+    """
+    checked_number(period, "period", minimum=0, exclusive=True)
+    time, columns = read_table(path, even=False)
+    v, q = columns.get("v_ref"), columns.get("q_ref")
+    if v is None and q is None:
+        raise InputError(f"{path}: neither v_ref_1 nor q_ref_1, expected time and one for a joint")
+    if v is not None and q is not None and v.shape != q.shape:
+        raise InputError(f"{path}: q_ref and v_ref differ in their number of joints")
+    time = time - time[0]
+    last = np.ceil(time[-1] / period - 1e-6) * period
+    t = np.arange(whole_periods(last, period, str(path)) + 1) * period
+    if v is None:
+        samples, motion = _from_positions(time, q, t, period)
+    else:
+        samples, motion = _from_speeds(time, v, q, t, period)
+    return motion, _checked_loss(path, samples, motion)
+
+
+def _from_speeds(
+    time: Array, v: Array, q: Array | None, t: Array, period: float
+) -> tuple[_Samples, Motion]:
+    if q is None:
+        steps = np.diff(time)[:, None] * (v[1:] + v[:-1]) / 2
+        q = np.vstack([np.zeros_like(v[:1]), np.cumsum(steps, axis=0)])
+    speeds = np.stack([np.interp(t, time, column) for column in v.T], axis=1)
+    return _Samples(time, q, v), Motion.from_speeds(period, q[0], speeds)
+
+
+def _from_positions(time: Array, q: Array, t: Array, period: float) -> tuple[_Samples, Motion]:
+    if len(time) < 4:  # too few for a spline
+        course = PiecewisePolynomial.FirstOrderHold(time, q.T)
+    else:
+        course = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(time, q.T)
+    v = course.derivative().vector_values(time).T
+    within = np.minimum(t, time[-1])
+    positions = course.vector_values(within).T + (t - within)[:, None] * v[-1]
+    # What gives the central differences the speeds of the course at its ends.
+    before, after = positions[1] - 2 * period * v[0], positions[-2] + 2 * period * v[-1]
+    return _Samples(time, q, v), Motion.from_positions(
+        period, np.vstack([before, positions, after])
+    )
+
+
+def _checked_loss(path: str | Path, samples: _Samples, motion: Motion) -> Loss:
+    time = samples.time
+    q = motion.trajectory.vector_values(time).T
+    v = np.stack([np.interp(time, motion.time, column) for column in motion.v.T], axis=1)
+    found = []
+    for what, unit, given, got in (
+        ("speed", "rad/s", samples.v, v),
+        ("position", "rad", samples.q, q),
+    ):
+        off = np.abs(got - given)
+        size, at = off.max(axis=0), time[off.argmax(axis=0)]
+        allowed = _LOSS * np.ptp(given, axis=0) + _LOSS_SIZE
+        if np.any(size > allowed):
+            k = int(np.argmax(size / allowed))
+            raise InputError(
+                f"{path}: resampled at {motion.period:g} s joint {k + 1} loses {size[k]:.3g} "
+                f"{unit} of {what} at {at[k]:.6g} s, allowed are {allowed[k]:.3g} {unit} (1 % of "
+                f"its range + {_LOSS_SIZE:g}); expected a smoother motion or a shorter period"
+            )
+        found += [size, at]
+    return Loss(*found)

@@ -1,0 +1,85 @@
+"""A page in headless Chromium: what it shows, what it complains about, what it asks for."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+# WebGL in software, so that Meshcat draws where there is no GPU.
+FLAGS = (
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+)
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+
+
+@dataclass
+class OpenPage:
+    """A page that is open.
+
+    Attributes:
+        page: Playwright's page.
+        errors: console errors and uncaught exceptions so far.
+        requests: addresses outside the page's own file that it asked for; all are refused.
+    """
+
+    page: object
+    errors: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+
+    def __iter__(self):
+        return iter((self.page, self.errors, self.requests))
+
+
+@contextlib.contextmanager
+def open_page(
+    path: str | Path,
+    *,
+    width: int = 1280,
+    height: int = 800,
+    dark: bool = False,
+    javascript: bool = True,
+) -> Iterator[OpenPage]:
+    """Open a local HTML file; the test is skipped where Chromium or Playwright is missing.
+
+    Use as `with open_page(path) as (page, errors, requests)`.
+    """
+    playwright = pytest.importorskip("playwright.sync_api")
+    chromium = next(filter(None, map(shutil.which, NAMES)), None)
+    if chromium is None:
+        pytest.skip("needs Chromium")
+    address = Path(path).resolve().as_uri()
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=chromium, args=list(FLAGS))
+        page = browser.new_page(
+            viewport={"width": width, "height": height},
+            color_scheme="dark" if dark else "light",
+            java_script_enabled=javascript,
+        )
+        opened = OpenPage(page)
+
+        def answer(route) -> None:
+            url = route.request.url
+            if url.split("#")[0] == address or url.startswith(("data:", "blob:")):
+                route.continue_()
+            else:
+                opened.requests.append(url)
+                route.abort()
+
+        page.on("console", lambda m: m.type == "error" and opened.errors.append(m.text))
+        page.on("pageerror", lambda error: opened.errors.append(str(error)))
+        page.on("websocket", lambda socket: opened.requests.append(socket.url))
+        page.route("**/*", answer)
+        try:
+            page.goto(address)
+            yield opened
+        finally:
+            browser.close()

@@ -1,0 +1,116 @@
+"""The margin report, against numbers by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from sdt_drake.errors import InputError
+from sdt_drake.motion import Motion, load_profile, margins, plan_motion
+
+
+@pytest.fixture(scope="module")
+def motion(robot):
+    return plan_motion(robot, load_profile("package://sdt/motions/reference.yaml")).motion
+
+
+def test_peak_rms_and_the_tightest_place_of_the_reference_motion(robot, motion):
+    report = margins(robot, motion)
+    share = report.peak_torque / robot.effort_limit
+    np.testing.assert_array_equal(np.round(share, 2), [0.82, 0.93, 0.30, 0.23])
+    at = np.searchsorted(motion.time, report.peak_torque_time)
+    np.testing.assert_array_equal(np.abs(report.torque[at, range(4)]), report.peak_torque)
+    # The integral of a motion that ends at rest, of the same samples.
+    power = np.sum(report.torque[:-1] ** 2, axis=0) * motion.period / motion.duration
+    np.testing.assert_allclose(report.rms_torque**2, power, rtol=1e-12)
+    place = report.smallest
+    assert (place.joint, place.quantity) == (1, "torque")
+    assert place.share == share[1] and place.margin == 1 - place.share
+    assert place.time == report.peak_torque_time[1]
+    assert [report.tightest(k).quantity for k in range(4)] == ["torque"] * 4
+    np.testing.assert_array_equal(report.to_stop, np.inf)
+    assert set(report.share) == {"torque", "speed"}
+
+
+def test_a_speed_limit_can_be_the_tightest(robot, motion):
+    slow = dataclasses.replace(robot, velocity_limit=np.array([2.5, np.inf, np.inf, np.inf]))
+    place = margins(slow, motion).tightest(0)
+    assert place.quantity == "speed"
+    assert place.share == pytest.approx(2.4 / 2.5)
+    assert 5.833 <= place.time <= 20
+
+
+def test_an_acceleration_limit_can_be_the_tightest(robot, motion):
+    calm = dataclasses.replace(robot, acceleration_limit=np.array([np.inf, 3.1, np.inf, np.inf]))
+    place = margins(calm, motion).tightest(1)
+    assert (place.quantity, round(place.share, 6)) == ("acceleration", round(3 / 3.1, 6))
+
+
+def test_positions_are_held_against_both_stops_and_a_single_one(robot, motion):
+    degrees = np.degrees(motion.q)
+    none = np.full(4, np.inf)
+    lower, upper = -none.copy(), none.copy()
+    lower[2], upper[2] = np.radians([-12, 4])  # the middle is -4, 8 deg to either side
+    upper[3] = np.radians(20)  # from the start, at 0
+    stopped = dataclasses.replace(robot, position_lower=lower, position_upper=upper)
+    report = margins(stopped, motion)
+    share = report.share["position"].max(axis=0)
+    farthest = max(-4 - degrees[:, 2].min(), degrees[:, 2].max() + 4) / 8
+    np.testing.assert_allclose(share, [0, 0, farthest, degrees[:, 3].max() / 20], rtol=1e-9)
+    to_stop = min(degrees[:, 2].min() + 12, 4 - degrees[:, 2].max())
+    np.testing.assert_allclose(np.degrees(report.to_stop[2:]), [to_stop, 20 - degrees[:, 3].max()])
+
+
+def test_an_envelope_takes_torque_from_driving_but_not_from_braking(robot):
+    # Joint 1 alone: up at 0.5 rad/s², held at 1 rad/s, down again.
+    v = np.zeros((1201, 4))
+    time = 0.005 * np.arange(1201)
+    v[:, 0] = np.interp(time, [0, 2, 4, 6], [0, 1, 1, 0])
+    motion = Motion.from_speeds(0.005, np.zeros(4), v)
+    n1, n0 = [33.6, 9, 9, 9], [100.8, 99, 99, 99]  # of joint 1: 0.5 and 1.5 rad/s, joint side
+    report = margins(robot, motion, n1=n1, n0=n0)
+    left = np.clip((1.5 - v[:, 0]) / 1.0, 0, 1)
+    np.testing.assert_allclose(report.highest[:, 0], 13655.04 * left)
+    np.testing.assert_allclose(report.lowest[:, 0], -13655.04)
+    share = report.share["torque at speed"][:, 0]
+    plain = report.share["torque"][:, 0]
+    driving = report.torque[:, 0] > 0
+    np.testing.assert_allclose(share[driving], (plain / left)[driving])
+    np.testing.assert_array_equal(share[~driving], plain[~driving])
+    assert report.tightest(0).quantity == "torque at speed"
+    assert report.tightest(0).time == pytest.approx(1.995)
+
+
+def test_torque_grows_between_samples_where_gravity_does(robot):
+    # Joint 2 turns at constant speed from hanging: gravity grows by m g c (1 - cos) within a
+    # period, and the last of them is at the end.
+    v = np.zeros((11, 4))
+    v[:, 1] = 1.0
+    motion = Motion.from_speeds(0.005, np.zeros(4), v)
+    report = margins(robot, motion)
+    grown = np.abs(report.torque[-1, 1])
+    assert report.growth[1] == 0  # the last sample is one too, and has the largest
+    assert grown == report.peak_torque[1]
+    v[-1, 1] = 1.1  # now the last period accelerates, and the last sample does not
+    report = margins(robot, Motion.from_speeds(0.005, np.zeros(4), v))
+    assert report.growth[1] > 0
+
+
+@pytest.mark.parametrize(
+    "n1, n0, message",
+    [
+        ([1, 1, 1, 1], None, "given together"),
+        ([1, 1, 1], [2, 2, 2, 2], r"n1: 3 value\(s\), expected 4"),
+        ([1, 1, 3, 1], [2, 2, 2, 2], "expected more than n1"),
+    ],
+)
+def test_a_bad_envelope_is_refused(robot, motion, n1, n0, message):
+    with pytest.raises(InputError, match=message):
+        margins(robot, motion, n1=n1, n0=n0)
+
+
+def test_another_number_of_joints_is_refused(robot):
+    with pytest.raises(InputError, match="3 joints, robot 'sdt' has 4"):
+        margins(robot, Motion.from_speeds(0.005, np.zeros(3), np.zeros((5, 3))))

@@ -1,0 +1,111 @@
+"""`sdt-drake motions` as a user meets it."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+import test_cli
+from test_cli import ARM, is_one_line
+
+from sdt_drake.motion import load_training, shipped_motions
+
+call, good = test_cli.call, test_cli.good
+
+MINE = """\
+title: Mine
+feels: Nothing much.
+duration: 10
+start_deg: [0, 0, 0, 90]
+tracks:
+  - joint: yaw
+    segments:
+      - !Turn {at: 1, by_deg: -30, duration: 2}
+      - !Turn {at: 5, to_deg: 90, speed_deg_s: 20, blend: linear}
+"""
+
+
+@pytest.fixture
+def desk(tmp_path, monkeypatch):
+    """A working directory with a profile, a bad one, and another robot."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.yaml").write_text(MINE, encoding="utf-8")
+    (tmp_path / "bad.yaml").write_text(MINE.replace("at: 5", "at: 2"), encoding="utf-8")
+    (tmp_path / "arm.sdf").write_text(ARM, encoding="utf-8")
+    return tmp_path
+
+
+def words(text):
+    return " ".join(text.split())
+
+
+def test_the_list_has_every_motion_and_what_it_feels_like(good, desk):
+    out = good("motions").out
+    table, sentences = out.split("\n\n")
+    rows = [re.split(r"\s{2,}", line.strip()) for line in table.splitlines()]
+    assert rows[0] == ["motion", "illusion", "duration [s]", "joints", "largest G"]
+    assert [row[0] for row in rows[1:-1]] == shipped_motions()
+    for name in shipped_motions():
+        profile = load_training(name)
+        assert f"{name}: {words(profile.feels)}" in words(sentences)
+        (row,) = (row for row in rows if row[0] == name)
+        assert row[1:3] == [profile.title, f"{profile.duration:g}"]
+    joints = {row[0]: row[3] for row in rows[1:-1]}
+    assert joints["g_excess"] == "planetary, roll, pitch" and joints["leans"] == "roll"
+    largest = {row[0]: float(row[4]) for row in rows[1:-1]}
+    assert largest["graveyard_spin"] == 1.0
+    # The head: 0.13 m behind and 0.33 m above where the axes meet, on an arm of 2.6 m.
+    omega_squared = 9.81 / 2.6 * (1.25**0.5)
+    radius = 2.6 - 0.33 * (1.25**0.5 / 1.5)
+    centripetal = ((radius**2 + 0.13**2) ** 0.5) * omega_squared
+    assert largest["graveyard_spiral"] == pytest.approx(
+        (1 + (centripetal / 9.81) ** 2) ** 0.5, abs=0.006
+    )
+    assert max(map(len, out.splitlines())) <= 100
+    assert not list(desk.glob("*.csv"))
+
+
+def test_one_motion_in_full(good, desk):
+    out = good("motions", "graveyard_spiral").out
+    profile = load_training("graveyard_spiral")
+    assert out.startswith("Graveyard spiral: 88 s, largest G at the head 1.42\n")
+    assert f"feels: {words(profile.feels)}" in words(out)
+    assert f"notes: {words(profile.notes)}" in words(out)
+    assert re.search(r"^planetary \+ roll: to 1.5 G, cosine +2\.000 +12\.000$", out, re.M)
+    assert re.search(r"^planetary \+ roll: hold +12\.000 +54\.000$", out, re.M)
+    assert "starts at 0 deg" in out
+
+
+def test_a_file_of_ones_own(good, desk):
+    out = good("motions", "mine.yaml").out
+    assert out.startswith("Mine: 10 s, largest G at the head 1.00\n")
+    assert re.search(r"^yaw: turn by -30 deg, cosine +1\.000 +3\.000$", out, re.M)
+    # 30 deg at a mean of two thirds of 20 deg/s
+    assert re.search(r"^yaw: turn to 90 deg, linear +5\.000 +7\.250$", out, re.M)
+    assert "starts at yaw 90 deg" in out
+    assert "notes" not in out
+
+
+def test_a_robot_without_these_joints_gets_the_reason_for_each(good, desk):
+    out = good("motions", "--robot", "arm.sdf").out
+    for name in shipped_motions():
+        assert f"{name}: not with 'two_links' (motion '{name}': tracks[1]" in words(out)
+    assert "shoulder, elbow" in words(out)
+
+
+@pytest.mark.parametrize(
+    "arguments, parts",
+    [
+        (["graveyrd_spin"], ["graveyrd_spin: no such motion", "graveyard_spin"]),
+        (["nowhere.yaml"], ["nowhere.yaml: no such file"]),
+        (["bad.yaml"], ["bad.yaml: tracks[1].segments[2].at: overlap, 2 s", "3 s"]),
+        (["leans", "--robot", "arm.sdf"], ["leans.yaml: tracks[1].joint: 'roll'", "shoulder"]),
+        (["--robot", "nowhere.sdf"], ["nowhere.sdf: no such file"]),
+    ],
+)
+def test_mistakes_are_one_line(call, desk, arguments, parts):
+    done = call("motions", *arguments)
+    assert (done.code, done.out) == (2, ""), done
+    assert is_one_line(done.err) and "Traceback" not in done.err
+    for part in parts:
+        assert part in done.err, done.err

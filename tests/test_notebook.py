@@ -1,0 +1,74 @@
+"""The tutorial notebook: ten cells that run, and a choice that their numbers support."""
+
+from __future__ import annotations
+
+import ast
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+NOTEBOOK = Path(__file__).parents[1] / "diagrams" / "tutorial.ipynb"
+CELLS = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
+CODE = [cell for cell in CELLS if cell["cell_type"] == "code"]
+
+
+def source_of(cell):
+    """Python only: lines with % are for Jupyter."""
+    return "".join(line for line in cell["source"] if not line.startswith("%"))
+
+
+@pytest.fixture(scope="module")
+def ran():
+    """The names after all cells, what the cells print, and the figures that they end with."""
+    names: dict[str, object] = {}
+    printed: list[str] = []
+    shown: list[object] = []
+    names["print"] = lambda *texts: printed.append(" ".join(map(str, texts)))
+    for cell in CODE:
+        tree = ast.parse(source_of(cell))
+        last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
+        exec(compile(tree, NOTEBOOK.name, "exec"), names)
+        if last:
+            shown.append(eval(compile(ast.Expression(last.value), NOTEBOOK.name, "eval"), names))
+    return names, printed, shown
+
+
+def test_ten_cells_with_words_before_each_and_nothing_stored():
+    assert [cell["cell_type"] for cell in CELLS] == ["markdown", "code"] * 10
+    assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in CODE)
+    for k, cell in enumerate(CELLS[::2], start=1):
+        assert f"## {k}. " in "".join(cell["source"])
+
+
+def test_cells_show_figures_and_print_numbers(ran):
+    _, printed, shown = ran
+    figures = [item for item in shown if isinstance(item, Figure)]
+
+    assert len(figures) == 6
+    for figure in figures:
+        figure.canvas.draw()
+    assert len(printed) > 15 and "nan" not in " ".join(printed)
+
+
+def test_the_choice_is_what_the_numbers_say(ran):
+    names, printed, _ = ran
+    worst = {  # deg, of all joints, by controller: model exact, model wrong
+        label: [
+            np.degrees(np.abs(c.recording.q - c.recording.q_ref).max())
+            for compared in (names["exact"], names["wrong"])
+            for c in compared
+            if c.label == label
+        ]
+        for label in names["labels"]
+    }
+    within = {label: errors for label, errors in worst.items() if max(errors) <= 0.2}
+
+    assert names["choice"] == min(within, key=lambda label: within[label][1]) == "p_pi+id"
+    assert set(within) == {"p_pi+id", "inverse_dynamics"}
+    assert printed[-1] == "take p_pi+id"
+    # Feedback linearisation is the better one only as long as its model is exact.
+    assert worst["inverse_dynamics"][0] < worst["p_pi+id"][0]
+    assert worst["inverse_dynamics"][1] > worst["p_pi+id"][1]

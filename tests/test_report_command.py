@@ -1,0 +1,74 @@
+"""`sdt-drake report`, and the page at the end of `sdt-drake reproduce`."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from browser import open_page
+
+from sdt_drake.analysis.page import PAGE, RECORDING
+from sdt_drake.cli import main
+
+
+@pytest.fixture(scope="module")
+def reproduced(tmp_path_factory):
+    """What reproduce writes; do not change it."""
+    folder = tmp_path_factory.mktemp("reproduced") / "out"
+    assert main(["reproduce", "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture
+def folder(reproduced, tmp_path):
+    """Of it what the page needs, to change."""
+    ignored = shutil.ignore_patterns("*.csv", "*.png", "*.md")
+    return Path(shutil.copytree(reproduced, tmp_path / "out", ignore=ignored))
+
+
+def test_reproduce_ends_with_the_page_and_report_makes_the_same(folder, capsys):
+    made = (folder / PAGE).read_bytes()
+    (folder / PAGE).unlink()
+
+    assert main(["report", str(folder)]) == 0
+    assert capsys.readouterr().out == f"{folder / PAGE} written\n"
+    assert (folder / PAGE).read_bytes() == made
+
+
+def test_report_of_a_folder_without_a_recording(folder):
+    (folder / RECORDING).unlink()
+
+    assert main(["report", str(folder)]) == 0
+    assert b"Load the 3D recording" not in (folder / PAGE).read_bytes()
+
+
+def test_the_page_shows_the_device(reproduced):
+    with open_page(reproduced / PAGE) as (tab, errors, requests):
+        tab.locator(".recording button").click()
+        tab.frame_locator("iframe").locator("canvas").first.wait_for(timeout=60_000)
+        assert tab.locator(".recording button").count() == 0
+        assert errors == [] and requests == []
+
+
+@pytest.mark.parametrize("what", ["nowhere", "file", "empty"])
+def test_a_folder_that_reproduce_did_not_write(tmp_path, capsys, what):
+    given = tmp_path / what
+    if what == "file":
+        given.write_text("x", encoding="utf-8")
+    elif what == "empty":
+        given.mkdir()
+    assert main(["report", str(given)]) == 2
+    done = capsys.readouterr()
+    assert done.out == "" and done.err.count("\n") == 1
+    assert str(given) in done.err and "sdt-drake reproduce --out" in done.err
+    assert not (given / PAGE).exists()
+
+
+def test_a_spoilt_folder_keeps_its_old_page(folder, capsys):
+    old = (folder / PAGE).read_bytes()
+    (folder / "figure7.svg").unlink()
+
+    assert main(["report", str(folder)]) == 2
+    assert "figure7.svg: is missing" in capsys.readouterr().err
+    assert (folder / PAGE).read_bytes() == old

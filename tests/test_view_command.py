@@ -1,0 +1,138 @@
+"""`sdt-drake view` as a user meets it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import test_cli
+from test_commands import MOTION, SCENARIO, refused
+
+from sdt_drake.tables import write_table
+
+call, good = test_cli.call, test_cli.good
+
+TIME = np.arange(101) * 0.005  # 0.5 s
+ANGLES = np.outer(TIME, [0.2, 0.4, -0.1, 0.3])
+
+
+@pytest.fixture
+def desk(tmp_path, monkeypatch):
+    """A working directory with a scenario, its motion and tables of angles."""
+    (tmp_path / "motion.yaml").write_text(MOTION, encoding="utf-8")
+    (tmp_path / "run.yaml").write_text(SCENARIO, encoding="utf-8")
+    write_table(tmp_path / "recording.csv", TIME, {"q_ref": 0 * ANGLES, "q": ANGLES})
+    write_table(tmp_path / "motion.csv", TIME, {"q_ref": ANGLES})
+    write_table(tmp_path / "speeds.csv", TIME, {"v": ANGLES})
+    write_table(tmp_path / "three.csv", TIME, {"q": ANGLES[:, :3]})
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def shown(monkeypatch):
+    """What `view` would show, instead of showing it."""
+    import sdt_drake.viewer
+
+    calls = []
+
+    def note(robot, time, q, *path, **options):
+        calls.append({"robot": robot, "time": time, "q": q, "path": path, **options})
+
+    monkeypatch.setattr(sdt_drake.viewer, "play", note)
+    monkeypatch.setattr(sdt_drake.viewer, "record_html", note)
+    return calls
+
+
+def test_help(good):
+    out = " ".join(good("view", "--help").out.split())
+    assert "example: sdt-drake view package://sdt/scenarios/" in out
+
+
+@pytest.mark.parametrize("name", ["recording", "motion"])
+def test_angles_of_a_table(desk, good, shown, name):
+    good("view", f"{name}.csv", "--record", "a.html", "--pilot")
+    (call_,) = shown
+    np.testing.assert_array_equal(call_["q"], ANGLES)
+    np.testing.assert_array_equal(call_["time"], TIME)
+    assert call_["title"] == name and call_["pilot"] is True
+    assert call_["path"] == (Path("a.html"),)
+
+
+def test_scenario_shows_what_the_joints_do(desk, good, shown):
+    good("view", "run.yaml", "--rate", "2", "--port", "7123", "--once")
+    (call_,) = shown
+    assert call_["q"].shape == (251, 4) and call_["time"][-1] == pytest.approx(1.25)
+    # Joint 2 ramps up to 0.5 rad/s and down; the controller lags, so it is not the reference.
+    assert call_["q"][-1, 1] > 0.1 and np.ptp(call_["q"][:, 2:]) < 0.01
+    assert (call_["rate"], call_["port"], call_["once"], call_["pilot"]) == (2.0, 7123, True, False)
+
+
+def test_record_writes_a_page(desk, good):
+    assert good("view", "motion.csv", "--record", "a.html").out == "a.html written\n"
+    assert "<title>motion</title>" in (desk / "a.html").read_text(encoding="utf-8")
+
+
+def test_plays_once_and_says_where(desk, good):
+    out = good("view", "motion.csv", "--once", "--rate", "10").out
+    assert out.startswith("motion: http://localhost:") and "Ctrl-C" not in out
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs SIGINT")
+def test_ctrl_c_ends_it_cleanly(desk):
+    command = [sys.executable, "-m", "sdt_drake", "view", "motion.csv", "--rate", "5"]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True) as process:
+        assert "Ctrl-C ends it" in process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (("run.yaml", "--record", "a.htm"), "a.htm: expected an .html file"),
+        (("run.yaml", "--record", "."), "is a folder"),
+        (("run.yaml", "--rate", "0"), "--rate: 0.0, expected a finite number > 0"),
+        (("run.yaml", "--rate", "nan"), "--rate: nan"),
+        (("run.yaml", "--port", "80"), "port: 80, expected 1024 to 65535"),
+        (("run.yaml", "--port", "65536"), "port: 65536"),
+        (("run.yaml", "--robot", "other.sdf"), "--robot: the scenario names the robot"),
+        (("run.yaml", "--record", "a.html", "--once"), "--once: has no effect with --record"),
+        (("run.yaml", "--record", "a.html", "--port", "7100"), "--port: has no effect"),
+        (("run.yaml", "--record", "a.html", "--rate", "2"), "--rate: has no effect"),
+        (("none.yaml",), "none.yaml"),
+        (("none.csv",), "none.csv: no such file"),
+        (("speeds.csv",), "speeds.csv: no columns q_1"),
+        (("three.csv",), "three.csv: angles of 3 joint(s), robot 'sdt' has 4"),
+        (("run.png",), "run.png: expected a"),
+        (("no_such_motion",), "no_such_motion"),
+    ],
+)
+def test_bad_input_is_one_line(desk, call, shown, arguments, part):
+    refused(call("view", *arguments), part)
+    assert shown == [] and not list(desk.glob("*.htm*"))
+
+
+def test_table_with_a_value_that_is_no_number(desk, call):
+    bad = ANGLES.copy()
+    bad[7, 2] = np.nan
+    write_table(desk / "bad.csv", TIME, {"q": bad})
+    refused(call("view", "bad.csv", "--record", "a.html"), "bad.csv, line 9", "q_3")
+
+
+def test_port_in_use(desk, call):
+    with socket.socket() as busy:
+        busy.bind(("127.0.0.1", 0))
+        busy.listen()
+        port = busy.getsockname()[1]
+        refused(
+            call("view", "motion.csv", "--once", "--port", str(port)), f"port: {port} is in use"
+        )

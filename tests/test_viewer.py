@@ -1,0 +1,378 @@
+"""Pictures of a motion: what is in them, and the page that plays them."""
+
+from __future__ import annotations
+
+import re
+import socket
+import struct
+
+import numpy as np
+import pytest
+from browser import open_page
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.multibody.tree import JacobianWrtVariable
+from pydrake.systems.framework import DiagramBuilder
+
+from sdt_drake import viewer
+from sdt_drake.errors import InputError
+from sdt_drake.robot import load_robot
+from sdt_drake.viewer import FRAME_RATE, METRES_PER_G, arrow_pose, make_frames, record_html
+
+SMALL = {"width": 640, "height": 400}  # WebGL in software is slow
+TIME = np.arange(401) * 0.005  # 2 s
+
+
+def smooth(robot, time=TIME):
+    """Angles, speeds and accelerations of joints that all turn."""
+    a, w = np.linspace(0.3, 0.6, robot.n), np.linspace(1.0, 2.5, robot.n)
+    s, c = np.sin(np.outer(time, w)), np.cos(np.outer(time, w))
+    return a * s, a * w * c, -a * w**2 * s
+
+
+def without_head(folder, *, bare=False):
+    """A copy of the shipped robot's file in which nobody sits; `bare`: with no visual either."""
+    text = load_robot().path.read_text(encoding="utf-8")
+    text = re.sub(r"<frame name=.head.*?</frame>", "", text, flags=re.S)
+    if bare:
+        text = re.sub(r"<visual .*?</visual>", "", text, flags=re.S)
+    path = folder / "other.sdf"
+    path.write_text(text, encoding="utf-8")
+    return load_robot(path)
+
+
+# --- the pictures -----------------------------------------------------------------------------
+
+
+def test_frames_are_even_and_are_the_motion(robot):
+    q, _, _ = smooth(robot)
+    frames = make_frames(robot, TIME, q)
+    assert len(frames.time) == 2 * FRAME_RATE + 1
+    np.testing.assert_allclose(np.diff(frames.time), 1 / FRAME_RATE, rtol=1e-9)
+    # 0.1 s is both the third picture and the twentieth sample.
+    np.testing.assert_allclose(frames.q[::3], q[::20], rtol=0, atol=1e-12)
+    exact, _, _ = smooth(robot, frames.time)
+    np.testing.assert_allclose(frames.q, exact, rtol=0, atol=2e-5)
+
+
+def test_frames_of_a_motion_that_starts_later_are_the_same(robot):
+    q, _, _ = smooth(robot)
+    now, later = make_frames(robot, TIME, q), make_frames(robot, TIME + 7.0, q)
+    np.testing.assert_allclose(later.time, now.time)
+    np.testing.assert_allclose(later.q, now.q, rtol=0, atol=1e-9)
+
+
+def test_head_and_its_specific_force_are_drakes(robot):
+    q, _, _ = smooth(robot)
+    frames = make_frames(robot, TIME, q)
+    exact_q, v, vd = smooth(robot, frames.time)
+    plant = robot.plant
+    context, head = plant.CreateDefaultContext(), plant.GetFrameByName("head")
+    world, gravity = plant.world_frame(), np.array([0.0, 0.0, -9.81])
+    for k in range(2, len(frames.time) - 2, 7):
+        plant.SetPositions(context, frames.q[k])
+        pose = head.CalcPoseInWorld(context)
+        np.testing.assert_allclose(frames.position[k], pose.translation(), atol=1e-9)
+        np.testing.assert_allclose(frames.rotation[k], pose.rotation().matrix(), atol=1e-9)
+        plant.SetPositions(context, exact_q[k])
+        plant.SetVelocities(context, v[k])
+        where = (context, JacobianWrtVariable.kV, head, np.zeros(3), world, world)
+        a = plant.CalcJacobianTranslationalVelocity(*where) @ vd[k]
+        a += plant.CalcBiasTranslationalAcceleration(*where).ravel()
+        np.testing.assert_allclose(frames.specific_force[k], a - gravity, atol=0.01)
+
+
+def test_given_specific_force_is_turned_into_the_world(robot):
+    q = np.zeros((len(TIME), robot.n))
+    q[:, 0] = np.pi / 2  # forward, +y at rest, is now -x
+    forward = np.tile([5.0, 0.0, 0.0], (len(TIME), 1))
+    frames = make_frames(robot, TIME, q, forward)
+    np.testing.assert_allclose(frames.specific_force, np.tile([-5.0, 0, 0], (61, 1)), atol=1e-12)
+
+
+@pytest.mark.parametrize("force", [(0, 0, 9.81), (3, -4, 2), (0, 0, -19.62), (-9.81, 0, 0)])
+def test_arrow_points_along_the_force(force):
+    pose, length = arrow_pose(np.array([1.0, 2.0, 3.0]), np.array(force, dtype=float))
+    tip = pose.multiply([0.0, 0.0, length])
+    assert pose.translation().tolist() == [1.0, 2.0, 3.0]
+    expected = np.array(force) * METRES_PER_G / 9.80665
+    np.testing.assert_allclose(tip - [1.0, 2.0, 3.0], expected, rtol=1e-3, atol=1e-12)
+
+
+def test_arrow_of_free_fall_has_no_length():
+    assert arrow_pose(np.zeros(3), np.zeros(3))[1] == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "part"),
+    [
+        (lambda t, q: (t[:2], q[:2]), "at least three samples"),
+        (lambda t, q: (t[::-1], q), "at least three samples"),
+        (lambda t, q: (np.where(t == 1, np.nan, t), q), "at least three samples"),
+        (lambda t, q: (t, q[:, :3]), "expected (401, 4)"),
+        (lambda t, q: (t, q[:-1]), "expected (401, 4)"),
+        (lambda t, q: (t, np.where(t[:, None] == 1, np.inf, q)), "not finite"),
+    ],
+)
+def test_refuses_what_is_no_motion_of_the_robot(robot, tmp_path, change, part):
+    time, q = change(TIME, smooth(robot)[0])
+    with pytest.raises(InputError, match=re.escape(part)):
+        record_html(robot, time, q, tmp_path / "a.html")
+    assert list(tmp_path.iterdir()) == []
+
+
+# --- the page -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def page_file(tmp_path_factory, robot):
+    path = tmp_path_factory.mktemp("page") / "run.html"
+    record_html(robot, TIME, smooth(robot)[0], path, title="Leans <1>")
+    return path
+
+
+def seek(page, time):
+    page.wait_for_function("document.getElementById('sdt-seek').max > 0")  # it is loaded
+    page.evaluate(
+        """t => {
+          const slider = document.getElementById("sdt-seek");
+          slider.value = t;
+          slider.oninput();
+          viewer.render();
+        }""",
+        time,
+    )
+
+
+def place_of(page, path):
+    """Where a path of the scene is [m], in Drake's axes: Meshcat's own have y upwards."""
+    x, y, z = page.evaluate(
+        """path => {
+          const object = viewer.scene_tree.find(path).object;
+          object.updateWorldMatrix(true, false);
+          return object.matrixWorld.elements.slice(12, 15);
+        }""",
+        path,
+    )
+    return np.array([x, -z, y])
+
+
+def colours(page):
+    """What each pixel of the picture shows, 4 bit for each of red, green and blue."""
+    return page.evaluate(
+        """() => {
+          viewer.render();
+          const shown = viewer.renderer.domElement, copy = document.createElement("canvas");
+          copy.width = shown.width;
+          copy.height = shown.height;
+          const paint = copy.getContext("2d");
+          paint.drawImage(shown, 0, 0);
+          const data = paint.getImageData(0, 0, copy.width, copy.height).data, found = [];
+          for (let i = 0; i < data.length; i += 4)
+            found.push((data[i] >> 4) * 256 + (data[i + 1] >> 4) * 16 + (data[i + 2] >> 4));
+          return found;
+        }"""
+    )
+
+
+def test_page_plays_alone(robot, page_file):
+    text = page_file.read_text(encoding="utf-8")
+    assert "<title>Leans &lt;1&gt;</title>" in text and "<b>Leans &lt;1&gt;</b>" in text
+    assert not re.search(r"<(script|link|img)[^>]*(src|href)=.?https?:", text)
+    assert len(text) < 4e6
+    with open_page(page_file, **SMALL) as (page, errors, requests):
+        page.wait_for_function("viewer.animator.time > 0.1")  # it plays by itself
+        assert page.evaluate("viewer.animator.duration") == pytest.approx(2.0)
+        frames = make_frames(robot, TIME, smooth(robot)[0])
+        for k in (0, 31, 60):
+            seek(page, frames.time[k])
+            np.testing.assert_allclose(place_of(page, ["head"]), frames.position[k], atol=1e-4)
+            force = frames.specific_force[k] * METRES_PER_G / 9.80665
+            tip = place_of(page, ["arrow", "unit", "tip"])
+            np.testing.assert_allclose(tip - frames.position[k], force, atol=2e-3)
+        before = colours(page)
+        seek(page, 0.4)
+        assert len(set(before)) > 50 and colours(page) != before
+        assert errors == [] and requests == []
+
+
+def test_pilots_view_rides_along(robot, tmp_path):
+    q = smooth(robot)[0]
+    frames = make_frames(robot, TIME, q)
+    record_html(robot, TIME, q, tmp_path / "a.html", pilot=True)
+    camera = ["Cameras", "default", "rotated", "<object>"]
+    with open_page(tmp_path / "a.html", **SMALL) as (page, errors, _):
+        assert page.inner_text("#sdt-view") == "From outside"
+        for k in (45, 10):
+            seek(page, frames.time[k])
+            np.testing.assert_allclose(place_of(page, camera), frames.position[k], atol=1e-4)
+            # The camera's y, up, and -z, forward, are the head's z and x.
+            m = page.evaluate("viewer.camera.matrixWorld.elements")
+            (ux, uy, uz), (bx, by, bz) = m[4:7], m[8:11]
+            np.testing.assert_allclose([ux, -uz, uy], frames.rotation[k][:, 2], atol=1e-3)
+            np.testing.assert_allclose([-bx, bz, -by], frames.rotation[k][:, 0], atol=1e-3)
+        page.click("#sdt-view")
+        assert page.inner_text("#sdt-view") == "Pilot's view"
+        seek(page, 0.0)
+        assert np.linalg.norm(place_of(page, camera)) > 5  # from where all is seen
+        assert errors == []
+
+
+@pytest.mark.parametrize("bare", [False, True])
+def test_robot_without_a_head(tmp_path, bare):
+    other = without_head(tmp_path, bare=bare)
+    q = smooth(other)[0]
+    frames = make_frames(other, TIME, q)
+    assert frames.position is None and frames.specific_force is None
+    record_html(other, TIME, q, tmp_path / "a.html")
+    with pytest.raises(InputError, match="no pilot's head"):
+        record_html(other, TIME, q, tmp_path / "b.html", pilot=True)
+    assert not (tmp_path / "b.html").exists()
+    if not bare:
+        return
+    with open_page(tmp_path / "a.html", **SMALL) as (page, errors, requests):
+        assert not page.is_visible("#sdt-view")
+        seek(page, 1.0)
+        names = page.evaluate("Object.keys(viewer.scene_tree.children)")
+        assert "robot" in names and not {"trace", "arrow", "head"} & set(names)
+        assert errors == [] and requests == []
+
+
+@pytest.mark.parametrize("name", ["run.txt", "run", "."])
+def test_refuses_another_kind_of_file(robot, tmp_path, name):
+    with pytest.raises(InputError, match=r"\.html file|folder"):
+        record_html(robot, TIME, smooth(robot)[0], tmp_path / name)
+
+
+def test_mesh_that_is_missing_is_named(tmp_path):
+    text = load_robot().path.read_text(encoding="utf-8")
+    mesh = "<geometry><mesh><uri>none.obj</uri></mesh></geometry>"
+    text = re.sub(r"<geometry>.*?</geometry>", mesh, text, count=1, flags=re.S)
+    (tmp_path / "mesh.sdf").write_text(text, encoding="utf-8")
+    other = load_robot(tmp_path / "mesh.sdf")
+    with pytest.raises(InputError, match=r"none\.obj") as caught:
+        record_html(other, TIME, smooth(other)[0], tmp_path / "a.html")
+    assert "\n" not in str(caught.value)
+
+
+# --- the device as it is drawn ------------------------------------------------------------------
+
+
+def test_parts_of_the_device_pass_each_other_freely():
+    """At any angles, links touch at the flanges of their joints only."""
+    text = re.sub(r"<material>.*?</material>", "", load_robot().path.read_text(encoding="utf-8"))
+    text = text.replace("<visual ", "<collision ").replace("</visual>", "</collision>")
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    Parser(plant).AddModelsFromString(text, "sdf")
+    plant.Finalize()
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    inspector = scene_graph.model_inspector()
+    parts = []
+    for geometry in inspector.GetAllGeometryIds():
+        body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry)).name()
+        name = inspector.GetName(geometry).split("::")[-1]
+        if "flange" not in name and name != "yaw_motor":
+            parts.append((body.replace("payload", "gondola"), name, geometry))
+    pairs = [(a, b) for i, a in enumerate(parts) for b in parts[:i] if a[0] != b[0]]
+    assert len(pairs) > 500
+    for q in np.random.default_rng(0).uniform(-np.pi, np.pi, (40, plant.num_positions())):
+        plant.SetPositions(plant.GetMyMutableContextFromRoot(context), q)
+        query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(context))
+        for (one, a, first), (other, b, second) in pairs:
+            distance = query.ComputeSignedDistancePairClosestPoints(first, second).distance
+            assert distance > 0, f"{one}: {a} in {other}: {b} at {np.degrees(q).round()} deg"
+
+
+# --- live -----------------------------------------------------------------------------------------
+
+
+def test_play_once_shows_every_second_at_its_time(robot, monkeypatch):
+    shown, now = [], [0.0]
+    monkeypatch.setattr(viewer.clock, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(viewer.clock, "sleep", lambda s: now.__setitem__(0, now[0] + s))
+    show = viewer.Scene.show
+
+    def spy(scene, k, **options):
+        shown.append((scene.frames.time[k], now[0]))
+        now[0] += 0.05  # slower than two pictures at twice the speed
+        show(scene, k, **options)
+
+    monkeypatch.setattr(viewer.Scene, "show", spy)
+    addresses = []
+    viewer.play(robot, TIME, smooth(robot)[0], rate=2.0, once=True, announce=addresses.append)
+    (address,) = addresses
+    assert re.fullmatch(r"http://localhost:\d+", address)
+    motion, wall = np.array(shown[1:]).T  # the first one is there before the clock starts
+    started = wall[0]
+    assert motion[0] == 0 and motion[-1] == 2.0
+    late = (wall - started) * 2.0 - motion
+    assert np.all(late > -1e-9) and np.all(late < 0.05 * 2.0 + 2 / FRAME_RATE)
+    assert len(motion) < 30  # 61 pictures, of which there was time for some
+
+
+def test_play_shows_all_pictures_where_there_is_time(robot, monkeypatch):
+    shown, now = [], [0.0]
+    monkeypatch.setattr(viewer.clock, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(viewer.clock, "sleep", lambda s: now.__setitem__(0, now[0] + s))
+    monkeypatch.setattr(viewer.Scene, "show", lambda scene, k, **_: shown.append((k, now[0])))
+    viewer.play(robot, TIME, smooth(robot)[0], once=True, pilot=True, announce=str)
+    pictures, wall = np.array(shown[1:]).T
+    assert pictures.tolist() == list(range(61))
+    np.testing.assert_allclose(wall, np.arange(61) / FRAME_RATE, atol=1e-9)
+
+
+def test_ctrl_c_ends_the_play(robot, monkeypatch):
+    rounds = []
+
+    def run(scene, rate, pilot):
+        rounds.append(rate)
+        if len(rounds) == 3:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(viewer, "_run_once", run)
+    viewer.play(robot, TIME, smooth(robot)[0], announce=str)
+    assert rounds == [1.0, 1.0, 1.0]
+
+
+def test_live_camera_of_the_pilot(robot, monkeypatch):
+    """Its place and `up`, from what Meshcat keeps for a browser that comes later."""
+    frames = make_frames(robot, TIME, smooth(robot)[0])
+    scene = viewer.Scene(robot, frames, viewer.open_meshcat())
+    scene.pilot_view(20)
+    forward, _, up = frames.rotation[20].T
+    eye = frames.position[20]
+    kept = {
+        name: msgpack_number(scene.meshcat._GetPackedProperty(viewer._CAMERA, f"up.{name}"))
+        for name in "xyz"
+    }
+    np.testing.assert_allclose([kept["x"], -kept["z"], kept["y"]], up, atol=1e-12)
+    assert abs(up @ forward) < 1e-9 and np.all(np.isfinite(eye))
+
+
+def msgpack_number(packed):
+    """The float64 that a packed property ends with."""
+    assert packed[-9] == 0xCB
+    return struct.unpack(">d", packed[-8:])[0]
+
+
+@pytest.mark.parametrize("port", [0, 80, 70000, -1])
+def test_refuses_a_port(port):
+    with pytest.raises(InputError, match="expected 1024 to 65535"):
+        viewer.open_meshcat(port)
+
+
+def test_says_that_a_port_is_in_use():
+    with socket.socket() as busy:
+        busy.bind(("127.0.0.1", 0))
+        busy.listen()
+        port = busy.getsockname()[1]
+        with pytest.raises(InputError, match=f"port: {port} is in use"):
+            viewer.open_meshcat(port)
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf")])
+def test_refuses_a_rate(robot, rate):
+    with pytest.raises(InputError, match=r"rate: .*> 0"):
+        viewer.play(robot, TIME, smooth(robot)[0], rate=rate, once=True)
