@@ -1,6 +1,6 @@
 """Every training motion that ships with the package, simulated: what the pilot feels of it.
 
-    python diagrams/training.py [FOLDER] [--record]
+    python diagrams/training.py [FOLDER] [--only NAME ...] [--record]
 
 Writes a figure for each motion into FOLDER, by default the folder of this script:
 training_coriolis_plot.png, training_g_excess_plot.png, training_graveyard_spin_plot.png,
@@ -21,9 +21,9 @@ from sdt_drake.simulate import simulate
 from sdt_drake.viewer import record_html
 
 
-def main(folder: Path, *, record: bool = False) -> None:
+def main(folder: Path, names: list[str], *, record: bool) -> None:
     scenario = load_scenario("package://sdt/scenarios/training.yaml")
-    for name in shipped_motions():
+    for name in names:
         scenario.motion = name
         design = make_design(scenario)
         run = simulate(design)
@@ -39,6 +39,7 @@ def main(folder: Path, *, record: bool = False) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", nargs="?", type=Path, default=Path(__file__).parent)
+    parser.add_argument("--only", nargs="+", choices=shipped_motions(), default=shipped_motions())
     parser.add_argument("--record", action="store_true")
     options = parser.parse_args()
-    main(options.folder, record=options.record)
+    main(options.folder, options.only, record=options.record)
