@@ -9,6 +9,7 @@ from sdt_drake.design import load_plan, make_design
 from sdt_drake.dynamics import torque_groups
 from sdt_drake.errors import InputError
 from sdt_drake.motion import PLANNERS, shipped_motions
+from sdt_drake.pilot import canals, head_motion_of_samples
 from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import simulate
 
@@ -71,3 +72,14 @@ def test_every_joint_stays_within_a_fifth_of_a_degree(robot, plans, name):
     design = make_design(scenario, robot=robot, motion=plans(name, "limiter").motion)
     error = np.degrees(np.abs(simulate(design).position_error))
     assert error.max() < 0.2
+
+
+def test_inversion_is_told_as_a_tumble_backwards(robot, plans):
+    """At the push-over, 30 to 34 s, the canals tell nose up, and the force comes from in front."""
+    motion = plans("inversion", "limiter").motion
+    head = head_motion_of_samples(robot, PERIOD, motion.q, motion.v)
+    push = slice(round(30.5 / PERIOD), round(33 / PERIOD))
+    pitch = np.degrees(canals(head.angular_velocity, PERIOD)[:, 1])  # + is nose down
+    assert pitch[push].min() < -40 and pitch[push].max() < 0
+    forwards = head.specific_force[push, 0]
+    assert forwards.max() > 1.2 and forwards.min() > 0

@@ -51,14 +51,14 @@ def test_force_is_in_multiples_of_bensons_thresholds(axis, threshold):
 def test_quick_rotation_counts_by_the_short_detector_and_a_slow_one_by_the_long():
     quick, slow = np.zeros((2, 2001, 3))
     quick[:, 2] = np.radians(3) * np.sin(2 * np.pi * T)
-    slow[:, 2] = np.radians(0.3) * T
+    slow[:, 2] = np.radians(0.3) * 2 * T  # 0.3 deg/s² for 20 s
     largest = [
-        felt_difference(motion(), motion(angular_velocity=omega), H).largest[2]
-        for omega in (quick, slow)
+        felt_difference(motion(), motion(angular_velocity=omega), h).largest[2]
+        for omega, h in ((quick, H), (slow, 2 * H))
     ]
-    assert largest[0] == pytest.approx(3 / 0.71, rel=0.2)
-    assert largest[1] == pytest.approx(0.3 / (0.22 / (1 - np.exp(-10 / 14.5))), rel=1e-6)
-    assert largest[1] > 0.3 * 0.70 / 0.71
+    assert largest[0] == pytest.approx(3 / 0.30, rel=0.2)
+    assert largest[1] == pytest.approx(0.3 / (0.22 / (1 - np.exp(-20 / 14.5))), rel=1e-6)
+    assert largest[1] > 0.3 * 0.70 / 0.30
 
 
 def test_only_the_difference_counts():
