@@ -45,7 +45,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _refuse(f"{error.filename or 'files'}: {error.strerror or error}")
     except KeyboardInterrupt:
         return 130
+    except ImportError as error:
+        if _was_interrupted(error):  # while Drake was being imported
+            return 130
+        raise
     return 0
+
+
+def _was_interrupted(error: BaseException | None) -> bool:
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__
+    return error is not None
 
 
 def _refuse(message: str) -> int:

@@ -664,6 +664,23 @@ def test_ctrl_c_ends_quietly_and_leaves_nothing_half_written(tmp_path):
     assert not [path for path in tmp_path.rglob("*") if "partial" in path.name]
 
 
+def test_ctrl_c_while_drake_is_imported_ends_quietly(call, monkeypatch):
+    """Drake turns it into an ImportError, of another one at times."""
+
+    def interrupted(options):
+        try:
+            try:
+                raise KeyboardInterrupt
+            except KeyboardInterrupt as error:
+                raise ImportError("initialization failed") from error
+        except ImportError as error:
+            raise ImportError("initialization failed") from error
+
+    monkeypatch.setattr("sdt_drake.commands.tune.run", interrupted)
+    done = call("tune")
+    assert (done.code, done.out, done.err) == (130, "", "")
+
+
 @pytest.mark.parametrize("arguments", [("tune",), ("step", "--help")], ids=["tune", "help"])
 def test_a_terminal_that_knows_ascii_only(tmp_path, arguments):
     environment = os.environ | {"PYTHONIOENCODING": "ascii"}

@@ -229,7 +229,14 @@ def effective_inertia(
         ("smallest", PRINTED_SIGN, "--", span.minimum),
     ]
     if published_maximum is not None:
-        levels.append(("Table 1, largest", PALETTE[6], ":", np.asarray(published_maximum)))
+        levels.append(
+            (
+                "Table 1 (the paper's motion), largest",
+                PALETTE[6],
+                ":",
+                np.asarray(published_maximum),
+            )
+        )
     lines = [("effective inertia", REFERENCE, "-", i_eff)]
     # One scale for all joints, relative to the largest: who varies little looks like it.
     lowest = min(0.9, float(np.min(span.minimum / span.maximum))) - 0.05

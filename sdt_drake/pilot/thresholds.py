@@ -56,7 +56,7 @@ DETECTORS = (
     # deg/s² and T = 14.5 s: y / T = a (1 - e^{-t/T}) reaches C. For t << T that is Mulder's
     # product, a t >= C T = 3.2 deg/s.
     Detector("long", 14.5, 0.22 * 14.5, "Rodenburg, Stassen & Maas (yaw, 3-25 s)"),
-    # Which way does it turn: one period of a sine of acceleration, so a bell of speed, 0.05 to 5 Hz.
+    # Which way does it turn: one period of a sine of acceleration, a bell of speed, 0.05 to 5 Hz.
     # The time constant is that of the published fit. Its level, 0.71 deg/s, holds for a steady sine
     # and would miss the bells that were measured, by up to a factor 2; at 0.30 none is missed.
     Detector("short", 0.70, 0.30, "Grabherr et al. 2008 (yaw, time constant of the high-pass fit)"),

@@ -265,7 +265,7 @@ def test_effective_inertia_shows_its_range_and_what_is_published(motion):
             ("largest", i_eff[:, k].max()),
             ("median", np.median(i_eff[:, k])),
             ("smallest", i_eff[:, k].min()),
-            ("Table 1, largest", [5.5, 101, 8][k]),
+            ("Table 1 (the paper's motion), largest", [5.5, 101, 8][k]),
         ):
             assert line(ax, label).get_ydata()[0] == value
         low, high = ax.get_ylim()
@@ -275,9 +275,9 @@ def test_effective_inertia_shows_its_range_and_what_is_published(motion):
     # One scale, relative to the largest: a joint that varies little looks like it.
     assert len({round(ax.get_ylim()[0] / v, 6) for ax, v in zip(
         figure.axes, i_eff.max(axis=0), strict=True)}) == 1  # fmt: skip
-    assert "Table 1, largest" in legend_texts(figure)
+    assert "Table 1 (the paper's motion), largest" in legend_texts(figure)
     plain = plots.effective_inertia("inertia", motion.time, i_eff, NAMES)
-    assert "Table 1, largest" not in legend_texts(plain)
+    assert "Table 1 (the paper's motion), largest" not in legend_texts(plain)
 
 
 def test_figure2_shows_position_speed_and_acceleration(figures, motion):
