@@ -24,11 +24,13 @@ def find_file(reference: str | Path, base: Path | None = None) -> Path:
         base: folder that a relative path starts from; the working directory if None.
 
     Raises:
-        InputError: if there is no such file.
+        InputError: if there is no such file, or it is a folder.
     """
     text = str(reference)
     if text.startswith("package://") and not text.startswith(PACKAGE_PREFIX):
         raise InputError(f"{text}: no such package, files of this one start with {PACKAGE_PREFIX}")
+    if not text:
+        raise InputError("'': no such file, expected a name")
     if text.startswith(PACKAGE_PREFIX):
         path = models_dir() / text.removeprefix(PACKAGE_PREFIX)
         choices = sorted(p.name for p in path.parent.glob(f"*{path.suffix}"))
@@ -37,9 +39,11 @@ def find_file(reference: str | Path, base: Path | None = None) -> Path:
         path = Path(text) if base is None else base / text
         hint = f"; files of the package start with {PACKAGE_PREFIX}"
     try:
-        is_file = path.is_file()
+        is_file, is_folder = path.is_file(), path.is_dir()
     except (OSError, ValueError):
-        is_file = False
+        is_file = is_folder = False
+    if is_folder:
+        raise InputError(f"{text}: is a folder, expected a file")
     if not is_file:
         raise InputError(f"{text}: no such file{hint}")
     return path

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from pydrake.systems.primitives import ZeroOrderHold
 
 from sdt_drake.control import CONTROLLERS
 from sdt_drake.design import Design, make_design
+from sdt_drake.dynamics import torque_groups
 from sdt_drake.errors import InputError
 from sdt_drake.loops import PI_NAME, PLANT_NAME, make_loop
 from sdt_drake.scenario import Scenario
@@ -24,6 +26,12 @@ Array = NDArray[np.float64]
 
 ACCURACY = 7e-6
 """Of the error-controlled integrator: speeds are good to 1e-4 rad/s, where motors saturate too."""
+
+LIMITS = {"q": (1e6, "rad"), "q_ref": (1e6, "rad"), "v": (1e4, "rad/s"), "v_ref": (1e4, "rad/s")}
+"""Of angles and speeds in files, joint side: what is beyond has another unit, or is no motion."""
+
+SHORTEST_STEP = 1e-6
+"""Of time in files [s]."""
 
 # What goes into a CSV file, in this order.
 COLUMNS = (
@@ -78,9 +86,10 @@ class Recording:
 
         Raises:
             InputError: naming the file and the line or the column: something missing, gaps in
-                time, numbers that are not finite.
+                time, numbers that are not finite, or beyond what `check_limits` lets pass.
         """
         time, columns = read_table(path)
+        check_limits(path, time, columns)
         names = [field.name for field in fields(Recording) if field.name != "time"]
         missing = [name for name in names if name not in columns]
         if missing:
@@ -91,6 +100,32 @@ class Recording:
         if len({columns[name].shape for name in names}) > 1:
             raise InputError(f"{path}: the columns differ in their number of joints")
         return Recording(time=time, **{name: columns[name] for name in names})
+
+
+def check_limits(path: str | Path, time: Array, columns: Mapping[str, Array]) -> None:
+    """Refuse angles and speeds that no joint has, and time in steps that nobody records.
+
+    Args:
+        path: of the file that holds them.
+        time: in equal steps [s], shape (N,), N >= 2.
+        columns: by name, shape (N, n); those that LIMITS does not name may hold anything.
+
+    Raises:
+        InputError: naming the file, the column and the time.
+    """
+    step = time[1] - time[0]
+    if step < SHORTEST_STEP:
+        raise InputError(
+            f"{path}: time in steps of {step:g} s, expected at least {SHORTEST_STEP:g} s"
+        )
+    for name, (limit, unit) in LIMITS.items():
+        beyond = np.argwhere(np.abs(columns.get(name, np.zeros((0, 0)))) > limit)
+        if len(beyond):
+            row, k = beyond[0]
+            raise InputError(
+                f"{path}: {name}_{k + 1} is {columns[name][row, k]:g} {unit} at {time[row]:g} s, "
+                f"expected at most {limit:g} {unit}"
+            )
 
 
 def make_simulator(diagram: Diagram, *, max_step: float, accuracy: float = ACCURACY) -> Simulator:
@@ -186,7 +221,8 @@ def _spring_torque_at_start(design: Design) -> Array:
     if design.scenario.plant.kind == "axis":
         link = design.robot.gear_ratio**2 * (design.i_eff - design.robot.rotor_inertia)
         return link * design.motion.vd[0] + design.robot.gear_ratio * design.loads.load_torque[0]
-    return design.torques.total[0]
+    motion = design.motion
+    return torque_groups(design.robot, motion.q[0], motion.v[0], motion.vd[0]).total
 
 
 def simulate_scenario(scenario: Scenario) -> Recording:

@@ -37,26 +37,30 @@ def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str,
     Columns with other names are left out. The time must grow: in equal steps if `even`.
 
     Raises:
-        InputError: naming the file, and the line where there is one: no such file, no time column,
-            something that is not a finite number, a row of another length, a time that does not
-            grow as it must.
+        InputError: naming the file, and the line where there is one: no such file, not UTF-8, no
+            time column, no commas between the columns, something that is not a finite number, a
+            row of another length, a time that does not grow as it must.
     """
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8-sig")  # spreadsheets put a byte-order mark in front
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError:
+        raise _not_utf8(path) from None
+    except OSError as error:
         raise InputError(f"{path}: cannot be read ({error})") from None
+    if "\0" in text:  # UTF-16 without a byte-order mark
+        raise _not_utf8(path)
     lines = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip()]
     if len(lines) < 3:
         raise InputError(f"{path}: fewer than two rows")
-    header = [name.strip() for name in lines[0][1].split(",")]
+    header = [_unquoted(name) for name in lines[0][1].split(",")]
     if header[0] != "time":
-        raise InputError(f"{path}: the first column is '{header[0]}', expected 'time'")
+        raise _bad_header(path, lines[0][1], header[0])
     numbers, rows = zip(*lines[1:], strict=True)
     try:
-        data = np.loadtxt(rows, delimiter=",", ndmin=2, comments=None)
+        data = np.loadtxt(rows, delimiter=",", ndmin=2, comments=None, quotechar='"')
         if data.shape[1] != len(header):
             raise ValueError
     except ValueError:
@@ -73,6 +77,25 @@ def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str,
     return data[:, 0], {name: data[:, columns] for name, columns in groups.items()}
 
 
+def _unquoted(field: str) -> str:
+    return field.strip().strip('"').strip()
+
+
+def _not_utf8(path: Path) -> InputError:
+    return InputError(f"{path}: cannot be read as UTF-8, expected a CSV file saved as UTF-8")
+
+
+def _bad_header(path: Path, line: str, first: str) -> InputError:
+    """What is wrong with a header that does not start with `time` and a comma."""
+    for separator, name in ((";", "semicolons"), ("\t", "tabs"), (" ", "spaces")):
+        if _unquoted(line.split(separator)[0]) == "time":
+            return InputError(
+                f"{path}, line 1: {name} between the columns, expected commas, and points in the "
+                "numbers"
+            )
+    return InputError(f"{path}: the first column is '{first}', expected 'time'")
+
+
 def _bad_line(path: Path, lines: list[tuple[int, str]], width: int) -> InputError:
     """What is wrong with a file that does not read as a rectangular table of numbers."""
     for number, line in lines:
@@ -83,7 +106,7 @@ def _bad_line(path: Path, lines: list[tuple[int, str]], width: int) -> InputErro
             )
         for field in fields:
             try:
-                float(field.replace("_", "?"))  # Python would take 5_0 for a number
+                float(_unquoted(field).replace("_", "?"))  # Python would take 5_0 for a number
             except ValueError:
                 return InputError(f"{path}, line {number}: '{field.strip()}' is not a number")
     return InputError(f"{path}: not a table of numbers")

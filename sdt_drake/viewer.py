@@ -27,7 +27,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
-from sdt_drake.errors import InputError, checked_number, replacing
+from sdt_drake.errors import InputError, replacing
 from sdt_drake.pilot import GRAVITY, check_head, has_head, head_motion
 from sdt_drake.resources import models_dir
 from sdt_drake.robot import Robot
@@ -36,6 +36,12 @@ Array = NDArray[np.float64]
 
 FRAME_RATE = 30.0
 """Pictures per second of motion [1/s]; the browser interpolates between them."""
+
+LONGEST = 3600.0
+"""Of the motions that are shown [s]: all pictures are in memory, and in the page."""
+
+RATES = (0.01, 1000.0)
+"""Slowest and fastest: 1 for real time, 2 for twice as fast [-]."""
 
 METRES_PER_G = 0.7
 """Length of the arrow for 1 g of specific force [m]."""
@@ -82,10 +88,10 @@ def make_frames(robot: Robot, time: Array, q: Array, specific_force: Array | Non
             central differences of q.
 
     Raises:
-        InputError: if shapes do not fit, or a value is not finite.
+        InputError: as in `check_motion`.
     """
     time, q = np.asarray(time, dtype=float), np.asarray(q, dtype=float)
-    _check(robot, time, q, specific_force)
+    check_motion(robot, time, q, specific_force)
     # A motion that ends on a picture has it, though time steps are not exact in binary.
     count = int((time[-1] - time[0]) * FRAME_RATE + 1e-6) + 1
     at = np.arange(count) / FRAME_RATE
@@ -102,9 +108,18 @@ def make_frames(robot: Robot, time: Array, q: Array, specific_force: Array | Non
     return Frames(at, sampled, head.position, head.rotation, in_world)
 
 
-def _check(robot: Robot, time: Array, q: Array, specific_force: Array | None) -> None:
+def check_motion(robot: Robot, time: Array, q: Array, specific_force: Array | None = None) -> None:
+    """Refuse what cannot be shown.
+
+    Args:
+        robot, time, q, specific_force: as in `make_frames`.
+
+    Raises:
+        InputError: if shapes do not fit, a value is not finite, or the motion is too long.
+    """
     if time.ndim != 1 or len(time) < 3 or not np.all(np.diff(time) > 0):
         raise InputError("time: expected at least three samples that grow")
+    check_duration(time[-1] - time[0])
     for name, values, width in (("q", q, robot.n), ("specific_force", specific_force, 3)):
         if values is None:
             continue
@@ -115,6 +130,16 @@ def _check(robot: Robot, time: Array, q: Array, specific_force: Array | None) ->
             )
         if not np.all(np.isfinite(values)):
             raise InputError(f"{name}: contains a value that is not finite")
+
+
+def check_duration(duration: float) -> None:
+    """Refuse a motion [s] that is too long to show.
+
+    Raises:
+        InputError: naming its duration.
+    """
+    if not duration <= LONGEST:
+        raise InputError(f"lasts {duration:g} s, expected at most {LONGEST:g} s to show")
 
 
 def _sample(time: Array, values: Array, at: Array) -> Array:
@@ -399,8 +424,12 @@ _OVERLAY = """
   #sdt-player { bottom: 0; width: 100%; display: flex; gap: 12px; align-items: center; }
   #sdt-player input { flex: 1; min-width: 0; }
   #sdt-player button { font: inherit; padding: 4px 12px; white-space: nowrap; }
-  @media (max-width: 760px) { .dg.main { display: none; } }
   #sdt-time { white-space: nowrap; font-variant-numeric: tabular-nums; }
+  @media (max-width: 760px) {
+    .dg.main { display: none; }
+    #sdt-player { flex-wrap: wrap; justify-content: space-between; }
+    #sdt-player input { flex-basis: 100%; order: -1; height: 32px; margin: 0; }
+  }
 </style>
 <div class="sdt" id="sdt-legend"><b>$TITLE</b>
   <div $NO_HEAD><i style="background: $ARROW"></i>specific force at the head, a − g: $METRES m
@@ -484,6 +513,17 @@ def check_port(port: int | None) -> None:
         raise InputError(f"port: {port}, expected 1024 to 65535")
 
 
+def check_rate(rate: float, where: str = "rate") -> None:
+    """Refuse a rate [-] at which nobody can watch.
+
+    Raises:
+        InputError: naming `where`, if it is beyond RATES.
+    """
+    slowest, fastest = RATES
+    if not slowest <= rate <= fastest:
+        raise InputError(f"{where}: {rate:g}, expected {slowest:g} to {fastest:g}")
+
+
 def open_meshcat(port: int | None = None) -> Meshcat:
     """A Meshcat server that only this machine reaches.
 
@@ -517,16 +557,17 @@ def play(
 
     Args:
         robot, time, q, specific_force: as in `record_html`.
-        rate: 1 for real time, 2 for twice as fast.
+        rate: 1 for real time, 2 for twice as fast; within RATES.
         pilot: with the camera at the head, looking forward.
         port: of the server on this machine; by default the first free one from 7000 to 7099.
         once: return at the end of the motion.
         announce: called with the address of the page, before the motion starts.
 
     Raises:
-        InputError: if the motion does not fit the robot, the rate is not > 0, or there is no port.
+        InputError: if the motion does not fit the robot, the rate is beyond RATES, or there is no
+            port.
     """
-    checked_number(rate, "rate", minimum=0.0, exclusive=True)
+    check_rate(rate)
     if pilot:
         check_head(robot)
     frames = make_frames(robot, time, q, specific_force)

@@ -129,4 +129,5 @@ def _is_number(data: Any) -> bool:
 
 def _wrong(file: str, name: str, data: Any, expected: str) -> InputError:
     where = f"{file}: {name}" if name else file
-    return InputError(f"{where}: {data!r}, expected {expected}")
+    found = "empty" if data is None and not name else repr(data)
+    return InputError(f"{where}: {found}, expected {expected}")

@@ -101,7 +101,7 @@ class Done:
 def read_printed_table(text):
     """Header and rows of the aligned table in `text`."""
     lines = text.splitlines()
-    (start,) = [i for i, line in enumerate(lines) if line.startswith("joint ")]
+    (start,) = [i for i, line in enumerate(lines) if line.startswith("joint  ")]
     rows = []
     for line in lines[start + 1 :]:
         if not re.match(r"\d+ ", line):
@@ -298,13 +298,20 @@ def test_plan_takes_a_csv_of_any_period_and_says_what_it_lost(good, desk):
     [
         (("--drive-table", "t.txt"), ("--drive-table: t.txt", ".csv")),
         (("--drive-table", "a.csv", "--out", "a.csv"), ("--drive-table: a.csv", "--out")),
+        # The other one would be good: neither is written.
+        (("--drive-table", "t.csv", "--out", "file/o.csv"), ("file", "expected a folder")),
+        (("--drive-table", "file/t.csv", "--out", "o.csv"), ("file", "expected a folder")),
+        (
+            ("--drive-table", "t.csv", "--out", "o.csv"),
+            ("t.csv: joint 2 'roll' ends at 0.5 rad/s",),
+        ),
         (("--envelope", "run.yaml"), ("run.yaml: drive.n1 and drive.n0 missing",)),
     ],
 )
 def test_plan_refuses_outputs_and_envelopes_that_cannot_be(call, desk, options, words):
     before = set(desk.iterdir())
     done = call("plan", "short.yaml", *options)
-    assert done.code == 2 and len(done.err.splitlines()) == 1, done.err
+    assert (done.code, done.out) == (2, "") and len(done.err.splitlines()) == 1, done.err
     assert all(word in done.err for word in words), done.err
     assert set(desk.iterdir()) == before
 
@@ -591,7 +598,7 @@ def write_study(_, folder, watch):
     (folder / "report.md").write_text("report")
     return [SimpleNamespace(id="a_claim", verdict="reproduced")]
 study.run_study, report.write_study = run_study, write_study
-page.write_study_page = lambda _, folder, watch: folder / "report.html"
+page.write_study_page = lambda _, folder, *rest: folder / "report.html"
 from sdt_drake.cli import main
 sys.exit(main(sys.argv[1:]))
 """
@@ -784,6 +791,43 @@ def test_what_spreadsheets_and_editors_do_to_files(good, desk):
         assert read_printed_table(good("plan", name).out) == expected, name
 
 
+def test_plan_tells_the_angle_that_the_limiter_loses(good):
+    out = good("plan", "inversion", "--margin", "0.5").out
+    told = re.search(
+        r"^joint 1 'planetary' ends (\d+\.\d) deg from where it is commanded: .*$", out, re.M
+    )
+    assert told and "--planner retiming keeps the path" in told[0]
+    # Both ends: of the table, and of the command, which the retiming keeps.
+    kept = good("plan", "inversion", "--margin", "0.5", "--planner", "retiming").out
+    assert "commanded:" not in kept
+    ends = [float(read_printed_table(text)[1][0][8]) for text in (out, kept)]
+    assert abs(ends[1] - ends[0]) == pytest.approx(float(told[1]), abs=0.15)
+    assert "commanded:" not in good("plan", "inversion").out
+
+
+def test_plan_tells_what_starts_or_ends_in_motion(good, desk):
+    out = good("plan", "short.yaml").out
+    assert "\nnot at rest: joint 2 'roll' ends at 0.5 rad/s\n" in out
+    assert "not at rest" not in good("plan", "leans").out
+
+
+def test_plan_names_the_share_of_the_torque_that_it_may_use(good):
+    out = good("plan", "leans", "--margin", "0.75").out
+    assert out.splitlines()[0].endswith("samples, feasible with 75 % of the motors' torque")
+    assert re.search(r"^smallest margin: .*, held against the whole limit$", out, re.M)
+    assert good("plan", "leans").out.splitlines()[0].endswith("feasible")
+
+
+def test_no_margin_of_minus_0(good, desk):
+    # At full torque for a while; the torque then is that of the motor but for the round-off.
+    (desk / "full.yaml").write_text(
+        "duration: 6\njoints:\n  - !Knots {knots: [[0, 0], [1, 0], [3, 1.6], [6, 1.6]]}\n"
+        + 3 * "  - !Knots {knots: [[0, 0], [6, 0]]}\n"
+    )
+    out = good("plan", "full.yaml").out
+    assert "smallest margin: 0.0 %, torque of joint 1" in out and "-0.0" not in out
+
+
 # --- mistakes --------------------------------------------------------------------------------
 
 
@@ -924,6 +968,10 @@ def test_places_that_cannot_be_written(refuse, desk, writer, out):
     line = refuse(*arguments, "--out", out, saying=[])
     if out.strip("./") and len(out) < 100:
         assert Path(out).name in line or Path(out).parent.name in line
+    if out.startswith("file/"):
+        assert line == "sdt-drake: file: is a file, expected a folder\n"
+    if not out:
+        assert "argument --out: empty, expected a path" in line
 
 
 @pytest.mark.parametrize(
@@ -944,7 +992,8 @@ def test_a_place_is_named_as_it_was_given(call, desk, out):
 
 
 @pytest.mark.parametrize(
-    "out", ["file", BELOW_A_FILE.format(suffix="d"), pytest.param("/proc/x", marks=needs_proc)]
+    "out",
+    ["", "file", BELOW_A_FILE.format(suffix="d"), pytest.param("/proc/x", marks=needs_proc)],
 )
 def test_places_where_a_study_cannot_go(refuse, monkeypatch, out):
     """Noticed before ten seconds of computing."""
@@ -953,7 +1002,8 @@ def test_places_where_a_study_cannot_go(refuse, monkeypatch, out):
         raise AssertionError("computed in vain")
 
     monkeypatch.setattr(study, "run_study", run_study)
-    refuse("reproduce", "--out", out, saying=[out.split("/")[1] if out[0] == "/" else "file"])
+    saying = {"": "--out: empty", "/proc/x": "x"}.get(out, "file: is a file, expected a folder")
+    refuse("reproduce", "--out", out, saying=[saying])
 
 
 @arguments_and_words(
@@ -1102,7 +1152,9 @@ def test_a_name_does_not_lead_out_of_the_folder(call, desk, tmp_path):
 
 
 BAD_PROFILES = {
-    "empty": ("", ["mapping"]),
+    "empty": ("", ["empty", "mapping"]),
+    "misspelt_tracks": ("duration: 1\ntrack: []\n", ["track: ", "did you mean tracks"]),
+    "misspelt_joints": ("duration: 1\njoint: []\n", ["joint: ", "did you mean joints"]),
     "no_joints": ("duration: 1\n", ["joints"]),
     "no_duration": ("joints:\n  - !Knots {knots: [[0, 0], [1, 0]]}\n", ["duration"]),
     "nan_duration": ("duration: .nan\njoints:\n  - !Knots {knots: [[0, 0], [1, 0]]}\n", ["nan"]),
@@ -1341,7 +1393,7 @@ def quick_study(monkeypatch):
 
     monkeypatch.setattr(study, "run_study", run_study)
     monkeypatch.setattr(report, "write_study", write_study)
-    monkeypatch.setattr(page, "write_study_page", lambda _, folder, watch: folder / "report.html")
+    monkeypatch.setattr(page, "write_study_page", lambda _, folder, *rest: folder / "report.html")
 
 
 def test_reproduce_into_the_default_folder(good, desk, quick_study):
@@ -1383,7 +1435,7 @@ def test_help_does_not_load_drake(tmp_path):
 def test_tables_are_aligned(good):
     for arguments in (("plan",), ("tune",)):
         lines = good(*arguments).out.splitlines()
-        (start,) = [i for i, line in enumerate(lines) if line.startswith("joint ")]
+        (start,) = [i for i, line in enumerate(lines) if line.startswith("joint  ")]
         table = lines[start : start + 5]
         assert len({len(line) for line in table}) == 1
         assert max(map(len, table)) <= 140

@@ -31,6 +31,21 @@ def desk(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.yaml").write_text(MINE, encoding="utf-8")
     (tmp_path / "bad.yaml").write_text(MINE.replace("at: 5", "at: 2"), encoding="utf-8")
+    (tmp_path / "track.yaml").write_text(MINE.replace("tracks", "track"), encoding="utf-8")
+    for name, old, new in (
+        ("odd", "duration: 10", "duration: 10.0003"),
+        ("long", "duration: 10", "duration: 1e6"),
+        ("longest", "duration: 10", "duration: 1.0e300"),
+        ("short", "duration: 2", "duration: 1e-3"),
+        ("fast", "to_deg: 90, speed_deg_s: 20", "to_deg: 1.0e305, duration: 2"),
+    ):
+        assert old in MINE
+        (tmp_path / f"{name}.yaml").write_text(MINE.replace(old, new, 1), encoding="utf-8")
+    (tmp_path / "folder.yaml").mkdir()
+    (tmp_path / "empty.yaml").write_text("", encoding="utf-8")
+    (tmp_path / "folder.yaml" / "table.csv").write_text(
+        "time,v_ref_1\n0,0\n1,0\n", encoding="utf-8"
+    )
     (tmp_path / "arm.sdf").write_text(ARM, encoding="utf-8")
     return tmp_path
 
@@ -86,6 +101,10 @@ def test_a_file_of_ones_own(good, desk):
     assert "notes" not in out
 
 
+def test_a_duration_that_is_no_multiple_of_the_period_is_shown_too(good, desk):
+    assert good("motions", "odd.yaml").out.startswith("Mine: 10.0003 s, largest G at the head 1.00")
+
+
 def test_a_robot_without_these_joints_gets_the_reason_for_each(good, desk):
     out = good("motions", "--robot", "arm.sdf").out
     for name in shipped_motions():
@@ -100,6 +119,15 @@ def test_a_robot_without_these_joints_gets_the_reason_for_each(good, desk):
         (["nowhere.yaml"], ["nowhere.yaml: no such file"]),
         (["bad.yaml"], ["bad.yaml: tracks[1].segments[2].at: overlap, 2 s", "3 s"]),
         (["leans", "--robot", "arm.sdf"], ["leans.yaml: tracks[1].joint: 'roll'", "shoulder"]),
+        (["reference"], ["reference.yaml: commands joint speeds", "training profile", "tracks"]),
+        (["folder.yaml/table.csv"], ["table.csv: commands joint speeds", "training profile"]),
+        (["track.yaml"], ["track.yaml: track: unknown field, did you mean tracks?"]),
+        (["empty.yaml"], ["empty.yaml: empty, expected a mapping with", "tracks"]),
+        (["folder.yaml"], ["folder.yaml: is a folder, expected a file"]),
+        (["long.yaml"], ["long.yaml: ", "duration: 1e+06 s, expected at most 3600 s"]),
+        (["longest.yaml"], ["longest.yaml: ", "duration: 1e+300 s, expected at most 3600 s"]),
+        (["short.yaml"], ["short.yaml: ", "joint 4 'yaw'", "a period of 0.005 s loses 30 deg"]),
+        (["fast.yaml"], ["fast.yaml: ", "joint 4 'yaw'", "rad/s, expected at most 10000"]),
         (["--robot", "nowhere.sdf"], ["nowhere.sdf: no such file"]),
     ],
 )

@@ -172,7 +172,9 @@ def test_a_recording_of_another_number_of_joints_is_refused(call, desk, recordin
     [
         (("none.csv",), ("none.csv: no such file",)),
         (("none.yaml",), ("none.yaml",)),
-        (("../given/motion.yaml",), ("motion.yaml",)),
+        (("../given/motion.yaml",), ("motion.yaml: is a motion, expected a scenario",)),
+        (("coriolis",), ("coriolis: is a motion, expected a scenario",)),
+        (("run.csv", "--out", ""), ("argument --out: empty, expected a path",)),
         (("../given/coupled.yaml", "--robot", "x.sdf"), ("--robot", "coupled.yaml")),
         (("run.csv", "--robot", "none.sdf"), ("none.sdf: no such file",)),
         (("run.csv", "--out", "x.txt"), ("x.txt", ".png")),

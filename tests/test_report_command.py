@@ -36,6 +36,16 @@ def test_reproduce_ends_with_the_page_and_report_makes_the_same(folder, capsys):
     assert (folder / PAGE).read_bytes() == made
 
 
+def test_report_tells_what_it_leaves_out(folder, capsys):
+    (folder / "mine.svg").write_text("<svg", encoding="utf-8")
+
+    assert main(["report", str(folder)]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        f"{folder / 'mine.svg'}: is not an SVG picture, left out",
+        f"{folder / PAGE} written",
+    ]
+
+
 def test_report_of_a_folder_without_a_recording(folder):
     (folder / RECORDING).unlink()
 
@@ -51,12 +61,19 @@ def test_the_page_shows_the_device(reproduced):
         assert errors == [] and requests == []
 
 
-@pytest.mark.parametrize("what", ["nowhere", "file", "empty"])
+@pytest.mark.parametrize("what", ["file", "file/below"])
+def test_a_file_is_no_folder(tmp_path, capsys, what):
+    (tmp_path / "file").write_text("x", encoding="utf-8")
+
+    assert main(["report", str(tmp_path / what)]) == 2
+    expected = f"sdt-drake: {tmp_path / 'file'}: is a file, expected a folder\n"
+    assert capsys.readouterr() == ("", expected)
+
+
+@pytest.mark.parametrize("what", ["nowhere", "empty"])
 def test_a_folder_that_reproduce_did_not_write(tmp_path, capsys, what):
     given = tmp_path / what
-    if what == "file":
-        given.write_text("x", encoding="utf-8")
-    elif what == "empty":
+    if what == "empty":
         given.mkdir()
     assert main(["report", str(given)]) == 2
     done = capsys.readouterr()

@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from sdt_drake.errors import InputError
 from sdt_drake.loops import make_loop
 from sdt_drake.motion import Motion
 from sdt_drake.scenario import ControllerChoice, PlantChoice, Scenario
-from sdt_drake.simulate import Recording, simulate, simulate_scenario
+from sdt_drake.simulate import LIMITS, Recording, simulate, simulate_scenario
+from sdt_drake.tables import write_table
 
 PLANTS = ("axis", "coupled")
 SIGNALS = ("q_ref", "v_ref", "q", "v", "tau_cmd", "tau", "load_torque")
@@ -148,6 +150,33 @@ def test_a_recording_with_different_numbers_of_joints_is_refused(tmp_path):
 def test_what_is_no_table_is_refused(tmp_path, content, message):
     (tmp_path / "run.csv").write_text(content, encoding="utf-8")
     with pytest.raises(InputError, match=message):
+        Recording.from_csv(tmp_path / "run.csv")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("q", 1.1e6, "q_2 is 1.1e+06 rad at 0.005 s, expected at most 1e+06 rad"),
+        ("q_ref", -1.1e6, "q_ref_2 is -1.1e+06 rad"),
+        ("v", -1.1e4, "v_2 is -11000 rad/s at 0.005 s, expected at most 10000 rad/s"),
+        ("v_ref", 1e300, "v_ref_2 is 1e+300 rad/s"),
+    ],
+)
+def test_what_no_joint_does_is_refused(tmp_path, name, value, message):
+    columns = {other: np.zeros((2, 2)) for other in READ}
+    columns[name][1, 1] = value
+    write_table(tmp_path / "run.csv", np.array([0, 0.005]), columns)
+    with pytest.raises(InputError, match=re.escape(f"run.csv: {message}")):
+        Recording.from_csv(tmp_path / "run.csv")
+    columns[name][1, 1] = np.sign(value) * LIMITS[name][0]
+    write_table(tmp_path / "run.csv", np.array([0, 0.005]), columns)
+    assert Recording.from_csv(tmp_path / "run.csv").time[-1] == 0.005
+
+
+def test_time_in_steps_that_nobody_records_is_refused(tmp_path):
+    columns = {name: np.zeros((3, 2)) for name in READ}
+    write_table(tmp_path / "run.csv", 1e-7 * np.arange(3), columns)
+    with pytest.raises(InputError, match=r"run\.csv: time in steps of 1e-07 s, expected at least"):
         Recording.from_csv(tmp_path / "run.csv")
 
 

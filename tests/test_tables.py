@@ -26,12 +26,30 @@ def test_a_table_is_read_back_bit_by_bit(tmp_path):
 
 @pytest.mark.parametrize(
     "text",
-    [GOOD, GOOD.rstrip(), GOOD.replace("\n", "\r\n"), GOOD.replace(",", " , "), GOOD + "\n\n"],
-    ids=["as_written", "no_last_newline", "windows", "spaces", "blank_end"],
+    [
+        GOOD,
+        GOOD.rstrip(),
+        GOOD.replace("\n", "\r\n"),
+        GOOD.replace(",", " , "),
+        GOOD + "\n\n",
+        GOOD.replace("time,v_1,v_2", '"time","v_1", "v_2"'),
+        GOOD.replace("0.5,3,4", '"0.5","3","4"'),
+        "\ufeff" + GOOD,
+    ],
+    ids=[
+        "as_written",
+        "no_last_newline",
+        "windows",
+        "spaces",
+        "blank_end",
+        "quoted_header",
+        "quoted_row",
+        "byte_order_mark",
+    ],
 )
 def test_harmless_variants_of_a_table_are_read(tmp_path, text):
     path = tmp_path / "table.csv"
-    path.write_bytes(text.encode())
+    path.write_bytes(text.encode("utf-8"))
     time, columns = read_table(path)
     np.testing.assert_array_equal(time, [0, 0.5, 1])
     np.testing.assert_array_equal(columns["v"], [[1, 2], [3, 4], [5, 6]])
@@ -48,7 +66,10 @@ BAD = [
     (GOOD.replace("1.0,5", "1.0,five"), ", line 4: 'five' is not a number"),
     (GOOD.replace("1.0,5", "1.0,"), ", line 4: '' is not a number"),
     (GOOD.replace("1.0,5", "1.0,5_0"), ", line 4: '5_0' is not a number"),
-    (GOOD.replace(",", ";"), ": the first column is 'time;v_1;v_2'"),
+    (GOOD.replace(",", ";"), ", line 1: semicolons between the columns, expected commas"),
+    (GOOD.replace(",", "\t"), ", line 1: tabs between the columns, expected commas"),
+    (GOOD.replace(",", " "), ", line 1: spaces between the columns, expected commas"),
+    (GOOD.replace("time,v_1,v_2", '"time";"v_1";"v_2"'), ", line 1: semicolons between"),
     (GOOD.replace("3,4", "3,NaN"), ", line 3: v_2 is nan"),
     (GOOD.replace("3,4", "-inf,4"), ", line 3: v_1 is -inf"),
     (GOOD.replace("3,4", "1e999,4"), ", line 3: v_1 is inf"),
@@ -82,6 +103,14 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path):
     (tmp_path / "binary.csv").write_bytes(b"time,v_1\n\xff\xfe\n")
     with pytest.raises(InputError, match=r"binary\.csv: cannot be read"):
         read_table(tmp_path / "binary.csv")
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-32"])
+def test_another_encoding_is_refused_with_the_right_one(tmp_path, encoding):
+    path = tmp_path / "other.csv"
+    path.write_text(GOOD, encoding=encoding)
+    with pytest.raises(InputError, match=r"other\.csv: .*expected a CSV file saved as UTF-8$"):
+        read_table(path)
 
 
 def test_a_file_is_replaced_only_by_a_complete_one(tmp_path):

@@ -31,6 +31,16 @@ def desk(tmp_path, monkeypatch):
     write_table(tmp_path / "motion.csv", TIME, {"q_ref": ANGLES})
     write_table(tmp_path / "speeds.csv", TIME, {"v": ANGLES})
     write_table(tmp_path / "three.csv", TIME, {"q": ANGLES[:, :3]})
+    write_table(tmp_path / "two.csv", TIME[:2], {"q": ANGLES[:2]})
+    write_table(tmp_path / "long.csv", np.array([0, 1800.5, 3601]), {"q": ANGLES[:3]})
+    write_table(tmp_path / "quick.csv", 1e-9 * np.arange(101), {"q": ANGLES})
+    far = ANGLES.copy()
+    far[7, 2] = -1.1e6
+    write_table(tmp_path / "far.csv", TIME, {"q": far})
+    rest = MOTION.replace("duration: 1.25", "duration: 3601").replace("[1.25,", "[3601,")
+    (tmp_path / "rest.yaml").write_text(rest, encoding="utf-8")
+    long = SCENARIO.replace("motion.yaml", "rest.yaml") + "period: 0.5\n"
+    (tmp_path / "long.yaml").write_text(long, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -74,6 +84,34 @@ def test_scenario_shows_what_the_joints_do(desk, good, shown):
     assert (call_["rate"], call_["port"], call_["once"], call_["pilot"]) == (2.0, 7123, True, False)
 
 
+def test_a_motion_is_planned(desk, good, shown):
+    good("view", "motion.yaml", "--record", "a.html")
+    (call_,) = shown
+    assert call_["title"] == "motion" and call_["time"][-1] == pytest.approx(1.25)
+    assert np.ptp(call_["q"][:, 1]) > 0.1 and np.ptp(call_["q"][:, 2:]) == 0
+
+
+def test_a_training_motion_of_ones_own_is_planned_as_the_shipped_one(desk, good, shown):
+    record = ("--record", "a.html")
+    own = test_cli.MODELS / "motions" / "coriolis.yaml"
+    (desk / "my_motion.yaml").write_text(own.read_text(encoding="utf-8"), encoding="utf-8")
+    good("view", "my_motion.yaml", "--robot", str(test_cli.MODELS / "sdt.sdf"), *record)
+    good("view", "coriolis", *record)
+    own_, shipped = shown
+    np.testing.assert_array_equal(own_["q"], shipped["q"])
+    assert (own_["title"], shipped["title"]) == ("my_motion", "coriolis")
+
+
+def test_a_scenario_that_is_too_long_is_not_run(desk, call, monkeypatch):
+    import sdt_drake.simulate
+
+    def simulate(design):
+        raise AssertionError("computed in vain")
+
+    monkeypatch.setattr(sdt_drake.simulate, "simulate", simulate)
+    refused(call("view", "long.yaml", "--record", "a.html"), "long.yaml: lasts 3601 s")
+
+
 def test_record_writes_a_page(desk, good):
     assert good("view", "motion.csv", "--record", "a.html").out == "a.html written\n"
     assert "<title>motion</title>" in (desk / "a.html").read_text(encoding="utf-8")
@@ -100,8 +138,12 @@ def test_ctrl_c_ends_it_cleanly(desk):
     [
         (("run.yaml", "--record", "a.htm"), "a.htm: expected an .html file"),
         (("run.yaml", "--record", "."), "is a folder"),
-        (("run.yaml", "--rate", "0"), "--rate: 0.0, expected a finite number > 0"),
+        (("run.yaml", "--rate", "0"), "--rate: 0, expected 0.01 to 1000"),
+        (("run.yaml", "--rate", "0.009"), "--rate: 0.009, expected 0.01 to 1000"),
+        (("run.yaml", "--rate", "1000.5"), "--rate: 1000.5, expected 0.01 to 1000"),
         (("run.yaml", "--rate", "nan"), "--rate: nan"),
+        (("run.yaml", "--record", ""), "argument --record: empty, expected a path"),
+        (("run.yaml", "--record", "run.yaml/a.html"), "run.yaml: is a file, expected a folder"),
         (("run.yaml", "--port", "80"), "port: 80, expected 1024 to 65535"),
         (("run.yaml", "--port", "65536"), "port: 65536"),
         (("run.yaml", "--robot", "other.sdf"), "--robot: the scenario names the robot"),
@@ -114,6 +156,11 @@ def test_ctrl_c_ends_it_cleanly(desk):
         (("three.csv",), "three.csv: angles of 3 joint(s), robot 'sdt' has 4"),
         (("run.png",), "run.png: expected a"),
         (("no_such_motion",), "no_such_motion"),
+        (("two.csv",), "two.csv: time: expected at least three samples"),
+        (("long.csv", "--record", "a.html"), "long.csv: lasts 3601 s, expected at most 3600 s"),
+        (("long.yaml", "--record", "a.html"), "long.yaml: lasts 3601 s, expected at most 3600 s"),
+        (("far.csv",), "far.csv: q_3 is -1.1e+06 rad at 0.035 s, expected at most 1e+06 rad"),
+        (("quick.csv",), "quick.csv: time in steps of 1e-09 s, expected at least 1e-06 s"),
     ],
 )
 def test_bad_input_is_one_line(desk, call, shown, arguments, part):

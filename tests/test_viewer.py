@@ -109,6 +109,7 @@ def test_arrow_of_free_fall_has_no_length():
         (lambda t, q: (t[:2], q[:2]), "at least three samples"),
         (lambda t, q: (t[::-1], q), "at least three samples"),
         (lambda t, q: (np.where(t == 1, np.nan, t), q), "at least three samples"),
+        (lambda t, q: (t * 1801, q), "lasts 3602 s, expected at most 3600 s"),
         (lambda t, q: (t, q[:, :3]), "expected (401, 4)"),
         (lambda t, q: (t, q[:-1]), "expected (401, 4)"),
         (lambda t, q: (t, np.where(t[:, None] == 1, np.inf, q)), "not finite"),
@@ -194,6 +195,23 @@ def test_page_plays_alone(robot, page_file):
         seek(page, 0.4)
         assert len(set(before)) > 50 and colours(page) != before
         assert errors == [] and requests == []
+
+
+def test_time_can_be_chosen_on_a_phone(page_file):
+    with open_page(page_file, width=390, height=844) as (page, errors, _):
+        page.wait_for_function("document.getElementById('sdt-seek').max > 0")
+        slider, *others = (
+            page.locator(f"#sdt-{name}").bounding_box() for name in ("seek", "play", "time", "view")
+        )
+        assert slider["width"] > 300 and slider["height"] >= 24
+        for box in others:  # below it, and on the screen
+            assert box["y"] >= slider["y"] + slider["height"]
+            assert box["x"] >= 0 and box["x"] + box["width"] <= 390
+            assert box["y"] + box["height"] <= 844
+        page.mouse.click(slider["x"] + slider["width"] / 2, slider["y"] + slider["height"] / 2)
+        assert page.evaluate("viewer.animator.time") == pytest.approx(1.0, abs=0.1)
+        page.wait_for_function("document.getElementById('sdt-play').textContent === 'Play'")
+        assert errors == []
 
 
 def test_pilots_view_rides_along(robot, tmp_path):
@@ -372,7 +390,7 @@ def test_says_that_a_port_is_in_use():
             viewer.open_meshcat(port)
 
 
-@pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf")])
+@pytest.mark.parametrize("rate", [0.0, -1.0, 0.0099, 1001.0, float("nan"), float("inf")])
 def test_refuses_a_rate(robot, rate):
-    with pytest.raises(InputError, match=r"rate: .*> 0"):
+    with pytest.raises(InputError, match=r"rate: .*, expected 0\.01 to 1000"):
         viewer.play(robot, TIME, smooth(robot)[0], rate=rate, once=True)

@@ -14,19 +14,21 @@ theme.addEventListener("click", () => {
 systemDark.addEventListener("change", nameTheme);
 nameTheme();
 
-// Claims by verdict.
+// Claims by verdict, where there are any.
 const filter = document.querySelector(".filter");
-const claims = [...document.querySelectorAll(".claim")];
-const buttons = [...filter.querySelectorAll("button")];
-filter.hidden = false;
-for (const button of buttons) {
-  button.addEventListener("click", () => {
-    const verdict = button.dataset.verdict;
-    for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));
-    for (const claim of claims) claim.hidden = Boolean(verdict) && claim.dataset.verdict !== verdict;
-    const shown = claims.filter((claim) => !claim.hidden).length;
-    document.querySelector(".shown").textContent = `${shown} of ${claims.length} claims shown`;
-  });
+if (filter) {
+  const claims = [...document.querySelectorAll(".claim")];
+  const buttons = [...filter.querySelectorAll("button")];
+  filter.hidden = false;
+  for (const button of buttons) {
+    button.addEventListener("click", () => {
+      const verdict = button.dataset.verdict;
+      for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));
+      for (const claim of claims) claim.hidden = Boolean(verdict) && claim.dataset.verdict !== verdict;
+      const shown = claims.filter((claim) => !claim.hidden).length;
+      document.querySelector(".shown").textContent = `${shown} of ${claims.length} claims shown`;
+    });
+  }
 }
 
 // The 3D recording, a page of its own: only when it is wanted, as it takes a while to draw.

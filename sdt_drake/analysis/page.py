@@ -7,7 +7,8 @@ import json
 import math
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -20,6 +21,7 @@ from sdt_drake.viewer import record_html
 
 PAGE = "report.html"
 RECORDING = "device.html"
+SUMMARY = "summary.json"
 
 TITLE = "Computed torque control for a spatial disorientation trainer, recomputed in Drake"
 PAPER = "Vidaković, Kvrgić et al., Facta Universitatis, Series Mechanical Engineering 18(2), 2020"
@@ -66,8 +68,23 @@ _TORQUE: tuple[Quantity, ...] = (
     ("torque, peak [% of the motor]", "peak_share", 100, ".1f"),
 )
 
+_OTHER_FORM = (
+    LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError,
+)  # fmt: skip
+"""What comes of a summary that does not hold what the page shows."""
+
 _SVG = "http://www.w3.org/2000/svg"
 _XLINK = "http://www.w3.org/1999/xlink"
+_DRAWN = {
+    "a", "circle", "clipPath", "defs", "desc", "ellipse", "g", "image", "line", "linearGradient",
+    "marker", "mask", "path", "pattern", "polygon", "polyline", "radialGradient", "rect", "stop",
+    "svg", "symbol", "text", "textPath", "title", "tspan", "use",
+}  # fmt: skip
+"""The elements of SVG that draw; of the others some act, or hold for the whole page."""
+
+_PIXELS = ("data:image/png", "data:image/jpeg")
+_OWN_URL = re.compile(r"(url\(\s*[\"']?#)", re.IGNORECASE)
+_OTHER_URL = re.compile(r"url\((?!\s*[\"']?#)|image-set|\\", re.IGNORECASE)  # \ could write any
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,21 +104,32 @@ class Material:
     recording: str | None
 
 
-def write_study_page(study: Study, folder: Path, watch: Stopwatch) -> Path:
-    """Write a recording of the motion, and the page, into the folder of a study just written."""
+def write_study_page(
+    study: Study, folder: Path, watch: Stopwatch, announce: Callable[[str], None] = print
+) -> Path:
+    """Write a recording of the motion, and the page, into the folder of a study just written.
+
+    Args:
+        study, folder, watch: as in `write_study`.
+        announce: as in `write_page`.
+    """
     with watch.stage("3D recording and page"):
         robot, motion = study.design.robot, study.design.motion
         record_html(robot, motion.time, motion.q, folder / RECORDING, title="Reference motion")
-        return write_page(folder)
+        return write_page(folder, announce)
 
 
-def write_page(folder: Path) -> Path:
+def write_page(folder: Path, announce: Callable[[str], None] = print) -> Path:
     """Write report.html into a folder that `sdt-drake reproduce` has filled; replaced whole.
+
+    Args:
+        folder: of the study.
+        announce: called with a line for each further picture of the folder that is left out.
 
     Raises:
         InputError: naming the file that is missing or cannot be used.
     """
-    text = page(read_material(folder), folder)
+    text = page(read_material(folder, announce), folder)
     path = folder / PAGE
     with replacing(path) as partial:
         partial.write_text(text, encoding="utf-8")
@@ -111,97 +139,138 @@ def write_page(folder: Path) -> Path:
 # --- the folder ------------------------------------------------------------------------------
 
 
-def read_material(folder: Path) -> Material:
+def read_material(folder: Path, announce: Callable[[str], None] = print) -> Material:
     """Read what the page is made of.
+
+    Args:
+        folder, announce: as in `write_page`.
 
     Raises:
         InputError: naming the file that is missing or cannot be used.
     """
-    summary = _read_summary(folder)
-    others = sorted({path.stem for path in folder.glob("*.svg")} - set(FIGURES))
-    figures = {name: _read_svg(folder, f"{name}.svg", name) for name in (*FIGURES, *others)}
-    # Without Graphviz the study has them as .dot only.
-    drawn = [name for name in DIAGRAMS if not (folder / "diagrams" / f"{name}.dot").is_file()]
-    drawn += [name for name in DIAGRAMS if (folder / "diagrams" / f"{name}.svg").is_file()]
-    diagrams = {
-        name: _read_svg(folder, f"diagrams/{name}.svg", f"diagram-{name}")
-        for name in DIAGRAMS
-        if name in drawn
-    }
-    has_recording = (folder / RECORDING).is_file()
-    recording = _read(folder, RECORDING) if has_recording else None
+    with _advice(folder):
+        summary = _read_summary(folder)
+        figures = {name: _read_svg(folder / f"{name}.svg", name) for name in FIGURES}
+        diagrams = {
+            name: _read_svg(folder / "diagrams" / f"{name}.svg", f"diagram-{name}")
+            for name in DIAGRAMS
+            if _is_drawn(folder / "diagrams", name)
+        }
+        has_recording = (folder / RECORDING).is_file()
+        recording = _read(folder / RECORDING) if has_recording else None
+    figures |= _other_figures(folder, announce)
     return Material(summary, figures, diagrams, recording)
 
 
-def _read(folder: Path, name: str) -> str:
-    path = folder / name
+@contextmanager
+def _advice(folder: Path) -> Iterator[None]:
+    """Errors within also say where the files come from."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{error}; run `sdt-drake reproduce --out {folder}` first") from None
+
+
+def _is_drawn(folder: Path, name: str) -> bool:
+    """Whether there must be a picture: without Graphviz the study has the .dot only."""
+    return (folder / f"{name}.svg").is_file() or not (folder / f"{name}.dot").is_file()
+
+
+def _other_figures(folder: Path, announce: Callable[[str], None]) -> dict[str, str]:
+    """Pictures that are not of the study; the page can do without those that cannot be used."""
+    figures = {}
+    others = (path for path in sorted(folder.glob("*.svg")) if path.stem not in FIGURES)
+    for k, path in enumerate(others):
+        try:
+            figures[path.stem] = _read_svg(path, f"more{k}")
+        except InputError as error:
+            announce(f"{error}, left out")
+    return figures
+
+
+def _read(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise _unusable(folder, name, "is missing") from None
+        raise InputError(f"{path}: is missing") from None
     except UnicodeDecodeError:
-        raise _unusable(folder, name, "is not a text") from None
+        raise InputError(f"{path}: is not a text") from None
     except OSError as error:
-        raise _unusable(folder, name, f"cannot be read ({error.strerror})") from None
-
-
-def _unusable(folder: Path, name: str, what: str) -> InputError:
-    return InputError(f"{folder / name}: {what}; run `sdt-drake reproduce --out {folder}` first")
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
 
 
 def _read_summary(folder: Path) -> dict:
-    name = "summary.json"
+    path = folder / SUMMARY
+
+    def finite(text: str) -> float:  # NaN and Infinity come here too, which are no JSON
+        if not math.isfinite(float(text)):
+            raise InputError(f"{path}: holds {text}, expected finite numbers")
+        return float(text)
+
+    text = _read(path)
     try:
-        summary = json.loads(_read(folder, name))
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise _unusable(folder, name, "is not JSON") from None
+        summary = json.loads(text, parse_float=finite, parse_constant=finite)
+    except InputError:
+        raise
+    except (ValueError, RecursionError):
+        raise InputError(f"{path}: is not JSON") from None
     if not isinstance(summary, dict):
-        raise _unusable(folder, name, "is not the summary of a study")
+        raise InputError(f"{path}: is not the summary of a study")
     return summary
 
 
-def _read_svg(folder: Path, name: str, prefix: str) -> str:
-    text = _read(folder, name)
+def _read_svg(path: Path, prefix: str) -> str:
+    text = _read(path)
     try:
         root = ElementTree.fromstring(text)
-    except ElementTree.ParseError:
-        raise _unusable(folder, name, "is not an SVG picture") from None
-    if root.tag != f"{{{_SVG}}}svg" or "viewBox" not in root.attrib:
-        raise _unusable(folder, name, "is not an SVG picture")
-    return inline_svg(root, prefix)
+        if root.tag == f"{{{_SVG}}}svg" and "viewBox" in root.attrib:
+            return inline_svg(root, prefix)
+    except (ElementTree.ParseError, ValueError, RecursionError):
+        pass
+    raise InputError(f"{path}: is not an SVG picture")
 
 
 def inline_svg(root: ElementTree.Element, prefix: str) -> str:
-    """An <svg> element that shares a document with others: ids its own, no global styles.
+    """An <svg> element that shares a document with others: ids its own, nothing that acts.
 
     Args:
         root: of the picture; changed.
         prefix: of its ids.
     """
-    for element in list(root):
-        if element.tag.endswith("}metadata"):
-            root.remove(element)
-    for parent in list(root.iter()):
+    drawn = {f"{{{_SVG}}}{tag}" for tag in _DRAWN}
+    for parent in root.iter():
         for element in list(parent):
-            # matplotlib's: rules for *, which would hold in the whole page.
-            if element.tag == f"{{{_SVG}}}style":
+            if element.tag not in drawn:
                 parent.remove(element)
-        for key, value in parent.attrib.items():
-            if key == "id":
-                parent.set(key, f"{prefix}-{value}")
-            elif key.endswith("href") and value.startswith("#"):
-                parent.set(key, f"#{prefix}-{value[1:]}")
-            elif "url(#" in value:
-                parent.set(key, value.replace("url(#", f"url(#{prefix}-"))
+        for key, value in list(parent.attrib.items()):
+            kept = _kept(key.rpartition("}")[2].lower(), value, prefix)
+            if kept is None:
+                del parent.attrib[key]
+            else:
+                parent.set(key, kept)
     width = root.attrib.pop("width", "")
+    if not re.fullmatch(r"[\d.]+[a-z]*", width):
+        width = "100%"
     root.attrib.pop("height", None)
-    root.set("style", f"stroke-linejoin: round; stroke-linecap: butt; width: {width or '100%'}")
+    root.set("style", f"stroke-linejoin: round; stroke-linecap: butt; width: {width}")
     root.set("aria-hidden", "true")  # the figure around it has the words
     ElementTree.register_namespace("", _SVG)
     ElementTree.register_namespace("xlink", _XLINK)
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _kept(name: str, value: str, prefix: str) -> str | None:
+    """The value of an attribute within the page; None if it acts, or asks for something outside."""
+    if name == "id":
+        return f"{prefix}-{value}"
+    if name in ("href", "src"):
+        if value.startswith("#"):
+            return f"#{prefix}-{value[1:]}"
+        return value if value.startswith(_PIXELS) else None
+    # A class would get the rules of the page.
+    if name.startswith("on") or name == "class" or _OTHER_URL.search(value):
+        return None
+    return _OWN_URL.sub(rf"\g<1>{prefix}-", value)
 
 
 # --- the page --------------------------------------------------------------------------------
@@ -216,9 +285,10 @@ def page(material: Material, folder: Path) -> str:
     try:
         sections = _sections(material)
         header = _header(material.summary)
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
+    except _OTHER_FORM as error:
         reason = f"has no {error}" if isinstance(error, KeyError) else "has another form"
-        raise _unusable(folder, "summary.json", f"{reason}, it is of another version") from None
+        with _advice(folder):
+            raise InputError(f"{folder / SUMMARY}: {reason}, it is of another version") from None
     links = "".join(f'<a href="#{id_}">{title}</a>' for id_, title, _ in sections)
     body = "".join(
         f'<section id="{id_}"><h2>{title}</h2>{content}</section>'
@@ -323,51 +393,60 @@ def findings(summary: Mapping) -> list[str]:
         if r["plant"] == "coupled" and r["disturbance_amplitude"] == 0
     }
     beyond = {entry["controller"]: entry for entry in summary["beyond"]}
-    texts = []
-    pi, ctc = runs.get(("consistent", "pi")), runs.get(("consistent", "pi_ctc"))
-    if pi and ctc:
-        errors = pi["max_abs_speed_error"]
-        k = errors.index(max(errors))  # the joint with most to gain
-        with_pi, with_ctc = errors[k], ctc["max_abs_speed_error"][k]
-        steady = [run["constant_speed_error"][k] for run in (pi, ctc)]
-        ratio = (
-            f", and at constant speed {steady[0] / steady[1]:.1f} times less" if all(steady) else ""
-        )
-        texts.append(
-            f"<b>On the coupled plant CTC changes the largest speed error of joint {k + 1} from "
-            f"{with_pi:.3f} to {with_ctc:.3f} rad/s</b>, {with_pi / with_ctc:.2f} times less"
-            f"{ratio}. What remains is mostly the lag of the loop behind its reference, which CTC "
-            "does not touch."
-        )
-        printed = runs.get(("printed", "pi_ctc"))
-        if printed:
-            worse = printed["max_abs_speed_error"][k] / with_pi
-            texts.append(
-                "<b>The sign that the paper prints in the third branch of Algorithm 1 does not "
-                f"hold.</b> With it, the largest error of joint {k + 1} on the coupled plant is "
-                f"{worse:.1f} times that of PI alone."
-            )
-    if {"pi", "pi_id", "p_pi+id"} <= set(beyond):
-        pairs = zip(
-            beyond["pi"]["rms_speed_error"], beyond["pi_id"]["rms_speed_error"], strict=True
-        )
-        gains = [before / after for before, after in pairs]
-        drift, kept = (
-            math.degrees(max(beyond[label]["max_abs_position_error"]))
-            for label in ("pi", "p_pi+id")
-        )
-        felt = _felt_finding(beyond)
-        texts.append(
-            f"<b>Feeding the whole inverse dynamics forward pays: {min(gains):.0f} to "
-            f"{max(gains):.0f} times less RMS speed error</b> with the same gains. With a position "
-            f"loop around it the joints stay within {kept:.2g} deg of their reference; a speed "
-            f"loop alone drifts by up to {drift:.1f} deg.{felt}"
-        )
-    texts.append(
+    return [
+        *_ctc_findings(runs),
+        *_id_findings(beyond),
         "<b>The device and the motion are ours</b>, as the paper publishes neither geometry nor "
-        "masses: what depends on them is marked <i>not comparable</i>."
-    )
+        "masses: what depends on them is marked <i>not comparable</i>.",
+    ]
+
+
+def _ctc_findings(runs: Mapping[tuple[str, str], Mapping]) -> list[str]:
+    """What CTC changes on the coupled plant; nothing without errors to compare."""
+    if not {("consistent", "pi"), ("consistent", "pi_ctc")} <= set(runs):
+        return []
+    pi, ctc = runs["consistent", "pi"], runs["consistent", "pi_ctc"]
+    errors = pi["max_abs_speed_error"]
+    k = errors.index(max(errors))  # the joint with most to gain
+    with_pi, with_ctc = errors[k], ctc["max_abs_speed_error"][k]
+    if not (with_pi and with_ctc):
+        return []
+    steady = [run["constant_speed_error"][k] for run in (pi, ctc)]
+    ratio = f", and at constant speed {steady[0] / steady[1]:.1f} times less" if all(steady) else ""
+    texts = [
+        f"<b>On the coupled plant CTC changes the largest speed error of joint {k + 1} from "
+        f"{with_pi:.3f} to {with_ctc:.3f} rad/s</b>, {with_pi / with_ctc:.2f} times less"
+        f"{ratio}. What remains is mostly the lag of the loop behind its reference, which CTC "
+        "does not touch."
+    ]
+    printed = runs.get(("printed", "pi_ctc"))
+    if printed:
+        worse = printed["max_abs_speed_error"][k] / with_pi
+        texts.append(
+            "<b>The sign that the paper prints in the third branch of Algorithm 1 does not "
+            f"hold.</b> With it, the largest error of joint {k + 1} on the coupled plant is "
+            f"{worse:.1f} times that of PI alone."
+        )
     return texts
+
+
+def _id_findings(beyond: Mapping[str, Mapping]) -> list[str]:
+    """What the whole inverse dynamics is worth; nothing without errors to compare."""
+    if not {"pi", "pi_id", "p_pi+id"} <= set(beyond):
+        return []
+    before, after = (beyond[label]["rms_speed_error"] for label in ("pi", "pi_id"))
+    if not all(after):
+        return []
+    gains = [b / a for b, a in zip(before, after, strict=True)]
+    drift, kept = (
+        math.degrees(max(beyond[label]["max_abs_position_error"])) for label in ("pi", "p_pi+id")
+    )
+    return [
+        f"<b>Feeding the whole inverse dynamics forward pays: {min(gains):.0f} to "
+        f"{max(gains):.0f} times less RMS speed error</b> with the same gains. With a position "
+        f"loop around it the joints stay within {kept:.2g} deg of their reference; a speed "
+        f"loop alone drifts by up to {drift:.1f} deg.{_felt_finding(beyond)}"
+    ]
 
 
 def _felt_finding(beyond: Mapping[str, Mapping]) -> str:
@@ -449,7 +528,9 @@ def _table1(rows: Sequence[Mapping]) -> str:
     )
     body = []
     for row in rows:
-        body.append([f"joint {row['joint']}"] + [_format(row[key], f) for key, _, f in columns])
+        body.append(
+            [f"joint {_escape(row['joint'])}"] + [_format(row[key], f) for key, _, f in columns]
+        )
         body.append(
             ["<i>published</i>"] + [_number(row["published"][key]) for key, _, _ in columns]
         )
@@ -515,7 +596,7 @@ def _beyond(entries: Sequence[Mapping]) -> str:
     def label(entry: Mapping) -> list[str]:
         return [f"<code>{_escape(entry['controller'])}</code>"]
 
-    needs = [[*label(e), str(e["blocks"]), _escape(", ".join(e["needs"]))] for e in entries]
+    needs = [[*label(e), _escape(e["blocks"]), _escape(", ".join(e["needs"]))] for e in entries]
     return (
         "<p>The same motion on the coupled plant with more controllers: an ideal drive, no "
         "friction, and a model that is exact. Errors of each joint's speed, joint side.</p>"

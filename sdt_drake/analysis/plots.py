@@ -265,8 +265,9 @@ def tracking_lines(runs: Mapping[str, Recording], quantity: str) -> list[Line]:
 
 
 def comparison(title: str, compared: Sequence[Compared]) -> Figure:
-    """Controllers side by side: errors on a logarithmic scale, and torques."""
+    """Controllers side by side: errors on a logarithmic scale, torques, and what could be felt."""
     names = compared[0].design.robot.joint_names
+    has_heads = all(c.head is not None for c in compared)
     panels = (
         ("largest speed error [rad/s]", lambda c: c.tracking.max_abs_speed_error, True),
         ("RMS speed error [rad/s]", lambda c: c.tracking.rms_speed_error, True),
@@ -284,7 +285,7 @@ def comparison(title: str, compared: Sequence[Compared]) -> Figure:
         ("peak torque, of the motor [%]", lambda c: 100 * c.motors.peak_share, False),
     )
     with style():
-        figure, axes = _grid(3, 2)
+        figure, axes = _grid(3, 2, bottom=2.55 if has_heads else 0.85)
         width = 0.8 / len(compared)
         at = np.arange(len(names))
         for ax, (label, value, logarithmic) in zip(axes.flat, panels, strict=True):
@@ -298,12 +299,30 @@ def comparison(title: str, compared: Sequence[Compared]) -> Figure:
                 ax.set_yticks([])
             elif logarithmic:
                 ax.set_yscale("log")
-                _plain_numbers(ax.yaxis)
+                plain_numbers(ax.yaxis)
             ax.grid(axis="x", visible=False)
             ax.set_xticks(at, [f"{k + 1} {name}" for k, name in enumerate(names)])
+        if has_heads:
+            _felt(figure, compared)
         _title(figure, title)
-        _legend_below(figure)
+        count = len(compared)
+        _legend_below(figure, columns=count if count < 8 else (count + 1) // 2)
     return figure
+
+
+def _felt(figure: Figure, compared: Sequence[Compared]) -> None:
+    """A panel below the others: share of time in which the pilot could feel the error."""
+    left, right = (ax.get_position() for ax in figure.axes[-2:])
+    inch = 1 / figure.get_figheight()
+    ax = figure.add_axes((left.x0, 0.95 * inch, right.x1 - left.x0, 1.0 * inch))
+    at = np.arange(len(compared))
+    share = [100 * c.head.felt.share for c in compared]
+    bars = ax.bar(at, share, 0.6, color=_colours(len(compared)))
+    ax.bar_label(bars, [f"{value:.1f}" for value in share], fontsize=8)
+    ax.set_title("error could be felt [% of time]", loc="left")
+    ax.set(ylim=(0, 115), yticks=(0, 50, 100))
+    ax.set_xticks(at, [c.label.replace("+", "\n+") for c in compared], fontsize=7)
+    ax.grid(axis="x", visible=False)
 
 
 def error_budget(title: str, budget: ErrorBudget, joint_names: Sequence[str]) -> Figure:
@@ -345,7 +364,7 @@ def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) ->
             phase.set_ylabel("phase [deg]")
             phase.set_xlabel("frequency [rad/s]")
             phase.margins(x=0)
-            _plain_numbers(phase.xaxis)
+            plain_numbers(phase.xaxis)
         for level, ax in ((-3, axes[0, 0]), (0, axes[0, 1]), (-180, axes[1, 1])):
             ax.axhline(level, color="0.4", linewidth=0.8)
         _title(figure, title)
@@ -384,7 +403,7 @@ def stability(
     return figure
 
 
-def _plain_numbers(axis: Axis) -> None:
+def plain_numbers(axis: Axis) -> None:
     """Powers of ten as numbers: matplotlib would write them in TeX, which is off here."""
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())

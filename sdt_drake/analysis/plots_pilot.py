@@ -39,6 +39,8 @@ def pilot(title: str, time: Array, head: HeadTracking) -> Figure:
             _error(error, time, head, axis)
             error.set_xlabel("time [s]")
             error.set_xlim(time[0], time[-1])
+            # A number at the right end would run into that at the left end of the next panel.
+            error.locator_params(axis="x", prune="upper")
         for ax, label in zip(
             axes[:, 0],
             ("specific force [G]", "rate of turn [deg/s]", "error over what is just felt"),

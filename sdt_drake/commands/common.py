@@ -42,7 +42,18 @@ def add_command(
 
 def add_out(parser: argparse.ArgumentParser, help_: str, default: str | None = None) -> None:
     note = f" (default: {default})" if default else ""
-    parser.add_argument("--out", type=Path, default=default and Path(default), help=help_ + note)
+    parser.add_argument("--out", type=some_path, default=default, help=help_ + note)
+
+
+def some_path(text: str) -> Path:
+    """The type of an option: nothing is no path, though Python takes it for the folder we are in.
+
+    Raises:
+        argparse.ArgumentTypeError: if it is empty.
+    """
+    if not text:
+        raise argparse.ArgumentTypeError("empty, expected a path")
+    return Path(text)
 
 
 def add_show(parser: argparse.ArgumentParser) -> None:
@@ -79,12 +90,41 @@ def design_of(path: str):
     from sdt_drake.design import make_design
     from sdt_drake.scenario import load_scenario
 
+    if is_motion(path):
+        raise InputError(
+            f"{path}: is a motion, expected a scenario, which names a motion and its controller"
+        )
     scenario = load_scenario(path)
     try:
         return make_design(scenario)
     except InputError as error:
         own = str(error).removeprefix(f"scenario '{scenario.name}': ")
         raise InputError(f"{path}: {own}" if own != str(error) else own) from None
+
+
+def is_motion(path: str) -> bool:
+    """Whether this is a motion to plan: the name of a shipped one, or YAML that no scenario is."""
+    from pydrake.common.yaml import yaml_load_data
+
+    from sdt_drake.motion import find_motion
+    from sdt_drake.resources import find_file
+
+    try:
+        data = yaml_load_data(find_file(find_motion(path)).read_text(encoding="utf-8"))
+    except Exception:  # whoever loads it says what is wrong
+        return False
+    return isinstance(data, dict) and ("tracks" in data or "joints" in data)
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a folder, there or still to be made, that is a file or below one.
+
+    Raises:
+        InputError: naming the file.
+    """
+    there = next((place for place in (folder, *folder.parents) if place.exists()), folder)
+    if there.exists() and not there.is_dir():
+        raise InputError(f"{there}: is a file, expected a folder")
 
 
 def check_out(path: Path | None, *, csv: bool = False, show: bool = False) -> None:
@@ -103,6 +143,7 @@ def check_out(path: Path | None, *, csv: bool = False, show: bool = False) -> No
     suffixes = ((".csv",) if csv else ()) + plots.FIGURES
     if path.suffix not in suffixes:
         raise InputError(f"{path}: unknown kind of file, expected {', '.join(suffixes)}")
+    check_folder(path.parent)
 
 
 def deliver(

@@ -6,7 +6,14 @@ import argparse
 import re
 from pathlib import Path
 
-from sdt_drake.commands.common import add_command, add_out, add_scenario, design_of, say
+from sdt_drake.commands.common import (
+    add_command,
+    add_out,
+    add_scenario,
+    check_folder,
+    design_of,
+    say,
+)
 from sdt_drake.errors import InputError, checked_choice
 
 
@@ -35,6 +42,8 @@ def run(options: argparse.Namespace) -> None:
         raise InputError(f"--format: {format_}, but {options.out} ends in .{suffix}")
     if not 1 <= options.depth <= 100:
         raise InputError(f"--depth: {options.depth}, expected 1 to 100")
+    if options.out is not None:
+        check_folder(options.out.parent)
     design = design_of(options.scenario)
     name = re.sub(r"[^\w.-]+", "_", design.scenario.name).strip(".")
     path = options.out or Path(f"{name}.{format_}")

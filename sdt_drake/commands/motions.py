@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import textwrap
 
-from sdt_drake.commands.common import add_command, add_robot, print_table, say
+from sdt_drake.commands.common import add_command, add_robot, naming, print_table, say
 from sdt_drake.errors import InputError
 
 _WIDTH = 96  # columns of running text
+_LONGEST = 3600  # s; what is computed while one waits
 
 
 def add(commands) -> None:
@@ -42,7 +43,7 @@ def _print_all(robot) -> None:
     for name in shipped_motions():
         profile = load_training(name)
         try:
-            g, sentence = _largest_g(profile, robot), profile.feels
+            g, sentence = _largest_g(profile.command(robot), robot), profile.feels
         except InputError as error:
             g, sentence = "-", f"not with '{robot.name}' ({error})"
         rows.append((name, profile.title, f"{profile.duration:g}", _joints(profile), g))
@@ -63,10 +64,9 @@ def _print_one(motion: str, robot) -> None:
     profile = load_training(motion)
     file = find_file(find_motion(motion))
     command = profile.command(robot, str(file))
-    say(
-        f"{profile.title or profile.name}: {profile.duration:g} s, "
-        f"largest G at the head {_largest_g(profile, robot)}"
-    )
+    with naming(str(file)):
+        g = _largest_g(command, robot)
+    say(f"{profile.title or profile.name}: {profile.duration:g} s, largest G at the head {g}")
     _paragraph(f"feels: {profile.feels}")
     say()
     print_table(
@@ -85,18 +85,24 @@ def _print_one(motion: str, robot) -> None:
         _paragraph(f"notes: {profile.notes}")
 
 
-def _largest_g(profile, robot) -> str:
+def _largest_g(command, robot) -> str:
     """Largest resultant at the head, in G."""
     import numpy as np
 
-    from sdt_drake.motion import INTERPOLATION_PERIOD, Motion
+    from sdt_drake.motion import INTERPOLATION_PERIOD
+    from sdt_drake.motion.planner import commanded_motion
     from sdt_drake.pilot import has_head, head_motion
 
-    command = profile.command(robot)
+    if command.duration > _LONGEST:
+        raise InputError(
+            f"motion '{command.name}': duration: {command.duration:g} s, expected at most "
+            f"{_LONGEST:g} s"
+        )
     if not has_head(robot):
         return "-"
-    time = np.arange(0, command.duration, INTERPOLATION_PERIOD)
-    motion = Motion.from_speeds(INTERPOLATION_PERIOD, command.start(), command.speeds(time))
+    # The planner may be given another period; here any about as long, that divides the duration.
+    period = command.duration / np.ceil(command.duration / INTERPOLATION_PERIOD)
+    motion = commanded_motion(robot, command, period, margin=1.0)
     return f"{head_motion(robot, motion.q, motion.v, motion.vd).resultant_g.max():.2f}"
 
 

@@ -12,12 +12,15 @@ from sdt_drake.commands.common import (
     add_period,
     add_robot,
     add_show,
+    check_folder,
     check_out,
     deliver,
     print_table,
     say,
 )
 from sdt_drake.errors import InputError
+
+_ANGLE_LOST = 0.1  # deg; less is not worth a line
 
 
 def add(commands) -> None:
@@ -75,9 +78,10 @@ def run(options: argparse.Namespace) -> None:
         planner=options.planner,
     )
     report = margins(robot, plan.motion, n1=n1, n0=n0)
-    _print_report(options, robot, plan, report)
     if options.drive_table:
         write_drive_table(options.drive_table, robot, plan)
+    _print_report(options, robot, plan, report)
+    if options.drive_table:
         say(f"{options.drive_table} written")
     title = f"{Path(options.motion).name}, {options.planner}: {_duration(plan)}"
     deliver(
@@ -94,6 +98,7 @@ def _check_outputs(options: argparse.Namespace) -> None:
         return
     if table.suffix != ".csv" or table.is_dir():
         raise InputError(f"--drive-table: {table}, expected a .csv file")
+    check_folder(table.parent)
     if options.out is not None and table.resolve() == options.out.resolve():
         raise InputError(f"--drive-table: {table} is the file of --out too, expected another one")
 
@@ -119,11 +124,35 @@ def _duration(plan) -> str:
     return text if plan.longer <= 0 else f"{text}, {plan.longer:g} s longer than commanded"
 
 
+def _tenths(value: float) -> str:
+    return f"{round(float(value), 1) + 0.0:.1f}"  # never -0.0
+
+
+def _print_ends(options: argparse.Namespace, robot, plan) -> None:
+    """Joints that do not end where they are commanded, or do not start and end at rest."""
+    import numpy as np
+
+    from sdt_drake.motion import ends_in_motion
+
+    # The retiming rounds its time up: what ends in motion goes on a little, along its path.
+    lost = np.degrees(plan.angle_lost) if options.planner == "limiter" else np.zeros(robot.n)
+    for k in np.flatnonzero(lost > _ANGLE_LOST):
+        say(
+            f"joint {k + 1} '{robot.joint_names[k]}' ends {lost[k]:.1f} deg from where it is "
+            "commanded: the limiter does not catch up; --planner retiming keeps the path"
+        )
+    moving = ends_in_motion(robot, plan.motion)
+    if moving:
+        say(f"not at rest: {', '.join(moving)}")
+
+
 def _print_report(options: argparse.Namespace, robot, plan, report) -> None:
     import numpy as np
 
     motion = plan.motion
-    say(f"{options.motion}: {_duration(plan)}, {len(motion.time)} samples, feasible")
+    share = "" if plan.margin == 1 else f" with {100 * plan.margin:.4g} % of the motors' torque"
+    say(f"{options.motion}: {_duration(plan)}, {len(motion.time)} samples, feasible{share}")
+    _print_ends(options, robot, plan)
     if plan.loss is not None:
         loss = plan.loss
         j, k = int(loss.speed.argmax()), int(loss.position.argmax())
@@ -144,9 +173,9 @@ def _print_report(options: argparse.Namespace, robot, plan, report) -> None:
                 f"{100 * report.rms_torque[k] / robot.effort_limit[k]:.1f}",
                 f"{plan.limited[:, k].sum() * motion.period:.3f}",
                 f"{speed[k]:.3f}", f"{100 * speed[k] / robot.velocity_limit[k]:.1f}",
-                f"{np.degrees(motion.q[:, k].min()):.1f}",
-                f"{np.degrees(motion.q[:, k].max()):.1f}",
-                f"{place.quantity}, {100 * place.share:.1f} % at {place.time:.3f} s",
+                _tenths(np.degrees(motion.q[:, k].min())),
+                _tenths(np.degrees(motion.q[:, k].max())),
+                f"{place.quantity}, {_tenths(100 * place.share)} % at {place.time:.3f} s",
             )
             for k, place in enumerate(tightest)
         ],
@@ -155,8 +184,9 @@ def _print_report(options: argparse.Namespace, robot, plan, report) -> None:
         say(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
     place = report.smallest
     say(
-        f"smallest margin: {100 * place.margin:.1f} %, {place.quantity} of joint "
+        f"smallest margin: {_tenths(100 * place.margin)} %, {place.quantity} of joint "
         f"{place.joint + 1} '{robot.joint_names[place.joint]}' at {place.time:.3f} s"
+        + ("" if plan.margin == 1 else ", held against the whole limit")
     )
     if place.quantity == "torque at speed" and place.margin < 0:
         say("beyond the torque-speed envelope: the planners do not know it; take a lower --margin")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from sdt_drake.commands.common import add_command, say
+from sdt_drake.commands.common import add_command, check_folder, say, some_path
 from sdt_drake.errors import InputError
 
 
@@ -17,15 +17,16 @@ def add(commands) -> None:
         "make one self-contained report.html of what reproduce wrote",
         "sdt-drake report out",
     )
-    parser.add_argument("folder", metavar="DIR", type=Path, help="folder that reproduce wrote")
+    parser.add_argument("folder", metavar="DIR", type=some_path, help="folder that reproduce wrote")
 
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.page import write_page
 
     folder: Path = options.folder
+    check_folder(folder)
     if not folder.is_dir():
         raise InputError(
             f"{folder}: no such folder; run `sdt-drake reproduce --out {folder}` first"
         )
-    say(f"{write_page(folder)} written")
+    say(f"{write_page(folder, say)} written")

@@ -6,7 +6,7 @@ import argparse
 import time
 from pathlib import Path
 
-from sdt_drake.commands.common import add_command, add_out, say
+from sdt_drake.commands.common import add_command, add_out, check_folder, say
 
 
 def add(commands) -> None:
@@ -28,11 +28,12 @@ def run(options: argparse.Namespace) -> None:
 
     start = time.perf_counter()
     folder: Path = options.out
+    check_folder(folder)
     folder.mkdir(parents=True, exist_ok=True)
     watch = Stopwatch(say)
     study = run_study(watch)
     claims = write_study(study, folder, watch)
-    page = write_study_page(study, folder, watch)
+    page = write_study_page(study, folder, watch, say)
     say()
     for claim in claims:
         say(f"  {claim.id:29s} {claim.verdict}")

@@ -5,8 +5,17 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from sdt_drake.commands.common import ROBOT, add_command, design_of, say
-from sdt_drake.errors import InputError, checked_number
+from sdt_drake.commands.common import (
+    ROBOT,
+    add_command,
+    check_folder,
+    design_of,
+    is_motion,
+    naming,
+    say,
+    some_path,
+)
+from sdt_drake.errors import InputError
 
 PERIOD = 0.005  # of the paper's planner [s]
 
@@ -21,27 +30,35 @@ def add(commands) -> None:
     )
     parser.add_argument(
         "motion",
-        metavar="SCENARIO.yaml|FILE.csv|NAME",
-        help="a scenario, which is simulated; a recording or a motion; a motion that ships",
+        metavar="FILE.yaml|FILE.csv|NAME",
+        help="a scenario, which is simulated; a motion, which is planned; a recording or a planned "
+        "motion; a motion that ships",
     )
     parser.add_argument("--robot", help="SDF file (default: the shipped device, or the scenario's)")
-    parser.add_argument("--record", type=Path, metavar="FILE.html", help="write a page that plays")
+    parser.add_argument(
+        "--record", type=some_path, metavar="FILE.html", help="write a page that plays"
+    )
     parser.add_argument("--pilot", action="store_true", help="start with the pilot's own view")
-    parser.add_argument("--rate", type=float, default=1.0, help="live: 2 for twice as fast")
+    parser.add_argument(
+        "--rate", type=float, default=1.0, help="live: 2 for twice as fast, 0.01 to 1000"
+    )
     parser.add_argument("--port", type=int, help="live: 1024 to 65535 (default: a free one)")
     parser.add_argument("--once", action="store_true", help="live: stop at the end of the motion")
 
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.pilot import check_head
-    from sdt_drake.viewer import check_html, check_port, play, record_html
+    from sdt_drake.viewer import check_html, check_motion, check_port, check_rate, play, record_html
 
-    checked_number(options.rate, "--rate", minimum=0.0, exclusive=True)
+    check_rate(options.rate, "--rate")
     check_port(options.port)
     if options.record is not None:
         check_html(options.record)
+        check_folder(options.record.parent)
         _check_live_options(options)
     title, robot, time, q = _motion(options)
+    with naming(options.motion):
+        check_motion(robot, time, q)
     if options.pilot:
         check_head(robot)
     if options.record is not None:
@@ -76,28 +93,45 @@ def _motion(options: argparse.Namespace):
     """Title, robot, time [s] and joint angles [rad] of what was asked for."""
     from sdt_drake.design import load_plan
     from sdt_drake.robot import load_robot
-    from sdt_drake.simulate import simulate
-    from sdt_drake.tables import read_table
 
     given = Path(options.motion)
-    if given.suffix == ".yaml":
-        if options.robot is not None:
-            raise InputError("--robot: the scenario names the robot")
-        design = design_of(options.motion)
-        recording = simulate(design)
-        return design.scenario.name, design.robot, recording.time, recording.q
+    if given.suffix == ".yaml" and not is_motion(options.motion):
+        return _simulated(options)
+    if given.suffix not in ("", ".yaml", ".csv"):
+        raise InputError(f"{given}: expected a .yaml or .csv file, or the name of a motion")
     robot = load_robot(options.robot or ROBOT)
     if given.suffix == ".csv":
-        time, columns = read_table(given)
-        q = columns.get("q", columns.get("q_ref"))
-        if q is None:
-            raise InputError(f"{given}: no columns q_1.. or q_ref_1.., the joint angles [rad]")
-        if q.shape[1] != robot.n:
-            raise InputError(
-                f"{given}: angles of {q.shape[1]} joint(s), robot '{robot.name}' has {robot.n}"
-            )
-        return given.stem, robot, time, q
-    if given.suffix:
-        raise InputError(f"{given}: expected a .yaml or .csv file, or the name of a motion")
+        return given.stem, robot, *_angles(given, robot)
     motion = load_plan(options.motion, robot, period=PERIOD, margin=1.0).motion
-    return options.motion, robot, motion.time, motion.q
+    return given.stem, robot, motion.time, motion.q
+
+
+def _simulated(options: argparse.Namespace):
+    """The same of a scenario; one that is too long is not run in vain."""
+    from sdt_drake.simulate import simulate
+    from sdt_drake.viewer import check_duration
+
+    if options.robot is not None:
+        raise InputError("--robot: the scenario names the robot")
+    design = design_of(options.motion)
+    with naming(options.motion):
+        check_duration(design.motion.duration)
+    recording = simulate(design)
+    return design.scenario.name, design.robot, recording.time, recording.q
+
+
+def _angles(path: Path, robot):
+    """Time [s] and joint angles [rad] of a table."""
+    from sdt_drake.simulate import check_limits
+    from sdt_drake.tables import read_table
+
+    time, columns = read_table(path)
+    q = columns.get("q", columns.get("q_ref"))
+    if q is None:
+        raise InputError(f"{path}: no columns q_1.. or q_ref_1.., the joint angles [rad]")
+    if q.shape[1] != robot.n:
+        raise InputError(
+            f"{path}: angles of {q.shape[1]} joint(s), robot '{robot.name}' has {robot.n}"
+        )
+    check_limits(path, time, columns)
+    return time, q

@@ -1,7 +1,7 @@
 """From commanded joint speeds to a motion that the motors can do."""
 
 from sdt_drake.motion.command import Command
-from sdt_drake.motion.drive_table import write_drive_table
+from sdt_drake.motion.drive_table import ends_in_motion, write_drive_table
 from sdt_drake.motion.margins import Margins, Tightest, margins
 from sdt_drake.motion.planner import INTERPOLATION_PERIOD, Plan, check_motion, plan_motion
 from sdt_drake.motion.profile import (
@@ -40,6 +40,7 @@ __all__ = [
     "Tightest",
     "TrainingProfile",
     "check_motion",
+    "ends_in_motion",
     "find_motion",
     "import_motion",
     "load_command",

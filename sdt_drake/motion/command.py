@@ -128,6 +128,10 @@ class Command:
         """Joint angles at time 0 [rad], shape (n,)."""
         return self.q0.copy()
 
+    def corners(self) -> Array:
+        """Times [s] between which every speed goes one way, growing."""
+        return np.unique(np.concatenate([course.times for course in self.joints]))
+
     def speeds(self, time: Array) -> Array:
         """Commanded joint speeds [rad/s] at `time` [s] of shape (N,), shape (N, n)."""
         v = np.stack([course.speed(time) for course in self.joints], axis=1)

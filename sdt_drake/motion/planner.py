@@ -24,6 +24,11 @@ INTERPOLATION_PERIOD = 0.005  # s, published
 TORQUE_TOLERANCE = 1e-6  # N m
 SPEED_TOLERANCE = 1e-9  # rad/s; round-off of a commanded speed
 ACCELERATION_TOLERANCE = 1e-6  # rad/s²; that of a speed, over a period
+ANGLE_TOLERANCE = 1e-4  # rad, and of its range; what an angle may lose to sampling
+# Beyond any machine; what is near the largest numbers fails in the dynamics:
+_ANY_ANGLE = 1e6  # rad
+_ANY_SPEED = 1e4  # rad/s
+_ANY_ACCELERATION = 1e6  # rad/s²
 # What an overpowered joint may slip, while it is off its command, before the motion is lost:
 _SLIP = 0.01  # of the range of its commanded speeds, and
 _SLIP_SPEED = 1e-3  # rad/s
@@ -56,6 +61,11 @@ class Plan:
     def longer(self) -> float:
         """How much longer than commanded the motion lasts [s]."""
         return self.motion.duration - self.commanded.duration
+
+    @property
+    def angle_lost(self) -> Array:
+        """How far the joints end from where they are commanded [rad], shape (n,)."""
+        return np.abs(self.motion.q[-1] - self.commanded.q[-1])
 
     def peak_use(self, robot: Robot) -> Array:
         """Largest |torque| over the motor's limit [-], shape (n,)."""
@@ -101,7 +111,9 @@ def commanded_motion(
     """The command at the interpolation period, whether the robot can do it or not.
 
     Raises:
-        InputError: if command, robot and period do not fit each other, or `margin` is no share.
+        InputError: if command, robot and period do not fit each other, or `margin` is no share; if
+            angles, speeds or accelerations are beyond any machine; if a joint loses more than
+            1e-4 rad and 1e-4 of the range of its angles, as something is too short for the period.
     """
     checked_number(period, "period", minimum=0, exclusive=True)
     if not 0 < margin <= 1:
@@ -112,7 +124,59 @@ def commanded_motion(
             f"motion '{command.name}': {len(start)} joints, robot '{robot.name}' has {robot.n}"
         )
     count = whole_periods(command.duration, period, f"motion '{command.name}': duration")
-    return Motion.from_speeds(period, start, command.speeds(np.arange(count + 1) * period))
+    where = f"motion '{command.name}': "
+    time = np.arange(count + 1) * period
+    v = _speeds(where, robot, command, time)
+    motion = Motion.from_speeds(period, start, v)
+    _refuse_absurd(where, robot, time, motion.q, _ANY_ANGLE, "rad")
+    _refuse_absurd(where, robot, time, motion.vd, _ANY_ACCELERATION, "rad/s²")
+    _check_sampling(where, robot, command, motion)
+    return motion
+
+
+def _speeds(where: str, robot: Robot, command: Command | CommandProfile, time: Array) -> Array:
+    with np.errstate(over="ignore", invalid="ignore"):
+        v = command.speeds(time)
+    _refuse_absurd(where, robot, time, v, _ANY_SPEED, "rad/s")
+    return v
+
+
+def _refuse_absurd(
+    where: str, robot: Robot, time: Array, values: Array, most: float, unit: str
+) -> None:
+    beyond = ~(np.abs(values) <= most)
+    if beyond.any():
+        i, k = np.argwhere(beyond)[0]
+        raise InputError(
+            f"{where}joint {k + 1} '{robot.joint_names[k]}' at {time[i]:.3f} s: commanded "
+            f"{values[i, k]:.4g} {unit}, expected at most {most:g} {unit}, as of any machine"
+        )
+
+
+def _check_sampling(
+    where: str, robot: Robot, command: Command | CommandProfile, motion: Motion
+) -> None:
+    """Refuse what is too short for the period: angles by trapezoids, at the corners of speed too.
+
+    That is exact for a piece that is linear or along half a cosine, however short. The speed of an
+    alignment is 0 where a piece ends; half-way it is not.
+    """
+    corners = command.corners()
+    corners = np.union1d(corners, (corners[1:] + corners[:-1]) / 2)
+    time = np.union1d(motion.time, corners[(corners > 0) & (corners < motion.duration)])
+    v = _speeds(where, robot, command, time)
+    steps = np.diff(time)[:, None] * (v[1:] + v[:-1]) / 2
+    angle = motion.q[0] + np.vstack([np.zeros(motion.n), np.cumsum(steps, axis=0)])
+    lost = np.abs(angle[np.searchsorted(time, motion.time)] - motion.q)
+    beyond = lost > ANGLE_TOLERANCE * (1 + np.ptp(angle, axis=0))
+    if beyond.any():
+        i, k = np.argwhere(beyond)[0]
+        raise InputError(
+            f"{where}joint {k + 1} '{robot.joint_names[k]}' at {motion.time[i]:.3f} s: commanded "
+            f"for so short that a period of {motion.period:g} s loses "
+            f"{np.degrees(lost[:, k].max()):.3g} deg, expected a shorter period, or segments and "
+            "swings of several periods"
+        )
 
 
 def check_motion(robot: Robot, motion: Motion, *, margin: float = 1.0) -> Array:

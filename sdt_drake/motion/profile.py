@@ -15,6 +15,8 @@ from sdt_drake.yaml_files import load_yaml
 
 Array = NDArray[np.float64]
 
+_MOST_SWINGS = 100_000  # what memory holds
+
 
 @dataclass
 class Knots:
@@ -48,6 +50,10 @@ class Knots:
         times, speeds = np.transpose(self.knots)
         return np.interp(time, times, speeds)
 
+    def corners(self) -> Array:
+        """Times of the knots [s]."""
+        return np.array(self.knots)[:, 0]
+
 
 @dataclass
 class Sampled:
@@ -74,7 +80,11 @@ class Sampled:
 
     def speed(self, time: Array) -> Array:
         """Joint speed [rad/s] at `time` [s]."""
-        return np.interp(time, self.period * np.arange(len(self.speeds)), self.speeds)
+        return np.interp(time, self.corners(), self.speeds)
+
+    def corners(self) -> Array:
+        """Times of the samples [s]."""
+        return self.period * np.arange(len(self.speeds))
 
 
 @dataclass
@@ -100,6 +110,12 @@ class Oscillation:
         checked_number(self.amplitude, f"{where}.amplitude")
         for name in ("period", "fade", "end"):
             checked_number(getattr(self, name), f"{where}.{name}", minimum=0, exclusive=True)
+        shortest = self.end / _MOST_SWINGS
+        if self.period < shortest:
+            raise InputError(
+                f"{where}.period: {self.period:g} s, expected at least {shortest:g} s, "
+                f"for {_MOST_SWINGS} swings by {self.end:g} s"
+            )
         if self.end > duration:
             raise InputError(f"{where}.end: {self.end:g} s, expected <= duration {duration:g} s")
 
@@ -109,6 +125,12 @@ class Oscillation:
         fade_in = np.clip(time / self.fade, 0, 1)
         fade_out = np.clip((self.end - time) / self.fade, 0, 1)
         return self.amplitude * omega * np.cos(omega * time) * fade_in * fade_out
+
+    def corners(self) -> Array:
+        """Times of the turns of the speed, and where the fading starts or ends [s]."""
+        turns = np.arange(0, self.end, self.period / 2)
+        fading = np.array([self.fade, self.end - self.fade, self.end])
+        return np.concatenate([turns, np.clip(fading, 0, self.end)])
 
 
 @dataclass
@@ -147,6 +169,10 @@ class CommandProfile:
         """Commanded joint speeds [rad/s] at `time` [s] of shape (N,), shape (N, n)."""
         return np.stack([joint.speed(time) for joint in self.joints], axis=1)
 
+    def corners(self) -> Array:
+        """Times [s] between which every speed goes one way, growing."""
+        return np.unique(np.concatenate([joint.corners() for joint in self.joints]))
+
 
 def load_profile(path: str | Path) -> CommandProfile:
     """A command profile from YAML.
@@ -155,5 +181,6 @@ def load_profile(path: str | Path) -> CommandProfile:
         InputError: naming the file, the field, and what would be right.
     """
     profile, file = load_yaml(CommandProfile, path)
+    profile.name = profile.name or file.stem
     profile.validate(str(file))
     return profile

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,7 +38,9 @@ _SLOWER = 0.9  # of the path speed that is allowed, if there is no timing
 _CELLS = 2000  # of the grid along the path, beside its corners
 _CORNER = 0.02  # jump of a commanded acceleration, of its range
 _NEAR = 1e-4  # s; how near to a corner the grid goes; with 1e-6 the numbers of Toppra fail
+_HEAVY = 0.5  # of its torque to stand still: gravity may be why there is no timing
 _CLOCK_FORCE = 1e6  # N, on 1 kg: s'' may be whatever the joints allow
+_LONGEST = 100  # times the commanded duration; beyond, a motion is not what was wanted
 _AS_COMMANDED = 1 - 1e-6  # path speed from which on a motion is not held back [-]
 
 
@@ -68,7 +70,7 @@ def retime(
     Raises:
         InputError: if the command does not fit the robot or the period; if its path leaves the
             stops, or cannot be held against gravity: no timing helps there; if it starts or ends
-            in motion too fast for the motors.
+            in motion too fast for the motors; if it would last 100 times as long as commanded.
     """
     commanded = commanded_motion(robot, command, period, margin)
     check_stops(robot, commanded)
@@ -79,15 +81,24 @@ def retime(
         torque = check_motion(robot, commanded, margin=margin)
         return Plan(commanded, torque, unlimited, margin, commanded)
     _check_gravity(robot, commanded, torque)
+    way = np.abs(np.diff(commanded.q, axis=0)).sum(axis=0)
+    _check_duration(command.name, commanded, (way / robot.velocity_limit).max())
     path = _Path(robot, commanded)
     # Toppra knows neither viscous friction nor what sampling adds between the points of its grid.
     # So each pass allows it less, by what the pass before was over. If that leaves too little to
     # hold the links, everything has to go slower: friction then takes less.
+    left = _LONGEST * commanded.duration  # s of motion to try, in all passes
     for _ in range(_MOST_PASSES):
         s = path.fastest(limits)
         if s is None:
-            limits = replace(available, path_speed=_SLOWER * limits.path_speed)
+            within_speeds = 1 / max(1.0, _overspeed(robot, commanded).max())
+            slower = min(_SLOWER * limits.path_speed, within_speeds)
+            limits = replace(available, path_speed=slower)
             continue
+        _check_duration(command.name, commanded, s.end_time())
+        left -= s.end_time()
+        if left < 0:
+            break
         motion, path_speed = path.sampled(s)
         excess = available.excess(robot, motion)
         if not excess.any():
@@ -185,10 +196,12 @@ class _Path:
                     np.insert(lower, self._clock, -of_clock),
                     np.insert(upper, self._clock, of_clock),
                 )
-        with _quiet():
+        # With limits close to nothing its numbers fail; Drake fails by a SystemExit then.
+        with _quiet(), contextlib.suppress(RuntimeError, SystemExit):
             return problem.SolvePathParameterization(
                 *(end * limits.path_speed for end in self._ends)
             )
+        return None
 
     def sampled(self, s: PiecewisePolynomial) -> tuple[Motion, Array]:
         """The motion along s(t) at the interpolation period, and s' [-] at its samples, (N + 1,).
@@ -211,7 +224,7 @@ class _Path:
         return q + (s - within)[:, None] * np.where(s[:, None] < 0, c.v[0], c.v[-1])
 
 
-@contextmanager
+@contextlib.contextmanager
 def _quiet() -> Iterator[None]:
     """Toppra logs as an error that there is no timing; here that is an answer."""
     log = logging.getLogger("drake")
@@ -265,13 +278,29 @@ def _check_gravity(robot: Robot, commanded: Motion, available: Array) -> None:
         )
 
 
+def _check_duration(name: str, commanded: Motion, duration: float) -> None:
+    """Refuse what would last much longer than commanded, `duration` [s] at least."""
+    if duration > _LONGEST * commanded.duration:
+        raise InputError(
+            f"motion '{name}' refused: it would last {duration:.4g} s or longer, expected at most "
+            f"{_LONGEST} times as long as commanded, {commanded.duration:g} s"
+        )
+
+
+def _overspeed(robot: Robot, commanded: Motion) -> Array:
+    """Largest commanded speed over the limit [-], shape (n,)."""
+    return np.abs(commanded.v).max(axis=0) / robot.velocity_limit
+
+
 def _refusal(
     robot: Robot, command: Command | CommandProfile, commanded: Motion, available: _Limits
 ) -> InputError:
     """What stands in the way of any timing, as far as it can be told."""
-    for row, when in ((0, "start"), (-2, "end")):
-        v, vd = commanded.v[row], commanded.vd[row]
-        torque = inverse_dynamics(robot, *(x[None] for x in (commanded.q[row], v, vd)))[0]
+    starts, ends = torque_of_periods(robot, commanded)
+    for v, torque, when in (
+        (commanded.v[0], starts[0], "start"),
+        (commanded.v[-1], ends[-1], "end"),
+    ):
         over = np.abs(torque) / available.highest
         k = int(np.argmax(over))
         if v.any() and over[k] > 1:
@@ -283,8 +312,18 @@ def _refusal(
     rest = np.zeros_like(commanded.q)
     share = np.abs(inverse_dynamics(robot, commanded.q, rest, rest)) / available.highest
     i, k = np.unravel_index(np.argmax(share), share.shape)
-    return InputError(
-        f"motion '{command.name}' refused: no timing of its path found that keeps the limits; "
-        f"joint {k + 1} '{robot.joint_names[k]}', where it is commanded at "
-        f"{commanded.time[i]:.3f} s, needs {100 * share[i, k]:.4g} % of its torque to stand still"
-    )
+    text = f"motion '{command.name}' refused: no timing of its path found that keeps the limits"
+    overspeed = _overspeed(robot, commanded)
+    if share[i, k] > _HEAVY:
+        text += (
+            f"; joint {k + 1} '{robot.joint_names[k]}', where it is commanded at "
+            f"{commanded.time[i]:.3f} s, needs {100 * share[i, k]:.4g} % of its torque to stand "
+            "still"
+        )
+    elif overspeed.max() > 1:
+        k = int(np.argmax(overspeed))
+        text += (
+            f"; joint {k + 1} '{robot.joint_names[k]}' is commanded {overspeed[k]:.4g} times its "
+            "largest speed"
+        )
+    return InputError(text)

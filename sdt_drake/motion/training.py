@@ -380,7 +380,12 @@ def load_training(path: str | Path) -> TrainingProfile:
     Raises:
         InputError: naming the file, the field, and what would be right.
     """
-    profile, file = load_yaml(TrainingProfile, find_motion(path))
+    file = find_file(find_motion(path))
+    if file.suffix == ".csv" or _kind(file) == "joints":
+        raise InputError(
+            f"{file}: commands joint speeds, expected a training profile (.yaml, with tracks)"
+        )
+    profile, file = load_yaml(TrainingProfile, file)
     profile.name = profile.name or file.stem
     profile.validate(str(file))
     return profile
@@ -393,7 +398,7 @@ def load_command(path: str | Path, robot: Robot) -> Command | CommandProfile:
         InputError: naming the file, the field, and what would be right.
     """
     file = find_file(find_motion(path))
-    if _has_tracks(file):
+    if _kind(file) == "tracks":
         return load_training(file).command(robot, str(file))
     return load_profile(file)
 
@@ -401,7 +406,7 @@ def load_command(path: str | Path, robot: Robot) -> Command | CommandProfile:
 def shipped_motions() -> list[str]:
     """Names of the training profiles that ship with the package."""
     files = sorted((models_dir() / "motions").glob("*.yaml"))
-    return [file.stem for file in files if _has_tracks(file)]
+    return [file.stem for file in files if _kind(file) == "tracks"]
 
 
 def find_motion(name_or_path: str | Path) -> str:
@@ -423,12 +428,21 @@ def find_motion(name_or_path: str | Path) -> str:
     return f"{PACKAGE_PREFIX}motions/{text}.yaml"
 
 
-def _has_tracks(file: Path) -> bool:
+def _kind(file: Path) -> str:
+    """Which key tells what a file is: "tracks" or "joints"; "" if it has neither.
+
+    A misspelt one counts: whoever loads the file says how it is spelt.
+    """
     try:
         data = yaml_load_data(file.read_text(encoding="utf-8"))
     except Exception:  # whoever loads it says what is wrong
-        return False
-    return isinstance(data, dict) and "tracks" in data
+        return ""
+    keys = [str(key) for key in data] if isinstance(data, dict) else []
+    for exact in (1.0, 0.6):
+        for kind in ("tracks", "joints"):
+            if difflib.get_close_matches(kind, keys, cutoff=exact):
+                return kind
+    return ""
 
 
 def _check_inboard(

@@ -151,7 +151,11 @@ def test_all_text_is_escaped(folder):
         summary["claims"][0] |= {"why": evil, "statement": evil, "id": evil, "published": evil}
         summary["versions"]["drake"] = evil
         summary["wall_time_s"] = {evil: 1.0}
-        summary["beyond"][0] |= {"controller": evil, "needs": [evil]}
+        summary["beyond"][0] |= {"controller": evil, "needs": [evil], "blocks": evil}
+        summary["beyond"][0]["felt"]["channels"][0] = evil
+        summary["table1"][0]["joint"] = evil
+        summary["table1"][0]["published"]["kp"] = evil
+        summary["step_response"]["published"]["pi"]["rise_time"] = evil
         summary["tracking"][0] |= {"controller": evil, "plant": evil, "algorithm": evil}
 
     change(folder, edit)
@@ -159,8 +163,50 @@ def test_all_text_is_escaped(folder):
     text = (folder / PAGE).read_text(encoding="utf-8")
 
     assert "alert(1)</script>" not in text
-    assert text.count("alert(1)") >= 9
+    assert text.count("alert(1)") >= 14
     assert not [a for _, a in tags_of(folder).tags if "onload" in a]
+
+
+def test_no_text_of_the_summary_becomes_a_tag(folder):
+    """All of them at once, and the names of those mappings that are shown whole."""
+    evil = "<script>alert(1)</script>"
+
+    def spoilt(value, key=""):
+        if isinstance(value, dict):
+            shown_whole = key in ("versions", "wall_time_s", "published", "computed")
+            return {
+                f"{k}{evil}" if shown_whole and k not in KEYS else k: spoilt(v, k)
+                for k, v in value.items()
+            }
+        if isinstance(value, list):
+            return [spoilt(item, key) for item in value]
+        return evil if isinstance(value, str) and key != "verdict" else value
+
+    change(folder, lambda s: s.update(spoilt(s)))
+    write_page(folder)
+    text = (folder / PAGE).read_text(encoding="utf-8")
+
+    assert evil not in text and text.count("&lt;script&gt;") > 100
+
+
+# Of mappings that are shown whole, what the page looks up by name.
+KEYS = {
+    "package", "drake", "pi", "p_in_feedback", "i_eff_max", "i_eff_median", "i_eff_min",
+    "variation_percent", "kp", "ki", "zeta_max", "zeta_median", "zeta_min",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("label", ["pi", "pi_ctc", "pi_id"])
+def test_findings_without_errors_compare_nothing(folder, label):
+    def edit(summary):
+        for run in [*summary["tracking"], *summary["beyond"]]:
+            if run["controller"] == label:
+                for key in ("max_abs_speed_error", "rms_speed_error", "constant_speed_error"):
+                    run[key] = [0.0] * 4
+
+    before = page.findings(json.loads((folder / "summary.json").read_text(encoding="utf-8")))
+    assert len(page.findings(change(folder, edit))) < len(before) or label == "pi_ctc"
+    write_page(folder)
 
 
 def test_headings_are_in_order(_made):
@@ -215,14 +261,71 @@ def test_a_picture_brings_no_rules_for_the_page():
     root = ElementTree.fromstring(
         '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
         'width="20pt" height="10pt" viewBox="0 0 20 10"><metadata>by</metadata><defs><style>*{x:y}'
-        '</style><clipPath id="c"/></defs><g id="g" style="clip-path: url(#c)"/>'
+        '</style><clipPath id="c"/></defs><g id="g" class="claim" style="clip-path: url(#c)"/>'
         '<use xlink:href="#g"/></svg>'
     )
     text = page.inline_svg(root, "a")
 
-    assert "<style" not in text and "metadata" not in text and "height" not in text
+    assert (
+        "class" not in text
+        and "<style" not in text
+        and "metadata" not in text
+        and "height" not in text
+    )
     assert 'id="a-c"' in text and "url(#a-c)" in text and '"#a-g"' in text
     assert "width: 20pt" in text and text.startswith("<svg")
+
+
+ACTIVE = """<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"
+  xmlns:svg="http://www.w3.org/2000/svg" xmlns:h="http://www.w3.org/1999/xhtml" viewBox="0 0 9 9"
+  width="1px; position: fixed; top: 0" onload="alert(1)" svg:onclick="alert(2)">
+  <script>alert(3)</script><h:script>alert(4)</h:script><h:img src="x" onerror="alert(5)"/>
+  <foreignObject><h:body onload="alert(6)"/></foreignObject>
+  <a xlink:href="javascript:alert(7)"><set attributeName="href" to="javascript:alert(8)"/>
+    <rect id="r" width="4" height="4" OnMouseOver="alert(9)" fill="url('#p')"/></a>
+  <a href="http://elsewhere.org/"><circle r="2" style="fill: URL( http://elsewhere.org/p )"/></a>
+  <image href="data:image/svg+xml,alert" /><image href="data:image/png;base64,AAAA"/>
+  <image src="//elsewhere.org/a.png"/><use xlink:href="#r"/><use href="other.svg#r"/>
+  <path d="M0 0" style="fill: u\\72l(//elsewhere.org/q)"/><path mask="url(//elsewhere.org/m)"/>
+</svg>"""
+
+
+def test_a_picture_brings_nothing_that_acts_or_asks_for_something(folder):
+    (folder / "evil.svg").write_text(ACTIVE.replace("\\\\", "\\"), encoding="utf-8")
+    write_page(folder)
+    text = page.inline_svg(ElementTree.fromstring(ACTIVE.replace("\\\\", "\\")), "a")
+
+    for word in ("alert", "javascript", "elsewhere", "script", "foreign", "img", "other.svg"):
+        assert word not in text, word
+    assert not re.search(r"\bon\w+=|position|svg\+xml|\\\\", text, re.IGNORECASE)
+    # What is harmless stays.
+    assert 'href="data:image/png;base64,AAAA"' in text and "url('#a-p')" in text
+    assert 'id="a-r"' in text and 'href="#a-r"' in text and "width: 100%" in text
+    with open_page(folder / PAGE) as (_, errors, requests):
+        assert errors == [] and requests == []
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [("<svg", "is not an SVG picture"), ("<a/>", "is not an SVG picture"),
+     (b"\xff", "is not a text"), (None, "cannot be read"),
+     (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1">{"<g>" * 20000}'
+      f'{"</g>" * 20000}</svg>', "is not an SVG picture")],
+    ids=["cut", "other", "binary", "folder", "deep"],
+)  # fmt: skip
+def test_another_picture_that_cannot_be_used_is_left_out(folder, content, reason):
+    before = (folder / PAGE).read_bytes()
+    other = folder / "my; own.svg"
+    if content is None:
+        other.mkdir()
+    else:
+        other.write_bytes(content if isinstance(content, bytes) else content.encode())
+    told = []
+    write_page(folder, told.append)
+
+    (line,) = told
+    assert line.startswith(f"{other}: {reason}") and line.endswith(", left out")
+    assert "\n" not in line and (folder / PAGE).read_bytes() == before
 
 
 def test_other_figures_of_the_folder_come_last(folder):
@@ -280,6 +383,13 @@ BROKEN = {
     "no summary": (_remove("summary.json"), "summary.json: is missing"),
     "cut summary": (_cut("summary.json"), "summary.json: is not JSON"),
     "a list": (lambda f: (f / "summary.json").write_text("[1]"), "not the summary"),
+    "not a number": (
+        lambda f: change(f, lambda s: s["wall_time_s"].update(x=math.nan)), "holds NaN, expected"),
+    "infinity": (
+        lambda f: change(f, lambda s: s["wall_time_s"].update(x=-math.inf)), "holds -Infinity"),
+    "too large": (
+        lambda f: (f / "summary.json").write_text('{"x": 1e999}'), "holds 1e999, expected"),
+    "huge": (lambda f: change(f, lambda s: s["wall_time_s"].update(x=10**400)), "another form"),
     "no claims": (lambda f: change(f, lambda s: s.pop("claims")), "has no 'claims'"),
     "odd verdict": (
         lambda f: change(f, lambda s: s["claims"][0].update(verdict="so so")), "'so so'"),

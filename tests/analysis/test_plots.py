@@ -76,20 +76,33 @@ def steps():
 
 
 LABELS = ("pi", "p_pi+id", "inverse_dynamics")
+SHARES = (1.0, 0.1, 0.004)
 CONSTANT = np.array([0.02, np.nan, 0.04])
 
 
-@pytest.fixture(scope="module")
-def compared():
-    """Three controllers; the second joint has no constant speed."""
-    robot = SimpleNamespace(joint_names=NAMES)
-    made = []
-    for label, share in zip(LABELS, (1.0, 0.1, 0.004), strict=True):
+def headless_robot(names=NAMES):
+    return SimpleNamespace(
+        joint_names=names, plant=SimpleNamespace(HasFrameNamed=lambda name: False)
+    )
+
+
+def make_compared(labels, shares, *, head=True):
+    """Controllers whose errors are these shares; the second joint has no constant speed."""
+    robot, made = headless_robot(), []
+    for label, share in zip(labels, shares, strict=True):
         row = share * np.array([0.1, 0.2, 0.3])
         tracking = Tracking(row, row / 3, share * CONSTANT, 0 * row, np.radians(row))
         motors = MotorUse(row, row, 2 * row, row)
         made.append(Compared(label, SimpleNamespace(robot=robot), None, tracking, motors, 9, ()))
+        if head:  # as if it were computed already
+            vars(made[-1])["head"] = SimpleNamespace(felt=SimpleNamespace(share=share))
     return made
+
+
+@pytest.fixture(scope="module")
+def compared():
+    """Three controllers."""
+    return make_compared(LABELS, SHARES)
 
 
 @pytest.fixture(scope="module")
@@ -433,8 +446,7 @@ def test_comparison_has_a_bar_for_each_controller_and_joint(figures, compared):
         [100 * c.motors.rms_share for c in compared],
         [100 * c.motors.peak_share for c in compared],
     )
-    assert len(figure.axes) == 6
-    for ax, rows in zip(figure.axes, values, strict=True):
+    for ax, rows in zip(figure.axes[:6], values, strict=True):
         assert [c.get_label() for c in ax.containers] == list(LABELS)
         for bars, expected in zip(ax.containers, rows, strict=True):
             np.testing.assert_allclose([bar.get_height() for bar in bars], expected)
@@ -448,8 +460,8 @@ def test_comparison_names_joints_controllers_and_units(figures):
     figure = figures["comparison"]
     assert legend_texts(figure) == list(LABELS)
     for ax in figure.axes:
-        assert ax.get_title(loc="left").endswith(("[rad/s]", "[deg]", "[%]"))
-    for ax in grid(figure)[-1]:
+        assert ax.get_title(loc="left").endswith(("[rad/s]", "[deg]", "[%]", "[% of time]"))
+    for ax in figure.axes[4:6]:
         names = [label.get_text() for label in ax.get_xticklabels()]
         assert names == ["1 base", "2 elbow", "3 wrist"]
     colours = [bars[0].get_facecolor() for bars in figure.axes[0].containers]
@@ -458,8 +470,39 @@ def test_comparison_names_joints_controllers_and_units(figures):
 
 def test_comparison_of_errors_is_logarithmic_and_that_of_torques_starts_at_zero(figures):
     axes = figures["comparison"].axes
-    assert [ax.get_yscale() for ax in axes] == 4 * ["log"] + 2 * ["linear"]
-    assert [ax.get_ylim()[0] for ax in axes[4:]] == [0, 0]
+    assert [ax.get_yscale() for ax in axes] == 4 * ["log"] + 3 * ["linear"]
+    assert [ax.get_ylim()[0] for ax in axes[4:]] == [0, 0, 0]
+
+
+def test_comparison_shows_what_could_be_felt(figures):
+    *others, ax = figures["comparison"].axes
+    assert ax.get_title(loc="left") == "error could be felt [% of time]"
+    assert [bar.get_height() for bar in ax.patches] == pytest.approx([100, 10, 0.4])
+    assert [text.get_text() for text in ax.texts] == ["100.0", "10.0", "0.4"]
+    names = [label.get_text().replace("\n", "") for label in ax.get_xticklabels()]
+    assert names == list(LABELS)
+    for bar, same in zip(ax.patches, others[0].containers, strict=True):
+        assert same_color(bar.get_facecolor(), same[0].get_facecolor())
+
+
+def test_comparison_without_a_head_has_no_panel_for_it(compared, figures):
+    headless = plots.comparison("headless", make_compared(LABELS, SHARES, head=False))
+    assert len(headless.axes) == 6 == len(figures["comparison"].axes) - 1
+    assert headless.get_figheight() < figures["comparison"].get_figheight()
+
+
+def test_all_controllers_find_room_in_a_comparison(tmp_path):
+    feedforwards = ("", "+ctc", "+id")
+    labels = ["pi", "pi_ctc", "pi_id", "inverse_dynamics"]
+    labels += [kind + more for kind in ("p_pi", "pi_scheduled") for more in feedforwards]
+    figure = plots.comparison("all", make_compared(labels, np.linspace(0.1, 1, len(labels))))
+    plots.save(figure, tmp_path / "figure.png")
+
+    (legend,) = figure.legends
+    boxes = [label.get_window_extent() for label in figure.axes[-1].get_xticklabels()]
+    assert legend.get_window_extent().width < figure.bbox.width
+    assert min(box.y0 for box in boxes) > legend.get_window_extent().y1
+    assert all(a.x1 < b.x0 for a, b in pairwise(boxes))
 
 
 def test_comparison_without_any_constant_speed_has_no_empty_panel(compared):
@@ -645,8 +688,8 @@ def test_names_with_dollar_signs_are_text(motion, tmp_path):
 
 def test_names_with_dollar_signs_are_text_in_analyses(compared, budget, response, sweeps, tmp_path):
     names = ("$x^{$", "cost in $", "a_b^c")
-    robot = SimpleNamespace(joint_names=names)
-    odd = [dataclasses.replace(c, design=SimpleNamespace(robot=robot)) for c in compared]
+    design = SimpleNamespace(robot=headless_robot(names))
+    odd = [dataclasses.replace(c, design=design) for c in compared]
     for figure in (
         plots.comparison("$x^{$", odd),
         plots.error_budget("$x^{$", budget, names),

@@ -1,9 +1,11 @@
 """The figure of what the pilot feels shows its numbers."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
-from sdt_drake.analysis import plots_pilot
+from sdt_drake.analysis import plots, plots_pilot
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.motion import Motion
 from sdt_drake.pilot import GRAVITY, canals
@@ -64,3 +66,18 @@ def test_the_threshold_and_the_largest_error_are_in_sight(design, robot, scale):
     assert 0 < low < 1 < high and head.felt.multiples.max() < high
     assert low <= max(head.felt.multiples.max(), 0.1)
     assert figure.axes[0].get_xlim() == (0, recording.time[-1])
+
+
+@pytest.mark.parametrize("count", [2, 21, 2001])
+def test_numbers_of_neighbouring_time_axes_stay_apart(design, robot, tmp_path, count):
+    parts = (getattr(design.motion, name)[:count] for name in ("q", "v", "vd"))
+    recording, head = head_of(Motion(PERIOD, *parts), robot, 0.99)
+    figure = plots_pilot.pilot("run", recording.time, head)
+    plots.save(figure, tmp_path / "figure.png")
+
+    boxes = []
+    for ax in figure.axes[-3:]:
+        low, high = ax.get_xlim()
+        labels = [t for t in ax.get_xticklabels() if low <= t.get_position()[0] <= high]
+        boxes += [label.get_window_extent() for label in labels]
+    assert len(boxes) > 6 and all(a.x1 < b.x0 for a, b in pairwise(boxes))

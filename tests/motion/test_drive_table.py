@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from sdt_drake.dynamics import torque_groups
-from sdt_drake.motion import load_profile, plan_motion, write_drive_table
+from sdt_drake.errors import InputError
+from sdt_drake.motion import (
+    CommandProfile,
+    Knots,
+    ends_in_motion,
+    load_profile,
+    plan_motion,
+    write_drive_table,
+)
 from sdt_drake.tables import read_table
 
 
@@ -24,3 +33,18 @@ def test_a_drive_table_is_motor_side_with_the_whole_torque(robot, tmp_path):
     own = np.array([0.1291, 1.73, 0.531, 0.531]) * r * motion.vd
     np.testing.assert_allclose(columns["tau_motor"], links / r + own, atol=1e-8)
     assert np.abs(columns["tau_motor"][:, 0]).max() < 203.2
+
+
+@pytest.mark.parametrize(
+    "knots, outcome",
+    [([[0, 0.1], [1, 0]], "starts at 0.1 rad/s"), ([[0, 0], [1, -0.1]], "ends at -0.1 rad/s")],
+)
+def test_no_drive_table_of_a_motion_that_is_not_from_rest_to_rest(robot, tmp_path, knots, outcome):
+    still = Knots([[0, 0], [1, 0]])
+    plan = plan_motion(
+        robot, CommandProfile("go", "", 1, None, [still, Knots(knots), still, still])
+    )
+    assert ends_in_motion(robot, plan.motion) == [f"joint 2 'roll' {outcome}"]
+    with pytest.raises(InputError, match=rf"drives\.csv: joint 2 'roll' {outcome}, expected rest"):
+        write_drive_table(tmp_path / "drives.csv", robot, plan)
+    assert not list(tmp_path.iterdir())

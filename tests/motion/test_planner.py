@@ -12,15 +12,21 @@ from test_robot import ARM, chain_sdf
 from sdt_drake.dynamics import torque_groups
 from sdt_drake.errors import InputError
 from sdt_drake.motion import (
+    Command,
     CommandProfile,
     Knots,
     Motion,
+    Oscillation,
     Sampled,
     check_motion,
+    load_command,
     load_profile,
     plan_motion,
+    retime,
+    shipped_motions,
 )
-from sdt_drake.motion.planner import limit_accelerations
+from sdt_drake.motion.command import Alignment, Course, spin_geometry
+from sdt_drake.motion.planner import commanded_motion, limit_accelerations
 from sdt_drake.robot import load_robot
 
 PERIOD = 0.005
@@ -340,3 +346,85 @@ def test_other_periods_and_samples_are_planned(robot, plan):
     samples = [Sampled(0.05, column.tolist()) for column in coarse.motion.v.T]
     again = plan_motion(robot, CommandProfile("again", duration=30, joints=samples), period=0.05)
     np.testing.assert_allclose(again.motion.q, coarse.motion.q, atol=1e-12)
+
+
+# --- what a period can show ------------------------------------------------------------------
+
+
+def alone(joint, duration=10):
+    """Joint 2 as given, the others at rest."""
+    still = Knots([[0, 0], [duration, 0]])
+    return CommandProfile("alone", duration=duration, joints=[still, joint, still, still])
+
+
+@pytest.mark.parametrize(
+    "joint, lost",
+    [
+        # Up to 20 rad/s and back within a period: an area of 0.02 rad.
+        (Knots([[0, 0], [1.001, 0], [1.002, 20], [1.003, 0], [10, 0]]), 0.02),
+        # At every sample the same phase of the swing: what is seen is a steady speed.
+        (Oscillation(amplitude=1e-4, period=PERIOD, fade=1, end=9), 1e-4 * 2 * np.pi / PERIOD * 8),
+        # A millisecond of noise, of which every fifth value is taken.
+        (Sampled(0.001, [0.0, *([1.0, 0, 0, 0, 0] * 1999), *[0.0] * 5]), 1999 * 0.001),
+    ],
+    ids=["short", "fast swing", "fine samples"],
+)
+def test_what_is_too_short_for_the_period_is_refused_with_the_angle_that_is_lost(
+    robot, joint, lost
+):
+    with pytest.raises(
+        InputError, match=r"'alone': joint 2 'roll' at .* a period of 0\.005 s loses .* deg"
+    ) as error:
+        plan_motion(robot, alone(joint))
+    told = float(str(error.value).partition("loses ")[2].split()[0])
+    assert told == pytest.approx(np.degrees(lost), rel=0.02)
+
+
+def test_a_short_alignment_is_refused_though_its_speed_is_0_at_both_ends(robot):
+    ramp = Course(np.array([0, 1.001, 1.004, 2]), np.array([0, 0, 1.0, 1.0]), np.array([True] * 3))
+    rest = Course.at_rest(2)
+    geometry = spin_geometry(robot, "planetary", "roll", "here")
+    command = Command(
+        "align", 2, np.zeros(4), (rest, rest, rest, rest), Alignment(1, ramp, geometry)
+    )
+    # The piece of the spin is one of the command too.
+    command = dataclasses.replace(command, joints=(ramp, rest, rest, rest))
+    with pytest.raises(InputError, match=r"joint 2 'roll' .* loses"):
+        commanded_motion(robot, command, PERIOD, 1.0)
+
+
+@pytest.mark.parametrize("period", [0.001, 0.005, 0.02, 0.05, 0.1])
+def test_every_shipped_motion_can_be_shown_by_any_sensible_period(robot, period):
+    for name in [*shipped_motions(), "reference"]:
+        commanded_motion(robot, load_command(name, robot), period, 1.0)
+
+
+@pytest.mark.parametrize(
+    "joint, told",
+    [
+        (Knots([[0, 0], [5, 1e300], [10, 0]]), "e\\+297 rad/s, expected at most 10000 rad/s"),
+        (Knots([[0, 0], [5, 0], [5.005, 9e3], [10, 0]]), "1.8e\\+06 rad/s², expected at most 1e"),
+        (Knots([[0, 0], [5, 0], [5.001, 4e4], [5.002, 0], [10, 0]]), "2e\\+04 rad/s, expected"),
+        (Oscillation(amplitude=1e308, period=0.001, fade=1, end=9), "nan rad/s, expected"),
+    ],
+    ids=["speed", "acceleration", "between samples", "no number"],
+)
+@pytest.mark.parametrize("planner", [plan_motion, retime])
+def test_a_command_beyond_any_machine_is_refused(robot, planner, joint, told):
+    with pytest.raises(InputError, match=rf"'alone': joint 2 'roll' at .* commanded .*{told}"):
+        planner(robot, alone(joint))
+
+
+def test_a_start_beyond_any_machine_is_refused(robot):
+    profile = alone(Knots([[0, 0], [10, 0]]))
+    profile.q0 = [0, 0, 1e300, 0]
+    with pytest.raises(InputError, match=r"joint 3 'pitch' .* expected at most 1e\+06 rad"):
+        plan_motion(robot, profile)
+
+
+def test_a_plan_tells_the_angle_that_the_limiter_loses(robot):
+    plan = plan_motion(robot, spin_up(6))
+    v, period = plan.motion.v - plan.commanded.v, plan.motion.period
+    lost = abs(np.sum(v[1:] + v[:-1], axis=0) * period / 2)
+    assert lost[0] > 0.1
+    np.testing.assert_allclose(plan.angle_lost, lost, atol=1e-9)

@@ -82,6 +82,18 @@ def reference_speeds(t: np.ndarray) -> np.ndarray:
     return np.stack([planetary, roll, pitch, yaw], axis=1)
 
 
+def test_the_corners_are_where_a_speed_turns(tmp_path):
+    swing = Oscillation(amplitude=1, period=1, fade=0.3, end=2)
+    np.testing.assert_allclose(np.unique(swing.corners()), [0, 0.3, 0.5, 1, 1.5, 1.7, 2])
+    assert Knots([[0, 0], [0.2, 1], [1, 0]]).corners().tolist() == [0, 0.2, 1]
+    assert Sampled(0.5, [0, 1, 0]).corners().tolist() == [0, 0.5, 1]
+
+
+def test_a_profile_without_a_name_has_that_of_its_file(tmp_path):
+    assert _load(tmp_path, PROFILE).name == "short"
+    assert _load(tmp_path, PROFILE.replace("name: short\n", "")).name == "profile"
+
+
 def test_the_shipped_profile_is_the_reference_motion():
     profile = load_profile("package://sdt/motions/reference.yaml")
     assert profile.name == "reference"
@@ -154,6 +166,7 @@ BAD = [
     ("period: 1", "period: .inf", r"joints\[3\]\.period: inf"),
     ("fade: 0.5", "fade: 0", r"joints\[3\]\.fade: 0\.0"),
     ("end: 2", "end: 0", r"joints\[3\]\.end: 0\.0"),
+    ("period: 1", "period: 1e-9", r"joints\[3\]\.period: 1e-09 s, expected at least 2e-05 s"),
     ("end: 2", "end: 2.1", r"joints\[3\]\.end: 2\.1 s, expected <= duration 2 s"),
 ]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -279,3 +280,48 @@ def test_another_number_of_joints_and_a_bad_margin_are_refused(robot):
         retime(robot, three)
     with pytest.raises(InputError, match=r"margin: 0.*\(0, 1\]"):
         retime(robot, REFERENCE, margin=0)
+
+
+def alone(knots, duration=10) -> CommandProfile:
+    """Joint 1 as given, the others at rest."""
+    still = Knots([[0, 0], [duration, 0]])
+    return CommandProfile("alone", duration=duration, joints=[Knots(knots), still, still, still])
+
+
+def test_a_command_many_times_too_fast_is_slowed_down(robot):
+    # 50 rad/s is 16 times the speed limit; near that joint 2 needs all it has to stay.
+    plan = retime(robot, alone([[0, 0], [5, 50], [10, 0]]))
+    assert plan.longer > 100
+    assert plan.motion.q[-1, 0] == pytest.approx(250, abs=1e-4)
+    assert np.abs(plan.motion.v[:, 0]).max() > 0.8 * robot.velocity_limit[0]
+
+
+def test_what_would_last_a_hundred_times_as_long_is_refused_at_once(robot):
+    # 45000 rad at the speed limit.
+    shortest = re.escape(f"{45000 / robot.velocity_limit[0]:.4g}")
+    with pytest.raises(
+        InputError, match=rf"refused: it would last {shortest} s or longer, .* 100 times .* 10 s"
+    ):
+        retime(robot, alone([[0, 0], [5, 9000], [10, 0]]))
+
+
+def test_what_the_torques_slow_down_a_hundred_times_is_refused(robot):
+    # Nothing but inertia: times go with the root of the torque.
+    command = alone([[0, 0], [0.05, 0.01], [0.1, 0]], duration=0.1)
+    with pytest.raises(InputError, match=r"'alone' refused: it would last .* or longer"):
+        retime(robot, command, margin=1e-6)
+
+
+@pytest.mark.parametrize("margin", [1e-12, 1e-300])
+def test_next_to_no_torque_is_refused_too(robot, margin):
+    with pytest.raises(InputError, match="'alone' refused: "):
+        retime(robot, alone([[0, 0], [5, 1], [10, 0]]), margin=margin)
+
+
+def test_the_refusal_names_the_speed_and_not_gravity_where_that_is_the_reason(robot):
+    # 300 times too fast for a moment only; joints 2 to 4 hang straight.
+    spike = alone([[0, 0], [1, 0], [1.05, 900], [1.1, 0], [10, 0]])
+    with pytest.raises(InputError, match="'alone' refused: ") as error:
+        retime(robot, spike, margin=0.02)
+    assert "stand still" not in str(error.value) and "in motion" not in str(error.value)
+    assert "times its largest speed" in str(error.value)

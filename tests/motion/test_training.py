@@ -18,7 +18,7 @@ from sdt_drake.motion import (
     shipped_motions,
 )
 from sdt_drake.resources import models_dir
-from sdt_drake.robot import DEFAULT_ROBOT, load_robot
+from sdt_drake.robot import edited, load_robot
 
 PERIOD = 0.005
 SPIN = "resultant: {spin: planetary}"
@@ -229,7 +229,7 @@ def changed(**replacements):
                 if joint.get("name") == name:
                     joint.find(f".//{tag}").text = text
 
-    return load_robot(DEFAULT_ROBOT, edit)
+    return edited(load_robot(), edit)
 
 
 def test_sign_and_radius_come_from_the_robot(write):

@@ -12,7 +12,7 @@ from sdt_drake.pilot import (
     head_motion,
     head_motion_of_samples,
 )
-from sdt_drake.robot import load_robot
+from sdt_drake.robot import edited, load_robot
 
 ABOVE, BEHIND = 0.33, 0.13  # of the head from the point where roll, pitch and yaw axes meet [m]
 RADIUS = 2.6
@@ -32,7 +32,7 @@ def skew():
         (head,) = (f for f in root.iter("frame") if f.get("name") == "head")
         head.find("pose").text = "0.2 -0.3 0.4 0.5 -0.6 0.7"
 
-    return load_robot(edit=edit)
+    return edited(load_robot(), edit)
 
 
 def headless(root):
@@ -49,7 +49,7 @@ def moved_head(link):
         (head,) = (f for f in root.iter("frame") if f.get("name") == "head")
         head.set("attached_to", link)
 
-    return load_robot(edit=edit)
+    return edited(load_robot(), edit)
 
 
 def of_drake(robot, q, v, vd):
@@ -167,7 +167,7 @@ def test_on_the_roll_axis_the_radius_is_that_of_the_arm():
         (head,) = (f for f in root.iter("frame") if f.get("name") == "head")
         head.find("pose").text = "0 0 0 0 0 1.5707963267948966"
 
-    robot, omega = load_robot(edit=edit), 2.0
+    robot, omega = edited(load_robot(), edit), 2.0
     phi = np.arctan(omega**2 * RADIUS / GRAVITY)
     motion = still(robot, (0, -phi, 0, 0), (omega, 0, 0, 0))
     g = np.sqrt(1 + (omega**2 * RADIUS / GRAVITY) ** 2)
@@ -225,7 +225,7 @@ def test_samples_are_differentiated_in_time_with_position_and_speed(robot):
 
 
 def test_a_robot_without_a_head_says_how_to_add_one():
-    robot = load_robot(edit=headless)
+    robot = edited(load_robot(), headless)
     assert not has_head(robot)
     for refuse in (check_head, lambda r: still(r, (0, 0, 0, 0))):
         with pytest.raises(InputError, match=r'sdt\.sdf: no pilot\'s head; add <frame name="head"'):
