@@ -18,6 +18,7 @@ from sdt_drake.control import (
 from sdt_drake.device import (
     PRESLIDING_DAMPING_TIME,
     ElasticJoints,
+    chosen_robot,
     elastic_joints,
     joint_friction,
     sliding_friction,
@@ -56,9 +57,11 @@ class Design:
 
     Attributes:
         scenario: what was asked for.
-        robot: from its SDF.
-        motion: planned, feasible.
-        torques: inverse dynamics of the links along the motion, joint side.
+        robot: what moves: the SDF with the deviation of the plant.
+        motion: planned, feasible for the robot as the SDF has it.
+        torques: inverse dynamics of the links along the motion, joint side: on the axis plant of
+            what moves, as they load the motors there; on the coupled plant, which has its own, of
+            the robot as the SDF has it.
         loads: of each motor by Algorithm 1 with the scenario's sign, motor side.
         inertia: range of the effective inertia along the motion, motor side.
         i_eff: inertia of the axis process, motor side [kg m²], shape (n,).
@@ -70,6 +73,8 @@ class Design:
         omega_n: natural frequency of the speed loops at the model's largest inertia [rad/s], (n,).
         position_gain: K_V of a position loop [1/s], shape (n,).
         elastic: springs of the joints, None if all are rigid.
+        known: the robot as the SDF has it; `robot` itself if the plant does not deviate.
+        known_torques: `torques` of it.
     """
 
     scenario: Scenario
@@ -86,6 +91,18 @@ class Design:
     omega_n: Array
     position_gain: Array
     elastic: ElasticJoints | None
+    known: Robot
+    known_torques: TorqueGroups
+
+    def variant(self, scenario: Scenario) -> Design:
+        """The design of another scenario with the same SDF and motion.
+
+        Raises:
+            InputError: for what does not fit them.
+        """
+        return make_design(
+            scenario, robot=self.known, motion=self.motion, torques=self.known_torques
+        )
 
 
 def make_design(
@@ -99,13 +116,14 @@ def make_design(
 
     Args:
         scenario: validated here once more.
-        robot, motion, torques: used instead of loading, planning and computing the scenario's own,
-            to save time where many scenarios share them.
+        robot, motion, torques: of the SDF without any deviation; used instead of loading, planning
+            and computing the scenario's own, to save time where many scenarios share them. `robot`
+            is the chosen device: `scenario.device` is not applied to it once more.
 
     Raises:
         InputError: for any bad input on the way.
     """
-    robot = load_robot(scenario.robot) if robot is None else robot
+    robot = load_device(scenario) if robot is None else robot
     try:
         scenario.validate()
         scenario.validate_sizes(robot.n)
@@ -124,17 +142,21 @@ def make_design(
     choice = scenario.controller
     try:
         _check_delay(scenario, motion)
-        model = _load_model(robot, choice.model)
+        model = _load_model(robot, choice.model, "controller.model")
+        known, known_torques = robot, torques
+        robot = _load_model(known, scenario.plant.deviation, "plant.deviation")
+        if robot is not known and scenario.plant.kind == "axis":
+            torques = torque_groups(robot, motion.q, motion.v, motion.vd)
         inertia = InertiaRange.of(effective_inertia(robot, torques.d_kk))
         loads = decouple(torques.inertial, torques.coupled, robot.gear_ratio, scenario.algorithm)
         i_eff = inertia.maximum if scenario.plant.i_eff is None else np.array(scenario.plant.i_eff)
         elastic = _elastic_joints(scenario, robot, motion, torques, i_eff)
-        modelled = (
-            torques if model is robot else torque_groups(model, motion.q, motion.v, motion.vd)
-        )
+        modelled = known_torques
+        if model is not known:
+            modelled = torque_groups(model, motion.q, motion.v, motion.vd)
         i_eff_modelled = effective_inertia(model, modelled.d_kk)
         largest = i_eff_modelled.max(axis=0)
-        gains = _gains(scenario, largest)
+        gains = _gains(scenario, largest, known)
         slowest = i_eff if scenario.plant.kind == "axis" else inertia.minimum
         _check_speed(scenario, robot, gains, slowest, elastic)
         _check_device_speed(scenario, robot, slowest)
@@ -158,6 +180,8 @@ def make_design(
         if choice.position_gain is None
         else np.array(choice.position_gain),
         elastic=elastic,
+        known=known,
+        known_torques=known_torques,
     )
 
 
@@ -209,6 +233,15 @@ def _located(error: InputError, file: Path) -> InputError:
     return InputError(text if text.startswith(str(file)) else f"{file}: {text}")
 
 
+def load_device(scenario: Scenario) -> Robot:
+    """The robot that planner, controller and plant know."""
+    robot = load_robot(scenario.robot)
+    try:
+        return robot if scenario.device is None else chosen_robot(robot, scenario.device)
+    except InputError as error:
+        raise InputError(f"{_named(scenario)}{error}") from None
+
+
 def _check_delay(scenario: Scenario, motion: Motion) -> None:
     delay = scenario.drive.reference_delay if scenario.drive is not None else 0.0
     if delay >= motion.duration:
@@ -217,14 +250,14 @@ def _check_delay(scenario: Scenario, motion: Motion) -> None:
         )
 
 
-def _load_model(robot: Robot, errors: ModelErrors) -> Robot:
+def _load_model(robot: Robot, errors: ModelErrors, where: str) -> Robot:
     try:
         return load_model(robot, errors)
     except InputError as error:
         text = str(error)
-        if text.startswith("payload"):
-            raise InputError(f"controller.model.{text}") from None
-        raise InputError(f"controller.model: no body could be like that ({text})") from None
+        if text.startswith(("payload", "link_scales")):
+            raise InputError(f"{where}.{text}") from None
+        raise InputError(f"{where}: no body could be like that ({text})") from None
 
 
 def _tau_ff(
@@ -339,9 +372,10 @@ def _check_pole(scenario: Scenario, poles: Array, cause: str) -> None:
         )
 
 
-def _gains(scenario: Scenario, i_eff_max: Array) -> SpeedGains:
+def _gains(scenario: Scenario, i_eff_max: Array, robot: Robot) -> SpeedGains:
     controller = scenario.controller
     if controller.kp is not None and controller.ki is not None:
         return SpeedGains(kp=np.array(controller.kp), ki=np.array(controller.ki))
     zeta = 1.0 if controller.zeta is None else controller.zeta
-    return tune(i_eff_max, controller.omega_r or 0.0, zeta)
+    omega_r = (controller.omega_r or 0.0) * robot.frequency_factor
+    return tune(i_eff_max, omega_r, zeta, controller.omega_ratio)

@@ -1,17 +1,20 @@
-"""A controller's own model of the robot: the same SDF with stated errors."""
+"""A robot with stated errors: a controller's model of it, or what it really is."""
 
-# Drake's YAML loader reads the annotations of ModelErrors: they may not be postponed (scenario.py).
+# Drake's YAML loader reads the annotations of ModelErrors: they may not be postponed, and "or None"
+# must be spelled Optional[...] (scenario.py).
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Optional
 
 from sdt_drake.errors import InputError, checked_number
-from sdt_drake.robot import Robot, load_robot
+from sdt_drake.links import links_by_name, payload_of, scale_link, shift_link
+from sdt_drake.robot import Robot, edited
 
 
 @dataclass
 class ModelErrors:
-    """What the controller's model of the robot gets wrong.
+    """What differs from the links of the SDF.
 
     Masses and inertias here are those of the links, joint side. Rotors, gears, limits, damping and
     kinematics are known exactly.
@@ -25,17 +28,20 @@ class ModelErrors:
         inertia_scale: factor on masses and inertias of all links [-], applied after the payload's
             change. So the links' part of the mass matrix, the velocity torques and the gravity
             torques all scale with it; what the rotors add to the mass matrix does not.
+        link_scales: the same factor for each link on its own [-], in the order of the SDF file.
     """
 
     payload: str = "payload"
     payload_mass: float = 0.0
     payload_offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     inertia_scale: float = 1.0
+    link_scales: Optional[list[float]] = None  # noqa: UP045
 
     @property
     def exact(self) -> bool:
         """Whether the model is the robot itself."""
-        return not self._changes_payload and self.inertia_scale == 1
+        scales = [self.inertia_scale, *(self.link_scales or [])]
+        return not self._changes_payload and all(scale == 1 for scale in scales)
 
     @property
     def _changes_payload(self) -> bool:
@@ -56,13 +62,14 @@ class ModelErrors:
         for value in self.payload_offset:
             checked_number(value, f"{where}.payload_offset")
         checked_number(self.inertia_scale, f"{where}.inertia_scale", minimum=0, exclusive=True)
+        for scale in self.link_scales or []:
+            checked_number(scale, f"{where}.link_scales", minimum=0, exclusive=True)
 
 
 def load_model(robot: Robot, errors: ModelErrors) -> Robot:
     """What a controller takes `robot` for: `robot` itself if the errors are none.
 
-    The errors are counted from the SDF file, not from `robot`: they do not add up if `robot` is a
-    model already.
+    The errors are counted from `robot` as it is: they add up if it is a model already.
 
     Raises:
         InputError: if an error is out of range, or the payload is no link or is left without mass.
@@ -70,21 +77,23 @@ def load_model(robot: Robot, errors: ModelErrors) -> Robot:
     errors.validate("errors")
     if errors.exact:
         return robot
-    return load_robot(robot.path, edit=lambda root: _apply(errors, root, robot.path))
+    return edited(robot, lambda root: _apply(errors, root, robot.path))
 
 
 def _apply(errors: ModelErrors, root: ET.Element, file: Path) -> None:
     """Put the errors into the XML of the SDF."""
-    links = {link.get("name", ""): link for link in root.iter("link")}
+    links = links_by_name(root)
     if errors._changes_payload:
-        if errors.payload not in links:
-            raise InputError(
-                f"payload: no link '{errors.payload}' in {file}, expected one of {', '.join(links)}"
-            )
-        _add_mass(links[errors.payload], errors.payload_mass)
-        _shift(links[errors.payload], errors.payload_offset)
-    for link in links.values():
-        _scale(link, errors.inertia_scale)
+        payload = payload_of(root, errors.payload, file)
+        _add_mass(payload, errors.payload_mass)
+        shift_link(payload, errors.payload_offset)
+    scales = errors.link_scales or [1.0] * len(links)
+    if len(scales) != len(links):
+        raise InputError(
+            f"link_scales: {len(scales)} value(s), expected {len(links)}: {', '.join(links)}"
+        )
+    for link, own in zip(links.values(), scales, strict=True):
+        scale_link(link, errors.inertia_scale * own)
 
 
 def _add_mass(link: ET.Element, added: float) -> None:
@@ -95,24 +104,4 @@ def _add_mass(link: ET.Element, added: float) -> None:
             f"payload_mass: {added:g} kg would leave {mass + added:g} kg of link "
             f"'{link.get('name')}', expected more than {-mass:g}"
         )
-    _scale(link, (mass + added) / mass)
-
-
-def _shift(link: ET.Element, offset: list[float]) -> None:
-    """Move a link's centre of mass by `offset` [m], in the frame of the link."""
-    inertial = link.find("inertial")
-    pose = inertial.find("pose")
-    if pose is None:
-        pose = ET.SubElement(inertial, "pose")
-    if not (pose.text or "").strip():  # at the link's origin
-        pose.attrib.clear()  # it might ask for a quaternion
-        pose.text = "0 0 0 0 0 0"
-    values = pose.text.split()
-    position = [repr(float(x) + float(dx)) for x, dx in zip(values[:3], offset, strict=True)]
-    pose.text = " ".join(position + values[3:])
-
-
-def _scale(link: ET.Element, factor: float) -> None:
-    """Multiply a link's mass and inertia by `factor`."""
-    for element in (*link.findall("inertial/mass"), *link.findall("inertial/inertia/*")):
-        element.text = repr(float(element.text) * float(factor))
+    scale_link(link, (mass + added) / mass)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -20,9 +20,9 @@ from sdt_drake.resources import find_file, models_dir
 
 Vector = NDArray[np.float64]
 
-_DRAKE = "{http://drake.mit.edu}"
+DRAKE = "{http://drake.mit.edu}"
 # Drake knows its elements by this prefix; with another, rotor inertias and gears are not read.
-ET.register_namespace("drake", _DRAKE.strip("{}"))
+ET.register_namespace("drake", DRAKE.strip("{}"))
 
 DEFAULT_ROBOT = "package://sdt/sdt.sdf"
 
@@ -47,6 +47,7 @@ class Robot:
         position_lower, position_upper: joint stops [rad], ±inf where there are none, shape (n,).
         damping: viscous friction of the joints, joint side [N m s/rad], shape (n,).
         sdf: text that the plant was parsed from.
+        frequency_factor: lowest natural frequency of the structure over that of the SDF file [-].
     """
 
     name: str
@@ -62,6 +63,7 @@ class Robot:
     position_upper: Vector
     damping: Vector
     sdf: str
+    frequency_factor: float = 1.0
 
     @property
     def n(self) -> int:
@@ -90,9 +92,7 @@ class Robot:
         return plant
 
 
-def load_robot(
-    path: str | Path = DEFAULT_ROBOT, edit: Callable[[ET.Element], None] | None = None
-) -> Robot:
+def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
     """Load and validate a serial robot.
 
     What Drake would silently repair or ignore is refused: masses and inertias that are missing or
@@ -100,8 +100,6 @@ def load_robot(
 
     Args:
         path: an SDF file, or `package://sdt/...` for a robot that ships with the package.
-        edit: changes the XML of the file in place, <sdf> and all below, before it is checked and
-            parsed; the file stays as it is.
 
     Raises:
         InputError: naming the file, the link or joint, and the number.
@@ -109,12 +107,30 @@ def load_robot(
     file = find_file(path)
     if file.suffix != ".sdf":
         raise InputError(f"{file}: expected an .sdf file")
-    root = _read(file)
-    if edit is not None:
-        edit(root)
+    return _checked_robot(file, _read(file), from_file=True)
+
+
+def edited(robot: Robot, edit: Callable[[ET.Element], None]) -> Robot:
+    """Another robot from the text of this one, so that edits add up; its file stays as it is.
+
+    Args:
+        robot: stays as it is, too.
+        edit: changes the XML in place, <sdf> and all below, before it is checked and parsed.
+
+    Raises:
+        InputError: as `load_robot` does, if no robot could be as the edit leaves it.
+    """
+    root = ET.fromstring(robot.sdf)
+    edit(root)
+    other = _checked_robot(robot.path, root, from_file=False)
+    return replace(other, frequency_factor=robot.frequency_factor)
+
+
+def _checked_robot(file: Path, root: ET.Element, *, from_file: bool) -> Robot:
+    """The robot of this XML, which is that of the file, or an edited one."""
     _check_text(root, file)
     text = ET.tostring(root, encoding="unicode")
-    plant = _parse(file, None if edit is None else text)
+    plant = _parse(file, None if from_file else text)
     joints = _chain(plant, file)
     actuators = _actuators(plant, joints, file)
     effort_limit = np.array([a.effort_limit() for a in actuators])
@@ -145,7 +161,7 @@ def load_robot(
 
 
 def _read(file: Path) -> ET.Element:
-    """The XML of the file, Drake's elements in the namespace `_DRAKE`.
+    """The XML of the file, Drake's elements in the namespace `DRAKE`.
 
     Drake goes by the prefix alone and takes any address for it; many files have "drake.mit.edu".
     """
@@ -158,7 +174,7 @@ def _read(file: Path) -> ET.Element:
     for element in reader.root.iter():
         uri, _, tag = element.tag.rpartition("}")
         if prefixes.get(uri) == "drake":
-            element.tag = _DRAKE + tag
+            element.tag = DRAKE + tag
     return reader.root
 
 
@@ -179,8 +195,8 @@ def _check_text(root: ET.Element, file: Path) -> None:
 
 # In joints: numbers that must be finite, numbers that may be infinite, elements that must be zero
 # because nothing here models them, and elements that nothing here models at all.
-_FINITE = ("damping", f"{_DRAKE}rotor_inertia", f"{_DRAKE}gear_ratio")
-_ACCELERATION = f"{_DRAKE}acceleration"
+_FINITE = ("damping", f"{DRAKE}rotor_inertia", f"{DRAKE}gear_ratio")
+_ACCELERATION = f"{DRAKE}acceleration"
 _LIMITS = ("lower", "upper", "effort", "velocity", _ACCELERATION)
 _ZERO = {
     "friction": "Drake would drop it",
@@ -189,14 +205,14 @@ _ZERO = {
 }
 _UNKNOWN = (
     "mimic",
-    f"{_DRAKE}mimic",
-    f"{_DRAKE}controller_gains",
+    f"{DRAKE}mimic",
+    f"{DRAKE}controller_gains",
 )
 
 
 def _check_joint(joint: ET.Element, where: str) -> None:
     for element in joint.iter():
-        tag = element.tag.removeprefix(_DRAKE)
+        tag = element.tag.removeprefix(DRAKE)
         if element.tag in _UNKNOWN:
             raise InputError(f"{where}: <{tag}> would have no effect here; remove it")
         if element.tag in _FINITE:
@@ -250,7 +266,7 @@ def _number(element: ET.Element, where: str, *, finite: bool = True) -> float:
     except ValueError:
         value = float("nan")
     if np.isnan(value) or (finite and np.isinf(value)):
-        tag = element.tag.removeprefix(_DRAKE)
+        tag = element.tag.removeprefix(DRAKE)
         raise InputError(f"{where}: <{tag}> is '{element.text}', expected a number")
     return value
 

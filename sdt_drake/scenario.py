@@ -9,7 +9,7 @@ from typing import Optional
 from pydrake.common.yaml import yaml_dump_typed
 
 from sdt_drake.control import CONTROLLERS, FEEDFORWARDS, STRUCTURES
-from sdt_drake.device import Drive, Elasticity, Friction
+from sdt_drake.device import DeviceChoice, Drive, Elasticity, Friction
 from sdt_drake.dynamics import SIGNS
 from sdt_drake.errors import InputError, checked_choice, checked_number, checked_vector, replacing
 from sdt_drake.model_errors import ModelErrors
@@ -32,12 +32,15 @@ class PlantChoice:
             the motion.
         friction: in the joints; none by default.
         elasticity: of the joints; rigid by default.
+        deviation: what the real links have otherwise than the SDF says; planner and controller do
+            not know it. Nothing by default.
     """
 
     kind: str = "axis"
     i_eff: Optional[list[float]] = None  # noqa: UP045
     friction: Optional[Friction] = None  # noqa: UP045
     elasticity: Optional[Elasticity] = None  # noqa: UP045
+    deviation: ModelErrors = field(default_factory=ModelErrors)
 
 
 @dataclass
@@ -48,9 +51,11 @@ class ControllerChoice:
         kind: one of `sdt_drake.control.CONTROLLERS`.
         structure: of the PI controller: "p_in_feedback" (Figure 5) or "pi", both gains on the
             error. The kinds "pi_id" and "p_pi" always have both gains on the error.
-        omega_r: lowest natural frequency of the structure [rad/s]; the gains follow from it.
+        omega_r: lowest natural frequency of the structure [rad/s], of the SDF as it is; a chosen
+            device scales it. The gains follow from it.
+        omega_ratio: omega_n / omega_r at the largest inertia [-].
         zeta: damping ratio at the largest inertia [-], for each joint; 1 by default.
-        kp, ki: gains, motor side [N m s/rad, N m/rad], instead of omega_r and zeta.
+        kp, ki: gains, motor side [N m s/rad, N m/rad], instead of omega_r, omega_ratio and zeta.
         anti_windup: whether the integral of the PI controller follows the torque that the motor
             can give (back-calculation).
         feedforward: torque feedforward of the kinds "p_pi" and "pi_scheduled", which leave it open:
@@ -65,6 +70,7 @@ class ControllerChoice:
     kind: str = "pi"
     structure: str = "p_in_feedback"
     omega_r: Optional[float] = None  # noqa: UP045
+    omega_ratio: float = 0.5
     zeta: Optional[list[float]] = None  # noqa: UP045
     kp: Optional[list[float]] = None  # noqa: UP045
     ki: Optional[list[float]] = None  # noqa: UP045
@@ -112,6 +118,7 @@ class Scenario:
     Attributes:
         name: short name.
         robot: SDF file, relative to the scenario's own folder, or package://sdt/...
+        device: motors, gears and structure other than those of the SDF; none by default.
         motion: what is commanded (.yaml, will be planned) or a planned motion (.csv), likewise; or
             the name of a motion that ships with the package.
         period: interpolation period of planner, hold and log [s].
@@ -128,6 +135,7 @@ class Scenario:
 
     name: str = ""
     robot: str = DEFAULT_ROBOT
+    device: Optional[DeviceChoice] = None  # noqa: UP045
     motion: str = "package://sdt/motions/reference.yaml"
     period: float = 0.005
     torque_margin: float = 1.0
@@ -145,6 +153,9 @@ class Scenario:
         Raises:
             InputError: naming the field and what would be right.
         """
+        for name in ("robot", "motion"):
+            if not getattr(self, name):
+                raise InputError(f"{name}: empty, expected a file")
         checked_number(self.period, "period", minimum=0, exclusive=True)
         checked_number(self.torque_margin, "torque_margin", minimum=0, exclusive=True)
         if self.torque_margin > 1:
@@ -163,8 +174,11 @@ class Scenario:
             self.plant.friction.validate("plant.friction")
         if self.plant.elasticity is not None:
             self.plant.elasticity.validate("plant.elasticity")
+        if self.device is not None:
+            self.device.validate("device")
         if self.drive is not None:
             self.drive.validate("drive", self.period)
+        self.plant.deviation.validate("plant.deviation")
         self.controller.model.validate("controller.model")
         self._validate_gains()
         self._validate_options()
@@ -176,6 +190,9 @@ class Scenario:
             raise InputError("controller: kp and ki must be given together")
         if all(given) and (controller.omega_r is not None or controller.zeta is not None):
             raise InputError("controller: give either kp and ki, or omega_r and zeta")
+        if all(given) and controller.omega_ratio != 0.5:
+            raise InputError("controller: give either kp and ki, or omega_ratio")
+        checked_number(controller.omega_ratio, "controller.omega_ratio", minimum=0, exclusive=True)
         if not any(given) and controller.omega_r is None:
             raise InputError("controller.omega_r: missing; the gains need it, or kp and ki")
         if controller.omega_r is not None:
@@ -225,6 +242,8 @@ class Scenario:
             self.plant.friction.validate_sizes(n, "plant.friction")
         if self.plant.elasticity is not None:
             self.plant.elasticity.validate_sizes(n, "plant.elasticity")
+        if self.device is not None:
+            self.device.validate_sizes(n, "device")
         if self.drive is not None:
             self.drive.validate_sizes(n, "drive")
 
@@ -246,6 +265,9 @@ def load_scenario(path: str | Path) -> Scenario:
         by_name = name == "motion" and has_shipped_motion
         if not by_name and not value.startswith("package://"):
             setattr(scenario, name, str(file.resolve().parent / value))
+    device = scenario.device
+    if device is not None and not device.catalogue.startswith("package://"):
+        device.catalogue = str(file.resolve().parent / device.catalogue)
     scenario.name = scenario.name or file.stem
     return scenario
 

@@ -16,7 +16,7 @@ from sdt_drake.dynamics import decouple, torque_groups
 from sdt_drake.errors import InputError
 from sdt_drake.model_errors import ModelErrors, load_model
 from sdt_drake.motion import Motion
-from sdt_drake.robot import load_robot
+from sdt_drake.robot import edited, load_robot
 
 R = np.array([67.2, 1, 1, 1])
 ROTORS = np.array([0.1291, 1.73, 0.531, 0.531])  # kg m², motor side
@@ -322,7 +322,7 @@ def test_spring_without_a_rotor_is_refused(design):
         rotor = root.find(".//joint[@name='pitch']/{http://drake.mit.edu}rotor_inertia")
         rotor.text = "0"
 
-    robot = load_robot(edit=no_rotor)
+    robot = edited(load_robot(), no_rotor)
     scenario = dataclasses.replace(
         design.scenario,
         plant=dataclasses.replace(

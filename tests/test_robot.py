@@ -440,7 +440,7 @@ def _check_refused(write, text: str, message: str) -> None:
         ("nowhere.sdf", r"^nowhere\.sdf: no such file"),
         ("package://sdt/nothing.sdf", r"nothing\.sdf: no such file; shipped: .*sdt\.sdf"),
         ("package://sdt/motions/reference.yaml", r"reference\.yaml: expected an \.sdf file"),
-        (".", "no such file"),
+        (".", r"\.: is a folder, expected a file"),
     ],
 )
 def test_a_file_that_is_no_sdf_is_refused(tmp_path, monkeypatch, reference, message):

@@ -15,7 +15,7 @@ import pytest
 import sdt_drake
 from sdt_drake.control import CONTROLLERS
 from sdt_drake.design import load_plan, make_design
-from sdt_drake.device import Drive, Elasticity, Friction
+from sdt_drake.device import DeviceChoice, Drive, Elasticity, Friction
 from sdt_drake.errors import InputError
 from sdt_drake.model_errors import ModelErrors
 from sdt_drake.motion import Motion, load_profile
@@ -75,7 +75,7 @@ def test_the_papers_scenarios_are_ideal():
 def test_the_others_are_the_coupled_one_with_a_real_plant_drive_or_model(name):
     ideal, real = values(shipped("coupled_pi")), values(shipped(name))
     apart = {field for field in real if field not in ideal or real[field] != ideal[field]}
-    parts = ("plant.friction", "plant.elasticity", "drive", "controller.model.")
+    parts = ("plant.friction", "plant.elasticity", "plant.deviation", "drive", "controller.model.")
     assert apart > {"name"}
     assert all(field.startswith(parts) for field in apart - {"name"}), apart
 
@@ -201,6 +201,7 @@ class _Reads(ast.NodeVisitor):
 def test_a_scenario_is_made_of_these():
     assert set(schemas()) == {
         Scenario,
+        DeviceChoice,
         PlantChoice,
         Friction,
         Elasticity,
@@ -221,10 +222,19 @@ def test_every_field_of_a_scenario_is_read_somewhere(schema):
 
 
 def on_axes() -> Scenario:
-    """No field has its default but omega_r and zeta."""
+    """No field has its default but omega_r, omega_ratio and zeta."""
     return Scenario(
         name="axes",
         robot="package://sdt/other.sdf",
+        device=DeviceChoice(
+            ["", "TM-2860", "", ""],
+            [60.0, 1.0, 1.0, 1.0],
+            0.9,
+            "gondola",
+            2.0,
+            ["AC-203"] * 4,
+            "package://sdt/other.yaml",
+        ),
         motion="package://sdt/motions/other.csv",
         period=0.01,
         torque_margin=0.9,
@@ -232,7 +242,11 @@ def on_axes() -> Scenario:
         algorithm="printed",
         inverse_dynamics="online",
         plant=PlantChoice(
-            "axis", I_EFF, Friction(I_EFF, KP, KI, 0.1, 2e-5), Elasticity([0.0, 9, 9, 9], 0, "link")
+            "axis",
+            I_EFF,
+            Friction(I_EFF, KP, KI, 0.1, 2e-5),
+            Elasticity([0.0, 9, 9, 9], 0, "link"),
+            ModelErrors("arm", 3.0, [0.1, 0.0, 0.0], 0.95, [1.1, 1.0]),
         ),
         drive=Drive(0.0005, 200.0, [0.0, 0.1, -0.1, 0], [1e6] * 4, I_EFF, KP, 0.015),
         controller=ControllerChoice(
@@ -245,19 +259,20 @@ def on_axes() -> Scenario:
             feedforward_gain=[1.1, 1.0, 0.9, -0.5],
             friction_compensation=True,
             position_gain=[1.0, 2.0, 3.0, 4.0],
-            model=ModelErrors("gondola", -40.5, [0.0, 1e-3, -0.1], 1.05),
+            model=ModelErrors("gondola", -40.5, [0.0, 1e-3, -0.1], 1.05, [0.9]),
         ),
         disturbance=Disturbance(0.05, 3.0),
     )
 
 
 def coupled() -> Scenario:
-    """The same on the coupled plant, with omega_r and zeta instead of gains."""
+    """The same on the coupled plant, with omega_r, omega_ratio and zeta instead of gains."""
     scenario = on_axes()
     scenario.plant.kind, scenario.plant.i_eff = "coupled", None
     controller = scenario.controller
     controller.kp = controller.ki = None
     controller.omega_r, controller.zeta = 65.991, ZETA
+    controller.omega_ratio = 0.4
     return scenario
 
 
@@ -275,7 +290,11 @@ def values(scenario) -> dict[str, object]:
 
 def test_these_scenarios_use_every_field():
     default = values(
-        Scenario(plant=PlantChoice(friction=Friction(), elasticity=Elasticity()), drive=Drive())
+        Scenario(
+            device=DeviceChoice(),
+            plant=PlantChoice(friction=Friction(), elasticity=Elasticity()),
+            drive=Drive(),
+        )
     )
     first, second = values(on_axes()), values(coupled())
     assert set(first) == set(second) == set(default)
@@ -384,6 +403,8 @@ COUPLED = find_file("package://sdt/scenarios/coupled_pi.yaml").read_text(encodin
 
 BAD = [
     # Fields.
+    (AXIS, "package://sdt/motions/reference.yaml", "''", "motion: empty, expected a file"),
+    (AXIS, "package://sdt/sdt.sdf", "''", "robot: empty, expected a file"),
     (AXIS, "period:", "perod:", "perod: unknown field, did you mean period"),
     (AXIS, "  kind: axis", "  kid: axis", r"plant\.kid: unknown field, did you mean kind"),
     (AXIS, "  kp:", "  kq:", r"controller\.kq: unknown field, expected one of kind, structure, om"),
@@ -669,6 +690,7 @@ MISFIT = [
     (AXIS, "0.005", "1e-14", "period"),
     (AXIS, "package://sdt/sdt.sdf", "none.sdf", r"none\.sdf: no such file"),
     (AXIS, "package://sdt/motions/reference", "none", r"none\.yaml: no such file"),
+    (AXIS, "package://sdt/motions/reference.yaml", ".", "is a folder, expected a file"),
     (AXIS, "package://sdt/motions/reference", "package://sdt/motions/x", r"shipped: .*referen"),
     (AXIS, "package://sdt/sdt.sdf", "package://other/a.sdf", "package://other/a.sdf: no such"),
 ]
@@ -685,8 +707,8 @@ def test_a_field_that_does_not_fit_the_robot_or_motion_is_refused(load, text, ol
 # --- YAML files in general -------------------------------------------------------------------
 
 UNREADABLE = [
-    (b"", "None, expected a mapping with name, description, duration, q0, joints"),
-    (b"# nothing\n", "None, expected a mapping"),
+    (b"", "empty, expected a mapping with name, description, duration, q0, joints"),
+    (b"# nothing\n", "empty, expected a mapping"),
     (b"- 1\n- 2\n", r"\[1, 2\], expected a mapping"),
     (b"text", "'text', expected a mapping"),
     (b"joints: [1", "not valid YAML"),
@@ -734,7 +756,7 @@ def test_a_missing_yaml_file_is_refused_with_what_there_is(tmp_path):
         load_scenario(tmp_path / "none.yaml")
     with pytest.raises(InputError, match=r"shipped: axis_pi\.yaml, axis_pi_ctc\.yaml, coupled_pi"):
         load_scenario("package://sdt/scenarios/none.yaml")
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="is a folder, expected a file"):
         load_scenario(tmp_path)
 
 

@@ -13,7 +13,7 @@ from pydrake.systems.framework import Diagram
 
 from sdt_drake import paper
 from sdt_drake.control import tune
-from sdt_drake.design import Design, make_design
+from sdt_drake.design import Design
 from sdt_drake.graphviz import has_graphviz, write_diagram
 from sdt_drake.loops import make_axis_loop, make_coupled_loop, make_step_loop
 from sdt_drake.scenario import load_scenario
@@ -75,7 +75,7 @@ def _online(base: Design, name: str, disturbance_amplitude: float | None = None)
     scenario.inverse_dynamics = "online"
     if disturbance_amplitude is not None:
         scenario.disturbance.amplitude = disturbance_amplitude
-    return make_design(scenario, robot=base.robot, motion=base.motion, torques=base.torques)
+    return base.variant(scenario)
 
 
 def _step_loop(base: Design, structure: str) -> Diagram:

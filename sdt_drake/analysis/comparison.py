@@ -23,7 +23,7 @@ from sdt_drake.analysis.tracking import (
     track_head,
 )
 from sdt_drake.control import CONTROLLERS, FEEDFORWARDS, needs
-from sdt_drake.design import Design, make_design
+from sdt_drake.design import Design
 from sdt_drake.errors import InputError, checked_choice, replacing
 from sdt_drake.loops import make_loop
 from sdt_drake.pilot import has_head
@@ -87,12 +87,7 @@ def design_with(design: Design, label: str) -> Design:
     Raises:
         InputError: for an unknown label, or a kind that the plant rules out.
     """
-    return make_design(
-        with_controller(design.scenario, label),
-        robot=design.robot,
-        motion=design.motion,
-        torques=design.torques,
-    )
+    return design.variant(with_controller(design.scenario, label))
 
 
 def with_controller(scenario: Scenario, label: str) -> Scenario:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-import platform
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
-import sdt_drake
 from sdt_drake import paper
 from sdt_drake.analysis import plots
 from sdt_drake.analysis.block_diagrams import DIAGRAMS, write_block_diagram
@@ -26,6 +23,7 @@ from sdt_drake.errors import replacing
 from sdt_drake.graphviz import NO_GRAPHVIZ, has_graphviz
 from sdt_drake.pilot import CHANNELS, felt_difference
 from sdt_drake.tables import write_table
+from sdt_drake.versions import versions
 
 # Which run is behind which file: plant, process, algorithm, controller, disturbed.
 RECORDINGS = {
@@ -158,16 +156,6 @@ def summary(study: Study, claims: Sequence[Claim]) -> dict[str, object]:
         "wall_time_s": dict(study.wall_time_s),
     }
     return _plain(content)
-
-
-def versions() -> dict[str, str]:
-    """Of all that the numbers depend on."""
-    return {
-        "package": sdt_drake.__version__,
-        "drake": metadata.version("drake"),
-        "numpy": np.__version__,
-        "python": platform.python_version(),
-    }
 
 
 def table1_markdown(study: Study) -> str:

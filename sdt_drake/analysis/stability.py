@@ -26,7 +26,7 @@ from sdt_drake.analysis.linear import (
 )
 from sdt_drake.control import damping_ratio as damping_ratio_of
 from sdt_drake.control import tune
-from sdt_drake.design import Design, make_design
+from sdt_drake.design import Design
 from sdt_drake.device import Drive, Elasticity
 from sdt_drake.errors import checked_number, checked_vector
 from sdt_drake.scenario import ControllerChoice
@@ -136,7 +136,7 @@ def _elastic_design(
         omega_r=1.0,  # tuned for each ratio, below
         zeta=damping_ratio_of(design.gains, design.inertia.maximum).tolist(),
     )
-    return make_design(scenario, robot=design.robot, motion=design.motion, torques=design.torques)
+    return design.variant(scenario)
 
 
 def _tuned(elastic: Design, omega_n: float) -> Design:

@@ -237,6 +237,6 @@ def _coupled_run(design: Design, algorithm: str, controller: str, amplitude: flo
 
 
 def _run(design: Design, scenario: Scenario, process: str) -> Run:
-    own = make_design(scenario, robot=design.robot, motion=design.motion, torques=design.torques)
+    own = design.variant(scenario)
     recording = simulate(own)
     return Run(own, process, recording, track(recording, own.motion))

@@ -107,6 +107,18 @@ class HeadTracking:
     felt_from_angles: FeltDifference
 
 
+def felt_of(recording: Recording, robot: Robot) -> FeltDifference:
+    """How much of the difference between reference and run the pilot could feel.
+
+    Raises:
+        InputError: if the robot has no head, or not as many joints as the recording.
+    """
+    run, period = recording, float(recording.time[1] - recording.time[0])
+    reference = head_motion_of_samples(robot, period, run.q_ref, run.v_ref)
+    achieved = head_motion_of_samples(robot, period, run.q, run.v)
+    return felt_difference(reference, achieved, period)
+
+
 def track_head(recording: Recording, robot: Robot) -> HeadTracking:
     """The head along a recording.
 

@@ -28,15 +28,19 @@ class SpeedGains:
     ki: Array
 
 
-def tune(i_eff_max: ArrayLike, omega_r: float, zeta: ArrayLike) -> SpeedGains:
-    """K_IS = 0.25 omega_r² I_eff,max and K_PS = 2 zeta sqrt(I_eff,max K_IS).
+def tune(
+    i_eff_max: ArrayLike, omega_r: float, zeta: ArrayLike, omega_ratio: float = 0.5
+) -> SpeedGains:
+    """K_IS = (ratio omega_r)² I_eff,max and K_PS = 2 zeta sqrt(I_eff,max K_IS).
 
-    So omega_n = 0.5 omega_r at the largest inertia: the loop stays an octave below the structure.
+    So omega_n = ratio omega_r at the largest inertia; with the paper's 0.5, K_IS = 0.25 omega_r² I
+    and the loop stays an octave below the structure.
 
     Args:
         i_eff_max: largest effective inertia, motor side [kg m²], shape (n,).
         omega_r: lowest natural frequency of the structure [rad/s].
         zeta: damping ratio wanted at the largest inertia [-], shape (n,) or one for all.
+        omega_ratio: omega_n / omega_r [-].
 
     Raises:
         InputError: if any of them is not > 0, or `zeta` has another length than `i_eff_max`.
@@ -47,8 +51,9 @@ def tune(i_eff_max: ArrayLike, omega_r: float, zeta: ArrayLike) -> SpeedGains:
         np.full(n, zeta) if np.ndim(zeta) == 0 else zeta, n, "zeta", positive=True
     )
     omega_r = checked_number(omega_r, "omega_r", minimum=0, exclusive=True)
+    omega_ratio = checked_number(omega_ratio, "omega_ratio", minimum=0, exclusive=True)
     with np.errstate(over="ignore"):
-        ki = 0.25 * np.square(omega_r) * i_eff_max
+        ki = np.square(omega_ratio * omega_r) * i_eff_max
         kp = 2 * zeta * np.sqrt(i_eff_max * ki)
     if not np.all(np.isfinite(kp)):
         raise InputError(

@@ -1,5 +1,6 @@
-"""What a real device adds to a rigid, frictionless plant with ideal drives: data and laws."""
+"""What a real device adds to a rigid, frictionless plant with ideal drives; and a chosen one."""
 
+from sdt_drake.device.choice import DeviceChoice, chosen_robot, motors_in_use
 from sdt_drake.device.drive import Drive
 from sdt_drake.device.elasticity import ENCODERS, Elasticity, ElasticJoints, elastic_joints
 from sdt_drake.device.friction import (
@@ -10,17 +11,32 @@ from sdt_drake.device.friction import (
     joint_friction,
     sliding_friction,
 )
+from sdt_drake.device.motors import (
+    DEFAULT_CATALOGUE,
+    MOTOR_KINDS,
+    Catalogue,
+    Motor,
+    load_catalogue,
+)
 
 __all__ = [
+    "DEFAULT_CATALOGUE",
     "ENCODERS",
+    "MOTOR_KINDS",
     "OVERFLOW_RATE",
     "PRESLIDING_DAMPING_TIME",
+    "Catalogue",
+    "DeviceChoice",
     "Drive",
     "ElasticJoints",
     "Elasticity",
     "Friction",
     "JointFriction",
+    "Motor",
+    "chosen_robot",
     "elastic_joints",
     "joint_friction",
+    "load_catalogue",
+    "motors_in_use",
     "sliding_friction",
 ]

@@ -53,8 +53,9 @@ def place_load_torque(loop: DesignLoopBuilder, reference: OutputPort) -> Block:
     design = loop.design
     if design.scenario.inverse_dynamics == "table":
         return loop.place_table("load_torque_table", design.loads._asdict())
+    robot = design.robot if design.scenario.plant.kind == "axis" else design.known
     loads = loop.place(
-        "load_torque", load_torque_block, robot=design.robot, sign=design.scenario.algorithm
+        "load_torque", load_torque_block, robot=robot, sign=design.scenario.algorithm
     )
     loop.connect(reference, loads.inputs["reference"])
     return loads

@@ -310,4 +310,4 @@ def test_bad_values_are_refused(design, omega_r, options, match):
 def test_a_robot_without_rotors_is_refused(design):
     robot = dataclasses.replace(design.robot, rotor_inertia=np.zeros(4))
     with pytest.raises(InputError, match="joint 1 has the rotor inertia 0"):
-        stability_sweep(dataclasses.replace(design, robot=robot), OMEGA_R)
+        stability_sweep(dataclasses.replace(design, robot=robot, known=robot), OMEGA_R)

@@ -106,3 +106,20 @@ def test_gains_that_are_no_numbers_are_refused():
 def test_arrays_that_do_not_fit_are_refused(zeta):
     with pytest.raises(InputError, match="zeta"):
         tune([4.26, 98.01], OMEGA_R, zeta)
+
+
+def test_omega_ratio_is_omega_n_over_omega_r():
+    for ratio in (0.1, 0.5, 1.3):
+        gains = tune(I_EFF_MAX, OMEGA_R, ZETA, ratio)
+        np.testing.assert_allclose(natural_frequency(gains, I_EFF_MAX), ratio * OMEGA_R, rtol=1e-12)
+        np.testing.assert_allclose(damping_ratio(gains, I_EFF_MAX), ZETA, rtol=1e-12)
+
+
+def test_half_is_the_formula_of_the_paper_to_the_last_bit(gains):
+    np.testing.assert_array_equal(gains.ki, 0.25 * OMEGA_R**2 * I_EFF_MAX)
+
+
+@pytest.mark.parametrize("ratio", [0.0, -1.0, np.inf, np.nan])
+def test_an_omega_ratio_that_is_not_positive_is_refused(ratio):
+    with pytest.raises(InputError, match=r"^omega_ratio: .*expected a finite number > 0"):
+        tune(I_EFF_MAX, OMEGA_R, ZETA, ratio)

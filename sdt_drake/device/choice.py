@@ -1,0 +1,258 @@
+"""The chosen device: an SDF with other motors, other gears, and a scaled structure."""
+
+# Drake's YAML loader reads the annotations of `DeviceChoice`: not postponed, Optional[...] in full.
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, field, replace
+from typing import Optional
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sdt_drake.device.motors import DEFAULT_CATALOGUE, Motor, load_catalogue
+from sdt_drake.errors import InputError, checked_number, checked_vector
+from sdt_drake.links import links_by_name, payload_of, scale_link, set_inertia
+from sdt_drake.robot import DRAKE, Robot, edited
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class DeviceChoice:
+    """What the device has otherwise than the SDF; planner, controller and plant all know it.
+
+    Lists have one value for each joint. What stays as in the SDF: kinematics, damping, and the
+    limits of position, speed and acceleration. The envelope n1, n0 of the chosen motors is not put
+    into a scenario's `drive`, and springs of `plant.elasticity` keep their stated frequencies.
+
+    Attributes:
+        motors: ids of the catalogue; "" keeps the motor of the SDF. All are kept by default.
+        gear_ratio: motor speed over joint speed [-]; by default that of the chosen motor, or of the
+            SDF where the motor is kept.
+        structure_scale: s, factor on masses and inertias of all links but the payload [-]: the
+            thickness of their walls.
+        payload: name of the link that is no structure.
+        stiffness_exponent: p [-]; the structure is s^p times as stiff. 1 for walls of the same
+            outline (assumed).
+        fitted: ids of the motors that the masses of the SDF contain; "" where they contain none.
+        catalogue: file of the motors.
+    """
+
+    motors: list[str] = field(default_factory=list)
+    gear_ratio: Optional[list[float]] = None  # noqa: UP045
+    structure_scale: float = 1.0
+    payload: str = "payload"
+    stiffness_exponent: float = 1.0
+    fitted: list[str] = field(default_factory=list)
+    catalogue: str = DEFAULT_CATALOGUE
+
+    @property
+    def changes_nothing(self) -> bool:
+        """Whether the device is the SDF as it is."""
+        return not any(self.motors) and self.gear_ratio is None and self.structure_scale == 1
+
+    def validate(self, where: str) -> None:
+        """Check what does not need the robot.
+
+        Raises:
+            InputError: naming the field below `where`.
+        """
+        checked_number(self.structure_scale, f"{where}.structure_scale", minimum=0, exclusive=True)
+        checked_number(self.stiffness_exponent, f"{where}.stiffness_exponent", minimum=0)
+        if any(self.motors) and not self.fitted:
+            raise InputError(
+                f"{where}.fitted: missing; the difference of masses needs the motors that those of "
+                "the SDF contain, '' where they contain none"
+            )
+
+    def validate_sizes(self, n: int, where: str) -> None:
+        """Check that every list has one value for each of the n joints.
+
+        Raises:
+            InputError: naming the field below `where`.
+        """
+        for name in ("motors", "fitted"):
+            ids = getattr(self, name)
+            if ids and len(ids) != n:
+                raise InputError(
+                    f"{where}.{name}: {len(ids)} value(s), expected {n}, one for each joint"
+                )
+        if self.gear_ratio is not None:
+            checked_vector(self.gear_ratio, n, f"{where}.gear_ratio", positive=True)
+
+
+def chosen_robot(robot: Robot, choice: DeviceChoice, where: str = "device") -> Robot:
+    """The device of this choice: `robot` itself if it changes nothing.
+
+    A motor stands on the link that carries its joint, as a point mass where the joint's axis has
+    its origin. Motors are no structure and do not scale: with m_f in the masses of the SDF and m
+    chosen, s (M - m_f) + m = s M + (m - s m_f) is what becomes of a link of mass M.
+
+    The lowest natural frequency of the structure changes by `frequency_factor`, with J the links'
+    inertia about the first joint at q = 0, payload and motors included (assumed):
+
+        omega_r = omega_r0 sqrt(s^p J_0 / J)
+
+    Args:
+        robot: as its SDF has it.
+        choice: what is different.
+        where: what errors call it.
+
+    Raises:
+        InputError: for an unknown motor, lists of a wrong length, or a device that cannot be.
+    """
+    choice.validate(where)
+    choice.validate_sizes(robot.n, where)
+    if choice.changes_nothing:
+        return robot
+    motors, fitted = _motors(choice, robot.n, where)
+    try:
+        other = edited(robot, lambda root: _fit(root, robot, choice, motors, where))
+        other = _with_stators(other, _added_masses(motors, fitted, choice.structure_scale))
+    except InputError as error:
+        text = str(error)
+        own = text.startswith(f"{where}.")
+        raise InputError(text if own else f"{where}: no device could be so ({text})") from None
+    stiffness = choice.structure_scale**choice.stiffness_exponent
+    factor = np.sqrt(stiffness * _first_inertia(robot) / _first_inertia(other))
+    return replace(other, frequency_factor=float(robot.frequency_factor * factor))
+
+
+def motors_in_use(choice: DeviceChoice, n: int, where: str = "device") -> list[Motor]:
+    """The motor of each of the n joints: the chosen one, or the fitted one where it is kept.
+
+    Raises:
+        InputError: for an unknown motor, or a joint that has neither.
+    """
+    choice.validate_sizes(n, where)
+    in_use = [motor or old for motor, old in zip(*_motors(choice, n, where), strict=True)]
+    for k, motor in enumerate(in_use):
+        if motor is None:
+            raise InputError(f"{where}: joint {k + 1} has no motor of the catalogue, expected one")
+    return in_use
+
+
+def _motors(
+    choice: DeviceChoice, n: int, where: str
+) -> tuple[list[Motor | None], list[Motor | None]]:
+    """The chosen and the fitted motor of each joint; None where no id is given."""
+    catalogue = load_catalogue(choice.catalogue)
+
+    def found(ids: list[str], name: str) -> list[Motor | None]:
+        return [
+            catalogue.motor(id_, f"{where}.{name}[{k + 1}]") if id_ else None
+            for k, id_ in enumerate(ids or [""] * n)
+        ]
+
+    return found(choice.motors, "motors"), found(choice.fitted, "fitted")
+
+
+def _fit(
+    root: ET.Element, robot: Robot, choice: DeviceChoice, motors: list[Motor | None], where: str
+) -> None:
+    """Put motors, gears and the scale of the structure into the XML of an SDF."""
+    joints = {joint.get("name"): joint for joint in root.iter("joint")}
+    for k, motor in enumerate(motors):
+        if motor or choice.gear_ratio is not None:
+            _fit_motor(joints[robot.joint_names[k]], robot, k, motor, choice.gear_ratio, where)
+    if choice.structure_scale != 1:
+        try:
+            payload = payload_of(root, choice.payload, robot.path)
+        except InputError as error:
+            raise InputError(f"{where}.{error}") from None
+        for link in links_by_name(root).values():
+            if link is not payload:
+                scale_link(link, choice.structure_scale)
+
+
+def _fit_motor(
+    joint: ET.Element,
+    robot: Robot,
+    k: int,
+    motor: Motor | None,
+    gear_ratio: list[float] | None,
+    where: str,
+) -> None:
+    """Give joint number k, from 0, its motor and its gear; effort = peak torque times ratio."""
+    if motor:
+        peak, inertia, ratio = motor.peak_torque, motor.rotor_inertia, motor.gear_ratio
+    else:
+        peak, inertia = robot.motor_torque_limit[k], robot.rotor_inertia[k]
+        ratio = robot.gear_ratio[k]
+    if gear_ratio is not None:
+        ratio = gear_ratio[k]
+    if motor:
+        motor.check_gear_ratio(ratio, f"{where}.gear_ratio[{k + 1}]")
+    _child(_child(joint.find("axis"), "limit"), "effort").text = repr(float(peak * ratio))
+    _child(joint, f"{DRAKE}rotor_inertia").text = repr(float(inertia))
+    _child(joint, f"{DRAKE}gear_ratio").text = repr(float(ratio))
+
+
+def _child(parent: ET.Element, tag: str) -> ET.Element:
+    """The child of this tag; made if there is none."""
+    found = parent.find(tag)
+    return ET.SubElement(parent, tag) if found is None else found
+
+
+def _added_masses(motors: list[Motor | None], fitted: list[Motor | None], s: float) -> list[float]:
+    """m - s m_f for each joint [kg]; a motor that is kept is the fitted one."""
+    masses = []
+    for motor, old in zip(motors, fitted, strict=True):
+        m_f = old.mass if old else 0.0
+        m = motor.mass if motor else m_f
+        masses.append(m - s * m_f)
+    return masses
+
+
+def _with_stators(robot: Robot, added: list[float]) -> Robot:
+    """The robot with a point mass [kg] on the inboard side of each joint; < 0 takes mass away."""
+    bodies = {}
+    for name, mass in zip(robot.joint_names, added, strict=True):
+        frame = robot.plant.GetJointByName(name).frame_on_parent()
+        link = frame.body().name()
+        if mass != 0 and frame.body().index() != robot.plant.world_body().index():
+            place = frame.GetFixedPoseInBodyFrame().translation()
+            bodies[link] = with_point_mass(*_body(robot, link), mass, place)
+            if bodies[link][0] <= 0:
+                raise InputError(f"link '{link}' would be left with {bodies[link][0]:g} kg")
+
+    def edit(root: ET.Element) -> None:
+        for name, body in bodies.items():
+            set_inertia(links_by_name(root)[name], *body)
+
+    return edited(robot, edit) if bodies else robot
+
+
+def with_point_mass(
+    mass: float, com: Array, central: Array, added: float, place: Array
+) -> tuple[float, Array, Array]:
+    """A body and a point: the sum of their masses, its centre, and the inertia about that centre.
+
+    With d from the body's centre to the point and mu = m m_p / (m + m_p), the inertia grows by
+    mu (d² E - d d^T).
+
+    Args:
+        mass: of the body [kg].
+        com: its centre of mass [m], shape (3,).
+        central: its inertia about that [kg m²], shape (3, 3).
+        added: mass of the point [kg]; < 0 takes it away.
+        place: of the point [m], shape (3,).
+    """
+    d, total = place - com, mass + added
+    if total <= 0:
+        return total, com, central
+    reduced = mass * added / total
+    return total, com + added / total * d, central + reduced * (d @ d * np.eye(3) - np.outer(d, d))
+
+
+def _body(robot: Robot, link: str) -> tuple[float, Array, Array]:
+    """Mass [kg], centre of mass [m] and central inertia [kg m²] of a link, in its frame."""
+    inertia = robot.plant.GetBodyByName(link).default_spatial_inertia()
+    com = inertia.get_com()
+    return inertia.get_mass(), com, inertia.Shift(com).CalcRotationalInertia().CopyToFullMatrix3()
+
+
+def _first_inertia(robot: Robot) -> float:
+    """J: inertia of the links about the first joint at q = 0, joint side [kg m²]."""
+    context = robot.plant.CreateDefaultContext()
+    robot.plant.SetPositions(context, np.zeros(robot.n))
+    return robot.plant.CalcMassMatrix(context)[0, 0] - robot.reflected_inertia[0]

@@ -1,0 +1,118 @@
+"""The catalogue of motors: what is published, and what is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+from sdt_drake.device import DEFAULT_CATALOGUE, load_catalogue
+from sdt_drake.errors import InputError
+
+MOTOR = """
+  - id: M1
+    kind: torque motor
+    peak_torque: 100
+    rated_torque: 40
+    rotor_inertia: 0.1
+    n1_rpm: 60
+    n0_rpm: 120
+    mass: 10
+    thermal_time_constant: 180
+    source: illustrative
+"""
+
+
+@pytest.fixture
+def load(tmp_path):
+    def load_text(text: str):
+        path = tmp_path / "motors.yaml"
+        path.write_text(text, encoding="utf-8")
+        return load_catalogue(path)
+
+    return load_text
+
+
+def test_numbers_of_the_paper_are_exact(robot):
+    """Motors of joints 1 to 4: torque, rotor inertia, gear ratio."""
+    catalogue = load_catalogue()
+    motors = [catalogue.motor(id_, "") for id_ in ("AC-203", "TM-3950", "TM-2150", "TM-2150")]
+    assert [m.peak_torque for m in motors] == [203.2, 3950, 2150, 2150]
+    assert [m.rotor_inertia for m in motors] == robot.rotor_inertia.tolist()
+    assert [m.gear_ratio for m in motors] == robot.gear_ratio.tolist() == [67.2, 1, 1, 1]
+    assert all("published" in m.source for m in motors)
+    # Up to their n1 they serve the speed limits of the SDF.
+    n1 = np.array([m.n1 / m.gear_ratio for m in motors])
+    np.testing.assert_allclose(n1, robot.velocity_limit, rtol=1e-4)
+
+
+def test_every_axis_has_a_choice_and_a_larger_motor_is_heavier():
+    catalogue = load_catalogue()
+    for kind in ("torque motor", "geared motor"):
+        motors = sorted(
+            (m for m in catalogue.motors if m.kind == kind), key=lambda m: m.peak_torque
+        )
+        assert len(motors) >= 3
+        for name in ("mass", "rated_torque", "rotor_inertia"):
+            values = [getattr(m, name) for m in motors]
+            assert values == sorted(values)
+
+
+def test_rpm_become_rad_per_s(load):
+    (motor,) = load("motors:" + MOTOR).motors
+    assert (motor.n1, motor.n0) == pytest.approx((2 * np.pi, 4 * np.pi), rel=1e-15)
+    assert motor.gear_ratio == 1
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ("    rotor_inertia: 0.1\n", "", "motor 'M1': rotor_inertia: missing, expected a number"),
+        ("    mass: 10\n", "", "motor 'M1': mass: missing, expected a number"),
+        ("    source: illustrative\n", "", "motor 'M1': source: missing, expected where"),
+        ("source: illustrative", "source: '  '", "motor 'M1': source: missing"),
+        ("mass: 10", "mass: -10", "motor 'M1': mass: -10.0, expected a finite number > 0"),
+        ("peak_torque: 100", "peak_torque: .inf", "motor 'M1': peak_torque: inf, expected"),
+        ("rated_torque: 40", "rated_torque: 101", "motor 'M1': rated_torque: 101 N m, expected at"),
+        ("n0_rpm: 120", "n0_rpm: 60", "motor 'M1': n0_rpm: 60, expected more than n1_rpm, 60"),
+        ("kind: torque motor", "kind: dc", "motor 'M1': kind: 'dc', expected one of torque motor,"),
+        ("mass: 10", "gear_ratio: 2\n    mass: 10", "motor 'M1': gear_ratio: 2, but M1 drives"),
+        ("id: M1", "id: ''", "motors[1].id: missing, expected a short name"),
+        ("mass: 10", "weight: 10", "motors[1].weight: unknown field"),
+    ],
+)  # fmt: skip
+def test_a_bad_motor_is_refused_with_file_and_field(load, tmp_path, old, new, message):
+    assert old in MOTOR
+    where = re.escape(f"{tmp_path / 'motors.yaml'}: {message}")
+    with pytest.raises(InputError, match=f"^{where}") as error:
+        load("motors:" + MOTOR.replace(old, new))
+    assert "\n" not in str(error.value)
+
+
+def test_an_id_that_is_there_twice_is_refused(load):
+    with pytest.raises(InputError, match=r"motors\[2\]\.id: 'M1' is given twice$"):
+        load("motors:" + MOTOR + MOTOR)
+
+
+def test_an_empty_catalogue_is_refused(load):
+    with pytest.raises(InputError, match=r"motors: empty, expected at least one$"):
+        load("motors: []")
+
+
+def test_an_unknown_motor_is_refused_with_near_ones():
+    catalogue = load_catalogue(DEFAULT_CATALOGUE)
+    with pytest.raises(InputError) as error:
+        catalogue.motor("TM-3590", "device.motors[2]")
+    text = "device.motors[2]: no motor 'TM-3590' in the catalogue, did you mean TM-3950 or "
+    assert str(error.value).startswith(text)
+    with pytest.raises(InputError, match=r"expected one of TM-716, .*, AC-270$"):
+        catalogue.motor("x", "device.motors[2]")
+
+
+def test_catalogues_share_no_list():
+    one, two = load_catalogue(), load_catalogue()
+    assert dataclasses.asdict(one) == dataclasses.asdict(two)
+    one.motors.clear()
+    assert two.motors
