@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,6 @@ import pytest
 
 from sdt_drake.analysis.comparison import compare
 from sdt_drake.cli import main
-from sdt_drake.design import make_design
 from sdt_drake.scenario import load_scenario
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
@@ -64,37 +64,43 @@ def rows_of_table(header: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
 
 
+def labels_of(rows: list[list[str]]) -> list[str]:
+    return [re.match(r"`(.*?)`", row[0])[1] for row in rows]
+
+
+@pytest.fixture(scope="module")
+def compare_all(_reference_design):
+    """Every controller of the tables on a scenario, by label."""
+    tables = ("controller | position", "controller | share of time")
+    labels = list(dict.fromkeys(label for t in tables for label in labels_of(rows_of_table(t))))
+
+    @cache
+    def compare_all(scenario: str):
+        design = _reference_design.variant(
+            load_scenario(f"package://sdt/scenarios/{scenario}.yaml")
+        )
+        return dict(zip(labels, compare(design, labels), strict=True))
+
+    return compare_all
+
+
 @pytest.mark.parametrize(
     ("scenario", "first"), [("coupled_pi", 1), ("wrong_model", 3)], ids=["exact", "wrong"]
 )
-def test_table_of_controllers_is_what_compare_finds(_reference_design, scenario, first):
-    rows = rows_of_table("controller | position")
-    labels = [re.match(r"`(.*?)`", row[0])[1] for row in rows]
-    design = make_design(
-        load_scenario(f"package://sdt/scenarios/{scenario}.yaml"),
-        robot=_reference_design.robot,
-        motion=_reference_design.motion,
-        torques=_reference_design.torques,
-    )
-    for row, compared in zip(rows, compare(design, labels), strict=True):
-        position = np.rad2deg(compared.tracking.max_abs_position_error)
+def test_table_of_controllers_is_what_compare_finds(compare_all, scenario, first):
+    rows, compared = rows_of_table("controller | position"), compare_all(scenario)
+    for row, label in zip(rows, labels_of(rows), strict=True):
+        tracking = compared[label].tracking
+        position = np.rad2deg(tracking.max_abs_position_error)
         np.testing.assert_allclose(
             np.array(row[first].split(), dtype=float), position, atol=5.1e-4, err_msg=row[0]
         )
-        assert float(row[first + 1]) == pytest.approx(
-            compared.tracking.rms_speed_error[1], abs=5.1e-6
-        )
+        assert float(row[first + 1]) == pytest.approx(tracking.rms_speed_error[1], abs=5.1e-6)
 
 
-def test_table_of_what_is_felt_is_what_compare_finds(_reference_design):
-    rows = rows_of_table("controller | share of time")
-    labels = [row[0].strip("`") for row in rows]
-    design = make_design(
-        load_scenario("package://sdt/scenarios/coupled_pi.yaml"),
-        robot=_reference_design.robot,
-        motion=_reference_design.motion,
-        torques=_reference_design.torques,
-    )
-    for row, compared in zip(rows, compare(design, labels), strict=True):
-        shares = 100 * compared.head.felt.share, 100 * compared.head.felt_from_angles.share
+def test_table_of_what_is_felt_is_what_compare_finds(compare_all):
+    rows, compared = rows_of_table("controller | share of time"), compare_all("coupled_pi")
+    for row, label in zip(rows, labels_of(rows), strict=True):
+        head = compared[label].head
+        shares = 100 * head.felt.share, 100 * head.felt_from_angles.share
         assert [float(cell) for cell in row[1:]] == pytest.approx(shares, abs=0.051)
