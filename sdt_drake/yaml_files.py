@@ -68,6 +68,9 @@ def _check(schema: Any, data: Any, file: str, name: str) -> None:
     elif schema is float:
         if not _is_number(data):
             raise _wrong(file, name, data, "a number")
+    elif schema is int:
+        if isinstance(data, bool) or not isinstance(data, int):
+            raise _wrong(file, name, data, "a whole number")
     elif schema is bool:
         if not isinstance(data, bool):
             raise _wrong(file, name, data, "true or false")

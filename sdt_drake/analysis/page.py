@@ -289,26 +289,39 @@ def page(material: Material, folder: Path) -> str:
         reason = f"has no {error}" if isinstance(error, KeyError) else "has another form"
         with _advice(folder):
             raise InputError(f"{folder / SUMMARY}: {reason}, it is of another version") from None
-    links = "".join(f'<a href="#{id_}">{title}</a>' for id_, title, _ in sections)
-    body = "".join(
-        f'<section id="{id_}"><h2>{title}</h2>{content}</section>'
-        for id_, title, content in sections
-    )
     recording = ""
     if material.recording is not None:
         # In a script a text ends at "</script", and only there.
         text = json.dumps(material.recording).replace("<", "\\u003c")
         recording = f'<script type="application/json" id="recording-page">{text}</script>'
+    return document(TITLE, header, sections, recording)
+
+
+def document(
+    title: str, header: str, sections: Sequence[tuple[str, str, str]], end: str = ""
+) -> str:
+    """A page of this look, whole and without anything from elsewhere.
+
+    Args:
+        title: of the window, HTML.
+        header: <header> of the page.
+        sections: id, title and content of each, HTML.
+        end: put behind them.
+    """
+    links = "".join(f'<a href="#{id_}">{text}</a>' for id_, text, _ in sections)
+    body = "".join(
+        f'<section id="{id_}"><h2>{text}</h2>{content}</section>' for id_, text, content in sections
+    )
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         # Nothing from elsewhere, whatever stands in the page.
         '<meta http-equiv="Content-Security-Policy" '
         "content=\"default-src 'unsafe-inline' 'unsafe-eval' data: blob:\">\n"
-        f'<link rel="icon" href="data:,">\n<title>{TITLE}</title>\n'
+        f'<link rel="icon" href="data:,">\n<title>{title}</title>\n'
         f"<style>\n{_asset('page.css')}</style>\n</head>\n<body>\n"
         f'{header}\n<nav aria-label="Sections">{links}</nav>\n<main>\n{body}\n</main>\n'
-        f"{recording}\n<script>\n{_asset('page.js')}</script>\n</body>\n</html>\n"
+        f"{end}\n<script>\n{_asset('page.js')}</script>\n</body>\n</html>\n"
     )
 
 
@@ -318,10 +331,10 @@ def _asset(name: str) -> str:
 
 def _header(summary: Mapping) -> str:
     versions = summary["versions"]
-    made = f"sdt_drake {_escape(versions['package'])}, drake {_escape(versions['drake'])}"
+    made = f"sdt_drake {escape(versions['package'])}, drake {escape(versions['drake'])}"
     return (
         f"<header><h1>{TITLE}</h1>"
-        f'<p>{_escape(PAPER)}, doi <span class="nowrap">{DOI}</span>. {made}.</p>'
+        f'<p>{escape(PAPER)}, doi <span class="nowrap">{DOI}</span>. {made}.</p>'
         '<button type="button" id="theme" hidden>Dark</button></header>'
     )
 
@@ -331,7 +344,7 @@ def _sections(material: Material) -> list[tuple[str, str, str]]:
     summary = material.summary
 
     def figure(name: str) -> str:
-        return _figure(FIGURES[name], material.figures[name])
+        return html_figure(FIGURES[name], material.figures[name])
 
     sections = [
         ("summary", "Summary", _summary(summary)),
@@ -358,7 +371,7 @@ def _sections(material: Material) -> list[tuple[str, str, str]]:
     others = [name for name in material.figures if name not in FIGURES]
     if others:
         shown = "".join(
-            _figure(f"{name.replace('_', ' ').capitalize()}.", material.figures[name])
+            html_figure(f"{name.replace('_', ' ').capitalize()}.", material.figures[name])
             for name in others
         )
         sections.append(("more", "More figures", shown))
@@ -480,7 +493,7 @@ def _claim(claim: Mapping, joints: int) -> str:
     verdict = claim["verdict"]
     look, sign = VERDICTS[verdict]
     return (
-        f'<article class="claim" data-verdict="{verdict}" id="claim-{_escape(claim["id"])}">'
+        f'<article class="claim" data-verdict="{verdict}" id="claim-{escape(claim["id"])}">'
         f'<p class="verdict {look}"><span aria-hidden="true">{sign}</span> {verdict}</p>'
         f"<h3>{_pretty(claim['statement'])}</h3>"
         f"{_values(claim['published'], claim['computed'], joints)}"
@@ -497,10 +510,10 @@ def _values(published: object, computed: object, joints: int) -> str:
             ["published", *(_number(value, 6) for value in published.values())],
             ["computed", *(_number(value, 4) for value in computed.values())],
         ]
-        return _table(["", *header], rows)
+        return html_table(["", *header], rows)
     rows = [*_value_rows("published", published, 6), *_value_rows("computed", computed, 4)]
     header = [f"joint {k + 1}" for k in range(joints)] if len(rows[-1]) == joints + 1 else []
-    return _table(["", *header] if header else [], rows)
+    return html_table(["", *header] if header else [], rows)
 
 
 def _value_rows(label: str, value: object, digits: int) -> list[list[str]]:
@@ -529,7 +542,7 @@ def _table1(rows: Sequence[Mapping]) -> str:
     body = []
     for row in rows:
         body.append(
-            [f"joint {_escape(row['joint'])}"] + [_format(row[key], f) for key, _, f in columns]
+            [f"joint {escape(row['joint'])}"] + [_format(row[key], f) for key, _, f in columns]
         )
         body.append(
             ["<i>published</i>"] + [_number(row["published"][key]) for key, _, _ in columns]
@@ -537,7 +550,7 @@ def _table1(rows: Sequence[Mapping]) -> str:
     return (
         "<p>From the mass matrix of the device along the motion, beside what the paper prints; "
         "inertias and gains are motor side.</p>"
-        + _table(["", *(_pretty(title) for _, title, _ in columns)], body, "pairs")
+        + html_table(["", *(_pretty(title) for _, title, _ in columns)], body, "pairs")
     )
 
 
@@ -553,7 +566,7 @@ def _steps(steps: Mapping) -> str:
         published = steps["published"][structure]
         rows.append([name, *(_format(steps[structure][key], f) for key, _, f in columns)])
         rows.append(["<i>published</i>", *(_number(published[key]) for key, _, _ in columns)])
-    return _table(["", *(title for _, title, _ in columns)], rows, "pairs")
+    return html_table(["", *(title for _, title, _ in columns)], rows, "pairs")
 
 
 def _models(diagrams: Mapping[str, str]) -> str:
@@ -566,7 +579,9 @@ def _models(diagrams: Mapping[str, str]) -> str:
             f"{text}<p>Here they are in diagrams/*.dot only: Graphviz was not installed when the "
             "study was written.</p>"
         )
-    return text + "".join(_figure(DIAGRAMS[name], svg, "wide") for name, svg in diagrams.items())
+    return text + "".join(
+        html_figure(DIAGRAMS[name], svg, "wide") for name, svg in diagrams.items()
+    )
 
 
 def _runs(runs: Sequence[Mapping]) -> str:
@@ -576,8 +591,8 @@ def _runs(runs: Sequence[Mapping]) -> str:
         process = {"i_eff_max": ", I_eff,max", "i_eff_min": ", I_eff,min"}.get(run["process"], "")
         return [
             _pretty(run["plant"] + process),
-            _escape(run["algorithm"]),
-            f"<code>{_escape(run['controller'])}</code>",
+            escape(run["algorithm"]),
+            f"<code>{escape(run['controller'])}</code>",
             f"{run['disturbance_amplitude']:g}",
         ]
 
@@ -594,9 +609,9 @@ def _runs(runs: Sequence[Mapping]) -> str:
 
 def _beyond(entries: Sequence[Mapping]) -> str:
     def label(entry: Mapping) -> list[str]:
-        return [f"<code>{_escape(entry['controller'])}</code>"]
+        return [f"<code>{escape(entry['controller'])}</code>"]
 
-    needs = [[*label(e), _escape(e["blocks"]), _escape(", ".join(e["needs"]))] for e in entries]
+    needs = [[*label(e), escape(e["blocks"]), escape(", ".join(e["needs"]))] for e in entries]
     return (
         "<p>The same motion on the coupled plant with more controllers: an ideal drive, no "
         "friction, and a model that is exact. Errors of each joint's speed, joint side.</p>"
@@ -605,7 +620,7 @@ def _beyond(entries: Sequence[Mapping]) -> str:
         + _by_joint(["controller"], label, entries, (_POSITION, *_TORQUE))
         + _felt(entries)
         + "<p>What each costs: Drake systems in its loop, and what it needs to know.</p>"
-        + _table(["controller", "blocks", "needs to know"], needs, "words")
+        + html_table(["controller", "blocks", "needs to know"], needs, "words")
     )
 
 
@@ -616,7 +631,7 @@ def _felt(entries: Sequence[Mapping]) -> str:
     channels = entries[0]["felt"]["channels"]
     rows = [
         [
-            f"<code>{_escape(entry['controller'])}</code>",
+            f"<code>{escape(entry['controller'])}</code>",
             _format(100 * entry["felt"]["share"], ".1f"),
             *(_format(value, ".2f") for value in entry["felt"]["largest"]),
         ]
@@ -626,7 +641,7 @@ def _felt(entries: Sequence[Mapping]) -> str:
         "<p>What the pilot could feel of the errors: share of time, and the largest error in the "
         "axes of the head, in multiples of what attentive people in silence and dark just feel. "
         "What is said not to be felt is not; what could be felt need not be.</p>"
-        + _table(["controller", "felt [% of time]", *map(_escape, channels)], rows)
+        + html_table(["controller", "felt [% of time]", *map(escape, channels)], rows)
     )
 
 
@@ -642,14 +657,14 @@ def _recording(text: str) -> str:
 
 def _provenance(summary: Mapping) -> str:
     seconds = summary["wall_time_s"]
-    stages = [[_escape(stage), f"{value:.2f}"] for stage, value in seconds.items()]
+    stages = [[escape(stage), f"{value:.2f}"] for stage, value in seconds.items()]
     stages.append(["sum of the stages", f"{sum(seconds.values()):.2f}"])
-    versions = [[_escape(k), _escape(v)] for k, v in summary["versions"].items()]
+    versions = [[escape(k), escape(v)] for k, v in summary["versions"].items()]
     return (
-        f"<p>{_escape(PROVENANCE)}</p>"
+        f"<p>{escape(PROVENANCE)}</p>"
         '<div class="columns">'
-        f"<div><h3>Versions</h3>{_table([], versions)}</div>"
-        f"<div><h3>Wall time [s]</h3>{_table([], stages)}</div></div>"
+        f"<div><h3>Versions</h3>{html_table([], versions)}</div>"
+        f"<div><h3>Wall time [s]</h3>{html_table([], stages)}</div></div>"
     )
 
 
@@ -688,7 +703,7 @@ def _first(k: int) -> str:
     return "" if k else ' class="first"'
 
 
-def _table(header: Sequence[str], rows: Iterable[Sequence[str]], look: str = "") -> str:
+def html_table(header: Sequence[str], rows: Iterable[Sequence[str]], look: str = "") -> str:
     """Cells are HTML; the first of each row names it."""
     head = "".join(f'<th scope="col">{text}</th>' if text else "<td></td>" for text in header)
     lines = [
@@ -707,8 +722,8 @@ def _boxed(head: str, lines: Sequence[str], look: str) -> str:
     )
 
 
-def _figure(caption: str, svg: str, look: str = "") -> str:
-    text = _escape(caption)
+def html_figure(caption: str, svg: str, look: str = "") -> str:
+    text = escape(caption)
     return (
         f'<figure><div class="canvas scroll {look}" role="img" aria-label="{text}" tabindex="0">'
         f"{svg}</div><figcaption>{text}</figcaption></figure>"
@@ -733,7 +748,7 @@ def _format(value: float | None, spec: str) -> str:
     return "–" if value is None else format(value, spec)
 
 
-def _escape(text: object) -> str:
+def escape(text: object) -> str:
     return html.escape(str(text))
 
 
@@ -753,4 +768,4 @@ def _pretty(text: str) -> str:
             return _GREEK[alone]
         return f"{_GREEK.get(letter, letter)}<sub>{index}</sub>"
 
-    return _SYMBOL.sub(symbol, _escape(text))
+    return _SYMBOL.sub(symbol, escape(text))
