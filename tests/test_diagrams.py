@@ -15,11 +15,16 @@ import pytest
 from sdt_drake.analysis.block_diagrams import DIAGRAMS, write_block_diagram
 from sdt_drake.graphviz import dot_text, fingerprint, has_graphviz
 from sdt_drake.motion import shipped_motions
+from sdt_drake.studies.execute import run_study
+from sdt_drake.studies.job import make_job
+from sdt_drake.studies.sizing import load_sizing
+from sdt_drake.studies.study import load_study
 
 FOLDER = Path(__file__).resolve().parents[1] / "diagrams"
 SCRIPTS = sorted(path.stem for path in FOLDER.glob("*.py"))
 FIGURES = sorted(DIAGRAMS)
 PLOTS = ("controllers", "stability")  # scripts that write a plot and no diagram
+STUDIES = ("monte_carlo", "sizing")
 TRAINING = {f"training_{name}_plot.png" for name in shipped_motions()}
 PNG = b"\x89PNG\r\n"
 
@@ -43,6 +48,19 @@ def run_here(script, *arguments, cwd):
         runpy.run_path(str(script), run_name="__main__")
 
 
+def study_folders(folder):
+    """Of the shipped studies, with few of their runs."""
+    study, base = load_study("package://sdt/studies/monte_carlo.yaml")
+    study.draws = 1
+    run_study(make_job(study, base), folder / "mc", workers=2)
+    sizing, base = load_sizing("package://sdt/studies/sizing.yaml")
+    sizing.motors = [[ids[0]] for ids in sizing.motors]
+    sizing.structure_scales, sizing.controllers = [0.8], ["pi", "pi_id"]
+    sizing.motions = ["post_roll"]
+    run_study(make_job(sizing.study(), base), folder / "sizing", workers=2)
+    return folder / "mc", folder / "sizing"
+
+
 @pytest.fixture(scope="session")
 def ran(tmp_path_factory):
     """Folder of each script, run from another folder; two of them as a user runs them."""
@@ -54,6 +72,9 @@ def ran(tmp_path_factory):
             done = run(script, folder, cwd=elsewhere)
             assert done.returncode == 0, done.stderr
             assert "Warning" not in done.stderr
+        elif name == "studies":
+            of = study_folders(tmp_path_factory.mktemp("studies"))
+            run_here(script, *of, folder, cwd=elsewhere)
         elif name == "training":  # one of its motions: they take seconds each
             run_here(script, folder, "--only", "post_roll", "--record", cwd=elsewhere)
         else:
@@ -96,7 +117,8 @@ def test_committed_svg_shows_every_block(name):
 
 def test_nothing_is_committed_that_no_script_writes():
     written = {f"{name}.{suffix}" for name in FIGURES for suffix in ("dot", "svg")}
-    written |= {f"{name}_plot.png" for name in (*FIGURES, *PLOTS)} | {"device.png"} | TRAINING
+    written |= {f"{name}_plot.png" for name in (*FIGURES, *PLOTS, *STUDIES)} | {"device.png"}
+    written |= TRAINING
     there = {path.name for path in FOLDER.iterdir() if path.is_file()}
 
     assert there - {f"{name}.py" for name in SCRIPTS} - {"tutorial.ipynb"} == written
@@ -138,6 +160,13 @@ def test_a_training_motion_gets_a_plot_and_a_recording(ran):
     assert (page.name, plot.name) == ("training_post_roll.html", "training_post_roll_plot.png")
     assert plot.read_bytes().startswith(PNG) and plot.stat().st_size > 10_000
     assert "Post-roll" in page.read_text(encoding="utf-8")
+
+
+def test_studies_are_drawn(ran):
+    plots = sorted(ran["studies"].iterdir())
+    assert [plot.name for plot in plots] == [f"{name}_plot.png" for name in STUDIES]
+    for plot in plots:
+        assert plot.read_bytes().startswith(PNG) and plot.stat().st_size > 10_000
 
 
 def test_device_is_drawn(ran):

@@ -11,8 +11,10 @@ from sdt_drake.commands import (
     report,
     reproduce,
     simulate,
+    size,
     stability,
     step,
+    study,
     tune,
     view,
 )
@@ -32,5 +34,7 @@ COMMANDS = (
     budget,
     bode,
     stability,
+    study,
+    size,
     diagram,
 )

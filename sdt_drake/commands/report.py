@@ -1,4 +1,4 @@
-"""Make one page of a study's folder."""
+"""Make one page of what `reproduce` or `study` wrote."""
 
 from __future__ import annotations
 
@@ -14,14 +14,16 @@ def add(commands) -> None:
         commands,
         "report",
         run,
-        "make one self-contained report.html of what reproduce wrote",
+        "make one self-contained report.html of what reproduce or study wrote",
         "sdt-drake report out",
     )
-    parser.add_argument("folder", metavar="DIR", type=some_path, help="folder that reproduce wrote")
+    parser.add_argument("folder", metavar="DIR", type=some_path, help="folder that they wrote")
 
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.page import write_page
+    from sdt_drake.commands.study import write_study_page
+    from sdt_drake.studies.folder import holds_study
 
     folder: Path = options.folder
     check_folder(folder)
@@ -29,4 +31,5 @@ def run(options: argparse.Namespace) -> None:
         raise InputError(
             f"{folder}: no such folder; run `sdt-drake reproduce --out {folder}` first"
         )
-    say(f"{write_page(folder, say)} written")
+    path = write_study_page(folder) if holds_study(folder) else write_page(folder, say)
+    say(f"{path} written")

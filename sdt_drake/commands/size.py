@@ -1,0 +1,48 @@
+"""Find the motors that are enough, for each controller."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from pathlib import Path
+
+from sdt_drake.commands.common import add_command, say
+from sdt_drake.commands.study import add_running, run_into
+from sdt_drake.errors import replacing
+
+
+def add(commands) -> None:
+    parser = add_command(
+        commands,
+        "size",
+        run,
+        "find the motors that are enough, for each controller",
+        "sdt-drake size package://sdt/studies/sizing.yaml --workers 2 --out sizing",
+    )
+    parser.add_argument("sizing", metavar="SIZING.yaml")
+    add_running(parser)
+
+
+def run(options: argparse.Namespace) -> None:
+    from sdt_drake.analysis import plots
+    from sdt_drake.studies.plots import sizing_front
+    from sdt_drake.studies.results import read_study_table
+    from sdt_drake.studies.sizing import load_sizing
+    from sdt_drake.studies.verdicts import judge, sizing_lines, write_verdicts
+
+    sizing, base = load_sizing(options.sizing)
+    folder = options.out or Path(sizing.name)
+    run_into(folder, sizing.study(), base, options)
+    verdicts = judge(sizing, read_study_table(folder))
+    lines = sizing_lines(sizing, verdicts)
+    for line in lines:
+        say(line)
+    say()
+    with replacing(folder / "sizing.txt") as partial:
+        partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_verdicts(verdicts, folder / "candidates.csv")
+    figure = sizing_front(f"{sizing.name}: motors and tracking", verdicts)
+    for suffix in (".png", ".svg"):
+        plots.save(figure, folder / f"front{suffix}")
+    say(f"sizing.txt, candidates.csv, front.png and front.svg written to {folder}")
+    say(f"its runs: sdt-drake study show {shlex.quote(str(folder))}")

@@ -1,0 +1,185 @@
+"""Run a study, show what came out, or repeat one of its runs."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sdt_drake.commands.common import add_command, check_folder, print_table, say, some_path
+from sdt_drake.errors import InputError, checked_count
+
+if TYPE_CHECKING:
+    from sdt_drake.scenario import Scenario
+    from sdt_drake.studies.study import Study
+
+_USAGE = """sdt-drake study STUDY.yaml [--out DIR] [--workers N | --cluster ADDRESS] [--resume]
+       sdt-drake study show DIR
+       sdt-drake study repeat DIR --row N [--out FILE.csv]"""
+
+
+def add(commands) -> None:
+    parser = add_command(
+        commands,
+        "study",
+        run,
+        "run many variants of a scenario, show what came out, or repeat one of them",
+        "sdt-drake study package://sdt/studies/monte_carlo.yaml --workers 2 --out mc",
+    )
+    parser.usage = _USAGE
+    parser.add_argument("what", nargs="+", metavar="STUDY.yaml | show DIR | repeat DIR")
+    add_running(parser)
+    parser.add_argument("--row", type=int, metavar="N", help="of the run to repeat")
+
+
+def run(options: argparse.Namespace) -> None:
+    verb, *rest = options.what
+    if not rest and verb not in ("show", "repeat"):
+        run_file(verb, options)
+    elif verb in ("show", "repeat") and len(rest) == 1:
+        folder = Path(rest[0])
+        show(folder) if verb == "show" else repeat(folder, options)
+    else:
+        raise InputError(f"study: '{' '.join(options.what)}', expected {' '.join(_USAGE.split())}")
+
+
+def run_file(path: str, options: argparse.Namespace) -> None:
+    from sdt_drake.studies.results import RESULTS
+    from sdt_drake.studies.study import load_study
+
+    _refuse_unused(options, "row")
+    study, base = load_study(path)
+    folder = options.out or Path(study.name)
+    run_into(folder, study, base, options)
+    say(f"{folder / RESULTS} written; sdt-drake study show {shlex.quote(str(folder))}")
+
+
+def add_running(parser: argparse.ArgumentParser) -> None:
+    """Options of what runs a study."""
+    parser.add_argument("--out", type=some_path, help="folder of the study (default: its name)")
+    parser.add_argument("--workers", type=int, help="processes on this machine (default: 1)")
+    parser.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, tcp://HOST:8786")
+    parser.add_argument("--resume", action="store_true", help="finish the study that DIR holds")
+
+
+def run_into(folder: Path, study: Study, base: Scenario, options: argparse.Namespace) -> None:
+    """Run what a study's folder does not have yet, as the options of `add_running` say."""
+    from sdt_drake.studies.execute import run_study
+    from sdt_drake.studies.job import make_job
+    from sdt_drake.studies.results import require_parquet
+
+    if options.workers is not None and options.cluster is not None:
+        raise InputError("give either --workers or --cluster")
+    workers = checked_count(1 if options.workers is None else options.workers, "--workers")
+    require_parquet()
+    check_folder(folder)
+    progress = Progress()
+    try:
+        run_study(
+            make_job(study, base),
+            folder,
+            workers=workers,
+            cluster=options.cluster,
+            resume=options.resume,
+            report=progress,
+        )
+    except KeyboardInterrupt:
+        progress.end()
+        say(f"interrupted; what is done is kept, --resume --out {shlex.quote(str(folder))} goes on")
+        raise
+    finally:
+        progress.end()
+
+
+def _refuse_unused(options: argparse.Namespace, *names: str) -> None:
+    for name in names:
+        if getattr(options, name) not in (None, False):
+            raise InputError(
+                f"study: --{name} has no use here, expected {' '.join(_USAGE.split())}"
+            )
+
+
+class Progress:
+    """How far a study is: a line that is drawn anew on a screen, a few lines elsewhere."""
+
+    def __init__(self) -> None:
+        self._start = time.monotonic()
+        self._screen = sys.stderr.isatty()
+        self._said = -1
+
+    def __call__(self, done: int, before: int, count: int) -> None:
+        tenth = 10 * done // count
+        if not self._screen and tenth == self._said:
+            return
+        self._said = tenth
+        text = f"{done} of {count} runs"
+        elapsed, new = time.monotonic() - self._start, done - before
+        if new:
+            rate = new / elapsed
+            text += f", {rate:.3g} per second, {_duration((count - done) / rate)} left"
+        if self._screen:
+            filled = 30 * done // count
+            bar = "█" * filled + "░" * (30 - filled)
+            print(f"\r{bar} {text}\x1b[K", end="", file=sys.stderr, flush=True)
+        else:
+            say(text)
+
+    def end(self) -> None:
+        """The last state stays."""
+        if self._screen and self._said >= 0:
+            print(file=sys.stderr)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    if seconds < 6000:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"
+
+
+def repeat(folder: Path, options: argparse.Namespace) -> None:
+    from sdt_drake.studies.folder import load_folder, load_runner
+
+    _refuse_unused(options, "workers", "cluster", "resume")
+    study, _, names = load_folder(folder)
+    if options.row is None or not 0 <= options.row < len(study):
+        raise InputError(f"study repeat: --row {options.row}, expected 0 to {len(study) - 1}")
+    if options.out is not None and options.out.suffix != ".csv":
+        raise InputError(f"{options.out}: unknown kind of file, expected .csv")
+    runner, other = load_runner(folder)
+    outcomes, recording = runner.repeat(options.row)
+    print_table(("input", "value"), [(k, f"{v}") for k, v in study.inputs(options.row).items()])
+    say()
+    print_table(("outcome", "value"), [(k, f"{v!r}") for k, v in zip(names, outcomes, strict=True)])
+    if other:
+        say(f"The study was begun with {other}: numbers may differ.")
+    if options.out is not None:
+        recording.to_csv(options.out)
+        say(f"{options.out} written")
+
+
+def show(folder: Path) -> None:
+    from sdt_drake.studies.results import read_study_table
+    from sdt_drake.studies.show import grouping, summary_tables
+
+    table = read_study_table(folder)
+    for title, header, rows in summary_tables(table, grouping(table)):
+        say(title)
+        print_table(header, rows)
+        say()
+    say(f"a run once more, exactly: sdt-drake study repeat {shlex.quote(str(folder))} --row N")
+    say(f"{write_study_page(folder)} written")
+
+
+def write_study_page(folder: Path) -> Path:
+    """Figures and report.html of a study folder."""
+    from sdt_drake.studies.page import write_report
+    from sdt_drake.studies.results import read_study_table
+    from sdt_drake.studies.show import grouping
+
+    table = read_study_table(folder)
+    return write_report(table, folder, grouping(table))

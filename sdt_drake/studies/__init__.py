@@ -1,0 +1,1 @@
+"""Studies: many variants of a scenario, run by many processes, and what they say."""

@@ -1,0 +1,83 @@
+"""Running a study into its folder, from the start or from where it was interrupted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sdt_drake.studies.folder import claim, save_study
+from sdt_drake.studies.job import Job
+from sdt_drake.studies.journal import Journal
+from sdt_drake.studies.results import require_parquet, write_results
+from sdt_drake.studies.workers import Pool, Task
+
+BLOCK = 256
+"""Rows that an axis study gives to a process at once: the axis engine runs them together."""
+
+Report = Callable[[int, int, int], None]
+"""Called with the numbers of runs that are done now, were done before, and are wanted."""
+
+
+def run_study(
+    job: Job,
+    folder: Path,
+    *,
+    workers: int = 1,
+    cluster: str | None = None,
+    resume: bool = False,
+    report: Report = lambda done, before, count: None,
+) -> Path:
+    """Run the rows of a study that its folder does not have yet, and write results.parquet.
+
+    Rows do not depend on where, in which order, or how often interrupted they are run.
+
+    Args:
+        job: the study.
+        folder: of the study, made if it is not there.
+        workers: processes on this machine.
+        cluster: address of a Dask scheduler, whose workers run the rows instead.
+        resume: whether the folder holds a part of this study.
+        report: told of progress.
+
+    Returns:
+        The file of results.
+
+    Raises:
+        InputError: if the folder has a study and `resume` is not set, or has another study, or
+            none; if the cluster cannot be reached; if the disk is full.
+    """
+    require_parquet()
+    with _backend(job, workers, cluster) as backend:
+        claim(job, folder, resume)
+        with Journal(folder, len(job.study), len(job.outcomes)) as journal:
+            save_study(job, folder)
+            before = int(journal.done.sum())
+            done = before
+            report(done, before, len(job.study))
+            for rows in backend.map(_tasks(job, np.flatnonzero(~journal.done))):
+                journal.append(rows)
+                done += len(rows)
+                report(done, before, len(job.study))
+            return write_results(job, journal.rows(), folder)
+
+
+@contextmanager
+def _backend(job: Job, workers: int, cluster: str | None) -> Iterator:
+    if cluster is None:
+        with Pool(job, workers) as pool:
+            yield pool
+    else:
+        from sdt_drake.studies.cluster import Cluster
+
+        with Cluster(job, cluster) as distributed:
+            yield distributed
+
+
+def _tasks(job: Job, numbers: NDArray[np.intp]) -> Iterator[Task]:
+    size = BLOCK if job.base.plant.kind == "axis" else 1
+    for start in range(0, len(numbers), size):
+        yield numbers[start : start + size].tolist()

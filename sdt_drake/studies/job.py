@@ -1,0 +1,108 @@
+"""What a process needs to run rows of a study, wherever it is: data, and the files it names."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydrake.common.yaml import yaml_dump_typed
+
+from sdt_drake.design import load_device, make_design
+from sdt_drake.errors import InputError
+from sdt_drake.motion import find_motion
+from sdt_drake.resources import PACKAGE_PREFIX, find_file
+from sdt_drake.robot import load_robot
+from sdt_drake.scenario import Scenario
+from sdt_drake.studies.runs import FILE_FIELDS, Runner, outcome_names
+from sdt_drake.studies.study import Study
+from sdt_drake.versions import versions
+
+
+@dataclass(frozen=True)
+class Job:
+    """A study that can be sent to another machine.
+
+    Attributes:
+        study, base: as loaded.
+        files: content of the files outside the package, by their names in study and base.
+        outcomes: names of the numbers that a run ends with.
+        fingerprint: of study, base and files: of all that is asked for.
+        versions: of all that computes it.
+    """
+
+    study: Study
+    base: Scenario
+    files: dict[str, bytes]
+    outcomes: tuple[str, ...]
+    fingerprint: str
+    versions: dict[str, str]
+
+    def runner(self, folder: Path) -> Runner:
+        """Runs rows here, on copies of the files in `folder`: the originals may be changed, or be
+        on another machine."""
+        places = {name: folder / place for name, place in places_of(self.files).items()}
+        for name, place in places.items():
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.write_bytes(self.files[name])
+        return Runner(self.study, self.base, {name: str(place) for name, place in places.items()})
+
+
+def places_of(files: Mapping[str, bytes]) -> dict[str, str]:
+    """Where files are in a folder of their own, each in another, by their names in the study."""
+    return {name: f"{i + 1}/{Path(name).name}" for i, name in enumerate(files)}
+
+
+def with_files(base: Scenario, places: Mapping[str, str]) -> Scenario:
+    """A copy that has its files at other places; those without one stay."""
+    base = copy.deepcopy(base)
+    for field in FILE_FIELDS:
+        if field.is_in(base):
+            name = field.get(base)
+            field.set(base, places.get(name, name))
+    return base
+
+
+def make_job(study: Study, base: Scenario) -> Job:
+    """Check that the base scenario can be run, and gather what its variants need.
+
+    Raises:
+        InputError: if it cannot, if a file is missing, or if a robot has more or fewer joints.
+    """
+    make_design(base)
+    robot = load_device(base)
+    files, hashes = {}, []
+    for field, name, reference in _references(study, base):
+        file = find_file(reference, study.folder)
+        joints = load_robot(file).n if field == "robot" else robot.n
+        if joints != robot.n:
+            raise InputError(f"{name}: {joints} joint(s), expected {robot.n} as in the base")
+        content = file.read_bytes()
+        hashes.append(hashlib.sha256(content).hexdigest())
+        if not reference.startswith(PACKAGE_PREFIX):
+            files[name] = content
+    depends = {
+        # Neither where the files are nor how long a run may take changes anything in it.
+        "study": yaml_dump_typed(
+            dataclasses.replace(study, scenario="", timeout=1.0), schema=Study
+        ),
+        "base": yaml_dump_typed(with_files(base, places_of(files)), schema=Scenario),
+        "files": hashes,
+    }
+    fingerprint = hashlib.sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
+    return Job(study, base, files, outcome_names(base, robot.n), fingerprint, versions())
+
+
+def _references(study: Study, base: Scenario) -> Iterator[tuple[str, str, str]]:
+    """Field, name and reference of the files of the base scenario and its variants."""
+    for field in FILE_FIELDS:
+        names = [field.get(base)] if field.is_in(base) else []
+        for variable in study.variables:
+            if field in variable.targets:
+                names += map(str, variable.distribution.levels())
+        for name in names:
+            yield field.name, name, find_motion(name) if field.name == "motion" else name

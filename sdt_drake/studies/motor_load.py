@@ -1,0 +1,109 @@
+"""What a run takes of the motors of a catalogue: heat, and torque at speed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import zip_longest
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sdt_drake.analysis.tracking import period_torque
+from sdt_drake.design import Design
+from sdt_drake.device import Motor, motors_in_use
+from sdt_drake.motion import margins
+from sdt_drake.scenario import Scenario
+from sdt_drake.simulate import Recording
+
+Array = NDArray[np.float64]
+
+LOADS = ("used_torque_share", "rated_torque_share", "winding_temperature", "torque_at_speed_share")
+"""Of `motor_loads`, one for each joint."""
+
+
+def has_motor_loads(scenario: Scenario) -> bool:
+    """Whether `motor_loads` can tell them: of a coupled plant with motors of a catalogue."""
+    device = scenario.device
+    if device is None or scenario.plant.kind != "coupled" or scenario.plant.elasticity is not None:
+        return False
+    return any(device.fitted) and all(
+        motor or fitted for motor, fitted in zip_longest(device.motors, device.fitted, fillvalue="")
+    )
+
+
+def motor_load_names(n: int) -> tuple[str, ...]:
+    """Of the numbers that `motor_loads` tells of n joints."""
+    return (*(f"{name}_{k + 1}" for name in LOADS for k in range(n)), "stretch")
+
+
+def motor_loads(
+    design: Design, recording: Recording, commanded: float, pause: float = 0.0
+) -> tuple[float, ...]:
+    """Numbers of a run, as `motor_load_names` names them; less is better for each of them.
+
+    used_torque_share: largest torque over the motor's largest [-].
+    rated_torque_share: RMS of the motor's torque, pauses included, over the rated torque [-].
+    winding_temperature: highest temperature of the winding above that of its coolant, as a share
+        of what the rated torque gives for ever [-], the run repeated for ever.
+    torque_at_speed_share: of the planned motion, the largest torque over what the motor's envelope
+        leaves to drive with at that speed [-].
+    stretch: how much longer than commanded the motion lasts [-].
+
+    Args:
+        design: of a scenario with a device whose motors are all of the catalogue.
+        recording: its run.
+        commanded: how long the motion should last [s].
+        pause: rest between two runs, motors without current [s].
+
+    Raises:
+        InputError: for a device with a motor of no catalogue.
+    """
+    robot, motion = design.robot, design.motion
+    motors = motors_in_use(design.scenario.device, robot.n)
+    torque = period_torque(recording, design)
+    mean_square = torque.mean_square
+    rated = _each(motors, "rated_torque")
+    limits = margins(robot, motion, n1=_each(motors, "n1"), n0=_each(motors, "n0"))
+    by_joint = (
+        torque.peak / robot.motor_torque_limit,
+        np.sqrt(mean_square.mean(axis=0) * motion.duration / (motion.duration + pause)) / rated,
+        winding_temperature(
+            mean_square / rated**2, _each(motors, "thermal_time_constant"), motion.period, pause
+        ),
+        limits.share["torque at speed"].max(axis=0),
+    )
+    return (*np.concatenate(by_joint).tolist(), motion.duration / commanded - 1)
+
+
+def winding_temperature(
+    heat: Array, time_constant: ArrayLike, period: float, pause: float = 0.0
+) -> Array:
+    """Highest temperature theta of windings in a cycle that goes on for ever, shape (n,).
+
+    Copper losses grow with the torque squared, and the winding is one lump of heat (assumed), so
+    with theta = 1 for the rated torque
+
+        T d theta/dt + theta = (tau / tau_rated)²
+
+    Over a period of constant heat this is solved exactly. After a cycle of length t_c + t_p that
+    starts at theta_0 the winding must be at theta_0 again: with f, what a cycle that starts cold
+    ends with, theta_0 = f exp(-t_p / T) / (1 - exp(-(t_c + t_p) / T)).
+
+    Args:
+        heat: (tau / tau_rated)², mean over each period [-], shape (N, n).
+        time_constant: T [s], shape (n,).
+        period: [s].
+        pause: t_p at the end of the cycle, without torque [s].
+    """
+    T = np.asarray(time_constant, dtype=float)
+    kept = np.exp(-period / T)
+    cold = np.zeros((len(heat) + 1, len(T)))
+    for i, added in enumerate((1 - kept) * heat):
+        cold[i + 1] = kept * cold[i] + added
+    time = period * np.arange(len(cold))[:, None]
+    start = cold[-1] * np.exp(-pause / T) / -np.expm1(-(time[-1] + pause) / T)
+    return (cold + start * np.exp(-time / T)).max(axis=0)
+
+
+def _each(motors: Sequence[Motor], name: str) -> Array:
+    return np.array([getattr(motor, name) for motor in motors])

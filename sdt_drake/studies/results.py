@@ -1,0 +1,104 @@
+"""The rows of a study as one Parquet file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sdt_drake.errors import InputError, replacing
+from sdt_drake.studies.folder import load_folder
+from sdt_drake.studies.job import Job
+from sdt_drake.studies.journal import read_rows
+from sdt_drake.studies.runs import Row
+from sdt_drake.studies.study import Study
+from sdt_drake.studies.table import StudyTable
+
+RESULTS = "results.parquet"
+_ABOUT = "sdt_drake"  # key of the metadata
+_GROUP = 4096  # rows that are in memory together
+
+
+def require_parquet() -> None:
+    """Raise InputError if pyarrow is not there."""
+    try:
+        import pyarrow.parquet  # noqa: F401
+    except ImportError:
+        raise InputError(
+            "studies need pyarrow for their results: pip install 'sdt_drake[study]'"
+        ) from None
+
+
+def write_results(job: Job, rows: Iterable[Row], folder: Path) -> Path:
+    """Write rows, in their order, as results.parquet; memory is that of a few thousand.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
+    import pyarrow
+    from pyarrow import parquet
+
+    study, rows = job.study, iter(rows)
+    about = {
+        "study": study.name,
+        "inputs": [variable.name for variable in study.variables],
+        "outcomes": list(job.outcomes),
+        "fingerprint": job.fingerprint,
+        "versions": job.versions,
+    }
+    texts = [variable.name for variable in study.variables if variable.takes_texts]
+    fields = [pyarrow.field("row", pyarrow.int64())]
+    for name in about["inputs"]:
+        kind = pyarrow.string() if name in texts else pyarrow.float64()
+        fields.append(pyarrow.field(name, kind))
+    fields += [pyarrow.field(name, pyarrow.string()) for name in ("status", "reason")]
+    fields.append(pyarrow.field("duration", pyarrow.float64()))
+    fields += [pyarrow.field(name, pyarrow.float64()) for name in job.outcomes]
+    schema = pyarrow.schema(fields, {_ABOUT: json.dumps(about)})
+    path = folder / RESULTS
+    with replacing(path) as partial, parquet.ParquetWriter(partial, schema) as writer:
+        while group := list(islice(rows, _GROUP)):
+            columns = [
+                pyarrow.array(values, from_pandas=True)  # NaN is null
+                for values in _columns(study, group, job.outcomes).values()
+            ]
+            writer.write_table(pyarrow.table(columns, schema=schema))
+    return path
+
+
+def _columns(study: Study, rows: list[Row], outcomes: Sequence[str]) -> dict[str, NDArray | list]:
+    inputs = [study.inputs(row.number) for row in rows]
+    columns = {"row": [row.number for row in rows]}
+    columns |= {name: [values[name] for values in inputs] for name in inputs[0]}
+    for name in ("status", "reason", "duration"):
+        columns[name] = [getattr(row, name) for row in rows]
+    nothing = (np.nan,) * len(outcomes)
+    values = np.array([row.outcomes or nothing for row in rows])
+    return columns | dict(zip(outcomes, values.T, strict=True))
+
+
+def read_study_table(folder: Path) -> StudyTable:
+    """The runs of a study folder that are done.
+
+    Raises:
+        InputError: if the folder holds no study, or a file of it cannot be used.
+    """
+    study, _, outcomes = load_folder(folder)
+    rows = list(read_rows(folder, len(study), len(outcomes)))
+    if not rows:
+        raise InputError(f"{folder}: no run of the study is done yet")
+    columns = _columns(study, rows, outcomes)
+    arrays = {name: np.asarray(values) for name, values in columns.items()}
+    return StudyTable(
+        name=study.name,
+        row=arrays["row"],
+        inputs={v.name: arrays[v.name] for v in study.variables},
+        outcomes={name: arrays[name] for name in outcomes},
+        status=arrays["status"],
+        reason=arrays["reason"],
+        duration=arrays["duration"],
+    )

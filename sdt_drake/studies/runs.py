@@ -1,0 +1,247 @@
+"""Runs of a study: from the number of a row to its outcomes, by the engine that can do it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sdt_drake.analysis.tracking import felt_of, motor_use, period_torque, track
+from sdt_drake.design import Design, load_device, load_plan, make_design
+from sdt_drake.dynamics import TorqueGroups, torque_groups
+from sdt_drake.errors import InputError
+from sdt_drake.motion import Plan
+from sdt_drake.pilot import has_head
+from sdt_drake.resources import PACKAGE_PREFIX, models_dir
+from sdt_drake.robot import Robot
+from sdt_drake.scenario import Scenario
+from sdt_drake.simulate import Recording, simulate
+from sdt_drake.studies.axis_engine import AxisBatch, only_in_drake, simulate_axes
+from sdt_drake.studies.fields import find_field
+from sdt_drake.studies.motor_load import has_motor_loads, motor_load_names, motor_loads
+from sdt_drake.studies.study import Study
+
+Array = NDArray[np.float64]
+
+_TRACKING = (
+    "max_abs_speed_error",
+    "rms_speed_error",
+    "constant_speed_error",
+    "saturated_fraction",
+    "max_abs_position_error",
+)
+_MOTORS = ("peak_torque_share", "rms_torque_share")
+_CACHED = 16  # robots and motions that a process keeps
+
+FILE_FIELDS = tuple(map(find_field, ("robot", "motion", "device.catalogue")))
+"""Fields of a scenario that name a file."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of a run.
+
+    Attributes:
+        number: from 0.
+        status: one of STATUSES.
+        reason: one line; "" where it is ok.
+        duration: [s].
+        outcomes: in the order of `outcome_names`; empty where it is not ok.
+    """
+
+    number: int
+    status: str
+    reason: str
+    duration: float
+    outcomes: tuple[float, ...]
+
+
+def outcome_names(base: Scenario, n: int) -> tuple[str, ...]:
+    """Of the numbers that a run ends with: joint k's of n are called name_k."""
+    names = [f"{name}_{k + 1}" for name in (*_TRACKING, *_MOTORS) for k in range(n)]
+    loads = motor_load_names(n) if has_motor_loads(base) else ()
+    return (*names, "felt_share", *loads)
+
+
+class Runner:
+    """Runs rows of a study; keeps robots and planned motions that they share."""
+
+    def __init__(
+        self, study: Study, base: Scenario, places: Mapping[str, str] | None = None
+    ) -> None:
+        """Of a study and its base scenario; places: where files are that go by other names."""
+        self._study, self._base, self._places = study, base, dict(places or {})
+        self._robots: dict[str, Robot] = {}
+        self._plans: dict[tuple, tuple[Plan, TorqueGroups] | InputError] = {}
+
+    def scenario(self, number: int) -> Scenario:
+        """Of a row.
+
+        Raises:
+            InputError: for values that their fields do not take.
+        """
+        scenario = self._study.scenario_of(self._base, self._study.inputs(number))
+        scenario.name = f"{self._study.name}, row {number}"
+        for field in FILE_FIELDS:
+            name = field.get(scenario) if field.is_in(scenario) else None
+            if name in self._places:
+                field.set(scenario, self._places[name])
+        return scenario
+
+    def design(self, scenario: Scenario) -> tuple[Design, Plan]:
+        """Of a scenario of the study; and the plan of its motion.
+
+        Raises:
+            InfeasibleError: if the device cannot do the motion.
+            InputError: for any other bad input.
+        """
+        scenario.validate()  # before planning, which would call bad numbers infeasible
+        robot = self._robot(scenario)
+        plan, torques = self._plan(scenario, robot)
+        return make_design(scenario, robot=robot, motion=plan.motion, torques=torques), plan
+
+    def _robot(self, scenario: Scenario) -> Robot:
+        key = f"{scenario.robot} {scenario.device}"
+        return _cached(self._robots, key, lambda: load_device(scenario))
+
+    def _plan(self, scenario: Scenario, robot: Robot) -> tuple[Plan, TorqueGroups]:
+        choice = (scenario.motion, scenario.period, scenario.torque_margin, scenario.planner)
+
+        def plan() -> tuple[Plan, TorqueGroups] | InputError:
+            path, period, margin, planner = choice
+            try:
+                plan = load_plan(path, robot, period=period, margin=margin, planner=planner)
+                motion = plan.motion
+                return plan, torque_groups(robot, motion.q, motion.v, motion.vd)
+            except InputError as error:
+                return error
+
+        planned = _cached(self._plans, (robot.sdf, *choice), plan)
+        if isinstance(planned, InputError):
+            raise InfeasibleError(str(planned))
+        return planned
+
+    def run(self, numbers: Sequence[int]) -> list[Row]:
+        """Run rows; those that the axis engine can do go through it together."""
+        rows: dict[int, Row] = {}
+        batches: dict[int, AxisBatch] = {}
+        waiting: dict[int, list[tuple[int, float]]] = {}
+        for number in numbers:
+            start = time.perf_counter()
+            try:
+                design, plan = self.design(self.scenario(number))
+                if only_in_drake(design.scenario) is None:
+                    key = id(design.motion)  # its batch keeps it: no other gets this number
+                    batches.setdefault(key, AxisBatch()).add(design)
+                    waiting.setdefault(key, []).append((number, time.perf_counter() - start))
+                    continue
+                outcomes = self._outcomes(design, simulate(design), plan)
+                duration = time.perf_counter() - start
+                rows[number] = _row(number, outcomes, design.robot.n, duration)
+            except Exception as error:  # whatever it is, the study goes on
+                rows[number] = self._failed(number, error, time.perf_counter() - start)
+        for key, batch in batches.items():
+            for row in self._run_batch(batch, waiting[key]):
+                rows[row.number] = row
+        return [rows[number] for number in numbers]
+
+    def _run_batch(self, batch: AxisBatch, waiting: list[tuple[int, float]]) -> list[Row]:
+        """Rows with what it took to prepare them [s], through the axis engine."""
+        start = time.perf_counter()
+        try:
+            table, _ = _run_axes(batch)
+        except Exception as error:
+            if len(waiting) > 1:  # one of them is bad, and the others need not know
+                return [row for number, _ in waiting for row in self.run([number])]
+            return [self._failed(number, error, prepared) for number, prepared in waiting]
+        each = (time.perf_counter() - start) / len(waiting)
+        joints = len(table[0]) // len((*_TRACKING, *_MOTORS))
+        return [
+            _row(number, self._filled(tuple(values), joints), joints, prepared + each)
+            for (number, prepared), values in zip(waiting, table, strict=True)
+        ]
+
+    def repeat(self, number: int) -> tuple[tuple[float, ...], Recording]:
+        """Outcomes and recording of a row, run once more.
+
+        Raises:
+            InputError: if it cannot be run.
+        """
+        design, plan = self.design(self.scenario(number))
+        if only_in_drake(design.scenario) is None:
+            batch = AxisBatch()
+            batch.add(design)
+            table, recordings = _run_axes(batch, record=True)
+            return self._filled(tuple(table[0]), design.robot.n), recordings[0]
+        recording = simulate(design)
+        return self._outcomes(design, recording, plan), recording
+
+    def _outcomes(self, design: Design, recording: Recording, plan: Plan) -> tuple[float, ...]:
+        outcomes = outcomes_of(design, recording)
+        if has_motor_loads(self._base) and has_motor_loads(design.scenario):
+            commanded, pause = plan.commanded.duration, self._study.pause
+            outcomes += motor_loads(design, recording, commanded, pause)
+        return self._filled(outcomes, design.robot.n)
+
+    def _filled(self, outcomes: tuple[float, ...], n: int) -> tuple[float, ...]:
+        """With NaN for what the rows of the study have and this one does not."""
+        return outcomes + (np.nan,) * (len(outcome_names(self._base, n)) - len(outcomes))
+
+    def _failed(self, number: int, error: Exception, duration: float) -> Row:
+        status = "infeasible" if isinstance(error, InfeasibleError) else "failed"
+        reason = " ".join(str(error).split())
+        if not isinstance(error, InputError):
+            reason = f"{type(error).__name__}: {reason}"
+        # Where a process has its files is its own business: rows are the same everywhere.
+        for name, place in self._places.items():
+            reason = reason.replace(place, name)
+        reason = reason.replace(f"{models_dir()}/", PACKAGE_PREFIX)
+        return Row(number, status, reason, duration, ())
+
+
+class InfeasibleError(InputError):
+    """The device cannot do the motion."""
+
+
+def outcomes_of(design: Design, recording: Recording) -> tuple[float, ...]:
+    """The numbers of a run up to felt_share, as `outcome_names` names them."""
+    tracking = track(recording, design.motion)
+    motors = motor_use(period_torque(recording, design), design.robot)
+    parts = [getattr(tracking, name) for name in _TRACKING]
+    parts += [motors.peak_share, motors.rms_share]
+    felt = np.nan  # the axis plant is no device that one could sit in
+    if has_head(design.robot) and design.scenario.plant.kind == "coupled":
+        felt = felt_of(recording, design.robot).share
+    return tuple(np.concatenate([*parts, [felt]]).tolist())
+
+
+def _run_axes(
+    batch: AxisBatch, *, record: bool = False
+) -> tuple[list[list[float]], tuple[Recording, ...]]:
+    """Outcomes of each design of a batch, and their recordings where they are asked for."""
+    variants = batch.variants()
+    outcomes = simulate_axes(variants, record=record)
+    parts = [getattr(outcomes, name) for name in _TRACKING]
+    parts += [outcomes.peak_torque / variants.torque_limit]
+    parts += [outcomes.rms_torque / variants.torque_limit]
+    table = np.hstack([*parts, np.full((len(variants), 1), np.nan)])
+    return table.tolist(), outcomes.recordings or ()
+
+
+def _row(number: int, outcomes: tuple[float, ...], joints: int, duration: float) -> Row:
+    if np.isinf(outcomes).any() or np.isnan(outcomes[:joints]).any():
+        return Row(number, "failed", "the speeds are not finite", duration, ())
+    return Row(number, "ok", "", duration, outcomes)
+
+
+def _cached(cache: dict, key: Any, make: Callable[[], Any]) -> Any:
+    """From the cache, which forgets the oldest."""
+    if key not in cache:
+        if len(cache) >= _CACHED:
+            del cache[next(iter(cache))]
+        cache[key] = make()
+    return cache[key]

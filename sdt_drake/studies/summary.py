@@ -1,0 +1,279 @@
+"""What thousands of runs say together: counts, percentiles, worst runs, and what matters.
+
+Everything takes a StudyTable; for each controller on its own, `StudyTable.split` it first. In a
+study with paired draws (the same variants for each controller) the results of the parts can then
+be compared line by line.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sdt_drake.errors import checked_count
+from sdt_drake.studies.table import STATUSES, StudyTable, is_text, levels_of
+
+Array = NDArray[np.float64]
+
+PERCENTS = (5, 25, 50, 75, 95, 99, 100)
+"""Of the percentiles; the last is the largest."""
+
+_MOST_BINS = 50
+_FEWEST_RUNS = 10
+_FIFTH = 0.2
+
+
+# --- counts ----------------------------------------------------------------------------------
+
+
+class Reason(NamedTuple):
+    """Why some runs are not ok.
+
+    Attributes:
+        text: their reason; where they differ in numbers only, with an ellipsis for each number.
+        count: of the runs.
+        row: number of the first of them.
+    """
+
+    text: str
+    count: int
+    row: int
+
+
+class StatusCount(NamedTuple):
+    """Runs of one status.
+
+    Attributes:
+        status: one of STATUSES.
+        runs: how many.
+        reasons: the most frequent ones first.
+    """
+
+    status: str
+    runs: int
+    reasons: list[Reason]
+
+
+def count_statuses(table: StudyTable, most_reasons: int = 3) -> list[StatusCount]:
+    """How many runs ended in which way, and why; statuses that no run has are left out."""
+    parts = {status: table.select(table.status == status) for status in STATUSES}
+    return [
+        StatusCount(status, len(part), _reasons(part)[:most_reasons])
+        for status, part in parts.items()
+        if len(part)
+    ]
+
+
+# Not the joint's: what happens to joint 1 and to joint 2 are two things.
+_NUMBER = re.compile(r"(?<!joint )(?<![\w.])([-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?!\w)")
+
+
+def _reasons(table: StudyTable) -> list[Reason]:
+    """Of the runs of a table, the most frequent first; different numbers make no other reason."""
+    alike: dict[tuple[str, ...], list[int]] = {}
+    pieces = [_NUMBER.split(str(text)) for text in table.reason]  # words, number, words, ...
+    for i, words in enumerate(pieces):
+        alike.setdefault(tuple(words[::2]), []).append(i)
+    reasons = [
+        Reason(_common([pieces[i] for i in runs]), len(runs), int(table.row[runs[0]]))
+        for words, runs in alike.items()
+        if any(words)
+    ]
+    return sorted(reasons, key=lambda reason: -reason.count)
+
+
+def _common(texts: Sequence[Sequence[str]]) -> str:
+    """One text for several that are as long: what differs is an ellipsis."""
+    return "".join(same[0] if len(set(same)) == 1 else "…" for same in zip(*texts, strict=True))
+
+
+# --- distributions ---------------------------------------------------------------------------
+
+
+def percentiles(table: StudyTable, outcome: str, percents: Sequence[float] = PERCENTS) -> Array:
+    """Percentiles of an outcome over the runs that are ok and have it, in its unit.
+
+    Args:
+        table: of the study, or a part of it.
+        outcome: its name, or that of a family: of each run's worst joint.
+        percents: between 0 and 100.
+
+    Returns:
+        Shape (len(percents),); NaN without such runs.
+
+    Raises:
+        InputError: for an unknown outcome.
+    """
+    values = values_of(table, outcome)
+    if not len(values):
+        return np.full(len(percents), np.nan)
+    return np.percentile(values, percents)
+
+
+def usable(table: StudyTable, *outcomes: str) -> NDArray[np.bool_]:
+    """Which runs are ok and have a number for all of these outcomes, shape (N,).
+
+    Raises:
+        InputError: for an unknown outcome.
+    """
+    return np.all([table.ok, *(np.isfinite(table.outcome(name)) for name in outcomes)], axis=0)
+
+
+def values_of(table: StudyTable, outcome: str) -> Array:
+    """An outcome of the runs that are ok and have it, in the unit of the table.
+
+    Raises:
+        InputError: for an unknown outcome.
+    """
+    return table.outcome(outcome)[usable(table, outcome)]
+
+
+def worst_runs(table: StudyTable, outcome: str, count: int = 5) -> StudyTable:
+    """The runs with the largest values of an outcome, the worst first.
+
+    Args:
+        table, outcome: as in `percentiles`.
+        count: of the runs; fewer if there are not as many.
+
+    Raises:
+        InputError: for an unknown outcome, or a count that is no whole number >= 1.
+    """
+    count = checked_count(count, "count of the worst runs")
+    runs = table.select(usable(table, outcome))
+    # Stable: of equal runs the one that comes first.
+    return runs.select(np.argsort(-runs.outcome(outcome), kind="stable")[:count])
+
+
+# --- what matters ----------------------------------------------------------------------------
+
+
+def varied(table: StudyTable) -> list[str]:
+    """Names of the inputs that differ between the runs."""
+    return list(_varied_inputs(table, slice(None)))
+
+
+def _varied_inputs(table: StudyTable, runs: NDArray | slice) -> dict[str, NDArray]:
+    """The inputs of some runs, by name; those that differ between them."""
+    chosen = ((name, values[runs]) for name, values in table.inputs.items())
+    return {name: values for name, values in chosen if _differ(values)}
+
+
+def _differ(values: NDArray) -> bool:
+    if is_text(values):
+        return len(levels_of(values)) > 1
+    finite = values[np.isfinite(values)]
+    return len(finite) > 0 and np.ptp(finite) > 0
+
+
+def sensitivity(table: StudyTable, outcome: str) -> dict[str, float]:
+    """How much of the variance of an outcome each input explains alone, the most first.
+
+    See `explained_share`; inputs that do not differ are left out. What is missing from a sum of 1
+    comes of inputs acting together, and of what is no input.
+
+    Args:
+        table, outcome: as in `percentiles`.
+
+    Raises:
+        InputError: for an unknown outcome.
+    """
+    y = values_of(table, outcome)
+    inputs = _varied_inputs(table, usable(table, outcome))
+    shares = {name: explained_share(x, y) for name, x in inputs.items()}
+    return dict(sorted(shares.items(), key=lambda item: -np.nan_to_num(item[1], nan=-np.inf)))
+
+
+def explained_share(x: NDArray, y: Array) -> float:
+    """First-order sensitivity index: Var(E(y | x)) / Var(y), as the correlation ratio.
+
+    The runs are put into groups of equal x: by level for texts and for numbers of few values, in
+    about sqrt(N) bins of equal count for others. The groups' means differ by chance alone, too;
+    this is taken off (epsilon squared: Kelley, PNAS 21, 1935, p. 554), so that an input without
+    influence gives 0 on average, and may give a little less:
+
+        (SS_between - (groups - 1) MS_within) / SS_total
+
+    Args:
+        x: the input, numbers or texts, shape (N,); runs without a finite number are left out.
+        y: the outcome, finite, shape (N,).
+
+    Returns:
+        At most 1; NaN for fewer than 10 runs, or where y does not vary.
+    """
+    if not is_text(x):
+        finite = np.isfinite(x)
+        x, y = x[finite], y[finite]
+    if len(y) < _FEWEST_RUNS:
+        return np.nan
+    group, count = _groups(x)
+    total = np.sum((y - y.mean()) ** 2)
+    # Rounding leaves something of the variance of equal numbers.
+    if count == len(y) or total <= len(y) * (1e-12 * np.abs(y).max()) ** 2:
+        return np.nan
+    mean = np.bincount(group, y) / np.bincount(group)
+    within = np.sum((y - mean[group]) ** 2)
+    return float(1 - within / total * (len(y) - 1) / (len(y) - count))
+
+
+def _groups(x: NDArray) -> tuple[NDArray[np.int64], int]:
+    """Number of the group of each run, shape (N,), and how many groups there are."""
+    levels, group = np.unique(x.astype(str) if is_text(x) else x, return_inverse=True)
+    bins = min(_MOST_BINS, round(np.sqrt(len(x))))
+    if not is_text(x) and len(levels) > bins:
+        edges = np.quantile(x, np.linspace(0, 1, bins + 1)[1:-1])
+        # Equal numbers are in the same bin; some bins then stay empty.
+        levels, group = np.unique(np.searchsorted(edges, x, side="right"), return_inverse=True)
+    return group, len(levels)
+
+
+@dataclass(frozen=True)
+class Swing:
+    """How far one input moves the mean of an outcome.
+
+    Attributes:
+        name: of the input.
+        low, high: the mean where the input is in its lowest and in its highest fifth; for texts
+            the lowest and the highest mean of a level, in the unit of the outcome.
+        low_level, high_level: these levels; "" for numbers.
+    """
+
+    name: str
+    low: float
+    high: float
+    low_level: str = ""
+    high_level: str = ""
+
+    @property
+    def width(self) -> float:
+        """How far apart the two means are."""
+        return abs(self.high - self.low)
+
+
+def tornado(table: StudyTable, outcome: str) -> list[Swing]:
+    """How far each input moves the mean of an outcome, the farthest first.
+
+    Args:
+        table, outcome: as in `percentiles`.
+
+    Raises:
+        InputError: for an unknown outcome.
+    """
+    y = values_of(table, outcome)
+    inputs = _varied_inputs(table, usable(table, outcome))
+    swings = [_swing(name, x, y) for name, x in inputs.items()]
+    return sorted(swings, key=lambda swing: -swing.width)
+
+
+def _swing(name: str, x: NDArray, y: Array) -> Swing:
+    if is_text(x):
+        texts = x.astype(str)
+        means = {level: float(y[texts == level].mean()) for level in levels_of(x)}
+        low, high = min(means, key=means.get), max(means, key=means.get)
+        return Swing(name, means[low], means[high], low, high)
+    low, high = np.nanquantile(x, [_FIFTH, 1 - _FIFTH])
+    return Swing(name, float(y[x <= low].mean()), float(y[x >= high].mean()))

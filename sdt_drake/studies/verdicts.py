@@ -1,0 +1,268 @@
+"""What the runs of a sizing say: which motors are enough, with which controller."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sdt_drake.errors import replacing
+from sdt_drake.studies.pareto import pareto
+from sdt_drake.studies.quantities import family_of, quantity_of
+from sdt_drake.studies.sizing import Candidate, Sizing, candidates, short_name
+from sdt_drake.studies.table import StudyTable
+
+_DECIMALS = 4  # of a speed error [rad/s]: simulate.ACCURACY
+_ROUND_OFF = 1e-9  # of an outcome; the planner uses limits to the full
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A candidate with a controller, over all motions.
+
+    Attributes:
+        candidate: what it is.
+        controller: its label.
+        mass: of all motors, that of joint 1 too [kg].
+        error: largest speed error of any joint in any motion [rad/s]; NaN if a run is missing.
+        worst: largest value of each required outcome, and the motion in which it is.
+        used: the same values over their limits [-]; inf where nothing is allowed and something is.
+        missed: requirements that are not kept, what matters first; empty if all are.
+    """
+
+    candidate: Candidate
+    controller: str
+    mass: float
+    error: float
+    worst: dict[str, tuple[float, str]]
+    used: dict[str, float]
+    missed: tuple[str, ...]
+
+    @property
+    def feasible(self) -> bool:
+        """Whether all requirements are kept."""
+        return not self.missed
+
+    def tightest(self, joint: int) -> str:
+        """The outcome of joint number `joint`, from 1, that is nearest to its limit."""
+        own = {name: share for name, share in self.used.items() if family_of(name)[1] == joint}
+        return max(own, key=own.__getitem__)
+
+
+def judge(sizing: Sizing, table: StudyTable) -> list[Verdict]:
+    """Hold every candidate with every controller against the requirements, over all motions.
+
+    Args:
+        sizing: as it was run.
+        table: of `sizing.study()`; it need not be complete.
+
+    Raises:
+        InputError: if the table lacks an input or a required outcome.
+    """
+    columns = {
+        name: table.checked_input(name).tolist()
+        for name in (*_motor_names(sizing.n), "structure_scale", "motion", "controller")
+    }
+    rows: dict[tuple[Candidate, str], dict[str, int]] = {}
+    for i in range(len(table)):
+        motors = tuple(columns[name][i] for name in _motor_names(sizing.n))
+        candidate = Candidate(motors, columns["structure_scale"][i])
+        rows.setdefault((candidate, columns["controller"][i]), {})[columns["motion"][i]] = i
+    mass = {motor.id: motor.mass for motor in sizing.catalogue.motors}
+    return [
+        _verdict(sizing, table, candidate, controller, mass, rows.get((candidate, controller), {}))
+        for controller in sizing.controllers
+        for candidate in candidates(sizing)
+    ]
+
+
+def _motor_names(n: int) -> list[str]:
+    return [f"motor_{k + 1}" for k in range(n)]
+
+
+def _verdict(
+    sizing: Sizing,
+    table: StudyTable,
+    candidate: Candidate,
+    controller: str,
+    mass: dict[str, float],
+    rows: dict[str, int],
+) -> Verdict:
+    """Of the rows of a candidate with a controller, by motion."""
+    limits = sizing.requirements.limits(sizing.n)
+    missed = []
+    for motion in sizing.motions:
+        if motion not in rows:
+            missed.append(f"{short_name(motion)} has not been run")
+        elif table.status[rows[motion]] != "ok":
+            i = rows[motion]
+            missed.append(f"{short_name(motion)} is {_said(table.status[i])}: {table.reason[i]}")
+    ran = {motion: i for motion, i in rows.items() if table.status[i] == "ok"}
+    worst, used = {}, {}
+    for name, limit in limits.items():
+        values = {short_name(motion): float(table.outcome(name)[i]) for motion, i in ran.items()}
+        if values:
+            motion = max(values, key=lambda m: (math.isnan(values[m]), values[m]))
+            worst[name] = values[motion], motion
+            used[name] = _share(values[motion], limit)
+            if not values[motion] <= limit + _ROUND_OFF:  # nor is NaN
+                missed.append(_missed(name, *worst[name], limit))
+    errors = [table.outcome("max_abs_speed_error")[i] for i in ran.values()]
+    return Verdict(
+        candidate=candidate,
+        controller=controller,
+        mass=sum(mass[id_] for id_ in candidate.motors),
+        error=float(max(errors)) if len(ran) == len(sizing.motions) else math.nan,
+        worst=worst,
+        used=used,
+        missed=tuple(missed),
+    )
+
+
+def _share(value: float, limit: float) -> float:
+    if limit > 0:
+        return value / limit
+    return 0.0 if value <= 0 else math.inf
+
+
+def _said(status: str) -> str:
+    return status.replace("_", " ")
+
+
+def _missed(name: str, value: float, motion: str, limit: float) -> str:
+    quantity = quantity_of(name)
+    unit = f" {quantity.unit}" if quantity.unit else ""
+    return (
+        f"{_called(name)} is {value * quantity.factor:.4g}{unit} in {motion}, at most "
+        f"{limit * quantity.factor:.4g} allowed"
+    )
+
+
+def _called(name: str) -> str:
+    """An outcome in words."""
+    joint = family_of(name)[1]
+    return quantity_of(name).title + (f" of joint {joint}" if joint else "")
+
+
+# --- recommendations -------------------------------------------------------------------------
+
+
+def front_of(verdicts: Sequence[Verdict]) -> NDArray[np.bool_]:
+    """Which verdicts are on the Pareto front of motor mass against speed error, shape (N,).
+
+    Errors are compared as exactly as they are known.
+    """
+    return pareto([v.mass for v in verdicts], np.round([v.error for v in verdicts], _DECIMALS))
+
+
+def recommend(verdicts: Sequence[Verdict], controller: str) -> Verdict | None:
+    """The lightest motor set that keeps all requirements with this controller; None if none does.
+
+    Of equally light ones that in the lightest structure, then that with the smallest error.
+    """
+    return min(
+        (v for v in verdicts if v.controller == controller and v.feasible),
+        key=lambda v: (v.mass, v.candidate.structure_scale, v.error),
+        default=None,
+    )
+
+
+def nearest(verdicts: Sequence[Verdict], controller: str) -> Verdict:
+    """The candidate that misses the fewest requirements; of several the lightest."""
+    own = (v for v in verdicts if v.controller == controller)
+    return min(own, key=lambda v: (len(v.missed), v.mass, v.candidate.structure_scale))
+
+
+def lightest_motor(
+    sizing: Sizing, verdicts: Sequence[Verdict], controller: str, joint: int
+) -> str | None:
+    """The lightest motor of a joint (from 1) in any motor set that keeps all requirements."""
+    mass = {motor.id: motor.mass for motor in sizing.catalogue.motors}
+    ids = {
+        v.candidate.motors[joint - 1] for v in verdicts if v.controller == controller and v.feasible
+    }
+    return min(ids, key=mass.__getitem__, default=None)
+
+
+def sizing_lines(sizing: Sizing, verdicts: Sequence[Verdict]) -> list[str]:
+    """The result for people: a recommendation for each controller, then joint by joint."""
+    return [
+        *(line for label in sizing.controllers for line in _controller_lines(verdicts, label)),
+        *(_joint_line(sizing, verdicts, k + 1) for k in range(sizing.n)),
+    ]
+
+
+def _controller_lines(verdicts: Sequence[Verdict], controller: str) -> list[str]:
+    best = recommend(verdicts, controller)
+    if best is None:
+        near = nearest(verdicts, controller)
+        return [
+            f"with {controller} no motor set meets the requirements; the nearest, "
+            f"{near.candidate}, misses {len(near.missed)}",
+            *(f"  {text}" for text in near.missed[:3]),
+        ]
+    return [
+        f"with {controller}: {best.candidate}, {best.mass:g} kg of motors",
+        *(f"  {_margin_text(best, k + 1)}" for k in range(len(best.candidate.motors))),
+    ]
+
+
+def _margin_text(verdict: Verdict, joint: int) -> str:
+    name = verdict.tightest(joint)
+    _, motion = verdict.worst[name]
+    return (
+        f"joint {joint} {verdict.candidate.motors[joint - 1]}: tightest is "
+        f"{quantity_of(name).title}, {100 * verdict.used[name]:.0f} % of what is allowed, "
+        f"in {motion}"
+    )
+
+
+def _joint_line(sizing: Sizing, verdicts: Sequence[Verdict], joint: int) -> str:
+    """Which motor is enough, for which controllers."""
+    labels_of: dict[str, list[str]] = {}
+    for label in sizing.controllers:
+        id_ = lightest_motor(sizing, verdicts, label, joint)
+        if id_ is not None:
+            labels_of.setdefault(id_, []).append(label)
+    if not labels_of:
+        return f"joint {joint}: no controller meets the requirements"
+    by_mass = sorted(labels_of, key=lambda id_: -sizing.catalogue.motor(id_, "").mass)
+    *heavier, lightest = by_mass
+    parts = [f"with {_and(labels_of[id_])} it needs {id_}" for id_ in heavier]
+    parts.append(f"with {_and(labels_of[lightest])} {lightest} is enough")
+    return f"joint {joint}: {', '.join(parts)}"
+
+
+def _and(labels: Sequence[str]) -> str:
+    *first, last = labels
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+# --- files -----------------------------------------------------------------------------------
+
+
+def write_verdicts(verdicts: Sequence[Verdict], path: str | Path) -> None:
+    """Write all candidates with all controllers as CSV: the worst of all motions, full precision.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
+    names = list(dict.fromkeys(name for verdict in verdicts for name in verdict.worst))
+    front = front_of(verdicts)
+    with replacing(Path(path)) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        n = len(verdicts[0].candidate.motors)
+        motors = [f"motor_{k + 1}" for k in range(n)]
+        table.writerow(
+            ["controller", *motors, "structure_scale", "motor_mass", "front", *names, "missed"]
+        )
+        for verdict, on_front in zip(verdicts, front.tolist(), strict=True):
+            worst = [verdict.worst[name][0] if name in verdict.worst else "" for name in names]
+            candidate = verdict.candidate
+            start = [verdict.controller, *candidate.motors, candidate.structure_scale, verdict.mass]
+            table.writerow([*start, on_front, *worst, "; ".join(verdict.missed)])

@@ -1,0 +1,45 @@
+"""A folder with short motions, base scenarios, and studies on them."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from small_studies import write_files
+
+from sdt_drake.studies.execute import run_study
+from sdt_drake.studies.job import make_job
+from sdt_drake.studies.study import load_study
+
+
+@pytest.fixture(scope="session")
+def files(tmp_path_factory) -> Path:
+    """Read only: motions short and fast, bases axis and coupled, studies of 6 and 80 runs."""
+    folder = tmp_path_factory.mktemp("files")
+    write_files(folder)
+    return folder
+
+
+@pytest.fixture
+def desk(tmp_path, monkeypatch) -> Path:
+    """The same, as the working directory and to be changed."""
+    folder = tmp_path / "desk"
+    folder.mkdir()
+    write_files(folder)
+    monkeypatch.chdir(folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def undisturbed(files, tmp_path_factory) -> Path:
+    """many.yaml by one process, from beginning to end; read only."""
+    folder = tmp_path_factory.mktemp("undisturbed") / "many"
+    run_study(make_job(*load_study(files / "many.yaml")), folder)
+    return folder
+
+
+@pytest.fixture
+def copied(undisturbed, tmp_path) -> Path:
+    """The same, to be changed."""
+    return shutil.copytree(undisturbed, tmp_path / "copied")

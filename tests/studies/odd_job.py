@@ -1,0 +1,60 @@
+"""A job whose rows misbehave, for processes that need nothing else to be tested."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+
+from sdt_drake.studies.runs import Row
+
+
+@dataclass
+class OddJob:
+    """Stands for a Job; `acts` tells what happens in a row instead of it being run.
+
+    "hang", "kill", "abort", "exit"; "kill once", which leaves a file in `folder`.
+    """
+
+    folder: str
+    acts: dict[int, str] = field(default_factory=dict)
+    timeout: float = 30.0
+    start: str = ""
+
+    @property
+    def study(self):
+        return SimpleNamespace(timeout=self.timeout)
+
+    def runner(self, folder: Path):
+        assert folder.is_dir()
+        _act(self.start, Path(self.folder))
+        return self
+
+    def run(self, numbers):
+        return [self._row(number) for number in numbers]
+
+    def _row(self, number: int) -> Row:
+        _act(self.acts.get(number, ""), Path(self.folder))
+        return Row(number, "ok", "", 0.5, (float(number), float(os.getpid())))
+
+
+def _act(what: str, folder: Path) -> None:
+    if what == "hang":
+        time.sleep(1000)
+    elif what == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    elif what == "abort":
+        os.write(2, b"a first line\nabort: matrix is singular\n")
+        os.abort()
+    elif what == "exit":
+        os._exit(0)
+    elif what == "raise":
+        raise RuntimeError("no start")
+    elif what == "kill once":
+        mark = folder / "was here"
+        if not mark.exists():
+            mark.touch()
+            os.kill(os.getpid(), signal.SIGKILL)

@@ -1,0 +1,283 @@
+"""Runs of a study in one process: what becomes of rows, good and bad."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from sdt_drake.analysis.tracking import track
+from sdt_drake.design import make_design
+from sdt_drake.device import DeviceChoice
+from sdt_drake.errors import InputError
+from sdt_drake.resources import models_dir
+from sdt_drake.scenario import Scenario, load_scenario
+from sdt_drake.simulate import simulate
+from sdt_drake.studies.axis_engine import AxisBatch
+from sdt_drake.studies.job import make_job
+from sdt_drake.studies.runs import Row, Runner, outcome_names
+from sdt_drake.studies.study import Choice, Grid, List, Study, Uniform, Variable
+
+
+@pytest.fixture(scope="module")
+def base(files) -> Scenario:
+    return load_scenario(files / "axis.yaml")
+
+
+def of(field: str, distribution, **options) -> Variable:
+    return Variable(field, [field], distribution=distribution, **options)
+
+
+def run(base: Scenario, *variables: Variable, **options) -> list[Row]:
+    study = Study("s", variables=list(variables), **options)
+    study.validate(base)
+    return Runner(study, base).run(range(len(study)))
+
+
+def without_duration(rows: list[Row]) -> list[str]:
+    return [repr(dataclasses.replace(row, duration=0.0)) for row in rows]  # NaN is not equal NaN
+
+
+def test_outcomes_are_those_of_a_run(base, robot):
+    amplitudes = [0.1, 0.2]
+    rows = run(base, of("disturbance.amplitude", List(amplitudes)))
+
+    for row, amplitude in zip(rows, amplitudes, strict=True):
+        scenario = dataclasses.replace(
+            base, disturbance=dataclasses.replace(base.disturbance, amplitude=amplitude)
+        )
+        design = make_design(scenario)
+        tracking = track(simulate(design, accuracy=1e-9), design.motion)
+        outcomes = dict(zip(outcome_names(base, robot.n), row.outcomes, strict=True))
+        for k in range(robot.n):
+            expected = tracking.rms_speed_error[k]
+            assert outcomes[f"rms_speed_error_{k + 1}"] == pytest.approx(expected, abs=1e-6)
+        assert row.status == "ok" and row.reason == "" and row.duration > 0
+        assert outcomes["rms_speed_error_2"] > 1e-3
+
+
+def test_infeasible_rows(base, files):
+    motions = Choice(["fast.yaml", "short.yaml"])
+    study = Study("s", variables=[of("motion", motions)])
+    study.folder = files
+    bad, good = Runner(study, base, {n: str(files / n) for n in motions.values}).run([0, 1])
+
+    assert (bad.status, good.status) == ("infeasible", "ok")
+    assert bad.outcomes == () and "\n" not in bad.reason
+    # Not where the file is, which another process has elsewhere.
+    assert bad.reason.startswith("fast.yaml: ") and str(files) not in bad.reason
+
+
+def test_reasons_do_not_name_the_folder_of_the_package(base):
+    small = of("torque_margin", List([0.001]))
+    [row] = run(base, of("motion", Choice(["coriolis"])), small)
+    assert row.status == "infeasible"
+    assert "package://sdt/motions/coriolis.yaml" in row.reason
+    assert str(models_dir()) not in row.reason
+
+
+@pytest.mark.parametrize(
+    ("variable", "reason"),
+    [
+        (of("disturbance.amplitude", List([-1.0, 0.1])), "disturbance.amplitude: -1.0, expected"),
+        (of("torque_margin", List([1.5, 1.0])), "torque_margin: 1.5, expected a share"),
+        (of("controller.zeta[2]", List([-1.0, 1.0])), "zeta"),
+        (of("plant.kind", Choice(["exis", "axis"])), "plant.kind: 'exis', expected one of"),
+    ],
+)
+def test_bad_values_fail_alone(base, variable, reason):
+    bad, good = run(base, variable)
+
+    assert (bad.status, good.status) == ("failed", "ok")
+    assert reason in bad.reason and bad.outcomes == ()
+
+
+def test_negative_friction_fails(files):
+    base = load_scenario("package://sdt/scenarios/uncertain.yaml")
+    base.motion = str(files / "short.yaml")
+    rows = run(base, of("plant.friction.viscous", List([-1.0, 5.0]), apply="value"))
+
+    assert [row.status for row in rows] == ["failed", "ok"]
+    assert "plant.friction.viscous" in rows[0].reason
+
+
+def test_whatever_happens_in_a_row_becomes_a_row(base, monkeypatch):
+    def explode(design):
+        raise ZeroDivisionError("division\nby zero")
+
+    monkeypatch.setattr("sdt_drake.studies.runs.simulate", explode)
+    rows = run(base, of("controller", Choice(["p_pi", "pi"])))
+
+    assert [row.status for row in rows] == ["failed", "ok"]
+    assert rows[0].reason == "ZeroDivisionError: division by zero"
+
+
+def test_one_bad_row_does_not_spoil_its_batch(base, monkeypatch):
+    variables = AxisBatch.variants
+
+    def refuse(batch):
+        if any(own["amplitude"] == 0.2 for own in batch._own):
+            raise InputError("amplitude: 0.2")
+        return variables(batch)
+
+    monkeypatch.setattr(AxisBatch, "variants", refuse)
+    rows = run(base, of("disturbance.amplitude", List([0.1, 0.2, 0.3])))
+
+    assert [row.status for row in rows] == ["ok", "failed", "ok"]
+    assert [row.number for row in rows] == [0, 1, 2]
+
+
+@pytest.mark.parametrize("worst", [math.nan, math.inf])
+@pytest.mark.parametrize("joint", [0, 3])
+def test_speeds_that_are_not_finite_fail(base, monkeypatch, joint, worst):
+    def outcomes_of(design, recording):
+        outcomes = np.zeros(29)
+        outcomes[joint] = worst
+        return tuple(outcomes.tolist())
+
+    monkeypatch.setattr("sdt_drake.studies.runs.outcomes_of", outcomes_of)
+    [row] = run(base, of("controller", Choice(["p_pi"])))
+    assert (row.status, row.reason, row.outcomes) == ("failed", "the speeds are not finite", ())
+
+
+@pytest.fixture(scope="module")
+def mixed(base) -> Study:
+    """Rows for the axis engine, with three motions, and rows that only Drake can do."""
+    study = Study(
+        "mixed",
+        draws=2,
+        variables=[
+            of("disturbance.amplitude", Uniform(0, 0.3)),
+            of("controller", Choice(["pi", "p_pi+id"])),
+            of("torque_margin", Grid(0.8, 1.0, 3)),
+        ],
+    )
+    study.validate(base)
+    return study
+
+
+@pytest.fixture(scope="module")
+def mixed_rows(base, mixed) -> list[Row]:
+    return Runner(mixed, base).run(range(len(mixed)))
+
+
+def test_both_engines_in_one_task(mixed_rows, monkeypatch):
+    assert [row.number for row in mixed_rows] == list(range(12))
+    assert {row.status for row in mixed_rows} == {"ok"}
+    assert len({row.outcomes[1] for row in mixed_rows}) > 2
+
+
+def test_rows_do_not_depend_on_their_order_and_company(base, mixed, mixed_rows, monkeypatch):
+    expected = without_duration(mixed_rows)
+    monkeypatch.setattr("sdt_drake.studies.runs._CACHED", 1)  # motions are planned again and again
+    order = np.random.default_rng(0).permutation(12).tolist()
+    runner, rows = Runner(mixed, base), []
+    for task in (order[:1], order[1:6], order[6:]):
+        rows += runner.run(task)
+
+    assert [row.number for row in rows] == order
+    assert without_duration(sorted(rows, key=lambda row: row.number)) == expected
+
+
+def test_axis_rows_go_through_the_axis_engine(base, mixed, monkeypatch):
+    in_drake = []
+    monkeypatch.setattr("sdt_drake.studies.runs.simulate", lambda d: in_drake.append(d) or 1 / 0)
+    statuses = [row.status for row in Runner(mixed, base).run(range(6))]
+
+    assert statuses == ["ok"] * 3 + ["failed"] * 3 and len(in_drake) == 3
+
+
+@pytest.mark.parametrize("number", [0, 4])  # of either engine
+def test_repeat_has_the_same_numbers_and_a_recording(base, mixed, mixed_rows, number):
+    outcomes, recording = Runner(mixed, base).repeat(number)
+
+    assert repr(outcomes) == repr(mixed_rows[number].outcomes)
+    worst = np.abs(recording.speed_error).max(axis=0)
+    np.testing.assert_allclose(worst, outcomes[:4], rtol=1e-12, atol=1e-15)
+
+
+def test_caches_do_not_grow(base, mixed):
+    runner = Runner(Study("s", variables=[of("torque_margin", Grid(0.5, 1, 40))]), base)
+    runner.run(range(40))
+    assert len(runner._plans) <= 16 and len(runner._robots) == 1
+
+
+def test_every_row_has_the_outcomes_of_the_study(files):
+    """The loads of the motors are those of rigid coupled plants; other rows have none of them."""
+    base = load_scenario(files / "coupled.yaml")
+    fitted = ["AC-203", "TM-3950", "TM-2150", "TM-2150"]
+    base.device = DeviceChoice(fitted=fitted)
+    rows = run(
+        base,
+        of("plant.kind", Choice(["coupled", "axis"])),
+        of("controller", Choice(["pi", "p_pi"])),
+    )
+    names = outcome_names(base, 4)
+    loads = slice(names.index("used_torque_share_1"), None)
+
+    assert [len(row.outcomes) for row in rows] == [len(names)] * 4
+    assert np.isfinite([row.outcomes[loads] for row in rows[:2]]).all()
+    assert np.isnan([row.outcomes[loads] for row in rows[2:]]).all()
+
+
+# --- jobs ------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def own_files(desk):
+    """A base with a robot and a motion of its own, varied over two motions."""
+    sdf = (models_dir() / "sdt.sdf").read_text()
+    (desk / "own").mkdir()
+    (desk / "own" / "device.sdf").write_text(sdf)
+    text = (desk / "axis.yaml").read_text()
+    (desk / "own" / "base.yaml").write_text("robot: device.sdf\n" + text)
+    (desk / "own" / "short.yaml").write_text((desk / "short.yaml").read_text())
+    base = load_scenario("own/base.yaml")
+    study = Study("s", variables=[of("motion", Choice(["own/short.yaml", "coriolis"]))])
+    study.folder = desk
+    return study, base
+
+
+def test_a_job_has_its_files_with_it(own_files, desk, tmp_path, monkeypatch):
+    study, base = own_files
+    job = make_job(study, base)
+    assert set(job.files) == {base.robot, base.motion, "own/short.yaml"}
+
+    for file in (desk / "own").iterdir():
+        file.unlink()
+    (tmp_path / "there").mkdir()
+    monkeypatch.chdir(tmp_path / "there")
+    [row] = job.runner(tmp_path / "there").run([0])
+    assert (row.status, row.reason) == ("ok", "")
+
+
+def test_fingerprint(own_files, desk):
+    study, base = own_files
+    first = make_job(study, base).fingerprint
+
+    desk.rename(desk.parent / "moved")
+    there = load_scenario(desk.parent / "moved" / "own" / "base.yaml")
+    study.folder = desk.parent / "moved"
+    study.timeout = 7.0
+    assert make_job(study, there).fingerprint == first  # neither changes a number
+
+    other = dataclasses.replace(there, disturbance=dataclasses.replace(there.disturbance))
+    other.disturbance.amplitude = 0.1
+    assert make_job(study, other).fingerprint != first
+    study.seed = 1
+    assert make_job(study, there).fingerprint != first
+    study.seed = 0
+    motion = desk.parent / "moved" / "own" / "short.yaml"
+    motion.write_text(motion.read_text().replace("0.5]]", "0.4]]"))
+    assert make_job(study, there).fingerprint != first
+
+
+def test_a_job_that_cannot_be_run(own_files):
+    study, base = own_files
+    study.variables[0].distribution = Choice(["own/nowhere.yaml"])
+    with pytest.raises(InputError, match=r"own/nowhere\.yaml: no such file"):
+        make_job(study, base)
+    with pytest.raises(InputError, match="no such file"):
+        make_job(study, dataclasses.replace(base, motion="nowhere.yaml"))

@@ -1,0 +1,326 @@
+"""Sizing files, and what a table of runs says about the motors."""
+
+from __future__ import annotations
+
+import copy
+import math
+import re
+import shutil
+
+import numpy as np
+import pytest
+
+from sdt_drake.device import DeviceChoice
+from sdt_drake.errors import InputError
+from sdt_drake.resources import find_file
+from sdt_drake.studies.runs import Runner, outcome_names
+from sdt_drake.studies.sizing import Candidate, Requirements, Sizing, candidates, load_sizing
+from sdt_drake.studies.table import StudyTable
+from sdt_drake.studies.verdicts import (
+    front_of,
+    judge,
+    lightest_motor,
+    nearest,
+    recommend,
+    sizing_lines,
+)
+
+SHIPPED = "package://sdt/studies/sizing.yaml"
+TEXT = find_file(SHIPPED).read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def load(tmp_path):
+    def load_text(text: str):
+        path = tmp_path / "own.yaml"
+        path.write_text(text, encoding="utf-8")
+        return load_sizing(path)
+
+    return load_text
+
+
+# --- files -----------------------------------------------------------------------------------
+
+
+def test_the_shipped_sizing_is_a_study_of_all_combinations():
+    sizing, base = load_sizing(SHIPPED)
+    study = sizing.study()
+    assert len(candidates(sizing)) == 72
+    assert len(study) == 72 * 4 * 3 <= 900
+    seen = [study.inputs(i) for i in range(len(study))]
+    assert len({tuple(inputs.values()) for inputs in seen}) == len(study)
+    order = [Candidate(tuple(x.values())[:4], x["structure_scale"]) for x in seen[::12]]
+    assert order == candidates(sizing)
+    assert base.planner == "limiter" and base.plant.kind == "coupled"
+
+
+def test_a_row_has_the_device_of_its_inputs():
+    sizing, base = load_sizing(SHIPPED)
+    study = sizing.study()
+    scenario = study.scenario_of(base, study.inputs(len(study) - 1))
+    motors = ["AC-270", "TM-5270", "TM-2150", "TM-1430"]
+    assert scenario.device == DeviceChoice(motors, fitted=["AC-203", "TM-3950"] + ["TM-2150"] * 2)
+    assert (scenario.motion, scenario.controller.label) == ("post_roll", "p_pi+id")
+    assert base.device.motors == base.device.fitted  # not touched
+
+
+def test_paths_start_from_the_folder_of_the_file(load, tmp_path):
+    for name in ("scenarios/coupled_pi.yaml", "motors.yaml"):
+        shutil.copy(find_file(f"package://sdt/{name}"), tmp_path)
+    own = TEXT.replace("package://sdt/scenarios/coupled_pi.yaml", "coupled_pi.yaml")
+    sizing, base = load(own.replace("  fitted:", "  catalogue: motors.yaml\n  fitted:"))
+    assert sizing.name == "sizing"
+    assert sizing.scenario == str(tmp_path / "coupled_pi.yaml")
+    assert base.device.catalogue == str(tmp_path / "motors.yaml")
+    assert sizing.motions[0] == "reference"
+
+
+BAD = [
+    ("scenario: package://sdt/scenarios/coupled_pi.yaml", "", "scenario: missing, expected the"),
+    ("coupled_pi.yaml", "axis_pi.yaml", "scenario: plant.kind axis, expected coupled: the masses"),
+    ("TM-3950, TM-5270]", "TM-3950, TM-5720]", "motors[2]: no motor 'TM-5720' in the catalogue"),
+    ("[TM-716, TM-1430]", "[TM-716, TM-716]", "motors[4]: ['TM-716', 'TM-716'] has a value twice"),
+    ("[TM-716, TM-1430]", "[]", "motors[4]: empty, expected at least one"),
+    ("  - [TM-716, TM-1430]  # yaw\n", "", "device.fitted: 4 value(s), expected 3, one for each"),
+    ("  fitted:", "  structure_scale: 2\n  fitted:", "device: motors and structure_scale are"),
+    ("  fitted: [AC-203, TM-3950, TM-2150, TM-2150]", "  payload: payload", "device.fitted: mis"),
+    ("[0.8, 1.0]", "[0.8, 0]", "structure_scales: 0.0, expected a finite number > 0"),
+    ("[0.8, 1.0]", "[]", "structure_scales: empty, expected at least one"),
+    ("inversion, post", "inversoin, post", "inversoin: no such motion, did you mean inversion?"),
+    ("[reference,", "[mine.yaml,", "{folder}/mine.yaml: no such file"),
+    ("[reference,", "[mine/post_roll.csv,", "motions: ['post_roll', 'g_excess', 'inversion', "),
+    ("[pi, pi_id", "[pi, pi_ids", "controllers: 'pi_ids', expected one of"),
+    ("planner: limiter", "planner: none", "planner: 'none', expected one of"),
+    ("torque_margin: 1.0", "torque_margin: 1.1", "torque_margin: 1.1, expected a share in (0, 1]"),
+    ("pause: 30.0", "pause: -1", "pause: -1.0, expected a finite number >= 0"),
+    ("[0.05, 0.25, 0.05, 0.1]", "[]", "requirements.max_abs_speed_error: missing"),
+    ("[0.05, 0.25, 0.05, 0.1]", "[0.1, 0.1]", "requirements.max_abs_speed_error: 2 value(s), exp"),
+    ("[0.05, 0.25, 0.05, 0.1]", "[-0.1]", "requirements.max_abs_speed_error: -0.1, expected a fin"),
+    ("saturated_fraction: 0.01", "saturated_fraction: .nan", "requirements.saturated_fraction"),
+    ("saturated_fraction: 0.01", "used_torque_share: 0", "requirements.used_torque_share: 0.0"),
+    ("saturated_fraction: 0.01", "saturation: 0", "requirements.saturation: unknown field"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("old, new, message", BAD, ids=[message[:50] for *_, message in BAD])
+def test_a_bad_field_is_refused_with_the_file(load, tmp_path, old, new, message):
+    assert old in TEXT
+    where = f"{tmp_path / 'own.yaml'}: {message.format(folder=tmp_path)}"
+    with pytest.raises(InputError, match="^" + re.escape(where)) as error:
+        load(TEXT.replace(old, new))
+    assert "\n" not in str(error.value)
+
+
+def test_limits_by_outcome():
+    limits = Requirements([0.1, 0.2], [90.0], winding_temperature=0.8).limits(2)
+    assert [limits[f"max_abs_speed_error_{k}"] for k in (1, 2)] == [0.1, 0.2]
+    assert limits["max_abs_position_error_2"] == pytest.approx(np.pi / 2)
+    assert limits["winding_temperature_1"] == limits["winding_temperature_2"] == 0.8
+    assert limits["stretch"] == 0
+    assert not any("position" in name for name in Requirements([0.1]).limits(2))
+
+
+# --- the table -------------------------------------------------------------------------------
+
+SMALL = Sizing(
+    name="small",
+    device=DeviceChoice(fitted=["AC-203", "TM-3950"]),
+    motors=[["AC-150", "AC-203"], ["TM-2860", "TM-3950"]],
+    structure_scales=[0.8, 1.0],
+    motions=["leans", "package://sdt/motions/reference.yaml"],
+    controllers=["pi", "pi_id"],
+    requirements=Requirements([0.1, 0.2], [3.0]),
+)
+TORQUE = {"AC-150": 150.0, "AC-203": 203.2, "TM-2860": 2860.0, "TM-3950": 3950.0}
+GOOD = {
+    "torque_at_speed_share_1": 0.5, "torque_at_speed_share_2": 0.5,
+    "used_torque_share_1": 0.5, "used_torque_share_2": 0.5,
+    "winding_temperature_1": 0.4, "winding_temperature_2": 0.4,
+    "saturated_fraction_1": 0.0, "saturated_fraction_2": 0.0,
+    "max_abs_speed_error_1": 0.01, "max_abs_speed_error_2": 0.02,
+    "max_abs_position_error_1": 0.001, "max_abs_position_error_2": 0.002,
+    "stretch": 0.0,
+}  # fmt: skip
+
+
+def table_of(sizing, outcome, keep=lambda inputs: True) -> StudyTable:
+    """The table of a sizing with made-up outcomes: a dict, or a reason why there are none."""
+    study = sizing.study()
+    inputs = [study.inputs(i) for i in range(len(study)) if keep(study.inputs(i))]
+    results = [outcome(x) for x in inputs]
+    ok = [isinstance(result, dict) for result in results]
+    return StudyTable(
+        name=sizing.name,
+        row=np.arange(len(inputs)),
+        inputs={name: np.array([x[name] for x in inputs]) for name in inputs[0]},
+        outcomes={
+            name: np.array([r[name] if o else math.nan for r, o in zip(results, ok, strict=True)])
+            for name in GOOD
+        },
+        status=np.where(ok, "ok", "infeasible"),
+        reason=np.array(["" if o else r for r, o in zip(results, ok, strict=True)], dtype=object),
+        duration=np.zeros(len(inputs)),
+    )
+
+
+def story(inputs):
+    """`pi` needs the large motor on joint 2; the small one on joint 1 is too weak unscaled."""
+    reference = inputs["motion"] != "leans"
+    if reference and inputs["motor_1"] == "AC-150" and inputs["structure_scale"] == 1:
+        return "joint 1 has 150 N m"
+    error = 0.02
+    if reference and inputs["motor_2"] == "TM-2860":
+        error = 0.3 if inputs["controller"] == "pi" else 0.15
+    return {
+        **GOOD,
+        "max_abs_speed_error_2": error,
+        "used_torque_share_1": 0.9 if reference else 0.1,
+        "winding_temperature_2": 0.95 if reference else 0.1,
+    }
+
+
+@pytest.fixture
+def verdicts():
+    return judge(SMALL, table_of(SMALL, story))
+
+
+def test_every_candidate_is_judged_with_every_controller(verdicts):
+    pairs = [(v.controller, v.candidate) for v in verdicts]
+    assert pairs == [(c, x) for c in SMALL.controllers for x in candidates(SMALL)]
+
+
+def test_the_worst_motion_counts(verdicts):
+    first = verdicts[0]  # pi, AC-150, TM-2860, 0.8
+    assert first.worst["max_abs_speed_error_2"] == (0.3, "reference")
+    assert first.used["max_abs_speed_error_2"] == pytest.approx(1.5)
+    assert first.error == 0.3
+    assert first.mass == 70 + 110  # kg, of the catalogue
+    assert first.missed == (
+        "largest speed error of joint 2 is 0.3 rad/s in reference, at most 0.2 allowed",
+    )
+    assert not first.feasible
+
+
+def test_a_motion_that_cannot_be_done_is_a_requirement_missed(verdicts):
+    second = verdicts[1]  # pi, AC-150, TM-2860, 1.0
+    assert second.missed == ("reference is infeasible: joint 1 has 150 N m",)
+    assert math.isnan(second.error)
+
+
+def test_the_lightest_that_keeps_all_is_recommended(verdicts):
+    assert recommend(verdicts, "pi").candidate == Candidate(("AC-150", "TM-3950"), 0.8)
+    assert recommend(verdicts, "pi_id").candidate == Candidate(("AC-150", "TM-2860"), 0.8)
+    assert lightest_motor(SMALL, verdicts, "pi", 2) == "TM-3950"
+
+
+def test_the_lines_say_what_the_data_say(verdicts):
+    assert sizing_lines(SMALL, verdicts) == [
+        "with pi: AC-150, TM-3950 at structure scale 0.8, 210 kg of motors",
+        "  joint 1 AC-150: tightest is torque used, 90 % of what is allowed, in reference",
+        "  joint 2 TM-3950: tightest is winding temperature, 95 % of what is allowed, in reference",
+        "with pi_id: AC-150, TM-2860 at structure scale 0.8, 180 kg of motors",
+        "  joint 1 AC-150: tightest is torque used, 90 % of what is allowed, in reference",
+        "  joint 2 TM-2860: tightest is winding temperature, 95 % of what is allowed, in reference",
+        "joint 1: with pi and pi_id AC-150 is enough",
+        "joint 2: with pi it needs TM-3950, with pi_id TM-2860 is enough",
+    ]
+
+
+def test_no_motor_set_is_said_honestly():
+    def never(inputs):
+        error = 0.5 if inputs["controller"] == "pi" else 0.0
+        return {**GOOD, "max_abs_speed_error_1": error, "stretch": 0.0}
+
+    verdicts = judge(SMALL, table_of(SMALL, never))
+    assert recommend(verdicts, "pi") is None
+    assert nearest(verdicts, "pi").candidate == Candidate(("AC-150", "TM-2860"), 0.8)
+    lines = sizing_lines(SMALL, verdicts)
+    assert lines[:2] == [
+        "with pi no motor set meets the requirements; the nearest, AC-150, TM-2860 at structure "
+        "scale 0.8, misses 1",
+        "  largest speed error of joint 1 is 0.5 rad/s in leans, at most 0.1 allowed",
+    ]
+    assert "joint 2: with pi_id TM-2860 is enough" in lines
+    nobody = judge(SMALL, table_of(SMALL, lambda inputs: "too weak"))
+    assert sizing_lines(SMALL, nobody)[-1] == "joint 2: no controller meets the requirements"
+    assert not front_of(nobody).any()
+
+
+def test_what_has_not_been_run_is_not_recommended():
+    table = table_of(SMALL, story, keep=lambda x: x["motion"] == "leans")
+    verdicts = judge(SMALL, table)
+    assert recommend(verdicts, "pi") is None
+    assert all("reference has not been run" in v.missed for v in verdicts)
+    assert all(math.isnan(v.error) for v in verdicts)
+
+
+def test_a_number_that_is_missing_is_not_kept():
+    def without(inputs):
+        return {**GOOD, "winding_temperature_1": 0.9 if inputs["motion"] == "leans" else math.nan}
+
+    assert judge(SMALL, table_of(SMALL, without))[0].missed == (
+        "winding temperature of joint 1 is nan % of rated in reference, at most 100 allowed",
+    )
+
+
+def test_a_limit_may_be_used_to_the_full():
+    full = {"used_torque_share_1": 1 + 1e-12, "torque_at_speed_share_1": 1 + 1e-12}
+    assert judge(SMALL, table_of(SMALL, lambda x: {**GOOD, **full}))[0].feasible
+
+
+def test_angles_and_shares_are_in_the_units_of_people():
+    bad = {"max_abs_position_error_2": 0.1, "saturated_fraction_1": 0.02}
+    verdict = judge(SMALL, table_of(SMALL, lambda x: {**GOOD, **bad}))[0]
+    assert verdict.missed == (
+        "saturation of joint 1 is 2 % of time in leans, at most 0 allowed",
+        "largest position error of joint 2 is 5.73 deg in leans, at most 3 allowed",
+    )
+    assert verdict.used["saturated_fraction_1"] == math.inf
+
+
+def test_the_front_is_of_mass_against_error(verdicts):
+    own = [v for v in verdicts if v.controller == "pi"]
+    front = [v.candidate for v, on in zip(own, front_of(own), strict=True) if on]
+    assert front == [Candidate(("AC-150", "TM-2860"), 0.8), Candidate(("AC-150", "TM-3950"), 0.8)]
+
+
+def test_errors_that_differ_by_less_than_their_accuracy_are_equal():
+    def noisy(inputs):
+        return {**GOOD, "max_abs_speed_error_2": 0.02 - 1e-8 * TORQUE[inputs["motor_2"]]}
+
+    verdicts = judge(SMALL, table_of(SMALL, noisy))
+    front = [v.candidate.motors for v, on in zip(verdicts, front_of(verdicts), strict=True) if on]
+    assert set(front) == {("AC-150", "TM-2860")}
+
+
+def test_a_table_of_something_else_is_refused():
+    table = table_of(SMALL, story)
+    other = copy.copy(table)
+    object.__setattr__(other, "inputs", {})
+    with pytest.raises(InputError, match=r"no input 'motor_1'"):
+        judge(SMALL, other)
+    object.__setattr__(other, "inputs", table.inputs)
+    object.__setattr__(other, "outcomes", {"stretch": table.outcomes["stretch"]})
+    with pytest.raises(InputError, match=r"no outcome 'torque_at_speed_share_1'"):
+        judge(SMALL, other)
+
+
+def test_a_real_run_ends_with_all_required_numbers():
+    sizing, base = load_sizing(SHIPPED)
+    sizing.motions, sizing.controllers = ["leans"], ["pi_id"]
+    sizing.motors = [[ids[-1]] for ids in sizing.motors]
+    sizing.structure_scales = [0.8]
+    study = sizing.study()
+    runner = Runner(study, sizing.base(base))
+    values, _ = runner.repeat(0)
+    outcomes = dict(zip(outcome_names(sizing.base(base), 4), values, strict=True))
+    assert set(sizing.requirements.limits(4)) <= set(outcomes)
+    assert all(np.isfinite(v) for k, v in outcomes.items() if not k.startswith("constant"))
+    table = StudyTable(
+        "one", np.arange(1), {k: np.array([v]) for k, v in study.inputs(0).items()},
+        {k: np.array([v]) for k, v in outcomes.items()},
+        np.array(["ok"]), np.array([""]), np.zeros(1),
+    )  # fmt: skip
+    (verdict,) = judge(sizing, table)
+    assert verdict.feasible
+    assert verdict.mass == 115 + 185 + 85 + 60

@@ -1,0 +1,300 @@
+"""`sdt-drake study` as a user meets it: what it refuses, and that nothing is ever lost."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from small_studies import RUNS, rows
+
+from sdt_drake.cli import main
+from sdt_drake.simulate import Recording
+from sdt_drake.studies.execute import run_study
+from sdt_drake.studies.job import make_job
+from sdt_drake.studies.results import read_study_table
+from sdt_drake.studies.study import load_study
+
+
+def snapshot(folder: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes() if path.is_file() else b""
+        for path in folder.rglob("*")
+    }
+
+
+@pytest.fixture
+def refuse(desk, capfd):
+    """Run a command that must be refused in one line, and leave everything as it was."""
+
+    def run(*arguments) -> str:
+        before = snapshot(desk)
+        capfd.readouterr()
+        code = main(["study", *map(str, arguments)])
+        out, err = capfd.readouterr()
+        assert (code, out) == (2, "")
+        assert err.startswith("sdt-drake: ") and err.count("\n") == 1
+        assert snapshot(desk) == before
+        return err
+
+    return run
+
+
+# --- bad input -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[disturbance.amplitude]", "[disturbance.amplitud]", "did you mean disturbance.amplitude"),
+        ("high: 0.3", "high: -1", "few.yaml: variables[1].distribution: low 0, high -1, expected"),
+        ("scenario: axis.yaml", "scenario: nowhere.yaml", "nowhere.yaml: no such file"),
+        ("scenario: axis.yaml\n", "", "few.yaml: scenario: missing"),
+        ("scenario: axis.yaml", "scenario: tooshort.yaml", "tooshort.yaml"),
+        ("scenario: axis.yaml", "scenario: toofast.yaml", "fast.yaml: motion refused: joint 2"),
+        ("[controller]", "[motion]", "pi: no such motion"),
+    ],
+)
+def test_bad_study(refuse, desk, old, new, message):
+    base = (desk / "axis.yaml").read_text()
+    (desk / "toofast.yaml").write_text(base.replace("short.yaml", "fast.yaml"))
+    text = (desk / "few.yaml").read_text()
+    assert old in text
+    (desk / "few.yaml").write_text(text.replace(old, new))
+    assert message in refuse("few.yaml")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("nowhere.yaml", "nowhere.yaml: no such file"),
+        ("axis.yaml", "unknown field"),
+        ("few.yaml --workers 0", "--workers: 0, expected a whole number >= 1"),
+        ("few.yaml --workers 2 --cluster tcp://a:1", "give either --workers or --cluster"),
+        ("few.yaml --cluster nonsense", "--cluster nonsense: cannot be reached"),
+        ("few.yaml --cluster ftp://a:1", "unknown address scheme"),
+        ("few.yaml --cluster=", "cannot be reached"),
+        ("few.yaml --out few.yaml", "few.yaml: is a file, expected a folder"),
+        ("few.yaml --out few.yaml/below", "few.yaml: is a file, expected a folder"),
+        ("few.yaml --out .", ".: holds something else, expected an empty folder"),
+        ("few.yaml --out=", "--out: empty, expected a path"),
+        ("few.yaml --resume", "few: holds no study to resume"),
+        ("few.yaml --out . --resume", ".: holds no study to resume"),
+        ("few.yaml --row 1", "--row has no use here"),
+        ("show nowhere", "nowhere: holds no study"),
+        ("repeat nowhere --row 1", "nowhere: holds no study"),
+        ("repeat . --row 1", ".: holds no study"),
+        ("show", "study: 'show', expected sdt-drake study STUDY.yaml"),
+        ("few.yaml more.yaml", "study: 'few.yaml more.yaml', expected"),
+    ],
+)
+def test_bad_arguments(refuse, arguments, message):
+    assert message in refuse(*arguments.split())
+
+
+def test_cluster_that_cannot_be_reached(refuse, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("sdt_drake.studies.cluster._CONNECT", 0.3)
+    assert "--cluster tcp://127.0.0.1:1: cannot be reached" in refuse(
+        "few.yaml", "--cluster", "tcp://127.0.0.1:1"
+    )
+
+
+@pytest.mark.parametrize("package", ["pyarrow", "distributed"])
+def test_package_that_is_not_installed(refuse, monkeypatch, package):
+    for name in [name for name in sys.modules if name.split(".")[0] == package]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, package, None)
+    assert "pip install 'sdt_drake[" in refuse("few.yaml", "--cluster", "tcp://127.0.0.1:1")
+
+
+def test_folder_of_a_study(refuse, desk, undisturbed):
+    """Neither overwritten, nor taken for another study."""
+    shutil.copytree(undisturbed, desk / "mc")
+    assert "mc: holds this study already; --resume goes" in refuse("many.yaml", "--out", "mc")
+    assert "mc: holds another study" in refuse("few.yaml", "--out", "mc")
+    assert "mc: holds another study" in refuse("few.yaml", "--out", "mc", "--resume")
+    motion = (desk / "short.yaml").read_text()
+    (desk / "short.yaml").write_text(motion.replace("0.5], [0.5", "0.4], [0.5"))
+    assert "this one with other files" in refuse("many.yaml", "--out", "mc", "--resume")
+    (desk / "short.yaml").write_text(motion)
+    state = (desk / "mc" / "state.json").read_text()
+    drake = json.loads(state)["versions"]["drake"]
+    (desk / "mc" / "state.json").write_text(state.replace(drake, "1.0"))
+    assert f"begun with drake 1.0 (here: {drake})" in refuse("many.yaml", "--out=mc", "--resume")
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "message"),
+    [
+        ("state.json", "", "state.json: cannot be used"),
+        ("state.json", "[]", "state.json: cannot be used"),
+        ("state.json", '{"fingerprint": 1}', "state.json: cannot be used"),
+        ("state.json", '{"fingerprint": "", "outcomes": "x"}', "state.json: cannot be used"),
+        ("state.json", "\0\xff", "state.json: cannot be used"),
+        ("study.yaml", "", "study.yaml: empty"),
+        ("study.yaml", "[", "study.yaml: not valid YAML"),
+        ("scenario.yaml", "5", "scenario.yaml: 5"),
+        ("rows.jsonl", "nonsense\n", "rows.jsonl, line 1: is no row"),
+    ],
+)
+def test_nonsense_in_a_folder(refuse, desk, undisturbed, file, text, message):
+    shutil.copytree(undisturbed, desk / "mc")
+    (desk / "mc" / file).write_text(text, encoding="latin-1")
+    assert message in refuse("show", "mc")
+    if file != "rows.jsonl":
+        assert message in refuse("repeat", "mc", "--row", "1")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("", "--row None, expected 0 to 79"),
+        ("--row 80", "--row 80, expected 0 to 79"),
+        ("--row=-1", "--row -1, expected 0 to 79"),
+        ("--row 1 --out x.png", "x.png: unknown kind of file, expected .csv"),
+        ("--row 1 --workers 2", "--workers has no use here"),
+    ],
+)
+def test_bad_repeat(refuse, undisturbed, arguments, message):
+    assert message in refuse("repeat", undisturbed, *arguments.split())
+
+
+# --- the same, bit for bit -------------------------------------------------------------------
+
+
+def test_results(undisturbed):
+    file = pyarrow.parquet.read_table(undisturbed / "results.parquet")
+    table = read_study_table(undisturbed)
+
+    assert file["row"].to_pylist() == list(range(RUNS)) == table.row.tolist()
+    assert file["status"].to_pylist() == ["ok"] * RUNS
+    assert len(set(file["disturbance.amplitude"].to_pylist())) == RUNS / 2
+    assert file["controller"].to_pylist()[:3] == ["pi", "p_pi+id", "pi"]
+    assert file["constant_speed_error_1"].null_count == RUNS  # nothing is that long
+    about = json.loads(file.schema.metadata[b"sdt_drake"])
+    assert about["inputs"] == ["disturbance.amplitude", "controller"]
+    assert about["outcomes"] == list(table.outcomes)
+    for name, values in table.outcomes.items():
+        np.testing.assert_array_equal(values, file[name].to_numpy())
+
+
+def test_two_processes(desk, undisturbed, capfd):
+    assert main(["study", "many.yaml", "--workers", "2", "--out", "some/where"]) == 0
+    out, err = capfd.readouterr()
+
+    assert rows(desk / "some" / "where").equals(rows(undisturbed))
+    assert err == "" and out.startswith("0 of 80 runs\n")
+    assert "80 of 80 runs, " in out and "some/where/results.parquet written" in out
+
+
+def test_other_order_of_the_tasks(undisturbed, files, tmp_path, monkeypatch):
+    from sdt_drake.studies import execute
+
+    def shuffled(job, numbers):
+        order = np.random.default_rng(0).permutation(numbers).tolist()
+        yield from (order[:7], order[7:30], order[30:])
+
+    monkeypatch.setattr(execute, "_tasks", shuffled)
+    run_study(make_job(*load_study(files / "many.yaml")), tmp_path / "many", workers=2)
+    assert rows(tmp_path / "many").equals(rows(undisturbed))
+
+
+@pytest.mark.parametrize("left", [30, RUNS])
+def test_resumed(desk, undisturbed, capfd, left):
+    shutil.copytree(undisturbed, desk / "many")
+    (desk / "many" / "results.parquet").unlink()
+    lines = (undisturbed / "rows.jsonl").read_bytes().splitlines(keepends=True)
+    torn = lines[left][:50] if left < RUNS else b""
+    (desk / "many" / "rows.jsonl").write_bytes(b"".join([*lines[:left], torn]))
+
+    assert main(["study", "many.yaml", "--resume", "--workers", "2"]) == 0
+    assert capfd.readouterr().out.startswith(f"{left} of 80 runs\n")
+    assert (desk / "many" / "rows.jsonl").read_bytes().count(b"\n") == RUNS  # none done again
+    assert rows(desk / "many").equals(rows(undisturbed))
+
+
+@pytest.mark.parametrize("number", [4, 5])
+def test_repeat(undisturbed, tmp_path, capfd, number):
+    out = tmp_path / "row.csv"
+    assert main(["study", "repeat", str(undisturbed), "--row", str(number), "--out", str(out)]) == 0
+    printed = dict(
+        line.split() for line in capfd.readouterr().out.splitlines() if len(line.split()) == 2
+    )
+    expected = rows(undisturbed).slice(number, 1).to_pylist()[0]
+
+    for name in ("disturbance.amplitude", "rms_speed_error_2", "felt_share", "peak_torque_share_2"):
+        assert float(printed[name]) == expected[name]
+    assert printed["controller"] == expected["controller"]
+    error = np.abs(Recording.from_csv(out).speed_error).max(axis=0)
+    assert error[1] == expected["max_abs_speed_error_2"] > 0
+
+
+def test_folder_that_was_moved_from_files_that_are_gone(desk, undisturbed, capfd):
+    """The folder has all that it needs."""
+    shutil.copytree(undisturbed, desk / "elsewhere")
+    for file in desk.glob("*.yaml"):
+        file.unlink()
+    assert main(["study", "repeat", "elsewhere", "--row", "4"]) == 0
+    expected = rows(undisturbed)["rms_speed_error_2"][4].as_py()
+    assert repr(expected) in capfd.readouterr().out
+
+
+def test_repeat_runs_the_motion_of_the_study(desk, capfd):
+    """Not what somebody has made of the file since."""
+    assert main(["study", "few.yaml"]) == 0
+    motion = (desk / "short.yaml").read_text()
+    (desk / "short.yaml").write_text(motion.replace("0.5]]", "0.1]]"))
+    capfd.readouterr()
+    assert main(["study", "repeat", "few", "--row", "0"]) == 0
+    assert repr(rows(desk / "few")["rms_speed_error_2"][0].as_py()) in capfd.readouterr().out
+
+
+def test_motions_start_from_the_folder_of_the_study(desk, monkeypatch):
+    text = (desk / "few.yaml").read_text()
+    text = text.replace("[controller]", "[motion]").replace("pi, p_pi+id", "short.yaml, fast.yaml")
+    (desk / "few.yaml").write_text(text)
+    (desk / "below").mkdir()
+    monkeypatch.chdir(desk / "below")
+
+    assert main(["study", "../few.yaml", "--out", "few"]) == 0
+    table = rows(desk / "below" / "few")
+    assert table["motion"].to_pylist() == ["short.yaml", "fast.yaml"] * 3
+    assert table["status"].to_pylist() == ["ok", "infeasible"] * 3
+    assert table["rms_speed_error_2"].null_count == 3
+    assert main(["study", "repeat", "few", "--row", "0"]) == 0
+    assert main(["study", "repeat", "few", "--row", "1"]) == 2
+
+
+def test_shows_what_is_done(copied, capfd):
+    journal = copied / "rows.jsonl"
+    journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:5]) + b"torn")
+    assert len(read_study_table(copied)) == 5
+    assert journal.read_bytes().endswith(b"torn")  # another process may be writing it
+
+
+def test_row_that_takes_too_long(desk, tmp_path):
+    """30 s of 4 joints cannot be done in the time that 0.5 s of one easily can."""
+    text = (
+        (desk / "few.yaml").read_text().replace("axis", "coupled").replace("draws: 3", "draws: 1")
+    )
+    text = text.replace("[controller]", "[motion]").replace("pi, p_pi+id", "short.yaml, reference")
+    (desk / "few.yaml").write_text("timeout: 2\n" + text)
+    (desk / "coupled.yaml").write_text(
+        (desk / "coupled.yaml").read_text() + "inverse_dynamics: online\nperiod: 0.001\n"
+    )
+    assert main(["study", "few.yaml"]) == 0
+    table = rows(desk / "few")
+    assert table["status"].to_pylist() == ["ok", "timed_out"]
+    assert table["reason"].to_pylist() == ["", "not done after 2 s"]
+
+
+def test_no_temporary_folder_is_left(desk, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    assert main(["study", "few.yaml", "--workers", "2"]) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["desk"]

@@ -1,0 +1,331 @@
+"""Studies as data: distributions, draws, rows, and what is refused."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+
+from sdt_drake.errors import InputError
+from sdt_drake.scenario import Scenario, load_scenario
+from sdt_drake.studies.study import (
+    Choice,
+    Grid,
+    List,
+    LogUniform,
+    Normal,
+    Study,
+    Uniform,
+    Variable,
+    load_study,
+)
+
+SHARES = np.array([0.0, 0.025, 0.25, 0.5, 0.75, 0.975])
+
+
+@pytest.fixture(scope="module")
+def base(files) -> Scenario:
+    return load_scenario(files / "axis.yaml")
+
+
+def variable(distribution, field="disturbance.amplitude", **options) -> Variable:
+    options = {"name": field} | options
+    return Variable(fields=[field], distribution=distribution, **options)
+
+
+# --- distributions ---------------------------------------------------------------------------
+
+
+def test_uniform():
+    np.testing.assert_allclose(Uniform(-2, 4).quantile(SHARES), 6 * SHARES - 2, rtol=1e-15)
+
+
+def test_log_uniform():
+    actual = LogUniform(0.01, 100).quantile(SHARES)
+    np.testing.assert_allclose(actual, 10.0 ** (4 * SHARES - 2), rtol=1e-14)
+
+
+def test_log_uniform_over_all_that_there_is():
+    values = LogUniform(1e-300, 1e300).quantile(SHARES)
+    assert np.all(np.isfinite(values)) and np.all(np.diff(values) > 0)
+
+
+def test_normal():
+    actual = Normal(3, 2).quantile(SHARES[1:])
+    expected = 3 + 2 * np.array([-1.959963984540054, -0.6744897501960817, 0, 0.6744897501960817,
+                                 1.959963984540054])  # fmt: skip
+    np.testing.assert_allclose(actual, expected, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(("low", "high"), [(1.0, 6.0), (None, 2.5), (4.0, None)])
+def test_truncated_normal(low, high):
+    """Its distribution function is that of the normal one, cut off and scaled up."""
+    normal, shares = NormalDist(3, 2), np.linspace(0, 1, 101)[:-1]
+    values = Normal(3, 2, low, high).quantile(shares)
+    first = 0.0 if low is None else normal.cdf(low)
+    last = 1.0 if high is None else normal.cdf(high)
+    back = [(normal.cdf(value) - first) / (last - first) for value in values]
+
+    np.testing.assert_allclose(back, shares, atol=1e-12)
+    assert low is None or values.min() >= low
+    assert high is None or values.max() <= high
+
+
+def test_levels():
+    assert Grid(1, 2, 5).levels() == [1, 1.25, 1.5, 1.75, 2]
+    assert Grid(2, -2, 2).levels() == [2, -2]
+    assert List([3.0, 1.0]).levels() == [3, 1]
+    assert Choice(["b", "a"]).levels() == ["b", "a"]
+
+
+@pytest.mark.parametrize(
+    ("distribution", "message"),
+    [
+        (Uniform(1, 0), "low 1, high 0, expected low < high"),
+        (Uniform(1, 1), "expected low < high"),
+        (Uniform(0, math.inf), "high: inf, expected a finite number"),
+        (LogUniform(0, 1), "low: 0, expected a finite number > 0"),
+        (LogUniform(2, 1), "expected low < high"),
+        (Normal(0, 0), "std: 0, expected a finite number > 0"),
+        (Normal(0, -1), "std: -1, expected"),
+        (Normal(math.nan, 1), "mean: nan, expected"),
+        (Normal(0, 1, 2, 1), "low 2, high 1, expected low < high"),
+        (Normal(0, 1, 40), "nothing of it is between low and high"),
+        (Grid(0, 1, 1), "count: 1, expected a whole number from 2"),
+        (Grid(0, 1, 10**12), "count: 1000000000000, expected"),
+        (Grid(1, 1, 3), "start and stop are both 1"),
+        (List([]), "values: empty, expected at least one"),
+        (List([1.0, 2.0, 1.0]), "has a value twice"),
+        (List([math.nan]), "values: nan, expected a finite number"),
+    ],
+)
+def test_bad_distributions(base, distribution, message):
+    with pytest.raises(InputError, match=rf"variables\[1\]\.distribution.*{message}"):
+        Study(variables=[variable(distribution)]).validate(base)
+
+
+@pytest.mark.parametrize(
+    ("distribution", "field", "message"),
+    [
+        (Choice(["a"]), "period", "period takes numbers"),
+        (Uniform(0, 1), "algorithm", r"algorithm takes texts \(!Choice\)"),
+        (List([1.0]), "controller", r"controller takes texts"),
+        (Uniform(0, 1), "controller.anti_windup", r"takes texts \(!Choice\)"),
+        (Choice(["true", "maybe"]), "controller.anti_windup", "'maybe', expected true or false"),
+        (Choice([]), "algorithm", "empty"),
+        (Choice(["printed", "printed"]), "algorithm", "has a value twice"),
+        (Choice(["pi", "pid"]), "controller", "'pid', expected one of pi, "),
+        (Uniform(0, 1), "controller.kp", "no such list; add it there"),
+        (Uniform(0, 1), "plant.friction.viscous", "has no plant.friction; add it there"),
+        (Uniform(0, 1), "controller.zeta[5]", r"has 4 value\(s\) there"),
+        (Uniform(0, 1), "controller.zetta", "did you mean controller.zeta"),
+        (Uniform(0, 1), "controller.model", "a part, not a field"),
+    ],
+)
+def test_bad_fields(base, distribution, field, message):
+    with pytest.raises(InputError, match=rf"variables\[1\].*{message}"):
+        Study(variables=[variable(distribution, field)]).validate(base)
+
+
+@pytest.mark.parametrize(
+    ("variables", "options", "message"),
+    [
+        ([], {}, "variables: none, expected at least one"),
+        ([Variable()], {}, r"variables\[1\].fields: none"),
+        ([variable(Uniform(0, 1))] * 2, {}, "two are named disturbance.amplitude"),
+        ([variable(Uniform(0, 1), apply="times")], {}, "apply: 'times', expected one of value"),
+        ([variable(Choice(["pi"]), "controller", apply="factor")], {}, "apply: factor, but"),
+        ([variable(Uniform(0, 1), "controller.omega_r", apply="factor")], {"draws": 0}, "draws: 0"),
+        ([variable(Grid(0, 1))], {"draws": 2}, "draws: 2, but no variable is random; remove"),
+        ([variable(Uniform(0, 1))], {"draws": 10**12}, "expected at most 10,000,000"),
+        ([variable(Uniform(0, 1))], {"seed": -1}, "seed: -1, expected"),
+        ([variable(Uniform(0, 1))], {"sampling": "sobol"}, "sampling: 'sobol', expected one of"),
+        ([variable(Uniform(0, 1))], {"timeout": 0.0}, "timeout: 0.0, expected .* > 0"),
+    ],
+)
+def test_bad_studies(base, variables, options, message):
+    with pytest.raises(InputError, match=message):
+        Study(variables=variables, **options).validate(base)
+
+
+def test_refusing_leaves_the_base_as_it_is(base):
+    before = copy.deepcopy(base)
+    study = Study(
+        variables=[
+            variable(Uniform(2, 3), "controller.zeta", apply="factor"),
+            variable(Choice(["p_pi+id"]), "controller"),
+        ]
+    )
+    study.validate(base)
+    assert base == before
+
+
+# --- draws -----------------------------------------------------------------------------------
+
+
+def drawn(*variables, of=0, draws=200, **options):
+    study = Study(draws=draws, variables=list(variables), **options)
+    name = variables[of].name
+    return np.array([study.inputs(draw * (len(study) // draws))[name] for draw in range(draws)])
+
+
+def test_draws_follow_their_distribution():
+    values = drawn(variable(Normal(3, 2)), draws=4000)
+    distances = np.sort([NormalDist(3, 2).cdf(x) for x in values]) - np.arange(4000) / 4000
+    assert np.abs(distances).max() < 1.95 / math.sqrt(4000)  # Kolmogorov, 0.1 %
+
+
+@pytest.mark.parametrize("distribution", [Uniform(0, 1), Normal(0, 1), LogUniform(1, 1e6)])
+def test_latin_hypercube_has_one_draw_in_each_interval(distribution):
+    values = drawn(variable(distribution), draws=50, sampling="latin_hypercube")
+    edges = distribution.quantile(np.arange(1, 50) / 50)
+    assert sorted(np.searchsorted(edges, values)) == list(range(50))
+
+
+def test_random_draws_do_not_fill_the_intervals():
+    edges = np.arange(1, 50) / 50
+    values = drawn(variable(Uniform(0, 1)), draws=50)
+    assert sorted(np.searchsorted(edges, values)) != list(range(50))
+
+
+@pytest.mark.parametrize("sampling", ["random", "latin_hypercube"])
+def test_draws_do_not_depend_on_other_variables(sampling):
+    own, options = variable(Uniform(0, 1)), {"sampling": sampling, "seed": 3}
+    alone = drawn(own, **options)
+    other, levels = variable(Normal(0, 1), "period"), variable(Grid(1, 2, 3), "torque_margin")
+
+    np.testing.assert_array_equal(drawn(other, levels, own, of=2, **options), alone)
+    assert abs(np.corrcoef(drawn(other, own, **options), alone)[0, 1]) < 0.25
+
+
+def test_seed():
+    own = variable(Uniform(0, 1))
+    np.testing.assert_array_equal(drawn(own, seed=1), drawn(copy.deepcopy(own), seed=1))
+    assert not np.any(drawn(own, seed=1) == drawn(own, seed=2))
+
+
+def test_draws_stay_the_same_for_ever():
+    """What a study gave last year it gives today: these are numbers of PCG64."""
+    study = Study(draws=2, seed=7, variables=[variable(Uniform(0, 1), name="x")])
+    expected = np.random.default_rng([7, 0x8CDC1683]).random(2)  # CRC-32 of "x"
+    assert [study.inputs(row)["x"] for row in range(2)] == expected.tolist()
+
+
+def test_every_combination_for_every_draw():
+    study = Study(
+        draws=3,
+        variables=[
+            variable(Choice(["a", "b"]), "algorithm"),
+            variable(Uniform(0, 1)),
+            variable(List([1.0, 2.0, 3.0]), "period"),
+        ],
+    )
+    rows = [study.inputs(row) for row in range(len(study))]
+
+    assert len(study) == 18
+    assert [list(row) for row in rows] == [["algorithm", "disturbance.amplitude", "period"]] * 18
+    for draw in range(3):
+        block = rows[6 * draw : 6 * draw + 6]
+        assert [(row["algorithm"], row["period"]) for row in block] == [
+            (kind, period) for kind in "ab" for period in (1, 2, 3)
+        ]
+        assert len({row["disturbance.amplitude"] for row in block}) == 1  # common draws
+    assert len({row["disturbance.amplitude"] for row in rows}) == 3
+
+
+# --- into the scenario -----------------------------------------------------------------------
+
+
+def test_scenario_of_a_row(base):
+    study = Study(
+        variables=[
+            Variable("z", ["controller.zeta", "controller.omega_ratio"], "value", Uniform(1, 2)),
+            Variable("r", ["controller.omega_r"], "factor", List([2.0])),
+            Variable("a", ["disturbance.amplitude"], "offset", List([0.5])),
+            Variable("c", ["controller"], "value", Choice(["p_pi+id"])),
+            Variable("w", ["controller.anti_windup"], "value", Choice(["true"])),
+        ]
+    )
+    study.validate(base)
+    inputs = {"z": 1.5, "r": 2.0, "a": 0.5, "c": "p_pi+id", "w": "true"}
+    scenario = study.scenario_of(base, inputs)
+
+    expected = copy.deepcopy(base)
+    expected.controller = dataclasses.replace(
+        base.controller,
+        kind="p_pi",
+        feedforward="id",
+        zeta=[1.5] * 4,
+        omega_ratio=1.5,
+        omega_r=2 * 65.991,
+        anti_windup=True,
+    )
+    expected.disturbance.amplitude = 0.5
+    assert scenario == expected
+    assert base.controller.kind == "pi"
+
+
+# --- files -----------------------------------------------------------------------------------
+
+
+def test_load_study(files):
+    study, base = load_study(files / "few.yaml")
+
+    assert (study.name, study.scenario) == ("few", str(files / "axis.yaml"))
+    assert [variable.name for variable in study.variables] == [
+        "disturbance.amplitude",
+        "controller",
+    ]
+    assert base.name == "axis" and study.folder == files
+
+
+@pytest.mark.parametrize(
+    "distribution",
+    [
+        Uniform(0.1, 1 / 3),
+        LogUniform(1e-9, 1e9),
+        Normal(0.1, 0.2, high=1e-7),
+        Grid(0, 1, 3),
+        List([0.1]),
+        Choice(["a"]),
+    ],
+)
+def test_survives_yaml(distribution):
+    study = Study("n", "s.yaml", 3, 4, "random", 5.5, variables=[variable(distribution)])
+    text = yaml_dump_typed(study, schema=Study)
+    assert yaml_load_typed(schema=Study, data=text) == study
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("scenario: axis.yaml\n", "", "scenario: missing, expected the file of the base"),
+        ("axis.yaml", "nowhere.yaml", "nowhere.yaml: no such file"),
+        ("axis.yaml", "short.yaml", "short.yaml: "),
+        ("axis.yaml", "package://other/x.yaml", "no such package"),
+        ("draws: 3", "draws: many", "draws: 'many', expected a whole number"),
+        ("draws: 3", "draws: 2.5", "draws: 2.5, expected a whole number"),
+        ("draws: 3", "draw: 3", "draw: unknown field, did you mean draws"),
+        ("!Uniform", "!Unifrom", "unknown kind !Unifrom, expected !Uniform, !LogUniform"),
+        ("[pi, p_pi+id]", "[true]", "expected a text"),
+        ("high: 0.3", "high: -0.3", r"low 0, high -0.3, expected low < high"),
+        ("disturbance.amplitude", "disturbance.amplitud", "did you mean disturbance.amplitude"),
+    ],
+)
+def test_bad_files(desk, old, new, message):
+    text = (desk / "few.yaml").read_text()
+    assert old in text
+    (desk / "few.yaml").write_text(text.replace(old, new))
+    with pytest.raises(InputError, match=message) as raised:
+        load_study("few.yaml")
+    assert "\n" not in str(raised.value) and "yaml: " in str(raised.value)
+
+
+def test_shipped_study_loads():
+    study, _ = load_study("package://sdt/studies/monte_carlo.yaml")
+    assert len(study) > 1

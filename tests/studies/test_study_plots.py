@@ -1,0 +1,219 @@
+"""Figures of a study: panels, units, groups; nothing cut off, nothing on top of each other."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from itertools import combinations
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import same_color, to_hex
+from synthetic import CONTROLLERS, make_table, small_table
+
+from sdt_drake.analysis.plots import PALETTE
+from sdt_drake.errors import InputError
+from sdt_drake.studies import plots
+
+FAMILIES = ("max_abs_speed_error", "max_abs_position_error", "peak_torque_share", "felt_share")
+INPUTS = ("omega_r", "payload", "friction", "motion")
+
+
+@pytest.fixture(scope="module")
+def table():
+    return make_table(60)
+
+
+@pytest.fixture(scope="module")
+def figures(table):
+    return {
+        "distributions": plots.distributions("title", table, FAMILIES, "controller"),
+        "tornado": plots.tornado_figure("title", table, "max_abs_position_error", "controller"),
+        "scatter": plots.scatter_matrix("title", table, INPUTS, FAMILIES, "controller"),
+        "pareto": plots.pareto_figure(
+            "title", table, "rms_torque_share", "max_abs_position_error", "controller"
+        ),
+    }
+
+
+def panels(figure):
+    return [ax for ax in figure.axes if ax.axison]
+
+
+def legend_texts(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+@pytest.mark.parametrize("name", ["distributions", "tornado", "scatter", "pareto"])
+def test_nothing_is_cut_and_panels_keep_apart(figures, name):
+    figure = figures[name]
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw(renderer)
+    whole = figure.bbox
+    boxes = [ax.get_tightbbox(renderer) for ax in panels(figure)]
+    boxes += [figure.legends[0].get_window_extent(renderer), figure._suptitle.get_window_extent()]
+    for box in boxes:
+        assert whole.x0 <= box.x0 and box.x1 <= whole.x1 + 1, name
+        assert whole.y0 <= box.y0 and box.y1 <= whole.y1, name
+    overlaps = [
+        (a, b)
+        for (i, a), (k, b) in combinations(enumerate(boxes), 2)
+        if min(a.x1, b.x1) - max(a.x0, b.x0) > 3 and min(a.y1, b.y1) - max(a.y0, b.y0) > 3
+    ]
+    assert not overlaps, name
+
+
+def test_distributions_have_a_panel_for_each_joint_and_a_line_for_each_controller(figures, table):
+    shown = panels(figures["distributions"])
+    assert [ax.get_title(loc="left") for ax in shown] == [
+        *(f"joint {k}" for _ in range(3) for k in (1, 2, 3, 4)),
+        "the whole device",
+    ]
+    assert [ax.get_xlabel() for ax in shown[::4]] == [
+        "largest speed error [rad/s]",
+        "largest position error [deg]",
+        "peak torque [% of the motor]",
+        "error that can be felt [% of time]",
+    ]
+    assert legend_texts(figures["distributions"]) == [*CONTROLLERS, "50 %", "95 %", "99 %"]
+    joint2 = shown[5]
+    assert joint2.get_xscale() == "log" and shown[8].get_xscale() == "linear"
+    curves = [line for line in joint2.lines if len(line.get_xdata()) > 1]
+    assert len(curves) == 3
+    for line, part in zip(curves, table.split("controller").values(), strict=True):
+        degrees = np.degrees(part.outcomes["max_abs_position_error_2"][part.ok])
+        assert line.get_xdata()[[0, -1]] == pytest.approx([degrees.min(), degrees.max()])
+    marked = [(*line.get_xdata(), *line.get_ydata()) for line in joint2.lines[1:4]]
+    first = np.degrees(table.split("controller")["pi"].outcomes["max_abs_position_error_2"])
+    assert marked == [(pytest.approx(np.nanpercentile(first, p)), p) for p in (50, 95, 99)]
+
+
+def test_tornado_has_a_row_for_each_controller_and_the_longest_bars_on_top(figures, table):
+    shown = panels(figures["tornado"])
+    assert [ax.get_title(loc="left") for ax in shown[:8]] == [
+        "pi, joint 1", "joint 2", "joint 3", "joint 4",
+        "pi_id, joint 1", "joint 2", "joint 3", "joint 4",
+    ]  # fmt: skip
+    assert {ax.get_xlabel() for ax in shown[8:]} == {"mean [deg]"}
+    ax, part = shown[0], table.split("controller")["pi"]
+    names = [label.get_text() for label in ax.get_yticklabels()]
+    assert names[:2] == ["omega_r", "payload"] and "controller" not in names
+    omega = [bar for bar in ax.patches if round(bar.get_y() + bar.get_height() / 2) == 0]
+    ends = {to_hex(bar.get_facecolor()).upper(): bar.get_x() + bar.get_width() for bar in omega}
+    ok = part.select(part.ok)
+    x, y = ok.inputs["omega_r"], np.degrees(ok.outcomes["max_abs_position_error_1"])
+    low = y[x <= np.quantile(x, 0.2)].mean()
+    assert ends[plots.LOW] == pytest.approx(low)
+    assert ends[plots.LOW] > y.mean() > ends[plots.HIGH]
+    assert {text.get_text() for text in ax.texts} == {"coriolis", "tumble"}
+
+
+def test_scatter_matrix_has_an_outcome_in_each_row_and_an_input_in_each_column(figures, table):
+    shown = panels(figures["scatter"])
+    assert len(shown) == 16
+    assert [ax.get_xlabel() for ax in shown[-4:]] == list(INPUTS)
+    assert shown[4].get_ylabel() == "largest position\nerror,\nworst joint\n[deg]"
+    (points,) = shown[4].collections
+    assert points.get_rasterized() and len(points.get_offsets()) == table.ok.sum()
+    x, y = points.get_offsets().data.T
+    by_x = dict(zip(x, y, strict=True))
+    worst = np.degrees(table.outcome("max_abs_position_error"))
+    assert by_x[table.inputs["omega_r"][0]] in worst[:3]
+    assert [t.get_text() for t in shown[-1].get_xticklabels()] == ["coriolis", "tumble"]
+    colours = {to_hex(c, keep_alpha=False).upper() for c in points.get_facecolors()}
+    assert colours == set(PALETTE[:3])
+
+
+def test_scatter_matrix_of_many_runs_shows_some_always_the_same_of_each_group():
+    table = make_table(1500, joints=1)
+    chosen = plots._some(table)
+    assert len(chosen) == len(set(chosen)) == plots.MOST_POINTS
+    np.testing.assert_array_equal(chosen, plots._some(table))
+    assert table.ok[chosen].all()
+    counts = [np.sum(table.inputs["controller"][chosen] == c) for c in CONTROLLERS]
+    assert min(counts) > 600
+
+
+def test_pareto_front_is_a_line_and_the_rest_is_grey():
+    y = np.array([4.0, 2.0, 3.0, 1.0, 9.0])
+    table = dataclasses.replace(
+        small_table(y, kind=list("ababa")),
+        outcomes={"cost": np.array([1.0, 2.0, 2.5, 3.0, np.nan]), "error": y},
+    )
+    figure = plots.pareto_figure("title", table, "cost", "error", "kind")
+    (ax,) = figure.axes
+    np.testing.assert_array_equal(ax.lines[0].get_xydata(), [[1, 4], [2, 2], [3, 1]])
+    rest_a, best_a, rest_b, best_b = ax.collections
+    np.testing.assert_array_equal(rest_a.get_offsets(), [[2.5, 3]])
+    np.testing.assert_array_equal(best_a.get_offsets(), [[1, 4]])
+    assert len(rest_b.get_offsets()) == 0
+    np.testing.assert_array_equal(best_b.get_offsets(), [[2, 2], [3, 1]])
+    assert same_color(rest_a.get_facecolor()[0], "0.75")
+    assert same_color(best_b.get_facecolor()[0], PALETTE[1])
+    assert legend_texts(figure)[:2] == ["a", "b"]
+
+
+def test_pareto_axes_have_units(figures):
+    (ax,) = figures["pareto"].axes
+    assert ax.get_xlabel() == "RMS torque, worst joint [% of the motor]"
+    assert ax.get_ylabel() == "largest position error, worst joint [deg]"
+    assert ax.get_yscale() == "log"
+
+
+def test_without_groups(table):
+    for figure in (
+        plots.distributions("t", table, ["felt_share"]),
+        plots.tornado_figure("t", table, "felt_share"),
+        plots.scatter_matrix("t", table, ["controller"], ["felt_share"]),
+        plots.pareto_figure("t", table, "rms_torque_share_1", "felt_share"),
+    ):
+        assert len(figure.axes) == 1
+    assert "joint 1" in figure.axes[0].get_xlabel()
+
+
+def test_an_outcome_that_no_run_has_leaves_its_panel_empty():
+    table = make_table(40)
+    table.outcomes["max_abs_position_error_2"][:] = np.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figure = plots.tornado_figure("t", table, "max_abs_position_error", "controller")
+        plots.distributions("t", table, ["max_abs_position_error"], "controller")
+    assert [len(ax.patches) > 0 for ax in figure.axes[:4]] == [True, False, True, True]
+
+
+def test_the_most_influential_inputs_come_first(table):
+    names = plots.influential(table, ["max_abs_speed_error", "peak_torque_share"], "controller")
+    assert set(names[:2]) == {"omega_r", "payload"} and "controller" not in names
+    assert plots.influential(table, ["max_abs_speed_error"], most=1) == ["controller"]
+
+
+@pytest.mark.parametrize(
+    ("draw", "said"),
+    [
+        (lambda t: plots.scatter_matrix("t", t, [], ["felt_share"]), "0 inputs, expected 1 to 6"),
+        (lambda t: plots.scatter_matrix("t", t, ["payload"], ["felt_share"] * 7), "7 outcomes"),
+        (lambda t: plots.scatter_matrix("t", t, ["mass"], ["felt_share"]), "no input 'mass'"),
+        (lambda t: plots.distributions("t", t, ["speed"]), "no outcome 'speed'"),
+        (lambda t: plots.tornado_figure("t", t, "felt_share", "payload"), "has numbers"),
+        (lambda t: plots.tornado_figure("t", t.select(t.row < 1), "felt_share"), "no input varies"),
+        (lambda t: plots.pareto_figure("t", t.select(~t.ok), "felt_share", "rms_torque_share"),
+         "no run that is ok has felt_share and rms_torque_share"),
+    ],
+)  # fmt: skip
+def test_bad_input(table, draw, said):
+    with pytest.raises(InputError) as raised:
+        draw(table)
+    assert said in str(raised.value) and "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("payload", "payload"),
+        ("plant.friction.coulomb[2]", "plant.friction.\ncoulomb[2]"),
+        ("a_name_of_thirty_letters_no_dot", "a_name_of_thirty_letters_no_dot"),
+    ],
+)
+def test_long_names_break_at_dots(name, shown):
+    assert plots._at_dots(name) == shown

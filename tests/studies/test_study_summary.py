@@ -1,0 +1,197 @@
+"""Counts, percentiles, worst runs; shares of variance against closed forms."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from synthetic import make_table, small_table
+
+from sdt_drake.errors import InputError
+from sdt_drake.studies.summary import (
+    count_statuses,
+    explained_share,
+    percentiles,
+    sensitivity,
+    tornado,
+    usable,
+    varied,
+    worst_runs,
+)
+
+
+@pytest.fixture(scope="module")
+def table():
+    return make_table()
+
+
+@pytest.fixture
+def generator():
+    return np.random.default_rng(3)
+
+
+# --- counts ----------------------------------------------------------------------------------
+
+
+def test_statuses_and_reasons(table):
+    ok, infeasible = count_statuses(table)
+    assert (ok.status, ok.runs, ok.reasons) == ("ok", 588, [])
+    assert (infeasible.status, infeasible.runs) == ("infeasible", 12)
+    # The numbers that are the same in all of them stay, and so does the joint.
+    assert infeasible.reasons == [
+        ("joint 2 needs … N m, expected at most 90 N m", 12, 7),
+    ]
+
+
+def test_the_most_frequent_reasons_come_first():
+    reasons = ["b", "a", "joint 1 fell", "a", "joint 2 fell", "", "c 3", "c 4", "c 5"]
+    table = small_table(np.zeros(9), status=["failed"] * 9)
+    table = dataclasses.replace(table, reason=np.array(reasons, dtype=object))
+    (failed,) = count_statuses(table)
+    assert failed.runs == 9
+    assert failed.reasons == [("c …", 3, 6), ("a", 2, 1), ("b", 1, 0)]
+    assert len(count_statuses(table, most_reasons=9)[0].reasons) == 5
+
+
+# --- distributions ---------------------------------------------------------------------------
+
+
+def test_percentiles_are_of_the_runs_that_are_ok():
+    y = np.array([*range(101), 1e9, np.nan])
+    table = small_table(y, status=["ok"] * 101 + ["failed", "ok"])
+    np.testing.assert_allclose(percentiles(table, "y"), [5, 25, 50, 75, 95, 99, 100])
+    assert usable(table, "y").sum() == 101
+
+
+def test_percentiles_of_nothing():
+    assert np.isnan(percentiles(small_table(np.full(3, np.nan)), "y")).all()
+
+
+def test_percentiles_by_controller_have_the_ratio_of_the_formula(table):
+    parts = table.split("controller")
+    pi, p_pi = (percentiles(parts[c], "max_abs_speed_error", (50,)) for c in ("pi", "p_pi+id"))
+    assert pi / p_pi == pytest.approx(30, rel=0.05)
+
+
+def test_worst_runs(table):
+    worst = worst_runs(table, "max_abs_speed_error", 4)
+    values = table.outcome("max_abs_speed_error")
+    assert list(worst.outcome("max_abs_speed_error")) == sorted(values[table.ok])[:-5:-1]
+    assert set(worst.inputs["controller"]) == {"pi"}
+    assert list(worst_runs(small_table([1, 2, 2, np.nan]), "y", 9).row) == [1, 2, 0]
+
+
+@pytest.mark.parametrize("count", [0, 1.5])
+def test_a_count_of_worst_runs_that_is_none(table, count):
+    with pytest.raises(InputError, match="count of the worst runs"):
+        worst_runs(table, "felt_share", count)
+
+
+# --- what matters ----------------------------------------------------------------------------
+
+
+def test_a_linear_sum_of_uniforms(generator):
+    a = np.array([1.0, 2.0, 3.0, 0.0])
+    x = generator.uniform(size=(4000, 4))
+    table = small_table(x @ a, **{f"x{k}": x[:, k] for k in range(4)})
+    shares = sensitivity(table, "y")
+    assert list(shares) == ["x2", "x1", "x0", "x3"]
+    for k, exact in enumerate(a**2 / np.sum(a**2)):
+        assert shares[f"x{k}"] == pytest.approx(exact, abs=0.02)
+
+
+def test_the_ishigami_function(generator):
+    """Ishigami and Homma, 1990, with a = 7, b = 0.1: first-order indices in closed form."""
+    x = generator.uniform(-np.pi, np.pi, (20_000, 3))
+    y = np.sin(x[:, 0]) + 7 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
+    v1, v2 = 0.5 * (1 + 0.1 * np.pi**4 / 5) ** 2, 7**2 / 8
+    total = 7**2 / 8 + 0.1 * np.pi**4 / 5 + 0.1**2 * np.pi**8 / 18 + 0.5
+    exact = (v1 / total, v2 / total, 0)
+    assert exact == pytest.approx((0.314, 0.442, 0), abs=5e-4)
+    for k in range(3):
+        assert explained_share(x[:, k], y) == pytest.approx(exact[k], abs=0.015)
+
+
+@pytest.mark.parametrize("levels", [None, 2, 12], ids=["numbers", "two texts", "twelve texts"])
+def test_noise_explains_nothing_on_average(generator, levels):
+    shares = []
+    for _ in range(300):
+        x = generator.normal(size=100)
+        if levels:
+            x = generator.integers(levels, size=100).astype(str)
+        shares.append(explained_share(x, generator.normal(size=100)))
+    assert np.mean(shares) == pytest.approx(0, abs=4 * np.std(shares) / np.sqrt(300))
+    assert np.min(shares) < 0
+
+
+def test_texts_explain_the_variance_between_their_levels(generator):
+    """Levels with means 0 and 1, half each: 1/4 of variance, and noise of variance 1/4."""
+    x = generator.choice(["low", "high"], 4000)
+    y = (x == "high") + 0.5 * generator.normal(size=4000)
+    assert explained_share(x.astype(object), y) == pytest.approx(0.5, abs=0.02)
+    assert explained_share(x == "high", y) == explained_share(x, y)
+
+
+def test_numbers_of_few_values_are_levels(generator):
+    x = generator.integers(3, size=600).astype(float)
+    assert explained_share(x, np.array([0, 5, 1])[x.astype(int)]) == pytest.approx(1)
+
+
+def test_many_equal_numbers_fall_into_one_bin(generator):
+    x = np.maximum(generator.uniform(-1, 1, 2000), 0)
+    assert explained_share(x, x) > 0.98
+
+
+def test_runs_without_the_input_are_left_out(generator):
+    x = generator.uniform(size=500)
+    with_holes = np.where(np.arange(500) % 2, x, np.nan)
+    y = np.where(np.arange(500) % 2, x, 100.0)
+    assert explained_share(with_holes, y) == explained_share(x[1::2], x[1::2])
+
+
+@pytest.mark.parametrize(
+    ("x", "y"),
+    [
+        (np.arange(9.0), np.arange(9.0)),
+        (np.arange(50.0), np.full(50, 0.1)),
+        (np.arange(50).astype(str), np.arange(50.0)),
+    ],
+    ids=["few runs", "equal outcomes", "a level for each run"],
+)
+def test_where_nothing_can_be_said(x, y):
+    assert np.isnan(explained_share(x, y))
+
+
+def test_by_controller_the_input_that_acts_is_found(table):
+    for part in table.split("controller").values():
+        shares = sensitivity(part, "max_abs_speed_error")
+        assert list(shares)[:2] == ["omega_r", "payload"]
+        assert "controller" not in shares  # it does not vary here
+        assert abs(shares["friction"]) < 0.1
+    assert next(iter(sensitivity(table, "max_abs_speed_error"))) == "controller"
+
+
+def test_varied():
+    y = np.arange(4.0)
+    table = small_table(y, a=y, b=np.ones(4), c=["x"] * 4, d=["x", "y"] * 2, e=np.full(4, np.nan))
+    assert varied(table) == ["a", "d"]
+
+
+def test_tornado_of_numbers():
+    """y = x of 0..999: its fifths have the means 99.5 and 899.5."""
+    x = np.arange(1000.0)
+    x_swing, nothing = tornado(small_table(x, z=np.tile([0.0, 1.0], 500), x=x), "y")
+    assert (x_swing.name, x_swing.low, x_swing.high) == ("x", 99.5, 899.5)
+    assert x_swing.width == 800 and x_swing.low_level == ""
+    assert nothing.name == "z" and nothing.width == pytest.approx(1)
+
+
+def test_tornado_of_texts():
+    (swing,) = tornado(small_table([1, 5, 3, 2, 6, 3], c=list("abcabc")), "y")
+    assert (swing.low_level, swing.high_level) == ("a", "b")
+    assert (swing.low, swing.high) == (1.5, 5.5)
+
+
+def test_tornado_of_no_runs():
+    assert tornado(small_table(np.full(3, np.nan), x=np.arange(3.0)), "y") == []

@@ -1,0 +1,90 @@
+"""The table of a study: checks, worst joints, parts; titles and units of its outcomes."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from synthetic import CONTROLLERS, make_table, small_table
+
+from sdt_drake.errors import InputError
+from sdt_drake.studies.quantities import FAMILIES, family_of, quantity_of
+from sdt_drake.studies.table import ALL_RUNS
+
+
+@pytest.fixture(scope="module")
+def table():
+    return make_table(50)
+
+
+def test_the_family_stands_for_the_worst_joint(table):
+    joint4, ok = table.outcomes["max_abs_speed_error_4"], table.ok
+    np.testing.assert_array_equal(table.outcome("max_abs_speed_error"), joint4)
+    assert set(table.worst_joint("max_abs_speed_error")[ok]) == {4}
+    assert set(table.worst_joint("peak_torque_share")[ok]) == {1}
+    assert table.outcome("max_abs_speed_error_2") is table.outcomes["max_abs_speed_error_2"]
+    assert table.outcome("felt_share") is table.outcomes["felt_share"]
+
+
+def test_a_joint_without_a_number_is_not_the_worst():
+    one, two = np.array([1.0, np.nan, np.nan]), np.array([np.nan, 2.0, np.nan])
+    table = dataclasses.replace(
+        small_table(one), outcomes={"rms_speed_error_1": one, "rms_speed_error_2": two}
+    )
+    np.testing.assert_array_equal(table.outcome("rms_speed_error"), [1, 2, np.nan])
+    np.testing.assert_array_equal(table.worst_joint("rms_speed_error")[:2], [1, 2])
+
+
+def test_families_and_places(table):
+    assert table.families[:2] == ["max_abs_speed_error", "max_abs_position_error"]
+    assert table.joints("max_abs_speed_error") == [1, 2, 3, 4]
+    assert table.joints("felt_share") == []
+    places = [table.place(n) for n in ("rms_torque_share_3", "rms_torque_share", "felt_share")]
+    assert places == ["joint 3", "worst joint", ""]
+
+
+def test_split_keeps_every_run_once_and_the_order_of_the_levels(table):
+    parts = table.split("controller")
+    assert list(parts) == list(CONTROLLERS)
+    assert sorted(np.concatenate([part.row for part in parts.values()])) == list(table.row)
+    for level, part in parts.items():
+        assert set(part.inputs["controller"]) == {level}
+        np.testing.assert_array_equal(part.inputs["payload"], table.inputs["payload"][::3])
+    assert table.split(None) == {ALL_RUNS: table}
+
+
+@pytest.mark.parametrize(
+    ("use", "said"),
+    [
+        (lambda t: t.outcome("speed"), "no outcome 'speed', expected one of max_abs_speed_error, "),
+        (lambda t: t.outcome("rms_torque_share_9"), "no outcome 'rms_torque_share_9'"),
+        (lambda t: t.checked_input("mass"), "no input 'mass', expected one of omega_r, payload, "),
+        (lambda t: t.split("mass"), "no input 'mass'"),
+        (lambda t: t.split("payload"), "'payload' has numbers, expected one of texts: motion, "),
+        (lambda t: dataclasses.replace(t, duration=t.duration[1:]), "duration has shape (149,), "),
+        (lambda t: dataclasses.replace(t, inputs={"a": t.row[:2]}), "a has shape (2,), expected"),
+        (lambda t: dataclasses.replace(t, status=np.full(150, "fine")), "status 'fine', expected"),
+    ],
+)  # fmt: skip
+def test_bad_input(table, use, said):
+    with pytest.raises(InputError) as raised:
+        use(table)
+    message = str(raised.value)
+    assert message.startswith("study 'gains': ") and said in message and "\n" not in message
+
+
+def test_every_family_has_title_and_unit():
+    for name, quantity in FAMILIES.items():
+        assert family_of(f"{name}_2") == (name, 2) and family_of(name) == (name, None)
+        assert quantity_of(f"{name}_12") is quantity
+        assert quantity.label == f"{quantity.title} [{quantity.unit}]"
+    assert quantity_of("max_abs_position_error_1").factor == pytest.approx(180 / math.pi)
+    assert quantity_of("peak_torque_share_1").factor == 100
+
+
+def test_an_outcome_that_is_not_known_is_shown_as_it_is():
+    assert family_of("overshoot_3") == ("overshoot_3", None)
+    assert quantity_of("overshoot_3") == ("overshoot_3", "", 1)
+    assert quantity_of("overshoot_3").label == "overshoot_3"
