@@ -11,9 +11,15 @@ import numpy as np
 import pytest
 
 from sdt_drake.analysis.comparison import compare
+from sdt_drake.analysis.tracking import track
 from sdt_drake.cli import main
 from sdt_drake.scenario import load_scenario
+from sdt_drake.simulate import simulate
+from sdt_drake.studies.runs import Runner
+from sdt_drake.studies.sizing import load_sizing
+from sdt_drake.studies.study import load_study
 
+STUDY = "package://sdt/studies/monte_carlo.yaml"
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 
 
@@ -37,6 +43,29 @@ def test_command_of_the_tour_runs(line, desk, monkeypatch, capsys):
     assert capsys.readouterr().out
     for name in re.findall(r"--(?:out|record|drive-table) (\S+)", line):
         assert (desk / name).stat().st_size > 1000
+
+
+def test_long_commands_name_studies_that_are_there():
+    """They take a quarter of an hour each."""
+    lines = [shlex.split(line)[1:] for block in blocks("console") for line in block.splitlines()]
+    assert [line[0] for line in lines] == ["study", "study", "size"]
+    run, show, size = lines
+    assert (run[1], show[1:]) == (STUDY, ["show", run[-1]])
+    assert len(load_study(run[1])[0]) == 1000
+    assert len(load_sizing(size[1])[0].study()) == 864
+
+
+def test_row_47_runs_away_without_anti_windup():
+    runner = Runner(*load_study(STUDY))
+    scenario = runner.scenario(47)
+    assert scenario.controller.label == "p_pi+id"
+    error = {}
+    for scenario.controller.anti_windup in (False, True):
+        design, _ = runner.design(scenario)
+        largest = track(simulate(design), design.motion).max_abs_position_error.max()
+        error[scenario.controller.anti_windup] = np.degrees(largest)
+    assert error[False] > 360
+    assert error[True] == pytest.approx(5.7, abs=0.3)
 
 
 def test_python_of_the_tour_runs(capsys):

@@ -131,6 +131,7 @@ class Progress:
         """The last state stays."""
         if self._screen and self._said >= 0:
             print(file=sys.stderr)
+        self._said = -1
 
 
 def _duration(seconds: float) -> str:

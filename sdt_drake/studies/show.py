@@ -26,7 +26,10 @@ from sdt_drake.studies.table import StudyTable, levels_of
 COST, ERROR = "peak_torque_share", "max_abs_speed_error"
 """Of the Pareto front."""
 
-_HEADLINES = ("max_abs_speed_error", "max_abs_position_error", "peak_torque_share", "felt_share")
+_HEADLINES = (
+    "max_abs_speed_error", "max_abs_position_error", "peak_torque_share", "winding_temperature",
+    "felt_share",
+)  # fmt: skip
 
 _MOST_LEVELS = 8  # of a text input whose levels are told apart: as many as there are colours
 

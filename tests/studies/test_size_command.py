@@ -1,0 +1,84 @@
+"""`sdt-drake size` from a file to a recommendation, and what it refuses."""
+
+from __future__ import annotations
+
+import csv
+
+import pytest
+
+from sdt_drake.cli import main
+
+SIZING = """\
+scenario: coupled.yaml
+device:
+  fitted: [AC-203, TM-3950, TM-2150, TM-2150]
+motors:
+- [AC-203]
+- [TM-716, TM-3950]
+- [TM-1430]
+- [TM-716]
+motions: [short.yaml]
+controllers: [pi, pi_id]
+requirements:
+  max_abs_speed_error: [0.05, 0.01, 0.05, 0.05]
+  used_torque_share: 0.2
+"""
+
+
+@pytest.fixture
+def size(desk, capfd):
+    def run(text: str = SIZING, *arguments: str) -> tuple[int, str, str]:
+        (desk / "own.yaml").write_text(text)
+        code = main(["size", "own.yaml", *arguments])
+        return code, *capfd.readouterr()
+
+    return run
+
+
+def test_from_a_file_to_a_recommendation(size, desk, capfd):
+    code, out, _ = size()
+    assert code == 0
+    folder = desk / "own"
+    lines = (folder / "sizing.txt").read_text().splitlines()
+    assert all(line in out for line in lines)
+    assert lines[0].startswith("with pi no motor set meets the requirements")
+    assert "with pi_id: AC-203, TM-3950, TM-1430, TM-716 at structure scale 1, 325 kg" in out
+    assert lines[-3] == "joint 2: with pi_id TM-3950 is enough"
+    with (folder / "candidates.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["controller"], row["motor_2"]) for row in rows] == [
+        ("pi", "TM-716"),
+        ("pi", "TM-3950"),
+        ("pi_id", "TM-716"),
+        ("pi_id", "TM-3950"),
+    ]
+    assert float(rows[2]["used_torque_share_2"]) > 0.2 > float(rows[3]["used_torque_share_2"])
+    assert rows[2]["missed"].startswith("torque used of joint 2 is ")
+    assert float(rows[3]["max_abs_speed_error_2"]) < 0.01 < float(rows[1]["max_abs_speed_error_2"])
+    assert rows[3]["missed"] == ""
+    assert {"front.png", "front.svg", "results.parquet"} <= {p.name for p in folder.iterdir()}
+
+    # It is a study, too.
+    assert main(["study", "show", str(folder)]) == 0
+    assert "winding temperature" in capfd.readouterr().out
+    (folder / "report.html").unlink()
+    assert main(["report", str(folder)]) == 0
+    assert (folder / "report.html").is_file()
+    assert size(SIZING, "--resume")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("TM-1430", "TM-1431", r"motors[3]: no motor 'TM-1431' in the catalogue, did you mean"),
+        ("[short.yaml]", "[fast.yml]", "no such file"),
+        ("[pi, pi_id]", "[pid]", "controllers: 'pid', expected one of"),
+        ("0.01, ", "", "max_abs_speed_error: 3 value(s), expected one, or 4"),
+        ("coupled.yaml", "axis.yaml", "plant.kind axis, expected coupled"),
+    ],
+)
+def test_bad_sizing(size, desk, old, new, message):
+    code, out, err = size(SIZING.replace(old, new))
+    assert (code, out) == (2, "")
+    assert err.startswith("sdt-drake: ") and err.count("\n") == 1 and message in err
+    assert not (desk / "own").exists()
