@@ -10,6 +10,10 @@ from browser import open_page
 
 from sdt_drake.analysis.page import PAGE, RECORDING
 from sdt_drake.cli import main
+from sdt_drake.scenario import load_scenario
+from sdt_drake.studies.execute import run_study
+from sdt_drake.studies.job import make_job
+from sdt_drake.studies.study import Study, Uniform, Variable
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +55,20 @@ def test_report_of_a_folder_without_a_recording(folder):
 
     assert main(["report", str(folder)]) == 0
     assert b"Load the 3D recording" not in (folder / PAGE).read_bytes()
+
+
+def test_studies_in_the_folder_become_chapters(folder):
+    base = load_scenario("package://sdt/scenarios/axis_pi.yaml")
+    inertia = Variable("inertia", ["plant.i_eff"], "factor", Uniform(0.8, 1.1))
+    study = Study("own", draws=12, variables=[inertia])
+    run_study(make_job(study, base), folder / "own")
+
+    assert main(["report", str(folder)]) == 0
+    with open_page(folder / PAGE) as (tab, errors, requests):
+        tab.get_by_role("link", name="Study own").click()
+        chapter = tab.locator("section", has=tab.get_by_role("heading", name="Study own"))
+        assert "12 runs" in chapter.inner_text() and chapter.locator("figure svg").count() >= 2
+        assert (errors, requests) == ([], [])
 
 
 def test_the_page_shows_the_device(reproduced):

@@ -119,17 +119,22 @@ def write_study_page(
         return write_page(folder, announce)
 
 
-def write_page(folder: Path, announce: Callable[[str], None] = print) -> Path:
+def write_page(
+    folder: Path,
+    announce: Callable[[str], None] = print,
+    chapters: Sequence[tuple[str, str, str]] = (),
+) -> Path:
     """Write report.html into a folder that `sdt-drake reproduce` has filled; replaced whole.
 
     Args:
         folder: of the study.
         announce: called with a line for each further picture of the folder that is left out.
+        chapters: to put at the end: id, title and content, HTML.
 
     Raises:
         InputError: naming the file that is missing or cannot be used.
     """
-    text = page(read_material(folder, announce), folder)
+    text = page(read_material(folder, announce), folder, chapters)
     path = folder / PAGE
     with replacing(path) as partial:
         partial.write_text(text, encoding="utf-8")
@@ -276,8 +281,8 @@ def _kept(name: str, value: str, prefix: str) -> str | None:
 # --- the page --------------------------------------------------------------------------------
 
 
-def page(material: Material, folder: Path) -> str:
-    """The HTML text.
+def page(material: Material, folder: Path, chapters: Sequence[tuple[str, str, str]] = ()) -> str:
+    """The HTML text; arguments as in `write_page`.
 
     Raises:
         InputError: if the summary lacks what the page shows.
@@ -294,7 +299,7 @@ def page(material: Material, folder: Path) -> str:
         # In a script a text ends at "</script", and only there.
         text = json.dumps(material.recording).replace("<", "\\u003c")
         recording = f'<script type="application/json" id="recording-page">{text}</script>'
-    return document(TITLE, header, sections, recording)
+    return document(TITLE, header, [*sections, *chapters], recording)
 
 
 def document(

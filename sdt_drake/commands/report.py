@@ -14,7 +14,8 @@ def add(commands) -> None:
         commands,
         "report",
         run,
-        "make one self-contained report.html of what reproduce or study wrote",
+        "make one self-contained report.html of what reproduce or study wrote; studies in folders "
+        "of DIR become chapters",
         "sdt-drake report out",
     )
     parser.add_argument("folder", metavar="DIR", type=some_path, help="folder that they wrote")
@@ -22,7 +23,7 @@ def add(commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.page import write_page
-    from sdt_drake.commands.study import write_study_page
+    from sdt_drake.commands.study import study_chapter, write_study_page
     from sdt_drake.studies.folder import holds_study
 
     folder: Path = options.folder
@@ -31,5 +32,9 @@ def run(options: argparse.Namespace) -> None:
         raise InputError(
             f"{folder}: no such folder; run `sdt-drake reproduce --out {folder}` first"
         )
-    path = write_study_page(folder) if holds_study(folder) else write_page(folder, say)
+    if holds_study(folder):
+        path = write_study_page(folder)
+    else:
+        studies = [path for path in sorted(folder.iterdir()) if holds_study(path)]
+        path = write_page(folder, say, [study_chapter(study) for study in studies])
     say(f"{path} written")

@@ -15,6 +15,7 @@ from sdt_drake.errors import InputError, checked_count
 if TYPE_CHECKING:
     from sdt_drake.scenario import Scenario
     from sdt_drake.studies.study import Study
+    from sdt_drake.studies.table import StudyTable
 
 _USAGE = """sdt-drake study STUDY.yaml [--out DIR] [--workers N | --cluster ADDRESS] [--resume]
        sdt-drake study show DIR
@@ -179,8 +180,20 @@ def show(folder: Path) -> None:
 def write_study_page(folder: Path) -> Path:
     """Figures and report.html of a study folder."""
     from sdt_drake.studies.page import write_report
+
+    return write_report(*_shown(folder))
+
+
+def study_chapter(folder: Path) -> tuple[str, str, str]:
+    """Figures of a study folder, and a chapter on it: id, title and content."""
+    from sdt_drake.studies.page import chapter
+
+    return chapter(*_shown(folder))
+
+
+def _shown(folder: Path) -> tuple[StudyTable, Path, str | None]:
     from sdt_drake.studies.results import read_study_table
     from sdt_drake.studies.show import grouping
 
     table = read_study_table(folder)
-    return write_report(table, folder, grouping(table))
+    return table, folder, grouping(table)

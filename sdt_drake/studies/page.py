@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import xml.etree.ElementTree as ElementTree
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -62,14 +63,37 @@ def write_report(table: StudyTable, folder: Path, by: str | None = None) -> Path
     Raises:
         InputError: for an unknown input, or a file that cannot be written.
     """
-    drawn = write_figures(table, folder, by)
-    pictures = {
-        name: inline_svg(ElementTree.parse(path).getroot(), name) for name, path in drawn.items()
-    }
+    pictures = _pictures(table, folder, by)
     path = folder / PAGE
     with replacing(path) as partial:
         partial.write_text(page(table, pictures, folder, by), encoding="utf-8")
     return path
+
+
+def chapter(table: StudyTable, folder: Path, by: str | None = None) -> tuple[str, str, str]:
+    """Of a larger report: id, title and content of what matters most; its figures are written.
+
+    Args:
+        table, folder, by: as in `write_report`.
+
+    Raises:
+        InputError: for an unknown input, or a file that cannot be written.
+    """
+    name = f"study-{zlib.crc32(table.name.encode()):08x}"
+    pictures = _pictures(table, folder, by, f"{name}-")
+    content = _summary(table, by) + _table(status_table(table))
+    for figure, look in (("distributions", "wide"), ("tornado", "wide"), ("pareto", "")):
+        if figure in pictures:
+            content += html_figure(CAPTIONS[figure], pictures[figure], look)
+    return name, escape(f"Study {table.name}"), content
+
+
+def _pictures(table: StudyTable, folder: Path, by: str | None, prefix: str = "") -> dict[str, str]:
+    """Figures of a study, written into its folder, as <svg> elements."""
+    return {
+        name: inline_svg(ElementTree.parse(path).getroot(), prefix + name)
+        for name, path in write_figures(table, folder, by).items()
+    }
 
 
 def page(
