@@ -183,10 +183,15 @@ def felt_of(recording: Recording, robot: Robot) -> FeltDifference:
     Raises:
         InputError: if the robot has no head, or not as many joints as the recording.
     """
+    period, reference, achieved = _heads(recording, robot)
+    return felt_difference(reference, achieved, period)
+
+
+def _heads(recording: Recording, robot: Robot) -> tuple[float, HeadMotion, HeadMotion]:
+    """Period [s], and the head's motion in the reference and in the run."""
     run, period = recording, float(recording.time[1] - recording.time[0])
     reference = head_motion_of_samples(robot, period, run.q_ref, run.v_ref)
-    achieved = head_motion_of_samples(robot, period, run.q, run.v)
-    return felt_difference(reference, achieved, period)
+    return period, reference, head_motion_of_samples(robot, period, run.q, run.v)
 
 
 def track_head(recording: Recording, robot: Robot) -> HeadTracking:
@@ -195,10 +200,8 @@ def track_head(recording: Recording, robot: Robot) -> HeadTracking:
     Raises:
         InputError: if the robot has no head, or not as many joints as the recording.
     """
-    run, period = recording, float(recording.time[1] - recording.time[0])
-    reference = head_motion_of_samples(robot, period, run.q_ref, run.v_ref)
-    achieved = head_motion_of_samples(robot, period, run.q, run.v)
-    moved_away = head_motion_of_samples(robot, period, run.q, run.v_ref)
+    period, reference, achieved = _heads(recording, robot)
+    moved_away = head_motion_of_samples(robot, period, recording.q, recording.v_ref)
     return HeadTracking(
         reference=reference,
         achieved=achieved,
