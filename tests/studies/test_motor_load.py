@@ -98,7 +98,9 @@ def test_loads_of_a_run(design, run):
     assert rested["winding_temperature_2"] < loads["winding_temperature_2"]
     # Slower than n1 = 45 rpm there is the peak torque.
     limits = [loads[f"torque_at_speed_share_{k}"] for k in (1, 2)]
-    assert limits[1] == pytest.approx(loads["used_torque_share_2"], rel=0.05)
+    mean = np.abs((torque.start + torque.end) / 2).max(axis=0)[1] / 3950
+    assert limits[1] == pytest.approx(mean, rel=0.01)
+    assert loads["used_torque_share_2"] > mean  # K_PS times a period's acceleration, at its start
     assert loads["stretch"] == 0
 
 
