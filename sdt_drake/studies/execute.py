@@ -7,16 +7,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sdt_drake.studies.folder import claim, save_study
 from sdt_drake.studies.job import Job
 from sdt_drake.studies.journal import Journal
 from sdt_drake.studies.results import require_parquet, write_results
-from sdt_drake.studies.workers import Pool, Task
-
-BLOCK = 256
-"""Rows that an axis study gives to a process at once: the axis engine runs them together."""
+from sdt_drake.studies.workers import Pool
 
 Report = Callable[[int, int, int], None]
 """Called with the numbers of runs that are done now, were done before, and are wanted."""
@@ -58,7 +54,7 @@ def run_study(
             before = int(journal.done.sum())
             done = before
             report(done, before, len(job.study))
-            for rows in backend.map(_tasks(job, np.flatnonzero(~journal.done))):
+            for rows in backend.map([number] for number in np.flatnonzero(~journal.done).tolist()):
                 journal.append(rows)
                 done += len(rows)
                 report(done, before, len(job.study))
@@ -75,9 +71,3 @@ def _backend(job: Job, workers: int, cluster: str | None) -> Iterator:
 
         with Cluster(job, cluster) as distributed:
             yield distributed
-
-
-def _tasks(job: Job, numbers: NDArray[np.intp]) -> Iterator[Task]:
-    size = BLOCK if job.base.plant.kind == "axis" else 1
-    for start in range(0, len(numbers), size):
-        yield numbers[start : start + size].tolist()

@@ -1,4 +1,4 @@
-"""Runs of a study: from the number of a row to its outcomes, by the engine that can do it."""
+"""Runs of a study: from the number of a row to its outcomes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sdt_drake.analysis.tracking import felt_of, motor_use, period_torque, track
 from sdt_drake.design import Design, load_device, load_plan, make_design
@@ -20,12 +19,9 @@ from sdt_drake.resources import PACKAGE_PREFIX, models_dir
 from sdt_drake.robot import Robot
 from sdt_drake.scenario import Scenario
 from sdt_drake.simulate import Recording, simulate
-from sdt_drake.studies.axis_engine import AxisBatch, only_in_drake, simulate_axes
 from sdt_drake.studies.fields import find_field
 from sdt_drake.studies.motor_load import has_motor_loads, motor_load_names, motor_loads
 from sdt_drake.studies.study import Study
-
-Array = NDArray[np.float64]
 
 _TRACKING = (
     "max_abs_speed_error",
@@ -126,44 +122,20 @@ class Runner:
         return planned
 
     def run(self, numbers: Sequence[int]) -> list[Row]:
-        """Run rows; those that the axis engine can do go through it together."""
-        rows: dict[int, Row] = {}
-        batches: dict[int, AxisBatch] = {}
-        waiting: dict[int, list[tuple[int, float]]] = {}
-        for number in numbers:
-            start = time.perf_counter()
-            try:
-                design, plan = self.design(self.scenario(number))
-                if only_in_drake(design.scenario) is None:
-                    key = id(design.motion)  # its batch keeps it: no other gets this number
-                    batches.setdefault(key, AxisBatch()).add(design)
-                    waiting.setdefault(key, []).append((number, time.perf_counter() - start))
-                    continue
-                outcomes = self._outcomes(design, simulate(design), plan)
-                duration = time.perf_counter() - start
-                rows[number] = _row(number, outcomes, design.robot.n, duration)
-            except Exception as error:  # whatever it is, the study goes on
-                rows[number] = self._failed(number, error, time.perf_counter() - start)
-        for key, batch in batches.items():
-            for row in self._run_batch(batch, waiting[key]):
-                rows[row.number] = row
-        return [rows[number] for number in numbers]
+        """Run rows."""
+        return [self._row(number) for number in numbers]
 
-    def _run_batch(self, batch: AxisBatch, waiting: list[tuple[int, float]]) -> list[Row]:
-        """Rows with what it took to prepare them [s], through the axis engine."""
+    def _row(self, number: int) -> Row:
         start = time.perf_counter()
         try:
-            table, _ = _run_axes(batch)
-        except Exception as error:
-            if len(waiting) > 1:  # one of them is bad, and the others need not know
-                return [row for number, _ in waiting for row in self.run([number])]
-            return [self._failed(number, error, prepared) for number, prepared in waiting]
-        each = (time.perf_counter() - start) / len(waiting)
-        joints = len(table[0]) // len((*_TRACKING, *_MOTORS))
-        return [
-            _row(number, self._filled(tuple(values), joints), joints, prepared + each)
-            for (number, prepared), values in zip(waiting, table, strict=True)
-        ]
+            design, plan = self.design(self.scenario(number))
+            outcomes = self._outcomes(design, simulate(design), plan)
+        except Exception as error:  # whatever it is, the study goes on
+            return self._failed(number, error, time.perf_counter() - start)
+        duration, joints = time.perf_counter() - start, design.robot.n
+        if np.isinf(outcomes).any() or np.isnan(outcomes[:joints]).any():
+            return Row(number, "failed", "the speeds are not finite", duration, ())
+        return Row(number, "ok", "", duration, outcomes)
 
     def repeat(self, number: int) -> tuple[tuple[float, ...], Recording]:
         """Outcomes and recording of a row, run once more.
@@ -172,11 +144,6 @@ class Runner:
             InputError: if it cannot be run.
         """
         design, plan = self.design(self.scenario(number))
-        if only_in_drake(design.scenario) is None:
-            batch = AxisBatch()
-            batch.add(design)
-            table, recordings = _run_axes(batch, record=True)
-            return self._filled(tuple(table[0]), design.robot.n), recordings[0]
         recording = simulate(design)
         return self._outcomes(design, recording, plan), recording
 
@@ -217,25 +184,6 @@ def outcomes_of(design: Design, recording: Recording) -> tuple[float, ...]:
     if has_head(design.robot) and design.scenario.plant.kind == "coupled":
         felt = felt_of(recording, design.robot).share
     return tuple(np.concatenate([*parts, [felt]]).tolist())
-
-
-def _run_axes(
-    batch: AxisBatch, *, record: bool = False
-) -> tuple[list[list[float]], tuple[Recording, ...]]:
-    """Outcomes of each design of a batch, and their recordings where they are asked for."""
-    variants = batch.variants()
-    outcomes = simulate_axes(variants, record=record)
-    parts = [getattr(outcomes, name) for name in _TRACKING]
-    parts += [outcomes.peak_torque / variants.torque_limit]
-    parts += [outcomes.rms_torque / variants.torque_limit]
-    table = np.hstack([*parts, np.full((len(variants), 1), np.nan)])
-    return table.tolist(), outcomes.recordings or ()
-
-
-def _row(number: int, outcomes: tuple[float, ...], joints: int, duration: float) -> Row:
-    if np.isinf(outcomes).any() or np.isnan(outcomes[:joints]).any():
-        return Row(number, "failed", "the speeds are not finite", duration, ())
-    return Row(number, "ok", "", duration, outcomes)
 
 
 def _cached(cache: dict, key: Any, make: Callable[[], Any]) -> Any:
