@@ -173,7 +173,7 @@ def make_design(
         i_eff=i_eff,
         gains=gains,
         model=model,
-        tau_ff=_tau_ff(scenario, model, modelled, motion),
+        tau_ff=feedforward_along(scenario, model, motion, modelled),
         inertia_share=i_eff_modelled / largest,
         omega_n=omega_n,
         position_gain=omega_n / 4
@@ -260,14 +260,21 @@ def _load_model(robot: Robot, errors: ModelErrors, where: str) -> Robot:
         raise InputError(f"{where}: no body could be like that ({text})") from None
 
 
-def _tau_ff(
-    scenario: Scenario, model: Robot, modelled: TorqueGroups, motion: Motion
+def feedforward_along(
+    scenario: Scenario, model: Robot, motion: Motion, torques: TorqueGroups | None = None
 ) -> Array | None:
+    """Torque feedforward of a scenario's controller, motor side [N m], shape (N + 1, n).
+
+    None where it has none. `torques` are those of the model along the motion, computed here by
+    default.
+    """
     choice = scenario.controller
     kind = choice.feedforward_in_use
     if kind == "none" and not choice.friction_compensation:
         return None
-    groups = (modelled.inertial, modelled.reaction, modelled.velocity, modelled.gravity)
+    if torques is None:
+        torques = torque_groups(model, motion.q, motion.v, motion.vd)
+    groups = (torques.inertial, torques.reaction, torques.velocity, torques.gravity)
     tau_ff = feedforward_torque(kind, model, groups, motion.vd, scenario.algorithm)
     if choice.feedforward_gain is not None:
         tau_ff = np.array(choice.feedforward_gain) * tau_ff

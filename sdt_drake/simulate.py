@@ -10,22 +10,24 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
-from pydrake.systems.framework import Context, Diagram
-from pydrake.systems.primitives import ZeroOrderHold
+from pydrake.systems.framework import Diagram
 
-from sdt_drake.control import CONTROLLERS
 from sdt_drake.design import Design, make_design
-from sdt_drake.dynamics import torque_groups
 from sdt_drake.errors import InputError
-from sdt_drake.loops import PI_NAME, PLANT_NAME, make_loop
+from sdt_drake.loops import loop_period, make_loop
+from sdt_drake.motor_torque import period_torque
 from sdt_drake.scenario import Scenario
+from sdt_drake.start import start_in_equilibrium
 from sdt_drake.systems import read_logs
 from sdt_drake.tables import read_table, write_table
 
 Array = NDArray[np.float64]
 
 ACCURACY = 7e-6
-"""Of the error-controlled integrator: speeds are good to 1e-4 rad/s, where motors saturate too."""
+"""Of the error-controlled integrator: speeds are good to 2e-6 rad/s on the reference motion, to
+1e-4 where motors saturate hard, to 3e-4 where a tight envelope limits them."""
+
+_MOST_STEPS = 1_000_000  # of the integrator in a period; a loop that needs more does not end
 
 LIMITS = {"q": (1e6, "rad"), "q_ref": (1e6, "rad"), "v": (1e4, "rad/s"), "v_ref": (1e4, "rad/s")}
 """Of angles and speeds in files, joint side: what is beyond has another unit, or is no motion."""
@@ -36,6 +38,7 @@ SHORTEST_STEP = 1e-6
 # What goes into a CSV file, in this order.
 COLUMNS = (
     "v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error", "q_ref", "q", "tau_limited",
+    "tau_peak", "tau_rms", "saturated", "beyond_stop",
 )  # fmt: skip
 
 
@@ -44,7 +47,8 @@ class Recording:
     """What happened in a run, at the interpolation period; arrays of shape (N + 1, n).
 
     Continuous signals are those at `time`; torques are those just before the update at `time`, so
-    at the end of the period that ends there. The first row is just after its update.
+    at the end of the period that ends there. The first row is just after its update. What motors
+    give within the periods is in `tau_peak`, `tau_rms` and `saturated`.
 
     Attributes:
         time: [s], shape (N + 1,).
@@ -54,6 +58,11 @@ class Recording:
         tau_limited: the same after saturation, motor side [N m].
         tau: torque that the motors give: the same with an ideal drive, motor side [N m].
         load_torque: tau_LD of Algorithm 1, motor side [N m].
+        tau_peak, tau_rms: largest and RMS torque that the motors give in the period that ends at
+            `time`, motor side [N m]; see `period_torque`.
+        saturated: share of that period in which a motor gives less than is asked [-].
+        beyond_stop: how far the coupled plant's joints are beyond their stops, which do not act in
+            the simulation, joint side [rad]; 0 within them, and on the axis plant.
     """
 
     time: Array
@@ -65,6 +74,10 @@ class Recording:
     tau_limited: Array
     tau: Array
     load_torque: Array
+    tau_peak: Array
+    tau_rms: Array
+    saturated: Array
+    beyond_stop: Array
 
     @property
     def speed_error(self) -> Array:
@@ -138,6 +151,9 @@ def make_simulator(diagram: Diagram, *, max_step: float, accuracy: float = ACCUR
         use_error_control=True,
     )
     ApplySimulatorConfig(config, simulator)
+    integrator = simulator.get_mutable_integrator()
+    integrator.set_requested_minimum_step_size(max_step / _MOST_STEPS)
+    integrator.set_throw_on_minimum_step_size_violation(True)
     return simulator
 
 
@@ -149,80 +165,59 @@ def simulate(
     Args:
         design: a resolved scenario.
         diagram: its loop with logs; built here by default.
-        accuracy: of the integrator.
+        accuracy: of the integrator, in [1e-12, 0.1].
 
     Raises:
-        InputError: if the integrator gives up.
+        InputError: for another accuracy; if the integrator makes no headway, with the time.
     """
+    if not isinstance(design, Design):
+        raise InputError(f"design: a {type(design).__name__}, expected what make_design returns")
+    if not 1e-12 <= accuracy <= 0.1:
+        raise InputError(f"accuracy: {accuracy}, expected a number from 1e-12 to 0.1")
     diagram = make_loop(design) if diagram is None else diagram
-    motion = design.motion
-    simulator = make_simulator(diagram, max_step=motion.period, accuracy=accuracy)
+    motion, period = design.motion, loop_period(design)
+    simulator = make_simulator(diagram, max_step=period, accuracy=accuracy)
     context = simulator.get_mutable_context()
-    _start_on_reference(design, diagram, context)
+    start_in_equilibrium(design, diagram, context)
     try:
         simulator.Initialize()
         # Only the main thread hears Ctrl-C; in others, listening for it would take the
         # interpreter's lock at every step, and let no two runs go at the same time.
         hears = threading.current_thread() is threading.main_thread()
-        simulator.AdvanceTo(motion.duration, interruptible=hears)
+        simulator.AdvanceTo((len(motion.v) - 1) * period, interruptible=hears)
     except RuntimeError as error:
         reason = " ".join(str(error).split())
         raise InputError(
-            f"scenario '{design.scenario.name}': cannot be simulated ({reason})"
+            f"scenario '{design.scenario.name}': the simulation is stuck at "
+            f"{context.get_time():.6g} s ({reason})"
         ) from None
-    time, signals = read_logs(diagram, context)
+    _, signals = read_logs(diagram, context)
+    measured = np.hsplit(signals.pop("measured", signals["state"]), 2)
     q, v = np.hsplit(signals.pop("state"), 2)
-    signals.setdefault("tau_limited", signals["tau"])
-    return Recording(time=time, q_ref=motion.q, v_ref=motion.v, q=q, v=v, **signals)
+    within = period_torque(design, *measured, signals["tau_cmd"], signals["tau"])
+    samples = (len(signals["tau"]) - 1) // (len(q) - 1)
+    torques = {name: signals.pop(name)[::samples] for name in ("tau_cmd", "tau_limited", "tau")}
+    first = np.abs(torques["tau"][:1])
+    return Recording(
+        time=motion.time,
+        q_ref=motion.q,
+        v_ref=motion.v,
+        q=q,
+        v=v,
+        tau_peak=np.vstack([first, within.peak]),
+        tau_rms=np.vstack([first, within.rms]),
+        saturated=np.vstack([np.zeros_like(first), within.saturated]),
+        beyond_stop=_beyond_stop(design, q),
+        **torques,
+        **signals,
+    )
 
 
-def _start_on_reference(design: Design, diagram: Diagram, context: Context) -> None:
-    """Joints and motors at the first sample, holds with what they sample, speeds that persist."""
-    scenario, motion, gains = design.scenario, design.motion, design.gains
-    n, q, v = motion.n, motion.q[0], motion.v[0]
-    systems = {system.get_name(): system for system in diagram.GetSystems()}
-
-    def context_of(name: str) -> Context:
-        return systems[name].GetMyMutableContextFromRoot(context)
-
-    context_of(PLANT_NAME[scenario.plant.kind]).SetContinuousState(np.concatenate([q, v]))
-    if design.elastic is not None:
-        axes = design.elastic.elastic
-        wound = _spring_torque_at_start(design)[axes] / design.elastic.stiffness[axes]
-        context_of("elastic_joints").SetContinuousState(np.concatenate([q[axes] + wound, v[axes]]))
-    integral = f"{PI_NAME}.integral" if scenario.controller.anti_windup else PI_NAME
-    if integral in systems and scenario.controller.structure_in_use == "p_in_feedback":
-        # What -K_PS v takes away at the start, the integral gives.
-        share = 1.0
-        if CONTROLLERS[scenario.controller.kind].feedback == "scheduled":
-            share = design.inertia_share[0]
-        start = share * gains.kp / gains.ki * design.robot.gear_ratio * v
-        own = context_of(integral)
-        if own.num_discrete_state_groups() > 0:
-            own.SetDiscreteState(start)
-        else:
-            own.SetContinuousState(start)
-    for name, system in systems.items():  # in the order of the signals, but for the encoders
-        if isinstance(system, ZeroOrderHold):
-            _sample(system, context_of(name))
-    for name in systems:
-        if name.endswith(".before"):  # of an encoder, which takes the speed from differences
-            position = context_of(name.replace(".before", ".now")).get_discrete_state_vector()
-            period = systems[name].period()
-            context_of(name).SetDiscreteState(position.value() - period * v[:n])
-
-
-def _sample(hold: ZeroOrderHold, context: Context) -> None:
-    context.SetDiscreteState(hold.get_input_port().Eval(context))
-
-
-def _spring_torque_at_start(design: Design) -> Array:
-    """What the springs carry at time 0, joint side [N m]."""
+def _beyond_stop(design: Design, q: Array) -> Array:
+    robot = design.robot
     if design.scenario.plant.kind == "axis":
-        link = design.robot.gear_ratio**2 * (design.i_eff - design.robot.rotor_inertia)
-        return link * design.motion.vd[0] + design.robot.gear_ratio * design.loads.load_torque[0]
-    motion = design.motion
-    return torque_groups(design.robot, motion.q[0], motion.v[0], motion.vd[0]).total
+        return np.zeros_like(q)
+    return np.maximum(0.0, np.maximum(robot.position_lower - q, q - robot.position_upper))
 
 
 def simulate_scenario(scenario: Scenario) -> Recording:

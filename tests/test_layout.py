@@ -11,7 +11,8 @@ PACKAGE = Path(__file__).parents[1] / "sdt_drake"
 ORDER = (
     "errors", "versions", "resources", "tables", "yaml_files", "robot", "links", "model_errors",
     "dynamics", "device", "motion", "pilot", "control", "scenario", "design", "systems", "loops",
-    "simulate", "graphviz", "viewer", "paper", "analysis", "studies", "commands", "cli", "__main__",
+    "start", "motor_torque", "simulate", "graphviz", "viewer", "paper", "analysis", "studies",
+    "commands", "cli", "__main__",
 )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ PLANTS = ("axis", "coupled")
 SIGNALS = ("q_ref", "v_ref", "q", "v", "tau_cmd", "tau", "load_torque")
 COLUMNS = (
     "v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error", "q_ref", "q", "tau_limited",
+    "tau_peak", "tau_rms", "saturated", "beyond_stop",
 )  # fmt: skip
 
 
@@ -116,7 +117,10 @@ def write_columns(path, names, n=2):
     return path
 
 
-READ = ("q_ref", "v_ref", "q", "v", "tau_cmd", "tau_limited", "tau", "load_torque")
+READ = (
+    "q_ref", "v_ref", "q", "v", "tau_cmd", "tau_limited", "tau", "load_torque",
+    "tau_peak", "tau_rms", "saturated", "beyond_stop",
+)  # fmt: skip
 
 
 def test_a_recording_needs_no_derived_column_and_ignores_others(tmp_path):
@@ -134,7 +138,7 @@ def test_a_recording_without_a_column_is_refused(tmp_path, missing):
 
 
 def test_a_recording_with_different_numbers_of_joints_is_refused(tmp_path):
-    path = write_columns(tmp_path / "run.csv", [*READ[:-1], "load_torque:3"])
+    path = write_columns(tmp_path / "run.csv", [*READ[:-1], "beyond_stop:3"])
     with pytest.raises(InputError, match="differ in their number of joints"):
         Recording.from_csv(path)
 
@@ -300,8 +304,8 @@ def test_other_numbers_of_joints(tmp_path, plant, n, inverse_dynamics):
     np.testing.assert_allclose(recording.v[-1], 0, atol=1.2 * acceleration / 15)
     recording.to_csv(tmp_path / "run.csv")
     header = (tmp_path / "run.csv").read_text().partition("\n")[0]
-    assert header.count(",") == 9 * n
-    assert header.endswith(f"tau_limited_{n}")
+    assert header.count(",") == 13 * n
+    assert header.endswith(f"beyond_stop_{n}")
 
 
 def test_one_joint_is_the_same_robot_in_both_plants(tmp_path):

@@ -19,7 +19,6 @@ from sdt_drake.analysis.tracking import (
     MotorUse,
     Tracking,
     motor_use,
-    period_torque,
     track,
     track_head,
 )
@@ -151,7 +150,7 @@ def run_of(label: str, design: Design, recording: Recording | None = None) -> Co
         design=design,
         recording=recording,
         tracking=track(recording, design.motion),
-        motors=motor_use(period_torque(recording, design), design.robot),
+        motors=motor_use(recording, design.robot),
         blocks=len(loop.GetSystems()) - logs,
         needs=needs(choice.kind, choice.feedforward_in_use),
     )

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.control import CONTROLLERS
-from sdt_drake.design import Design
 from sdt_drake.motion import Motion
 from sdt_drake.pilot import (
     FeltDifference,
@@ -35,7 +33,7 @@ class Tracking:
         rms_speed_error: [rad/s].
         constant_speed_error: largest |speed error| in the constant-speed segments, from
             SETTLED_AFTER on [rad/s]; NaN for a joint that has none.
-        saturated_fraction: share of samples at which the motor gives less than was asked [-].
+        saturated_fraction: share of the time in which the motor gives less than is asked [-].
         max_abs_position_error: [rad].
     """
 
@@ -55,7 +53,7 @@ def track(recording: Recording, motion: Motion) -> Tracking:
         max_abs_speed_error=np.abs(error).max(axis=0),
         rms_speed_error=np.sqrt(np.mean(error**2, axis=0)),
         constant_speed_error=np.where(np.isinf(in_segments), np.nan, in_segments),
-        saturated_fraction=np.mean(recording.tau_limited != recording.tau_cmd, axis=0),
+        saturated_fraction=recording.saturated[1:].mean(axis=0),
         max_abs_position_error=np.abs(recording.position_error).max(axis=0),
     )
 
@@ -67,74 +65,6 @@ def constant_speed_segments(motion: Motion) -> NDArray[np.bool_]:
     index = np.arange(len(constant))[:, None]
     last_change = np.maximum.accumulate(np.where(constant, -1, index), axis=0)
     return index - last_change > needed
-
-
-class PeriodTorque(NamedTuple):
-    """Torque of the motors at both ends of each interpolation period, motor side [N m].
-
-    Attributes:
-        start: just after the update at its start, shape (N, n).
-        end: just before the one at its end, as in a recording, shape (N, n).
-    """
-
-    start: Array
-    end: Array
-
-    @property
-    def peak(self) -> Array:
-        """Largest magnitude [N m], shape (n,)."""
-        return np.abs(self).max(axis=(0, 1))
-
-    @property
-    def mean_square(self) -> Array:
-        """Of each period, linear between its ends [N² m²], shape (N, n)."""
-        start, end = self
-        return (start**2 + start * end + end**2) / 3
-
-
-def period_torque(recording: Recording, design: Design) -> PeriodTorque:
-    """What the motors gave in each period of a recording.
-
-    At an update the reference jumps, and with it a torque that has the proportional gain on the
-    error, or a feedforward:
-
-        jump = K_PS r Δ(b (v_ref + K_V (q_ref - q)) - v) + Δtau_ff,   b = 1 with K_PS on the error
-
-    where v itself has none, but K_PS has one if it follows the inertia. Over the period the speed
-    follows, and the feedback takes the jump back: a recording, which has the ends of the periods,
-    shows K_PS times a period's acceleration less than the motor gave before.
-    A drive with a sampling or a lag of its own is taken as it was recorded.
-
-    Args:
-        recording: of `design`.
-        design: the controller and the limits of the motors.
-    """
-    end = recording.tau[1:]
-    choice, robot = design.scenario.controller, design.robot
-    feedback = CONTROLLERS[choice.kind].feedback
-    if design.scenario.drive is not None:
-        return PeriodTorque(recording.tau[:-1], end)
-    if feedback == "inverse_dynamics":  # sampled and held
-        return PeriodTorque(end, end)
-    asked = recording.v_ref
-    if feedback == "position":
-        asked = asked - design.position_gain * recording.position_error
-    asked = asked * (choice.structure_in_use == "pi")
-    gain = design.gains.kp * robot.gear_ratio * np.ones_like(asked)
-    if feedback == "scheduled":
-        gain *= design.inertia_share
-    v = recording.v[1:]
-    jump = gain[1:] * (asked[1:] - v) - gain[:-1] * (asked[:-1] - v)
-    if design.tau_ff is not None:
-        jump += np.diff(design.tau_ff, axis=0)
-    help_ = 0.0
-    if design.scenario.plant.kind == "axis":  # which widens the limits there
-        help_ = design.loads.alleviating_torque[1:]
-    limit = robot.motor_torque_limit
-    after = recording.tau_cmd[1:] + jump
-    after = np.clip(after, np.minimum(help_, 0) - limit, np.maximum(help_, 0) + limit)
-    # The first row is just after its update; the last update begins no period.
-    return PeriodTorque(np.vstack([recording.tau[:1], after[:-1]]), end)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,11 +83,24 @@ class MotorUse:
     rms_share: Array
 
 
-def motor_use(torque: PeriodTorque, robot: Robot) -> MotorUse:
+def motor_use(recording: Recording, robot: Robot) -> MotorUse:
     """Torques of a run against the motors of `robot`."""
-    peak, rms = torque.peak, np.sqrt(torque.mean_square.mean(axis=0))
+    peak = recording.tau_peak.max(axis=0)
+    rms = np.sqrt(np.mean(recording.tau_rms[1:] ** 2, axis=0))
     limit = robot.motor_torque_limit
     return MotorUse(peak, rms, peak / limit, rms / limit)
+
+
+def stops_passed(recording: Recording, joint_names: Sequence[str]) -> list[str]:
+    """A line for each joint that passes a stop: when it does, where, and how far it goes."""
+    beyond = recording.beyond_stop
+    return [
+        f"joint {k + 1} {joint_names[k]} passes its stop at {recording.time[i]:.3f} s, at "
+        f"{recording.q[i, k]:.4g} rad, and goes {beyond[:, k].max():.3g} rad beyond it "
+        "(stops do not act in the simulation)"
+        for k, i in enumerate((beyond > 0).argmax(axis=0))
+        if beyond[i, k] > 0
+    ]
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,6 +50,7 @@ def run(options: argparse.Namespace) -> None:
         felt_rows,
         write_comparison,
     )
+    from sdt_drake.analysis.tracking import stops_passed
 
     check_out(options.out, csv=True, show=options.show)
     design = design_of(options.scenario)
@@ -66,6 +67,9 @@ def run(options: argparse.Namespace) -> None:
     header, rows = comparison_rows(compared)
     print_table(header, rows)
     say("speeds and positions are joint side, torques motor side, % of the motor's largest")
+    for c in compared:
+        for line in stops_passed(c.recording, c.design.robot.joint_names):
+            say(f"note: {c.label}: {line}")
     say()
     header, rows = felt_rows(compared)
     if rows:

@@ -34,7 +34,7 @@ def run(options: argparse.Namespace) -> None:
     import numpy as np
 
     from sdt_drake.analysis import plots
-    from sdt_drake.analysis.tracking import track
+    from sdt_drake.analysis.tracking import stops_passed, track
     from sdt_drake.simulate import simulate
 
     check_out(options.out, csv=True, show=options.show)
@@ -58,6 +58,8 @@ def run(options: argparse.Namespace) -> None:
             for k in range(design.robot.n)
         ],
     )  # fmt: skip
+    for line in stops_passed(recording, design.robot.joint_names):
+        say(f"note: {line}")
     paper_label = {"pi": "PI", "pi_ctc": "PI + CTC"}
     label = paper_label.get(scenario.controller.kind, scenario.controller.label)
     deliver(

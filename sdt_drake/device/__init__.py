@@ -10,6 +10,7 @@ from sdt_drake.device.friction import (
     JointFriction,
     joint_friction,
     sliding_friction,
+    sliding_stretch,
 )
 from sdt_drake.device.motors import (
     DEFAULT_CATALOGUE,
@@ -39,4 +40,5 @@ __all__ = [
     "load_catalogue",
     "motors_in_use",
     "sliding_friction",
+    "sliding_stretch",
 ]

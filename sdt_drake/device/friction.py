@@ -105,3 +105,9 @@ def sliding_friction(friction: JointFriction, v: ArrayLike) -> Array:
     s = v / friction.stribeck_speed
     stribeck = (friction.breakaway - friction.coulomb) * s * np.exp((1 - s**2) / 2)
     return friction.coulomb * np.sign(v) + stribeck + friction.viscous * v
+
+
+def sliding_stretch(friction: JointFriction, v: ArrayLike) -> Array:
+    """z / z_c of bristles that slide steadily at v [rad/s]; 0 at rest [-]."""
+    v = np.asarray(v, dtype=float)
+    return np.sign(v) + v / (friction.presliding * OVERFLOW_RATE)

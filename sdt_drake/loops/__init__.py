@@ -5,6 +5,7 @@ Each can be built for two uses: `boxed=False` to simulate, with all systems side
 is the same.
 """
 
+from sdt_drake.loops.builder import loop_period
 from sdt_drake.loops.feedback.speed import PI_NAME
 from sdt_drake.loops.make import (
     make_axis_loop,
@@ -19,6 +20,7 @@ from sdt_drake.loops.plant import PLANT_NAME
 __all__ = [
     "PI_NAME",
     "PLANT_NAME",
+    "loop_period",
     "make_axis_loop",
     "make_coupled_loop",
     "make_feedback",

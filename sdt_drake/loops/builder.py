@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +13,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, Output
 
 from sdt_drake.design import Design
 from sdt_drake.device import Drive
+from sdt_drake.motion import Motion
 from sdt_drake.systems import (
     Block,
     add_logs,
@@ -21,6 +25,32 @@ from sdt_drake.systems import (
 )
 
 Array = NDArray[np.float64]
+
+
+_BITS = 31  # of a period: 2^22 multiples of it are exact, and it is off by 5e-10 of itself at most
+
+
+def loop_period(design: Design) -> float:
+    """Interpolation period [s] of a loop: that of the motion, to 1e-9 of it.
+
+    What samples at multiples of different periods has to meet, to the last bit: of two updates at
+    one instant neither sees the other, and one that comes a bit later does. So where the drives
+    sample several times per interpolation period, their period is rounded to so few bits that all
+    multiples of both are exact.
+    """
+    period, samples = design.motion.period, _samples(design)
+    if samples == 1:
+        return period
+    mantissa, exponent = math.frexp(period / samples)
+    return samples * math.ldexp(round(math.ldexp(mantissa, _BITS)), exponent - _BITS)
+
+
+def _samples(design: Design) -> int:
+    """Of the drives in an interpolation period."""
+    drive = design.scenario.drive
+    if drive is None or drive.period is None:
+        return 1
+    return round(design.motion.period / drive.period)
 
 
 class LoopBuilder:
@@ -53,11 +83,16 @@ class LoopBuilder:
             self._builder.ExportOutput(output_port, port_name)
         return self._build(name)
 
-    def finish(self, name: str, logs: Mapping[str, OutputPort], log_period: float) -> Diagram:
-        """The diagram, with logs if it is flat."""
+    def log(self, signals: Mapping[str, OutputPort], period: float) -> None:
+        """Log signals at a period [s], if the loop is flat."""
         if not self.boxed:
-            add_logs(self._builder, logs, log_period)
-        return self._build(name)
+            add_logs(self._builder, signals, period)
+
+    def build(self, name: str) -> Diagram:
+        """The diagram."""
+        diagram = self._builder.Build()
+        diagram.set_name(name)
+        return diagram
 
     def _build(self, name: str) -> Diagram:
         diagram = self._builder.Build()
@@ -81,10 +116,22 @@ class DesignLoopBuilder(LoopBuilder):
         self.design = design
         self.frozen_at = frozen_at
 
-    @property
+    @cached_property
     def drive(self) -> Drive:
-        """Of the scenario; all ideal if it has none."""
-        return self.design.scenario.drive or Drive()
+        """Of the scenario, on the clock of the loop; all ideal if it has none."""
+        drive = self.design.scenario.drive or Drive()
+        period, delay = drive.period, drive.reference_delay
+        if period is not None:
+            period = self.motion.period / _samples(self.design)
+            if abs(delay / period - round(delay / period)) < 1e-6:
+                delay = round(delay / period) * period
+        return replace(drive, period=period, reference_delay=delay)
+
+    @cached_property
+    def motion(self) -> Motion:
+        """Of the design, on the clock of the loop."""
+        motion = self.design.motion
+        return replace(motion, period=loop_period(self.design))
 
     def place_table(self, name: str, signals: Mapping[str, Array]) -> Block:
         """Signals along the motion, arriving with the reference."""
@@ -94,7 +141,7 @@ class DesignLoopBuilder(LoopBuilder):
         return self.place(
             name,
             table_block,
-            motion=self.design.motion,
+            motion=self.motion,
             signals=signals,
             delay=self.drive.reference_delay,
         )

@@ -35,7 +35,7 @@ class Torques(NamedTuple):
 
 def place_reference(loop: DesignLoopBuilder) -> OutputPort:
     """The reference, held for an interpolation period."""
-    motion, delay = loop.design.motion, loop.drive.reference_delay
+    motion, delay = loop.motion, loop.drive.reference_delay
     source = loop.place("reference_source", reference_source_block, motion=motion, delay=delay)
     hold = loop.place(
         "zero_order_hold",

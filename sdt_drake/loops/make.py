@@ -81,7 +81,8 @@ def make_step_loop(
     loop.connect(state, controller.inputs["state"])
     loop.connect(controller.outputs["tau_fb"], process.inputs["tau"])
     loop.connect(no_load.outputs["load_torque"], process.inputs["load_torque"])
-    return loop.finish("step_loop", {"state": state}, log_period)
+    loop.log({"state": state}, log_period)
+    return loop.build("step_loop")
 
 
 def make_axis_loop(design: Design, *, boxed: bool = False) -> Diagram:
@@ -185,8 +186,10 @@ def _finish(
     torques: Torques,
     load_torque: OutputPort,
 ) -> Diagram:
-    logs = {"state": device.state, "tau_cmd": torques.tau_cmd, "tau": torques.tau}
-    if torques.tau is not torques.tau_limited:
-        logs["tau_limited"] = torques.tau_limited
-    logs["load_torque"] = load_torque
-    return loop.finish(name, logs, loop.design.motion.period)
+    period = loop.motion.period
+    loop.log({"state": device.state, "load_torque": load_torque}, period)
+    if device.measured is not device.state:
+        loop.log({"measured": device.measured}, period)
+    asked_and_given = {"tau_cmd": torques.tau_cmd, "tau": torques.tau}
+    loop.log(asked_and_given | {"tau_limited": torques.tau_limited}, loop.drive.period or period)
+    return loop.build(name)

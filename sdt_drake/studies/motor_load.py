@@ -8,7 +8,7 @@ from itertools import zip_longest
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sdt_drake.analysis.tracking import period_torque
+from sdt_drake.analysis.tracking import motor_use
 from sdt_drake.design import Design
 from sdt_drake.device import Motor, motors_in_use
 from sdt_drake.motion import margins
@@ -60,12 +60,11 @@ def motor_loads(
     """
     robot, motion = design.robot, design.motion
     motors = motors_in_use(design.scenario.device, robot.n)
-    torque = period_torque(recording, design)
-    mean_square = torque.mean_square
+    mean_square = recording.tau_rms[1:] ** 2
     rated = _each(motors, "rated_torque")
     limits = margins(robot, motion, n1=_each(motors, "n1"), n0=_each(motors, "n0"))
     by_joint = (
-        torque.peak / robot.motor_torque_limit,
+        motor_use(recording, robot).peak_share,
         np.sqrt(mean_square.mean(axis=0) * motion.duration / (motion.duration + pause)) / rated,
         winding_temperature(
             mean_square / rated**2, _each(motors, "thermal_time_constant"), motion.period, pause

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sdt_drake.analysis.tracking import felt_of, motor_use, period_torque, track
+from sdt_drake.analysis.tracking import felt_of, motor_use, stops_passed, track
 from sdt_drake.design import Design, load_device, load_plan, make_design
 from sdt_drake.dynamics import TorqueGroups, torque_groups
 from sdt_drake.errors import InputError
@@ -129,12 +129,16 @@ class Runner:
         start = time.perf_counter()
         try:
             design, plan = self.design(self.scenario(number))
-            outcomes = self._outcomes(design, simulate(design), plan)
+            recording = simulate(design)
+            outcomes = self._outcomes(design, recording, plan)
+            passed = stops_passed(recording, design.robot.joint_names)
         except Exception as error:  # whatever it is, the study goes on
             return self._failed(number, error, time.perf_counter() - start)
         duration, joints = time.perf_counter() - start, design.robot.n
         if np.isinf(outcomes).any() or np.isnan(outcomes[:joints]).any():
             return Row(number, "failed", "the speeds are not finite", duration, ())
+        if passed:
+            return Row(number, "failed", "; ".join(passed), duration, ())
         return Row(number, "ok", "", duration, outcomes)
 
     def repeat(self, number: int) -> tuple[tuple[float, ...], Recording]:
@@ -177,7 +181,7 @@ class InfeasibleError(InputError):
 def outcomes_of(design: Design, recording: Recording) -> tuple[float, ...]:
     """The numbers of a run up to felt_share, as `outcome_names` names them."""
     tracking = track(recording, design.motion)
-    motors = motor_use(period_torque(recording, design), design.robot)
+    motors = motor_use(recording, design.robot)
     parts = [getattr(tracking, name) for name in _TRACKING]
     parts += [motors.peak_share, motors.rms_share]
     felt = np.nan  # the axis plant is no device that one could sit in

@@ -24,7 +24,7 @@ from sdt_drake.systems.disturbance import disturbance_block, true_load_block
 from sdt_drake.systems.elastic_joints import elastic_joints_block
 from sdt_drake.systems.encoder import encoder_block
 from sdt_drake.systems.feedforward import ctc_feedforward_block
-from sdt_drake.systems.friction import friction_block
+from sdt_drake.systems.friction import STRETCH_UNIT, friction_block
 from sdt_drake.systems.gain_schedule import gain_schedule_block
 from sdt_drake.systems.inverse_dynamics import inverse_dynamics_block
 from sdt_drake.systems.logs import add_logs, read_logs
@@ -43,9 +43,10 @@ from sdt_drake.systems.reference_torque import (
 )
 from sdt_drake.systems.robot_plant import robot_plant_block
 from sdt_drake.systems.saturation import Envelope, dynamic_saturation_block
-from sdt_drake.systems.torque_loop import torque_loop_block
+from sdt_drake.systems.torque_loop import torque_loop_block, torque_unit
 
 __all__ = [
+    "STRETCH_UNIT",
     "Block",
     "Envelope",
     "ReferenceTorque",
@@ -72,6 +73,7 @@ __all__ = [
     "robot_plant_block",
     "table_block",
     "torque_loop_block",
+    "torque_unit",
     "true_load_block",
     "zero_order_hold_block",
 ]

@@ -10,7 +10,8 @@ from sdt_drake.errors import checked_vector
 from sdt_drake.systems.block import Block
 from sdt_drake.systems.symbolic import add_dynamic_law
 
-_STATE = 100.0  # z / z_c in a unit of the state; when sliding, z / z_c is in the hundreds
+STRETCH_UNIT = 100.0
+"""z / z_c in a unit of the state; when sliding, z / z_c is in the hundreds."""
 
 
 def friction_block(block: Block, *, friction: JointFriction, gear_ratio: ArrayLike) -> None:
@@ -56,14 +57,14 @@ def friction_block(block: Block, *, friction: JointFriction, gear_ratio: ArrayLi
 
     # An error-controlled integrator would not see 1e-5 rad, and see nothing but z / z_c.
     def rates(x, state):
-        stretch = _STATE * x
+        stretch = STRETCH_UNIT * x
         overflow = stretch - [within(u) for u in stretch]
-        return (state[n:] / z_c - OVERFLOW_RATE * overflow) / _STATE
+        return (state[n:] / z_c - OVERFLOW_RATE * overflow) / STRETCH_UNIT
 
     def law(x, state):
         forces = []
         for k, v in enumerate(state[n:]):
-            stretch, s = _STATE * x[k], v / v_s
+            stretch, s = STRETCH_UNIT * x[k], v / v_s
             damping = PRESLIDING_DAMPING_TIME / z_c * sym.max(1 - stretch * stretch, 0.0) * v
             bristles = friction.coulomb[k] * (within(stretch) + damping)
             stribeck = extra[k] * s * sym.exp((1 - s * s) / 2)

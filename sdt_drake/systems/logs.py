@@ -26,7 +26,7 @@ def add_logs(builder: DiagramBuilder, signals: Mapping[str, OutputPort], period:
 
 
 def read_logs(diagram: Diagram, context: Context) -> tuple[Array, dict[str, Array]]:
-    """Times [s], shape (N,), and each logged signal by name, shape (N, size)."""
+    """Times of the first log [s], shape (N,), and each logged signal by name, (its N, size)."""
     sinks = [s for s in diagram.GetSystems() if isinstance(s, VectorLogSink)]
     logs = {sink.get_name().removeprefix(_PREFIX): sink.FindLog(context) for sink in sinks}
     time = next(iter(logs.values())).sample_times()

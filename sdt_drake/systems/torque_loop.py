@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from pydrake.systems.primitives import FirstOrderLowPassFilter, Gain
 
 from sdt_drake.errors import checked_number, checked_vector
 from sdt_drake.systems.block import Block
+
+Array = NDArray[np.float64]
 
 
 def torque_loop_block(
@@ -50,9 +52,7 @@ def torque_loop_block(
         block.outputs["tau"] = motor.get_output_port()
         return
     checked_number(bandwidth, "torque bandwidth", minimum=0, exclusive=True)
-    # An error-controlled integrator takes 1 N m as seriously as 1 rad/s. In units of 100 limits the
-    # torque is good to 1e-3 of the limit while it settles, the speeds to 1e-5.
-    unit = 100 * limit
+    unit = torque_unit(limit)
     share = block.add(Gain(gain / unit), "share")
     lag = block.add(FirstOrderLowPassFilter(1 / (2 * np.pi * bandwidth), n))
     motor = block.add(Gain(unit), "unit")
@@ -60,3 +60,12 @@ def torque_loop_block(
     block.connect(lag.get_output_port(), motor.get_input_port())
     block.inputs["tau_limited"] = share.get_input_port()
     block.outputs["tau"] = motor.get_output_port()
+
+
+def torque_unit(motor_torque_limit: ArrayLike) -> Array:
+    """Of the state of a torque loop that lags [N m], shape (n,).
+
+    An error-controlled integrator takes 1 N m as seriously as 1 rad/s. In units of 100 limits the
+    torque is good to 1e-3 of the limit while it settles, the speeds to 1e-5.
+    """
+    return 100 * np.asarray(motor_torque_limit)

@@ -17,7 +17,7 @@ from sdt_drake.analysis.comparison import (
     with_controller,
     write_comparison,
 )
-from sdt_drake.analysis.tracking import motor_use, period_torque, track
+from sdt_drake.analysis.tracking import motor_use, track
 from sdt_drake.control import CONTROLLERS
 from sdt_drake.device import Friction
 from sdt_drake.errors import InputError
@@ -60,15 +60,15 @@ def compared(design):
 def metrics(c):
     """The table's values by hand, (columns, n)."""
     run, limit = c.recording, np.array([203.2, 3950, 2150, 2150])
-    tracking, torque = track(run, c.design.motion), period_torque(run, c.design)
+    tracking = track(run, c.design.motion)
     return np.array([
         np.abs(run.v - run.v_ref).max(axis=0),
         np.sqrt(np.mean((run.v - run.v_ref) ** 2, axis=0)),
         tracking.constant_speed_error,
         np.rad2deg(np.abs(run.q - run.q_ref).max(axis=0)),
-        100 * np.sqrt(np.mean(torque.mean_square, axis=0)) / limit,
-        100 * torque.peak / limit,
-        100 * np.mean(run.tau_limited != run.tau_cmd, axis=0),
+        100 * np.sqrt(np.mean(run.tau_rms[1:] ** 2, axis=0)) / limit,
+        100 * run.tau_peak.max(axis=0) / limit,
+        100 * np.mean(run.saturated[1:], axis=0),
     ])  # fmt: skip
 
 
@@ -89,7 +89,7 @@ def test_same_numbers_as_the_run_alone(design, compared, i):
         np.testing.assert_array_equal(getattr(c.recording, name), getattr(alone, name), name)
     for of, expected in (
         (c.tracking, track(alone, design.motion)),
-        (c.motors, motor_use(period_torque(alone, c.design), design.robot)),
+        (c.motors, motor_use(alone, design.robot)),
     ):
         for name, value in vars(expected).items():
             np.testing.assert_array_equal(getattr(of, name), value, name)

@@ -50,6 +50,10 @@ def make_recording(motion, error):
         tau_limited=torque / 2,
         tau=torque / 2,
         load_torque=-torque,
+        tau_peak=torque / 2,
+        tau_rms=torque / 2,
+        saturated=0 * torque,
+        beyond_stop=0 * torque,
     )
 
 

@@ -17,13 +17,17 @@ PERIOD = 0.005
 def head_of(motion, robot, scale):
     """Tracking of a run whose speeds and angles are off by a share of the reference."""
     zero = np.zeros_like(motion.v)
-    torques = dict.fromkeys(("tau_cmd", "tau_limited", "tau", "load_torque"), zero)
+    torques = dict.fromkeys(
+        ("tau_cmd", "tau_limited", "tau", "load_torque", "tau_peak", "tau_rms"), zero
+    )
     recording = Recording(
         time=motion.time,
         q_ref=motion.q,
         v_ref=motion.v,
         q=scale * motion.q,
         v=scale * motion.v,
+        saturated=zero,
+        beyond_stop=zero,
         **torques,
     )
     return recording, track_head(recording, robot)

@@ -6,19 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sdt_drake.analysis.comparison import design_with
 from sdt_drake.analysis.tracking import (
-    PeriodTorque,
     constant_speed_segments,
     motor_use,
-    period_torque,
+    stops_passed,
     track,
     track_head,
 )
-from sdt_drake.device import Drive
-from sdt_drake.dynamics import inverse_dynamics
 from sdt_drake.motion import Motion
-from sdt_drake.simulate import Recording, simulate
+from sdt_drake.simulate import Recording
 
 PERIOD = 0.01
 
@@ -38,6 +34,8 @@ def make_recording(motion, **signals):
     perfect = {"q": motion.q, "v": motion.v, "tau_cmd": zero, "tau": zero, "load_torque": zero}
     signals = perfect | signals
     signals.setdefault("tau_limited", signals["tau"])
+    for name in ("tau_peak", "tau_rms", "saturated", "beyond_stop"):
+        signals.setdefault(name, zero)
     return Recording(time=motion.time, q_ref=motion.q, v_ref=motion.v, **signals)
 
 
@@ -141,17 +139,21 @@ def test_motion_shorter_than_the_settling_time():
     np.testing.assert_allclose(tracking.max_abs_speed_error, 0.1)
 
 
-def test_saturated_fraction_is_the_share_of_samples_with_less_torque_than_asked_for():
-    rows = len(MOTION.time)
-    tau_cmd = np.full_like(MOTION.v, 10.0)
-    tau = tau_cmd.copy()
-    tau[: rows // 4, 0] = 8.0
-    tau[::2, 1] = -8.0
-    tau[:, 2] = 8.0
-    tracking = track(make_recording(MOTION, tau_cmd=tau_cmd, tau=tau), MOTION)
+def test_saturated_fraction_is_the_share_of_the_time():
+    saturated = np.zeros_like(MOTION.v)
+    saturated[1:151, 0] = 0.5  # half of a quarter of the periods
+    saturated[:, 1] = 1.0
+    tracking = track(make_recording(MOTION, saturated=saturated), MOTION)
+    np.testing.assert_allclose(tracking.saturated_fraction, [0.125, 1, 0, 0, 0])
 
-    expected = [rows // 4 / rows, (rows + 1) // 2 / rows, 1.0, 0.0, 0.0]
-    np.testing.assert_allclose(tracking.saturated_fraction, expected)
+
+def test_stops_that_are_passed_are_told_by_joint_time_and_angle():
+    q, beyond = MOTION.q.copy(), np.zeros_like(MOTION.q)
+    beyond[at(MOTION, 2) : at(MOTION, 3), 3] = np.linspace(0.01, 0.02, 100)
+    recording = make_recording(MOTION, q=q, beyond_stop=beyond)
+    [line] = stops_passed(recording, ["a", "b", "c", "roll", "e"])
+    assert f"joint 4 roll passes its stop at 2.000 s, at {q[200, 3]:.4g} rad" in line
+    assert "0.02 rad beyond it" in line and "do not act" in line
 
 
 def test_position_error_does_not_come_from_speed_error():
@@ -216,17 +218,16 @@ def torques():
 
 
 def constant(tau):
-    """Torque that stays what it is over each period."""
-    return PeriodTorque(tau, tau)
+    """A run with torque that stays what it is over each period."""
+    return make_recording(MOTION, tau_peak=np.abs(tau), tau_rms=np.abs(tau))
 
 
 def test_peak_and_rms_torque():
     use = motor_use(constant(torques()), LIMITS)
 
     np.testing.assert_allclose(use.peak_torque, [3, 12, 5, 8, 0])
-    expected = [3, 12 / np.sqrt(2), 5 / np.sqrt(601), np.sqrt((300 * 16 + 301 * 64) / 601), 0]
-    np.testing.assert_allclose(use.rms_torque, expected, rtol=2e-3)
-    np.testing.assert_allclose(use.rms_torque, np.sqrt((torques() ** 2).mean(axis=0)))
+    expected = [3, 12 / np.sqrt(2), 5 / np.sqrt(600), np.sqrt((299 * 16 + 301 * 64) / 600), 0]
+    np.testing.assert_allclose(use.rms_torque, expected, rtol=1e-12)
 
 
 def test_shares_are_of_the_motors_largest_torque():
@@ -234,51 +235,3 @@ def test_shares_are_of_the_motors_largest_torque():
 
     np.testing.assert_allclose(use.peak_share, [0.3, 0.6, 1.0, 1.0, 0.0])
     np.testing.assert_allclose(use.rms_share * [10, 20, 5, 8, 1], use.rms_torque)
-
-
-def test_torque_that_falls_over_each_period():
-    """A sawtooth from 2 to 0: RMS 2 / sqrt(3), with its peak at the starts."""
-    tau = np.ones((50, 1))
-    torque = PeriodTorque(2 * tau, 0 * tau)
-    np.testing.assert_allclose(torque.peak, [2])
-    np.testing.assert_allclose(torque.mean_square, 4 / 3 * tau)
-
-
-@pytest.mark.parametrize("label", ["pi", "pi_id", "p_pi+id", "pi_scheduled+id", "inverse_dynamics"])
-def test_torque_of_the_periods_is_what_the_motion_took(design, label):
-    """Mean of each period by inverse dynamics of the speeds that were reached, independently."""
-    own = design_with(design, label)
-    recording, robot, period = simulate(own), own.robot, own.motion.period
-    torque = period_torque(recording, own)
-    q, v = ((values[1:] + values[:-1]) / 2 for values in (recording.q, recording.v))
-    taken = inverse_dynamics(robot, q, v, np.diff(recording.v, axis=0) / period)
-    mean = (torque.start + torque.end) / 2
-    np.testing.assert_allclose(
-        mean / robot.motor_torque_limit, taken / robot.effort_limit, rtol=0, atol=6e-3
-    )
-    np.testing.assert_array_equal(torque.end, recording.tau[1:])
-
-
-def test_a_gain_on_the_error_gives_more_than_a_recording_shows(design):
-    """K_PS r times a period's acceleration: 20 % of motor 1 with the inverse dynamics."""
-    own = design_with(design, "pi_id")
-    recording = simulate(own)
-    peak = motor_use(period_torque(recording, own), own.robot).peak_share[0]
-    shown = np.abs(recording.tau).max(axis=0)[0] / own.robot.motor_torque_limit[0]
-    lag = own.gains.kp[0] * own.robot.gear_ratio[0] * np.abs(own.motion.vd[:, 0]).max() * 0.005
-    assert peak - shown == pytest.approx(lag / own.robot.motor_torque_limit[0], rel=0.2)
-    assert peak - shown > 0.1
-
-
-def test_motors_are_judged_by_what_they_give(make_variant):
-    """With a drive: what is behind its torque loop, as it was recorded."""
-
-    def real(scenario):
-        scenario.drive = Drive(torque_bandwidth=200.0)
-
-    own = make_variant("coupled_pi", real)
-    ones = np.ones_like(own.motion.v)
-    recording = make_recording(own.motion, tau=2 * ones, tau_cmd=9 * ones, tau_limited=5 * ones)
-    torque = period_torque(recording, own)
-    assert torque.start.shape == torque.end.shape == (len(ones) - 1, 4)
-    assert np.all(torque.peak == 2)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from sdt_drake.analysis.comparison import with_controller
-from sdt_drake.analysis.tracking import period_torque
 from sdt_drake.design import make_design
 from sdt_drake.device import DeviceChoice
 from sdt_drake.errors import InputError
@@ -88,9 +87,8 @@ def test_loads_of_a_run(design, run):
     own, recording = run(design, "pi_id", "post_roll")
     duration = own.motion.duration
     loads, rested = (named_loads(own, recording, duration, pause) for pause in (0.0, 120.0))
-    torque = period_torque(recording, own)
-    assert loads["used_torque_share_2"] == pytest.approx(torque.peak[1] / 3950)
-    rms = np.sqrt(torque.mean_square[:, 1].mean())
+    assert loads["used_torque_share_2"] == pytest.approx(recording.tau_peak[:, 1].max() / 3950)
+    rms = np.sqrt(np.mean(recording.tau_rms[1:, 1] ** 2))
     assert loads["rated_torque_share_2"] == pytest.approx(rms / 1780)
     less = np.sqrt(duration / (duration + 120))
     assert rested["rated_torque_share_2"] == pytest.approx(less * rms / 1780)
@@ -98,7 +96,7 @@ def test_loads_of_a_run(design, run):
     assert rested["winding_temperature_2"] < loads["winding_temperature_2"]
     # Slower than n1 = 45 rpm there is the peak torque.
     limits = [loads[f"torque_at_speed_share_{k}"] for k in (1, 2)]
-    mean = np.abs((torque.start + torque.end) / 2).max(axis=0)[1] / 3950
+    mean = recording.tau_rms[:, 1].max() / 3950
     assert limits[1] == pytest.approx(mean, rel=0.01)
     assert loads["used_torque_share_2"] > mean  # K_PS times a period's acceleration, at its start
     assert loads["stretch"] == 0

@@ -11,7 +11,7 @@ from sdt_drake.systems import Block, inverse_dynamics_block
 
 def place(loop: DesignLoopBuilder, reference: OutputPort, measured: OutputPort) -> Block:
     design = loop.design
-    state = loop.place_encoder("encoder", measured, design.motion.period)
+    state = loop.place_encoder("encoder", measured, loop.motion.period)
     controller = loop.place(
         "inverse_dynamics",
         inverse_dynamics_block,

@@ -12,7 +12,7 @@ from sdt_drake.systems import Block, position_loop_block
 def place(loop: DesignLoopBuilder, reference: OutputPort, measured: OutputPort) -> Block:
     state = speed.sampled(loop, measured)
     # At the instants of the reference: see position_loop_block.
-    sample = loop.place_encoder("position_encoder", measured, loop.design.motion.period)
+    sample = loop.place_encoder("position_encoder", measured, loop.motion.period)
     outer = loop.place(
         "position_loop", position_loop_block, position_gain=loop.design.position_gain
     )
