@@ -3,6 +3,7 @@
 This comes before all large imports: a Ctrl-C that is earlier still finds Python alone.
 """
 
+import atexit
 import os
 import signal
 import sys
@@ -74,7 +75,12 @@ def main() -> int:
     except KeyboardInterrupt:
         code = 130
     stop.deafen()
-    return 128 + stop.number if code == 130 else code
+    if code == 130:
+        atexit._run_exitfuncs()  # temporary folders, for one
+        os._exit(
+            128 + (stop.number or signal.SIGINT)
+        )  # Python would wait for simulations in threads
+    return code
 
 
 if __name__ == "__main__":

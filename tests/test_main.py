@@ -97,6 +97,21 @@ step.run = run
     assert stopped([signal.SIGINT], "open", "never", "step", code=code) == (130, "", set())
 
 
+def test_ctrl_c_does_not_wait_for_what_runs_in_threads(stopped):
+    code = """
+import threading
+import sdt_drake.commands.step as step
+from sdt_drake.analysis.threads import threads
+def run(options):
+    with threads(1) as pool:
+        for _ in range(2):
+            pool.submit(threading.Event().wait)
+        open("never", "rb")
+step.run = run
+""" + DRIVER
+    assert stopped([signal.SIGINT], "open", "never", "step", code=code) == (130, "", set())
+
+
 def test_what_is_ignored_stays_ignored(tmp_path):
     """Below nohup a closed terminal is no reason to end."""
     process = subprocess.Popen(
