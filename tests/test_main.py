@@ -98,7 +98,8 @@ step.run = run
 
 
 def test_ctrl_c_does_not_wait_for_what_runs_in_threads(stopped):
-    code = """
+    code = (
+        """
 import threading
 import sdt_drake.commands.step as step
 from sdt_drake.analysis.threads import threads
@@ -108,7 +109,9 @@ def run(options):
             pool.submit(threading.Event().wait)
         open("never", "rb")
 step.run = run
-""" + DRIVER
+"""
+        + DRIVER
+    )
     assert stopped([signal.SIGINT], "open", "never", "step", code=code) == (130, "", set())
 
 
