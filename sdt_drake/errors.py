@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import filecmp
+import os
 import secrets
 import stat
 import unicodedata
@@ -155,12 +157,20 @@ def checked_input(path: Path) -> Path:
 
 
 def checked_output(path: Path) -> Path:
-    """A file that is going to be written, whole and at once, by `replacing`.
+    """A file that is going to be written: refused before anything is computed.
 
     Raises:
         InputError: if it is a folder, a device, a link to nothing, or a file that the command
             reads.
     """
+    status = _checked_place(path)
+    if status is not None and _inputs is not None:
+        _outputs.add((status.st_dev, status.st_ino))
+    return _separate(path)
+
+
+def _checked_place(path: Path) -> os.stat_result | None:
+    """Of a file to write; None if it is not there yet."""
     checked_name(path)
     if not path.name or path.name == "..":
         raise InputError(f"{path}: is a folder, expected a file")
@@ -169,11 +179,9 @@ def checked_output(path: Path) -> Path:
     except OSError:  # if it is more than that there is no file yet, writing it tells
         if path.is_symlink():
             raise InputError(f"{path}: is a link that leads nowhere, expected a file") from None
-        return path
+        return None
     _check_regular(path, status.st_mode)
-    if _inputs is not None:
-        _outputs.add((status.st_dev, status.st_ino))
-    return _separate(path)
+    return status
 
 
 def _check_regular(path: Path, mode: int) -> None:
@@ -185,8 +193,12 @@ def _check_regular(path: Path, mode: int) -> None:
 
 def _separate(path: Path) -> Path:
     if _inputs is not None and _inputs & _outputs:
-        raise InputError(f"{path}: is read by this command, expected another file to write")
+        raise _is_read(path)
     return path
+
+
+def _is_read(path: Path) -> InputError:
+    return InputError(f"{path}: is read by this command, expected another file to write")
 
 
 def read_text(path: Path, most: int) -> str:
@@ -212,15 +224,16 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises:
         InputError: if `path` cannot be written, or must not be; see `keeping_inputs`.
     """
-    target = checked_output(path).resolve() if path.is_symlink() else checked_output(path)
+    status = _checked_place(path)
+    target = path.resolve() if path.is_symlink() else path
     # Of a name of its own: two processes may write the same file.
     partial = target.with_name(f".{secrets.token_hex(8)}.partial{path.suffix}")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         try:
             yield partial
-            if _inputs is not None:
-                _check_kind(path, partial)
+            if status is not None and _inputs is not None:
+                _check_replaceable(path, status, partial)
             partial.replace(target)
             _outputs.clear()  # what is new may have the number of what it replaced
         finally:
@@ -229,14 +242,12 @@ def replacing(path: Path) -> Iterator[Path]:
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
 
 
-def _check_kind(path: Path, new: Path) -> None:
-    """Refuse to replace what begins otherwise: another kind of file, or of table."""
-    with new.open("rb") as file:
-        begin = file.read(4)
-    if path.exists():
-        with path.open("rb") as file:
-            if not begin.startswith(file.read(4)):  # an empty one may be replaced
-                raise InputError(
-                    f"{path}: holds something else than what this command writes, "
-                    "expected another name"
-                )
+def _check_replaceable(path: Path, status: os.stat_result, new: Path) -> None:
+    """Refuse to replace what was read, but by the same, and what begins otherwise."""
+    if (status.st_dev, status.st_ino) in _inputs and not filecmp.cmp(path, new, shallow=False):
+        raise _is_read(path)
+    with path.open("rb") as old, new.open("rb") as file:
+        if not file.read(4).startswith(old.read(4)):  # an empty one may be replaced
+            raise InputError(
+                f"{path}: holds something else than what this command writes, expected another name"
+            )

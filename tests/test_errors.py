@@ -81,6 +81,17 @@ def test_what_is_read_is_not_replaced(path, alias, order):
     write(path.parent / alias)  # of another command, or of Python
 
 
+def test_what_is_read_is_replaced_by_the_same_only(path):
+    """A study that goes on by the file in its own folder writes that once more."""
+    with keeping_inputs():
+        checked_input(path)
+        write(path, "old")
+        checked_input(path)
+        with pytest.raises(InputError, match="is read by this command"):
+            write(path, "old and more")
+    assert path.read_text() == "old"
+
+
 def test_what_was_written_is_read(path):
     with keeping_inputs():
         for _ in range(3):  # files of old numbers come back with new names
