@@ -1,6 +1,87 @@
-"""`python -m sdt_drake` is `sdt-drake`."""
+"""`sdt-drake`, and `python -m sdt_drake`: what ends the process from outside ends it quietly.
 
-from sdt_drake.cli import main
+This comes before all large imports: a Ctrl-C that is earlier still finds Python alone.
+"""
+
+import atexit
+import os
+import signal
+import sys
+import time
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_AGAIN = 0.02  # s
+_PATIENCE = 3.0  # s; what tidying up may take before a second signal ends it
+
+
+class _Stop:
+    """Handler of signals: a KeyboardInterrupt, one, where Python and Drake can bear it."""
+
+    def __init__(self) -> None:
+        self.number = 0  # of the signal that ends the process
+        self.working = False  # so there may be something to tidy up
+        self._since = 0.0
+
+    def listen(self) -> None:
+        for number in _SIGNALS:
+            # What is ignored, as below nohup, stays so.
+            if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
+                signal.signal(number, self)
+        signal.signal(signal.SIGALRM, self)
+        sys.unraisablehook = self._lost
+
+    def deafen(self) -> None:
+        """All is done; Python's own end takes no interrupt without a trace."""
+        for number in (*_SIGNALS, signal.SIGALRM):
+            signal.signal(number, signal.SIG_IGN)
+
+    def __call__(self, number: int, frame) -> None:
+        if not self.working:
+            os._exit(128 + number)
+        if not self.number:
+            self.number, self._since = number, time.monotonic()
+        elif number != signal.SIGALRM:
+            if time.monotonic() - self._since > _PATIENCE:
+                os._exit(128 + self.number)
+            return
+        if _is_importing(frame):  # Drake makes an ImportError of it, and others lose it
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+        else:
+            raise KeyboardInterrupt
+
+    def _lost(self, unraisable) -> None:
+        """What was raised where nothing takes it, in a destructor for one."""
+        if issubclass(unraisable.exc_type, KeyboardInterrupt):
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+        else:
+            sys.__unraisablehook__(unraisable)
+
+
+def _is_importing(frame) -> bool:
+    while frame is not None and not frame.f_code.co_filename.startswith("<frozen importlib"):
+        frame = frame.f_back
+    return frame is not None
+
+
+def main() -> int:
+    """Run the command line; returns the exit code, 128 + n after signal n."""
+    stop = _Stop()
+    stop.listen()
+    try:
+        from sdt_drake.cli import main as run
+
+        stop.working = True
+        code = run()
+    except KeyboardInterrupt:
+        code = 130
+    stop.deafen()
+    if code == 130:
+        atexit._run_exitfuncs()  # temporary folders, for one
+        os._exit(
+            128 + (stop.number or signal.SIGINT)
+        )  # Python would wait for simulations in threads
+    return code
+
 
 if __name__ == "__main__":
     raise SystemExit(main())

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import logging
 import os
+import shlex
 import sys
-from collections.abc import Sequence
+import traceback
+import warnings
+from collections.abc import Iterator, Sequence
 from typing import NoReturn
 
 import sdt_drake
 from sdt_drake.commands import COMMANDS
 from sdt_drake.commands.common import stop_printing
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, keeping_inputs
 
-BAD_INPUT = 2
+BAD_INPUT, FAULT, INTERRUPTED = 2, 70, 130
+
+_LONGEST = 1000  # letters of a line about an error
 
 
 class _Parser(argparse.ArgumentParser):
@@ -25,42 +31,102 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; returns the exit code: 0, or 2 after one line about bad input."""
-    if sys.stdout is None:  # closed by whoever called us
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115
+    """Run a command.
+
+    Returns:
+        The exit code: 0; after one line 2 for bad input, and 70 for what nobody foresaw; 130 if
+        interrupted.
+    """
+    arguments = sys.argv[1:] if arguments is None else arguments
+    _prepare_streams()
+    try:
+        code = _run(arguments)
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            stop_printing(stream)
+    return code
+
+
+def _prepare_streams() -> None:
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by whoever called us
+            setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w"))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # a terminal that lacks a letter is no error
     # Drake also logs what it raises. (It sets the logger's level itself, when it is imported.)
     logging.getLogger("drake").addFilter(lambda record: False)
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # no folder for its cache, for one
+
+
+def _run(arguments: Sequence[str]) -> int:
     try:
-        options = _parser().parse_args(arguments)
-        options.command(options)
-        sys.stdout.flush()
+        with keeping_inputs(), _warnings_last():
+            with contextlib.suppress(SystemExit):  # of --help
+                _do(_parser().parse_args(arguments))
+            sys.stdout.flush()
     except InputError as error:
         return _refuse(str(error))
     except BrokenPipeError:
-        stop_printing()
+        stop_printing(sys.stdout)
     except OSError as error:
-        return _refuse(f"{error.filename or 'files'}: {error.strerror or error}")
-    except KeyboardInterrupt:
-        return 130
-    except ImportError as error:
-        if _was_interrupted(error):  # while Drake was being imported
-            return 130
-        raise
+        return _refuse(f"{error.filename or 'output'}: {error.strerror or error}")
+    except Exception as error:
+        if "--traceback" in arguments:
+            traceback.print_exc()
+        return _refuse(
+            f"fault of the program, {type(error).__name__} ({error}), in: sdt-drake "
+            f"{shlex.join(arguments)}; --traceback shows where",
+            FAULT,
+        )
     return 0
 
 
-def _was_interrupted(error: BaseException | None) -> bool:
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__
-    return error is not None
+def _do(options: argparse.Namespace) -> None:
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        raise InputError("the current folder is gone, expected one that is there") from None
+    if not getattr(options, "show", False):
+        os.environ["MPLBACKEND"] = "agg"  # whatever a notebook has set: no screen is needed
+    else:
+        _check_backend()
+    options.command(options)
 
 
-def _refuse(message: str) -> int:
-    print(f"sdt-drake: {' '.join(message.splitlines())}", file=sys.stderr)
-    return BAD_INPUT
+def _check_backend() -> None:
+    try:
+        import matplotlib  # noqa: F401
+    except ValueError as error:
+        raise InputError(f"$MPLBACKEND: {error}") from None
+
+
+@contextlib.contextmanager
+def _warnings_last() -> Iterator[None]:
+    """Warnings of libraries, a line each, if nothing else went wrong: an error says it better."""
+    with warnings.catch_warnings(record=True) as caught:
+        yield
+    for warning in caught:
+        _print_error(f"warning: {warning.message}")
+
+
+def _refuse(message: str, code: int = BAD_INPUT) -> int:
+    _print_error(message)
+    return code
+
+
+def _print_error(message: str) -> None:
+    """One line, which fits into a terminal and does nothing to it."""
+    text = " ".join(message.split())
+    if len(text) > _LONGEST:
+        text = f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
+    letters = (x if x.isprintable() else x.encode("unicode_escape").decode() for x in text)
+    with contextlib.suppress(OSError):  # a full disk, for one; the exit code tells
+        print(f"sdt-drake: {''.join(letters)}", file=sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -1,15 +1,20 @@
-"""The one exception that a user's bad input raises."""
+"""The one exception that a user's bad input raises; checks of numbers and of files."""
 
 from __future__ import annotations
 
 import contextlib
+import filecmp
+import os
+import secrets
+import stat
+import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-_MOST_PERIODS = 10_000_000  # what memory holds
+_MOST_PERIODS = 1_000_000  # what is planned in a minute, and memory holds; 83 min of 5 ms
 
 
 class InputError(ValueError):
@@ -98,25 +103,151 @@ def whole_periods(duration: float, period: float, where: str) -> int:
     return count
 
 
+# --- files -----------------------------------------------------------------------------------
+
+_inputs: set[tuple[int, int]] | None = None  # device and number of the files; None: not kept
+_outputs: set[tuple[int, int]] = set()
+
+
+@contextlib.contextmanager
+def keeping_inputs() -> Iterator[None]:
+    """Within, no file is replaced that was read, or that begins otherwise than what is written."""
+    global _inputs
+    _inputs = set()
+    try:
+        yield
+    finally:
+        _inputs = None
+        _outputs.clear()
+
+
+def checked_name(path: str | Path) -> Path:
+    """A path that can be shown, and that every system and format takes.
+
+    Raises:
+        InputError: if it has control characters, or letters that are not in UTF-8.
+    """
+    if has_control_characters(str(path)):
+        raise InputError(f"{path}: control characters or no UTF-8 in a name, expected letters")
+    return Path(path)
+
+
+def has_control_characters(text: str) -> bool:
+    """Whether there are some, NUL and line breaks too, or halves of letters (surrogates)."""
+    return any(unicodedata.category(letter) in ("Cc", "Cs") for letter in text)
+
+
+def checked_input(path: Path) -> Path:
+    """A file that is going to be read; every reader of files begins here.
+
+    Raises:
+        InputError: if it is none, or a file that the command writes.
+    """
+    checked_name(path)
+    try:
+        status = path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError(f"{path}: no such file") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    _check_regular(path, status.st_mode)
+    if _inputs is not None:
+        _inputs.add((status.st_dev, status.st_ino))
+    return _separate(path)
+
+
+def checked_output(path: Path) -> Path:
+    """A file that is going to be written: refused before anything is computed.
+
+    Raises:
+        InputError: if it is a folder, a device, a link to nothing, or a file that the command
+            reads.
+    """
+    status = _checked_place(path)
+    if status is not None and _inputs is not None:
+        _outputs.add((status.st_dev, status.st_ino))
+    return _separate(path)
+
+
+def _checked_place(path: Path) -> os.stat_result | None:
+    """Of a file to write; None if it is not there yet."""
+    checked_name(path)
+    if not path.name or path.name == "..":
+        raise InputError(f"{path}: is a folder, expected a file")
+    try:
+        status = path.stat()
+    except OSError:  # if it is more than that there is no file yet, writing it tells
+        if path.is_symlink():
+            raise InputError(f"{path}: is a link that leads nowhere, expected a file") from None
+        return None
+    _check_regular(path, status.st_mode)
+    return status
+
+
+def _check_regular(path: Path, mode: int) -> None:
+    if stat.S_ISDIR(mode):
+        raise InputError(f"{path}: is a folder, expected a file")
+    if not stat.S_ISREG(mode):  # reading a pipe waits for its writer, a device may never end
+        raise InputError(f"{path}: is a device or pipe, expected a file")
+
+
+def _separate(path: Path) -> Path:
+    if _inputs is not None and _inputs & _outputs:
+        raise _is_read(path)
+    return path
+
+
+def _is_read(path: Path) -> InputError:
+    return InputError(f"{path}: is read by this command, expected another file to write")
+
+
+def read_text(path: Path, most: int) -> str:
+    """A text in UTF-8, with or without a byte-order mark, of at most `most` bytes.
+
+    Raises:
+        InputError: if it is no file, longer, or no UTF-8.
+    """
+    checked_input(path)
+    try:
+        size = path.stat().st_size
+        if size > most:
+            raise InputError(f"{path}: {size} bytes, expected at most {most}")
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read ({error})") from None
+
+
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path beside `path` that takes its place only if the block succeeds.
 
     Raises:
-        InputError: if `path` cannot be written.
+        InputError: if `path` cannot be written, or must not be; see `keeping_inputs`.
     """
-    given, path = path, path.resolve() if path.is_symlink() else path
-    if not path.name or path.name == ".." or path.is_dir():
-        raise InputError(f"{given}: is a folder, expected a file")
-    if path.exists() and not path.is_file():
-        raise InputError(f"{given}: is a device or pipe, expected a file")
-    partial = path.with_name(f".{path.name}.partial{path.suffix}")
+    status = _checked_place(path)
+    target = path.resolve() if path.is_symlink() else path
+    # Of a name of its own: two processes may write the same file.
+    partial = target.with_name(f".{secrets.token_hex(8)}.partial{path.suffix}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        target.parent.mkdir(parents=True, exist_ok=True)
         try:
             yield partial
-            partial.replace(path)
+            if status is not None and _inputs is not None:
+                _check_replaceable(path, status, partial)
+            partial.replace(target)
+            _outputs.clear()  # what is new may have the number of what it replaced
         finally:
             partial.unlink(missing_ok=True)
     except OSError as error:
-        raise InputError(f"{given}: cannot be written ({error.strerror or error})") from None
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+
+
+def _check_replaceable(path: Path, status: os.stat_result, new: Path) -> None:
+    """Refuse to replace what was read, but by the same, and what begins otherwise."""
+    if (status.st_dev, status.st_ino) in _inputs and not filecmp.cmp(path, new, shallow=False):
+        raise _is_read(path)
+    with path.open("rb") as old, new.open("rb") as file:
+        if not file.read(4).startswith(old.read(4)):  # an empty one may be replaced
+            raise InputError(
+                f"{path}: holds something else than what this command writes, expected another name"
+            )

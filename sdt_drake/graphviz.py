@@ -69,7 +69,7 @@ def write_diagram(
         if format_ == "dot":
             partial.write_text(text, encoding="utf-8")
         else:
-            _render(text, format_, partial)
+            partial.write_bytes(_rendered(text, format_))
     return path
 
 
@@ -83,13 +83,12 @@ def has_graphviz() -> bool:
     return shutil.which("dot") is not None
 
 
-def _render(text: str, format_: str, path: Path) -> None:
+def _rendered(text: str, format_: str) -> bytes:
     if not has_graphviz():
         raise InputError(NO_GRAPHVIZ)
-    command = ["dot", f"-T{format_}", "-o", str(path)]
-    done = subprocess.run(command, input=text, text=True, capture_output=True, check=False)
+    done = subprocess.run(["dot", f"-T{format_}"], input=text.encode(), capture_output=True)
     if done.returncode != 0:
-        raise InputError(f"Graphviz failed: {' '.join(done.stderr.split())}")
-    if format_ == "svg":
-        with path.open("a", encoding="utf-8") as file:
-            file.write(f"<!-- {fingerprint(text)} -->\n")
+        reason = " ".join(done.stderr.decode(errors="replace").split())
+        raise InputError(f"Graphviz failed: {reason}")
+    note = f"<!-- {fingerprint(text)} -->\n".encode() if format_ == "svg" else b""
+    return done.stdout + note

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, checked_input, checked_name
 
 _PACKAGE = Path(__file__).resolve().parent
 PACKAGE_PREFIX = "package://sdt/"
@@ -17,16 +17,17 @@ def models_dir() -> Path:
 
 
 def find_file(reference: str | Path, base: Path | None = None) -> Path:
-    """The file that `reference` means.
+    """The file that `reference` means, to be read.
 
     Args:
         reference: `package://sdt/...` for a file that ships with the package, otherwise a path.
         base: folder that a relative path starts from; the working directory if None.
 
     Raises:
-        InputError: if there is no such file, or it is a folder.
+        InputError: if there is no such file, or it is a folder, a device or a pipe.
     """
     text = str(reference)
+    checked_name(text)
     if text.startswith("package://") and not text.startswith(PACKAGE_PREFIX):
         raise InputError(f"{text}: no such package, files of this one start with {PACKAGE_PREFIX}")
     if not text:
@@ -39,11 +40,9 @@ def find_file(reference: str | Path, base: Path | None = None) -> Path:
         path = Path(text) if base is None else base / text
         hint = f"; files of the package start with {PACKAGE_PREFIX}"
     try:
-        is_file, is_folder = path.is_file(), path.is_dir()
-    except (OSError, ValueError):
-        is_file = is_folder = False
-    if is_folder:
-        raise InputError(f"{text}: is a folder, expected a file")
-    if not is_file:
+        there = path.exists()
+    except OSError:
+        there = False
+    if not there:
         raise InputError(f"{text}: no such file{hint}")
-    return path
+    return checked_input(path)

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.errors import InputError, replacing
+from sdt_drake.errors import InputError, checked_input, replacing
 
 Array = NDArray[np.float64]
+
+MOST_VALUES, MOST_LINES = 30_000_000, 5_000_000
+"""In a table that is read: a recording of an hour, and what memory holds several times."""
+
+_LONGEST_LINE = 1_000_000  # letters
 
 
 def write_table(
@@ -39,42 +45,68 @@ def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str,
     Raises:
         InputError: naming the file, and the line where there is one: no such file, not UTF-8, no
             time column, no commas between the columns, something that is not a finite number, a
-            row of another length, a time that does not grow as it must.
+            row of another length, a time that does not grow as it must, more than MOST_VALUES or
+            MOST_LINES.
     """
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8-sig")  # spreadsheets put a byte-order mark in front
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except UnicodeDecodeError:
-        raise _not_utf8(path) from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error})") from None
-    if "\0" in text:  # UTF-16 without a byte-order mark
-        raise _not_utf8(path)
-    lines = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip()]
-    if len(lines) < 3:
+    path = checked_input(Path(path))
+    lines = _lines(path)
+    start = list(itertools.islice(lines, 3))
+    if len(start) < 3:
         raise InputError(f"{path}: fewer than two rows")
-    header = [_unquoted(name) for name in lines[0][1].split(",")]
+    header = [_unquoted(name) for name in start[0][1].split(",")]
     if header[0] != "time":
-        raise _bad_header(path, lines[0][1], header[0])
-    numbers, rows = zip(*lines[1:], strict=True)
+        raise _bad_header(path, start[0][1], header[0])
+    rows = (line for _, line in itertools.chain(start[1:], lines))
     try:
         data = np.loadtxt(rows, delimiter=",", ndmin=2, comments=None, quotechar='"')
         if data.shape[1] != len(header):
             raise ValueError
+    except InputError:
+        raise
     except ValueError:
-        raise _bad_line(path, lines[1:], len(header)) from None
+        raise _bad_line(path, len(header)) from None
     groups = _groups(path, header)
     for column in (0, *(c for group in groups.values() for c in group)):
         bad = np.flatnonzero(~np.isfinite(data[:, column]))
         if len(bad):
             raise InputError(
-                f"{path}, line {numbers[bad[0]]}: {header[column]} is {data[bad[0], column]}, "
-                "expected a finite number"
+                f"{path}, line {_number(path, bad[0])}: {header[column]} is "
+                f"{data[bad[0], column]}, expected a finite number"
             )
-    _check_time(path, data[:, 0], numbers, even=even)
+    _check_time(path, data[:, 0], even=even)
     return data[:, 0], {name: data[:, columns] for name, columns in groups.items()}
+
+
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Number and text of each line that is not blank, one by one: a file may be large."""
+    values = 0
+    try:
+        # Spreadsheets put a byte-order mark in front.
+        with path.open(encoding="utf-8-sig") as file:
+            for number in itertools.count(1):
+                line = file.readline(_LONGEST_LINE + 1)
+                values += line.count(",") + 1
+                sizes = values / MOST_VALUES, number / MOST_LINES, len(line) / _LONGEST_LINE
+                if max(sizes) > 1:
+                    raise InputError(
+                        f"{path}, line {number}: too large, expected at most {MOST_VALUES} values, "
+                        f"{MOST_LINES} lines, and {_LONGEST_LINE} letters in a line"
+                    )
+                if not line:
+                    return
+                if "\0" in line:  # UTF-16 without a byte-order mark
+                    raise _not_utf8(path)
+                if line.strip():
+                    yield number, line
+    except UnicodeDecodeError:
+        raise _not_utf8(path) from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+
+
+def _number(path: Path, row: int) -> int:
+    """Of the line with row `row` of the numbers, from 0."""
+    return next(itertools.islice(_lines(path), row + 1, None))[0]
 
 
 def _unquoted(field: str) -> str:
@@ -96,9 +128,9 @@ def _bad_header(path: Path, line: str, first: str) -> InputError:
     return InputError(f"{path}: the first column is '{first}', expected 'time'")
 
 
-def _bad_line(path: Path, lines: list[tuple[int, str]], width: int) -> InputError:
+def _bad_line(path: Path, width: int) -> InputError:
     """What is wrong with a file that does not read as a rectangular table of numbers."""
-    for number, line in lines:
+    for number, line in itertools.islice(_lines(path), 1, None):
         fields = line.split(",")
         if len(fields) != width:
             return InputError(
@@ -112,8 +144,9 @@ def _bad_line(path: Path, lines: list[tuple[int, str]], width: int) -> InputErro
     return InputError(f"{path}: not a table of numbers")
 
 
-def _check_time(path: Path, time: Array, numbers: Sequence[int], *, even: bool) -> None:
-    steps = np.diff(time)
+def _check_time(path: Path, time: Array, *, even: bool) -> None:
+    with np.errstate(over="ignore"):
+        steps = np.diff(time)
     bad = steps <= 0
     expected = "a growing time"
     if even:
@@ -122,8 +155,8 @@ def _check_time(path: Path, time: Array, numbers: Sequence[int], *, even: bool) 
     if bad.any():
         row = int(np.argmax(bad)) + 1
         raise InputError(
-            f"{path}, line {numbers[row]}: time goes from {time[row - 1]:g} to {time[row]:g} s, "
-            f"expected {expected}"
+            f"{path}, line {_number(path, row)}: time goes from {time[row - 1]:g} to "
+            f"{time[row]:g} s, expected {expected}"
         )
 
 
@@ -135,7 +168,7 @@ def _groups(path: Path, header: list[str]) -> dict[str, list[int]]:
         if not (stem and k.isdecimal()):
             continue
         group = groups.setdefault(stem, [])
-        if int(k) != len(group) + 1:
+        if k != str(len(group) + 1):
             raise InputError(f"{path}: column '{name}', expected '{stem}_{len(group) + 1}'")
         group.append(column)
     return groups

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import resource
 import shlex
 import shutil
 import signal
@@ -584,6 +585,99 @@ def test_a_suffix_never_holds_another_format(call, desk):
         assert not (desk / "loop.svg").exists()
 
 
+# --- what nobody foresaw ---------------------------------------------------------------------
+
+
+@pytest.fixture
+def faulty(monkeypatch):
+    def run(options):
+        warnings.warn("overflow", RuntimeWarning, stacklevel=1)
+        raise ZeroDivisionError("x" * 100_000 + "\n\x1b[31m\ud800")
+
+    monkeypatch.setattr("sdt_drake.commands.step.run", run)
+
+
+def test_a_fault_is_one_short_line_that_says_in_what(call, faulty):
+    done = call("step", "--zeta", "2")
+    assert (done.code, done.out) == (70, "") and is_one_line(done.err) and len(done.err) < 1100
+    assert done.err.startswith("sdt-drake: fault of the program, ZeroDivisionError (xxx")
+    assert done.err.endswith(
+        "x \\x1b[31m\\ud800), in: sdt-drake step --zeta 2; --traceback shows where\n"
+    )
+
+
+def test_a_fault_with_its_trace(call, faulty):
+    done = call("step", "--traceback")
+    assert done.code == 70 and "Traceback" in done.err and "in run\n" in done.err
+
+
+def test_warnings_come_last_a_line_each(call, monkeypatch):
+    def run(options):
+        warnings.warn("two\nlines", RuntimeWarning, stacklevel=1)
+        print("done")
+
+    monkeypatch.setattr("sdt_drake.commands.step.run", run)
+    assert call("step") == Done(0, "done\n", "sdt-drake: warning: two lines\n")
+
+
+def test_the_folder_that_we_are_in_is_gone(call, desk):
+    (desk / "gone").mkdir()
+    os.chdir(desk / "gone")
+    (desk / "gone").rmdir()
+    done = call("step")
+    assert (done.code, done.err) == (
+        2, "sdt-drake: the current folder is gone, expected one that is there\n",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("backend", ["module://no.such.one", "nonsense"])
+def test_a_backend_that_is_not_there(tmp_path, backend):
+    """Of a notebook, for one; only --show needs it."""
+    environment = os.environ | {"MPLBACKEND": backend}
+    done = command("step", "--out", "step.png", cwd=tmp_path, env=environment)
+    assert (done.returncode, done.stderr) == (0, "")
+    done = command("step", "--show", cwd=tmp_path, env=environment)
+    assert done.returncode == 2 and is_one_line(done.stderr) and backend in done.stderr
+
+
+@pytest.mark.parametrize("to", ["2>&-", "2>/dev/full", ">/dev/full 2>/dev/full"])
+def test_nowhere_to_say_what_is_wrong(tmp_path, to):
+    run = f"exec {shlex.quote(sys.executable)} -m sdt_drake simulate nowhere.yaml {to}"
+    assert subprocess.run(["/bin/sh", "-c", run], cwd=tmp_path).returncode == 2
+
+
+def _small_files():
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("step.pdf", ["step", "--out", "step.pdf"]),
+        pytest.param(
+            "loop.svg", ["diagram", "run.yaml", "--out", "loop.svg"], marks=needs_graphviz
+        ),
+    ],
+)
+def test_a_disk_that_is_full_on_the_way(desk, name, arguments):
+    """Neither matplotlib nor Graphviz says so in a way that could be passed on."""
+    before = snapshot(desk)
+    done = command(*arguments, cwd=desk, preexec_fn=_small_files)
+    assert (done.returncode, done.stderr) == (
+        2, f"sdt-drake: {name}: cannot be written (File too large)\n",
+    )  # fmt: skip
+    assert snapshot(desk) == before
+
+
+def test_home_of_a_user(call, desk, monkeypatch):
+    """As the shell has it in `--out ~/x`, but not in `--out=~/x`."""
+    monkeypatch.setenv("HOME", str(desk / "folder"))
+    assert call("step", "--out=~/step.png").code == 0
+    assert (desk / "folder" / "step.png").is_file() and not (desk / "~").exists()
+    done = call("step", "--out=~nobody_of_that_name/step.png")
+    assert done.code == 2 and "~nobody_of_that_name/step.png: " in done.err
+
+
 # --- pipes, interrupts, encodings ------------------------------------------------------------
 
 PIPE = """
@@ -669,23 +763,6 @@ def test_ctrl_c_ends_quietly_and_leaves_nothing_half_written(tmp_path):
     assert "robot" in first
     assert process.returncode == 130 and err == ""
     assert not [path for path in tmp_path.rglob("*") if "partial" in path.name]
-
-
-def test_ctrl_c_while_drake_is_imported_ends_quietly(call, monkeypatch):
-    """Drake turns it into an ImportError, of another one at times."""
-
-    def interrupted(options):
-        try:
-            try:
-                raise KeyboardInterrupt
-            except KeyboardInterrupt as error:
-                raise ImportError("initialization failed") from error
-        except ImportError as error:
-            raise ImportError("initialization failed") from error
-
-    monkeypatch.setattr("sdt_drake.commands.tune.run", interrupted)
-    done = call("tune")
-    assert (done.code, done.out, done.err) == (130, "", "")
 
 
 @pytest.mark.parametrize("arguments", [("tune",), ("step", "--help")], ids=["tune", "help"])
@@ -1312,7 +1389,33 @@ def test_a_refused_result_leaves_the_old_one(call, desk):
 
 
 def test_a_line_break_in_a_path_stays_one_line(refuse, desk):
-    refuse("plan", "no\nwhere.yaml", saying=["no such file"])
+    refuse("plan", "no\nwhere.yaml", saying=["no where.yaml: control characters"])
+
+
+READ_AND_WRITTEN = {
+    "diagram over its scenario": ["diagram", "run.yaml", "--format", "dot", "--out", "run.yaml"],
+    "diagram over a robot": ["diagram", "run.yaml", "--format", "dot", "--out", "arm.sdf"],
+    "diagram without a suffix": ["diagram", "run.yaml", "--out", "file"],
+    "plan over its motion": ["plan", "given.csv", "--period", "0.01", "--out", "given.csv"],
+    "drive table over its motion": ["plan", "given.csv", "--drive-table", "given.csv"],
+    "simulate over its motion": ["simulate", "csv.yaml", "--out", "given.csv"],
+    "pilot over its recording": ["pilot", "given.csv", "--out", "given.csv"],
+    "plan over another table": ["plan", "short.yaml", "--out", "other.csv"],
+    "a page over another one": ["view", "short.yaml", "--record", "other.html"],
+}
+
+
+@pytest.mark.parametrize("case", READ_AND_WRITTEN)
+def test_no_command_replaces_what_it_reads_or_another_kind(call, desk, case):
+    assert call("plan", "short.yaml", "--out", "given.csv").code == 0
+    (desk / "csv.yaml").write_text(SCENARIO.format(name="run", motion="given.csv"))
+    (desk / "other.csv").write_text("date,amount\n")
+    (desk / "other.html").write_text("<p>mine</p>")
+    before = snapshot(desk)
+    done = call(*READ_AND_WRITTEN[case])
+    assert done.code == 2 and is_one_line(done.err), done
+    assert re.search("is read by this|holds something else|unknown kind of file", done.err)
+    assert snapshot(desk) == before
 
 
 def test_a_device_or_pipe_is_not_replaced_by_a_file(desk):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from sdt_drake import tables
 from sdt_drake.errors import InputError, replacing
 from sdt_drake.tables import read_table, write_table
 
@@ -83,6 +84,9 @@ BAD = [
     (GOOD.replace("v_1,v_2", "v_2,v_1"), "column 'v_2', expected 'v_1'"),
     (GOOD.replace("v_1,v_2", "v_1,v_1"), "column 'v_1', expected 'v_2'"),
     (GOOD.replace("v_1,v_2", "v_1,v_3"), "column 'v_3', expected 'v_2'"),
+    (GOOD.replace("v_2", f"v_{'2' * 5000}"), "column 'v_2+', expected 'v_2'"),
+    (GOOD.replace("v_2", "v_" + "2" * 2_000_000), ", line 1: too large, expected at most"),
+    (GOOD.replace("0.5", "-1e308").replace("1.0", "1e308"), ", line 3: time goes from 0 to -1e"),
 ]
 
 
@@ -95,10 +99,20 @@ def test_a_bad_table_is_refused_with_file_line_and_value(tmp_path, text, message
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("limit", "value", "line"), [("MOST_VALUES", 8, 3), ("MOST_LINES", 2, 3), ("MOST_LINES", 3, 4)]
+)
+def test_a_table_that_is_too_large_is_refused_on_its_way(tmp_path, monkeypatch, limit, value, line):
+    monkeypatch.setattr(tables, limit, value)
+    (tmp_path / "large.csv").write_text(GOOD)
+    with pytest.raises(InputError, match=rf"large\.csv, line {line}: too large, expected at most"):
+        read_table(tmp_path / "large.csv")
+
+
 def test_a_file_that_cannot_be_read_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"none\.csv: no such file"):
         read_table(tmp_path / "none.csv")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is a folder, expected a file"):
         read_table(tmp_path)
     (tmp_path / "binary.csv").write_bytes(b"time,v_1\n\xff\xfe\n")
     with pytest.raises(InputError, match=r"binary\.csv: cannot be read"):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sdt_drake.analysis.threads import threads
 from sdt_drake.design import Design
 from sdt_drake.dynamics import Loads
 from sdt_drake.errors import InputError
@@ -78,7 +78,7 @@ def error_budget(design: Design) -> ErrorBudget:
     ]
     if scenario.disturbance.amplitude == 0:
         runs.pop()
-    with ThreadPoolExecutor(max_workers=2) as pool:
+    with threads(2) as pool:
         whole, unlimited, reference, load, *disturbed = pool.map(_speed_error, runs)
     disturbance = disturbed[0] - load if disturbed else np.zeros_like(load)
     parts = dict(zip(PARTS, (reference, load, disturbance, whole - unlimited), strict=True))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import csv
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.primitives import VectorLogSink
 
+from sdt_drake.analysis.threads import threads
 from sdt_drake.analysis.tracking import (
     HeadTracking,
     MotorUse,
@@ -77,7 +77,7 @@ def compare(design: Design, labels: Sequence[str]) -> list[Compared]:
     designs = [design_with(design, label) for label in labels]
     # One at a time where Python runs in the loop: two would wait for each other.
     online = design.scenario.inverse_dynamics == "online"
-    with ThreadPoolExecutor(max_workers=1 if online else 2) as pool:
+    with threads(1 if online else 2) as pool:
         return list(pool.map(run_of, labels, designs))
 
 

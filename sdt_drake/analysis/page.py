@@ -16,7 +16,7 @@ from pathlib import Path
 from sdt_drake.analysis.claims import NOT_COMPARABLE, NOT_REPRODUCED, REPRODUCED
 from sdt_drake.analysis.report import PROVENANCE
 from sdt_drake.analysis.study import Stopwatch, Study
-from sdt_drake.errors import InputError, replacing
+from sdt_drake.errors import InputError, read_text, replacing
 from sdt_drake.viewer import record_html
 
 PAGE = "report.html"
@@ -72,6 +72,8 @@ _OTHER_FORM = (
     LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError,
 )  # fmt: skip
 """What comes of a summary that does not hold what the page shows."""
+
+_MOST_BYTES = 100_000_000  # of a file
 
 _SVG = "http://www.w3.org/2000/svg"
 _XLINK = "http://www.w3.org/1999/xlink"
@@ -194,14 +196,9 @@ def _other_figures(folder: Path, announce: Callable[[str], None]) -> dict[str, s
 
 
 def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(f"{path}: is missing") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: is not a text") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    if not path.exists():
+        raise InputError(f"{path}: is missing")
+    return read_text(path, _MOST_BYTES)
 
 
 def _read_summary(folder: Path) -> dict:

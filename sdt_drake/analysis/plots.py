@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -68,8 +69,11 @@ def save(figure: Figure, path: str | Path) -> Path:
     """
     path = checked_figure_path(path)
     metadata = {"Date": None} if path.suffix == ".svg" else None
-    with style(), replacing(path) as partial:
-        figure.savefig(partial, dpi=130, metadata=metadata)
+    whole = io.BytesIO()  # on a full disk matplotlib stumbles over what it could not write
+    with style():
+        figure.savefig(whole, format=path.suffix[1:], dpi=130, metadata=metadata)
+    with replacing(path) as partial:
+        partial.write_bytes(whole.getvalue())
     return path
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from sdt_drake import paper
 from sdt_drake.analysis.comparison import Compared, design_with, run_of
+from sdt_drake.analysis.threads import threads
 from sdt_drake.analysis.tracking import Tracking, track
 from sdt_drake.control import (
     StepMetrics,
@@ -138,13 +139,12 @@ def run_study(watch: Stopwatch) -> Study:
             structure: step_response(structure, zeta, i_eff_1, paper.OMEGA_R)
             for structure, zeta in paper.FIGURE4_ZETA.items()
         }
-    # No Python runs inside these loops, and Drake steps without the interpreter's lock.
-    pool = ThreadPoolExecutor(max_workers=2)
-    with watch.stage("simulations"):
+    # No Python runs inside these loops.
+    with watch.stage("simulations"), threads(2) as pool:
         coupled = [pool.submit(_coupled_run, design, *case) for case in _COUPLED_CASES]
         axis = [pool.submit(_axis_run, design, *case) for case in _AXIS_CASES]
         more = [pool.submit(run_of, label, design_with(design, label)) for label in _BEYOND]
-        pool.shutdown(wait=False)  # `more` may run while files are written
+        # `more` may run while files are written.
         runs = [future.result() for future in (*axis, *coupled)]
     return Study(design, steps, runs, more, watch.seconds)
 

@@ -9,10 +9,10 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from sdt_drake import paper
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, checked_name, checked_output
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,6 +37,9 @@ def add_command(
         epilog=f"example: {example}",
     )
     parser.set_defaults(command=run)
+    parser.add_argument(
+        "--traceback", action="store_true", help="show where a fault of the program is"
+    )
     return parser
 
 
@@ -46,14 +49,18 @@ def add_out(parser: argparse.ArgumentParser, help_: str, default: str | None = N
 
 
 def some_path(text: str) -> Path:
-    """The type of an option: nothing is no path, though Python takes it for the folder we are in.
+    """The type of an option: a path to write to, where ~ is what the shell takes it for.
 
     Raises:
-        argparse.ArgumentTypeError: if it is empty.
+        argparse.ArgumentTypeError: if it is empty, which Python takes for the folder we are in, or
+            cannot be a name.
     """
     if not text:
         raise argparse.ArgumentTypeError("empty, expected a path")
-    return Path(text)
+    try:
+        return checked_name(text).expanduser()
+    except (InputError, RuntimeError) as error:  # ~nobody
+        raise argparse.ArgumentTypeError(f"{text}: {error}") from None
 
 
 def add_show(parser: argparse.ArgumentParser) -> None:
@@ -104,27 +111,30 @@ def design_of(path: str):
 
 def is_motion(path: str) -> bool:
     """Whether this is a motion to plan: the name of a shipped one, or YAML that no scenario is."""
-    from pydrake.common.yaml import yaml_load_data
-
     from sdt_drake.motion import find_motion
     from sdt_drake.resources import find_file
+    from sdt_drake.yaml_files import read_yaml
 
     try:
-        data = yaml_load_data(find_file(find_motion(path)).read_text(encoding="utf-8"))
-    except Exception:  # whoever loads it says what is wrong
+        data = read_yaml(find_file(find_motion(path)))
+    except InputError:  # whoever loads it says what is wrong
         return False
     return isinstance(data, dict) and ("tracks" in data or "joints" in data)
 
 
 def check_folder(folder: Path) -> None:
-    """Refuse a folder, there or still to be made, that is a file or below one.
+    """Refuse a folder, there or still to be made, that is a file or below one, or a broken link.
 
     Raises:
         InputError: naming the file.
     """
-    there = next((place for place in (folder, *folder.parents) if place.exists()), folder)
-    if there.exists() and not there.is_dir():
-        raise InputError(f"{there}: is a file, expected a folder")
+    for place in (checked_name(folder), *folder.parents):
+        if place.is_dir():
+            return
+        if place.is_symlink() and not place.exists():
+            raise InputError(f"{place}: is a link that leads nowhere, expected a folder")
+        if place.exists():
+            raise InputError(f"{place}: is a file, expected a folder")
 
 
 def check_out(path: Path | None, *, csv: bool = False, show: bool = False) -> None:
@@ -136,11 +146,13 @@ def check_out(path: Path | None, *, csv: bool = False, show: bool = False) -> No
 
     if show:
         plots.check_screen("--show")
-    if path is None:
-        return
-    if path.is_dir():
-        raise InputError(f"{path}: is a folder, expected a file")
-    suffixes = ((".csv",) if csv else ()) + plots.FIGURES
+    if path is not None:
+        check_file(path, ((".csv",) if csv else ()) + plots.FIGURES)
+
+
+def check_file(path: Path, suffixes: Sequence[str]) -> None:
+    """Refuse a file to write that is none, of another kind, or below a file; see `replacing`."""
+    checked_output(path)
     if path.suffix not in suffixes:
         raise InputError(f"{path}: unknown kind of file, expected {', '.join(suffixes)}")
     check_folder(path.parent)
@@ -191,13 +203,13 @@ def say(text: str = "") -> None:
     try:
         print(text, flush=True)
     except BrokenPipeError:
-        stop_printing()
+        stop_printing(sys.stdout)
 
 
-def stop_printing() -> None:
+def stop_printing(stream: TextIO) -> None:
     """Send the rest of the output nowhere: its reader is gone."""
     # Python would complain once more at exit.
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

@@ -10,7 +10,7 @@ from sdt_drake.commands.common import (
     add_command,
     add_out,
     add_scenario,
-    check_folder,
+    check_file,
     design_of,
     say,
 )
@@ -38,12 +38,10 @@ def run(options: argparse.Namespace) -> None:
     suffix = options.out.suffix.removeprefix(".") if options.out else ""
     format_ = options.format or (suffix if suffix in FORMATS else "dot")
     checked_choice(format_, FORMATS, "--format")
-    if suffix in FORMATS and suffix != format_:
-        raise InputError(f"--format: {format_}, but {options.out} ends in .{suffix}")
     if not 1 <= options.depth <= 100:
         raise InputError(f"--depth: {options.depth}, expected 1 to 100")
     if options.out is not None:
-        check_folder(options.out.parent)
+        check_file(options.out, [f".{format_}"] if options.format else [f".{f}" for f in FORMATS])
     design = design_of(options.scenario)
     name = re.sub(r"[^\w.-]+", "_", design.scenario.name).strip(".")
     path = options.out or Path(f"{name}.{format_}")

@@ -12,11 +12,13 @@ from sdt_drake.commands.common import (
     add_period,
     add_robot,
     add_show,
-    check_folder,
+    check_file,
     check_out,
     deliver,
+    naming,
     print_table,
     say,
+    some_path,
 )
 from sdt_drake.errors import InputError
 
@@ -51,7 +53,7 @@ def add(commands) -> None:
     )
     parser.add_argument(
         "--drive-table",
-        type=Path,
+        type=some_path,
         metavar="FILE.csv",
         help="positions, speeds and torque pre-control of the motors, motor side",
     )
@@ -96,9 +98,8 @@ def _check_outputs(options: argparse.Namespace) -> None:
     table = options.drive_table
     if table is None:
         return
-    if table.suffix != ".csv" or table.is_dir():
-        raise InputError(f"--drive-table: {table}, expected a .csv file")
-    check_folder(table.parent)
+    with naming("--drive-table"):
+        check_file(table, [".csv"])
     if options.out is not None and table.resolve() == options.out.resolve():
         raise InputError(f"--drive-table: {table} is the file of --out too, expected another one")
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from sdt_drake.commands.common import (
     ROBOT,
     add_command,
-    check_folder,
+    check_file,
     design_of,
     is_motion,
     naming,
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> None:
     check_port(options.port)
     if options.record is not None:
         check_html(options.record)
-        check_folder(options.record.parent)
+        check_file(options.record, [".html"])
         _check_live_options(options)
     title, robot, time, q = _motion(options)
     with naming(options.motion):

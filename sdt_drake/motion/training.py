@@ -14,14 +14,13 @@ from typing import Optional, Union
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common.yaml import yaml_load_data
 
 from sdt_drake.errors import InputError, checked_choice, checked_number, checked_vector
 from sdt_drake.motion.command import Alignment, Command, Course, SpinGeometry, spin_geometry
 from sdt_drake.motion.profile import CommandProfile, load_profile
 from sdt_drake.resources import PACKAGE_PREFIX, find_file, models_dir
 from sdt_drake.robot import Robot
-from sdt_drake.yaml_files import load_yaml
+from sdt_drake.yaml_files import load_yaml, read_yaml
 
 Array = NDArray[np.float64]
 Step = tuple[float, float]  # how long [s], and the speed at its end [rad/s]
@@ -434,8 +433,8 @@ def _kind(file: Path) -> str:
     A misspelt one counts: whoever loads the file says how it is spelt.
     """
     try:
-        data = yaml_load_data(file.read_text(encoding="utf-8"))
-    except Exception:  # whoever loads it says what is wrong
+        data = read_yaml(file)
+    except InputError:  # whoever loads it says what is wrong
         return ""
     keys = [str(key) for key in data] if isinstance(data, dict) else []
     for exact in (1.0, 0.6):

@@ -27,7 +27,7 @@ def require_parquet() -> None:
     """Raise InputError if pyarrow is not there."""
     try:
         import pyarrow.parquet  # noqa: F401
-    except ImportError:
+    except ModuleNotFoundError:
         raise InputError(
             "studies need pyarrow for their results: pip install 'sdt_drake[study]'"
         ) from None

@@ -308,7 +308,7 @@ def test_a_picture_brings_nothing_that_acts_or_asks_for_something(folder):
 @pytest.mark.parametrize(
     ("content", "reason"),
     [("<svg", "is not an SVG picture"), ("<a/>", "is not an SVG picture"),
-     (b"\xff", "is not a text"), (None, "cannot be read"),
+     (b"\xff", "cannot be read"), (None, "is a folder"),
      (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1">{"<g>" * 20000}'
       f'{"</g>" * 20000}</svg>', "is not an SVG picture")],
     ids=["cut", "other", "binary", "folder", "deep"],
@@ -401,7 +401,7 @@ BROKEN = {
     "binary": (lambda f: (f / "figure4.svg").write_bytes(b"\xff\xfe\x00"), "figure4.svg"),
     "a folder": (lambda f: (_remove("figure4.svg")(f), (f / "figure4.svg").mkdir()), "figure4.svg"),
     "no diagram": (_remove("diagrams/figure5.dot", "diagrams/figure5.svg"), "figure5.svg"),
-    "recording": (lambda f: (f / RECORDING).write_bytes(b"\xff"), f"{RECORDING}: is not a text"),
+    "recording": (lambda f: (f / RECORDING).write_bytes(b"\xff"), f"{RECORDING}: cannot be read"),
 }  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import pyarrow.parquet
 import pytest
 from small_studies import RUNS, rows
+from test_main import DRIVER
 
 from sdt_drake.cli import main
 from sdt_drake.studies.results import read_study_table
@@ -116,13 +117,29 @@ def test_worker_killed_in_the_middle(desk, undisturbed):
     assert rows(desk / "many").equals(rows(undisturbed))
 
 
-def test_interrupted_while_it_starts(desk):
-    running = Running(desk)
-    time.sleep(0.3)
-    running.process.send_signal(signal.SIGINT)
-    _, err = running.process.communicate(timeout=30)
-    assert running.process.returncode in (130, -signal.SIGINT)  # before or after Python's start
-    assert "study" not in err and running.workers() == []
+@pytest.mark.parametrize(
+    ("event", "word"),
+    [
+        ("import", "sdt_drake.studies.execute"),
+        ("subprocess.Popen", sys.executable),
+        ("open", "rows.jsonl"),
+    ],
+)
+def test_interrupted_while_it_starts(desk, event, word):
+    temporary = desk / "temporary"
+    temporary.mkdir()
+    arguments = ["sdt-drake", "study", "many.yaml", "--workers", "2"]
+    done = subprocess.run(
+        [sys.executable, "-c", DRIVER, str(int(signal.SIGINT)), event, word, *arguments],
+        cwd=desk,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={**os.environ, "TMPDIR": str(temporary)},
+    )
+    assert (done.returncode, done.stderr) == (130, "") and (desk / "seen").exists()
+    assert not [path for path in Path("/proc").glob("[0-9]*") if str(temporary) in _command(path)]
+    assert list(temporary.iterdir()) == []
 
 
 def test_two_processes_on_one_folder(desk, undisturbed, capfd):
