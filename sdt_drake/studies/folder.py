@@ -127,6 +127,6 @@ def _state(folder: Path) -> dict:
         texts += [*state["files"].values(), *state["versions"].values()]
         if isinstance(state["outcomes"], list) and all(isinstance(text, str) for text in texts):
             return state
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         pass
     raise InputError(f"{path}: cannot be used; expected the file that `sdt-drake study` wrote")

@@ -25,7 +25,13 @@ Task = Sequence[int]
 """Numbers of the rows that go to a process together."""
 
 READY = "ready"
-_MODULE = "sdt_drake.studies.worker"
+_PACKAGES = Path(__file__).parents[2]
+# Not from the folder that we were started in: what is there may be called like any module.
+_MAIN = f"""\
+import sys
+sys.path[:] = [*filter(None, sys.path), {str(_PACKAGES)!r}]
+from sdt_drake.studies.worker import main
+main()"""
 _START = 120.0  # s; for a process to import all that it needs
 _TRIES = 2  # before a row that ends its process is given up, or a process that does not start
 
@@ -117,7 +123,7 @@ class _Worker:
         self.connection, theirs = Pipe()
         with theirs, self._log.open("wb") as log:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", _MODULE, str(theirs.fileno()), self._folder.name],
+                [sys.executable, "-c", _MAIN, str(theirs.fileno()), self._folder.name],
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.PIPE,  # closes when this process ends, however that happens
                 stdout=subprocess.DEVNULL,

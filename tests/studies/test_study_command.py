@@ -137,6 +137,7 @@ def test_folder_of_a_study(refuse, desk, undisturbed):
         ("state.json", '{"fingerprint": 1}', "state.json: cannot be used"),
         ("state.json", '{"fingerprint": "", "outcomes": "x"}', "state.json: cannot be used"),
         ("state.json", "\0\xff", "state.json: cannot be used"),
+        ("state.json", "[" * 200_000, "state.json: cannot be used"),
         ("study.yaml", "", "study.yaml: empty"),
         ("study.yaml", "[", "study.yaml: not valid YAML"),
         ("scenario.yaml", "5", "scenario.yaml: 5"),
