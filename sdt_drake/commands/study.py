@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sdt_drake.commands.common import add_command, check_folder, print_table, say, some_path
-from sdt_drake.errors import InputError, checked_count
+from sdt_drake.errors import InputError
 
 if TYPE_CHECKING:
     from sdt_drake.scenario import Scenario
@@ -69,12 +69,12 @@ def add_running(parser: argparse.ArgumentParser) -> None:
 def run_into(folder: Path, study: Study, base: Scenario, options: argparse.Namespace) -> None:
     """Run what a study's folder does not have yet, as the options of `add_running` say."""
     from sdt_drake.studies.execute import run_study
+    from sdt_drake.studies.folder import holds_study
     from sdt_drake.studies.job import make_job
     from sdt_drake.studies.results import require_parquet
 
     if options.workers is not None and options.cluster is not None:
         raise InputError("give either --workers or --cluster")
-    workers = checked_count(1 if options.workers is None else options.workers, "--workers")
     require_parquet()
     check_folder(folder)
     progress = Progress()
@@ -82,14 +82,16 @@ def run_into(folder: Path, study: Study, base: Scenario, options: argparse.Names
         run_study(
             make_job(study, base),
             folder,
-            workers=workers,
+            workers=1 if options.workers is None else options.workers,
             cluster=options.cluster,
             resume=options.resume,
             report=progress,
         )
     except KeyboardInterrupt:
         progress.end()
-        say(f"interrupted; what is done is kept, --resume --out {shlex.quote(str(folder))} goes on")
+        if holds_study(folder):
+            where = shlex.quote(str(folder))
+            say(f"interrupted; what is done is kept, --resume --out {where} goes on")
         raise
     finally:
         progress.end()

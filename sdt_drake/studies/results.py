@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.errors import InputError, replacing
+from sdt_drake.errors import InputError, needing, replacing
 from sdt_drake.studies.folder import load_folder
 from sdt_drake.studies.job import Job
 from sdt_drake.studies.journal import read_rows
@@ -24,13 +24,9 @@ _GROUP = 4096  # rows that are in memory together
 
 
 def require_parquet() -> None:
-    """Raise InputError if pyarrow is not there."""
-    try:
+    """Raise InputError if pyarrow is not there, or cannot be loaded."""
+    with needing("studies need pyarrow for their results", "sdt_drake[study]"):
         import pyarrow.parquet  # noqa: F401
-    except ImportError:
-        raise InputError(
-            "studies need pyarrow for their results: pip install 'sdt_drake[study]'"
-        ) from None
 
 
 def write_results(job: Job, rows: Iterable[Row], folder: Path) -> Path:

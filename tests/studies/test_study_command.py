@@ -75,6 +75,7 @@ def test_bad_study(refuse, desk, old, new, message):
         ("nowhere.yaml", "nowhere.yaml: no such file"),
         ("axis.yaml", "unknown field"),
         ("few.yaml --workers 0", "--workers: 0, expected a whole number >= 1"),
+        ("few.yaml --workers 1000000000", "--workers: 1000000000, expected at most "),
         ("few.yaml --workers 2 --cluster tcp://a:1", "give either --workers or --cluster"),
         ("few.yaml --cluster nonsense", "--cluster nonsense: cannot be reached"),
         ("few.yaml --cluster ftp://a:1", "unknown address scheme"),
