@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from sdt_drake.studies.study import Study
     from sdt_drake.studies.table import StudyTable
 
+FAILED = 1
+"""Exit code where runs have failed, so that there is no answer."""
+
 _USAGE = """sdt-drake study STUDY.yaml [--out DIR] [--workers N | --cluster ADDRESS] [--resume]
        sdt-drake study show DIR
        sdt-drake study repeat DIR --row N [--out FILE.csv]"""
@@ -48,14 +51,30 @@ def run(options: argparse.Namespace) -> None:
 
 
 def run_file(path: str, options: argparse.Namespace) -> None:
-    from sdt_drake.studies.results import RESULTS
+    import numpy as np
+
+    from sdt_drake.studies.results import RESULTS, read_study_table
     from sdt_drake.studies.study import load_study
+    from sdt_drake.studies.table import ANSWERS
 
     _refuse_unused(options, "row")
     study, base = load_study(path)
     folder = options.out or Path(study.name)
     run_into(folder, study, base, options)
+    table = read_study_table(folder)
+    say_failures(table)
     say(f"{folder / RESULTS} written; sdt-drake study show {shlex.quote(str(folder))}")
+    if not np.isin(table.status, ANSWERS).any():
+        raise SystemExit(FAILED)
+
+
+def say_failures(table: StudyTable) -> str:
+    """Say what has failed, and return it; "" if nothing has."""
+    from sdt_drake.studies.summary import failures
+
+    if failed := failures(table):
+        say(failed)
+    return failed
 
 
 def add_running(parser: argparse.ArgumentParser) -> None:
@@ -171,6 +190,8 @@ def show(folder: Path) -> None:
     from sdt_drake.studies.show import grouping, summary_tables
 
     table = read_study_table(folder)
+    if say_failures(table):
+        say()
     for title, header, rows in summary_tables(table, grouping(table)):
         say(title)
         print_table(header, rows)

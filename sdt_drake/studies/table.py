@@ -15,6 +15,9 @@ Array = NDArray[np.float64]
 
 STATUSES = ("ok", "infeasible", "failed", "timed_out", "crashed")
 
+ANSWERS = ("ok", "infeasible")
+"""Of these: what says something about the device."""
+
 COLUMNS = ("row", "status", "reason", "duration")
 """Of every study; beside its inputs and its outcomes."""
 
