@@ -105,6 +105,11 @@ def test_a_row_that_hangs_is_given_up(tmp_path):
     assert (rows[1].duration, rows[1].outcomes) == (0.5, ())
 
 
+def test_a_timeout_may_be_longer_than_the_system_can_wait(tmp_path):
+    with Pool(OddJob(str(tmp_path), timeout=1e300), 1) as pool:
+        assert statuses(pool.map([[0]])) == {0: "ok"}
+
+
 def test_others_go_on_while_one_hangs(tmp_path):
     job = OddJob(str(tmp_path), {0: "hang"}, timeout=1.5)
     with Pool(job, 2) as pool:
