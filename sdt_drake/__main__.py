@@ -3,10 +3,15 @@
 This comes before all large imports: a Ctrl-C that is earlier still finds Python alone.
 """
 
+import sys
+
+# `-m` puts the working directory first, where a file may be called like any module.
+if __name__ == "__main__" and not getattr(sys.flags, "safe_path", sys.flags.isolated):
+    del sys.path[0]
+
 import atexit
 import os
 import signal
-import sys
 import time
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -74,12 +79,12 @@ def main() -> int:
         code = run()
     except KeyboardInterrupt:
         code = 130
-    stop.deafen()
+    finally:
+        stop.deafen()
     if code == 130:
         atexit._run_exitfuncs()  # temporary folders, for one
-        os._exit(
-            128 + (stop.number or signal.SIGINT)
-        )  # Python would wait for simulations in threads
+        # Python would wait for simulations in threads.
+        os._exit(128 + (stop.number or signal.SIGINT))
     return code
 
 

@@ -218,6 +218,21 @@ def read_text(path: Path, most: int) -> str:
 
 
 @contextlib.contextmanager
+def needing(what: str, extra: str) -> Iterator[None]:
+    """Imports of a package that is not always there; `extra` has it: "sdt_drake[study]".
+
+    Raises:
+        InputError: starting with `what`, if it is not installed, or cannot be loaded.
+    """
+    try:
+        yield
+    except ModuleNotFoundError:
+        raise InputError(f"{what}: pip install '{extra}'") from None
+    except ImportError as error:  # it is there: memory is short, or a library does not fit
+        raise InputError(f"{what}, which cannot be loaded ({error})") from None
+
+
+@contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path beside `path` that takes its place only if the block succeeds.
 

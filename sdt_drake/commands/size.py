@@ -7,7 +7,7 @@ import shlex
 from pathlib import Path
 
 from sdt_drake.commands.common import add_command, say
-from sdt_drake.commands.study import add_running, run_into
+from sdt_drake.commands.study import FAILED, add_running, run_into
 from sdt_drake.errors import replacing
 
 
@@ -28,13 +28,16 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.studies.plots import sizing_front
     from sdt_drake.studies.results import read_study_table
     from sdt_drake.studies.sizing import load_sizing
+    from sdt_drake.studies.summary import failures
     from sdt_drake.studies.verdicts import judge, sizing_lines, write_verdicts
 
     sizing, base = load_sizing(options.sizing)
     folder = options.out or Path(sizing.name)
     run_into(folder, sizing.study(), base, options)
-    verdicts = judge(sizing, read_study_table(folder))
-    lines = sizing_lines(sizing, verdicts)
+    table = read_study_table(folder)
+    verdicts = judge(sizing, table)
+    failed = failures(table)
+    lines = [*filter(None, [failed]), *sizing_lines(sizing, verdicts)]
     for line in lines:
         say(line)
     say()
@@ -46,3 +49,5 @@ def run(options: argparse.Namespace) -> None:
         plots.save(figure, folder / f"front{suffix}")
     say(f"sizing.txt, candidates.csv, front.png and front.svg written to {folder}")
     say(f"its runs: sdt-drake study show {shlex.quote(str(folder))}")
+    if failed:
+        raise SystemExit(FAILED)

@@ -10,12 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sdt_drake.commands.common import add_command, check_folder, print_table, say, some_path
-from sdt_drake.errors import InputError, checked_count
+from sdt_drake.errors import InputError
 
 if TYPE_CHECKING:
     from sdt_drake.scenario import Scenario
     from sdt_drake.studies.study import Study
     from sdt_drake.studies.table import StudyTable
+
+FAILED = 1
+"""Exit code where runs have failed, so that there is no answer."""
 
 _USAGE = """sdt-drake study STUDY.yaml [--out DIR] [--workers N | --cluster ADDRESS] [--resume]
        sdt-drake study show DIR
@@ -48,14 +51,30 @@ def run(options: argparse.Namespace) -> None:
 
 
 def run_file(path: str, options: argparse.Namespace) -> None:
-    from sdt_drake.studies.results import RESULTS
+    import numpy as np
+
+    from sdt_drake.studies.results import RESULTS, read_study_table
     from sdt_drake.studies.study import load_study
+    from sdt_drake.studies.table import ANSWERS
 
     _refuse_unused(options, "row")
     study, base = load_study(path)
     folder = options.out or Path(study.name)
     run_into(folder, study, base, options)
+    table = read_study_table(folder)
+    say_failures(table)
     say(f"{folder / RESULTS} written; sdt-drake study show {shlex.quote(str(folder))}")
+    if not np.isin(table.status, ANSWERS).any():
+        raise SystemExit(FAILED)
+
+
+def say_failures(table: StudyTable) -> str:
+    """Say what has failed, and return it; "" if nothing has."""
+    from sdt_drake.studies.summary import failures
+
+    if failed := failures(table):
+        say(failed)
+    return failed
 
 
 def add_running(parser: argparse.ArgumentParser) -> None:
@@ -69,12 +88,12 @@ def add_running(parser: argparse.ArgumentParser) -> None:
 def run_into(folder: Path, study: Study, base: Scenario, options: argparse.Namespace) -> None:
     """Run what a study's folder does not have yet, as the options of `add_running` say."""
     from sdt_drake.studies.execute import run_study
+    from sdt_drake.studies.folder import holds_study
     from sdt_drake.studies.job import make_job
     from sdt_drake.studies.results import require_parquet
 
     if options.workers is not None and options.cluster is not None:
         raise InputError("give either --workers or --cluster")
-    workers = checked_count(1 if options.workers is None else options.workers, "--workers")
     require_parquet()
     check_folder(folder)
     progress = Progress()
@@ -82,14 +101,16 @@ def run_into(folder: Path, study: Study, base: Scenario, options: argparse.Names
         run_study(
             make_job(study, base),
             folder,
-            workers=workers,
+            workers=1 if options.workers is None else options.workers,
             cluster=options.cluster,
             resume=options.resume,
             report=progress,
         )
     except KeyboardInterrupt:
         progress.end()
-        say(f"interrupted; what is done is kept, --resume --out {shlex.quote(str(folder))} goes on")
+        if holds_study(folder):
+            where = shlex.quote(str(folder))
+            say(f"interrupted; what is done is kept, --resume --out {where} goes on")
         raise
     finally:
         progress.end()
@@ -169,6 +190,8 @@ def show(folder: Path) -> None:
     from sdt_drake.studies.show import grouping, summary_tables
 
     table = read_study_table(folder)
+    if say_failures(table):
+        say()
     for title, header, rows in summary_tables(table, grouping(table)):
         say(title)
         print_table(header, rows)

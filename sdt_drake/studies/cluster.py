@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from itertools import islice
 
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, needing
+from sdt_drake.studies.interrupts import Waiting
 from sdt_drake.studies.job import Job
 from sdt_drake.studies.runs import Row
 from sdt_drake.studies.workers import Pool, Task
 from sdt_drake.versions import other_versions, versions
 
 _CONNECT = 10.0  # s
+_ALONE = 60.0  # s; without any worker, until we give up
 _AHEAD = 4  # tasks that are sent for each thread of the cluster: it never waits for us
 _IDLE = 60.0  # s; after which a thread without tasks ends its process
 
@@ -26,31 +29,35 @@ class Cluster:
     the cluster had when it died, Dask gives to another.
     """
 
-    def __init__(self, job: Job, address: str) -> None:
+    def __init__(self, job: Job, address: str, waiting: Waiting = contextlib.nullcontext) -> None:
         """Connect.
+
+        Args:
+            job: to run rows of.
+            address: of the scheduler.
+            waiting: makes the context in which one waits for the cluster.
 
         Raises:
             InputError: if distributed is not installed, the cluster cannot be reached, or it has no
                 workers, or such with other versions.
         """
-        try:
+        with needing("--cluster needs Dask", "sdt_drake[cluster]"):
             from distributed import Client
             from distributed.comm import get_address_host_port
-        except ImportError:
-            raise InputError("--cluster needs Dask: pip install 'sdt_drake[cluster]'") from None
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         try:
             get_address_host_port(address, strict=True)  # Client itself leaves threads behind
-            self._client = Client(address, timeout=_CONNECT, set_as_default=False)
+            with waiting():
+                self._client = Client(address, timeout=_CONNECT, set_as_default=False)
         except (OSError, ValueError, TypeError, ImportError) as error:
             reason = " ".join(str(error).split())
             raise InputError(
                 f"--cluster {address}: cannot be reached ({reason}), expected the address of a "
                 "Dask scheduler, tcp://HOST:8786"
             ) from None
-        self._job = job
+        self._job, self._waiting = job, waiting
         try:
-            with _connected():
+            with _connected(), waiting():
                 self._threads = self._checked_threads()
         except BaseException:
             self._client.close()
@@ -68,8 +75,6 @@ class Cluster:
         Raises:
             InputError: if the cluster is lost on the way.
         """
-        from distributed import as_completed
-
         coming = iter(tasks)
         with _connected():
             # A task, not data: if the workers that have it die, Dask makes it anew.
@@ -78,11 +83,28 @@ class Cluster:
             def submit(task: Task):
                 return self._client.submit(run_task, job, task, pure=False)
 
-            first = [submit(task) for task in islice(coming, _AHEAD * self._threads)]
-            running = as_completed(first, loop=self._client.loop)
-            for future in running:
-                yield future.result()
-                running.update(map(submit, islice(coming, 1)))
+            running = {submit(task) for task in islice(coming, _AHEAD * self._threads)}
+            while running:
+                with self._waiting():
+                    done = self._some(running)
+                running -= done
+                for future in done:
+                    running |= {submit(task) for task in islice(coming, 1)}
+                    yield future.result()
+
+    def _some(self, running: set) -> set:
+        """Those that are done, once there is one."""
+        from distributed import TimeoutError, wait
+
+        while True:
+            with contextlib.suppress(TimeoutError), self._client.as_current():
+                return wait(running, _ALONE, "FIRST_COMPLETED").done
+            try:
+                self._client.wait_for_workers(1, _ALONE)
+            except TimeoutError:
+                raise InputError(
+                    f"--cluster: has had no workers for {_ALONE:g} s; --resume goes on"
+                ) from None
 
     def _checked_threads(self) -> int:
         threads = sum(self._client.nthreads().values())

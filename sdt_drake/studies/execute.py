@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sdt_drake.studies.folder import claim, save_study
+from sdt_drake.studies.interrupts import Interrupts, Waiting
 from sdt_drake.studies.job import Job
 from sdt_drake.studies.journal import Journal
 from sdt_drake.studies.results import require_parquet, write_results
@@ -44,10 +45,12 @@ def run_study(
 
     Raises:
         InputError: if the folder has a study and `resume` is not set, or has another study, or
-            none; if the cluster cannot be reached; if the disk is full.
+            none; for more workers than the machine bears; if the cluster cannot be reached, or has
+            no workers any more; if the disk is full.
+        KeyboardInterrupt: between two rows, with all that were done on the disk.
     """
     require_parquet()
-    with _backend(job, workers, cluster) as backend:
+    with Interrupts() as interrupts, _backend(job, workers, cluster, interrupts.allowed) as backend:
         claim(job, folder, resume)
         with Journal(folder, len(job.study), len(job.outcomes)) as journal:
             save_study(job, folder)
@@ -62,12 +65,12 @@ def run_study(
 
 
 @contextmanager
-def _backend(job: Job, workers: int, cluster: str | None) -> Iterator:
+def _backend(job: Job, workers: int, cluster: str | None, waiting: Waiting) -> Iterator:
     if cluster is None:
-        with Pool(job, workers) as pool:
+        with Pool(job, workers, waiting) as pool:
             yield pool
     else:
         from sdt_drake.studies.cluster import Cluster
 
-        with Cluster(job, cluster) as distributed:
+        with Cluster(job, cluster, waiting) as distributed:
             yield distributed

@@ -15,7 +15,7 @@ from sdt_drake.scenario import ControllerChoice, Scenario
 
 Value = float | str
 
-_PART = re.compile(r"(\w+)(?:\[(\d+)\])?")
+_PART = re.compile(r"(\w+)(?:\[(\d{1,6})\])?")
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,13 @@ class Field:
     entry: int | None
     type: type
     many: bool
+
+    @property
+    def touched(self) -> list[Field]:
+        """The fields that get another value: several for the label of a controller."""
+        if self.type is ControllerChoice:
+            return [find_field(f"{self.name}.{part}") for part in ("kind", "feedforward")]
+        return [self]
 
     def is_in(self, scenario: Scenario) -> bool:
         """Whether the scenario has the part that the field belongs to."""
@@ -126,7 +133,7 @@ def find_field(name: str) -> Field:
         if many:
             schema = _plain(typing.get_args(schema)[0])
         if number is not None:
-            if not many or number == "0":
+            if not many or int(number) == 0:
                 raise InputError(f"{name}: {part} is no entry of a list, counted from 1")
             entry, many = int(number) - 1, False
     if dataclasses.is_dataclass(schema) and schema is not ControllerChoice:

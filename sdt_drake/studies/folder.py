@@ -53,6 +53,9 @@ def _create(path: Path, text: str) -> None:
     """Write a file that is not there yet: of two processes, one does."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:  # also of a link that leads nowhere
+        raise InputError(f"{error.filename}: no folder can be made ({error.strerror})") from None
+    try:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
     except FileExistsError:

@@ -14,9 +14,9 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from sdt_drake.design import load_device, make_design
 from sdt_drake.errors import InputError
-from sdt_drake.motion import find_motion
+from sdt_drake.motion import find_motion, import_motion, load_command
 from sdt_drake.resources import PACKAGE_PREFIX, find_file
-from sdt_drake.robot import load_robot
+from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import Scenario
 from sdt_drake.studies.runs import FILE_FIELDS, Runner, outcome_names
 from sdt_drake.studies.study import Study
@@ -71,14 +71,15 @@ def make_job(study: Study, base: Scenario) -> Job:
     """Check that the base scenario can be run, and gather what its variants need.
 
     Raises:
-        InputError: if it cannot, if a file is missing, or if a robot has more or fewer joints.
+        InputError: if it cannot, if a file is missing or cannot be used, or if a robot or a motion
+            has more or fewer joints.
     """
     make_design(base)
     robot = load_device(base)
     files, hashes = {}, []
     for field, name, reference in _references(study, base):
         file = find_file(reference, study.folder)
-        joints = load_robot(file).n if field == "robot" else robot.n
+        joints = _joints(field, file, robot, base.period)
         if joints != robot.n:
             raise InputError(f"{name}: {joints} joint(s), expected {robot.n} as in the base")
         content = file.read_bytes()
@@ -95,6 +96,21 @@ def make_job(study: Study, base: Scenario) -> Job:
     }
     fingerprint = hashlib.sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
     return Job(study, base, files, outcome_names(base, robot.n), fingerprint, versions())
+
+
+def _joints(field: str, file: Path, robot: Robot, period: float) -> int:
+    """How many a file has, or the robot, if it has none.
+
+    Raises:
+        InputError: for a file that cannot be used: every run of it would fail.
+    """
+    if field == "robot":
+        return load_robot(file).n
+    if field == "motion" and file.suffix == ".csv":
+        return import_motion(file, period)[0].n
+    if field == "motion":
+        return len(load_command(file, robot).start())
+    return robot.n
 
 
 def _references(study: Study, base: Scenario) -> Iterator[tuple[str, str, str]]:

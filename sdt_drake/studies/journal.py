@@ -35,10 +35,7 @@ class Journal:
         self._file = self._path.open("a+b")
         try:
             self._lock()
-            self._offset = np.full(count, -1, dtype=np.int64)
-            self._end = 0
-            for number, offset, end in _lines(self._file, self._path, count, width):
-                self._offset[number], self._end = offset, end
+            self._offset, self._end = _places(self._file, self._path, count, width)
             self._file.truncate(self._end)
         except BaseException:
             self._file.close()
@@ -90,9 +87,7 @@ class Journal:
 
     def rows(self) -> Iterator[Row]:
         """The rows that are there, in their order."""
-        for number in np.flatnonzero(self.done):
-            self._file.seek(self._offset[number])
-            yield _from_json(self._file.readline())
+        return _rows_at(self._file, self._offset)
 
 
 def read_rows(folder: Path, count: int, width: int) -> Iterator[Row]:
@@ -107,14 +102,19 @@ def read_rows(folder: Path, count: int, width: int) -> Iterator[Row]:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     with file:
-        places = {number: offset for number, offset, _ in _lines(file, path, count, width)}
-        for number in sorted(places):
-            file.seek(places[number])
-            yield _from_json(file.readline())
+        offsets, _ = _places(file, path, count, width)
+        yield from _rows_at(file, offsets)
 
 
-def _lines(file, path: Path, count: int, width: int) -> Iterator[tuple[int, int, int]]:
-    """Number of the row, start and end of each complete line."""
+def _rows_at(file, offsets: NDArray[np.int64]) -> Iterator[Row]:
+    for offset in offsets[offsets >= 0]:
+        file.seek(offset)
+        yield _from_json(file.readline())
+
+
+def _places(file, path: Path, count: int, width: int) -> tuple[NDArray[np.int64], int]:
+    """Where the complete line of each row starts, -1 for none; and where the last one ends."""
+    offsets = np.full(count, -1, dtype=np.int64)
     file.seek(0)
     offset, place = 0, 1
     while (line := file.readline()).endswith(b"\n"):
@@ -124,8 +124,9 @@ def _lines(file, path: Path, count: int, width: int) -> Iterator[tuple[int, int,
                 f"{path}, line {place}: is no row of this study; without that line --resume runs "
                 "the row anew"
             )
-        yield number, offset, offset + len(line)
+        offsets[number] = offset
         offset, place = offset + len(line), place + 1
+    return offsets, offset
 
 
 def _checked_number(line: bytes, width: int) -> int:
@@ -135,10 +136,13 @@ def _checked_number(line: bytes, width: int) -> int:
         types = (int, str, str, float)
         own = (row.number, row.status, row.reason, row.duration)
         good = all(type(value) is kind for value, kind in zip(own, types, strict=True))
-        good &= row.status in STATUSES and all(type(value) is float for value in row.outcomes)
+        numbers = (row.duration, *row.outcomes)
+        good &= all(type(value) is float and not math.isinf(value) for value in numbers)
+        good &= row.status in STATUSES
         good &= len(row.outcomes) == (width if row.status == "ok" else 0)
+        row.reason.encode()  # half a character raises a ValueError
         return row.number if good else -1
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return -1
 
 

@@ -26,9 +26,8 @@ def has_motor_loads(scenario: Scenario) -> bool:
     device = scenario.device
     if device is None or scenario.plant.kind != "coupled" or scenario.plant.elasticity is not None:
         return False
-    return any(device.fitted) and all(
-        motor or fitted for motor, fitted in zip_longest(device.motors, device.fitted, fillvalue="")
-    )
+    joints = list(zip_longest(device.motors, device.fitted, fillvalue=""))
+    return bool(joints) and all(motor or fitted for motor, fitted in joints)
 
 
 def motor_load_names(n: int) -> tuple[str, ...]:

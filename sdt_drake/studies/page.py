@@ -30,7 +30,7 @@ from sdt_drake.studies.show import (
     worst_table,
     write_figures,
 )
-from sdt_drake.studies.summary import count_statuses, percentiles, sensitivity, varied
+from sdt_drake.studies.summary import count_statuses, failures, percentiles, sensitivity, varied
 from sdt_drake.studies.table import StudyTable
 
 CAPTIONS = {
@@ -140,9 +140,12 @@ def _summary(table: StudyTable, by: str | None) -> str:
     )
     names = ", ".join(f"<code>{escape(name)}</code>" for name in varied(table))
     seconds = float(np.nansum(table.duration))
+    failed = failures(table)
+    warning = f'<p class="bad">{escape(_capital(failed))}.</p>' if failed else ""
+    own = names or "inputs, which are all the same"
     found = "".join(f"<li>{text}</li>" for text in findings(table, by))
     return (
-        f"<p>{len(table)} runs, each with its own {names or 'inputs, which are all the same'}; "
+        f"{warning}<p>{len(table)} runs, each with its own {own}; "
         f"{_time(seconds)} of computation in all.</p>"
         f'<ul class="tiles">{tiles}</ul>'
         + (

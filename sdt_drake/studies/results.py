@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.errors import InputError, replacing
+from sdt_drake.errors import InputError, needing, replacing
 from sdt_drake.studies.folder import load_folder
 from sdt_drake.studies.job import Job
 from sdt_drake.studies.journal import read_rows
@@ -24,13 +24,9 @@ _GROUP = 4096  # rows that are in memory together
 
 
 def require_parquet() -> None:
-    """Raise InputError if pyarrow is not there."""
-    try:
+    """Raise InputError if pyarrow is not there, or cannot be loaded."""
+    with needing("studies need pyarrow for their results", "sdt_drake[study]"):
         import pyarrow.parquet  # noqa: F401
-    except ModuleNotFoundError:
-        raise InputError(
-            "studies need pyarrow for their results: pip install 'sdt_drake[study]'"
-        ) from None
 
 
 def write_results(job: Job, rows: Iterable[Row], folder: Path) -> Path:
@@ -88,11 +84,14 @@ def read_study_table(folder: Path) -> StudyTable:
         InputError: if the folder holds no study, or a file of it cannot be used.
     """
     study, _, outcomes = load_folder(folder)
-    rows = list(read_rows(folder, len(study), len(outcomes)))
-    if not rows:
+    rows = read_rows(folder, len(study), len(outcomes))
+    groups = []
+    while group := list(islice(rows, _GROUP)):  # an array needs a fifth of the numbers' memory
+        columns = _columns(study, group, outcomes)
+        groups.append({name: np.asarray(values) for name, values in columns.items()})
+    if not groups:
         raise InputError(f"{folder}: no run of the study is done yet")
-    columns = _columns(study, rows, outcomes)
-    arrays = {name: np.asarray(values) for name, values in columns.items()}
+    arrays = {name: np.concatenate([group[name] for group in groups]) for name in groups[0]}
     return StudyTable(
         name=study.name,
         row=arrays["row"],

@@ -151,10 +151,15 @@ class Sizing:
             raise InputError(
                 "device: motors and structure_scale are those of the candidates; remove"
             )
+        self.device.validate_sizes(self.n, "device")
+        for k, id_ in enumerate(self.device.fitted):
+            if id_:
+                catalogue.motor(id_, f"device.fitted[{k + 1}]")
         self.shared_device.validate("device")
-        self.shared_device.validate_sizes(self.n, "device")
-        for scale in _checked_list(self.structure_scales, "structure_scales"):
+        for scale in self.structure_scales:
             checked_number(scale, "structure_scales", minimum=0, exclusive=True)
+        # Two that are told as the same number could not be told apart.
+        _checked_list([f"{scale:g}" for scale in self.structure_scales], "structure_scales")
         _checked_list([short_name(motion) for motion in self.motions], "motions")
         for motion in self.motions:
             find_motion(motion)

@@ -18,6 +18,7 @@ from sdt_drake.analysis.comparison import check_labels, with_controller
 from sdt_drake.errors import InputError, checked_choice, checked_number
 from sdt_drake.scenario import ControllerChoice, Scenario, load_scenario
 from sdt_drake.studies.fields import Field, Value, find_field
+from sdt_drake.studies.table import is_column
 from sdt_drake.yaml_files import load_yaml
 
 Array = NDArray[np.float64]
@@ -25,11 +26,13 @@ Array = NDArray[np.float64]
 SAMPLINGS = ("random", "latin_hypercube")
 APPLY = ("value", "factor", "offset")
 MOST_RUNS = 10_000_000
+_MOST = 2**64 - 1
 
 
 # --- distributions ---------------------------------------------------------------------------
 # Random ones have `quantile`, which takes shares in (0, 1) to values; the others have `levels`,
-# which are all run, each with the same draws of the random ones.
+# which are all run, each with the same draws of the random ones, and `size`, how many they are:
+# a study that is too large is refused before they are made.
 
 
 @dataclass
@@ -109,19 +112,37 @@ class Grid:
     def validate(self, where: str) -> None:
         checked_number(self.start, f"{where}.start")
         checked_number(self.stop, f"{where}.stop")
-        if not 2 <= self.count <= MOST_RUNS:
-            raise InputError(
-                f"{where}.count: {self.count}, expected a whole number from 2 to {MOST_RUNS}"
-            )
+        _check_whole(self.count, 2, MOST_RUNS, f"{where}.count")
         if self.start == self.stop:
             raise InputError(f"{where}: start and stop are both {self.start:g}")
+
+    @property
+    def size(self) -> int:
+        return self.count
+
+    @property
+    def examples(self) -> list[Value]:
+        return [self.start]
 
     def levels(self) -> list[Value]:
         return np.linspace(self.start, self.stop, self.count).tolist()
 
 
+class _Values:
+    @property
+    def size(self) -> int:
+        return len(self.values)
+
+    @property
+    def examples(self) -> list[Value]:
+        return self.values
+
+    def levels(self) -> list[Value]:
+        return list(self.values)
+
+
 @dataclass
-class List:
+class List(_Values):
     """These numbers."""
 
     values: list[float] = field(default_factory=list)
@@ -131,21 +152,17 @@ class List:
             checked_number(value, f"{where}.values")
         _check_levels(self.values, f"{where}.values")
 
-    def levels(self) -> list[Value]:
-        return list(self.values)
-
 
 @dataclass
-class Choice:
+class Choice(_Values):
     """These texts: kinds, labels of controllers, names of motions or motors, true or false."""
 
     values: list[str] = field(default_factory=list)
 
     def validate(self, where: str) -> None:
+        for value in self.values:
+            _check_text(value, f"{where}.values")
         _check_levels(self.values, f"{where}.values")
-
-    def levels(self) -> list[Value]:
-        return list(self.values)
 
 
 def _check_width(low: float, high: float, where: str) -> None:
@@ -160,6 +177,25 @@ def _check_levels(values: list, where: str) -> None:
         raise InputError(f"{where}: empty, expected at least one value")
     if len(set(values)) < len(values):
         raise InputError(f"{where}: {values} has a value twice")
+
+
+def _check_whole(value: int, least: int, most: int, where: str) -> None:
+    if not least <= value <= most:
+        raise InputError(
+            f"{where}: {_shown(value)}, expected a whole number from {least} to {most}"
+        )
+
+
+def _shown(value: int, form: str = "") -> str:
+    return format(value, form) if abs(value) <= _MOST else "a number of more than 64 bits"
+
+
+def _check_text(text: str, where: str) -> None:
+    """Names and levels go into file names, tables and pages."""
+    if not text.isprintable() or text != text.strip():
+        raise InputError(
+            f"{where}: {text!r}, expected characters that are seen, no space at an end"
+        )
 
 
 # --- the study -------------------------------------------------------------------------------
@@ -241,11 +277,10 @@ class Variable:
 
     @property
     def examples(self) -> list[Value]:
-        """Some of its values; all if they are texts."""
+        """Some of its values; all if they are listed."""
         if self.random:
             return self.distribution.quantile(np.array([0.5])).tolist()
-        levels = self.distribution.levels()
-        return levels if self.takes_texts else levels[:1]
+        return self.distribution.examples
 
     def put(self, scenario: Scenario, value: Value) -> Scenario:
         """The scenario, changed in place, with a draw in it.
@@ -310,8 +345,11 @@ class Study:
         Raises:
             InputError: naming the field and what would be right.
         """
-        checked_number(self.draws, "draws", minimum=1)
-        checked_number(self.seed, "seed", minimum=0)
+        _check_text(self.name, "name")
+        if "/" in self.name or self.name in (".", ".."):
+            raise InputError(f"name: {self.name}, expected one that a folder can have")
+        _check_whole(self.draws, 1, _MOST, "draws")
+        _check_whole(self.seed, 0, _MOST, "seed")
         checked_choice(self.sampling, SAMPLINGS, "sampling")
         checked_number(self.timeout, "timeout", minimum=0, exclusive=True)
         checked_number(self.pause, "pause", minimum=0)
@@ -320,16 +358,37 @@ class Study:
         for i, variable in enumerate(self.variables):
             variable.validate(f"variables[{i + 1}]", base)
         names = [variable.name for variable in self.variables]
-        for name in names:
+        for i, name in enumerate(names):
+            _check_text(name, f"variables[{i + 1}].name")
+            if is_column(name):
+                raise InputError(f"variables[{i + 1}].name: {name} is a column of the results")
             if names.count(name) > 1:
                 raise InputError(f"variables: two are named {name}")
+        self._check_fields()
         if self.draws > 1 and not any(variable.random for variable in self.variables):
             raise InputError(f"draws: {self.draws}, but no variable is random; remove")
-        if len(self) > MOST_RUNS:
-            raise InputError(f"{len(self):,} runs, expected at most {MOST_RUNS:,}")
+        if self._count > MOST_RUNS:
+            count = _shown(self._count, ",")
+            raise InputError(f"{count} runs, expected at most {MOST_RUNS:,}")
+
+    def _check_fields(self) -> None:
+        """Of two draws for a field the last would win, and the first still be in the results."""
+        owners: dict[tuple, dict[int | None, str]] = {}
+        for variable in self.variables:
+            for target in (touched for name in variable.targets for touched in name.touched):
+                others = owners.setdefault(target.parts, {})
+                if others and (target.entry is None or {None, target.entry} & others.keys()):
+                    names = " and ".join(dict.fromkeys([*others.values(), variable.name]))
+                    raise InputError(f"variables: {target.name} gets two values, of {names}")
+                others[target.entry] = variable.name
 
     def __len__(self) -> int:
-        return self.draws * math.prod(len(levels) for levels in self._levels)
+        return self._count
+
+    @property
+    def _count(self) -> int:
+        """Of the runs; Python refuses a `len` of more than 63 bits."""
+        return self.draws * math.prod(v.distribution.size for v in self.variables if not v.random)
 
     @cached_property
     def _levels(self) -> list[list[Value]]:

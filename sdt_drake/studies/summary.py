@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.errors import checked_count
-from sdt_drake.studies.table import STATUSES, StudyTable, is_text, levels_of
+from sdt_drake.studies.table import ANSWERS, STATUSES, StudyTable, is_text, levels_of
 
 Array = NDArray[np.float64]
 
@@ -67,6 +67,16 @@ def count_statuses(table: StudyTable, most_reasons: int = 3) -> list[StatusCount
         for status, part in parts.items()
         if len(part)
     ]
+
+
+def failures(table: StudyTable) -> str:
+    """How many runs say nothing, and why, in a line; "" if all are ok or infeasible."""
+    texts = []
+    for status, runs, reasons in count_statuses(table, most_reasons=1):
+        if status not in ANSWERS:
+            why = f": {reasons[0].text} (row {reasons[0].row})" if reasons else ""
+            texts.append(f"{runs} of {len(table)} runs {status.replace('_', ' ')}{why}")
+    return "; ".join(texts)
 
 
 # Not the joint's: what happens to joint 1 and to joint 2 are two things.

@@ -9,11 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.errors import InputError
-from sdt_drake.studies.quantities import family_of
+from sdt_drake.studies.quantities import FAMILIES, family_of
 
 Array = NDArray[np.float64]
 
 STATUSES = ("ok", "infeasible", "failed", "timed_out", "crashed")
+
+ANSWERS = ("ok", "infeasible")
+"""Of these: what says something about the device."""
+
+COLUMNS = ("row", "status", "reason", "duration")
+"""Of every study; beside its inputs and its outcomes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +162,11 @@ class StudyTable:
 
 
 ALL_RUNS = "all runs"
+
+
+def is_column(name: str) -> bool:
+    """Whether a column of the results has this name, so that no input may."""
+    return name in COLUMNS or family_of(name)[0] in FAMILIES
 
 
 def is_text(values: NDArray) -> bool:

@@ -15,7 +15,7 @@ from sdt_drake.errors import replacing
 from sdt_drake.studies.pareto import pareto
 from sdt_drake.studies.quantities import family_of, quantity_of
 from sdt_drake.studies.sizing import Candidate, Sizing, candidates, short_name
-from sdt_drake.studies.table import StudyTable
+from sdt_drake.studies.table import ANSWERS, StudyTable
 
 _DECIMALS = 4  # of a speed error [rad/s]: simulate.ACCURACY
 _ROUND_OFF = 1e-9  # of an outcome; the planner uses limits to the full
@@ -33,6 +33,7 @@ class Verdict:
         worst: largest value of each required outcome, and the motion in which it is.
         used: the same values over their limits [-]; inf where nothing is allowed and something is.
         missed: requirements that are not kept, what matters first; empty if all are.
+        judged: whether every motion has a run that says something: ok, or infeasible.
     """
 
     candidate: Candidate
@@ -42,6 +43,7 @@ class Verdict:
     worst: dict[str, tuple[float, str]]
     used: dict[str, float]
     missed: tuple[str, ...]
+    judged: bool
 
     @property
     def feasible(self) -> bool:
@@ -121,6 +123,7 @@ def _verdict(
         worst=worst,
         used=used,
         missed=tuple(missed),
+        judged=all(m in rows and table.status[rows[m]] in ANSWERS for m in sizing.motions),
     )
 
 
@@ -173,9 +176,14 @@ def recommend(verdicts: Sequence[Verdict], controller: str) -> Verdict | None:
 
 
 def nearest(verdicts: Sequence[Verdict], controller: str) -> Verdict:
-    """The candidate that misses the fewest requirements; of several the lightest."""
+    """The candidate that misses the fewest requirements; of several the lightest.
+
+    One of those that are judged, if there are any.
+    """
     own = (v for v in verdicts if v.controller == controller)
-    return min(own, key=lambda v: (len(v.missed), v.mass, v.candidate.structure_scale))
+    return min(
+        own, key=lambda v: (not v.judged, len(v.missed), v.mass, v.candidate.structure_scale)
+    )
 
 
 def lightest_motor(
@@ -199,15 +207,21 @@ def sizing_lines(sizing: Sizing, verdicts: Sequence[Verdict]) -> list[str]:
 
 def _controller_lines(verdicts: Sequence[Verdict], controller: str) -> list[str]:
     best = recommend(verdicts, controller)
+    judged = [v.judged for v in verdicts if v.controller == controller]
+    out = judged.count(False)
+    note = f"; {out} of {len(judged)} motor sets cannot be judged, their runs failed" if out else ""
     if best is None:
         near = nearest(verdicts, controller)
+        said = (
+            f"no motor set meets the requirements; the nearest, {near.candidate}, misses "
+            f"{len(near.missed)}{note}"
+        )
         return [
-            f"with {controller} no motor set meets the requirements; the nearest, "
-            f"{near.candidate}, misses {len(near.missed)}",
+            f"with {controller} {said if any(judged) else 'no motor set can be judged'}",
             *(f"  {text}" for text in near.missed[:3]),
         ]
     return [
-        f"with {controller}: {best.candidate}, {best.mass:g} kg of motors",
+        f"with {controller}: {best.candidate}, {best.mass:g} kg of motors{note}",
         *(f"  {_margin_text(best, k + 1)}" for k in range(len(best.candidate.motors))),
     ]
 
@@ -230,7 +244,8 @@ def _joint_line(sizing: Sizing, verdicts: Sequence[Verdict], joint: int) -> str:
         if id_ is not None:
             labels_of.setdefault(id_, []).append(label)
     if not labels_of:
-        return f"joint {joint}: no controller meets the requirements"
+        none = "no controller meets" if any(v.judged for v in verdicts) else "nothing is known of"
+        return f"joint {joint}: {none} the requirements"
     by_mass = sorted(labels_of, key=lambda id_: -sizing.catalogue.motor(id_, "").mass)
     *heavier, lightest = by_mass
     parts = [f"with {_and(labels_of[id_])} it needs {id_}" for id_ in heavier]

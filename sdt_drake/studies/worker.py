@@ -1,4 +1,4 @@
-"""The process of a worker: `python -m sdt_drake.studies.worker DESCRIPTOR FOLDER`."""
+"""The process of a worker, which `workers` starts with the arguments DESCRIPTOR FOLDER."""
 
 from __future__ import annotations
 
@@ -40,7 +40,3 @@ def _end_with_parent() -> None:
 def _end() -> None:
     shutil.rmtree(sys.argv[2], ignore_errors=True)
     os._exit(0)
-
-
-if __name__ == "__main__":
-    main()

@@ -7,6 +7,7 @@ notebooks, from threads, and in processes that may have no children of multiproc
 from __future__ import annotations
 
 import contextlib
+import os
 import subprocess
 import sys
 import tempfile
@@ -17,7 +18,8 @@ from multiprocessing import Pipe
 from multiprocessing.connection import wait
 from pathlib import Path
 
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, checked_count
+from sdt_drake.studies.interrupts import Waiting
 from sdt_drake.studies.job import Job
 from sdt_drake.studies.runs import Row
 
@@ -25,17 +27,38 @@ Task = Sequence[int]
 """Numbers of the rows that go to a process together."""
 
 READY = "ready"
-_MODULE = "sdt_drake.studies.worker"
+_PACKAGES = Path(__file__).parents[2]
+# Not from the folder that we were started in: what is there may be called like any module.
+_MAIN = f"""\
+import sys
+sys.path[:] = [*filter(None, sys.path), {str(_PACKAGES)!r}]
+from sdt_drake.studies.worker import main
+main()"""
 _START = 120.0  # s; for a process to import all that it needs
+_LONGEST_WAIT = 3600.0  # s; the system counts ms in 32 bits
+_PER_PROCESSOR = 8  # processes; more would but need memory
 _TRIES = 2  # before a row that ends its process is given up, or a process that does not start
 
 
 class Pool:
     """Processes that run tasks of a job."""
 
-    def __init__(self, job: Job, count: int) -> None:
+    def __init__(self, job: Job, count: int, waiting: Waiting = contextlib.nullcontext) -> None:
+        """For a job; nothing is started yet.
+
+        Args:
+            job: to run rows of.
+            count: of the processes.
+            waiting: makes the context in which `map` waits.
+
+        Raises:
+            InputError: if there are more processes than the machine bears.
+        """
+        most = _PER_PROCESSOR * (os.cpu_count() or 1)
+        if checked_count(count, "--workers") > most:
+            raise InputError(f"--workers: {count}, expected at most {most} on this machine")
         self._workers = [_Worker(job) for _ in range(count)]
-        self._timeout = job.study.timeout
+        self._timeout, self._waiting = job.study.timeout, waiting
 
     def __enter__(self) -> Pool:
         return self
@@ -71,7 +94,9 @@ class Pool:
             busy = [worker for worker in self._workers if worker.task]
             if not busy:
                 return
-            wait([w.connection for w in busy], timeout=max(0.0, min(w.left for w in busy)))
+            with self._waiting():
+                left = min(_LONGEST_WAIT, *(worker.left for worker in busy))
+                wait([worker.connection for worker in busy], timeout=max(0.0, left))
             for worker in busy:
                 task, message = worker.task, worker.message()
                 if isinstance(message, list):
@@ -117,7 +142,7 @@ class _Worker:
         self.connection, theirs = Pipe()
         with theirs, self._log.open("wb") as log:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", _MODULE, str(theirs.fileno()), self._folder.name],
+                [sys.executable, "-c", _MAIN, str(theirs.fileno()), self._folder.name],
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.PIPE,  # closes when this process ends, however that happens
                 stdout=subprocess.DEVNULL,

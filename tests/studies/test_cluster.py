@@ -161,6 +161,27 @@ def test_cluster_without_workers(job, tmp_path):
     assert not (tmp_path / "many").exists()
 
 
+def test_workers_that_are_gone_for_good(job, tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster_module, "_ALONE", 0.3)
+    monkeypatch.setattr(cluster_module, "_IDLE", 0.5)
+    with distributed.LocalCluster(
+        n_workers=1,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp://",
+        dashboard_address=":0",
+        silence_logs=50,
+    ) as cluster:
+
+        def report(done: int, *_) -> None:
+            if done == 3:
+                cluster.scale(0)
+
+        with pytest.raises(InputError, match=r"has had no workers for 0.3 s; --resume goes on"):
+            run_study(job, tmp_path / "many", cluster=cluster.scheduler_address, report=report)
+    assert 3 <= len(read_study_table(tmp_path / "many")) < 80
+
+
 def test_workers_with_other_versions(dask, job, tmp_path):
     other = dataclasses.replace(job, versions=job.versions | {"drake": "1.0"})
     drake = job.versions["drake"]

@@ -107,6 +107,8 @@ def test_every_listed_name_is_a_field(name):
         ("disturbance", "expected one of disturbance.amplitude, disturbance.omega_d"),
         ("period[1]", "is no entry of a list"),
         ("controller.kp[0]", "no entry of a list, counted from 1"),
+        ("controller.kp[00]", "no entry of a list, counted from 1"),
+        (f"controller.kp[{'9' * 5000}]", "no field of a scenario, did you mean controller.kp"),
     ],
 )
 def test_unknown_names(name, message):

@@ -76,6 +76,10 @@ def test_torn_last_line_is_done_again(written, torn):
         b'{"row": 1, "status": "ok", "reason": "", "duration": 1.0, "outcomes": [1.0, "x"]}\n',
         b'{"row": 1, "status": "failed", "reason": "", "duration": 1.0, "outcomes": [1.0, 2.0]}\n',
         b'{"row": 1, "status": "ok", "reason": "", "duration": 1.0, "outcomes": 5}\n',
+        b'{"row": 1, "status": "ok", "reason": "", "duration": 1.0, "outcomes": [1.0, 1e999]}\n',
+        b'{"row": 1, "status": "ok", "reason": "", "duration": 1e999, "outcomes": [1.0, 2.0]}\n',
+        b'{"row": 1, "status": "failed", "reason": "\\ud800", "duration": 1.0, "outcomes": []}\n',
+        b"[" * 200_000 + b"\n",
     ],
 )
 def test_garbage_is_refused_and_kept(written, garbage):

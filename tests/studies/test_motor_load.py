@@ -11,6 +11,7 @@ from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.design import make_design
 from sdt_drake.device import DeviceChoice
 from sdt_drake.errors import InputError
+from sdt_drake.scenario import Scenario
 from sdt_drake.simulate import simulate
 from sdt_drake.studies.motor_load import (
     has_motor_loads,
@@ -123,3 +124,14 @@ def test_motors_of_no_catalogue_are_refused(design, run):
     scenario.device = None
     assert not has_motor_loads(scenario)
     assert has_motor_loads(own.scenario)
+
+
+def test_a_robot_whose_masses_contain_no_motors_has_motor_loads():
+    """As long as each joint has one of the catalogue."""
+    scenario = Scenario(device=DeviceChoice(FITTED, fitted=[""] * 4))
+    scenario.plant.kind = "coupled"
+    assert has_motor_loads(scenario)
+    scenario.device.motors[3] = ""
+    assert not has_motor_loads(scenario)
+    scenario.device = DeviceChoice()
+    assert not has_motor_loads(scenario)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 
 import pytest
 
@@ -65,6 +66,19 @@ def test_from_a_file_to_a_recommendation(size, desk, capfd):
     assert main(["report", str(folder)]) == 0
     assert (folder / "report.html").is_file()
     assert size(SIZING, "--resume")[0] == 0
+
+    # A run that failed comes first, and is no success.
+    journal = folder / "rows.jsonl"
+    first, *others = journal.read_text().splitlines(keepends=True)
+    failed = {"status": "failed", "reason": "no link 'payload'", "outcomes": []}
+    journal.write_text("".join([json.dumps(json.loads(first) | failed) + "\n", *others]))
+    with pytest.raises(SystemExit) as end:
+        size(SIZING, "--resume")
+    assert end.value.code == 1
+    lines = (folder / "sizing.txt").read_text().splitlines()
+    number = json.loads(first)["row"]
+    assert lines[0] == f"1 of 4 runs failed: no link 'payload' (row {number})"
+    assert "1 of 2 motor sets cannot be judged, their runs failed" in "\n".join(lines)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import math
 import re
 import shutil
@@ -15,6 +16,7 @@ from sdt_drake.errors import InputError
 from sdt_drake.resources import find_file
 from sdt_drake.studies.runs import Runner, outcome_names
 from sdt_drake.studies.sizing import Candidate, Requirements, Sizing, candidates, load_sizing
+from sdt_drake.studies.summary import failures
 from sdt_drake.studies.table import StudyTable
 from sdt_drake.studies.verdicts import (
     front_of,
@@ -86,6 +88,10 @@ BAD = [
     ("  fitted: [AC-203, TM-3950, TM-2150, TM-2150]", "  payload: payload", "device.fitted: mis"),
     ("[0.8, 1.0]", "[0.8, 0]", "structure_scales: 0.0, expected a finite number > 0"),
     ("[0.8, 1.0]", "[]", "structure_scales: empty, expected at least one"),
+    ("[0.8, 1.0]", "[1.0, 1.00000000001]", "structure_scales: ['1', '1'] has a value twice"),
+    ("fitted: [AC-203, TM-3950, ", "fitted: [AC-203, ", "device.fitted: 3 value(s), expected 4"),
+    ("fitted: [AC-203", "fitted: [AC-204", "device.fitted[1]: no motor 'AC-204' in the catalogue"),
+    ("- [AC-150, AC-203, AC-270]", "- ['']", "motors[1]: no motor '' in the catalogue"),
     ("inversion, post", "inversoin, post", "inversoin: no such motion, did you mean inversion?"),
     ("[reference,", "[mine.yaml,", "{folder}/mine.yaml: no such file"),
     ("[reference,", "[mine/post_roll.csv,", "motions: ['post_roll', 'g_excess', 'inversion', "),
@@ -244,6 +250,32 @@ def test_no_motor_set_is_said_honestly():
     nobody = judge(SMALL, table_of(SMALL, lambda inputs: "too weak"))
     assert sizing_lines(SMALL, nobody)[-1] == "joint 2: no controller meets the requirements"
     assert not front_of(nobody).any()
+
+
+def failing(inputs):
+    """The heavier motor of joint 2 cannot be run, and with pi_id none can."""
+    bad = inputs["motor_2"] == "TM-3950" or inputs["controller"] == "pi_id"
+    return "no link 'payload'" if bad else GOOD | {"max_abs_speed_error_2": 0.3}
+
+
+def test_failed_runs_are_no_verdict():
+    table = table_of(SMALL, failing)
+    table = dataclasses.replace(table, status=np.where(table.ok, "ok", "failed"))
+    verdicts = judge(SMALL, table)
+    assert [v.judged for v in verdicts] == [True, True, False, False] * 2 + [False] * 8
+    assert failures(table) == "24 of 32 runs failed: no link 'payload' (row 1)"
+    assert sizing_lines(SMALL, verdicts) == [
+        "with pi no motor set meets the requirements; the nearest, AC-150, TM-2860 at structure "
+        "scale 0.8, misses 1; 4 of 8 motor sets cannot be judged, their runs failed",
+        "  largest speed error of joint 2 is 0.3 rad/s in leans, at most 0.2 allowed",
+        "with pi_id no motor set can be judged",
+        "  leans is failed: no link 'payload'",
+        "  reference is failed: no link 'payload'",
+        "joint 1: no controller meets the requirements",
+        "joint 2: no controller meets the requirements",
+    ]
+    nothing = [dataclasses.replace(verdict, judged=False) for verdict in verdicts]
+    assert sizing_lines(SMALL, nothing)[-1] == "joint 2: nothing is known of the requirements"
 
 
 def test_what_has_not_been_run_is_not_recommended():

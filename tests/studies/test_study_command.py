@@ -7,6 +7,7 @@ import shutil
 import sys
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet
@@ -58,11 +59,29 @@ def refuse(desk, capfd):
         ("scenario: axis.yaml", "scenario: tooshort.yaml", "tooshort.yaml"),
         ("scenario: axis.yaml", "scenario: toofast.yaml", "fast.yaml: motion refused: joint 2"),
         ("[controller]", "[motion]", "pi: no such motion"),
+        (
+            "[controller]\n  distribution: !Choice {values: [pi, p_pi+id]}",
+            "[motion]\n  distribution: !Choice {values: [short.yaml, two.yaml]}",
+            "two.yaml: 2 joint(s), expected 4 as in the base",
+        ),
+        (
+            "[controller]\n  distribution: !Choice {values: [pi, p_pi+id]}",
+            "[motion]\n  distribution: !Choice {values: [short.yaml, two.csv]}",
+            "two.csv: 2 joint(s), expected 4 as in the base",
+        ),
+        (
+            "[controller]\n  distribution: !Choice {values: [pi, p_pi+id]}",
+            "[motion]\n  distribution: !Choice {values: [short.yaml, axis.yaml]}",
+            "axis.yaml: ",
+        ),
     ],
 )
 def test_bad_study(refuse, desk, old, new, message):
     base = (desk / "axis.yaml").read_text()
     (desk / "toofast.yaml").write_text(base.replace("short.yaml", "fast.yaml"))
+    rest = "- !Knots {knots: [[0, 0], [0.5, 0]]}"
+    (desk / "two.yaml").write_text(f"duration: 0.5\njoints: \n{rest}\n{rest}\n")
+    (desk / "two.csv").write_text("time,v_ref_1,v_ref_2\n0,0,0\n0.5,0,0\n")
     text = (desk / "few.yaml").read_text()
     assert old in text
     (desk / "few.yaml").write_text(text.replace(old, new))
@@ -75,6 +94,7 @@ def test_bad_study(refuse, desk, old, new, message):
         ("nowhere.yaml", "nowhere.yaml: no such file"),
         ("axis.yaml", "unknown field"),
         ("few.yaml --workers 0", "--workers: 0, expected a whole number >= 1"),
+        ("few.yaml --workers 1000000000", "--workers: 1000000000, expected at most "),
         ("few.yaml --workers 2 --cluster tcp://a:1", "give either --workers or --cluster"),
         ("few.yaml --cluster nonsense", "--cluster nonsense: cannot be reached"),
         ("few.yaml --cluster ftp://a:1", "unknown address scheme"),
@@ -95,6 +115,27 @@ def test_bad_study(refuse, desk, old, new, message):
 )
 def test_bad_arguments(refuse, arguments, message):
     assert message in refuse(*arguments.split())
+
+
+@pytest.mark.parametrize("out", ["gone", "circle", "gone/below"])
+def test_links_that_lead_nowhere(refuse, desk, out):
+    (desk / "gone").symlink_to("nowhere")
+    (desk / "circle").symlink_to("circle")
+    name = out.split("/")[0]
+    assert f"{name}: no folder can be made (File exists)" in refuse("few.yaml", "--out", out)
+
+
+def test_a_package_that_cannot_be_loaded(refuse, monkeypatch):
+    def find_spec(name, *_):
+        if name.startswith("pyarrow"):
+            raise ImportError("libarrow.so: failed to map segment")
+
+    for name in [name for name in sys.modules if name.split(".")[0] == "pyarrow"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(sys, "meta_path", [SimpleNamespace(find_spec=find_spec), *sys.meta_path])
+    said = refuse("few.yaml")
+    assert "which cannot be loaded (libarrow.so: failed to map segment)" in said
+    assert "pip" not in said
 
 
 def test_cluster_that_cannot_be_reached(refuse, monkeypatch):
@@ -137,6 +178,7 @@ def test_folder_of_a_study(refuse, desk, undisturbed):
         ("state.json", '{"fingerprint": 1}', "state.json: cannot be used"),
         ("state.json", '{"fingerprint": "", "outcomes": "x"}', "state.json: cannot be used"),
         ("state.json", "\0\xff", "state.json: cannot be used"),
+        ("state.json", "[" * 200_000, "state.json: cannot be used"),
         ("study.yaml", "", "study.yaml: empty"),
         ("study.yaml", "[", "study.yaml: not valid YAML"),
         ("scenario.yaml", "5", "scenario.yaml: 5"),
@@ -292,6 +334,34 @@ def test_row_that_takes_too_long(desk, tmp_path):
     table = rows(desk / "few")
     assert table["status"].to_pylist() == ["ok", "timed_out"]
     assert table["reason"].to_pylist() == ["", "not done after 2 s"]
+
+
+def fail(journal: Path, kept: int) -> None:
+    """Make all rows but the first ones failed."""
+    lines = journal.read_text().splitlines()
+    rows = [json.loads(line) for line in lines[kept:]]
+    failed = {"status": "failed", "reason": "no link 'payload'", "outcomes": []}
+    lines[kept:] = [json.dumps(row | failed) for row in rows]
+    journal.write_text("\n".join(lines) + "\n")
+
+
+def test_failed_runs_are_said_first(copied, files, capfd):
+    fail(copied / "rows.jsonl", 70)
+    said = "10 of 80 runs failed: no link 'payload' (row 70)"
+    assert main(["study", str(files / "many.yaml"), "--out", str(copied), "--resume"]) == 0
+    assert capfd.readouterr().out.splitlines()[1] == said
+    assert main(["study", "show", str(copied)]) == 0
+    assert capfd.readouterr().out.startswith(said + "\n")
+    page = (copied / "report.html").read_text()
+    assert page.index(said.replace("'", "&#x27;")) < page.index("80 runs, each")
+
+
+def test_a_study_of_failed_runs_alone_ends_with_1(copied, files, capfd):
+    fail(copied / "rows.jsonl", 0)
+    with pytest.raises(SystemExit) as end:
+        main(["study", str(files / "many.yaml"), "--out", str(copied), "--resume"])
+    assert end.value.code == 1
+    assert "\n80 of 80 runs failed: no link 'payload' (row 0)\n" in capfd.readouterr().out
 
 
 def test_no_temporary_folder_is_left(desk, tmp_path, monkeypatch):

@@ -8,11 +8,16 @@ import math
 from statistics import NormalDist
 
 import numpy as np
+import pyarrow.parquet
 import pytest
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
+from sdt_drake.device import DeviceChoice
 from sdt_drake.errors import InputError
 from sdt_drake.scenario import Scenario, load_scenario
+from sdt_drake.studies.job import make_job
+from sdt_drake.studies.results import write_results
+from sdt_drake.studies.runs import Row, outcome_names
 from sdt_drake.studies.study import (
     Choice,
     Grid,
@@ -28,7 +33,7 @@ from sdt_drake.studies.study import (
 SHARES = np.array([0.0, 0.025, 0.25, 0.5, 0.75, 0.975])
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def base(files) -> Scenario:
     return load_scenario(files / "axis.yaml")
 
@@ -143,7 +148,45 @@ def test_bad_fields(base, distribution, field, message):
         ([variable(Uniform(0, 1), "controller.omega_r", apply="factor")], {"draws": 0}, "draws: 0"),
         ([variable(Grid(0, 1))], {"draws": 2}, "draws: 2, but no variable is random; remove"),
         ([variable(Uniform(0, 1))], {"draws": 10**12}, "expected at most 10,000,000"),
+        ([variable(Uniform(0, 1))], {"draws": 10**19}, "expected at most 10,000,000"),
+        ([variable(Uniform(0, 1))], {"draws": 10**5000}, "draws: a number of more than 64 bits"),
         ([variable(Uniform(0, 1))], {"seed": -1}, "seed: -1, expected"),
+        ([variable(Uniform(0, 1))], {"seed": 2**64}, "seed: a number of more than 64 bits"),
+        ([variable(Uniform(0, 1))], {"name": "../x"}, "name: ../x, expected one that a folder can"),
+        ([variable(Uniform(0, 1))], {"name": ".."}, "name: .., expected one that a folder can"),
+        ([variable(Uniform(0, 1))], {"name": "a\0"}, r"name: 'a\\x00', expected characters"),
+        ([variable(Uniform(0, 1))], {"name": "a\x1b[1m"}, r"name: 'a\\x1b\[1m', expected"),
+        ([variable(Uniform(0, 1))], {"name": "a\ud800"}, r"name: 'a\\ud800', expected"),
+        ([variable(Uniform(0, 1))], {"name": " "}, r"name: ' ', expected"),
+        ([variable(Uniform(0, 1), name="a\nb")], {}, r"variables\[1\].name: 'a\\nb', expected"),
+        ([variable(Choice(["a\0.yaml"]), "motion")], {}, r"values: 'a\\x00.yaml', expected"),
+        (
+            [variable(Uniform(0, 1)), variable(Uniform(0, 1), name="b")],
+            {},
+            "two values, of dist",
+        ),
+        (
+            [
+                variable(Uniform(0, 1), "controller.zeta", name="a"),
+                variable(Uniform(0, 1), "controller.zeta[2]", name="b"),
+            ],
+            {},
+            r"controller.zeta\[2\] gets two values, of a and b",
+        ),
+        (
+            [
+                variable(Uniform(0, 1), "controller.zeta[2]", name="b"),
+                variable(Uniform(0, 1), "controller.zeta", name="a"),
+            ],
+            {},
+            "zeta gets two values",
+        ),
+        ([Variable("a", ["period", "period"], "value", List([0.1]))], {}, "period gets two values"),
+        (
+            [variable(Choice(["pi"]), "controller"), variable(Choice(["pi"]), "controller.kind")],
+            {},
+            "controller.kind gets two values",
+        ),
         ([variable(Uniform(0, 1))], {"sampling": "sobol"}, "sampling: 'sobol', expected one of"),
         ([variable(Uniform(0, 1))], {"timeout": 0.0}, "timeout: 0.0, expected .* > 0"),
     ],
@@ -151,6 +194,37 @@ def test_bad_fields(base, distribution, field, message):
 def test_bad_studies(base, variables, options, message):
     with pytest.raises(InputError, match=message):
         Study(variables=variables, **options).validate(base)
+
+
+@pytest.mark.parametrize("count", [9, 700])
+def test_too_many_runs_are_refused_before_a_grid_is_made(base, monkeypatch, count):
+    monkeypatch.setattr(Grid, "levels", None)
+    many = [
+        Variable(f"g{k}", [f"controller.zeta[{k + 1}]"], "value", Grid(1, 2, 10**7))
+        for k in range(count)
+    ]
+    base.controller.zeta = [1.0] * count
+    with pytest.raises(InputError, match="runs, expected at most 10,000,000"):
+        Study(variables=many).validate(base)
+
+
+def test_entries_of_a_list_may_have_a_value_each(base):
+    both = [variable(Uniform(0, 1), f"controller.zeta[{k}]") for k in (1, 2)]
+    Study(variables=both).validate(base)
+
+
+def test_columns_of_the_results_are_no_names_of_inputs(files, tmp_path):
+    """Whatever columns there are."""
+    study, base = load_study(files / "few.yaml")
+    own = [variable.name for variable in study.variables]
+    file = write_results(make_job(study, base), [Row(0, "failed", "", 0.5, ())], tmp_path)
+    columns = pyarrow.parquet.read_schema(file).names
+    base.plant.kind, base.device = "coupled", DeviceChoice(fitted=["AC-203"] * 4)
+    assert {"row", "felt_share", *own} < set(columns)
+    for name in {*columns, *outcome_names(base, 7)} - {*own}:
+        study.variables[0].name = name
+        with pytest.raises(InputError, match=rf"\[1\].name: {name} is a column of the results"):
+            study.validate(base)
 
 
 def test_refusing_leaves_the_base_as_it_is(base):

@@ -105,6 +105,11 @@ def test_a_row_that_hangs_is_given_up(tmp_path):
     assert (rows[1].duration, rows[1].outcomes) == (0.5, ())
 
 
+def test_a_timeout_may_be_longer_than_the_system_can_wait(tmp_path):
+    with Pool(OddJob(str(tmp_path), timeout=1e300), 1) as pool:
+        assert statuses(pool.map([[0]])) == {0: "ok"}
+
+
 def test_others_go_on_while_one_hangs(tmp_path):
     job = OddJob(str(tmp_path), {0: "hang"}, timeout=1.5)
     with Pool(job, 2) as pool:
@@ -147,6 +152,27 @@ def test_processes_that_take_too_long_to_start(tmp_path, monkeypatch):
     monkeypatch.setattr("sdt_drake.studies.workers._START", 0.1)
     with Pool(OddJob(str(tmp_path)), 1) as pool, pytest.raises(InputError, match="did not start"):
         statuses(pool.map([[0]]))
+
+
+@pytest.fixture
+def crowded(tmp_path, monkeypatch) -> Path:
+    """The working directory, with files that are called like modules that are needed."""
+    for name in ("random", "copy", "numpy", "argparse", "logging", "table", "sdt_drake"):
+        (tmp_path / f"{name}.py").write_text("raise RuntimeError('a wrong module')")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_files_beside_a_study_are_not_imported(crowded):
+    with Pool(OddJob(str(crowded)), 1) as pool:
+        assert statuses(pool.map([[0]])) == {0: "ok"}
+
+
+def test_files_beside_the_main_process_are_not_imported(crowded):
+    (crowded / "sdt_drake.py").unlink()  # `-m sdt_drake` asks for that
+    command = [sys.executable, "-m", "sdt_drake", "--version"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_no_descriptor_is_left(tmp_path):
