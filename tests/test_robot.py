@@ -297,7 +297,7 @@ BAD = [
     ("<mass>2</mass>", "", _LOWER + "no <mass>"),
     ("<ixx>0.1</ixx>", "", _LOWER + "no <ixx>"),
     ("<izz>0.25</izz>", "", _LOWER + "no <izz>"),
-    ("<mass>4", "<mass>0", _UPPER + "<mass> 0 kg"),
+    ("<mass>4", "<mass>0", _UPPER + "<inertia> without <mass>"),
     ("<mass>4", "<mass>-4", _UPPER + "<mass> -4 kg"),
     ("<mass>4", "<mass>NaN", _UPPER + "<mass> is 'NaN'"),
     ("<mass>4", "<mass>inf", _UPPER + "<mass> is 'inf'"),
@@ -341,10 +341,10 @@ BAD = [
     (
         _END,
         "<include><uri>package://sdt/sdt.sdf</uri></include></model>",
-        "<include> is not supported",
+        "<include> in <model> is not supported",
     ),
     ("</sdf>", '<model name="two"/></sdf>', "2 models, expected one"),
-    (_END, '<link name="upper"/></model>', "upper"),
+    (_END, '<link name="upper"/></model>', "link 'upper' more than once"),
     ("<child>lower", "<child>nothing", "nothing"),
 ]
 
@@ -439,7 +439,7 @@ def _check_refused(write, text: str, message: str) -> None:
     [
         ("nowhere.sdf", r"^nowhere\.sdf: no such file"),
         ("package://sdt/nothing.sdf", r"nothing\.sdf: no such file; shipped: .*sdt\.sdf"),
-        ("package://sdt/motions/reference.yaml", r"reference\.yaml: expected an \.sdf file"),
+        ("package://sdt/motions/reference.yaml", r"reference\.yaml: expected an \.sdf or \.urdf"),
         (".", r"\.: is a folder, expected a file"),
     ],
 )

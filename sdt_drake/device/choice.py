@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from sdt_drake.device.motors import DEFAULT_CATALOGUE, Motor, load_catalogue
 from sdt_drake.errors import InputError, checked_number, checked_vector
 from sdt_drake.links import links_by_name, payload_of, scale_link, set_inertia
-from sdt_drake.robot import DRAKE, Robot, edited
+from sdt_drake.robot import Robot, edited
+from sdt_drake.sdf import DRAKE
 
 Array = NDArray[np.float64]
 
