@@ -16,7 +16,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, RevoluteJoint, RigidBody, WeldJoint
 
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, told_by
 from sdt_drake.resources import find_file
 from sdt_drake.sdf import check_sdf, mass_and_inertia, parse_xml, read_robot_file
 
@@ -184,9 +184,7 @@ def _parse(file: Path, text: str) -> MultibodyPlant:
     try:
         parser.AddModelsFromString(text, "sdf")
     except Exception as error:  # of many kinds, for instance for a version that is no number
-        reason = _PLACE.sub("", " ".join(str(error).split()))
-        reason = reason if len(reason) <= 300 else f"{reason[:300]}..."
-        raise InputError(f"{file}: {reason}") from None
+        raise InputError(f"{file}: {_PLACE.sub('', told_by(error))}") from None
     return plant
 
 

@@ -55,18 +55,18 @@ def sdf_of_urdf(robot: ET.Element, file: Path) -> ET.Element:
     motors = _motors(robot, file)
     inboard = {_end(joint, "child"): joint for joint in robot.findall("joint")}
     links = robot.findall("link")
-    roots = [link for link in links if link.get("name") not in inboard]
+    roots = [link.get("name", "") for link in links if link.get("name") not in inboard]
+    if len(roots) != 1:
+        raise InputError(f"{file}: {len(roots)} links that no joint carries, expected one")
     for link in links:
         where = f"{file}: link '{link.get('name')}'"
         if link.get("name") != "world":
             _add_link(model, link, inboard.get(link.get("name")), where)
         elif len(link):
             raise InputError(f"{where}: <inertial> would have no effect; remove it")
-    if len(roots) == 1 and roots[0].get("name") != "world":
-        base = roots[0].get("name", "")
-        _add_ends(
-            ET.SubElement(model, "joint", name=f"base of {base}", type="fixed"), "world", base
-        )
+    if roots != ["world"]:
+        base = ET.SubElement(model, "joint", name=f"base of {roots[0]}", type="fixed")
+        _add_ends(base, "world", roots[0])
     for joint in robot.findall("joint"):
         where = f"{file}: joint '{joint.get('name')}'"
         _add_joint(model, joint, motors.pop(joint.get("name", ""), []), where)
