@@ -319,7 +319,7 @@ def hang(scenario):
 
 def test_spring_without_a_rotor_is_refused(design):
     def no_rotor(root):
-        rotor = root.find(".//joint[@name='pitch']/drake:rotor_inertia")
+        rotor = root.find(".//joint[@name='pitch']").find("drake:rotor_inertia")
         rotor.text = "0"
 
     robot = edited(load_robot(), no_rotor)

@@ -65,7 +65,7 @@ def add_motion(parser: argparse.ArgumentParser) -> None:
 
 
 def add_robot(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--robot", default=ROBOT, help="SDF file (default: the shipped device)")
+    parser.add_argument("--robot", default=ROBOT, help="SDF or URDF file (default: the shipped device)")
 
 
 def add_period(parser: argparse.ArgumentParser) -> None:
