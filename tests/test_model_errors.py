@@ -319,6 +319,15 @@ def test_any_way_to_write_the_pose_of_the_payload_will_do(load, pose, com):
     np.testing.assert_allclose(central, np.diag(moments), atol=1e-12)
 
 
+def test_a_link_without_mass_gets_none(load):
+    start, end = ARM.index("<mass>"), ARM.index("</inertial>")
+    zero = "<mass>0</mass><inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia>"
+    robot = load(ARM[:start] + zero + ARM[end:])
+    assert total_mass(load_model(robot, ModelErrors(inertia_scale=1.5))) == 3.0
+    with pytest.raises(InputError, match="payload_mass: 1 kg, but link 'upper' has no mass"):
+        load_model(robot, ModelErrors("upper", payload_mass=1.0))
+
+
 # --- none, several, bad ones -----------------------------------------------------------------
 
 
