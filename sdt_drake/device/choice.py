@@ -31,7 +31,7 @@ class DeviceChoice:
             SDF where the motor is kept.
         structure_scale: s, factor on masses and inertias of all links but the payload [-]: the
             thickness of their walls.
-        payload: name of the link that is no structure.
+        payload: name of the link that is no structure; "" if all links are.
         stiffness_exponent: p [-]; the structure is s^p times as stiff. 1 for walls of the same
             outline (assumed).
         fitted: ids of the motors that the masses of the SDF contain; "" where they contain none.
@@ -157,9 +157,9 @@ def _fit(
             _fit_motor(joints[robot.joint_names[k]], robot, k, motor, choice.gear_ratio, where)
     if choice.structure_scale != 1:
         try:
-            payload = payload_of(root, choice.payload, robot.path)
+            payload = payload_of(root, choice.payload, robot.path) if choice.payload else None
         except InputError as error:
-            raise InputError(f"{where}.{error}") from None
+            raise InputError(f"{where}.{error}; '' if all is structure") from None
         for link in links_by_name(root).values():
             if link is not payload:
                 scale_link(link, choice.structure_scale)
