@@ -76,6 +76,7 @@ _SHAPES = {"visual", "collision", f"{DRAKE}collision_filter_group"}  # nothing t
 # Numbers of an SDF that move a robot, and how many there may be in one element.
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 _LIMITS = ("lower", "upper", "effort", "velocity", f"{DRAKE}acceleration")  # may be infinite
+_POSITIVE = ("velocity", f"{DRAKE}acceleration")  # Drake takes a speed < 0 for no limit
 _MOTOR = (f"{DRAKE}rotor_inertia", f"{DRAKE}gear_ratio")
 # Elements that must be zero, because nothing here models them.
 _ZERO = {
@@ -143,8 +144,9 @@ def _check_element(element: ET.Element, where: str) -> None:
     if element.tag in _ZERO and values[0] != 0:
         tag = element.tag
         raise InputError(f"{where}: <{tag}> {element.text}, {_ZERO[tag]}; remove it")
-    if element.tag == f"{DRAKE}acceleration" and values[0] <= 0:
-        raise InputError(f"{where}: <acceleration> {element.text}, expected a number > 0")
+    if element.tag in _POSITIVE and values[0] <= 0:
+        tag = element.tag.removeprefix(DRAKE)
+        raise InputError(f"{where}: <{tag}> {element.text}, expected a number > 0")
 
 
 def numbers(element: ET.Element, where: str) -> list[float]:

@@ -354,6 +354,8 @@ BAD = [
         "<spring_stiffness>5</spring_stiffness><damping>",
         _SHOULDER + "<spring_stiffness> 5",
     ),
+    ("<velocity>3", "<velocity>-1", _SHOULDER + "<velocity> -1, expected a number > 0"),
+    ("<velocity>3", "<velocity>0", _SHOULDER + "<velocity> 0, expected a number > 0"),
     ('elbow" type="revolute"', 'elbow" type="prismatic"', "joint 'elbow' is prismatic"),
     ('elbow" type="revolute"', 'elbow" type="screw"', "joint 'elbow' is screw"),
     (
