@@ -39,8 +39,9 @@ _IGNORED = {"gazebo", "material", "calibration", "safety_controller", "hardwareI
 def sdf_of_urdf(robot: ET.Element, file: Path) -> ET.Element:
     """The same robot as an SDF, its root link fixed to the world.
 
-    A joint without a transmission has a motor, too, of the effort of its <limit>. A link without
-    <inertial> has no mass; that of a joint that turns has to say so.
+    A joint without a transmission has a motor, too, of the effort of its <limit>. The inertia of
+    the root does not matter and is not read. Other links without <inertial> have no mass; those of
+    joints that turn have to say so.
 
     Args:
         robot: what a URDF has outermost; elements that say nothing of bodies and motors go.
@@ -125,7 +126,7 @@ def _add_link(model: ET.Element, old: ET.Element, joint: ET.Element | None, wher
     if joint is not None:
         ET.SubElement(link, "pose", relative_to=joint.get("name", ""))
     new = ET.SubElement(link, "inertial")
-    inertial = old.find("inertial")
+    inertial = old.find("inertial") if joint is not None else None  # a root stands still
     if inertial is None:
         if joint is not None and joint.get("type") != "fixed":
             raise InputError(

@@ -150,6 +150,12 @@ def test_a_model_with_errors_is_that_of_the_sdf(load):
     check_same(load_model(load(URDF), errors), load_model(load(ARM, "arm.sdf"), errors))
 
 
+def test_inertia_of_the_root_does_not_matter(load):
+    odd = "<inertial><mass value='0'/><inertia ixx='0.05' iyy='0.06' izz='0.03'/></inertial>"
+    text = URDF.replace('<link name="base"/>', f'<link name="base">{odd}</link>')
+    check_same(load(text), load(URDF))
+
+
 def test_frames_and_links_without_mass_are_read(load):
     more = (
         "<link name='tool'/><joint name='flange' type='fixed'><parent link='lower'/>"
