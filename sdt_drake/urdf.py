@@ -30,10 +30,12 @@ _READ = {
     "actuator/drake:rotor_inertia": {"value"},
     "actuator/drake:gear_ratio": {"value"},
     "actuator/mechanicalReduction": set(),
+    "transmission/mechanicalReduction": set(),
 }
 _TYPES = {"revolute": "revolute", "continuous": "revolute", "fixed": "fixed"}
 # Elements that say nothing of bodies and motors.
-_IGNORED = {"gazebo", "material", "calibration", "safety_controller", "hardwareInterface", "role"}
+_IGNORED = {"gazebo", "material", "calibration", "safety_controller", "self_collision_checking"}
+_IGNORED |= {"hardwareInterface", "role", "robotNamespace"}
 
 
 def sdf_of_urdf(robot: ET.Element, file: Path) -> ET.Element:
@@ -114,9 +116,10 @@ def _motors(robot: ET.Element, file: Path) -> dict[str, list[ET.Element]]:
                 f"{where}: expected one joint, one actuator, and no other on the joint"
             )
         motor = [_leaf(e.tag, e.get("value")) for e in actuators[0] if e.tag.startswith("drake:")]
-        reduction = (actuators[0].findtext("mechanicalReduction") or "1").strip()
-        if reduction not in ("1", "1.0"):  # that of Drake's element, if there is one
-            motor.append(_leaf("drake:gear_ratio", reduction))
+        for reduction in transmission.iter("mechanicalReduction"):
+            text = (reduction.text or "").strip()
+            if text not in ("1", "1.0"):  # else the ratio is that of Drake's element, if any
+                motor.append(_leaf("drake:gear_ratio", text))
         motors[joints[0].get("name", "")] = motor
     return motors
 

@@ -42,6 +42,7 @@ URDF = """<?xml version="1.0"?>
     <limit effort="40"/>
   </joint>
   <transmission name="drive">
+    <robotNamespace>/arm</robotNamespace>
     <type>transmission_interface/SimpleTransmission</type>
     <joint name="shoulder"><hardwareInterface>effort</hardwareInterface></joint>
     <actuator name="motor">
