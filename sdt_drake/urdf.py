@@ -58,7 +58,10 @@ def sdf_of_urdf(robot: ET.Element, file: Path) -> ET.Element:
     motors = _motors(robot, file)
     inboard = {_end(joint, "child"): joint for joint in robot.findall("joint")}
     links = robot.findall("link")
-    roots = [link.get("name", "") for link in links if link.get("name") not in inboard]
+    names = [link.get("name", "") for link in links]
+    if "world" not in names and any(_end(j, "parent") == "world" for j in inboard.values()):
+        names.append("world")  # it need not be said
+    roots = [name for name in names if name not in inboard]
     if len(roots) != 1:
         raise InputError(f"{file}: {len(roots)} links that no joint carries, expected one")
     for link in links:

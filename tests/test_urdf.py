@@ -151,6 +151,11 @@ def test_a_model_with_errors_is_that_of_the_sdf(load):
     check_same(load_model(load(URDF), errors), load_model(load(ARM, "arm.sdf"), errors))
 
 
+def test_the_world_need_not_be_a_link(load):
+    text = URDF.replace('<link name="base"/>', "").replace('link="base"', 'link="world"')
+    check_same(load(text), load(URDF))
+
+
 def test_inertia_of_the_root_does_not_matter(load):
     odd = "<inertial><mass value='0'/><inertia ixx='0.05' iyy='0.06' izz='0.03'/></inertial>"
     text = URDF.replace('<link name="base"/>', f'<link name="base">{odd}</link>')
