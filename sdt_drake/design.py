@@ -127,24 +127,24 @@ def make_design(
     try:
         scenario.validate()
         scenario.validate_sizes(robot.n)
+        choice, known = scenario.controller, robot
+        model = _load_model(known, choice.model, "controller.model")
+        robot = _load_model(known, scenario.plant.deviation, "plant.deviation")
     except InputError as error:
         raise InputError(f"{_named(scenario)}{error}") from None
     if motion is None:
         motion = load_plan(
             scenario.motion,
-            robot,
+            known,
             period=scenario.period,
             margin=scenario.torque_margin,
             planner=scenario.planner,
         ).motion
     if torques is None:
-        torques = torque_groups(robot, motion.q, motion.v, motion.vd)
-    choice = scenario.controller
+        torques = torque_groups(known, motion.q, motion.v, motion.vd)
+    known_torques = torques
     try:
         _check_delay(scenario, motion)
-        model = _load_model(robot, choice.model, "controller.model")
-        known, known_torques = robot, torques
-        robot = _load_model(known, scenario.plant.deviation, "plant.deviation")
         if robot is not known and scenario.plant.kind == "axis":
             torques = torque_groups(robot, motion.q, motion.v, motion.vd)
         inertia = InertiaRange.of(effective_inertia(robot, torques.d_kk))

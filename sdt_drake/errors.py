@@ -21,6 +21,12 @@ class InputError(ValueError):
     """Input that cannot be used; the message is one line: where, what, and what would be right."""
 
 
+def told_by(error: BaseException) -> str:
+    """What an error of Drake says, in one line that is not too long."""
+    text = " ".join(str(error).split())
+    return text if len(text) <= 300 else f"{text[:300]}..."
+
+
 def checked_vector(
     values: ArrayLike,
     n: int,

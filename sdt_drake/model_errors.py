@@ -14,7 +14,7 @@ from sdt_drake.robot import Robot, edited
 
 @dataclass
 class ModelErrors:
-    """What differs from the links of the SDF.
+    """What differs from the links of the robot's file.
 
     Masses and inertias here are those of the links, joint side. Rotors, gears, limits, damping and
     kinematics are known exactly.
@@ -24,11 +24,11 @@ class ModelErrors:
         payload_mass: [kg], added to the link's mass in the model; its inertia scales with the mass
             (the same body, evenly heavier).
         payload_offset: [m], added to the position of the link's centre of mass, in the frame in
-            which <inertial><pose> is written: that of the link.
+            which <inertial> is written: that of the link.
         inertia_scale: factor on masses and inertias of all links [-], applied after the payload's
             change. So the links' part of the mass matrix, the velocity torques and the gravity
             torques all scale with it; what the rotors add to the mass matrix does not.
-        link_scales: the same factor for each link on its own [-], in the order of the SDF file.
+        link_scales: the same factor for each link on its own [-], in the order of the file.
     """
 
     payload: str = "payload"
@@ -99,6 +99,11 @@ def _apply(errors: ModelErrors, root: ET.Element, file: Path) -> None:
 def _add_mass(link: ET.Element, added: float) -> None:
     """Add mass [kg] to a link, and inertia in proportion."""
     mass = float(link.findtext("inertial/mass", "nan"))
+    if mass == 0:
+        raise InputError(
+            f"payload_mass: {added:g} kg, but link '{link.get('name')}' has no mass, so no inertia "
+            "in proportion to it; expected another link"
+        )
     if mass + added <= 0:
         raise InputError(
             f"payload_mass: {added:g} kg would leave {mass + added:g} kg of link "

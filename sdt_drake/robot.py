@@ -1,28 +1,26 @@
-"""An SDF file as a validated serial robot: its plant, motors, gears and limits."""
+"""An SDF or URDF file as a validated serial robot: its plant, motors, gears and limits."""
 
 from __future__ import annotations
 
+import logging
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RevoluteJoint, RigidBody, WeldJoint
+from pydrake.multibody.tree import BodyIndex, RevoluteJoint, RigidBody, WeldJoint
 
-from sdt_drake.errors import InputError
-from sdt_drake.resources import find_file, models_dir
+from sdt_drake.errors import InputError, told_by
+from sdt_drake.resources import find_file
+from sdt_drake.sdf import check_sdf, mass_and_inertia, parse_xml, read_robot_file
 
 Vector = NDArray[np.float64]
-
-DRAKE = "{http://drake.mit.edu}"
-# Drake knows its elements by this prefix; with another, rotor inertias and gears are not read.
-ET.register_namespace("drake", DRAKE.strip("{}"))
 
 DEFAULT_ROBOT = "package://sdt/sdt.sdf"
 
@@ -32,8 +30,8 @@ class Robot:
     """A serial chain of n revolute joints, each with a motor and a gear, base to tip.
 
     Attributes:
-        name: of the SDF model.
-        path: of the SDF file.
+        name: of the model.
+        path: of the SDF or URDF file.
         plant: finalized continuous MultibodyPlant. Velocity k and actuator k belong to joint k;
             rotor inertias are reflected in its mass matrix; it has **no effort limits** (the
             saturation block is the one limiter of a loop).
@@ -46,8 +44,8 @@ class Robot:
             where the file gives none, shape (n,).
         position_lower, position_upper: joint stops [rad], ±inf where there are none, shape (n,).
         damping: viscous friction of the joints, joint side [N m s/rad], shape (n,).
-        sdf: text that the plant was parsed from.
-        frequency_factor: lowest natural frequency of the structure over that of the SDF file [-].
+        sdf: text of the SDF that the plant was parsed from, without shapes; also of a URDF.
+        frequency_factor: lowest natural frequency of the structure over that of the file [-].
     """
 
     name: str
@@ -95,19 +93,34 @@ class Robot:
 def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
     """Load and validate a serial robot.
 
-    What Drake would silently repair or ignore is refused: masses and inertias that are missing or
-    impossible, `<friction>`, actuators without a limit.
+    What Drake would silently misread, repair or ignore is refused: numbers that are none, masses
+    and inertias that are missing or impossible, `<friction>`, actuators without a limit. A link
+    that is said to have no mass is accepted, and logged, where its joint has others to move.
 
     Args:
-        path: an SDF file, or `package://sdt/...` for a robot that ships with the package.
+        path: an SDF or URDF file, or `package://sdt/...` for a robot that ships with the package.
 
     Raises:
         InputError: naming the file, the link or joint, and the number.
     """
     file = find_file(path)
-    if file.suffix != ".sdf":
-        raise InputError(f"{file}: expected an .sdf file")
-    return _checked_robot(file, _read(file), from_file=True)
+    robot = _checked_robot(file, read_robot_file(file))
+    massless = _massless(robot.plant)
+    if massless:
+        _say_once(f"{file}: accepted without mass: {', '.join(massless)}")
+    return robot
+
+
+def _massless(plant: MultibodyPlant) -> list[str]:
+    """Names of the links without mass that can move."""
+    still = _welded_to(plant.world_body(), plant)
+    bodies = [plant.get_body(BodyIndex(k)) for k in range(plant.num_bodies())]
+    return [b.name() for b in bodies if b.default_mass() == 0 and b.index() not in still]
+
+
+@cache
+def _say_once(text: str) -> None:
+    logging.getLogger(__name__).warning(text)
 
 
 def edited(robot: Robot, edit: Callable[[ET.Element], None]) -> Robot:
@@ -120,17 +133,17 @@ def edited(robot: Robot, edit: Callable[[ET.Element], None]) -> Robot:
     Raises:
         InputError: as `load_robot` does, if no robot could be as the edit leaves it.
     """
-    root = ET.fromstring(robot.sdf)
+    root = parse_xml(robot.sdf, robot.path)
     edit(root)
-    other = _checked_robot(robot.path, root, from_file=False)
+    other = _checked_robot(robot.path, root)
     return replace(other, frequency_factor=robot.frequency_factor)
 
 
-def _checked_robot(file: Path, root: ET.Element, *, from_file: bool) -> Robot:
-    """The robot of this XML, which is that of the file, or an edited one."""
-    _check_text(root, file)
+def _checked_robot(file: Path, root: ET.Element) -> Robot:
+    """The robot of this SDF, which is that of the file, or an edited one."""
+    check_sdf(root, file)
     text = ET.tostring(root, encoding="unicode")
-    plant = _parse(file, None if from_file else text)
+    plant = _parse(file, text)
     joints = _chain(plant, file)
     actuators = _actuators(plant, joints, file)
     effort_limit = np.array([a.effort_limit() for a in actuators])
@@ -157,146 +170,21 @@ def _checked_robot(file: Path, root: ET.Element, *, from_file: bool) -> Robot:
     )
 
 
-# --- what only the text of the file can tell -------------------------------------------------
-
-
-def _read(file: Path) -> ET.Element:
-    """The XML of the file, Drake's elements in the namespace `DRAKE`.
-
-    Drake goes by the prefix alone and takes any address for it; many files have "drake.mit.edu".
-    """
-    try:
-        with file.open("rb") as stream:
-            reader = ET.iterparse(stream, events=["start-ns"])
-            prefixes = {f"{{{uri}": prefix for _, (prefix, uri) in reader}
-    except (ET.ParseError, UnicodeDecodeError) as error:
-        raise InputError(f"{file}: not well-formed XML ({error})") from None
-    for element in reader.root.iter():
-        uri, _, tag = element.tag.rpartition("}")
-        if prefixes.get(uri) == "drake":
-            element.tag = DRAKE + tag
-    return reader.root
-
-
-def _check_text(root: ET.Element, file: Path) -> None:
-    """Refuse what the SDF parser would fill in, replace or drop without an error."""
-    if root.find(".//include") is not None:
-        raise InputError(f"{file}: <include> is not supported, write the links into the file")
-    if len(root.findall(".//model")) != 1:
-        raise InputError(f"{file}: {len(root.findall('.//model'))} models, expected one")
-    for link in root.iter("link"):
-        where = f"{file}: link '{link.get('name')}'"
-        _check_inertial(link, where)
-        if link.find(".//fluid_added_mass") is not None:
-            raise InputError(f"{where}: <fluid_added_mass> would have no effect here; remove it")
-    for joint in root.iter("joint"):
-        _check_joint(joint, f"{file}: joint '{joint.get('name')}'")
-
-
-# In joints: numbers that must be finite, numbers that may be infinite, elements that must be zero
-# because nothing here models them, and elements that nothing here models at all.
-_FINITE = ("damping", f"{DRAKE}rotor_inertia", f"{DRAKE}gear_ratio")
-_ACCELERATION = f"{DRAKE}acceleration"
-_LIMITS = ("lower", "upper", "effort", "velocity", _ACCELERATION)
-_ZERO = {
-    "friction": "Drake would drop it",
-    "spring_stiffness": "springs are not supported",
-    "spring_reference": "springs are not supported",
-}
-_UNKNOWN = (
-    "mimic",
-    f"{DRAKE}mimic",
-    f"{DRAKE}controller_gains",
-)
-
-
-def _check_joint(joint: ET.Element, where: str) -> None:
-    for element in joint.iter():
-        tag = element.tag.removeprefix(DRAKE)
-        if element.tag in _UNKNOWN:
-            raise InputError(f"{where}: <{tag}> would have no effect here; remove it")
-        if element.tag in _FINITE:
-            _number(element, where)
-        if element.tag in _LIMITS:
-            limit = _number(element, where, finite=False)
-            if element.tag == _ACCELERATION and limit <= 0:
-                raise InputError(f"{where}: <{tag}> {element.text}, expected a number > 0")
-        if element.tag in _ZERO and _number(element, where) != 0:
-            raise InputError(f"{where}: <{tag}> {element.text}, {_ZERO[tag]}; remove it")
-
-
-def _check_inertial(link: ET.Element, where: str) -> None:
-    """Mass > 0; central inertia with principal moments that some rigid body can have."""
-    mass = link.find("inertial/mass")
-    if mass is None:
-        raise InputError(f"{where}: no <mass>; Drake would take 1 kg")
-    if _number(mass, where) <= 0:
-        raise InputError(f"{where}: <mass> {mass.text} kg, expected a number > 0")
-    moments = np.linalg.eigvalsh(_inertia_matrix(link, where))
-    if moments[0] < 0:
-        raise InputError(
-            f"{where}: inertia has the principal moment {moments[0]:g} kg m², expected >= 0"
-        )
-    if moments[2] > (moments[0] + moments[1]) * (1 + 1e-12):
-        raise InputError(
-            f"{where}: inertia breaks the triangle inequality, principal moments "
-            f"{moments[0]:g} + {moments[1]:g} < {moments[2]:g} kg m²"
-        )
-
-
-def _inertia_matrix(link: ET.Element, where: str) -> NDArray[np.float64]:
-    values = {}
-    for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"):
-        element = link.find(f"inertial/inertia/{key}")
-        if element is None and key[1] == key[2]:
-            raise InputError(f"{where}: no <{key}>; Drake would take 1 kg m²")
-        values[key] = 0.0 if element is None else _number(element, where)
-    return np.array(
-        [
-            [values["ixx"], values["ixy"], values["ixz"]],
-            [values["ixy"], values["iyy"], values["iyz"]],
-            [values["ixz"], values["iyz"], values["izz"]],
-        ]
-    )
-
-
-def _number(element: ET.Element, where: str, *, finite: bool = True) -> float:
-    try:
-        value = float(element.text or "")
-    except ValueError:
-        value = float("nan")
-    if np.isnan(value) or (finite and np.isinf(value)):
-        tag = element.tag.removeprefix(DRAKE)
-        raise InputError(f"{where}: <{tag}> is '{element.text}', expected a number")
-    return value
-
-
 # --- what the parsed plant tells -------------------------------------------------------------
 
 
-_PLACE_IN_TEXT = r"<(data|literal)-string>\S* "  # as Drake writes it
+_PLACE = re.compile(r"<(data|literal)-string>\S* |error: ")  # not that of the file
 
 
-def _parse(file: Path, text: str | None) -> MultibodyPlant:
-    """The plant of the file, or of its edited `text`, not finalized.
-
-    No geometry is read, so paths of meshes, which a text could not resolve, do not matter.
-    """
+def _parse(file: Path, text: str) -> MultibodyPlant:
+    """The plant of an SDF, not finalized."""
     plant = MultibodyPlant(time_step=0.0)
     parser = Parser(plant)
     parser.SetStrictParsing()
-    parser.package_map().AddPackageXml(str(models_dir() / "package.xml"))
     try:
-        if text is None:
-            parser.AddModels(str(file))
-        else:
-            parser.AddModelsFromString(text, "sdf")
-    except RuntimeError as error:
-        reason = " ".join(str(error).split())
-        if text is not None:  # its lines are not those of the file
-            raise InputError(f"{file}, edited: {re.sub(_PLACE_IN_TEXT, '', reason)}") from None
-        reason = re.sub(rf"\S*{re.escape(file.name)}:", "line ", reason)
-        raise InputError(f"{file}: {reason}") from None
+        parser.AddModelsFromString(text, "sdf")
+    except Exception as error:  # of many kinds, for instance for a version that is no number
+        raise InputError(f"{file}: {_PLACE.sub('', told_by(error))}") from None
     return plant
 
 
@@ -375,11 +263,7 @@ def _replace_actuators(plant: MultibodyPlant, joints: list[RevoluteJoint], old: 
 
 
 def _check_dynamics(plant: MultibodyPlant, joints: list[RevoluteJoint], file: Path) -> None:
-    """Only gravity and motors act on the chain, and every joint has something to move."""
-    if plant.num_force_elements() > 1:  # the first one is gravity
-        raise InputError(f"{file}: springs, bushings and the like are not supported; remove them")
-    if plant.num_constraints() > 0:
-        raise InputError(f"{file}: constraints are not supported; remove them")
+    """Every joint has something to move."""
     M = plant.CalcMassMatrix(plant.CreateDefaultContext())
     eigenvalues = np.linalg.eigvalsh(M)
     if eigenvalues[0] <= 1e-12 * eigenvalues[-1]:
@@ -395,12 +279,13 @@ def _check_inertias_kept(plant: MultibodyPlant, root: ET.Element, file: Path) ->
     for link in root.iter("link"):
         where = f"{file}: link '{link.get('name')}'"
         central = plant.GetBodyByName(link.get("name", "")).default_spatial_inertia()
-        mass = _number(link.find("inertial/mass"), where)
-        trace = np.trace(_inertia_matrix(link, where))
+        mass, inertia = mass_and_inertia(link, where)
         com = central.get_com()
         about_origin = central.CalcRotationalInertia().CopyToFullMatrix3()
         shift = central.get_mass() * 2 * (com @ com)  # trace of the parallel-axis term
         if not np.allclose(
-            [central.get_mass(), np.trace(about_origin) - shift], [mass, trace], rtol=1e-9
+            [central.get_mass(), np.trace(about_origin) - shift],
+            [mass, np.trace(inertia)],
+            rtol=1e-9,
         ):
             raise InputError(f"{where}: Drake replaced its mass or inertia; check <inertial>")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import html
+import re
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -27,7 +29,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
-from sdt_drake.errors import InputError, replacing
+from sdt_drake.errors import InputError, replacing, told_by
 from sdt_drake.pilot import GRAVITY, check_head, has_head, head_motion
 from sdt_drake.resources import models_dir
 from sdt_drake.robot import Robot
@@ -39,6 +41,9 @@ FRAME_RATE = 30.0
 
 LONGEST = 3600.0
 """Of the motions that are shown [s]: all pictures are in memory, and in the page."""
+
+LARGEST = 1000.0
+"""How far shapes may be from the origin of the world [m]: lines on the floor are 1 m apart."""
 
 RATES = (0.01, 1000.0)
 """Slowest and fastest: 1 for real time, 2 for twice as fast [-]."""
@@ -154,20 +159,24 @@ class Scene:
     """A robot, its head's trace and its specific force in a Meshcat.
 
     Args:
-        robot: drawn as its SDF **file** draws it; changes in memory are not seen.
+        robot: drawn as its **file** draws it; changes in memory are not seen.
         frames: what is going to be shown: the trace, and how far the floor and the camera are.
         meshcat: to draw in; emptied first.
 
     Attributes:
         eye, target: from where a camera sees everything, and what it looks at, in the world [m].
+
+    Raises:
+        InputError: if Drake cannot draw a shape of the file, or they reach too far.
     """
 
     def __init__(self, robot: Robot, frames: Frames, meshcat: Meshcat) -> None:
         self.meshcat, self.frames = meshcat, frames
         meshcat.Delete()
-        self._diagram, self._plant = _make_diagram(robot, meshcat)
-        self._context = self._diagram.CreateDefaultContext()
-        low, high = _extent(self._diagram, self._plant, self._context, frames.q)
+        with _drawing(robot):
+            self._diagram, self._plant = _make_diagram(robot, meshcat)
+            self._context = self._diagram.CreateDefaultContext()
+            low, high = _extent(robot, self._diagram, self._plant, self._context, frames.q)
         _draw_surroundings(meshcat, low, high)
         if frames.position is not None:
             _draw_head(meshcat, frames.position)
@@ -218,16 +227,33 @@ def arrow_pose(position: Array, specific_force: Array) -> tuple[RigidTransform, 
     return RigidTransform(rotation, position), METRES_PER_G * size / GRAVITY
 
 
+@contextmanager
+def _drawing(robot: Robot) -> Iterator[None]:
+    """What is wrong with shapes shows here: `load_robot` reads none."""
+    try:
+        yield
+    except InputError:
+        raise
+    except (Exception, SystemExit) as error:  # the latter is how Drake refuses a radius
+        reason = re.sub(rf"\S*{re.escape(robot.path.name)}:", "line ", told_by(error))
+        raise InputError(
+            f"{robot.path}: a <visual> cannot be drawn ({reason}); a robot without any is drawn as "
+            "balls and rods"
+        ) from None
+
+
 def _make_diagram(robot: Robot, meshcat: Meshcat) -> tuple[Diagram, MultibodyPlant]:
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
     parser = Parser(plant)
     parser.package_map().AddPackageXml(str(models_dir() / "package.xml"))
-    try:
-        parser.AddModels(str(robot.path))
-    except RuntimeError as error:  # a mesh that is missing, for one: load_robot reads no geometry
-        raise InputError(f"{robot.path}: {' '.join(str(error).split())}") from None
-    _draw_skeleton(robot, plant)
+    parser.AddModels(str(robot.path))
+    for index in robot.plant.GetJointIndices():
+        joint = robot.plant.get_joint(index)
+        if not plant.HasJointNamed(joint.name()):  # the root link of a URDF
+            base = plant.GetFrameByName(joint.child_body().name())
+            plant.WeldFrames(plant.world_frame(), base)
+    _draw_skeleton(robot, plant, scene_graph)
     plant.Finalize()
     parameters = MeshcatVisualizerParams()
     parameters.prefix = "/robot"
@@ -235,11 +261,14 @@ def _make_diagram(robot: Robot, meshcat: Meshcat) -> tuple[Diagram, MultibodyPla
     return builder.Build(), plant
 
 
-def _draw_skeleton(robot: Robot, plant: MultibodyPlant) -> None:
+def _draw_skeleton(robot: Robot, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
     """A robot without a single visual gets a ball at each joint and rods between them."""
     joints = [plant.GetJointByName(name) for name in robot.joint_names]
-    if any(plant.GetVisualGeometriesForBody(joint.child_body()) for joint in joints):
-        return
+    inspector = scene_graph.model_inspector()
+    for joint in joints:
+        shapes = plant.GetVisualGeometriesForBody(joint.child_body())
+        if any(inspector.GetObbInGeometryFrame(shape) for shape in shapes):  # a plane has none
+            return
     own = robot.plant.CreateDefaultContext()
     frames = [robot.plant.GetJointByName(name).frame_on_child() for name in robot.joint_names]
     ends = [b.CalcPose(own, a).translation() for a, b in pairwise(frames)]
@@ -255,7 +284,7 @@ def _draw_skeleton(robot: Robot, plant: MultibodyPlant) -> None:
 
 
 def _extent(
-    diagram: Diagram, plant: MultibodyPlant, context: Context, q: Array
+    robot: Robot, diagram: Diagram, plant: MultibodyPlant, context: Context, q: Array
 ) -> tuple[Array, Array]:
     """Lowest and highest x, y, z that the visuals reach, in some 60 of the pictures [m]."""
     scene_graph: SceneGraph = diagram.GetSubsystemByName("scene_graph")
@@ -273,6 +302,11 @@ def _extent(
         plant.SetPositions(own, row)
         points += [plant.EvalBodyPoseInWorld(own, body).multiply(local) for body, local in boxes]
     cloud = np.hstack(points)
+    if not np.all(np.abs(cloud) <= LARGEST):
+        raise InputError(
+            f"{robot.path}: reaches {np.abs(cloud).max():g} m from the world's origin, expected at "
+            f"most {LARGEST:g} m to show"
+        )
     return cloud.min(axis=1), cloud.max(axis=1)
 
 
@@ -334,7 +368,7 @@ def record_html(
     """Write a web page that plays the motion without a server or a network.
 
     Args:
-        robot: drawn as its SDF file draws it.
+        robot: drawn as its file draws it.
         time: growing [s], shape (N,), N >= 3.
         q: joint angles, joint side [rad], shape (N, n).
         path: ends in .html.

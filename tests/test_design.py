@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import re
 
@@ -317,9 +318,19 @@ def hang(scenario):
     scenario.plant.elasticity = Elasticity([0.0, 0.1, 0.1, 0.0])
 
 
+@pytest.mark.parametrize("field", ["controller.model", "plant.deviation"])
+def test_an_error_of_no_link_is_refused_before_anything_is_planned(design, field):
+    scenario = copy.deepcopy(design.scenario)
+    scenario.motion = "not_there.yaml"
+    part, name = field.split(".")
+    setattr(getattr(scenario, part), name, ModelErrors("seat", payload_mass=1.0))
+    with pytest.raises(InputError, match=rf"{field}\.payload: no link 'seat' in .*sdt\.sdf"):
+        make_design(scenario)
+
+
 def test_spring_without_a_rotor_is_refused(design):
     def no_rotor(root):
-        rotor = root.find(".//joint[@name='pitch']/{http://drake.mit.edu}rotor_inertia")
+        rotor = root.find(".//joint[@name='pitch']").find("drake:rotor_inertia")
         rotor.text = "0"
 
     robot = edited(load_robot(), no_rotor)

@@ -162,8 +162,8 @@ def test_an_edit_reaches_the_plant_and_not_the_file(load):
     [
         (".//link[@name='lower']/inertial/mass", "-7", ": link 'lower': <mass> -7 kg, expected"),
         (".//link[@name='lower']/inertial/inertia/izz", "9", ": link 'lower': .*triangle"),
-        (".//joint[@name='elbow']/child", "nothing", ", edited: .*nothing"),
-        (".//joint[@name='elbow']/axis/xyz", "0 1", ", edited: error: At XML path .*xyz"),
+        (".//joint[@name='elbow']/child", "nothing", ": Child frame .*nothing"),
+        (".//joint[@name='elbow']/axis/xyz", "0 1", ": joint 'elbow': <xyz> is '0 1'"),
         (".//joint[@name='elbow']/axis/limit/effort", "0", ": joint 'elbow': actuator effort"),
     ],
 )
@@ -317,6 +317,15 @@ def test_any_way_to_write_the_pose_of_the_payload_will_do(load, pose, com):
     turned = " 90 " in pose or "1 1<" in pose
     moments = [0.2, 0.1, 0.25] if turned else [0.1, 0.2, 0.25]
     np.testing.assert_allclose(central, np.diag(moments), atol=1e-12)
+
+
+def test_a_link_without_mass_gets_none(load):
+    start, end = ARM.index("<mass>"), ARM.index("</inertial>")
+    zero = "<mass>0</mass><inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia>"
+    robot = load(ARM[:start] + zero + ARM[end:])
+    assert total_mass(load_model(robot, ModelErrors(inertia_scale=1.5))) == 3.0
+    with pytest.raises(InputError, match="payload_mass: 1 kg, but link 'upper' has no mass"):
+        load_model(robot, ModelErrors("upper", payload_mass=1.0))
 
 
 # --- none, several, bad ones -----------------------------------------------------------------

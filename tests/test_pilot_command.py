@@ -10,6 +10,7 @@ import test_cli
 import test_commands
 from test_commands import ENDS, FIGURE, read_csv, refused
 
+from sdt_drake import design
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.pilot import CHANNELS, DETECTORS, LINEAR, canals, felt_upright
 from sdt_drake.robot import load_robot
@@ -140,7 +141,10 @@ def test_another_robot(good, desk, recording):
 # --- what cannot be done ------------------------------------------------------------------------
 
 
-def test_a_robot_without_a_head_is_refused(call, desk, recording):
+def test_a_robot_without_a_head_is_refused_before_anything_is_planned(
+    call, desk, recording, monkeypatch
+):
+    monkeypatch.setattr(design, "load_plan", None)
     headless(desk)
     text = ENDS["coupled"].replace("motion.yaml", "../given/motion.yaml")
     (desk / "headless.yaml").write_text(text + "robot: headless.sdf\n", encoding="utf-8")
@@ -148,6 +152,8 @@ def test_a_robot_without_a_head_is_refused(call, desk, recording):
         refused(
             call("pilot", *given, "--out", "x.png"), "headless.sdf: no pilot's head; add <frame"
         )
+    view = ("view", "headless.yaml", "--pilot", "--record", "x.html")
+    refused(call(*view), "headless.sdf: no pilot's head; add <frame")
     assert not (desk / "x.png").exists()
 
 

@@ -297,12 +297,56 @@ BAD = [
     ("<mass>2</mass>", "", _LOWER + "no <mass>"),
     ("<ixx>0.1</ixx>", "", _LOWER + "no <ixx>"),
     ("<izz>0.25</izz>", "", _LOWER + "no <izz>"),
-    ("<mass>4", "<mass>0", _UPPER + "<mass> 0 kg"),
+    ("<mass>4", "<mass>0", _UPPER + "<inertia> without <mass>"),
     ("<mass>4", "<mass>-4", _UPPER + "<mass> -4 kg"),
     ("<mass>4", "<mass>NaN", _UPPER + "<mass> is 'NaN'"),
     ("<mass>4", "<mass>inf", _UPPER + "<mass> is 'inf'"),
     ("<mass>4", "<mass>four", _UPPER + "<mass> is 'four'"),
     ("<iyy>0.2<", "<iyy>nan<", _LOWER + "<iyy> is 'nan'"),
+    # Numbers that Drake would take up to some letter, or of which it would take the first.
+    ("<effort>40", "<effort>4_0", _ELBOW + "<effort> is '4_0', expected a number"),
+    ("<effort>40", "<effort>4,5", _ELBOW + "<effort> is '4,5'"),
+    ("<effort>40", "<effort>0x10", _ELBOW + "<effort> is '0x10'"),
+    ("<effort>40", "<effort>\uff14\uff10", _ELBOW + "<effort> is '\uff14\uff10'"),
+    ("<effort>40", "<effort>40\u00a0", _ELBOW + "<effort> is '40"),
+    ("<effort>40", "<effort>4 0", _ELBOW + "<effort> is '4 0'"),
+    ("<effort>40", "<effort>4<b/>0", _ELBOW + "<effort> is '4'"),
+    ("<effort>40", "<effort>1e400", _ELBOW + "<effort> is '1e400'"),
+    ("<effort>40", "<effort>" + 10**6 * "4", _ELBOW + r"<effort> is '4{40}\.\.\.'"),
+    ("<pose>0.3 0", "<pose>0,3 0", _LOWER + "<pose> is '0,3 0 0 0 0 0', expected 6 or 7 numbers"),
+    ("0 1 0", "0 1 0 9", "<xyz> is '0 1 0 9', expected 3 numbers"),
+    ("<mass>2</mass>", "<mass>2</mass><mass>3</mass>", _LOWER + "<mass> more than once"),
+    ("<effort>40<", "<effort>40</effort><effort>4<", _ELBOW + "<effort> more than once"),
+    ("<axis><xyz>", "<axis><drake:gear_ratio>2</drake:gear_ratio><xyz>", "<gear_ratio> in <axis>"),
+    ("drake:gear_ratio", "drake:gear_ration", _SHOULDER + "<gear_ration> in <joint>"),
+    # Names.
+    ("elbow", 10**5 * "e", r"<joint> has the name 'e{40}\.\.\.', expected 1 to 100"),
+    ('"lower"', '"a&#10;b"', r"<link> has the name 'a\\nb', expected"),
+    ("<child>lower", "<child>" + 10**5 * "e", "Child frame"),
+    # Numbers that Drake would take up to some letter, or of which it would take the first.
+    ("<effort>40", "<effort>4_0", _ELBOW + "<effort> is '4_0', expected a number"),
+    ("<effort>40", "<effort>4,5", _ELBOW + "<effort> is '4,5'"),
+    ("<effort>40", "<effort>0x10", _ELBOW + "<effort> is '0x10'"),
+    ("<effort>40", "<effort>\uff14\uff10", _ELBOW + "<effort> is '\uff14\uff10'"),
+    ("<effort>40", "<effort>40\u00a0", _ELBOW + "<effort> is '40"),
+    ("<effort>40", "<effort>4 0", _ELBOW + "<effort> is '4 0'"),
+    ("<effort>40", "<effort>4<b/>0", _ELBOW + "<effort> is '4'"),
+    ("<effort>40", "<effort>1e400", _ELBOW + "<effort> is '1e400'"),
+    ("<effort>40", "<effort>" + 10**6 * "4", _ELBOW + r"<effort> is '4{40}\.\.\.'"),
+    ("<pose>0.3 0", "<pose>0,3 0", _LOWER + "<pose> is '0,3 0 0 0 0 0', expected 6 or 7 numbers"),
+    ("0 1 0", "0 1 0 9", "<xyz> is '0 1 0 9', expected 3 numbers"),
+    ("<mass>2</mass>", "<mass>2</mass><mass>3</mass>", _LOWER + "<mass> more than once"),
+    ("<effort>40<", "<effort>40</effort><effort>4<", _ELBOW + "<effort> more than once"),
+    ("<axis><xyz>", "<axis><drake:gear_ratio>2</drake:gear_ratio><xyz>", "<gear_ratio> in <axis>"),
+    ("drake:gear_ratio", "drake:gear_ration", _SHOULDER + "<gear_ration> in <joint>"),
+    # Names.
+    ("elbow", 10**5 * "e", r"<joint> has the name 'e{40}\.\.\.', expected 1 to 100"),
+    ('"lower"', '"a&#10;b"', r"<link> has the name 'a\\nb', expected"),
+    ("<child>lower", "<child>" + 10**5 * "e", "Child frame"),
+    # Versions.
+    ('version="1.9"', 'version="one"', "<sdf version='one'>, expected"),
+    (' version="1.9"', "", "<sdf version=''>, expected"),
+    ('version="1.9"', 'version="1.99"', "SDF version"),
     # Joints.
     ("<damping>", "<friction>0.2</friction><damping>", _SHOULDER + "<friction> 0.2"),
     (
@@ -310,6 +354,8 @@ BAD = [
         "<spring_stiffness>5</spring_stiffness><damping>",
         _SHOULDER + "<spring_stiffness> 5",
     ),
+    ("<velocity>3", "<velocity>-1", _SHOULDER + "<velocity> -1, expected a number > 0"),
+    ("<velocity>3", "<velocity>0", _SHOULDER + "<velocity> 0, expected a number > 0"),
     ('elbow" type="revolute"', 'elbow" type="prismatic"', "joint 'elbow' is prismatic"),
     ('elbow" type="revolute"', 'elbow" type="screw"', "joint 'elbow' is screw"),
     (
@@ -341,10 +387,12 @@ BAD = [
     (
         _END,
         "<include><uri>package://sdt/sdt.sdf</uri></include></model>",
-        "<include> is not supported",
+        "<include> in <model> is not supported",
     ),
+    ("<sdf", "<!DOCTYPE sdf><sdf", "<!DOCTYPE> is not supported"),
+    ("<mass>2", 100 * "<a>" + 100 * "</a>" + "<mass>2", "more than 50 elements within"),
     ("</sdf>", '<model name="two"/></sdf>', "2 models, expected one"),
-    (_END, '<link name="upper"/></model>', "upper"),
+    (_END, '<link name="upper"/></model>', "link 'upper' more than once"),
     ("<child>lower", "<child>nothing", "nothing"),
 ]
 
@@ -431,7 +479,33 @@ def _check_refused(write, text: str, message: str) -> None:
     path = write(text, "bad.sdf")
     with pytest.raises(InputError, match=f"^{re.escape(str(path))}: .*{message}") as error:
         load_robot(path)
-    assert "\n" not in str(error.value)
+    assert "\n" not in str(error.value) and len(str(error.value)) < 600
+
+
+@pytest.mark.parametrize("text", ["4<!-- a -->0", "4<![CDATA[0]]>", "&#52;0", "<?a b?>40"])
+def test_a_number_is_what_xml_says_it_is(write, text):
+    robot = load_robot(write(ARM.replace("<effort>40", f"<effort>{text}")))
+    assert robot.effort_limit[1] == 40
+
+
+_NO_BODY = "<mass>0</mass><inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia></inertial>"
+
+
+def test_a_link_without_mass_is_accepted_with_a_note_where_others_have_some(write, caplog):
+    start, end = ARM.index("<mass>"), ARM.index("</inertial>") + len("</inertial>")
+    robot = load_robot(write(ARM[:start] + _NO_BODY + ARM[end:]))
+    assert [r.getMessage() for r in caplog.records] == [
+        f"{robot.path}: accepted without mass: upper"
+    ]
+    # Link 2 alone, at 0.3 m from the elbow and 1.1 m from the shoulder, and the rotor.
+    M = robot.plant.CalcMassMatrix(robot.plant.CreateDefaultContext())
+    elbow = 0.2 + 2 * 0.3**2
+    np.testing.assert_allclose(M, [[0.2 + 2 * 1.1**2 + 1, 0.2 + 2 * 0.3 * 1.1], [M[0, 1], elbow]])
+
+
+def test_a_link_without_mass_that_nothing_makes_up_for_is_refused(write):
+    text = ARM.replace(_LOWER_INERTIAL, f"<inertial>{_NO_BODY}")
+    _check_refused(write, text, _ELBOW + "no inertia about its axis")
 
 
 @pytest.mark.parametrize(
@@ -439,7 +513,7 @@ def _check_refused(write, text: str, message: str) -> None:
     [
         ("nowhere.sdf", r"^nowhere\.sdf: no such file"),
         ("package://sdt/nothing.sdf", r"nothing\.sdf: no such file; shipped: .*sdt\.sdf"),
-        ("package://sdt/motions/reference.yaml", r"reference\.yaml: expected an \.sdf file"),
+        ("package://sdt/motions/reference.yaml", r"reference\.yaml: expected an \.sdf or \.urdf"),
         (".", r"\.: is a folder, expected a file"),
     ],
 )

@@ -13,11 +13,21 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import DiagramBuilder
+from test_robot import ARM
+from test_urdf import URDF
 
 from sdt_drake import viewer
 from sdt_drake.errors import InputError
 from sdt_drake.robot import load_robot
-from sdt_drake.viewer import FRAME_RATE, METRES_PER_G, arrow_pose, make_frames, record_html
+from sdt_drake.viewer import (
+    FRAME_RATE,
+    METRES_PER_G,
+    Scene,
+    arrow_pose,
+    make_frames,
+    open_meshcat,
+    record_html,
+)
 
 SMALL = {"width": 640, "height": 400}  # WebGL in software is slow
 TIME = np.arange(401) * 0.005  # 2 s
@@ -271,6 +281,51 @@ def test_mesh_that_is_missing_is_named(tmp_path):
     with pytest.raises(InputError, match=r"none\.obj") as caught:
         record_html(other, TIME, smooth(other)[0], tmp_path / "a.html")
     assert "\n" not in str(caught.value)
+
+
+def with_shape(folder, shape):
+    """A planar arm, its upper link drawn as `shape`."""
+    visual = f'<visual name="v"><geometry>{shape}</geometry></visual>'
+    path = folder / "arm.sdf"
+    path.write_text(ARM.replace('<link name="upper">', f'<link name="upper">{visual}'), "utf-8")
+    return load_robot(path)
+
+
+def draw(robot):
+    Scene(robot, make_frames(robot, TIME, smooth(robot)[0]), open_meshcat())
+
+
+@pytest.mark.parametrize(
+    "shape, message",
+    [
+        ("<sphere><radius>nan</radius></sphere>", "<visual> cannot be drawn .*radius = nan"),
+        ("<sphere><radius>1e300</radius></sphere>", "at most 1000 m to show"),
+        ("<plane><normal>0 0 0</normal></plane>", "<visual> cannot be drawn .*norm"),
+        ("<mesh><uri>arm.stl</uri></mesh>", r"<visual> cannot be drawn .*\.stl"),
+        ("<mesh><uri>arm.obj</uri></mesh>", "<visual> cannot be drawn .*three vertices"),
+    ],
+)
+def test_a_shape_that_cannot_be_drawn_is_one_line(tmp_path, shape, message):
+    for name in ("arm.stl", "arm.obj"):
+        (tmp_path / name).write_text("v 0 0 x\n")
+    with pytest.raises(InputError, match=message) as caught:
+        draw(with_shape(tmp_path, shape))
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 500
+
+
+def test_a_robot_with_nothing_but_a_plane_gets_a_skeleton(tmp_path):
+    draw(with_shape(tmp_path, "<plane><normal>0 0 1</normal><size>1 1</size></plane>"))
+
+
+def test_a_urdf_is_drawn_with_its_root_fixed(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(
+        URDF.replace('<link name="base"/>', f'<link name="base">{BALL}</link>'), "utf-8"
+    )
+    draw(load_robot(path))
+
+
+BALL = "<visual><geometry><sphere radius='0.1'/></geometry></visual>"
 
 
 # --- the device as it is drawn ------------------------------------------------------------------

@@ -17,6 +17,8 @@ from sdt_drake.errors import InputError, checked_name, checked_output
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from sdt_drake.robot import Robot
+
 # The heavy imports stand in the functions that run: --help and --version answer at once.
 
 MOTION = "package://sdt/motions/reference.yaml"
@@ -72,7 +74,9 @@ def add_motion(parser: argparse.ArgumentParser) -> None:
 
 
 def add_robot(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--robot", default=ROBOT, help="SDF file (default: the shipped device)")
+    parser.add_argument(
+        "--robot", default=ROBOT, help="SDF or URDF file (default: the shipped device)"
+    )
 
 
 def add_period(parser: argparse.ArgumentParser) -> None:
@@ -92,9 +96,14 @@ def add_omega_r(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def design_of(path: str):
-    """The design of a scenario file; errors name the file."""
-    from sdt_drake.design import make_design
+def design_of(path: str, check: Callable[[Robot], None] = lambda robot: None):
+    """The design of a scenario file; errors name the file.
+
+    Args:
+        path: of the file.
+        check: of its robot, before anything is planned.
+    """
+    from sdt_drake.design import load_device, make_design
     from sdt_drake.scenario import load_scenario
 
     if is_motion(path):
@@ -103,7 +112,9 @@ def design_of(path: str):
         )
     scenario = load_scenario(path)
     try:
-        return make_design(scenario)
+        robot = load_device(scenario)
+        check(robot)
+        return make_design(scenario, robot=robot)
     except InputError as error:
         own = str(error).removeprefix(f"scenario '{scenario.name}': ")
         raise InputError(f"{path}: {own}" if own != str(error) else own) from None

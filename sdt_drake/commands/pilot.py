@@ -31,7 +31,7 @@ def add(commands) -> None:
         "what", metavar="SCENARIO.yaml|RECORDING.csv", help="what to run, or what `simulate` wrote"
     )
     parser.add_argument(
-        "--robot", help="SDF file of a recording's robot (default: the shipped device)"
+        "--robot", help="SDF or URDF file of a recording's robot (default: the shipped device)"
     )
     add_out(parser, "CSV file for what is felt over time, or a figure of it (.png, .svg, .pdf)")
     add_show(parser)
@@ -78,8 +78,7 @@ def _recorded(options: argparse.Namespace):
         return Path(options.what).stem, Recording.from_csv(options.what), robot
     if options.robot is not None:
         raise InputError(f"--robot: for a recording only, {options.what} names its own robot")
-    design = design_of(options.what)
-    check_head(design.robot)
+    design = design_of(options.what, check_head)
     return design.scenario.name, simulate(design), design.robot
 
 

@@ -34,7 +34,9 @@ def add(commands) -> None:
         help="a scenario, which is simulated; a motion, which is planned; a recording or a planned "
         "motion; a motion that ships",
     )
-    parser.add_argument("--robot", help="SDF file (default: the shipped device, or the scenario's)")
+    parser.add_argument(
+        "--robot", help="SDF or URDF file (default: the shipped device, or the scenario's)"
+    )
     parser.add_argument(
         "--record", type=some_path, metavar="FILE.html", help="write a page that plays"
     )
@@ -47,7 +49,6 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.pilot import check_head
     from sdt_drake.viewer import check_html, check_motion, check_port, check_rate, play, record_html
 
     check_rate(options.rate, "--rate")
@@ -59,8 +60,6 @@ def run(options: argparse.Namespace) -> None:
     title, robot, time, q = _motion(options)
     with naming(options.motion):
         check_motion(robot, time, q)
-    if options.pilot:
-        check_head(robot)
     if options.record is not None:
         record_html(robot, time, q, options.record, title=title, pilot=options.pilot)
         say(f"{options.record} written")
@@ -100,10 +99,18 @@ def _motion(options: argparse.Namespace):
     if given.suffix not in ("", ".yaml", ".csv"):
         raise InputError(f"{given}: expected a .yaml or .csv file, or the name of a motion")
     robot = load_robot(options.robot or ROBOT)
+    _check(options)(robot)
     if given.suffix == ".csv":
         return given.stem, robot, *_angles(given, robot)
     motion = load_plan(options.motion, robot, period=PERIOD, margin=1.0).motion
     return given.stem, robot, motion.time, motion.q
+
+
+def _check(options: argparse.Namespace):
+    """What has to be true of the robot, before anything is planned."""
+    from sdt_drake.pilot import check_head
+
+    return check_head if options.pilot else lambda robot: None
 
 
 def _simulated(options: argparse.Namespace):
@@ -113,7 +120,7 @@ def _simulated(options: argparse.Namespace):
 
     if options.robot is not None:
         raise InputError("--robot: the scenario names the robot")
-    design = design_of(options.motion)
+    design = design_of(options.motion, _check(options))
     with naming(options.motion):
         check_duration(design.motion.duration)
     recording = simulate(design)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from sdt_drake.device.motors import DEFAULT_CATALOGUE, Motor, load_catalogue
 from sdt_drake.errors import InputError, checked_number, checked_vector
 from sdt_drake.links import links_by_name, payload_of, scale_link, set_inertia
-from sdt_drake.robot import DRAKE, Robot, edited
+from sdt_drake.robot import Robot, edited
+from sdt_drake.sdf import DRAKE
 
 Array = NDArray[np.float64]
 
@@ -30,7 +31,7 @@ class DeviceChoice:
             SDF where the motor is kept.
         structure_scale: s, factor on masses and inertias of all links but the payload [-]: the
             thickness of their walls.
-        payload: name of the link that is no structure.
+        payload: name of the link that is no structure; "" if all links are.
         stiffness_exponent: p [-]; the structure is s^p times as stiff. 1 for walls of the same
             outline (assumed).
         fitted: ids of the motors that the masses of the SDF contain; "" where they contain none.
@@ -156,9 +157,9 @@ def _fit(
             _fit_motor(joints[robot.joint_names[k]], robot, k, motor, choice.gear_ratio, where)
     if choice.structure_scale != 1:
         try:
-            payload = payload_of(root, choice.payload, robot.path)
+            payload = payload_of(root, choice.payload, robot.path) if choice.payload else None
         except InputError as error:
-            raise InputError(f"{where}.{error}") from None
+            raise InputError(f"{where}.{error}; '' if all is structure") from None
         for link in links_by_name(root).values():
             if link is not payload:
                 scale_link(link, choice.structure_scale)

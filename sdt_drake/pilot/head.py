@@ -47,7 +47,7 @@ class HeadMotion:
 
 
 def has_head(robot: Robot) -> bool:
-    """Whether the SDF says where the pilot's head is."""
+    """Whether the file says where the pilot's head is."""
     return robot.plant.HasFrameNamed(HEAD_FRAME)
 
 
@@ -58,9 +58,10 @@ def check_head(robot: Robot) -> None:
         InputError: saying how to add one.
     """
     if not has_head(robot):
+        on = "link" if robot.path.suffix == ".urdf" else "attached_to"
         raise InputError(
             f'{robot.path}: no pilot\'s head; add <frame name="{HEAD_FRAME}" '
-            'attached_to="LINK"> between the ears, x forward, y left, z up'
+            f'{on}="LINK"> between the ears, x forward, y left, z up'
         )
 
 

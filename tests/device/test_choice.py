@@ -136,6 +136,11 @@ def test_structure_scales_and_the_payload_does_not(robot):
     np.testing.assert_array_equal(other.effort_limit, robot.effort_limit)
 
 
+def test_a_robot_without_a_payload_is_all_structure(robot):
+    other = chosen_robot(robot, DeviceChoice(structure_scale=0.7, payload=""))
+    assert total_mass(other) == pytest.approx(0.7 * total_mass(robot), rel=1e-12)
+
+
 def test_motors_are_no_structure(robot):
     """s (M - m_f) + m: the motors that are kept do not scale."""
     s, motors = 0.8, ["", "TM-5270", "", "TM-1430"]
@@ -185,7 +190,8 @@ REFUSED = [
     ({"stiffness_exponent": -1.0}, "device.stiffness_exponent: -1.0, expected a finite number >="),
     (
         {"structure_scale": 2.0, "payload": "seat"},
-        "device.payload: no link 'seat' in {file}, expected one of arm, roll_frame",
+        "device.payload: no link 'seat' in {file}, expected one of arm, roll_frame, "
+        "pitch_frame, gondola, payload; '' if all is structure",
     ),
     (
         {"structure_scale": 0.01, "fitted": FITTED, "catalogue": "nowhere.yaml"},

@@ -1,0 +1,220 @@
+"""The XML of a robot: read from an SDF or URDF, and checked for what a parser would misread."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from xml.parsers import expat
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sdt_drake.errors import InputError
+from sdt_drake.urdf import sdf_of_urdf
+
+DRAKE = "drake:"
+"""Prefix of Drake's own elements; it goes by that alone, whatever address it is declared with."""
+
+
+def read_robot_file(file: Path) -> ET.Element:
+    """What an SDF or URDF says of the motion of its robot, as an SDF.
+
+    Raises:
+        InputError: if it is neither, or no XML.
+    """
+    if file.suffix not in (".sdf", ".urdf"):
+        raise InputError(f"{file}: expected an .sdf or .urdf file")
+    root = parse_xml(file.read_bytes(), file)
+    return sdf_of_urdf(root, file) if file.suffix == ".urdf" else root
+
+
+def parse_xml(data: bytes | str, file: Path) -> ET.Element:
+    """The elements of an XML text, prefixes as they are written; comments and shapes left out.
+
+    What Drake is given is written anew from these. So it sees no comment, entity or section within
+    a number, at which its own XML parser would stop reading.
+    """
+    builder, reader, path = ET.TreeBuilder(), expat.ParserCreate(), []
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        path.append(tag)
+        if len(path) > _DEEPEST:
+            raise InputError(f"{file}: more than {_DEEPEST} elements within each other")
+        if not _SHAPES.intersection(path):
+            builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        if not _SHAPES.intersection(path):
+            builder.end(tag)
+        path.pop()
+
+    def text(data: str) -> None:
+        if not _SHAPES.intersection(path):
+            builder.data(data)
+
+    def refuse(*_) -> None:
+        raise InputError(f"{file}: <!DOCTYPE> is not supported; remove it")
+
+    reader.StartElementHandler, reader.EndElementHandler = start, end
+    reader.CharacterDataHandler, reader.StartDoctypeDeclHandler = text, refuse
+    try:
+        reader.Parse(data, True)
+    except InputError:
+        raise
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        raise InputError(f"{file}: not well-formed XML ({error})") from None
+    return builder.close()
+
+
+_DEEPEST = 50
+_SHAPES = {"visual", "collision", f"{DRAKE}collision_filter_group"}  # nothing touches anything here
+
+
+# --- what is refused -------------------------------------------------------------------------
+
+# Numbers of an SDF that move a robot, and how many there may be in one element.
+_MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+_LIMITS = ("lower", "upper", "effort", "velocity", f"{DRAKE}acceleration")  # may be infinite
+_POSITIVE = ("velocity", f"{DRAKE}acceleration")  # Drake takes a speed < 0 for no limit
+_MOTOR = (f"{DRAKE}rotor_inertia", f"{DRAKE}gear_ratio")
+# Elements that must be zero, because nothing here models them.
+_ZERO = {
+    "friction": "Drake would drop it",
+    "spring_stiffness": "springs are not supported",
+    "spring_reference": "springs are not supported",
+}
+_SCALARS = ("mass", *_MOMENTS, *_LIMITS, *_MOTOR, "damping", *_ZERO)
+_COUNTS = {"pose": (0, 6, 7), "xyz": (3,)} | dict.fromkeys(_SCALARS, (1,))
+_PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
+# Elements without effect here, and where those of Drake have one.
+_UNKNOWN = {"include", "mimic", "axis2", "fluid_added_mass"}
+_DRAKES = {*(("joint", tag) for tag in _MOTOR), ("limit", f"{DRAKE}acceleration")}
+_LONGEST_NAME = 100
+
+
+def check_sdf(root: ET.Element, file: Path) -> None:
+    """Refuse what the SDF parser would misread, fill in, replace or drop without an error.
+
+    Raises:
+        InputError: naming the file, the link or joint, and the element.
+    """
+    if root.tag != "sdf" or not re.fullmatch(r"1\.\d\d?", root.get("version", "")):
+        given = _short(f"{root.tag} version='{root.get('version', '')}'")
+        raise InputError(f"{file}: <{given}>, expected <sdf version='1.9'> or the like")
+    models = root.findall(".//model")
+    if len(models) != 1:
+        raise InputError(f"{file}: {len(models)} models, expected one")
+    for element in root.iter():
+        _check_name(element, file)
+    for part in (root, *models, *models[0]):
+        name = f"{part.tag} '{part.get('name')}'" if part.get("name") else f"<{part.tag}>"
+        below = part.iter() if part in list(models[0]) else (part,)
+        for element in below:
+            _check_element(element, f"{file}: {name}")
+    for link in root.iter("link"):
+        _check_inertial(link, f"{file}: link '{link.get('name')}'")
+
+
+def _check_name(element: ET.Element, file: Path) -> None:
+    name = element.get("name", "a name")
+    if not name.isprintable() or not 0 < len(name) <= _LONGEST_NAME:
+        raise InputError(
+            f"{file}: <{_short(element.tag)}> has the name {_short(name)!r}, expected 1 to "
+            f"{_LONGEST_NAME} characters that can be printed"
+        )
+
+
+def _check_element(element: ET.Element, where: str) -> None:
+    """Every number is one, every element is read, and has an effect."""
+    children = [(child.tag, child.get("name")) for child in element]
+    for tag, name in children:
+        if tag in _UNKNOWN or (tag.startswith(DRAKE) and (element.tag, tag) not in _DRAKES):
+            raise InputError(
+                f"{where}: <{_short(tag.removeprefix(DRAKE))}> in <{element.tag}> is not "
+                "supported or would have no effect; remove it"
+            )
+        if children.count((tag, name)) > 1:
+            again = f"<{_short(tag)}>" if name is None else f"{_short(tag)} '{name}'"
+            raise InputError(f"{where}: {again} more than once in <{element.tag}>")
+    if element.tag not in _COUNTS:
+        return
+    values = numbers(element, where)
+    if element.tag in _ZERO and values[0] != 0:
+        tag = element.tag
+        raise InputError(f"{where}: <{tag}> {element.text}, {_ZERO[tag]}; remove it")
+    if element.tag in _POSITIVE and values[0] <= 0:
+        tag = element.tag.removeprefix(DRAKE)
+        raise InputError(f"{where}: <{tag}> {element.text}, expected a number > 0")
+
+
+def numbers(element: ET.Element, where: str) -> list[float]:
+    """The numbers of an element; what Drake's parser would read up to some letter is none.
+
+    Raises:
+        InputError: naming `where`, if one is none, or there are too few or too many of them.
+    """
+    text = (element.text or "").strip(_BLANK)
+    words = re.split(f"[{_BLANK}]+", text) if text else []
+    counts = _COUNTS[element.tag]
+    if len(words) in counts and not len(element) and all(_is_number(w, element) for w in words):
+        return [float(word) for word in words]
+    expected = "a number" if counts == (1,) else f"{' or '.join(map(str, counts[-2:]))} numbers"
+    tag = element.tag.removeprefix(DRAKE)
+    raise InputError(f"{where}: <{tag}> is '{_short(text)}', expected {expected}")
+
+
+_BLANK = " \t\r\n"
+
+
+def _is_number(word: str, element: ET.Element) -> bool:
+    if _PLAIN.fullmatch(word):
+        return bool(np.isfinite(float(word)))
+    return element.tag in _LIMITS and _INFINITE.fullmatch(word) is not None
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 40 else f"{text[:40]}..."
+
+
+def _check_inertial(link: ET.Element, where: str) -> None:
+    """No mass and no inertia, or mass > 0 and principal moments that some body can have."""
+    mass, inertia = mass_and_inertia(link, where)
+    if mass < 0:
+        raise InputError(f"{where}: <mass> {mass:g} kg, expected a number >= 0")
+    moments = np.linalg.eigvalsh(inertia)
+    if mass == 0 and np.any(moments != 0):
+        raise InputError(
+            f"{where}: <inertia> without <mass>, expected both zero, or a small mass with an "
+            "inertia that keeps the triangle inequality (J about one axis: J/2 about the others)"
+        )
+    if moments[0] < 0:
+        raise InputError(
+            f"{where}: inertia has the principal moment {moments[0]:g} kg m², expected >= 0"
+        )
+    if moments[2] > (moments[0] + moments[1]) * (1 + 1e-12):
+        raise InputError(
+            f"{where}: inertia breaks the triangle inequality, principal moments "
+            f"{moments[0]:g} + {moments[1]:g} < {moments[2]:g} kg m²"
+        )
+
+
+def mass_and_inertia(link: ET.Element, where: str) -> tuple[float, NDArray[np.float64]]:
+    """Mass [kg] and central inertia [kg m²], shape (3, 3), along the axes of <inertial>.
+
+    Raises:
+        InputError: naming `where`, if a number is missing for which Drake would take 1.
+    """
+    mass = link.find("inertial/mass")
+    if mass is None:
+        raise InputError(f"{where}: no <mass>; Drake would take 1 kg")
+    inertia = np.zeros((3, 3))
+    for key in _MOMENTS:
+        i, j = "xyz".index(key[1]), "xyz".index(key[2])
+        element = link.find(f"inertial/inertia/{key}")
+        if element is None and i == j:
+            raise InputError(f"{where}: no <{key}>; Drake would take 1 kg m²")
+        if element is not None:
+            inertia[i, j] = inertia[j, i] = numbers(element, where)[0]
+    return numbers(mass, where)[0], inertia
