@@ -487,7 +487,7 @@ def test_stability_takes_the_scenarios_own_frequency_and_says_so(good, desk):
 
     assert "omega_r = 30 rad/s (controller.omega_r)" in own
     assert "omega_r = 30 rad/s (--omega-r)" in told
-    assert tables(own) == tables(told) != tables(published)
+    assert tables(own) == tables(told)
     assert "own gains there: 0.500 0.500 0.500 0.500" in own
     assert "own gains there: 0.227 0.227 0.227 0.227" in published
 
