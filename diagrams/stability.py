@@ -1,14 +1,14 @@
-"""How fast the speed loops may be, with elastic joints.
+"""How fast the loops may be, with elastic joints.
 
     python diagrams/stability.py [FOLDER]
 
 Writes stability_plot.png into FOLDER, by default the folder of this script.
 """
 
+import copy
 import sys
 from pathlib import Path
 
-from sdt_drake import paper
 from sdt_drake.analysis import plots
 from sdt_drake.analysis.stability import stability_sweep
 from sdt_drake.design import make_design
@@ -17,17 +17,25 @@ from sdt_drake.scenario import load_scenario
 
 
 def main(folder: Path) -> None:
-    design = make_design(load_scenario("package://sdt/scenarios/real_device.yaml"))
-    drives = {"ideal drive": None, "sampled at 1 ms": design.scenario.drive}
+    scenario = load_scenario("package://sdt/scenarios/real_device.yaml")
+    cascade = copy.deepcopy(scenario)
+    cascade.controller.kind = "p_pi"
+    design = make_design(scenario)
+    loops = {
+        "pi, ideal drive": (design, None),
+        "pi, sampled at 1 ms": (design, scenario.drive),
+        "p_pi, ideal drive": (design.variant(cascade), None),
+    }
+    omega_r = scenario.controller.omega_r
     sweeps = {
         encoder: {
-            label: stability_sweep(design, paper.OMEGA_R, encoder=encoder, drive=drive)
-            for label, drive in drives.items()
+            label: stability_sweep(of, omega_r, encoder=encoder, drive=drive)
+            for label, (of, drive) in loops.items()
         }
         for encoder in ENCODERS
     }
     figure = plots.stability(
-        "Speed loops tuned for omega_n, joints elastic with omega_r = 66 rad/s",
+        f"Loops tuned for ω_n, joints elastic with ω_r = {omega_r:.1f} rad/s",
         sweeps,
         design.robot.joint_names,
     )

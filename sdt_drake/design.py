@@ -30,6 +30,7 @@ from sdt_drake.dynamics import (
     decouple,
     effective_inertia,
     torque_groups,
+    where_largest,
 )
 from sdt_drake.errors import InputError, checked_choice
 from sdt_drake.model_errors import ModelErrors, load_model
@@ -296,7 +297,7 @@ def _elastic_joints(
         gravity_stiffness = np.zeros(robot.n)
     else:
         links = torques.d_kk.max(axis=0)
-        at = motion.q[torques.d_kk.argmax(axis=0)]  # a row for each joint
+        at = motion.q[where_largest(torques.d_kk)]  # a row for each joint
         gravity_stiffness = np.array([_gravity_stiffness(robot, at[k], k) for k in range(robot.n)])
     elastic = np.array(elasticity.natural_frequency) > 0
     for k in np.flatnonzero(elastic):

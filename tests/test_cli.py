@@ -385,6 +385,29 @@ def test_tune_says_where_the_bandwidth_rule_breaks(good, desk):
     assert "note" not in good("tune", "rest.yaml").out
 
 
+def test_tune_says_what_is_published(call, good, desk):
+    """Of the shipped device alone: another robot has to say its own frequency."""
+    both = "omega_r = 65.991 rad/s (published for the shipped device), zeta at the largest inertia "
+    assert f"{both}(published" in good("tune", "short.yaml").out
+    own = good("tune", "short.yaml", "--omega-r", "30", "--zeta", "1", "1", "1", "1").out
+    assert "omega_r = 30 rad/s (--omega-r), zeta at the largest inertia (--zeta)" in own
+
+    done = call("tune", "arm.yaml", "--robot", "arm.sdf", "--out", "x.png")
+    assert (done.code, done.out) == (2, "") and is_one_line(done.err)
+    assert "--omega-r: missing" in done.err and "65.991" in done.err
+    assert not (desk / "x.png").exists()
+    other = good("tune", "arm.yaml", "--robot", "arm.sdf", "--omega-r", "30").out
+    assert "omega_r = 30 rad/s (--omega-r), zeta at the largest inertia (default)" in other
+
+
+def test_step_says_what_is_published(good):
+    first = "p_in_feedback: inertia 4.26 kg m², omega_r = 65.991 rad/s, zeta 1"
+    assert good("step").out.startswith(f"{first} (inertia and omega_r published for the shipped")
+    own = good("step", "--inertia", "3").out
+    assert "inertia 3 kg m²" in own and "(omega_r published" in own
+    assert "published" not in good("step", "--inertia", "3", "--omega-r", "20").out
+
+
 def test_tune_options(good, desk):
     base = read_printed_table(good("tune", "short.yaml").out)[1]
     doubled = read_printed_table(
@@ -807,7 +830,8 @@ def test_plan_of_another_robot(good, desk):
 
 
 def test_tune_of_another_robot(good, desk):
-    _, rows = read_printed_table(good("tune", "arm.yaml", "--robot", "arm.sdf").out)
+    arguments = ("tune", "arm.yaml", "--robot", "arm.sdf", "--omega-r", OMEGA_R)
+    _, rows = read_printed_table(good(*arguments).out)
 
     # Stretched at the start: I_m + d_kk / r², d_22 = 0.2 + 2 * 0.5², d_11 = d_22 + 0.2 + 2 * 1.5².
     i_eff = np.array([0.001 + 5.4 / 400, 0.001 + 0.7 / 400])

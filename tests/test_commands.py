@@ -100,7 +100,7 @@ def test_writes_a_figure_from_another_directory(good, desk, name, suffix):
     assert [path.name for path in (desk / "new").iterdir()] == [f"figure.{suffix}"]
     content = (desk / "new" / f"figure.{suffix}").read_bytes()
     assert content.startswith(FIGURE[suffix]) and len(content) > 5_000
-    assert done.out.startswith("axis" if name != "stability" else "encoder")
+    assert done.out.startswith("axis")
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -470,6 +470,73 @@ def test_stability_damping_moves_the_border(good, desk):
 
     assert border("--damping", "0.02") > border() + 0.01
     assert border("--omega-r", "20") == pytest.approx(0.35, abs=0.05)
+    springs = "{kind: axis, elasticity: {natural_frequency: [9, 9, 9, 9], damping_ratio: 0.02}}"
+    text = SCENARIO.replace("{kind: axis}", springs)
+    (desk.parent / "given" / "springs.yaml").write_text(text, encoding="utf-8")
+    sprung = good("stability", "../given/springs.yaml").out
+    assert float(tables(sprung)[1][1][7]) == border("--damping", "0.02")
+    assert "damping ratio 0.02" in sprung and "whatever plant.elasticity says" in sprung
+
+
+def test_stability_takes_the_scenarios_own_frequency_and_says_so(good, desk):
+    text = SCENARIO.replace("65.991", "30")
+    (desk.parent / "given" / "soft.yaml").write_text(text, encoding="utf-8")
+    own = good("stability", "../given/soft.yaml").out
+    told = good("stability", "../given/soft.yaml", "--omega-r", "30").out
+    published = good("stability", "../given/soft.yaml", "--omega-r", "65.991").out
+
+    assert "omega_r = 30 rad/s (controller.omega_r)" in own
+    assert "omega_r = 30 rad/s (--omega-r)" in told
+    assert tables(own) == tables(told)
+    assert "own gains there: 0.500 0.500 0.500 0.500" in own
+    assert "own gains there: 0.227 0.227 0.227 0.227" in published
+
+
+def test_stability_scales_the_frequency_for_the_device(good, desk):
+    text = SCENARIO + "device: {structure_scale: 0.8}\n"
+    (desk.parent / "given" / "lighter.yaml").write_text(text, encoding="utf-8")
+    out = good("stability", "../given/lighter.yaml").out
+    omega_r, factor = re.search(
+        r"omega_r = (\S+) rad/s \(controller.omega_r, 65.991, times (\S+) for the device\)", out
+    ).groups()
+    assert float(omega_r) == pytest.approx(65.991 * float(factor), rel=1e-3) != 65.991
+    assert "own gains there: 0.500 0.500 0.500 0.500" in out
+
+
+def test_stability_of_given_gains_needs_a_frequency(call, good, desk):
+    gains = "controller: {kind: pi, kp: [267, 6340, 52000, 15700], ki: [4640, 1e5, 8.7e5, 2.7e5]}\n"
+    text = SCENARIO.replace(f"{CONTROLLER}}}\n", gains)
+    (desk.parent / "given" / "gains.yaml").write_text(text, encoding="utf-8")
+    refused(call("stability", "../given/gains.yaml", "--out", "x.png"), "--omega-r: missing", "kp")
+    assert list(desk.iterdir()) == []
+    assert "(--omega-r)" in good("stability", "../given/gains.yaml", "--omega-r", "60").out
+
+
+def test_stability_says_whose_loops_it_sweeps(good, desk):
+    """Every controller has a report of its own: its loop, and what has no meaning for it."""
+    said = {
+        "pi": ["pi, PI speed loops with structure p_in_feedback"],
+        "pi_ctc": ["pi_ctc, ", "feedforward", "is left out"],
+        "pi_id": ["structure pi\n", ", 37 %", "feedforward"],
+        "p_pi": ["structure pi in position loops, K_V = omega_n / 4", "position, sampled"],
+        "pi_scheduled": ["their gains those at the largest inertia"],
+        "inverse_dynamics": ["whole state every 0.005 s", "needs the coupled plant"],
+    }
+    assert said.keys() == CONTROLLERS.keys()
+    outs = []
+    for kind, parts in said.items():
+        text = ENDS["coupled"].replace("kind: pi,", f"kind: {kind},")
+        (desk.parent / "given" / "c.yaml").write_text(text, encoding="utf-8")
+        outs.append(good("stability", "../given/c.yaml").out)
+        for part in parts:
+            assert part in outs[-1], kind
+    assert len(set(outs)) == len(said)
+
+
+def test_stability_says_a_position_gain_of_its_own(good, desk):
+    text = SCENARIO.replace("kind: pi,", "kind: p_pi, position_gain: [3, 4, 5, 6],")
+    (desk.parent / "given" / "k_v.yaml").write_text(text, encoding="utf-8")
+    assert "K_V = [3.0, 4.0, 5.0, 6.0] 1/s" in good("stability", "../given/k_v.yaml").out
 
 
 @pytest.mark.parametrize("value", ["0", "-1", "0.05", "nan", "inf", "soft", "1e9"])

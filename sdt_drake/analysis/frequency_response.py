@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sdt_drake.analysis.linear import linearise
 from sdt_drake.design import Design
+from sdt_drake.dynamics import where_largest
 from sdt_drake.errors import InputError
 from sdt_drake.tables import write_table
 
@@ -32,6 +33,7 @@ class FrequencyResponse:
         phase_margin: smallest angle of the loop gain to -180 deg where its size is 1 [deg].
         modulus_margin: smallest distance of the loop gain to -1 [-].
         stable: whether every mode between v_ref and v decays (those at rest apart: positions).
+        sample: of the motion, around which each joint's loop is linear.
     """
 
     omega: Array
@@ -44,6 +46,7 @@ class FrequencyResponse:
     phase_margin: Array
     modulus_margin: Array
     stable: NDArray[np.bool_]
+    sample: NDArray[np.intp]
 
 
 def frequency_response(
@@ -54,7 +57,7 @@ def frequency_response(
     Args:
         design: a resolved scenario. The drive's lag and sampling and elastic joints count; limits
             and friction have no frequency response.
-        sample: of the motion; by default for each joint the one where its inertia is largest.
+        sample: of the motion; by default for each joint the first where its inertia is largest.
         points: of omega, from 1/1000 to 100 times the natural frequency of the speed loops (further
             with elastic joints), or to the Nyquist frequency of a sampled drive.
 
@@ -66,10 +69,8 @@ def frequency_response(
         if not 0 <= sample < len(design.motion.time):
             raise InputError(f"sample: {sample}, expected 0 to {len(design.motion.time) - 1}")
         samples = [sample] * n
-    elif design.scenario.plant.kind == "coupled":
-        samples = design.torques.d_kk.argmax(axis=0).tolist()
     else:
-        samples = [0] * n
+        samples = where_largest(design.torques.d_kk).tolist()
     loops = {i: linearise(design, i) for i in set(samples)}
     top = 100 * design.omega_n.max()
     if design.elastic is not None:  # far above, the gains have nothing but the rotors to turn
@@ -99,6 +100,7 @@ def frequency_response(
         phase_margin=np.array([_phase_margin(omega, gain[:, k]) for k in range(n)]),
         modulus_margin=np.abs(1 + gain).min(axis=0),
         stable=stable,
+        sample=np.array(samples),
     )
 
 

@@ -6,7 +6,7 @@ process then has the zero-order-hold map of its period.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from pydrake.systems.primitives import (
     LinearSystem,
 )
 
+from sdt_drake.control import CONTROLLERS, SpeedGains
 from sdt_drake.design import Design
 from sdt_drake.loops import PLANT_NAME, make_feedback, make_process
 
@@ -80,12 +81,12 @@ class StateSpace:
         n = len(system.A)
         one_period = np.block([[system.A, system.B], [np.zeros((1, n)), np.ones((1, 1))]])
         onwards = np.linalg.matrix_power(one_period, every)
-        x_u = np.append(np.zeros(n), 1.0)
-        y = np.empty((count + 1, len(system.C)))
-        for i in range(count + 1):
-            y[i] = np.hstack([system.C, system.D]) @ x_u
-            x_u = onwards @ x_u
-        return np.arange(count + 1) * every * system.period, y
+        x_u = np.append(np.zeros(n), 1.0)[:, None]
+        while x_u.shape[1] <= count:  # twice as many samples each time
+            x_u = np.hstack([x_u, onwards @ x_u])
+            onwards = onwards @ onwards
+        y = np.hstack([system.C, system.D]) @ x_u[:, : count + 1]
+        return np.arange(count + 1) * every * system.period, y.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,19 +131,23 @@ class LinearLoop:
         return np.einsum("ikk->ik", v)
 
     def closed(self, k: int) -> StateSpace:
-        """From v_ref of joint k (q_ref and vd_ref at 0) to v of its link, all loops closed.
+        """From v_ref of joint k to v of its link, all loops closed; q_ref is the integral of v_ref.
 
-        Of the states only those that come between: on decoupled axes those of joint k.
+        vd_ref is 0: a step has none. Of the states only those that come between: on decoupled axes
+        those of joint k.
         """
         p, f, n = self.process, self.feedback, self.n
-        from_measured, from_ref = f.B[:, 3 * n :], f.B[:, [n + k]]
+        from_measured = f.B[:, 3 * n :]
         measured = p.C[: 2 * n]  # tau does not reach the encoders at once: D is 0 there
+        q_ref, v_ref = (np.vstack([p.B @ f.D[:, [i]], f.B[:, [i]]]) for i in (k, n + k))
+        rest = float(p.period > 0)  # what keeps q_ref: x+ = x, or x' = 0
         A = np.block([
-            [p.A + p.B @ f.D[:, 3 * n :] @ measured, p.B @ f.C],
-            [from_measured @ measured, f.A],
+            [p.A + p.B @ f.D[:, 3 * n :] @ measured, p.B @ f.C, q_ref[: len(p.A)]],
+            [from_measured @ measured, f.A, q_ref[len(p.A) :]],
+            [np.zeros((1, len(p.A) + len(f.A))), np.full((1, 1), rest)],
         ])  # fmt: skip
-        B = np.vstack([p.B @ f.D[:, [n + k]], from_ref])
-        C = np.hstack([p.C[[3 * n + k]], np.zeros((1, len(f.A)))])
+        B = np.vstack([v_ref, np.full((1, 1), p.period or 1.0)])
+        C = np.hstack([p.C[[3 * n + k]], np.zeros((1, len(f.A) + 1))])
         return StateSpace(A, B, C, np.zeros((1, 1)), p.period).between()
 
 
@@ -150,8 +155,9 @@ def linearise(design: Design, sample: int = 0) -> LinearLoop:
     """The loop of a design around a sample of its motion, at rest there.
 
     What is not sampled in the loop counts as continuous; of the sampling, that of the drive's
-    speed loop is exact, and with encoders of a resolution speeds are differences of positions, as
-    in the loop. Samples of the position are taken for continuous, and increments for small.
+    speed loop is exact, and that of a controller of the whole state; with encoders of a resolution
+    speeds are differences of positions, as in the loop. Samples of the position loop of a cascade
+    are taken for continuous, and increments for small.
     """
     return close(design, linear_process(design, sample), linear_feedback(design, sample))
 
@@ -189,13 +195,31 @@ def linear_process(design: Design, sample: int = 0) -> StateSpace:
 
 
 def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
-    """From [reference (3n), measured (2n)] to tau_fb (n), of the drive's period."""
-    return _linearise(
+    """From [reference (3n), measured (2n)] to tau_fb (n), of the period that it is sampled with."""
+    kind = CONTROLLERS[design.scenario.controller.kind].feedback
+    if kind == "scheduled":
+        design = _unscheduled(design, sample)
+    feedback = _linearise(
         make_feedback(design, sample),
         design,
         sample,
         inputs=["reference", "measured"],
         outputs=["tau_fb"],
+    )
+    if kind == "inverse_dynamics":
+        return feedback.sampled(design.motion.period)  # its state is, with the reference
+    return feedback
+
+
+def _unscheduled(design: Design, sample: int) -> Design:
+    """The PI loop that scheduled gains are at a sample: Drake linearises no schedule of a sampled
+    controller."""
+    share, choice = design.inertia_share[sample], design.scenario.controller
+    choice = replace(choice, kind="pi", feedforward=None)
+    return replace(
+        design,
+        scenario=replace(design.scenario, controller=choice),
+        gains=SpeedGains(kp=share * design.gains.kp, ki=share * design.gains.ki),
     )
 
 

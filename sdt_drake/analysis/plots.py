@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
@@ -383,13 +384,13 @@ def stability(
 ) -> Figure:
     """Least damping and overshoot over omega_n / omega_r.
 
-    `sweeps` by place of the encoder, a column each, and by drive, a line style each.
+    `sweeps` by place of the encoder, a column each, and by loop, a line style each.
     """
     with style():
         figure, axes = _grid(2, len(sweeps), panel=2.4, bottom=1.05)  # two rows of legend
+        colours = _colours(len(joint_names))
         for (damping, overshoot), (encoder, by_drive) in zip(axes.T, sweeps.items(), strict=True):
             for (drive, sweep), dashes in zip(by_drive.items(), _DASHES, strict=False):
-                colours = _colours(len(joint_names))
                 for k, (name, colour) in enumerate(zip(joint_names, colours, strict=True)):
                     look = {"color": colour, "linestyle": dashes}
                     label = f"{_joint_title(k, name)}, {drive}"
@@ -398,12 +399,22 @@ def stability(
             damping.set_title(f"encoder on the {encoder}", loc="left", fontweight="bold")
             damping.axhspan(-1, 0, color=PI, alpha=0.12, linewidth=0)
             damping.set(ylim=(-1, 1.02), ylabel="smallest damping ratio")
-            overshoot.set(ylim=(0, 60), ylabel="overshoot of the link [%]", xlabel="ω_n / ω_r")
+            overshoot.set(ylim=(0, 100), ylabel="overshoot of the link [%]", xlabel="ω_n / ω_r")
             for ax in (damping, overshoot):
                 ax.axvline(0.5, color="0.4", linewidth=0.8)
                 ax.margins(x=0)
         _title(figure, f"{title} (shaded: unstable)")
-        _legend_below(figure, columns=len(joint_names))
+        by_joint = [
+            Line2D([], [], color=colour, label=_joint_title(k, name))
+            for k, (name, colour) in enumerate(zip(joint_names, colours, strict=True))
+        ]
+        by_loop = [
+            Line2D([], [], color="0.3", linestyle=dashes, label=loop)
+            for loop, dashes in zip(next(iter(sweeps.values())), _DASHES, strict=False)
+        ]
+        for height, handles in ((0.03, by_joint), (0.0, by_loop)):
+            row = {"ncols": len(handles), "bbox_to_anchor": (0.5, height)}
+            figure.legend(handles=handles, loc="lower center", **row)
     return figure
 
 

@@ -1,12 +1,14 @@
-"""How stiff a structure has to be: the speed loops against an elastic joint.
+"""How stiff a structure has to be: a scenario's loops against an elastic joint.
 
-The paper chooses omega_n = 0.5 omega_r, citing a rule of thumb. Here the rule is tried: each axis
+The paper chooses omega_n = 0.5 omega_r, citing a rule of thumb. Here the rule is tried: each joint
 of the device becomes two masses, rotor and link, with a spring that gives the locked-rotor
-frequency omega_r, under the PI controller that `tune` gives for omega_n = ratio * omega_r.
+frequency omega_r, under the controller of the scenario, its gains scaled to omega_n = ratio *
+omega_r.
 
 Each axis stands alone, with its largest inertia. On the coupled plant a smaller inertia, or what
 the other joints do, can bring the border down where speed is measured on the link: `simulate` with
-`plant.elasticity` shows it.
+`plant.elasticity` shows it. A controller of all joints at once cannot stand alone: that is swept on
+the coupled plant, one joint elastic at a time, where its inertia is largest.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,12 +27,11 @@ from sdt_drake.analysis.linear import (
     linear_feedback,
     linear_process,
 )
-from sdt_drake.control import damping_ratio as damping_ratio_of
-from sdt_drake.control import tune
+from sdt_drake.control import CONTROLLERS, SpeedGains, natural_frequency
 from sdt_drake.design import Design
 from sdt_drake.device import Drive, Elasticity
+from sdt_drake.dynamics import where_largest
 from sdt_drake.errors import checked_number, checked_vector
-from sdt_drake.scenario import ControllerChoice
 
 Array = NDArray[np.float64]
 
@@ -47,9 +49,10 @@ class StabilitySweep:
     Attributes:
         ratio: omega_n / omega_r [-], shape (len(ratio),).
         damping: smallest damping ratio of any mode of the loop; below 0 it is unstable [-].
-        overshoot_percent: of the link's speed after a step of its reference [%]; NaN if unstable.
-        border: smallest ratio from which on the loop is unstable, to 1e-3, shape (n,); inf if it is
-            stable to the last ratio.
+        overshoot_percent: of the link's speed after a step of its reference [%], where q_ref is
+            the integral of that and vd_ref is 0; NaN if unstable.
+        border: smallest ratio at which the loop is unstable, to 1e-3, shape (n,); inf if it is
+            stable at every ratio.
     """
 
     ratio: Array
@@ -67,12 +70,13 @@ def stability_sweep(
     ratios: ArrayLike = RATIOS,
     damping_ratio: float = 0.01,
 ) -> StabilitySweep:
-    """Sweep omega_n / omega_r on every axis of a robot, each on its own with its largest inertia.
+    """Sweep omega_n / omega_r of the scenario's controller on every joint of a robot.
 
     Args:
-        design: gives the robot, its inertia, and the damping ratios of its speed loops.
+        design: gives the robot, its inertia, and the controller: its kind and structure, the
+            damping ratios of its gains, and K_V, in proportion to omega_n unless it was chosen.
         omega_r: locked-rotor frequency of each elastic joint [rad/s].
-        encoder: where speed is measured, "motor" or "link".
+        encoder: where the controller measures, "motor" or "link".
         drive: of the motors; ideal by default. Its delay of the reference does not matter here.
         ratios: omega_n / omega_r [-], growing.
         damping_ratio: of the elastic joints [-].
@@ -83,31 +87,46 @@ def stability_sweep(
     ratios = np.atleast_1d(np.asarray(ratios, dtype=float))
     checked_vector(ratios, len(ratios), "ratios", positive=True)
     checked_number(omega_r, "omega_r", minimum=SLOWEST)
-    elastic = _elastic_design(design, omega_r, encoder, drive, damping_ratio)
-    process = linear_process(elastic)
+    n = design.robot.n
+    rigid = _slow_design(design, drive)
+    samples = np.zeros(n, dtype=int) if stands_alone(design) else where_largest(design.torques.d_kk)
 
-    def axes(ratio: float) -> list[StateSpace]:
-        loop = close(elastic, process, linear_feedback(_tuned(elastic, ratio * omega_r)))
-        return [loop.closed(k) for k in range(design.robot.n)]
+    @cache
+    def feedback(omega_n: float, sample: int) -> StateSpace:
+        return linear_feedback(_tuned(rigid, omega_n), sample)
 
-    shape = len(ratios), design.robot.n
-    damping, overshoot = np.empty(shape), np.full(shape, np.nan)
-    for i, ratio in enumerate(ratios):
-        for k, closed in enumerate(axes(ratio)):
-            damping[i, k] = least_damping(closed, ratio * omega_r)
+    shape = len(ratios), n
+    damping, overshoot, border = np.empty(shape), np.full(shape, np.nan), np.empty(n)
+    for k, sample in enumerate(samples.tolist()):
+        frequencies = [omega_r if j == k else 0.0 for j in range(n)]
+        process = _elastic_process(rigid, Elasticity(frequencies, damping_ratio, encoder), sample)
+
+        def loop(ratio: float, process=process, k=k, sample=sample) -> StateSpace:
+            return close(rigid, process, feedback(ratio * omega_r, sample)).closed(k)
+
+        def damping_at(ratio: float, loop=loop) -> float:
+            return least_damping(loop(ratio), ratio * omega_r)
+
+        for i, ratio in enumerate(ratios.tolist()):
+            damping[i, k] = damping_at(ratio)
             if damping[i, k] > 0:
-                _, speed = closed.step(_SHOWN / (ratio * omega_r), _STEPS)
+                _, speed = loop(ratio).step(_SHOWN / (ratio * omega_r), _STEPS)
                 overshoot[i, k] = 100 * max(speed.max() - 1, 0.0)
-    border = [
-        _border(
-            lambda ratio, k=k: least_damping(axes(ratio)[k], ratio * omega_r), ratios, damping[:, k]
-        )
-        for k in range(design.robot.n)
-    ]
-    return StabilitySweep(ratios, damping, overshoot, np.array(border))
+        border[k] = _border(damping_at, ratios, damping[:, k])
+    return StabilitySweep(ratios, damping, overshoot, border)
 
 
 _SHOWN, _STEPS = 20.0, 1000  # of a step response: 1 / omega_n, and samples of a continuous loop
+
+
+def stands_alone(design: Design) -> bool:
+    """Whether the controller can be swept on each axis alone."""
+    return "axis" in CONTROLLERS[design.scenario.controller.kind].plants
+
+
+def own_ratio(design: Design, omega_r: float) -> Array:
+    """omega_n / omega_r of the scenario's own gains at the inertia of the sweep [-], shape (n,)."""
+    return natural_frequency(design.gains, design.i_eff) / omega_r
 
 
 def least_damping(loop: StateSpace, omega_n: float) -> float:
@@ -121,28 +140,45 @@ def least_damping(loop: StateSpace, omega_n: float) -> float:
     return float(np.min(-moving.real / np.abs(moving)))
 
 
-def _elastic_design(
-    design: Design, omega_r: float, encoder: str, drive: Drive | None, damping_ratio: float
-) -> Design:
-    """The axes of a design with elastic joints and a PI controller."""
+def _slow_design(design: Design, drive: Drive | None) -> Design:
+    """The scenario's loops at omega_n = 1 rad/s, on the plant of the sweep, with rigid joints."""
     scenario = copy.deepcopy(design.scenario)
-    scenario.plant.kind = "axis"
-    scenario.plant.i_eff = design.inertia.maximum.tolist()
-    scenario.plant.friction = None
-    scenario.plant.elasticity = Elasticity([omega_r] * design.robot.n, damping_ratio, encoder)
+    scenario.plant.elasticity = None
+    if stands_alone(design):
+        scenario.plant.kind = "axis"
+        scenario.plant.i_eff = design.i_eff.tolist()
     scenario.drive = drive
-    scenario.controller = ControllerChoice(
-        structure=design.scenario.controller.structure,
-        omega_r=1.0,  # tuned for each ratio, below
-        zeta=damping_ratio_of(design.gains, design.inertia.maximum).tolist(),
+    slow = _scaled(design.gains, 1 / own_ratio(design, 1.0))
+    choice = scenario.controller
+    choice.kp, choice.ki = slow.kp.tolist(), slow.ki.tolist()
+    choice.omega_r = choice.zeta = None
+    choice.omega_ratio = 0.5  # its default: with kp and ki no other is allowed
+    slow_design = design.variant(scenario)
+    if stands_alone(design):  # where the inertia is largest, at every sample
+        return replace(slow_design, inertia_share=np.ones_like(slow_design.inertia_share))
+    return slow_design
+
+
+def _tuned(slow: Design, omega_n: float) -> Design:
+    has_own_k_v = slow.scenario.controller.position_gain is not None
+    return replace(
+        slow,
+        gains=_scaled(slow.gains, omega_n),
+        omega_n=omega_n * slow.omega_n,
+        position_gain=(1.0 if has_own_k_v else omega_n) * slow.position_gain,
     )
-    return design.variant(scenario)
 
 
-def _tuned(elastic: Design, omega_n: float) -> Design:
-    inertia = elastic.inertia.maximum
-    zeta = damping_ratio_of(elastic.gains, inertia)
-    return replace(elastic, gains=tune(inertia, 2 * omega_n, zeta))
+def _elastic_process(rigid: Design, elasticity: Elasticity, sample: int) -> StateSpace:
+    scenario = copy.deepcopy(rigid.scenario)
+    scenario.plant.elasticity = elasticity
+    return linear_process(rigid.variant(scenario), sample)
+
+
+def _scaled(gains: SpeedGains, factor: ArrayLike) -> SpeedGains:
+    """Gains of the same damping ratios, omega_n times `factor`."""
+    factor = np.asarray(factor)
+    return SpeedGains(kp=factor * gains.kp, ki=factor**2 * gains.ki)
 
 
 def _border(damping_at: Callable[[float], float], ratios: Array, damping: Array) -> float:

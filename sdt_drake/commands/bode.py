@@ -31,7 +31,7 @@ def add(commands) -> None:
         "--time",
         type=float,
         help="linearise where the motion is at that time [s] (default: for each joint where its "
-        "inertia is largest)",
+        "inertia is largest for the first time)",
     )
     add_out(parser, "CSV file for the responses, or a figure of them (.png, .svg, .pdf)")
     add_show(parser)
@@ -79,6 +79,8 @@ def run(options: argparse.Namespace) -> None:
         ],
     )  # fmt: skip
     say("speed of the link over its reference, without feedforward; the loop cut at the motor")
+    times = " ".join(f"{t:.3f}" for t in design.motion.time[response.sample])
+    say(f"linear around the motion at {times} s")
     if scenario.plant.friction is not None:
         say("note: friction has no frequency response and is left out")
     if np.any(~response.stable):

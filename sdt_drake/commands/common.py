@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from sdt_drake import paper
 from sdt_drake.errors import InputError, checked_name, checked_output
 
 if TYPE_CHECKING:
@@ -87,12 +86,12 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenario", metavar="SCENARIO.yaml")
 
 
-def add_omega_r(parser: argparse.ArgumentParser) -> None:
+def add_omega_r(parser: argparse.ArgumentParser, default: str) -> None:
+    """--omega-r; None if it is not given: the command says what it takes then."""
     parser.add_argument(
         "--omega-r",
         type=float,
-        default=paper.OMEGA_R,
-        help="lowest natural frequency of the structure [rad/s]",
+        help=f"lowest natural frequency of the structure [rad/s] (default: {default})",
     )
 
 

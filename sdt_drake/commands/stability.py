@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+from typing import TYPE_CHECKING
 
 from sdt_drake.commands.common import (
     add_command,
@@ -19,6 +20,10 @@ from sdt_drake.commands.common import (
 )
 from sdt_drake.errors import InputError, checked_number
 
+if TYPE_CHECKING:
+    from sdt_drake.analysis.stability import StabilitySweep
+    from sdt_drake.design import Design
+
 SHOWN = (0.1, 0.25, 0.5, 0.75, 1.0, 1.5)
 
 
@@ -31,38 +36,41 @@ def add(commands) -> None:
         "sdt-drake stability package://sdt/scenarios/coupled_pi.yaml --out stability.png",
     )
     add_scenario(parser)
-    add_omega_r(parser)
+    add_omega_r(parser, "that of the scenario")
     parser.add_argument(
-        "--damping", type=float, default=0.01, help="damping ratio of the elastic joints [-]"
+        "--damping",
+        type=float,
+        help="damping ratio of the elastic joints [-] (default: that of the scenario's "
+        "plant.elasticity, or 0.01)",
     )
     add_out(parser, "figure (.png, .svg, .pdf)")
     add_show(parser)
 
 
 def run(options: argparse.Namespace) -> None:
-    import numpy as np
-
     from sdt_drake.analysis import plots
     from sdt_drake.analysis.stability import SLOWEST, stability_sweep
     from sdt_drake.device import ENCODERS
 
-    checked_number(options.omega_r, "--omega-r", minimum=SLOWEST)
-    checked_number(options.damping, "--damping", minimum=0)
+    if options.omega_r is not None:
+        checked_number(options.omega_r, "--omega-r", minimum=SLOWEST)
+    if options.damping is not None:
+        checked_number(options.damping, "--damping", minimum=0)
     check_out(options.out, show=options.show)
     design = design_of(options.scenario)
-    names = design.robot.joint_names
+    scenario = design.scenario
+    omega_r, source = _omega_r(design, options)
+    elasticity, damping = scenario.plant.elasticity, options.damping
+    if damping is None:
+        damping = 0.01 if elasticity is None else elasticity.damping_ratio
     drives = {"ideal drive": None}
-    if design.scenario.drive is not None:
-        drives["the scenario's drive"] = design.scenario.drive
+    if scenario.drive is not None:
+        drives["the scenario's drive"] = scenario.drive
     try:
         sweeps = {
             encoder: {
                 label: stability_sweep(
-                    design,
-                    options.omega_r,
-                    encoder=encoder,
-                    drive=drive,
-                    damping_ratio=options.damping,
+                    design, omega_r, encoder=encoder, drive=drive, damping_ratio=damping
                 )
                 for label, drive in drives.items()
             }
@@ -73,28 +81,106 @@ def run(options: argparse.Namespace) -> None:
         text = re.sub(r"^scenario '.*?': ", "", str(error))
         text = text.replace("plant.elasticity.natural_frequency", "--omega-r")
         raise InputError(text.replace("plant.elasticity.damping_ratio", "--damping")) from None
-    cases = [(e, d, sweep) for e, by_drive in sweeps.items() for d, sweep in by_drive.items()]
-    for encoder, drive, sweep in cases:
-        say(f"encoder on the {encoder}, {drive}: damping ratio, and overshoot of the link's speed,")
-        say("over omega_n / omega_r")
-        shown = [int(np.argmin(np.abs(sweep.ratio - ratio))) for ratio in SHOWN]
-        print_table(
-            ("joint", *(f"{sweep.ratio[i]:g}" for i in shown), "unstable from"),
-            [
-                (
-                    f"{k + 1} {names[k]}",
-                    *(
-                        f"{sweep.damping[i, k]:.2f}, {sweep.overshoot_percent[i, k]:.0f} %"
-                        if sweep.damping[i, k] > 0
-                        else "unstable"
-                        for i in shown
-                    ),
-                    "–" if np.isinf(sweep.border[k]) else f"{sweep.border[k]:.3f}",
-                )
-                for k in range(design.robot.n)
-            ],
+    say(f"{scenario.name}: {_controller(design)}")
+    say(f"elastic joints of omega_r = {omega_r:g} rad/s ({source}), damping ratio {damping:g}")
+    say()
+    for encoder, by_drive in sweeps.items():
+        for drive, sweep in by_drive.items():
+            say(f"encoder on the {encoder}, {drive}: damping ratio, and overshoot of the link's")
+            say("speed, over omega_n / omega_r")
+            _print_sweep(sweep, design.robot.joint_names)
+            say()
+    for line in _notes(design, omega_r):
+        say(line)
+    title = f"{scenario.name}: {scenario.controller.label}, elastic joints of {omega_r:g} rad/s"
+    deliver(options, lambda: plots.stability(title, sweeps, design.robot.joint_names))
+
+
+def _omega_r(design: Design, options: argparse.Namespace) -> tuple[float, str]:
+    """Lowest natural frequency of the structure [rad/s], and where it comes from."""
+    if options.omega_r is not None:
+        return options.omega_r, "--omega-r"
+    omega_r, factor = design.scenario.controller.omega_r, design.known.frequency_factor
+    if omega_r is None:
+        raise InputError(
+            f"--omega-r: missing; {options.scenario} gives kp and ki but no controller.omega_r, "
+            "expected the lowest natural frequency of its structure [rad/s]"
         )
-        say()
-    say("each axis alone, with its largest inertia; a sampled drive at its own period")
-    title = f"{design.scenario.name}: elastic joints of {options.omega_r:g} rad/s"
-    deliver(options, lambda: plots.stability(title, sweeps, names))
+    if factor == 1:
+        return omega_r, "controller.omega_r"
+    return omega_r * factor, f"controller.omega_r, {omega_r:g}, times {factor:.4g} for the device"
+
+
+def _controller(design: Design) -> str:
+    """The controller in words: all that the sweep has of it."""
+    from sdt_drake.control import CONTROLLERS
+
+    choice = design.scenario.controller
+    feedback = CONTROLLERS[choice.kind].feedback
+    if feedback == "inverse_dynamics":
+        period = design.motion.period
+        return f"{choice.label}, feedback linearisation of the whole state every {period:g} s"
+    loop = f"{choice.label}, PI speed loops with structure {choice.structure_in_use}"
+    if feedback == "scheduled":
+        return f"{loop}, their gains those at the largest inertia"
+    if feedback != "position":
+        return loop
+    if choice.position_gain is None:
+        return f"{loop} in position loops, K_V = omega_n / 4"
+    return f"{loop} in position loops, K_V = {choice.position_gain} 1/s at every omega_n"
+
+
+def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
+    import numpy as np
+
+    shown = [int(np.argmin(np.abs(sweep.ratio - ratio))) for ratio in SHOWN]
+    print_table(
+        ("joint", *(f"{sweep.ratio[i]:g}" for i in shown), "unstable from"),
+        [
+            (
+                f"{k + 1} {name}",
+                *(
+                    f"{sweep.damping[i, k]:.2f}, {sweep.overshoot_percent[i, k]:.0f} %"
+                    if sweep.damping[i, k] > 0
+                    else "unstable"
+                    for i in shown
+                ),
+                "–" if np.isinf(sweep.border[k]) else f"{sweep.border[k]:.3f}",
+            )
+            for k, name in enumerate(joint_names)
+        ],
+    )
+
+
+def _notes(design: Design, omega_r: float) -> list[str]:
+    """What stands in the sweep for the scenario's own, and what has no meaning there."""
+    from sdt_drake.analysis.stability import own_ratio, stands_alone
+    from sdt_drake.control import CONTROLLERS
+
+    plant, choice = design.scenario.plant, design.scenario.controller
+    if not stands_alone(design):
+        notes = [
+            f"{choice.kind} needs the coupled plant: one joint elastic at a time, the others "
+            "rigid, where its inertia is largest"
+        ]
+    elif plant.i_eff is None:
+        notes = ["each axis alone, with its largest inertia"]
+    else:
+        notes = ["each axis alone, with the inertia of plant.i_eff"]
+    own = " ".join(f"{ratio:.3f}" for ratio in own_ratio(design, omega_r))
+    notes.append(f"omega_n / omega_r of the scenario's own gains there: {own}")
+    if design.scenario.drive is not None and stands_alone(design):
+        notes.append("a sampled drive at its own period")
+    if CONTROLLERS[choice.kind].feedback == "position":
+        period = design.motion.period
+        notes.append(f"note: the position, sampled every {period:g} s, is taken for continuous")
+    if choice.feedforward_in_use != "none":
+        notes.append("note: the feedforward, which changes no damping and no border, is left out")
+    if plant.friction is not None:
+        notes.append("note: friction is left out")
+    if plant.elasticity is not None:
+        notes.append(
+            "note: every joint in turn is elastic with omega_r, whatever plant.elasticity says; "
+            f"its encoder is on the {plant.elasticity.encoder}"
+        )
+    return notes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import asdict
 
+from sdt_drake import paper
 from sdt_drake.commands.common import (
     add_command,
     add_omega_r,
@@ -26,11 +27,13 @@ def add(commands) -> None:
         "sdt-drake step --inertia 4.26 --structure p_in_feedback --zeta 0.95 --out step.png",
     )
     parser.add_argument(
-        "--inertia", type=float, default=4.26, help="effective inertia, motor side [kg m²]"
+        "--inertia",
+        type=float,
+        help="effective inertia, motor side [kg m²] (default: published, of joint 1)",
     )
     parser.add_argument("--structure", default="p_in_feedback", help="pi or p_in_feedback")
-    add_omega_r(parser)
-    parser.add_argument("--zeta", type=float, default=1.0, help="damping ratio [-]")
+    add_omega_r(parser, f"{paper.OMEGA_R}, published")
+    parser.add_argument("--zeta", type=float, default=1.0, help="damping ratio [-] (default: 1)")
     add_out(parser, "figure (.png, .svg, .pdf)")
     add_show(parser)
 
@@ -40,10 +43,21 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.study import step_response
     from sdt_drake.control import STRUCTURES
 
-    checked_number(options.inertia, "--inertia", minimum=0, exclusive=True)
+    inertia, omega_r = options.inertia, options.omega_r
+    taken = [name for name, value in (("inertia", inertia), ("omega_r", omega_r)) if value is None]
+    if inertia is None:
+        inertia = paper.table1("i_eff_max")[0]
+    if omega_r is None:
+        omega_r = paper.OMEGA_R
+    checked_number(inertia, "--inertia", minimum=0, exclusive=True)
     checked_choice(options.structure, STRUCTURES, "--structure")
     check_out(options.out, show=options.show)
-    step = step_response(options.structure, options.zeta, options.inertia, options.omega_r)
+    step = step_response(options.structure, options.zeta, inertia, omega_r)
+    published = f" ({' and '.join(taken)} published for the shipped device)" if taken else ""
+    say(
+        f"{step.structure}: inertia {inertia:g} kg m², omega_r = {omega_r:g} rad/s, "
+        f"zeta {options.zeta:g}{published}"
+    )
     units = {"overshoot_percent": "%", "peak": "rad/s", "steady_state_error": "rad/s"}
     for name, value in asdict(step.metrics).items():
         label = name.removesuffix("_percent").replace("_", " ")

@@ -22,6 +22,8 @@ from sdt_drake.commands.common import (
 )
 from sdt_drake.errors import InputError
 
+_PUBLISHED = "published for the shipped device"
+
 
 def add(commands) -> None:
     parser = add_command(
@@ -34,9 +36,13 @@ def add(commands) -> None:
     add_motion(parser)
     add_robot(parser)
     add_period(parser)
-    add_omega_r(parser)
+    add_omega_r(parser, f"{paper.OMEGA_R}, published, for the shipped device; else none")
     parser.add_argument(
-        "--zeta", type=float, nargs="+", help="damping ratio at the largest inertia, each joint [-]"
+        "--zeta",
+        type=float,
+        nargs="+",
+        help="damping ratio at the largest inertia, each joint [-] (default: published, for the "
+        "shipped device; else 1)",
     )
     add_out(parser, "figure of the effective inertia along the motion (.png, .svg, .pdf)")
     add_show(parser)
@@ -52,16 +58,24 @@ def run(options: argparse.Namespace) -> None:
 
     check_out(options.out, show=options.show)
     shipped = find_file(options.robot).resolve() == find_file(ROBOT).resolve()
-    zeta = options.zeta
-    if zeta is None and shipped:
-        zeta = paper.table1("zeta_max")
+    omega_r, zeta = options.omega_r, options.zeta
+    whose_omega_r, whose_zeta = "--omega-r", "--zeta"
+    if omega_r is None:
+        if not shipped:
+            raise InputError(
+                f"--omega-r: missing; {options.robot} needs the lowest natural frequency of its "
+                f"own structure [rad/s], {paper.OMEGA_R} is that of the shipped device"
+            )
+        omega_r, whose_omega_r = paper.OMEGA_R, _PUBLISHED
+    if zeta is None:
+        zeta, whose_zeta = (paper.table1("zeta_max"), _PUBLISHED) if shipped else (None, "default")
     try:
         design = make_design(
             Scenario(
                 robot=options.robot,
                 motion=options.motion,
                 period=options.period,
-                controller=ControllerChoice(omega_r=options.omega_r, zeta=zeta),
+                controller=ControllerChoice(omega_r=omega_r, zeta=zeta),
             )
         )
     except InputError as error:
@@ -72,8 +86,7 @@ def run(options: argparse.Namespace) -> None:
     at = (inertia.maximum, inertia.median, inertia.minimum)
     oscillation = oscillation_frequency(gains, inertia.maximum)
     slowest, fastest = (
-        natural_frequency(gains, values) / options.omega_r
-        for values in (inertia.maximum, inertia.minimum)
+        natural_frequency(gains, values) / omega_r for values in (inertia.maximum, inertia.minimum)
     )
     print_table(
         ("joint", "I_eff max", "median", "min [kg m²]", "var. [%]", "K_PS", "K_IS",
@@ -93,6 +106,9 @@ def run(options: argparse.Namespace) -> None:
         ],
     )  # fmt: skip
     say("motor side; K_PS [N m s/rad], K_IS [N m/rad]; omega_0 [rad/s] at the largest inertia")
+    say(
+        f"omega_r = {omega_r:g} rad/s ({whose_omega_r}), zeta at the largest inertia ({whose_zeta})"
+    )
     too_fast = [str(k + 1) for k in range(design.robot.n) if fastest[k] > 0.5 * (1 + 1e-9)]
     if too_fast:
         say(

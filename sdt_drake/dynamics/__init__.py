@@ -1,7 +1,11 @@
 """Inverse dynamics by torque groups, their decoupling into loads, and effective inertia."""
 
 from sdt_drake.dynamics.decoupling import SIGNS, Loads, decouple
-from sdt_drake.dynamics.effective_inertia import InertiaRange, effective_inertia
+from sdt_drake.dynamics.effective_inertia import (
+    InertiaRange,
+    effective_inertia,
+    where_largest,
+)
 from sdt_drake.dynamics.inverse import (
     TorqueGroups,
     groups_of_sample,
@@ -19,4 +23,5 @@ __all__ = [
     "groups_of_sample",
     "inverse_dynamics",
     "torque_groups",
+    "where_largest",
 ]

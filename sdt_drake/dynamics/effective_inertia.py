@@ -22,6 +22,19 @@ def effective_inertia(robot: Robot, d_kk: ArrayLike) -> Array:
     return robot.rotor_inertia + np.asarray(d_kk) / robot.gear_ratio**2
 
 
+def where_largest(d_kk: ArrayLike) -> NDArray[np.intp]:
+    """First sample at which each joint's inertia is as large as it gets, round-off apart.
+
+    Args:
+        d_kk: diagonal of the links' mass matrix, joint side [kg m²], shape (N, n).
+
+    Returns:
+        Samples, shape (n,).
+    """
+    d_kk = np.asarray(d_kk)
+    return np.argmax(d_kk >= (1 - 1e-9) * d_kk.max(axis=0), axis=0)
+
+
 @dataclass(frozen=True, eq=False)
 class InertiaRange:
     """How I_eff, motor side [kg m²], varies along a motion; each of shape (n,)."""

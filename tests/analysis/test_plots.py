@@ -128,7 +128,7 @@ def response():
     omega = np.geomspace(0.01, 1000, 200)
     gain = np.array([5.0, 10.0, 20.0]) / (1j * omega[:, None])
     row = np.ones(3)
-    return FrequencyResponse(omega, gain / (1 + gain), gain, *(6 * [row]), row > 0)
+    return FrequencyResponse(omega, gain / (1 + gain), gain, *(6 * [row]), row > 0, row)
 
 
 @pytest.fixture(scope="module")
@@ -594,7 +594,7 @@ def test_stability_tells_joints_by_colour_and_drives_by_dashes(figures):
     assert len(lines) == 6
     assert len({x.get_color() for x in lines}) == 3 and len({x.get_linestyle() for x in lines}) == 2
     texts = legend_texts(figures["stability"])
-    assert sorted(texts) == sorted(x.get_label() for x in lines)
+    assert {x.get_label() for x in lines} == {f"{j}, {d}" for j in texts[:3] for d in texts[3:]}
 
 
 def test_stability_has_labels(figures):

@@ -6,10 +6,21 @@ import dataclasses
 
 import numpy as np
 import pytest
-from test_linear import OMEGA_R, ROTORS, held, moving, two_mass_polynomials, two_masses, variant
+from test_linear import (
+    OMEGA_R,
+    ROTORS,
+    R,
+    held,
+    kind,
+    matrices,
+    moving,
+    two_mass_polynomials,
+    two_masses,
+    variant,
+)
 
 from sdt_drake.analysis.linear import StateSpace
-from sdt_drake.analysis.stability import RATIOS, least_damping, stability_sweep
+from sdt_drake.analysis.stability import RATIOS, least_damping, own_ratio, stability_sweep
 from sdt_drake.control import tune
 from sdt_drake.device import Drive, Elasticity
 from sdt_drake.errors import InputError
@@ -138,6 +149,141 @@ def border_by_hand(damping_at, ratios=RATIOS):
         middle = (low + high) / 2
         low, high = (low, middle) if damping_at(middle) < 0 else (middle, high)
     return high
+
+
+# --- the controller of the scenario -------------------------------------------------------------
+
+
+def controlled(reference, name, **fields):
+    return variant(reference, fields=kind(name, **fields))
+
+
+def step_of(above, below, ratio):
+    """The largest value of the step response of above / below, by partial fractions."""
+    t = np.linspace(0, 20 / (ratio * OMEGA_R), 5000)
+    poles = np.roots(below)
+    residues = np.polyval(above, poles) / (poles * np.polyval(np.polyder(below), poles))
+    final = above[-1] / below[-1]
+    return (final + (residues * np.exp(poles * t[:, None])).sum(axis=1).real).max()
+
+
+def cascade(inertia, k, ratio, encoder, k_v):
+    """v over v_ref of joint k under P around PI, q_ref its integral: above and below."""
+    omega_n = ratio * OMEGA_R
+    speed, below = two_mass_polynomials(ROTORS[k], inertia - ROTORS[k], OMEGA_R)
+    pi = inertia * np.array([2 * ZETA[k] * omega_n, omega_n**2])
+    both = np.polymul(pi, [1, k_v])  # over s²
+    closed = np.polyadd(np.polymul([1, 0, 0], below), np.polymul(both, speed[encoder]))
+    return np.polymul(both, speed["link"]), closed
+
+
+@pytest.mark.parametrize("name", ["pi_ctc", "pi_scheduled"])
+def test_what_is_no_part_of_the_feedback_makes_no_difference(_reference_design, design, name):
+    """pi_scheduled has the gains of the largest inertia there."""
+    same = stability_sweep(controlled(_reference_design, name), OMEGA_R, ratios=SOME)
+    plain = stability_sweep(design, OMEGA_R, ratios=SOME)
+    np.testing.assert_allclose(same.damping, plain.damping, rtol=1e-9)
+    np.testing.assert_allclose(same.overshoot_percent, plain.overshoot_percent, atol=1e-9)
+
+
+def test_the_structure_is_that_of_the_kind(_reference_design, design):
+    """pi_id has both gains on the error, whatever the scenario's structure: the same modes, and a
+    zero that makes the link overshoot."""
+    sweep = stability_sweep(controlled(_reference_design, "pi_id"), OMEGA_R, ratios=SOME)
+    plain = stability_sweep(design, OMEGA_R, ratios=SOME)
+    np.testing.assert_allclose(sweep.damping, plain.damping, rtol=1e-9)
+    for i, ratio in enumerate(SOME):
+        for k, inertia in enumerate(design.inertia.maximum):
+            above, below = cascade(inertia, k, ratio, "motor", 0.0)
+            expected = 100 * (step_of(above[:-1], below[:-1], ratio) - 1)
+            assert sweep.overshoot_percent[i, k] == pytest.approx(expected, abs=0.02)
+    np.testing.assert_allclose(sweep.overshoot_percent[2], 37, atol=0.5)  # at 0.5
+
+
+@pytest.mark.parametrize("position_gain", [None, [3.0, 5.0, 7.0, 20.0]])
+@pytest.mark.parametrize("encoder", ENCODERS)
+def test_the_position_loop_of_a_cascade_is_swept(_reference_design, encoder, position_gain):
+    """K_V follows omega_n, or is the scenario's own."""
+    design = controlled(_reference_design, "p_pi", position_gain=position_gain)
+    sweep = stability_sweep(design, OMEGA_R, encoder=encoder, ratios=SOME)
+    for k, inertia in enumerate(design.inertia.maximum):
+
+        def polynomials(ratio, k=k, inertia=inertia):
+            k_v = ratio * OMEGA_R / 4 if position_gain is None else position_gain[k]
+            return cascade(inertia, k, ratio, encoder, k_v)
+
+        def damping_at(ratio, polynomials=polynomials):
+            return damping_of(np.roots(polynomials(ratio)[1]))
+
+        for i, ratio in enumerate(SOME):
+            assert sweep.damping[i, k] == pytest.approx(damping_at(ratio), abs=1e-6)
+            if sweep.damping[i, k] > 0:
+                expected = 100 * (step_of(*polynomials(ratio), ratio) - 1)
+                assert sweep.overshoot_percent[i, k] == pytest.approx(expected, abs=0.1)
+        border = border_by_hand(damping_at, SOME)
+        assert sweep.border[k] == pytest.approx(border, abs=1e-3)
+
+
+@pytest.mark.parametrize("encoder", ENCODERS)
+def test_feedback_linearisation_is_swept_on_the_coupled_plant(_reference_design, encoder):
+    """Joint 2 elastic, the others rigid, the whole state sampled every 5 ms."""
+    design = controlled(_reference_design, "inverse_dynamics")
+    sweep = stability_sweep(design, OMEGA_R, encoder=encoder, ratios=[0.02, 0.5, 1.3])
+    k, T = 1, 0.005
+    M, K = matrices(design.robot, design.motion.q[design.torques.d_kk[:, k].argmax()])
+    rotor, link = R[k] ** 2 * ROTORS[k], design.torques.d_kk[:, k].max()
+    spring, damper = OMEGA_R**2 * link - K[k, k], 0.02 * OMEGA_R * link
+    # Coordinates: the four links, and the rotor of joint 2.
+    to_rotor = np.eye(5)[k] - np.eye(5)[4]
+    inertia, stiffness = np.zeros((5, 5)), np.zeros((5, 5))
+    inertia[:4, :4], stiffness[:4, :4] = M, K
+    inertia[k, k] -= rotor
+    inertia[4, 4] = rotor
+    stiffness += spring * np.outer(to_rotor, to_rotor)
+    damping = damper * np.outer(to_rotor, to_rotor)
+    driven, seen = np.eye(5, 4), np.eye(4, 5)  # the torque of joint 2 acts on its rotor
+    driven[[k, 4]] = driven[[4, k]]
+    if encoder == "motor":
+        seen[k] = np.eye(5)[4]
+    A, B = held(
+        np.block([
+            [np.zeros((5, 5)), np.eye(5)],
+            [-np.linalg.solve(inertia, stiffness), -np.linalg.solve(inertia, damping)],
+        ]),
+        np.vstack([np.zeros((5, 4)), np.linalg.solve(inertia, driven)]),
+        T,
+    )  # fmt: skip
+    for i, ratio in enumerate(sweep.ratio):
+        omega_n = ratio * OMEGA_R
+        law = np.hstack([(K - M * omega_n**2) @ seen, -M @ np.diag(2 * ZETA * omega_n) @ seen])
+        z = np.linalg.eigvals(A + B @ law).astype(complex)
+        assert sweep.damping[i, k] == pytest.approx(damping_of(np.log(z) / T), abs=1e-4)
+    assert (sweep.damping[:, k] > 0).tolist() == [True, encoder == "link", False]
+
+
+def test_given_gains_are_swept_as_those_they_were_tuned_from(_reference_design, design):
+    kp, ki = (getattr(design.gains, name).tolist() for name in ("kp", "ki"))
+    given = controlled(_reference_design, "pi", omega_r=None, zeta=None, kp=kp, ki=ki)
+    same, tuned = (stability_sweep(d, 40.0, encoder="link", ratios=SOME) for d in (given, design))
+    np.testing.assert_allclose(same.damping, tuned.damping, rtol=1e-9)
+    np.testing.assert_allclose(own_ratio(given, 40.0), 0.5 * OMEGA_R / 40, rtol=1e-9)
+
+
+def test_an_axis_keeps_the_inertia_that_the_scenario_gives_it(_reference_design):
+    fields = {"plant.kind": "axis", "plant.i_eff": [4.0, 60.0, 700.0, 200.0]}
+    light = variant(_reference_design, fields=fields)
+    sweep = stability_sweep(light, OMEGA_R, encoder="link", ratios=[0.5])
+    heavy = _reference_design.inertia.maximum
+    for k, inertia in enumerate(light.i_eff):
+        speed, below = two_mass_polynomials(ROTORS[k], inertia - ROTORS[k], OMEGA_R)
+        omega_n = OMEGA_R / 2
+        zeta = ZETA[k] * np.sqrt(heavy[k] / inertia)  # of the scenario's gains
+        gains = inertia * np.array([2 * zeta * omega_n, omega_n**2])
+        closed = np.polyadd(np.polymul([1, 0], below), np.polymul(gains, speed["link"]))
+        assert sweep.damping[0, k] == pytest.approx(damping_of(np.roots(closed)), abs=1e-6)
+
+
+# --- border and overshoot -----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("drive", ["ideal", "real"])

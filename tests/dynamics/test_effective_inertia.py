@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sdt_drake.dynamics import InertiaRange, effective_inertia, torque_groups
+from sdt_drake.dynamics import InertiaRange, effective_inertia, torque_groups, where_largest
 
 
 def to_printed_digits(values, printed: str) -> list[str]:
@@ -68,3 +68,8 @@ def test_inertia_of_the_last_joint_does_not_depend_on_the_angles(robot):
     np.testing.assert_allclose(d_kk[:, 3], 249.749, rtol=1e-10)
     assert np.all(np.ptp(d_kk[:, :3], axis=0) > 1)
     assert InertiaRange.of(effective_inertia(robot, d_kk)).variation_percent[3] == 0
+
+
+def test_the_largest_inertia_is_taken_first_in_time_round_off_apart():
+    d_kk = np.array([[1.0, 2.0], [3.0, 2.0 * (1 + 1e-15)], [3.0 * (1 + 1e-14), 2.0], [2.9, 1.0]])
+    assert where_largest(d_kk).tolist() == [1, 0]
