@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
-import logging
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.multibody.optimization import Toppra
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import PrismaticJoint, SpatialInertia, UnitInertia
 from pydrake.trajectories import PiecewisePolynomial
 
 from sdt_drake.dynamics import inverse_dynamics
@@ -34,12 +28,14 @@ from sdt_drake.robot import Robot
 Array = NDArray[np.float64]
 
 _MOST_PASSES = 30
-_SLOWER = 0.9  # of the path speed that is allowed, if there is no timing
+_SLOWER = 0.97  # first step of slowing a timing down
+_GROWING = 1.25  # exponent; 0.97, 0.93, 0.89 ... 0.07 after 14 steps
 _CELLS = 2000  # of the grid along the path, beside its corners
 _CORNER = 0.02  # jump of a commanded acceleration, of its range
-_NEAR = 1e-4  # s; how near to a corner the grid goes; with 1e-6 the numbers of Toppra fail
+_NEAR = 1e-4  # s; how near to a corner the grid goes
 _HEAVY = 0.5  # of its torque to stand still: gravity may be why there is no timing
-_CLOCK_FORCE = 1e6  # N, on 1 kg: s'' may be whatever the joints allow
+_NO_SHARE = 1e-6  # of s'' in a torque, over that of s'^2
+_ROUND_OFF = 1e-9  # of s'^2
 _LONGEST = 100  # times the commanded duration; beyond, a motion is not what was wanted
 _AS_COMMANDED = 1 - 1e-6  # path speed from which on a motion is not held back [-]
 
@@ -56,7 +52,11 @@ def retime(
     The path is q(s), s the commanded time; the result is the s(t) that arrives first with torques,
     speeds and accelerations within their limits and s' <= 1: nothing gets faster than commanded
     (time-optimal path parametrization by reachability analysis, Pham and Pham, IEEE T-RO 34(3)
-    2018, by Drake's `Toppra`). A command that is feasible as it is comes back as it is.
+    2018). A command that is feasible as it is comes back as it is.
+
+    Drake's `Toppra` does the same by linear programs, but their solver fails where s'' has nothing
+    but round-off in a torque at its limit, as where a motor holds against a centrifugal load. These
+    programs have two unknowns; here they are solved in closed form.
 
     Positions are off the path by up to a h² / 4, a the acceleration and h the period, and this
     does not add up. The torques are within their limits at both ends of every period.
@@ -84,28 +84,26 @@ def retime(
     way = np.abs(np.diff(commanded.q, axis=0)).sum(axis=0)
     _check_duration(command.name, commanded, (way / robot.velocity_limit).max())
     path = _Path(robot, commanded)
-    # Toppra knows neither viscous friction nor what sampling adds between the points of its grid.
+    # The path knows neither viscous friction nor what sampling adds between the points of its grid.
     # So each pass allows it less, by what the pass before was over. If that leaves too little to
-    # hold the links, everything has to go slower: friction then takes less.
+    # hold the links, the last timing is slowed down: beyond holding, all it needs gets less then.
     left = _LONGEST * commanded.duration  # s of motion to try, in all passes
-    for _ in range(_MOST_PASSES):
-        s = path.fastest(limits)
-        if s is None:
-            within_speeds = 1 / max(1.0, _overspeed(robot, commanded).max())
-            slower = min(_SLOWER * limits.path_speed, within_speeds)
-            limits = replace(available, path_speed=slower)
-            continue
-        _check_duration(command.name, commanded, s.end_time())
-        left -= s.end_time()
+    s, slower = path.fastest(limits), 1.0
+    for _ in range(_MOST_PASSES if s is not None else 0):
+        duration = s.end_time() / slower
+        _check_duration(command.name, commanded, duration)
+        left -= duration
         if left < 0:
             break
-        motion, path_speed = path.sampled(s)
+        motion, path_speed = path.sampled(s, slower)
         excess = available.excess(robot, motion)
         if not excess.any():
             torque = check_motion(robot, motion, margin=margin)
-            slower = np.repeat(path_speed[:, None] < _AS_COMMANDED, robot.n, axis=1)
-            return Plan(motion, torque, slower, margin, commanded)
+            held_back = np.repeat(path_speed[:, None] < _AS_COMMANDED, robot.n, axis=1)
+            return Plan(motion, torque, held_back, margin, commanded)
         limits = limits.lowered(excess)
+        within = path.fastest(limits) if slower == 1 else None
+        s, slower = (s, _SLOWER * slower**_GROWING) if within is None else (within, 1.0)
     raise _refusal(robot, command, commanded, available)
 
 
@@ -116,17 +114,15 @@ class _Limits:
     Attributes:
         lowest, highest: torque [N m], shape (n,).
         speed, acceleration: largest sizes [rad/s, rad/s²], shape (n,).
-        path_speed: largest s' [-].
     """
 
     lowest: Array
     highest: Array
     speed: Array
     acceleration: Array
-    path_speed: float = 1.0
 
     def excess(self, robot: Robot, motion: Motion) -> Array:
-        """By how much a motion is beyond the first four at most, (4, n); 0 where it is not."""
+        """By how much a motion is beyond each at most, (4, n); 0 where it is not."""
         torque = np.vstack(torque_of_periods(robot, motion))
         rows = (
             (-torque.min(axis=0), -self.lowest, TORQUE_TOLERANCE),
@@ -144,7 +140,6 @@ class _Limits:
             self.highest - highest,
             self.speed - speed,
             self.acceleration - acceleration,
-            self.path_speed,
         )
 
 
@@ -161,57 +156,104 @@ def torque_of_periods(robot: Robot, motion: Motion) -> tuple[Array, Array]:
 
 
 class _Path:
-    """The commanded path, with a clock: one more joint whose position is s.
+    """The commanded path q(s), and what it takes to move along it.
 
-    The clock turns s' <= 1 into a speed limit, and where all other joints rest, it still has a
-    speed: Toppra needs q'(s) != 0.
+    By s'' and x = s'^2 every torque, but for friction, and every acceleration is linear. s'' is the
+    same all along a cell of the grid, so x is linear in s there.
     """
 
     def __init__(self, robot: Robot, commanded: Motion) -> None:
         self._commanded = commanded
-        self._plant, self._clock = _plant_with_clock(robot)
-        time = commanded.time
-        with_clock = (
-            np.insert(commanded.q, self._clock, time, axis=1),
-            np.insert(commanded.v, self._clock, 1.0, axis=1),
-        )
         # Exact: positions are quadratic between the samples.
-        self._q = PiecewisePolynomial.CubicHermite(time, *(x.T for x in with_clock))
+        self._q = PiecewisePolynomial.CubicHermite(commanded.time, commanded.q.T, commanded.v.T)
         self._grid = _grid(commanded)
+        self._cell = np.diff(self._grid)
+        q, self._dq, ddq = (self._q.derivative(k).vector_values(self._grid).T for k in range(3))
         # At rest it may start from s' = 0; a command that starts in motion keeps its speed.
         self._ends = [float(v.any()) for v in (commanded.v[0], commanded.v[-1])]
+        rest = np.zeros_like(q)
+        gravity = inverse_dynamics(robot, q, rest, rest)
+        inertia = inverse_dynamics(robot, q, rest, self._dq) - gravity
+        velocity = inverse_dynamics(robot, q, self._dq, ddq) - gravity - robot.damping * self._dq
+        of_s2, of_x, fixed = (
+            np.hstack(x) for x in ((inertia, self._dq), (velocity, ddq), (gravity, rest))
+        )
+        # Both ends of each cell (columns), by s'' and the x of its start: shape (cells, 4n).
+        at_end = of_s2[1:] + 2 * self._cell[:, None] * of_x[1:]
+        self._of_s2 = np.hstack([of_s2[:-1], at_end])
+        self._of_x, self._fixed = (np.hstack([x[:-1], x[1:]]) for x in (of_x, fixed))
 
     def fastest(self, limits: _Limits) -> PiecewisePolynomial | None:
         """The fastest s(t) within the limits; None if there is none."""
         if np.any(limits.lowest >= limits.highest) or np.any(limits.speed <= 0):
             return None
-        problem = Toppra(self._q, self._plant, self._grid)
-        for add, lower, upper, of_clock in (
-            (problem.AddJointTorqueLimit, limits.lowest, limits.highest, _CLOCK_FORCE),
-            (problem.AddJointVelocityLimit, -limits.speed, limits.speed, limits.path_speed),
-            (problem.AddJointAccelerationLimit, -limits.acceleration, limits.acceleration, np.inf),
-        ):
-            if np.isfinite([*upper, of_clock]).any():
-                add(
-                    np.insert(lower, self._clock, -of_clock),
-                    np.insert(upper, self._clock, of_clock),
-                )
-        # With limits close to nothing its numbers fail; Drake fails by a SystemExit then.
-        with _quiet(), contextlib.suppress(RuntimeError, SystemExit):
-            return problem.SolvePathParameterization(
-                *(end * limits.path_speed for end in self._ends)
-            )
-        return None
+        ratio, lowest, highest, most = self._bounds(limits)
+        # From the end: the x at each point from which the x at the next one can be reached.
+        low = high = self._ends[1]
+        reach = [(low, high)]
+        for i in reversed(range(len(most))):
+            lowest[i, -1], highest[i, -1] = ratio[i, -1] * low, ratio[i, -1] * high
+            # There is an s'' if no lower bound is above an upper one, of any two rows.
+            slope = ratio[i] - ratio[i][:, None]
+            bound = (highest[i] - lowest[i][:, None]) / np.where(slope == 0, np.nan, slope)
+            low = np.max(bound, where=slope < 0, initial=0.0)
+            high = np.min(bound, where=slope > 0, initial=most[i])
+            if low > high + _ROUND_OFF:
+                return None
+            low = min(low, high)
+            reach.append((low, high))
+        # From the start: the largest s''.
+        x = [self._ends[0]]
+        low, high = reach.pop()
+        if not low - _ROUND_OFF <= x[0] <= high + _ROUND_OFF:
+            return None
+        for i, (low, high) in enumerate(reversed(reach)):
+            s2 = np.min(highest[i] - ratio[i] * x[i])
+            x.append(min(max(x[i] + 2 * self._cell[i] * s2, low), high))
+        speed = np.sqrt(x)
+        pace = (speed[1:] + speed[:-1]) / 2
+        if not pace.all():
+            return None
+        time = np.concatenate([[0.0], np.cumsum(self._cell / pace)])
+        return PiecewisePolynomial.CubicHermite(time, self._grid[None], speed[None])
 
-    def sampled(self, s: PiecewisePolynomial) -> tuple[Motion, Array]:
-        """The motion along s(t) at the interpolation period, and s' [-] at its samples, (N + 1,).
+    def _bounds(self, limits: _Limits) -> tuple[Array, Array, Array, Array]:
+        """lowest <= s'' + ratio x <= highest in each cell, (cells, 4n + 1), and the largest x.
+
+        The last column is for the x at the end of the cell, to be filled in. Where s'' has no
+        share in a torque (a motor holds a link against what only others move; two points before a
+        joint comes to rest evenly), it limits x alone: its s'' would be round-off by round-off.
+        """
+        sides = np.array(
+            [
+                np.tile(np.hstack(x), 2) - self._fixed
+                for x in (
+                    (limits.lowest, -limits.acceleration),
+                    (limits.highest, limits.acceleration),
+                )
+            ]
+        )
+        alone = np.abs(self._of_s2) < _NO_SHARE * np.abs(self._of_x)
+        shared = ~alone & (self._of_s2 != 0)
+        none = np.broadcast_to([[[-np.inf]], [[np.inf]]], sides.shape).copy()
+        bounds = np.sort(np.divide(sides, self._of_s2, out=none, where=shared), axis=0)
+        ratio = np.divide(self._of_x, self._of_s2, out=np.zeros(alone.shape), where=shared)
+        lowest, highest, ratio = (np.pad(x, ((0, 0), (0, 1))) for x in (*bounds, ratio))
+        ratio[:, -1] = 0.5 / self._cell
+        x = np.divide(sides, self._of_x, out=np.full(sides.shape, np.inf), where=alone)
+        overspeed = np.max(np.abs(self._dq[:-1]) / limits.speed, axis=1)
+        most = np.minimum(x.max(axis=0).min(axis=1), 1 / np.maximum(overspeed, 1.0) ** 2)
+        return ratio, lowest, highest, most
+
+    def sampled(self, s: PiecewisePolynomial, slower: float) -> tuple[Motion, Array]:
+        """The motion by s(slower t) at the interpolation period; s' [-] at its samples, (N + 1,).
 
         A path that starts or ends at rest rests for a period there, so that it meets its end.
         """
         h, (first, last) = self._commanded.period, self._ends
         at_rest = [int(end == 0) for end in self._ends]
-        count = int(np.ceil(s.end_time() / h - 1e-9)) + sum(at_rest)
-        t = (np.arange(-1, count + 2) - at_rest[0]) * h
+        count = int(np.ceil(s.end_time() / slower / h - 1e-9)) + sum(at_rest)
+        t = slower * (np.arange(-1, count + 2) - at_rest[0]) * h
         s_t = s.vector_values(np.clip(t, 0, s.end_time()))[0]
         s_t += first * np.minimum(t, 0) + last * np.maximum(t - s.end_time(), 0)
         return Motion.from_positions(h, self._positions(s_t)), (s_t[2:] - s_t[:-2]) / (2 * h)
@@ -220,37 +262,13 @@ class _Path:
         """Joint positions [rad], shape (N, n); at constant speed beyond the ends."""
         c = self._commanded
         within = np.clip(s, 0, c.duration)
-        q = np.delete(self._q.vector_values(within).T, self._clock, axis=1)
-        return q + (s - within)[:, None] * np.where(s[:, None] < 0, c.v[0], c.v[-1])
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Toppra logs as an error that there is no timing; here that is an answer."""
-    log = logging.getLogger("drake")
-    level = log.level
-    log.setLevel(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        log.setLevel(level)
-
-
-def _plant_with_clock(robot: Robot) -> tuple[MultibodyPlant, int]:
-    """The robot and, beside it, 1 kg that slides without weight; and which velocity is its."""
-    plant = robot.make_open_plant()
-    alone = plant.AddModelInstance("sdt_drake_clock")
-    mass = SpatialInertia(1.0, np.zeros(3), UnitInertia.SolidSphere(1.0))
-    body = plant.AddRigidBody("clock", alone, mass)
-    joint = PrismaticJoint("clock", plant.world_frame(), body.body_frame(), [1, 0, 0])
-    clock = plant.AddJoint(joint)
-    plant.set_gravity_enabled(alone, False)
-    plant.Finalize()
-    return plant, clock.velocity_start()
+        return self._q.vector_values(within).T + (s - within)[:, None] * np.where(
+            s[:, None] < 0, c.v[0], c.v[-1]
+        )
 
 
 def _grid(commanded: Motion) -> Array:
-    """Where Toppra looks [s]: even cells, both sides of every corner, and close to the ends."""
+    """Where to look [s]: even cells, both sides of every corner, and close to the ends."""
     jump = np.abs(np.diff(commanded.vd, axis=0, prepend=0))
     corner = np.any(jump > _CORNER * np.ptp(commanded.vd, axis=0), axis=1)
     corners = commanded.time[corner]

@@ -9,6 +9,8 @@ import re
 import numpy as np
 import pytest
 from pydrake.multibody.tree import MultibodyForces
+from scipy.optimize import linprog
+from scipy.sparse import csr_array
 from test_robot import ARM, chain_sdf
 
 from sdt_drake.errors import InputError
@@ -16,10 +18,12 @@ from sdt_drake.motion import (
     CommandProfile,
     Knots,
     Motion,
+    load_command,
     load_profile,
     plan_motion,
     retime,
 )
+from sdt_drake.motion.planner import commanded_motion
 from sdt_drake.robot import load_robot
 
 PERIOD = 0.005
@@ -182,6 +186,79 @@ def test_a_motion_k_times_as_fast_needs_gravity_and_k_squared_of_the_rest(robot)
         np.testing.assert_allclose(plan.torque[i], gravity + k**2 * (whole - gravity), atol=15)
 
 
+# --- the optimum, where holding takes much of the torque ---------------------------------------
+
+
+def least_time(robot, motion: Motion, margin: float) -> float:
+    """Of the path, without friction: one linear program in x = s'^2 at all samples together.
+
+    Of two x that keep the limits, so does the larger at each sample. So the fastest is the one
+    with the largest sum. Torques of a cell: at both its ends, s'' = (x[i+1] - x[i]) / (2 h).
+    """
+    h, count = motion.period, len(motion.q) - 1
+    rest, rows, columns, values, most = np.zeros(robot.n), [], [], [], []
+    for i in range(count):
+        for j in (i, i + 1):
+            q, v, vd = motion.q[j], motion.v[j], motion.vd[i]
+            gravity = drake_torque(robot, q, rest, rest)
+            inertia = (drake_torque(robot, q, rest, v) - gravity) / (2 * h)
+            velocity = drake_torque(robot, q, v, vd) - gravity - robot.damping * v
+            start, end = (velocity, 0) if j == i else (0, velocity)
+            for k, sign in np.ndindex(robot.n, 2):
+                row, sign = len(most), 2 * sign - 1
+                rows += [row, row]
+                columns += [i, i + 1]
+                values += [sign * (start - inertia)[k], sign * (end + inertia)[k]]
+                most.append(margin * robot.effort_limit[k] - sign * gravity[k])
+    x = linprog(
+        -np.ones(count + 1),
+        A_ub=csr_array((values, (rows, columns)), shape=(len(most), count + 1)),
+        b_ub=most,
+        bounds=[(0, 0), *[(0, 1)] * (count - 1), (0, 0)],
+    ).x
+    speed = np.sqrt(np.maximum(x, 0))
+    return float(np.sum(2 * h / (speed[1:] + speed[:-1])))
+
+
+@pytest.mark.parametrize("margin", [0.35, 0.3])
+def test_a_link_that_others_swing_outwards_is_held_in_the_least_time(robot, margin):
+    # Standing still takes 85 and 99 % of motor 2, at rest while joint 1 turns: s'' has no share in
+    # its torque.
+    command = load_command("coriolis", robot)
+    plan = retime(robot, command, period=0.02, margin=margin)
+    expected = least_time(robot, commanded_motion(robot, command, 0.1, margin), margin)
+    assert plan.motion.duration == pytest.approx(expected, rel=0.01)
+
+
+def heavy(speed: float = 2) -> CommandProfile:
+    """A swing from where the arm is stretched out level, down, and back up; the elbow rests."""
+    swing = Knots([[0, 0], [0.4, speed], [0.8, 0], [1, 0], [1.4, -speed], [1.8, 0], [2, 0]])
+    still = Knots([[0, 0], [2, 0]])
+    return CommandProfile("heavy", duration=2, q0=[0, 0], joints=[swing, still])
+
+
+@pytest.mark.parametrize("share", [0.8, 0.95, 0.999])
+def test_a_start_where_holding_takes_most_of_the_torque_takes_the_least_time(write_robot, share):
+    holding = 9.81 * (4 * 0.5 + 2 * (0.8 + 0.3))  # N m: the arm stretched out level
+    arm = write_robot(ARM, ("<damping>0.7", "<damping>0"), ("<effort>90", f"<effort>{holding}"))
+    arm = dataclasses.replace(arm, effort_limit=np.array([holding / share, 40]))
+    plan = retime(arm, heavy())
+    expected = least_time(arm, commanded_motion(arm, heavy(), 0.005, 1), 1)
+    assert plan.motion.duration == pytest.approx(expected, rel=0.01)
+
+
+def test_friction_where_holding_takes_nearly_all_torque_costs_little(write_robot):
+    # Friction takes more of the motor than holding leaves, but not there.
+    arm = write_robot(ARM)
+    holding = 9.81 * (4 * 0.5 + 2 * (0.8 + 0.3))
+    arm = dataclasses.replace(arm, effort_limit=np.array([holding / 0.999, 40]))
+    plan = retime(arm, heavy())
+    without = least_time(arm, commanded_motion(arm, heavy(), 0.005, 1), 1)
+    assert without < plan.motion.duration < 1.06 * without
+    for later in (0, 1):
+        assert np.all(np.abs(torques(arm, plan.motion, later)) <= arm.effort_limit + 1e-6)
+
+
 # --- other limits, other robots --------------------------------------------------------------
 
 
@@ -289,11 +366,14 @@ def alone(knots, duration=10) -> CommandProfile:
 
 
 def test_a_command_many_times_too_fast_is_slowed_down(robot):
-    # 50 rad/s is 16 times the speed limit; near that joint 2 needs all it has to stay.
+    # 50 rad/s is 16 times the speed limit; near that joint 2 needs all it has to stay. So 250 rad
+    # take a ramp up to where it does, a ramp down, and that speed in between.
+    centrifugal = drake_torque(robot, np.zeros(4), np.array([1, 0, 0, 0]), np.zeros(4))[1]
+    top, a = np.sqrt(LIMITS[1] / centrifugal), LIMITS[0] / INERTIA_1
     plan = retime(robot, alone([[0, 0], [5, 50], [10, 0]]))
-    assert plan.longer > 100
+    assert plan.motion.duration == pytest.approx(250 / top + top / a, rel=2e-3)
     assert plan.motion.q[-1, 0] == pytest.approx(250, abs=1e-4)
-    assert np.abs(plan.motion.v[:, 0]).max() > 0.8 * robot.velocity_limit[0]
+    assert np.abs(plan.motion.v[:, 0]).max() == pytest.approx(top, rel=1e-3)
 
 
 def test_what_would_last_a_hundred_times_as_long_is_refused_at_once(robot):
