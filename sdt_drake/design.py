@@ -32,7 +32,7 @@ from sdt_drake.dynamics import (
     torque_groups,
     where_largest,
 )
-from sdt_drake.errors import InputError, checked_choice
+from sdt_drake.errors import InputError, checked_choice, checked_type
 from sdt_drake.model_errors import ModelErrors, load_model
 from sdt_drake.motion import (
     PLANNERS,
@@ -124,9 +124,13 @@ def make_design(
     Raises:
         InputError: for any bad input on the way.
     """
-    robot = load_device(scenario) if robot is None else robot
+    checked_type(scenario, Scenario, "scenario")
     try:
         scenario.validate()
+    except InputError as error:
+        raise InputError(f"{_named(scenario)}{error}") from None
+    robot = load_device(scenario) if robot is None else checked_type(robot, Robot, "robot")
+    try:
         scenario.validate_sizes(robot.n)
         choice, known = scenario.controller, robot
         model = _load_model(known, choice.model, "controller.model")
@@ -141,10 +145,11 @@ def make_design(
             margin=scenario.torque_margin,
             planner=scenario.planner,
         ).motion
-    if torques is None:
-        torques = torque_groups(known, motion.q, motion.v, motion.vd)
-    known_torques = torques
     try:
+        _check_finite(checked_type(motion, Motion, "motion"))
+        if torques is None:
+            torques = torque_groups(known, motion.q, motion.v, motion.vd)
+        known_torques = torques
         _check_delay(scenario, motion)
         if robot is not known and scenario.plant.kind == "axis":
             torques = torque_groups(robot, motion.q, motion.v, motion.vd)
@@ -241,6 +246,17 @@ def load_device(scenario: Scenario) -> Robot:
         return robot if scenario.device is None else chosen_robot(robot, scenario.device)
     except InputError as error:
         raise InputError(f"{_named(scenario)}{error}") from None
+
+
+def _check_finite(motion: Motion) -> None:
+    """Drake ends the process where it meets NaN."""
+    for name in ("q", "v", "vd"):
+        bad = np.argwhere(~np.isfinite(getattr(motion, name)))
+        if len(bad):
+            i, k = bad[0]
+            raise InputError(
+                f"motion: {name} of joint {k + 1} is not finite at {motion.time[i]:g} s"
+            )
 
 
 def _check_delay(scenario: Scenario, motion: Motion) -> None:

@@ -10,11 +10,15 @@ import stat
 import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 _MOST_PERIODS = 1_000_000  # what is planned in a minute, and memory holds; 83 min of 5 ms
+
+
+T = TypeVar("T")
 
 
 class InputError(ValueError):
@@ -25,6 +29,17 @@ def told_by(error: BaseException) -> str:
     """What an error of Drake says, in one line that is not too long."""
     text = " ".join(str(error).split())
     return text if len(text) <= 300 else f"{text[:300]}..."
+
+
+def checked_type(value: T, expected: type[T], where: str) -> T:
+    """`value`, if it is what a function is to be given.
+
+    Raises:
+        InputError: naming `where` and both types.
+    """
+    if not isinstance(value, expected):
+        raise InputError(f"{where}: a {type(value).__name__}, expected a {expected.__name__}")
+    return value
 
 
 def checked_vector(

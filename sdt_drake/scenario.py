@@ -15,7 +15,7 @@ from sdt_drake.errors import InputError, checked_choice, checked_number, checked
 from sdt_drake.model_errors import ModelErrors
 from sdt_drake.motion import PLANNERS, find_motion
 from sdt_drake.robot import DEFAULT_ROBOT
-from sdt_drake.yaml_files import load_yaml
+from sdt_drake.yaml_files import check_types, load_yaml
 
 PLANTS = ("axis", "coupled")
 INVERSE_DYNAMICS = ("table", "online")
@@ -153,6 +153,7 @@ class Scenario:
         Raises:
             InputError: naming the field and what would be right.
         """
+        check_types(self, Scenario)
         for name in ("robot", "motion"):
             if not getattr(self, name):
                 raise InputError(f"{name}: empty, expected a file")
@@ -168,6 +169,12 @@ class Scenario:
         checked_choice(self.controller.structure, STRUCTURES, "controller.structure")
         checked_number(self.disturbance.amplitude, "disturbance.amplitude", minimum=0)
         checked_number(self.disturbance.omega_d, "disturbance.omega_d", minimum=0)
+        for name, most, unit in (("amplitude", 10, ""), ("omega_d", 100 / self.period, " rad/s")):
+            value = getattr(self.disturbance, name)
+            if value > most:  # the integrator would have to follow it
+                raise InputError(
+                    f"disturbance.{name}: {value:g}{unit}, expected at most {most:g}{unit}"
+                )
         if self.plant.kind == "coupled" and self.plant.i_eff is not None:
             raise InputError("plant.i_eff: the coupled plant has its inertia from the SDF; remove")
         if self.plant.friction is not None:

@@ -13,7 +13,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Diagram
 
 from sdt_drake.design import Design, make_design
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, checked_type
 from sdt_drake.loops import loop_period, make_loop
 from sdt_drake.motor_torque import period_torque
 from sdt_drake.scenario import Scenario
@@ -170,11 +170,15 @@ def simulate(
     Raises:
         InputError: for another accuracy; if the integrator makes no headway, with the time.
     """
-    if not isinstance(design, Design):
-        raise InputError(f"design: a {type(design).__name__}, expected what make_design returns")
-    if not 1e-12 <= accuracy <= 0.1:
-        raise InputError(f"accuracy: {accuracy}, expected a number from 1e-12 to 0.1")
+    checked_type(design, Design, "design")
+    if not (isinstance(accuracy, float) and 1e-12 <= accuracy <= 0.1):
+        raise InputError(f"accuracy: {accuracy!r}, expected a number from 1e-12 to 0.1")
     diagram = make_loop(design) if diagram is None else diagram
+    if diagram.get_name() != f"{design.scenario.plant.kind}_loop":
+        raise InputError(
+            f"diagram: {diagram.get_name()!r}, expected the {design.scenario.plant.kind}_loop of "
+            "the design"
+        )
     motion, period = design.motion, loop_period(design)
     simulator = make_simulator(diagram, max_step=period, accuracy=accuracy)
     context = simulator.get_mutable_context()

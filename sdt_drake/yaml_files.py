@@ -15,6 +15,7 @@ import typing
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 import yaml  # of Drake itself
 from pydrake.common.yaml import yaml_load_data, yaml_load_typed
 
@@ -102,8 +103,25 @@ def _too_large(file: str) -> InputError:
     )
 
 
+def check_types(thing: object, schema: type) -> None:
+    """Hold an object that was built in code against its dataclass, as a file is.
+
+    Raises:
+        InputError: naming the field and what would be right.
+    """
+    _check(schema, _raw(thing), "", "")
+
+
+def _raw(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: _raw(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    return [_raw(item) for item in value] if isinstance(value, (list, tuple)) else value
+
+
 def _check(schema: Any, data: Any, file: str, name: str) -> None:
-    """Hold raw YAML against a type, at the dotted `name`."""
+    """Hold raw YAML against a type, at the dotted `name`; `file` is "" for what is no file."""
     origin, arguments = typing.get_origin(schema), typing.get_args(schema)
     if origin in (typing.Union, types.UnionType):
         options = [a for a in arguments if a is not type(None)]
@@ -121,7 +139,7 @@ def _check(schema: Any, data: Any, file: str, name: str) -> None:
     elif dataclasses.is_dataclass(schema):
         _check_fields(schema, data, file, name)
     elif schema is float:
-        if not _is_number(data):
+        if not _is_number(data) or (isinstance(data, str) and not file):
             raise _wrong(file, name, data, "a number")
     elif schema is int:
         if isinstance(data, bool) or not isinstance(data, int):
@@ -191,6 +209,6 @@ def _is_number(data: Any) -> bool:
 
 
 def _wrong(file: str, name: str, data: Any, expected: str) -> InputError:
-    where = f"{file}: {name}" if name else file
+    where = ": ".join(filter(None, (file, name)))
     found = "empty" if data is None and not name else repr(data)
     return InputError(f"{where}: {found}, expected {expected}")

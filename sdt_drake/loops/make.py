@@ -8,7 +8,7 @@ from pydrake.systems.primitives import PassThrough
 
 from sdt_drake.control import SpeedGains
 from sdt_drake.design import Design
-from sdt_drake.errors import checked_number
+from sdt_drake.errors import checked_number, checked_type
 from sdt_drake.loops.builder import DesignLoopBuilder, LoopBuilder
 from sdt_drake.loops.control import (
     Torques,
@@ -30,6 +30,7 @@ from sdt_drake.systems import (
 
 def make_loop(design: Design, *, boxed: bool = False) -> Diagram:
     """The loop of the scenario's plant: `make_axis_loop` or `make_coupled_loop`."""
+    checked_type(design, Design, "design")
     make = {"axis": make_axis_loop, "coupled": make_coupled_loop}[design.scenario.plant.kind]
     return make(design, boxed=boxed)
 

@@ -1,0 +1,84 @@
+"""What is given wrongly in Python is refused as what is wrong in a file: one line, InputError."""
+
+import copy
+
+import numpy as np
+import pytest
+
+from sdt_drake.design import make_design
+from sdt_drake.errors import InputError
+from sdt_drake.loops import make_loop
+from sdt_drake.motion import Motion
+from sdt_drake.simulate import simulate
+
+STILL = Motion.from_speeds(0.005, np.zeros(4), np.zeros((21, 4)))
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("period", "0.005", "period: '0.005', expected a number"),
+        ("period", None, "period: None, expected a number"),
+        ("robot", None, "robot: None, expected a text"),
+        ("plant", None, "plant: None, expected a mapping"),
+        ("controller", "pi", "controller: 'pi', expected a mapping"),
+        ("controller.kind", None, "controller.kind: None, expected a text"),
+        ("controller.zeta", 0.9, "controller.zeta: 0.9, expected a list"),
+        ("controller.zeta", ["a"] * 4, "controller.zeta[1]: 'a', expected a number"),
+        ("disturbance.amplitude", 1e9, "disturbance.amplitude: 1e+09, expected at most 10"),
+        ("disturbance.omega_d", 1e9, "disturbance.omega_d: 1e+09 rad/s, expected at most"),
+    ],
+)
+def test_fields_of_a_scenario(design, field, value, message):
+    scenario = copy.deepcopy(design.scenario)
+    *path, name = field.split(".")
+    owner = getattr(scenario, path[0]) if path else scenario
+    setattr(owner, name, value)
+    with pytest.raises(InputError) as error:
+        make_design(scenario, robot=design.robot, motion=STILL)
+    assert message in str(error.value)
+
+
+def test_arrays_are_lists(design):
+    scenario = copy.deepcopy(design.scenario)
+    scenario.controller.zeta = np.full(4, 0.9)
+    make_design(scenario, robot=design.robot, motion=STILL)
+
+
+@pytest.mark.parametrize("thing", [None, "pi", 1.0, STILL])
+def test_other_things(design, thing):
+    name = type(thing).__name__
+    for call in (
+        lambda: make_design(thing),
+        lambda: make_design(design.scenario, robot=thing or "x"),
+        lambda: simulate(thing),
+        lambda: make_loop(thing),
+    ):
+        with pytest.raises(InputError, match=f"a ({name}|str), expected a "):
+            call()
+
+
+def test_motions_that_drake_would_die_of(design):
+    motion = copy.deepcopy(STILL)
+    motion.v[3, 1] = np.nan
+    with pytest.raises(InputError, match=r"v of joint 2 is not finite at 0\.015 s"):
+        make_design(design.scenario, robot=design.robot, motion=motion)
+
+
+@pytest.mark.parametrize("accuracy", [np.nan, -1.0, 0.0, 1.0, None, "high"])
+def test_accuracy(design, accuracy):
+    with pytest.raises(InputError, match=r"accuracy: .*, expected a number from 1e-12 to 0\.1"):
+        simulate(design, accuracy=accuracy)
+
+
+def test_the_loop_of_another_plant(design, make_variant):
+    with pytest.raises(InputError, match="'axis_loop', expected the coupled_loop of the design"):
+        simulate(design, make_loop(make_variant("axis_pi")))
+
+
+def test_an_integrator_that_makes_no_headway_says_when(design, monkeypatch):
+    """With the least step far above what the loop needs."""
+    own = make_design(design.scenario, robot=design.robot, motion=design.motion)
+    monkeypatch.setattr("sdt_drake.simulate._MOST_STEPS", 2)
+    with pytest.raises(InputError, match=r"stuck at \d.* s \("):
+        simulate(own, accuracy=1e-12)
