@@ -10,13 +10,17 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from figures import check_same_numbers
 
 from sdt_drake.analysis.block_diagrams import DIAGRAMS, write_block_diagram
 from sdt_drake.graphviz import dot_text, fingerprint, has_graphviz
 from sdt_drake.motion import shipped_motions
 from sdt_drake.studies.execute import run_study
+from sdt_drake.studies.folder import load_runner
 from sdt_drake.studies.job import make_job
+from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.sizing import load_sizing
 from sdt_drake.studies.study import load_study
 
@@ -120,8 +124,30 @@ def test_nothing_is_committed_that_no_script_writes():
     written |= {f"{name}_plot.png" for name in (*FIGURES, *PLOTS, *STUDIES)} | {"device.png"}
     written |= TRAINING
     there = {path.name for path in FOLDER.iterdir() if path.is_file()}
+    assert {path.name for path in (FOLDER / "studies").iterdir()} == set(STUDIES)
 
     assert there - {f"{name}.py" for name in SCRIPTS} - {"tutorial.ipynb"} == written
+
+
+@pytest.mark.parametrize("name", [*FIGURES, *PLOTS])
+def test_committed_plot_shows_the_numbers_of_today(ran, name):
+    check_same_numbers(ran[name] / f"{name}_plot.png", FOLDER / f"{name}_plot.png")
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_committed_plot_of_a_study_shows_its_committed_rows(tmp_path, name):
+    folders = (FOLDER / "studies" / study for study in STUDIES)
+    run_here(FOLDER / "studies.py", *folders, tmp_path, cwd=tmp_path)
+    check_same_numbers(tmp_path / f"{name}_plot.png", FOLDER / f"{name}_plot.png")
+
+
+@pytest.mark.parametrize(("name", "row"), [("monte_carlo", 0), ("sizing", 0), ("sizing", 40)])
+def test_committed_rows_are_those_of_today(name, row):
+    folder = FOLDER / "studies" / name
+    (runner, _), table = load_runner(folder), read_study_table(folder)
+    outcomes, _ = runner.repeat(row)
+    expected = [values[row] for values in table.outcomes.values()]
+    np.testing.assert_allclose(outcomes, expected, rtol=1e-3, atol=1e-5)
 
 
 # --- the scripts -----------------------------------------------------------------------------

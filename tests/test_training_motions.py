@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from figures import check_same_numbers
 
+from sdt_drake.analysis import plots, plots_pilot
+from sdt_drake.analysis.tracking import track_head
 from sdt_drake.design import load_plan, make_design
 from sdt_drake.dynamics import torque_groups
 from sdt_drake.errors import InputError
@@ -13,6 +18,7 @@ from sdt_drake.pilot import canals, head_motion_of_samples
 from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import simulate
 
+FIGURES = Path(__file__).resolve().parents[1] / "diagrams"
 NAMES = shipped_motions()
 PERIOD = 0.005
 
@@ -65,13 +71,17 @@ def test_weaker_motors_make_it_slower_but_keep_its_path(robot, plans, name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_joint_stays_within_a_fifth_of_a_degree(robot, plans, name):
+def test_every_joint_stays_within_a_fifth_of_a_degree(robot, plans, name, tmp_path):
+    """And the committed figure of it is that of today."""
     scenario = load_scenario("package://sdt/scenarios/training.yaml")
     assert scenario.plant.kind == "coupled"
     assert (scenario.controller.kind, scenario.controller.feedforward_in_use) == ("p_pi", "id")
     design = make_design(scenario, robot=robot, motion=plans(name, "limiter").motion)
-    error = np.degrees(np.abs(simulate(design).position_error))
-    assert error.max() < 0.2
+    run = simulate(design)
+    assert np.degrees(np.abs(run.position_error)).max() < 0.2
+    figure = plots_pilot.pilot(name, run.time, track_head(run, robot))
+    drawn = plots.save(figure, tmp_path / "run.png")
+    check_same_numbers(drawn, FIGURES / f"training_{name}_plot.png")
 
 
 def test_inversion_is_told_as_a_tumble_backwards(robot, plans):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -47,6 +48,8 @@ _STYLE = {
 }
 
 FIGURES = (".png", ".svg", ".pdf")
+NUMBERS = "Comment"
+"""Key of the text in a PNG that has its `numbers`, as JSON: what two pictures are compared by."""
 
 # matplotlib's backends that write files only.
 _PAPER = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
@@ -69,13 +72,35 @@ def save(figure: Figure, path: str | Path) -> Path:
         InputError: for another suffix than those of FIGURES.
     """
     path = checked_figure_path(path)
-    metadata = {"Date": None} if path.suffix == ".svg" else None
+    metadata = {".svg": {"Date": None}, ".png": {NUMBERS: json.dumps(numbers(figure))}}
     whole = io.BytesIO()  # on a full disk matplotlib stumbles over what it could not write
     with style():
-        figure.savefig(whole, format=path.suffix[1:], dpi=130, metadata=metadata)
+        figure.savefig(whole, format=path.suffix[1:], dpi=130, metadata=metadata.get(path.suffix))
     with replacing(path) as partial:
         partial.write_bytes(whole.getvalue())
     return path
+
+
+def numbers(figure: Figure) -> list[list[float]]:
+    """What a figure shows: x and y of every line, set of points or areas, and bar, in their order.
+
+    Of each at most 50 points, evenly among them, to 4 digits.
+    """
+    shown = []
+    for axes in figure.axes:
+        shown += [line.get_xydata() for line in axes.lines]
+        for points in axes.collections:
+            shown.append(
+                np.vstack([points.get_offsets(), *(p.vertices for p in points.get_paths())])
+            )
+        for patch in axes.patches:
+            shown.append(patch.get_patch_transform().transform(patch.get_path().vertices))
+    return [_thinned(np.asarray(points, dtype=float)) for points in shown]
+
+
+def _thinned(points: NDArray[np.float64]) -> list[float]:
+    few = points[np.linspace(0, len(points) - 1, min(len(points), 50)).round().astype(int)]
+    return [float(f"{value:.4g}") for value in few.ravel()]
 
 
 def checked_figure_path(path: str | Path) -> Path:

@@ -32,8 +32,8 @@ _TRACKING = (
 )
 _MOTORS = ("peak_torque_share", "rms_torque_share")
 ACCURACY = 1e-4
-"""Of the integrator in studies: speeds are good to 1e-4 rad/s, to 3e-4 where motors saturate hard, in
-half the time of a run alone."""
+"""Of the integrator in studies: speeds are good to 1e-4 rad/s, to 3e-4 where motors saturate hard,
+in half the time of a run alone."""
 
 _CACHED = 16  # robots and motions that a process keeps
 
