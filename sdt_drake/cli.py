@@ -34,8 +34,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command.
 
     Returns:
-        The exit code: 0; after one line 2 for bad input, and 70 for what nobody foresaw; 130 if
-        interrupted.
+        The exit code: 0; 1 if runs of a study failed; after one line 2 for bad input, and 70 for
+        what nobody foresaw; 130 if interrupted.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
     _prepare_streams()
@@ -66,9 +66,13 @@ def _prepare_streams() -> None:
 def _run(arguments: Sequence[str]) -> int:
     try:
         with keeping_inputs(), _warnings_last():
-            with contextlib.suppress(SystemExit):  # of --help
+            code = 0
+            try:
                 _do(_parser().parse_args(arguments))
+            except SystemExit as end:  # of --help with 0, of a study that failed with 1
+                code = end.code
             sys.stdout.flush()
+            return code
     except InputError as error:
         return _refuse(str(error))
     except BrokenPipeError:

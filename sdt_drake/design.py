@@ -76,6 +76,8 @@ class Design:
         elastic: springs of the joints, None if all are rigid.
         known: the robot as the SDF has it; `robot` itself if the plant does not deviate.
         known_torques: `torques` of it.
+        steady_load, steady_ff: load torque and torque feedforward of who has gone on at the first
+            speed for long, motor side [N m], shape (n,): where a run starts.
     """
 
     scenario: Scenario
@@ -94,6 +96,8 @@ class Design:
     elastic: ElasticJoints | None
     known: Robot
     known_torques: TorqueGroups
+    steady_load: Array
+    steady_ff: Array | float
 
     def variant(self, scenario: Scenario) -> Design:
         """The design of another scenario with the same SDF and motion.
@@ -154,7 +158,7 @@ def make_design(
         if robot is not known and scenario.plant.kind == "axis":
             torques = torque_groups(robot, motion.q, motion.v, motion.vd)
         inertia = InertiaRange.of(effective_inertia(robot, torques.d_kk))
-        loads = decouple(torques.inertial, torques.coupled, robot.gear_ratio, scenario.algorithm)
+        loads = _loads(scenario, robot, motion, torques)
         i_eff = inertia.maximum if scenario.plant.i_eff is None else np.array(scenario.plant.i_eff)
         elastic = _elastic_joints(scenario, robot, motion, torques, i_eff)
         modelled = known_torques
@@ -169,6 +173,8 @@ def make_design(
     except InputError as error:
         raise InputError(f"{_named(scenario)}{error}") from None
     omega_n = natural_frequency(gains, largest)
+    steady = Motion(motion.period, motion.q[:1], motion.v[:1], np.zeros((1, robot.n)))
+    steady_ff = feedforward_along(scenario, model, steady)
     return Design(
         scenario=scenario,
         robot=robot,
@@ -188,7 +194,17 @@ def make_design(
         elastic=elastic,
         known=known,
         known_torques=known_torques,
+        steady_load=_loads(scenario, robot, steady).load_torque[0],
+        steady_ff=0.0 if steady_ff is None else steady_ff[0],
     )
+
+
+def _loads(
+    scenario: Scenario, robot: Robot, motion: Motion, torques: TorqueGroups | None = None
+) -> Loads:
+    if torques is None:
+        torques = torque_groups(robot, motion.q, motion.v, motion.vd)
+    return decouple(torques.inertial, torques.coupled, robot.gear_ratio, scenario.algorithm)
 
 
 def load_plan(

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.primitives import ZeroOrderHold
 
 from sdt_drake.control import CONTROLLERS
-from sdt_drake.design import Design, feedforward_along
+from sdt_drake.design import Design
 from sdt_drake.device import Drive, Friction, joint_friction, sliding_friction, sliding_stretch
-from sdt_drake.dynamics import decouple, torque_groups
+from sdt_drake.dynamics import torque_groups
 from sdt_drake.loops import PI_NAME, PLANT_NAME
 from sdt_drake.systems import STRETCH_UNIT, torque_unit
 
@@ -69,13 +67,10 @@ def start_in_equilibrium(design: Design, diagram: Diagram, context: Context) -> 
 def _holding_torque(design: Design, q: Array) -> Array:
     """What moves the joints on at the first speed, motor side [N m], shape (n,)."""
     robot, v = design.robot, design.motion.v[0]
-    torques = torque_groups(robot, q, v, np.zeros(robot.n))
-    if design.scenario.plant.kind == "axis":
-        load = decouple(
-            torques.inertial, torques.coupled, robot.gear_ratio, design.scenario.algorithm
-        ).load_torque
+    if design.scenario.plant.kind == "axis":  # which has its load from the reference alone
+        load = design.steady_load
     else:
-        load = torques.total / robot.gear_ratio
+        load = torque_groups(robot, q, v, np.zeros(robot.n)).total / robot.gear_ratio
     friction = joint_friction(design.scenario.plant.friction or Friction(), robot.n)
     return load + sliding_friction(friction, v) / robot.gear_ratio
 
@@ -98,10 +93,7 @@ def _integral(design: Design, drive: Drive, tau: Array) -> Array:
     """State of the PI controllers that makes the motors give `tau`, motor side [rad]."""
     choice, gains, motion = design.scenario.controller, design.gains, design.motion
     asked = tau if drive.torque_error is None else tau / (1 + np.array(drive.torque_error))
-    steady = replace(motion, q=motion.q[:1], v=motion.v[:1], vd=np.zeros((1, motion.n)))
-    tau_ff = feedforward_along(design.scenario, design.model, steady)
-    if tau_ff is not None:
-        asked = asked - tau_ff[0]
+    asked = asked - design.steady_ff
     if choice.structure_in_use == "p_in_feedback":  # -K_PS v
         share = 1.0
         if CONTROLLERS[choice.kind].feedback == "scheduled":

@@ -496,6 +496,7 @@ def test_simulate_prints_and_writes_the_same_run(good, desk):
     np.testing.assert_allclose(time, 0.005 * np.arange(101), atol=1e-12)
     assert list(columns) == [
         "v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error", "q_ref", "q", "tau_limited",
+        "tau_peak", "tau_rms", "saturated", "beyond_stop",
     ]  # fmt: skip
     _, rows = read_printed_table(done.out)
     error = columns["speed_error"]
@@ -1399,8 +1400,8 @@ def test_errors_of_the_sdf_parser_are_one_line_too(desk, old, new):
 
 
 def test_the_reference_motion_does_not_fit_another_robot(refuse, desk):
-    for name in ("plan", "tune"):
-        refuse(name, "--robot", "arm.sdf", saying=["4 joints", "two_links", "2"])
+    for command in (["plan"], ["tune", "--omega-r", "60"]):
+        refuse(*command, "--robot", "arm.sdf", saying=["4 joints", "two_links", "2"])
 
 
 def test_a_refused_result_leaves_the_old_one(call, desk):

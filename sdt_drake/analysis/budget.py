@@ -113,7 +113,9 @@ def _without_load(design: Design) -> Design:
     nothing = np.zeros_like(design.loads.load_torque)
     tau_ff = None if design.tau_ff is None else design.tau_ff - _load_ff(design)
     loads = Loads(nothing, design.loads.alleviating_torque)
-    return replace(design, loads=loads, tau_ff=tau_ff)
+    return replace(
+        design, loads=loads, tau_ff=tau_ff, steady_load=0 * design.steady_load, steady_ff=0.0
+    )
 
 
 def _without_motion(design: Design) -> Design:

@@ -44,7 +44,8 @@ class Cluster:
         with needing("--cluster needs Dask", "sdt_drake[cluster]"):
             from distributed import Client
             from distributed.comm import get_address_host_port
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        for name in ("distributed", "tornado"):  # whose waiting an interrupt breaks off
+            logging.getLogger(name).setLevel(logging.CRITICAL)
         try:
             get_address_host_port(address, strict=True)  # Client itself leaves threads behind
             with waiting():

@@ -16,6 +16,7 @@ from sdt_drake.analysis.frequency_response import (
 )
 from sdt_drake.device import Drive, Elasticity
 from sdt_drake.errors import InputError
+from sdt_drake.loops import loop_period
 
 STRUCTURES = ("pi", "p_in_feedback")
 HALF = np.sqrt(0.5)
@@ -224,10 +225,9 @@ def test_sampled_loop_is_the_z_transfer_function(designed, structure, bandwidth,
 
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_encoders_give_differences_of_positions(designed, structure):
-    T = 0.001
-    drive = Drive(period=T, encoder_resolution=[4096.0] * 4)
+    drive = Drive(period=0.001, encoder_resolution=[4096.0] * 4)
     design = designed(fields={"drive": drive, "controller.structure": structure})
-    response = frequency_response(design, points=500)
+    response, T = frequency_response(design, points=500), loop_period(design) / 5
     z = np.exp(1j * response.omega * T)[:, None]
     position = T**2 * (z + 1) / (2 * (z - 1) ** 2) / design.i_eff  # 1 / s² behind a hold
     integral = design.gains.ki * T / (z - 1)

@@ -66,6 +66,7 @@ MIDDLE = {
 
 RUN_COLUMNS = (
     "v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error", "q_ref", "q", "tau_limited",
+    "tau_peak", "tau_rms", "saturated", "beyond_stop",
 )  # fmt: skip
 REFERENCE_COLUMNS = (
     "q_ref",
@@ -584,7 +585,7 @@ def fast_figures(monkeypatch):
     """Figures cost most of the time: write few bytes instead."""
 
     def savefig(self, path, **options):
-        path.write_bytes(b"a figure")
+        path.write(b"a figure")
 
     monkeypatch.setattr(Figure, "savefig", savefig)
 
@@ -626,11 +627,12 @@ def test_a_figure_that_cannot_be_made_leaves_the_old_results(study, used_folder,
 def test_a_disk_that_fills_up_leaves_no_half_written_file(study, used_folder, monkeypatch):
     before = contents(used_folder)
 
-    def savefig(self, path, **options):
-        path.write_bytes(b"half a fig")
+    def write_bytes(path, data):
+        with path.open("wb") as file:
+            file.write(data[:10])
         raise OSError(28, "No space left on device", str(path))
 
-    monkeypatch.setattr(Figure, "savefig", savefig)
+    monkeypatch.setattr(Path, "write_bytes", write_bytes)
     with pytest.raises(InputError, match=r"figure2\.png: cannot be written \(No space left"):
         write_study(study, used_folder, quiet())
 

@@ -20,6 +20,7 @@ from sdt_drake.studies.execute import run_study
 from sdt_drake.studies.job import make_job
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.study import load_study
+from sdt_drake.studies.workers import Pool
 
 
 def snapshot(folder: Path) -> dict[str, bytes]:
@@ -122,7 +123,9 @@ def test_links_that_lead_nowhere(refuse, desk, out):
     (desk / "gone").symlink_to("nowhere")
     (desk / "circle").symlink_to("circle")
     name = out.split("/")[0]
-    assert f"{name}: no folder can be made (File exists)" in refuse("few.yaml", "--out", out)
+    assert f"{name}: is a link that leads nowhere, expected a folder" in refuse(
+        "few.yaml", "--out", out
+    )
 
 
 def test_a_package_that_cannot_be_loaded(refuse, monkeypatch):
@@ -236,13 +239,13 @@ def test_two_processes(desk, undisturbed, capfd):
 
 
 def test_other_order_of_the_tasks(undisturbed, files, tmp_path, monkeypatch):
-    from sdt_drake.studies import execute
+    in_order = Pool.map
 
-    def shuffled(job, numbers):
-        order = np.random.default_rng(0).permutation(numbers).tolist()
-        yield from (order[:7], order[7:30], order[30:])
+    def shuffled(pool, tasks):
+        order = np.random.default_rng(0).permutation([number for [number] in tasks]).tolist()
+        return in_order(pool, [order[:7], order[7:30], order[30:]])
 
-    monkeypatch.setattr(execute, "_tasks", shuffled)
+    monkeypatch.setattr(Pool, "map", shuffled)
     run_study(make_job(*load_study(files / "many.yaml")), tmp_path / "many", workers=2)
     assert rows(tmp_path / "many").equals(rows(undisturbed))
 
@@ -358,9 +361,7 @@ def test_failed_runs_are_said_first(copied, files, capfd):
 
 def test_a_study_of_failed_runs_alone_ends_with_1(copied, files, capfd):
     fail(copied / "rows.jsonl", 0)
-    with pytest.raises(SystemExit) as end:
-        main(["study", str(files / "many.yaml"), "--out", str(copied), "--resume"])
-    assert end.value.code == 1
+    assert main(["study", str(files / "many.yaml"), "--out", str(copied), "--resume"]) == 1
     assert "\n80 of 80 runs failed: no link 'payload' (row 0)\n" in capfd.readouterr().out
 
 
