@@ -377,10 +377,12 @@ LOOPS = [
         kind("pi_scheduled", feedforward="ctc", anti_windup=True, friction_compensation=True)
         | REAL,
     ),
-    # Behind springs it is unstable, and the last bits of a sample would grow.
+    # Behind springs it is unstable: an increment of an encoder more or less, for a last bit, grows.
     (
         "coupled_pi",
-        kind("inverse_dynamics", friction_compensation=True) | REAL | {"plant.elasticity": None},
+        kind("inverse_dynamics", friction_compensation=True)
+        | REAL
+        | {"drive": dataclasses.replace(REAL["drive"], encoder_resolution=None)},
     ),
 ]
 

@@ -103,8 +103,11 @@ def test_design_is_left_alone(budgets):
 # --- each part ----------------------------------------------------------------------------------
 
 
-def linear_loop(design, torque_at, v_ref):
-    """Speed of the motors under PI with P in the feedback path; torque_at(t, i) loads them."""
+def linear_loop(design, torque_at, v_ref, carried=0.0):
+    """Speed of the motors under PI with P in the feedback path; torque_at(t, i) loads them.
+
+    The integral starts with what is carried.
+    """
     kp, ki, inertia = design.gains.kp, design.gains.ki, design.i_eff
 
     def law(i):
@@ -116,7 +119,8 @@ def linear_loop(design, torque_at, v_ref):
 
         return derivative
 
-    states = rk4(law, np.zeros(8), design.motion.time, 4)
+    start = np.concatenate([np.zeros(4), carried / ki * np.ones(4)])
+    states = rk4(law, start, design.motion.time, 4)
     return states[:, :4] / R
 
 
@@ -141,8 +145,10 @@ def test_reference_lag_is_the_loop_without_load(budgets):
 def test_load_is_what_the_load_torque_does(budgets):
     design, budget = budgets("axis_pi", PI)
     load = design.loads.load_torque
-    expected = linear_loop(design, lambda t, i: load[i], np.zeros_like(design.motion.v))
+    at_rest = np.zeros_like(design.motion.v)
+    expected = linear_loop(design, lambda t, i: load[i], at_rest, design.steady_load)
 
+    assert largest(design.steady_load) > 100
     same(budget.parts["load"], expected, 1e-5)
     assert largest(expected).max() > 0.05
     same(budget.parts["disturbance"], 0, 0)
