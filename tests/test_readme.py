@@ -15,9 +15,11 @@ from sdt_drake.analysis.tracking import track
 from sdt_drake.cli import main
 from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import simulate
+from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.runs import Runner
 from sdt_drake.studies.sizing import load_sizing
 from sdt_drake.studies.study import load_study
+from sdt_drake.studies.verdicts import judge, recommend
 
 STUDY = "package://sdt/studies/monte_carlo.yaml"
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
@@ -133,3 +135,46 @@ def test_table_of_what_is_felt_is_what_compare_finds(compare_all):
         head = compared[label].head
         shares = 100 * head.felt.share, 100 * head.felt_from_angles.share
         assert [float(cell) for cell in row[1:]] == pytest.approx(shares, abs=0.051)
+
+
+# --- studies, from the rows that are committed ---------------------------------------------------
+
+STUDIES = Path(__file__).parents[1] / "diagrams" / "studies"
+
+
+def test_table_of_the_study_is_what_its_rows_say():
+    table = read_study_table(STUDIES / "monte_carlo")
+    assert len(table.row) == 1000 and set(table.status) == {"ok"}
+
+    def worst(family):
+        return np.max([table.outcomes[f"{family}_{k}"] for k in (1, 2, 3, 4)], axis=0)
+
+    speed, angle = worst("max_abs_speed_error"), np.degrees(worst("max_abs_position_error"))
+    felt, saturated = 100 * table.outcomes["felt_share"], worst("saturated_fraction") > 0
+    for row in rows_of_table("controller | speed error: median"):
+        of = table.inputs["controller"] == row[0].strip("`")
+        expected = [
+            ", ".join(f"{value:.3f}" for value in np.percentile(speed[of], [50, 95])),
+            ", ".join(f"{value:.2f}" for value in np.percentile(angle[of], [50, 95])),
+            f"{np.median(felt[of]):.0f}",
+            f"{100 * saturated[of].mean():.0f} %",
+            f"{angle[of & ~saturated].max():.2f}",
+        ]
+        assert row[1:] == expected, row[0]
+
+
+def test_recommended_motors_are_those_of_the_rows():
+    sizing, _ = load_sizing("package://sdt/studies/sizing.yaml")
+    verdicts = judge(sizing, read_study_table(STUDIES / "sizing"))
+    for labels, motors, scale, mass, _ in rows_of_table("controller | lightest motors"):
+        for label in re.findall(r"`(.*?)`", labels):
+            best = recommend(verdicts, label)
+            assert str(best.candidate) == f"{motors} at structure scale {scale}"
+            assert best.mass == float(mass)
+    missed = {v.controller: v.missed for v in verdicts if str(v.candidate) == SMALLER}
+    assert ["0.32 rad/s" in missed["pi"][0], len(missed["pi"])] == [True, 1]
+    for label, share in (("pi_id", "1.28 %"), ("p_pi+id", "1.285 %")):
+        assert [f"saturation of joint 2 is {share}" in text for text in missed[label]] == [True]
+
+
+SMALLER = "AC-150, TM-2860, TM-1430, TM-716 at structure scale 0.8"
