@@ -393,7 +393,7 @@ def test_finding_a_sampled_drive_cannot_hold_light_rotors(sweeps):
 
 
 def elastic_run(reference, encoder, ratio):
-    """Joint 2 elastic on the axis plant: a ramp to 0.1 rad/s, and then 1.2 s to swing."""
+    """Joint 2 elastic on the axis plant: a ramp to 0.1 rad/s, a load from 0.3 s on, and 1.1 s to swing."""
     t = 0.005 * np.arange(281)
     v = np.outer(np.clip(t / 0.2, 0, 1), [0, 0.1, 0, 0])
     motion = Motion.from_speeds(0.005, np.zeros(4), v)
@@ -410,8 +410,9 @@ def elastic_run(reference, encoder, ratio):
     }
     design = variant(reference, fields=fields, motion=motion)
     nothing = np.zeros_like(v)
-    no_load = design.loads._replace(load_torque=nothing, alleviating_torque=nothing)
-    design = dataclasses.replace(design, loads=no_load)
+    load = np.outer(t > 0.3, [0, 50, 0, 0])
+    loads = design.loads._replace(load_torque=load, alleviating_torque=nothing)
+    design = dataclasses.replace(design, loads=loads)
     recording = simulate(design, make_axis_loop(design), accuracy=3e-7)
     np.testing.assert_array_equal(recording.tau_limited, recording.tau_cmd)
     return recording.time, recording.speed_error[:, 1]

@@ -16,7 +16,7 @@ from sdt_drake.resources import models_dir
 from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.simulate import simulate
 from sdt_drake.studies.job import make_job
-from sdt_drake.studies.runs import Row, Runner, outcome_names
+from sdt_drake.studies.runs import ACCURACY, Row, Runner, outcome_names
 from sdt_drake.studies.study import Choice, Grid, List, Study, Uniform, Variable
 
 
@@ -48,7 +48,7 @@ def test_outcomes_are_those_of_a_run(base, robot):
             base, disturbance=dataclasses.replace(base.disturbance, amplitude=amplitude)
         )
         design = make_design(scenario)
-        tracking = track(simulate(design, accuracy=1e-9), design.motion)
+        tracking = track(simulate(design, accuracy=ACCURACY), design.motion)
         outcomes = dict(zip(outcome_names(base, robot.n), row.outcomes, strict=True))
         for k in range(robot.n):
             expected = tracking.rms_speed_error[k]
@@ -103,9 +103,9 @@ def test_negative_friction_fails(files):
 
 
 def test_whatever_happens_in_a_row_becomes_a_row(base, monkeypatch):
-    def explode(design):
+    def explode(design, **options):
         if design.scenario.controller.kind == "pi":
-            return simulate(design)
+            return simulate(design, **options)
         raise ZeroDivisionError("division\nby zero")
 
     monkeypatch.setattr("sdt_drake.studies.runs.simulate", explode)
