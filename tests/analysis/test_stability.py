@@ -393,7 +393,7 @@ def test_finding_a_sampled_drive_cannot_hold_light_rotors(sweeps):
 
 
 def elastic_run(reference, encoder, ratio):
-    """Joint 2 elastic on the axis plant: a ramp to 0.1 rad/s, a load from 0.3 s on, and 1.1 s to swing."""
+    """Joint 2 elastic on the axis plant: a ramp to 0.1 rad/s, and from 0.3 s on a load."""
     t = 0.005 * np.arange(281)
     v = np.outer(np.clip(t / 0.2, 0, 1), [0, 0.1, 0, 0])
     motion = Motion.from_speeds(0.005, np.zeros(4), v)
