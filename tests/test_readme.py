@@ -144,7 +144,8 @@ STUDIES = Path(__file__).parents[1] / "diagrams" / "studies"
 
 def test_table_of_the_study_is_what_its_rows_say():
     table = read_study_table(STUDIES / "monte_carlo")
-    assert len(table.row) == 1000 and set(table.status) == {"ok"}
+    assert set(table.status) == {"ok"}
+    assert f"first {len(table.row) // 4} of these devices, {len(table.row)}\nruns" in README
 
     def worst(family):
         return np.max([table.outcomes[f"{family}_{k}"] for k in (1, 2, 3, 4)], axis=0)
