@@ -15,13 +15,14 @@ from sdt_drake.control import (
     natural_frequency,
     tune,
 )
+from sdt_drake.deviation import Deviation, deviated
 from sdt_drake.device import (
     PRESLIDING_DAMPING_TIME,
-    ElasticJoints,
+    Springs,
     chosen_robot,
-    elastic_joints,
-    joint_friction,
+    friction_parameters,
     sliding_friction,
+    springs_of,
 )
 from sdt_drake.dynamics import (
     InertiaRange,
@@ -33,7 +34,6 @@ from sdt_drake.dynamics import (
     where_largest,
 )
 from sdt_drake.errors import InputError, checked_choice, checked_type
-from sdt_drake.model_errors import ModelErrors, load_model
 from sdt_drake.motion import (
     PLANNERS,
     CommandProfile,
@@ -74,8 +74,8 @@ class Design:
         omega_n: natural frequency of the speed loops at the model's largest inertia [rad/s], (n,).
         position_gain: K_V of a position loop [1/s], shape (n,).
         elastic: springs of the joints, None if all are rigid.
-        known: the robot as the SDF has it; `robot` itself if the plant does not deviate.
-        known_torques: `torques` of it.
+        nominal: the robot as the SDF has it; `robot` itself if the plant does not deviate.
+        nominal_torques: `torques` of it.
         steady_load, steady_ff: load torque and torque feedforward of who has gone on at the first
             speed for long, motor side [N m], shape (n,): where a run starts.
     """
@@ -93,9 +93,9 @@ class Design:
     inertia_share: Array
     omega_n: Array
     position_gain: Array
-    elastic: ElasticJoints | None
-    known: Robot
-    known_torques: TorqueGroups
+    elastic: Springs | None
+    nominal: Robot
+    nominal_torques: TorqueGroups
     steady_load: Array
     steady_ff: Array | float
 
@@ -106,7 +106,7 @@ class Design:
             InputError: for what does not fit them.
         """
         return make_design(
-            scenario, robot=self.known, motion=self.motion, torques=self.known_torques
+            scenario, robot=self.nominal, motion=self.motion, torques=self.nominal_torques
         )
 
 
@@ -136,37 +136,37 @@ def make_design(
     robot = load_device(scenario) if robot is None else checked_type(robot, Robot, "robot")
     try:
         scenario.validate_sizes(robot.n)
-        choice, known = scenario.controller, robot
-        model = _load_model(known, choice.model, "controller.model")
-        robot = _load_model(known, scenario.plant.deviation, "plant.deviation")
+        choice, nominal = scenario.controller, robot
+        model = _load_model(nominal, choice.model, "controller.model")
+        robot = _load_model(nominal, scenario.plant.deviation, "plant.deviation")
     except InputError as error:
         raise InputError(f"{_named(scenario)}{error}") from None
     if motion is None:
         motion = load_plan(
             scenario.motion,
-            known,
+            nominal,
             period=scenario.period,
-            margin=scenario.torque_margin,
+            torque_margin=scenario.torque_margin,
             planner=scenario.planner,
         ).motion
     try:
         _check_finite(checked_type(motion, Motion, "motion"))
         if torques is None:
-            torques = torque_groups(known, motion.q, motion.v, motion.vd)
-        known_torques = torques
+            torques = torque_groups(nominal, motion.q, motion.v, motion.vd)
+        nominal_torques = torques
         _check_delay(scenario, motion)
-        if robot is not known and scenario.plant.kind == "axis":
+        if robot is not nominal and scenario.plant.kind == "axis":
             torques = torque_groups(robot, motion.q, motion.v, motion.vd)
         inertia = InertiaRange.of(effective_inertia(robot, torques.d_kk))
         loads = _loads(scenario, robot, motion, torques)
         i_eff = inertia.maximum if scenario.plant.i_eff is None else np.array(scenario.plant.i_eff)
         elastic = _elastic_joints(scenario, robot, motion, torques, i_eff)
-        modelled = known_torques
-        if model is not known:
+        modelled = nominal_torques
+        if model is not nominal:
             modelled = torque_groups(model, motion.q, motion.v, motion.vd)
         i_eff_modelled = effective_inertia(model, modelled.d_kk)
         largest = i_eff_modelled.max(axis=0)
-        gains = _gains(scenario, largest, known)
+        gains = _gains(scenario, largest, nominal)
         slowest = i_eff if scenario.plant.kind == "axis" else inertia.minimum
         _check_speed(scenario, robot, gains, slowest, elastic)
         _check_device_speed(scenario, robot, slowest)
@@ -192,8 +192,8 @@ def make_design(
         if choice.position_gain is None
         else np.array(choice.position_gain),
         elastic=elastic,
-        known=known,
-        known_torques=known_torques,
+        nominal=nominal,
+        nominal_torques=nominal_torques,
         steady_load=_loads(scenario, robot, steady).load_torque[0],
         steady_ff=0.0 if steady_ff is None else steady_ff[0],
     )
@@ -212,7 +212,7 @@ def load_plan(
     robot: Robot,
     *,
     period: float,
-    margin: float = 1.0,
+    torque_margin: float = 1.0,
     planner: str = "limiter",
 ) -> Plan:
     """Plan the motion of a file, or the shipped one of a name.
@@ -225,15 +225,17 @@ def load_plan(
     """
     checked_choice(planner, tuple(PLANNERS), "planner")
     file = find_file(find_motion(path))
-    plan = partial(PLANNERS[planner], robot, period=period, margin=margin)
+    plan = partial(PLANNERS[planner], robot, period=period, torque_margin=torque_margin)
     try:
         if file.suffix in (".yaml", ".yml"):
             return plan(load_command(file, robot))
         if file.suffix == ".csv":
             motion, loss = import_motion(file, period)
             if loss is None and planner == "limiter":
-                torque = check_motion(robot, motion, margin=margin)
-                return Plan(motion, torque, np.zeros(motion.q.shape, dtype=bool), margin, motion)
+                torque = check_motion(robot, motion, torque_margin=torque_margin)
+                return Plan(
+                    motion, torque, np.zeros(motion.q.shape, dtype=bool), torque_margin, motion
+                )
             return replace(plan(_as_command(motion, file.stem)), loss=loss)
     except InputError as error:
         raise _located(error, file) from None
@@ -283,9 +285,9 @@ def _check_delay(scenario: Scenario, motion: Motion) -> None:
         )
 
 
-def _load_model(robot: Robot, errors: ModelErrors, where: str) -> Robot:
+def _load_model(robot: Robot, errors: Deviation, where: str) -> Robot:
     try:
-        return load_model(robot, errors)
+        return deviated(robot, errors)
     except InputError as error:
         text = str(error)
         if text.startswith(("payload", "link_scales")):
@@ -312,14 +314,14 @@ def feedforward_along(
     if choice.feedforward_gain is not None:
         tau_ff = np.array(choice.feedforward_gain) * tau_ff
     if choice.friction_compensation and scenario.plant.friction is not None:
-        friction = joint_friction(scenario.plant.friction, model.n)
+        friction = friction_parameters(scenario.plant.friction, model.n)
         tau_ff = tau_ff + sliding_friction(friction, motion.v) / model.gear_ratio
     return tau_ff
 
 
 def _elastic_joints(
     scenario: Scenario, robot: Robot, motion: Motion, torques: TorqueGroups, i_eff: Array
-) -> ElasticJoints | None:
+) -> Springs | None:
     """The springs, from the inertia that each sees where it is largest along the motion."""
     elasticity = scenario.plant.elasticity
     if elasticity is None:
@@ -339,7 +341,7 @@ def _elastic_joints(
                 f"kg m² (motor side) and the link inertia {links[k]:g} kg m² (joint side); an "
                 "elastic joint needs both > 0"
             )
-    return elastic_joints(elasticity, links, gravity_stiffness)
+    return springs_of(elasticity, links, gravity_stiffness)
 
 
 def _gravity_stiffness(robot: Robot, q: Array, k: int) -> float:
@@ -361,7 +363,7 @@ def _check_speed(
     robot: Robot,
     gains: SpeedGains,
     i_eff: Array,
-    elastic: ElasticJoints | None,
+    elastic: Springs | None,
 ) -> None:
     """Refuse a loop so stiff that its simulation would not end."""
     at_motor = i_eff
@@ -384,7 +386,7 @@ def _check_device_speed(scenario: Scenario, robot: Robot, i_eff: Array) -> None:
     """The same for friction and drive; i_eff motor side [kg m²]."""
     inertia = robot.gear_ratio**2 * i_eff
     if scenario.plant.friction is not None:
-        friction = joint_friction(scenario.plant.friction, robot.n)
+        friction = friction_parameters(scenario.plant.friction, robot.n)
         bristles = friction.coulomb / friction.presliding / inertia
         extra = friction.breakaway - friction.coulomb
         for name, poles in (

@@ -9,10 +9,10 @@ from typing import Optional
 from pydrake.common.yaml import yaml_dump_typed
 
 from sdt_drake.control import CONTROLLERS, FEEDFORWARDS, STRUCTURES
+from sdt_drake.deviation import Deviation
 from sdt_drake.device import DeviceChoice, Drive, Elasticity, Friction
 from sdt_drake.dynamics import SIGNS
 from sdt_drake.errors import InputError, checked_choice, checked_number, checked_vector, replacing
-from sdt_drake.model_errors import ModelErrors
 from sdt_drake.motion import PLANNERS, find_motion
 from sdt_drake.robot import DEFAULT_ROBOT
 from sdt_drake.yaml_files import check_types, load_yaml
@@ -40,7 +40,7 @@ class PlantChoice:
     i_eff: Optional[list[float]] = None  # noqa: UP045
     friction: Optional[Friction] = None  # noqa: UP045
     elasticity: Optional[Elasticity] = None  # noqa: UP045
-    deviation: ModelErrors = field(default_factory=ModelErrors)
+    deviation: Deviation = field(default_factory=Deviation)
 
 
 @dataclass
@@ -79,7 +79,7 @@ class ControllerChoice:
     feedforward_gain: Optional[list[float]] = None  # noqa: UP045
     friction_compensation: bool = False
     position_gain: Optional[list[float]] = None  # noqa: UP045
-    model: ModelErrors = field(default_factory=ModelErrors)
+    model: Deviation = field(default_factory=Deviation)
 
     @property
     def feedforward_in_use(self) -> str:

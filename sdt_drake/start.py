@@ -9,7 +9,7 @@ from pydrake.systems.primitives import ZeroOrderHold
 
 from sdt_drake.control import CONTROLLERS
 from sdt_drake.design import Design
-from sdt_drake.device import Drive, Friction, joint_friction, sliding_friction, sliding_stretch
+from sdt_drake.device import Drive, Friction, friction_parameters, sliding_friction, sliding_stretch
 from sdt_drake.dynamics import torque_groups
 from sdt_drake.loops import PI_NAME, PLANT_NAME
 from sdt_drake.systems import STRETCH_UNIT, torque_unit
@@ -41,7 +41,7 @@ def start_in_equilibrium(design: Design, diagram: Diagram, context: Context) -> 
         axes = design.elastic.elastic
         context_of("elastic_joints").SetContinuousState(np.concatenate([motor[axes], v[axes]]))
     if scenario.plant.friction is not None:
-        stretch = sliding_stretch(joint_friction(scenario.plant.friction, n), v)
+        stretch = sliding_stretch(friction_parameters(scenario.plant.friction, n), v)
         context_of("friction").SetContinuousState(stretch / STRETCH_UNIT)
     if drive.torque_bandwidth is not None:
         unit = torque_unit(design.robot.motor_torque_limit)
@@ -71,7 +71,7 @@ def _holding_torque(design: Design, q: Array) -> Array:
         load = design.steady_load
     else:
         load = torque_groups(robot, q, v, np.zeros(robot.n)).total / robot.gear_ratio
-    friction = joint_friction(design.scenario.plant.friction or Friction(), robot.n)
+    friction = friction_parameters(design.scenario.plant.friction or Friction(), robot.n)
     return load + sliding_friction(friction, v) / robot.gear_ratio
 
 

@@ -349,7 +349,7 @@ def test_plan_with_a_margin_limits_the_accelerations(good, desk):
     inertia = 4.0424 * 67.2**2  # of the arm at q = 0, motor side 4.0424 kg m²
     free = read_printed_table(good("plan", "arm_only.yaml").out)[1][0]
     assert float(free[1]) == pytest.approx(0.2 * inertia, rel=1e-3) and float(free[4]) == 0
-    done = good("plan", "arm_only.yaml", "--margin", "0.1")
+    done = good("plan", "arm_only.yaml", "--torque-margin", "0.1")
     limited = read_printed_table(done.out)[1][0]
 
     torque = 0.1 * 203.2 * 67.2  # published
@@ -894,13 +894,13 @@ def test_what_spreadsheets_and_editors_do_to_files(good, desk):
 
 
 def test_plan_tells_the_angle_that_the_limiter_loses(good):
-    out = good("plan", "inversion", "--margin", "0.5").out
+    out = good("plan", "inversion", "--torque-margin", "0.5").out
     told = re.search(
         r"^joint 1 'planetary' ends (\d+\.\d) deg from where it is commanded: .*$", out, re.M
     )
     assert told and "--planner retiming keeps the path" in told[0]
     # Both ends: of the table, and of the command, which the retiming keeps.
-    kept = good("plan", "inversion", "--margin", "0.5", "--planner", "retiming").out
+    kept = good("plan", "inversion", "--torque-margin", "0.5", "--planner", "retiming").out
     assert "commanded:" not in kept
     ends = [float(read_printed_table(text)[1][0][8]) for text in (out, kept)]
     assert abs(ends[1] - ends[0]) == pytest.approx(float(told[1]), abs=0.15)
@@ -914,7 +914,7 @@ def test_plan_tells_what_starts_or_ends_in_motion(good, desk):
 
 
 def test_plan_names_the_share_of_the_torque_that_it_may_use(good):
-    out = good("plan", "leans", "--margin", "0.75").out
+    out = good("plan", "leans", "--torque-margin", "0.75").out
     assert out.splitlines()[0].endswith("samples, feasible with 75 % of the motors' torque")
     assert re.search(r"^smallest margin: .*, held against the whole limit$", out, re.M)
     assert good("plan", "leans").out.splitlines()[0].endswith("feasible")
@@ -980,9 +980,9 @@ def test_wrong_usage(refuse, arguments, saying):
     (["plan", "short.yaml", "--period", "inf"], ["period", "inf"]),
     (["plan", "short.yaml", "--period", "1e-12"], ["period"]),
     (["plan", "short.yaml", "--period", "0.007"], ["0.007", "0.5"]),
-    (["plan", "short.yaml", "--margin", "0"], ["margin"]),
-    (["plan", "short.yaml", "--margin", "1.01"], ["margin", "1.01"]),
-    (["plan", "short.yaml", "--margin", "nan"], ["margin", "nan"]),
+    (["plan", "short.yaml", "--torque-margin", "0"], ["margin"]),
+    (["plan", "short.yaml", "--torque-margin", "1.01"], ["margin", "1.01"]),
+    (["plan", "short.yaml", "--torque-margin", "nan"], ["margin", "nan"]),
     (["tune", "short.yaml", "--omega-r", "0"], ["omega", "> 0"]),
     (["tune", "short.yaml", "--omega-r", "nan"], ["omega", "nan"]),
     (["tune", "short.yaml", "--omega-r", "1e300"], ["omega"]),

@@ -13,10 +13,10 @@ from test_loops import rk4
 
 from sdt_drake.control import CONTROLLERS
 from sdt_drake.design import make_design
-from sdt_drake.device import Drive, Elasticity, ElasticJoints, Friction, JointFriction
+from sdt_drake.deviation import Deviation
+from sdt_drake.device import Drive, Elasticity, Friction, FrictionParameters, Springs
 from sdt_drake.dynamics import Loads
 from sdt_drake.loops import PLANT_NAME, loop_period, make_loop
-from sdt_drake.model_errors import ModelErrors
 from sdt_drake.motion import Motion
 from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import make_simulator, simulate
@@ -33,7 +33,7 @@ R = np.array([67.2, 1, 1, 1])
 ROTORS = np.array([0.1291, 1.73, 0.531, 0.531])  # kg m², motor side
 LIMIT = np.array([203.2, 3950, 2150, 2150])  # N m, motor side
 PERIOD = 0.005  # s
-LIGHT = ModelErrors(payload_mass=-40.0)
+LIGHT = Deviation(payload_mass=-40.0)
 
 
 @pytest.fixture(scope="session")
@@ -144,7 +144,7 @@ def test_inverse_dynamics_gives_every_joint_its_frequency_and_damping(designed):
 
 
 def test_wrong_model_is_worse_on_the_same_plant(run, designed):
-    right, wrong = (run("coupled_pi", kind("pi_id", model=m)) for m in (ModelErrors(), LIGHT))
+    right, wrong = (run("coupled_pi", kind("pi_id", model=m)) for m in (Deviation(), LIGHT))
     assert np.all(rms(wrong) > rms(right))
     assert (rms(wrong) / rms(right)).max() > 1.05
 
@@ -152,7 +152,7 @@ def test_wrong_model_is_worse_on_the_same_plant(run, designed):
         make_loop(designed("coupled_pi", kind("pi_id", model=m))).GetSubsystemByName(
             "multibody_plant"
         )
-        for m in (ModelErrors(), LIGHT)
+        for m in (Deviation(), LIGHT)
     ]
     for state in np.random.default_rng(6).normal(size=(5, 8)):
         dynamics = []
@@ -224,7 +224,7 @@ def test_feedforward_on_axes_against_plain_numpy(designed, feedforward):
 
 
 @pytest.mark.parametrize("name", ["pi_ctc", "pi_id"])
-@pytest.mark.parametrize("model", [ModelErrors(), LIGHT], ids=["right", "wrong"])
+@pytest.mark.parametrize("model", [Deviation(), LIGHT], ids=["right", "wrong"])
 def test_table_and_online_feedforward_are_the_same(run, name, model):
     friction = Friction(viscous=[300.0, 20.0, 20.0, 20.0])
     fields = kind(name, model=model, friction_compensation=True, feedforward_gain=[1.1, 1, 0.9, 0])
@@ -422,7 +422,7 @@ def test_everything_real_still_follows(run, name):
 
 # --- friction --------------------------------------------------------------------------------
 
-STICKY = JointFriction(
+STICKY = FrictionParameters(
     coulomb=np.array([500.0, 400.0, 300.0, 100.0]),
     viscous=np.array([40.0, 5.0, 2.0, 1.0]),
     breakaway=np.array([700.0, 500.0, 300.0, 130.0]),
@@ -632,7 +632,7 @@ def test_momentum_of_an_elastic_axis_is_kept(elastic_design):
 def test_energy_of_the_elastic_plant_is_kept_without_damping(robot):
     elastic = np.array([True, True, False, True])
     stiffness = np.array([4e6, 2e5, 0.0, 1e5])
-    springs = ElasticJoints(elastic, stiffness, np.zeros(4))
+    springs = Springs(elastic, stiffness, np.zeros(4))
     builder = DiagramBuilder()
     block = place_flat(
         builder, "plant", robot_plant_block, robot=robot, loaded=False, without_rotor=elastic

@@ -12,10 +12,10 @@ from pydrake.multibody.tree import MultibodyForces
 
 from sdt_drake.control import tune
 from sdt_drake.design import make_design
+from sdt_drake.deviation import Deviation, deviated
 from sdt_drake.device import Drive, Elasticity, Friction
 from sdt_drake.dynamics import decouple, torque_groups
 from sdt_drake.errors import InputError
-from sdt_drake.model_errors import ModelErrors, load_model
 from sdt_drake.motion import Motion
 from sdt_drake.robot import edited, load_robot
 
@@ -27,7 +27,7 @@ FRICTION = Friction(
     [300.0, 60.0, 0.0, 20.0], [40.0, 0.0, 8.0, 2.0], [450.0, 60.0, 10.0, 50.0], 0.03
 )
 OMEGA = np.array([90.0, 120.0, 150.0, 80.0])  # rad/s
-LIGHT = ModelErrors(payload_mass=-40.0)
+LIGHT = Deviation(payload_mass=-40.0)
 
 
 @pytest.fixture
@@ -160,7 +160,7 @@ def test_wrong_model_changes_what_the_controller_knows_and_not_the_plant(make):
 
 @pytest.mark.parametrize("scale", [0.8, 1.25])
 def test_gains_are_tuned_to_the_model(make, scale):
-    errors = ModelErrors(inertia_scale=scale)
+    errors = Deviation(inertia_scale=scale)
     design = make(model=errors)
     links = link_inertia(design.robot, design.motion).max(axis=0)
     expected = tune(ROTORS + scale * links / R**2, OMEGA_R, ZETA)
@@ -171,7 +171,7 @@ def test_gains_are_tuned_to_the_model(make, scale):
 
 def test_ctc_of_a_wrong_model_is_algorithm_1_of_that(make):
     design = make("pi_ctc", model=LIGHT)
-    motion, model = design.motion, load_model(design.robot, LIGHT)
+    motion, model = design.motion, deviated(design.robot, LIGHT)
     torques = torque_groups(model, motion.q, motion.v, motion.vd)
     expected = decouple(torques.inertial, torques.coupled, R).load_torque
     np.testing.assert_array_equal(design.tau_ff, expected)
@@ -180,7 +180,7 @@ def test_ctc_of_a_wrong_model_is_algorithm_1_of_that(make):
 
 def test_elastic_joints_are_those_of_the_plant_whatever_the_model(make):
     right, wrong = (
-        make(elasticity=Elasticity(OMEGA.tolist()), model=model) for model in (ModelErrors(), LIGHT)
+        make(elasticity=Elasticity(OMEGA.tolist()), model=model) for model in (Deviation(), LIGHT)
     )
     np.testing.assert_array_equal(wrong.elastic.stiffness, right.elastic.stiffness)
 
@@ -188,7 +188,7 @@ def test_elastic_joints_are_those_of_the_plant_whatever_the_model(make):
 # --- inertia, gains, position loop -----------------------------------------------------------
 
 
-@pytest.mark.parametrize("model", [ModelErrors(), LIGHT], ids=["right", "wrong"])
+@pytest.mark.parametrize("model", [Deviation(), LIGHT], ids=["right", "wrong"])
 def test_inertia_share_is_1_where_the_inertia_is_largest(make, model):
     design = make(model=model)
     i_eff = ROTORS + link_inertia(design.model, design.motion) / R**2
@@ -280,9 +280,9 @@ def test_spring_without_a_number_is_refused(make, omega):
 @pytest.mark.parametrize(
     ("errors", "message"),
     [
-        (ModelErrors(payload_mass=-300.0), r"controller\.model\.payload_mass: "),
-        (ModelErrors("seat", 1.0), r"controller\.model\.payload: no link"),
-        (ModelErrors(inertia_scale=1e300), r"controller\.model: no body could be like that"),
+        (Deviation(payload_mass=-300.0), r"controller\.model\.payload_mass: "),
+        (Deviation("seat", 1.0), r"controller\.model\.payload: no link"),
+        (Deviation(inertia_scale=1e300), r"controller\.model: no body could be like that"),
     ],
 )
 def test_impossible_model_of_the_controller_is_refused(make, errors, message):
@@ -323,7 +323,7 @@ def test_an_error_of_no_link_is_refused_before_anything_is_planned(design, field
     scenario = copy.deepcopy(design.scenario)
     scenario.motion = "not_there.yaml"
     part, name = field.split(".")
-    setattr(getattr(scenario, part), name, ModelErrors("seat", payload_mass=1.0))
+    setattr(getattr(scenario, part), name, Deviation("seat", payload_mass=1.0))
     with pytest.raises(InputError, match=rf"{field}\.payload: no link 'seat' in .*sdt\.sdf"):
         make_design(scenario)
 
@@ -404,7 +404,7 @@ def test_device_that_would_make_the_simulation_crawl_is_refused(make_variant, ch
 
 def test_error_of_the_model_names_its_field(make_variant):
     def change(scenario):
-        scenario.controller.model = ModelErrors(payload_mass=-180.0)
+        scenario.controller.model = Deviation(payload_mass=-180.0)
 
     with pytest.raises(InputError, match=r"'coupled_pi': controller\.model\.payload_mass: -180 kg"):
         make_variant("coupled_pi", change)

@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).parents[1] / "sdt_drake"
 # From the bottom up; README's layout shows the same order.
 ORDER = (
     "errors", "versions", "resources", "tables", "yaml_files", "urdf", "sdf", "robot", "links",
-    "model_errors", "dynamics", "device", "motion", "pilot", "control", "scenario", "design",
+    "deviation", "dynamics", "device", "motion", "pilot", "control", "scenario", "design",
     "systems", "loops", "start", "motor_torque", "simulate", "graphviz", "viewer", "paper",
     "analysis", "studies",
     "commands", "cli", "__main__",

@@ -15,9 +15,9 @@ import pytest
 import sdt_drake
 from sdt_drake.control import CONTROLLERS
 from sdt_drake.design import load_plan, make_design
+from sdt_drake.deviation import Deviation
 from sdt_drake.device import DeviceChoice, Drive, Elasticity, Friction
 from sdt_drake.errors import InputError
-from sdt_drake.model_errors import ModelErrors
 from sdt_drake.motion import Motion, load_profile
 from sdt_drake.resources import find_file, models_dir
 from sdt_drake.scenario import (
@@ -207,7 +207,7 @@ def test_a_scenario_is_made_of_these():
         Elasticity,
         Drive,
         ControllerChoice,
-        ModelErrors,
+        Deviation,
         Disturbance,
     }
 
@@ -246,7 +246,7 @@ def on_axes() -> Scenario:
             I_EFF,
             Friction(I_EFF, KP, KI, 0.1, 2e-5),
             Elasticity([0.0, 9, 9, 9], 0, "link"),
-            ModelErrors("arm", 3.0, [0.1, 0.0, 0.0], 0.95, [1.1, 1.0]),
+            Deviation("arm", 3.0, [0.1, 0.0, 0.0], 0.95, [1.1, 1.0]),
         ),
         drive=Drive(0.0005, 200.0, [0.0, 0.1, -0.1, 0], [1e6] * 4, I_EFF, KP, 0.015),
         controller=ControllerChoice(
@@ -259,7 +259,7 @@ def on_axes() -> Scenario:
             feedforward_gain=[1.1, 1.0, 0.9, -0.5],
             friction_compensation=True,
             position_gain=[1.0, 2.0, 3.0, 4.0],
-            model=ModelErrors("gondola", -40.5, [0.0, 1e-3, -0.1], 1.05, [0.9]),
+            model=Deviation("gondola", -40.5, [0.0, 1e-3, -0.1], 1.05, [0.9]),
         ),
         disturbance=Disturbance(0.05, 3.0),
     )
@@ -827,9 +827,9 @@ def test_a_csv_that_the_robot_cannot_do_is_refused(robot, write_motion, motion, 
 
 def test_the_margin_holds_for_a_csv_too(design, robot, write_motion):
     path = write_motion(design.motion)
-    load_plan(path, robot, period=0.005, margin=0.93)
+    load_plan(path, robot, period=0.005, torque_margin=0.93)
     with pytest.raises(InputError, match=r"motion\.csv: joint 2 'roll' at .* N m"):
-        load_plan(path, robot, period=0.005, margin=0.92)
+        load_plan(path, robot, period=0.005, torque_margin=0.92)
 
 
 @pytest.mark.parametrize(

@@ -59,9 +59,9 @@ def test_weaker_motors_make_it_slower_but_keep_its_path(robot, plans, name):
     gravity = np.abs(torque_groups(robot, free.motion.q, rest, rest).gravity)
     if np.any(gravity > share * robot.effort_limit):
         with pytest.raises(InputError, match=r"to hold its links.*no slower motion needs less"):
-            load_plan(name, robot, period=PERIOD, planner="retiming", margin=share)
+            load_plan(name, robot, period=PERIOD, planner="retiming", torque_margin=share)
         return
-    slower = load_plan(name, robot, period=PERIOD, planner="retiming", margin=share)
+    slower = load_plan(name, robot, period=PERIOD, planner="retiming", torque_margin=share)
     assert slower.motion.duration > free.motion.duration
     assert np.all(np.abs(slower.torque) <= share * robot.effort_limit + 1e-6)
     # Each point of the slower motion has one near it on the path.

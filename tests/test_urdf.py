@@ -12,8 +12,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint
 from test_robot import ARM, chain_sdf
 
+from sdt_drake.deviation import Deviation, deviated
 from sdt_drake.errors import InputError
-from sdt_drake.model_errors import ModelErrors, load_model
 from sdt_drake.robot import load_robot
 
 # The arm of test_robot.py.
@@ -147,8 +147,8 @@ def test_any_chain_is_the_same_in_both_and_in_drake(load, n, base):
 
 
 def test_a_model_with_errors_is_that_of_the_sdf(load):
-    errors = ModelErrors("lower", 0.5, [0.1, 0.2, 0.3], 1.1)
-    check_same(load_model(load(URDF), errors), load_model(load(ARM, "arm.sdf"), errors))
+    errors = Deviation("lower", 0.5, [0.1, 0.2, 0.3], 1.1)
+    check_same(deviated(load(URDF), errors), deviated(load(ARM, "arm.sdf"), errors))
 
 
 def test_the_world_need_not_be_a_link(load):

@@ -41,8 +41,14 @@ def plan(title: str, robot: Robot, planned: Plan, margins: Margins) -> Figure:
             for left in (margins.lowest[:, k], margins.highest[:, k]):
                 if np.any(np.abs(left) < robot.effort_limit[k]):
                     torque.plot(motion.time, left, ":", color="black", label="left at this speed")
-            if planned.margin < 1:
-                _limits(torque, motion.time, planned.margin * robot.effort_limit[k], _LIMIT, "used")
+            if planned.torque_margin < 1:
+                _limits(
+                    torque,
+                    motion.time,
+                    planned.torque_margin * robot.effort_limit[k],
+                    _LIMIT,
+                    "used",
+                )
             torque.plot(motion.time, margins.torque[:, k], color=PLANNED, label="planned")
             speed.plot(
                 commanded.time, commanded.v[:, k], color=COMMANDED, lw=2.4, label="commanded"

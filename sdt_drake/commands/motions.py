@@ -102,7 +102,7 @@ def _largest_g(command, robot) -> str:
         return "-"
     # The planner may be given another period; here any about as long, that divides the duration.
     period = command.duration / np.ceil(command.duration / INTERPOLATION_PERIOD)
-    motion = commanded_motion(robot, command, period, margin=1.0)
+    motion = commanded_motion(robot, command, period, torque_margin=1.0)
     return f"{head_motion(robot, motion.q, motion.v, motion.vd).resultant_g.max():.2f}"
 
 

@@ -44,7 +44,10 @@ def add(commands) -> None:
         "the time of the whole path (retiming)",
     )
     parser.add_argument(
-        "--margin", type=float, default=1.0, help="share of the motors' torque to use, in (0, 1]"
+        "--torque-margin",
+        type=float,
+        default=1.0,
+        help="share of the motors' torque to use, in (0, 1]",
     )
     parser.add_argument(
         "--envelope",
@@ -68,15 +71,15 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.robot import load_robot
 
     _check_outputs(options)
-    if not 0 < options.margin <= 1:
-        raise InputError(f"--margin: {options.margin:g}, expected a share in (0, 1]")
+    if not 0 < options.torque_margin <= 1:
+        raise InputError(f"--torque-margin: {options.torque_margin:g}, expected a share in (0, 1]")
     robot = load_robot(options.robot)
     n1, n0 = _envelope(options.envelope, robot.n)
     plan = load_plan(
         options.motion,
         robot,
         period=options.period,
-        margin=options.margin,
+        torque_margin=options.torque_margin,
         planner=options.planner,
     )
     report = margins(robot, plan.motion, n1=n1, n0=n0)
@@ -151,7 +154,11 @@ def _print_report(options: argparse.Namespace, robot, plan, report) -> None:
     import numpy as np
 
     motion = plan.motion
-    share = "" if plan.margin == 1 else f" with {100 * plan.margin:.4g} % of the motors' torque"
+    share = (
+        ""
+        if plan.torque_margin == 1
+        else f" with {100 * plan.torque_margin:.4g} % of the motors' torque"
+    )
     say(f"{options.motion}: {_duration(plan)}, {len(motion.time)} samples, feasible{share}")
     _print_ends(options, robot, plan)
     if plan.loss is not None:
@@ -185,12 +192,15 @@ def _print_report(options: argparse.Namespace, robot, plan, report) -> None:
         say(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
     place = report.smallest
     say(
-        f"smallest margin: {_tenths(100 * place.margin)} %, {place.quantity} of joint "
+        f"smallest margin: {_tenths(100 * place.left)} %, {place.quantity} of joint "
         f"{place.joint + 1} '{robot.joint_names[place.joint]}' at {place.time:.3f} s"
-        + ("" if plan.margin == 1 else ", held against the whole limit")
+        + ("" if plan.torque_margin == 1 else ", held against the whole limit")
     )
-    if place.quantity == "torque at speed" and place.margin < 0:
-        say("beyond the torque-speed envelope: the planners do not know it; take a lower --margin")
+    if place.quantity == "torque at speed" and place.left < 0:
+        say(
+            "beyond the torque-speed envelope: the planners do not know it; take a lower "
+            "--torque-margin"
+        )
     growth = report.growth / robot.effort_limit
     k = int(growth.argmax())
     say(

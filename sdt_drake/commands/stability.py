@@ -100,7 +100,7 @@ def _omega_r(design: Design, options: argparse.Namespace) -> tuple[float, str]:
     """Lowest natural frequency of the structure [rad/s], and where it comes from."""
     if options.omega_r is not None:
         return options.omega_r, "--omega-r"
-    omega_r, factor = design.scenario.controller.omega_r, design.known.frequency_factor
+    omega_r, factor = design.scenario.controller.omega_r, design.nominal.frequency_factor
     if omega_r is None:
         raise InputError(
             f"--omega-r: missing; {options.scenario} gives kp and ki but no controller.omega_r, "

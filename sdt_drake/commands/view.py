@@ -102,7 +102,7 @@ def _motion(options: argparse.Namespace):
     _check(options)(robot)
     if given.suffix == ".csv":
         return given.stem, robot, *_angles(given, robot)
-    motion = load_plan(options.motion, robot, period=PERIOD, margin=1.0).motion
+    motion = load_plan(options.motion, robot, period=PERIOD, torque_margin=1.0).motion
     return given.stem, robot, motion.time, motion.q
 
 

@@ -2,13 +2,13 @@
 
 from sdt_drake.device.choice import DeviceChoice, chosen_robot, motors_in_use
 from sdt_drake.device.drive import Drive
-from sdt_drake.device.elasticity import ENCODERS, Elasticity, ElasticJoints, elastic_joints
+from sdt_drake.device.elasticity import ENCODERS, Elasticity, Springs, springs_of
 from sdt_drake.device.friction import (
     OVERFLOW_RATE,
     PRESLIDING_DAMPING_TIME,
     Friction,
-    JointFriction,
-    joint_friction,
+    FrictionParameters,
+    friction_parameters,
     sliding_friction,
     sliding_stretch,
 )
@@ -29,16 +29,16 @@ __all__ = [
     "Catalogue",
     "DeviceChoice",
     "Drive",
-    "ElasticJoints",
     "Elasticity",
     "Friction",
-    "JointFriction",
+    "FrictionParameters",
     "Motor",
+    "Springs",
     "chosen_robot",
-    "elastic_joints",
-    "joint_friction",
+    "friction_parameters",
     "load_catalogue",
     "motors_in_use",
     "sliding_friction",
     "sliding_stretch",
+    "springs_of",
 ]

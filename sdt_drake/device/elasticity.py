@@ -51,7 +51,7 @@ class Elasticity:
 
 
 @dataclass(frozen=True, eq=False)
-class ElasticJoints:
+class Springs:
     """Springs and dampers, **joint side**; arrays of shape (n,), 0 at rigid joints.
 
     Attributes:
@@ -65,9 +65,7 @@ class ElasticJoints:
     damping: Array
 
 
-def elastic_joints(
-    elasticity: Elasticity, inertia: ArrayLike, gravity_stiffness: ArrayLike
-) -> ElasticJoints:
+def springs_of(elasticity: Elasticity, inertia: ArrayLike, gravity_stiffness: ArrayLike) -> Springs:
     """k = omega² d - k_g and c = 2 zeta omega d, so that (k + k_g) / d = omega².
 
     Args:
@@ -95,4 +93,4 @@ def elastic_joints(
             f"plant.elasticity: natural_frequency {omega[j]:g} rad/s and damping_ratio "
             f"{elasticity.damping_ratio:g} are too large for joint {j + 1}"
         )
-    return ElasticJoints(elastic, k, c)
+    return Springs(elastic, k, c)

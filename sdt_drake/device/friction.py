@@ -60,7 +60,7 @@ class Friction:
                 array = checked_vector(values, n, f"{where}.{field.name}")
                 if np.any(array < 0):
                     raise InputError(f"{where}.{field.name}: {values} contains a value < 0")
-        friction = joint_friction(self, n)
+        friction = friction_parameters(self, n)
         if np.any(friction.breakaway < friction.coulomb):
             raise InputError(
                 f"{where}.breakaway: {self.breakaway}, expected at least coulomb, "
@@ -69,7 +69,7 @@ class Friction:
 
 
 @dataclass(frozen=True, eq=False)
-class JointFriction:
+class FrictionParameters:
     """`Friction` with its defaults filled in: arrays of shape (n,), joint side."""
 
     coulomb: Array
@@ -79,14 +79,14 @@ class JointFriction:
     presliding: float
 
 
-def joint_friction(friction: Friction, n: int) -> JointFriction:
+def friction_parameters(friction: Friction, n: int) -> FrictionParameters:
     """The friction of n joints."""
 
     def filled(values: list[float] | None, default: Array) -> Array:
         return default if values is None else np.array(values, dtype=float)
 
     coulomb = filled(friction.coulomb, np.zeros(n))
-    return JointFriction(
+    return FrictionParameters(
         coulomb,
         filled(friction.viscous, np.zeros(n)),
         filled(friction.breakaway, coulomb),
@@ -95,7 +95,7 @@ def joint_friction(friction: Friction, n: int) -> JointFriction:
     )
 
 
-def sliding_friction(friction: JointFriction, v: ArrayLike) -> Array:
+def sliding_friction(friction: FrictionParameters, v: ArrayLike) -> Array:
     """Friction of joints that slide steadily at v [rad/s], shape (n,) or (N, n); 0 at rest [N m].
 
     F_c sign(v) + (F_b - F_c) (v / v_s) exp((1 - (v / v_s)²) / 2) + b v, joint side. The Stribeck
@@ -107,7 +107,7 @@ def sliding_friction(friction: JointFriction, v: ArrayLike) -> Array:
     return friction.coulomb * np.sign(v) + stribeck + friction.viscous * v
 
 
-def sliding_stretch(friction: JointFriction, v: ArrayLike) -> Array:
+def sliding_stretch(friction: FrictionParameters, v: ArrayLike) -> Array:
     """z / z_c of bristles that slide steadily at v [rad/s]; 0 at rest [-]."""
     v = np.asarray(v, dtype=float)
     return np.sign(v) + v / (friction.presliding * OVERFLOW_RATE)

@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.systems.framework import OutputPort
 
 from sdt_drake.control import CONTROLLERS
-from sdt_drake.device import Friction, joint_friction, sliding_friction
+from sdt_drake.device import Friction, friction_parameters, sliding_friction
 from sdt_drake.loops.builder import DesignLoopBuilder
 from sdt_drake.loops.feedback import FEEDBACKS
 from sdt_drake.loops.plant import Device
@@ -53,7 +53,7 @@ def place_load_torque(loop: DesignLoopBuilder, reference: OutputPort) -> Block:
     design = loop.design
     if design.scenario.inverse_dynamics == "table":
         return loop.place_table("load_torque_table", design.loads._asdict())
-    robot = design.robot if design.scenario.plant.kind == "axis" else design.known
+    robot = design.robot if design.scenario.plant.kind == "axis" else design.nominal
     loads = loop.place(
         "load_torque", load_torque_block, robot=robot, sign=design.scenario.algorithm
     )
@@ -144,7 +144,7 @@ def _place_feedforward_torque(
     if scenario.inverse_dynamics == "table":
         return loop.place_table("feedforward_table", {"tau_ff": design.tau_ff}).outputs["tau_ff"]
     n = design.robot.n
-    friction = joint_friction(scenario.plant.friction or Friction(), n)
+    friction = friction_parameters(scenario.plant.friction or Friction(), n)
     block = loop.place(
         "feedforward_torque",
         feedforward_torque_block,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from pydrake.systems.framework import InputPort, OutputPort
 
-from sdt_drake.device import joint_friction
+from sdt_drake.device import friction_parameters
 from sdt_drake.loops.builder import DesignLoopBuilder
 from sdt_drake.systems import (
     Block,
@@ -116,7 +116,7 @@ def place_loads(
         block = loop.place(
             "friction",
             friction_block,
-            friction=joint_friction(friction, design.robot.n),
+            friction=friction_parameters(friction, design.robot.n),
             gear_ratio=design.robot.gear_ratio,
         )
         loop.connect(device.state, block.inputs["state"])

@@ -23,7 +23,7 @@ from sdt_drake.motion.training import (
 from sdt_drake.motion.trajectory import Motion
 
 PLANNERS = {"limiter": plan_motion, "retiming": retime}
-"""Each `(robot, command, *, period, margin) -> Plan`."""
+"""Each `(robot, command, *, period, torque_margin) -> Plan`."""
 
 __all__ = [
     "INTERPOLATION_PERIOD",

@@ -32,7 +32,7 @@ class Tightest:
     time: float
 
     @property
-    def margin(self) -> float:
+    def left(self) -> float:
         """What is left of the limit [-]; negative if it is not kept."""
         return 1 - self.share
 

@@ -45,7 +45,7 @@ class Plan:
         torque: joint torque with the motors' inertia at each sample, joint side [N m],
             shape (N + 1, n).
         limited: where the planner held a joint back, shape (N + 1, n).
-        margin: share of the motors' torque that was allowed [-].
+        torque_margin: share of the motors' torque that was allowed [-].
         commanded: what was asked for, at the same period.
         loss: of the resampling of a CSV; None if nothing was resampled.
     """
@@ -53,7 +53,7 @@ class Plan:
     motion: Motion
     torque: Array
     limited: NDArray[np.bool_]
-    margin: float
+    torque_margin: float
     commanded: Motion
     loss: Loss | None = None
 
@@ -77,7 +77,7 @@ def plan_motion(
     command: Command | CommandProfile,
     *,
     period: float = INTERPOLATION_PERIOD,
-    margin: float = 1.0,
+    torque_margin: float = 1.0,
 ) -> Plan:
     """Plan a motion; where a motor is too weak, its joint accelerates less and catches up later.
 
@@ -92,32 +92,35 @@ def plan_motion(
         robot: the robot.
         command: commanded joint speeds.
         period: interpolation period [s].
-        margin: share of the motors' torque that may be used, in (0, 1].
+        torque_margin: share of the motors' torque that may be used, in (0, 1].
 
     Raises:
         InputError: if the command does not fit the robot or the period, or the motion cannot be
             done: naming joint, time, what it needs and what there is.
     """
-    commanded = commanded_motion(robot, command, period, margin)
-    v, limited = _limited_speeds(robot, commanded, margin)
+    commanded = commanded_motion(robot, command, period, torque_margin)
+    v, limited = _limited_speeds(robot, commanded, torque_margin)
     motion = Motion.from_speeds(period, commanded.q[0], v)
-    torque = check_motion(robot, motion, margin=margin)
-    return Plan(motion, torque, limited, margin, commanded)
+    torque = check_motion(robot, motion, torque_margin=torque_margin)
+    return Plan(motion, torque, limited, torque_margin, commanded)
 
 
 def commanded_motion(
-    robot: Robot, command: Command | CommandProfile, period: float, margin: float
+    robot: Robot, command: Command | CommandProfile, period: float, torque_margin: float
 ) -> Motion:
     """The command at the interpolation period, whether the robot can do it or not.
 
     Raises:
-        InputError: if command, robot and period do not fit each other, or `margin` is no share; if
-            angles, speeds or accelerations are beyond any machine; if a joint loses more than
-            1e-4 rad and 1e-4 of the range of its angles, as something is too short for the period.
+        InputError: if command, robot and period do not fit each other, or `torque_margin` is no
+            share; if angles, speeds or accelerations are beyond any machine; if a joint loses more
+            than 1e-4 rad and 1e-4 of the range of its angles, as something is too short for the
+            period.
     """
     checked_number(period, "period", minimum=0, exclusive=True)
-    if not 0 < margin <= 1:
-        raise InputError(f"margin: {margin}, expected a share of the motors' torque in (0, 1]")
+    if not 0 < torque_margin <= 1:
+        raise InputError(
+            f"torque_margin: {torque_margin}, expected a share of the motors' torque in (0, 1]"
+        )
     start = command.start()
     if len(start) != robot.n:
         raise InputError(
@@ -179,7 +182,7 @@ def _check_sampling(
         )
 
 
-def check_motion(robot: Robot, motion: Motion, *, margin: float = 1.0) -> Array:
+def check_motion(robot: Robot, motion: Motion, *, torque_margin: float = 1.0) -> Array:
     """Joint torques that a motion needs, with the motors' inertia, joint side [N m], (N + 1, n).
 
     The torques are those at the samples. Until the next one positions and speeds go on, with the
@@ -192,7 +195,7 @@ def check_motion(robot: Robot, motion: Motion, *, margin: float = 1.0) -> Array:
     if motion.n != robot.n:
         raise InputError(f"motion: {motion.n} joints, robot '{robot.name}' has {robot.n}")
     torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
-    available = margin * robot.effort_limit
+    available = torque_margin * robot.effort_limit
     _refuse_beyond(robot, motion, "torque", "N m", torque, -available, available, TORQUE_TOLERANCE)
     speed = robot.velocity_limit
     _refuse_beyond(robot, motion, "speed", "rad/s", motion.v, -speed, speed, SPEED_TOLERANCE)
@@ -228,11 +231,11 @@ def _refuse_beyond(
 
 
 def _limited_speeds(
-    robot: Robot, commanded: Motion, margin: float
+    robot: Robot, commanded: Motion, torque_margin: float
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Speeds that follow the command, shape (N + 1, n), as closely as the torques allow."""
     plant, context = robot.plant, robot.plant.CreateDefaultContext()
-    available, period, command = margin * robot.effort_limit, commanded.period, commanded.v
+    available, period, command = torque_margin * robot.effort_limit, commanded.period, commanded.v
     largest = robot.acceleration_limit + ACCELERATION_TOLERANCE / 2
     guard = _LostMotionGuard(robot, command, period, available)
     limited = np.zeros(command.shape, dtype=bool)

@@ -45,7 +45,7 @@ def retime(
     command: Command | CommandProfile,
     *,
     period: float = INTERPOLATION_PERIOD,
-    margin: float = 1.0,
+    torque_margin: float = 1.0,
 ) -> Plan:
     """Plan a motion that keeps the commanded path; where a motor is too weak, all joints slow down.
 
@@ -65,21 +65,21 @@ def retime(
         robot: the robot.
         command: commanded joint speeds.
         period: interpolation period [s].
-        margin: share of the motors' torque that may be used, in (0, 1].
+        torque_margin: share of the motors' torque that may be used, in (0, 1].
 
     Raises:
         InputError: if the command does not fit the robot or the period; if its path leaves the
             stops, or cannot be held against gravity: no timing helps there; if it starts or ends
             in motion too fast for the motors; if it would last 100 times as long as commanded.
     """
-    commanded = commanded_motion(robot, command, period, margin)
+    commanded = commanded_motion(robot, command, period, torque_margin)
     check_stops(robot, commanded)
-    torque = margin * robot.effort_limit
+    torque = torque_margin * robot.effort_limit
     limits = available = _Limits(-torque, torque, robot.velocity_limit, robot.acceleration_limit)
     if not available.excess(robot, commanded).any():
         unlimited = np.zeros(commanded.q.shape, dtype=bool)
-        torque = check_motion(robot, commanded, margin=margin)
-        return Plan(commanded, torque, unlimited, margin, commanded)
+        torque = check_motion(robot, commanded, torque_margin=torque_margin)
+        return Plan(commanded, torque, unlimited, torque_margin, commanded)
     _check_gravity(robot, commanded, torque)
     way = np.abs(np.diff(commanded.q, axis=0)).sum(axis=0)
     _check_duration(command.name, commanded, (way / robot.velocity_limit).max())
@@ -98,9 +98,9 @@ def retime(
         motion, path_speed = path.sampled(s, slower)
         excess = available.excess(robot, motion)
         if not excess.any():
-            torque = check_motion(robot, motion, margin=margin)
+            torque = check_motion(robot, motion, torque_margin=torque_margin)
             held_back = np.repeat(path_speed[:, None] < _AS_COMMANDED, robot.n, axis=1)
-            return Plan(motion, torque, held_back, margin, commanded)
+            return Plan(motion, torque, held_back, torque_margin, commanded)
         limits = limits.lowered(excess)
         within = path.fastest(limits) if slower == 1 else None
         s, slower = (s, _SLOWER * slower**_GROWING) if within is None else (within, 1.0)

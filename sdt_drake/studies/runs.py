@@ -112,9 +112,11 @@ class Runner:
         choice = (scenario.motion, scenario.period, scenario.torque_margin, scenario.planner)
 
         def plan() -> tuple[Plan, TorqueGroups] | InputError:
-            path, period, margin, planner = choice
+            path, period, torque_margin, planner = choice
             try:
-                plan = load_plan(path, robot, period=period, margin=margin, planner=planner)
+                plan = load_plan(
+                    path, robot, period=period, torque_margin=torque_margin, planner=planner
+                )
                 motion = plan.motion
                 return plan, torque_groups(robot, motion.q, motion.v, motion.vd)
             except InputError as error:

@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems.primitives import LinearSystem, MatrixGain, Multiplexer
 
-from sdt_drake.device import ElasticJoints
+from sdt_drake.device import Springs
 from sdt_drake.errors import checked_vector
 from sdt_drake.systems.block import Block
 
 
 def elastic_joints_block(
-    block: Block, *, springs: ElasticJoints, rotor_inertia: ArrayLike, gear_ratio: ArrayLike
+    block: Block, *, springs: Springs, rotor_inertia: ArrayLike, gear_ratio: ArrayLike
 ) -> None:
     """Springs and dampers between the motors and the links, where a joint is elastic.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pydrake.symbolic as sym
 from numpy.typing import ArrayLike
 
-from sdt_drake.device import OVERFLOW_RATE, PRESLIDING_DAMPING_TIME, JointFriction
+from sdt_drake.device import OVERFLOW_RATE, PRESLIDING_DAMPING_TIME, FrictionParameters
 from sdt_drake.errors import checked_vector
 from sdt_drake.systems.block import Block
 from sdt_drake.systems.symbolic import add_dynamic_law
@@ -14,7 +14,7 @@ STRETCH_UNIT = 100.0
 """z / z_c in a unit of the state; when sliding, z / z_c is in the hundreds."""
 
 
-def friction_block(block: Block, *, friction: JointFriction, gear_ratio: ArrayLike) -> None:
+def friction_block(block: Block, *, friction: FrictionParameters, gear_ratio: ArrayLike) -> None:
     """Coulomb, viscous and Stribeck friction that can hold a joint at rest.
 
     Bristles of length z carry the Coulomb friction like a spring up to z_c; stretched further,

@@ -9,7 +9,7 @@ from sdt_drake.motion import load_profile, margins, retime
 
 
 def test_the_figure_of_a_plan_shows_torques_speeds_limits_and_where_it_is_tightest(robot, tmp_path):
-    plan = retime(robot, load_profile("package://sdt/motions/reference.yaml"), margin=0.8)
+    plan = retime(robot, load_profile("package://sdt/motions/reference.yaml"), torque_margin=0.8)
     report = margins(robot, plan.motion, n1=[80, 0.8, 1, 1], n0=[250, 3, 3, 3])
     figure = plots_motion.plan("a plan", robot, plan, report)
     assert len(figure.axes) == 2 * robot.n

@@ -48,10 +48,10 @@ def main() -> None:
     robot, reference, fast = load_robot(), twice(2.4), twice(2.95)
     runs: tuple[Callable[[], object], ...] = (
         lambda: plan_motion(robot, reference),
-        lambda: plan_motion(robot, reference, margin=0.9),
+        lambda: plan_motion(robot, reference, torque_margin=0.9),
         lambda: retime(robot, reference),
         lambda: retime(robot, fast),
-        lambda: retime(robot, fast, margin=0.8),
+        lambda: retime(robot, fast, torque_margin=0.8),
     )
     for (name, target), run in zip(TARGETS.items(), runs, strict=True):
         times = []

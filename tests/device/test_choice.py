@@ -11,11 +11,11 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from test_robot import chain_sdf
 
 from sdt_drake.design import make_design
+from sdt_drake.deviation import Deviation, deviated
 from sdt_drake.device import DeviceChoice, chosen_robot, load_catalogue
 from sdt_drake.device.choice import with_point_mass
 from sdt_drake.dynamics import effective_inertia, torque_groups
 from sdt_drake.errors import InputError
-from sdt_drake.model_errors import ModelErrors, load_model
 from sdt_drake.robot import edited, load_robot
 from sdt_drake.scenario import load_scenario, save_scenario
 
@@ -102,7 +102,7 @@ def test_masses_of_the_motors_stand_on_the_inboard_side(robot):
 def test_masses_of_the_motors_stand_on_the_axes_of_any_chain(robot, tmp_path, motors):
     path = tmp_path / "robot.sdf"
     path.write_text(chain_sdf(4, seed=7, base=True))  # skew axes, products of inertia
-    chain = load_model(load_robot(path), ModelErrors(inertia_scale=1e5))  # heavy: all stay bodies
+    chain = deviated(load_robot(path), Deviation(inertia_scale=1e5))  # heavy: all stay bodies
     added = [MASS[new] - MASS[old] for new, old in zip(motors, FITTED, strict=True)]
     other = chosen_robot(chain, DeviceChoice(motors=motors, fitted=FITTED))
     for q in Q:
@@ -127,7 +127,7 @@ def test_point_mass_by_hand():
 def test_structure_scales_and_the_payload_does_not(robot):
     s = 0.7
     other = chosen_robot(robot, DeviceChoice(structure_scale=s))
-    doubled = load_model(robot, ModelErrors(payload_mass=PAYLOAD))
+    doubled = deviated(robot, Deviation(payload_mass=PAYLOAD))
     assert total_mass(other) == pytest.approx(s * (total_mass(robot) - PAYLOAD) + PAYLOAD)
     for q in Q:
         payload = links(doubled, q) - links(robot, q)
@@ -165,7 +165,7 @@ def test_frequency_of_the_structure(robot, s, p):
 
 def test_model_and_deviation_count_from_the_chosen_device(robot):
     chosen = chosen_robot(robot, DeviceChoice(LIGHTER, structure_scale=0.9, fitted=FITTED))
-    model = load_model(chosen, ModelErrors(payload_mass=-40))
+    model = deviated(chosen, Deviation(payload_mass=-40))
     assert total_mass(model) == pytest.approx(total_mass(chosen) - 40, rel=1e-14)
     for name in ("effort_limit", "rotor_inertia", "gear_ratio"):
         np.testing.assert_array_equal(getattr(model, name), getattr(chosen, name))
@@ -208,7 +208,7 @@ def test_a_bad_choice_is_refused(robot, values, message):
 
 
 def test_a_link_lighter_than_its_motor_is_refused(robot):
-    light = load_model(robot, ModelErrors(link_scales=[1, 0.2, 1, 1, 1]))  # roll_frame: 60 kg
+    light = deviated(robot, Deviation(link_scales=[1, 0.2, 1, 1, 1]))  # roll_frame: 60 kg
     with pytest.raises(InputError) as error:
         chosen_robot(light, DeviceChoice(["", "", "TM-716", ""], fitted=["", "", "TM-5270", ""]))
     text = "device: no device could be so (link 'roll_frame' would be left with -90 kg)"
@@ -229,7 +229,7 @@ def test_planner_controller_and_plant_know_the_device(robot, design):
     scenario.motion = "leans"
     made = make_design(scenario)
     chosen = chosen_robot(robot, scenario.device)
-    for known in (made.robot, made.known, made.model):
+    for known in (made.robot, made.nominal, made.model):
         np.testing.assert_array_equal(known.effort_limit, chosen.effort_limit)
         assert total_mass(known) == total_mass(chosen)
     d_kk = torque_groups(chosen, made.motion.q, made.motion.v, made.motion.vd).d_kk

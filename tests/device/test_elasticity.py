@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from sdt_drake.device import ENCODERS, Elasticity, elastic_joints
+from sdt_drake.device import ENCODERS, Elasticity, springs_of
 from sdt_drake.errors import InputError
 
 OMEGA = [60.0, 0.0, 150.0, 30.0]  # rad/s
@@ -24,7 +24,7 @@ def refused(message):
 
 
 def test_springs_by_hand():
-    springs = elastic_joints(Elasticity(OMEGA, damping_ratio=0.05), INERTIA, GRAVITY)
+    springs = springs_of(Elasticity(OMEGA, damping_ratio=0.05), INERTIA, GRAVITY)
     np.testing.assert_array_equal(springs.elastic, [True, False, True, True])
     # 60² 18000; -; 150² 790 - 900; 30² 250 + 300
     np.testing.assert_allclose(springs.stiffness, [64.8e6, 0, 17_774_100, 225_300], rtol=1e-14)
@@ -34,7 +34,7 @@ def test_springs_by_hand():
 
 def test_spring_and_gravity_swing_the_link_at_the_given_frequency():
     """d x'' + c x' + (k + k_g) x = 0 has the roots of omega and zeta."""
-    springs = elastic_joints(Elasticity(OMEGA, damping_ratio=0.2), INERTIA, GRAVITY)
+    springs = springs_of(Elasticity(OMEGA, damping_ratio=0.2), INERTIA, GRAVITY)
     for k in (0, 2, 3):
         stiffness = springs.stiffness[k] + GRAVITY[k]
         roots = np.roots([INERTIA[k], springs.damping[k], stiffness])
@@ -45,7 +45,7 @@ def test_spring_and_gravity_swing_the_link_at_the_given_frequency():
 def test_a_little_damping_and_the_motor_encoder_by_default():
     elasticity = Elasticity(OMEGA)
     assert (elasticity.damping_ratio, elasticity.encoder) == (0.01, "motor")
-    springs = elastic_joints(elasticity, INERTIA, GRAVITY)
+    springs = springs_of(elasticity, INERTIA, GRAVITY)
     np.testing.assert_allclose(springs.damping, 0.02 * INERTIA * OMEGA, rtol=1e-14)
 
 
@@ -55,7 +55,7 @@ def test_link_that_gravity_alone_swings_faster_is_refused(k_g):
         "plant.elasticity.natural_frequency: 30 rad/s, but gravity alone makes joint 3 swing "
         f"with {np.sqrt(k_g / 790):.4g}; expected more"
     ):
-        elastic_joints(Elasticity([0.0, 0.0, 30.0, 0.0]), INERTIA, [0, 0, k_g, 0])
+        springs_of(Elasticity([0.0, 0.0, 30.0, 0.0]), INERTIA, [0, 0, k_g, 0])
 
 
 def test_frequency_too_large_for_a_number_is_refused():
@@ -63,7 +63,7 @@ def test_frequency_too_large_for_a_number_is_refused():
         "plant.elasticity: natural_frequency 1e+200 rad/s and damping_ratio 0.01 are too large "
         "for joint 2"
     ):
-        elastic_joints(Elasticity([0.0, 1e200, 0.0, 0.0]), INERTIA, GRAVITY)
+        springs_of(Elasticity([0.0, 1e200, 0.0, 0.0]), INERTIA, GRAVITY)
 
 
 # --- data ------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from sdt_drake.device import Friction, joint_friction, sliding_friction
+from sdt_drake.device import Friction, friction_parameters, sliding_friction
 from sdt_drake.errors import InputError
 
 V_S = 0.03  # rad/s
@@ -22,7 +22,7 @@ DRY = dataclasses.replace(FRICTION, viscous=None)
 def at(friction, v):
     """Friction at the same speed of every joint, or at speeds of shape (N,): (N, 4)."""
     v = np.multiply.outer(np.asarray(v, dtype=float), np.ones(4))
-    return sliding_friction(joint_friction(friction, 4), v)
+    return sliding_friction(friction_parameters(friction, 4), v)
 
 
 # --- the law ---------------------------------------------------------------------------------
@@ -70,7 +70,7 @@ def test_takes_energy_at_every_speed():
 
 def test_a_sample_or_a_whole_motion():
     v = np.random.default_rng(1).normal(size=(50, 4))
-    friction = joint_friction(FRICTION, 4)
+    friction = friction_parameters(FRICTION, 4)
     rows = [sliding_friction(friction, row) for row in v]
     np.testing.assert_array_equal(sliding_friction(friction, v), rows)
 
@@ -83,7 +83,7 @@ def test_no_friction_by_default():
 
 
 def test_breakaway_is_coulomb_by_default():
-    friction = joint_friction(Friction(coulomb=COULOMB), 4)
+    friction = friction_parameters(Friction(coulomb=COULOMB), 4)
     np.testing.assert_array_equal(friction.breakaway, COULOMB)
     np.testing.assert_array_equal(friction.viscous, 0)
     v = np.array([0.01, 1, 30]) * V_S
@@ -91,7 +91,7 @@ def test_breakaway_is_coulomb_by_default():
 
 
 def test_speed_and_presliding_are_passed_on():
-    friction = joint_friction(Friction(stribeck_speed=0.5, presliding=2e-4), 3)
+    friction = friction_parameters(Friction(stribeck_speed=0.5, presliding=2e-4), 3)
     assert (friction.stribeck_speed, friction.presliding) == (0.5, 2e-4)
     assert friction.coulomb.shape == (3,)
 

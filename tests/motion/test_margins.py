@@ -27,7 +27,7 @@ def test_peak_rms_and_the_tightest_place_of_the_reference_motion(robot, motion):
     np.testing.assert_allclose(report.rms_torque**2, power, rtol=1e-12)
     place = report.smallest
     assert (place.joint, place.quantity) == (1, "torque")
-    assert place.share == share[1] and place.margin == 1 - place.share
+    assert place.share == share[1] and place.left == 1 - place.share
     assert place.time == report.peak_torque_time[1]
     assert [report.tightest(k).quantity for k in range(4)] == ["torque"] * 4
     np.testing.assert_array_equal(report.to_stop, np.inf)

@@ -102,8 +102,8 @@ def test_a_start_angle_shifts_all_angles(robot, plan):
 
 
 def test_margin_limits_joint_2_alone_and_it_gets_back_on_its_command(robot):
-    plan = plan_motion(robot, REFERENCE, margin=0.9)
-    assert plan.margin == 0.9
+    plan = plan_motion(robot, REFERENCE, torque_margin=0.9)
+    assert plan.torque_margin == 0.9
     np.testing.assert_array_equal(plan.limited.any(axis=0), [False, True, False, False])
     torque = needed_torque(robot, plan.motion)
     assert np.all(np.abs(torque) <= 0.9 * LIMITS + 1e-6)
@@ -304,7 +304,7 @@ def test_check_motion_gives_the_torques_or_refuses_by_joint_time_and_numbers(rob
         match=rf"joint {k + 1} 'roll' at {i * PERIOD:.3f} s: needs torque "
         rf"{plan.torque[i, k]:.6g} N m, available -{bound} to {bound} N m",
     ):
-        check_motion(robot, plan.motion, margin=margin)
+        check_motion(robot, plan.motion, torque_margin=margin)
 
 
 def test_another_number_of_joints_is_refused(robot):
@@ -319,7 +319,7 @@ def test_another_number_of_joints_is_refused(robot):
 @pytest.mark.parametrize("margin", [0, 1.5, -0.5, np.nan])
 def test_a_margin_that_is_no_share_is_refused(robot, margin):
     with pytest.raises(InputError, match=rf"margin: {margin}.*\(0, 1\]"):
-        plan_motion(robot, REFERENCE, margin=margin)
+        plan_motion(robot, REFERENCE, torque_margin=margin)
 
 
 @pytest.mark.parametrize(

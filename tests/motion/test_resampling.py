@@ -147,7 +147,7 @@ def test_a_csv_at_another_period_is_planned(robot, write, planner):
     np.testing.assert_allclose(plan.motion.v, REFERENCE.speeds(plan.motion.time), atol=0.02)
     assert plan.loss is not None and plan.loss.speed.max() < 0.02
     with pytest.raises(InputError, match=r"in\.csv: .*joint 2"):
-        load_plan(path, robot, period=PERIOD, margin=0.3, planner=planner)
+        load_plan(path, robot, period=PERIOD, torque_margin=0.3, planner=planner)
 
 
 def test_a_motion_that_the_limiter_only_checks_is_retimed_by_the_other(robot, write, tmp_path):
@@ -155,8 +155,8 @@ def test_a_motion_that_the_limiter_only_checks_is_retimed_by_the_other(robot, wr
     path = tmp_path / "m.csv"
     Motion.from_speeds(PERIOD, np.zeros(4), REFERENCE.speeds(time)).to_csv(path)
     with pytest.raises(InputError, match=r"m\.csv: joint 2 'roll' at .* needs torque"):
-        load_plan(path, robot, period=PERIOD, margin=0.9)
-    plan = load_plan(path, robot, period=PERIOD, margin=0.9, planner="retiming")
+        load_plan(path, robot, period=PERIOD, torque_margin=0.9)
+    plan = load_plan(path, robot, period=PERIOD, torque_margin=0.9, planner="retiming")
     assert plan.longer > 0 and plan.loss is None
     with pytest.raises(InputError, match="planner: 'fast', expected one of limiter, retiming"):
         load_plan(path, robot, period=PERIOD, planner="fast")

@@ -106,8 +106,8 @@ def distance(points: np.ndarray, path: np.ndarray) -> float:
 def test_a_motion_that_the_limiter_refuses_keeps_its_path_within_the_torques(robot, margin):
     command = faster(2.95)
     with pytest.raises(InputError, match=r"joint 2 'roll' at .* needs torque"):
-        plan_motion(robot, command, margin=margin)
-    plan = retime(robot, command, margin=margin)
+        plan_motion(robot, command, torque_margin=margin)
+    plan = retime(robot, command, torque_margin=margin)
     motion = plan.motion
     path = dense_path(command)
     assert distance(motion.q, path) < 1e-4
@@ -135,7 +135,7 @@ def test_a_feasible_command_comes_back_as_it_is(robot):
 
 def test_a_scarcely_infeasible_command_is_scarcely_longer(robot):
     # The reference motion needs 0.928 of motor 2. Rest at start and end alone takes two periods.
-    assert 2 * PERIOD <= retime(robot, REFERENCE, margin=0.925).longer < 0.04
+    assert 2 * PERIOD <= retime(robot, REFERENCE, torque_margin=0.925).longer < 0.04
 
 
 # --- closed forms ----------------------------------------------------------------------------
@@ -225,7 +225,7 @@ def test_a_link_that_others_swing_outwards_is_held_in_the_least_time(robot, marg
     # Standing still takes 85 and 99 % of motor 2, at rest while joint 1 turns: s'' has no share in
     # its torque.
     command = load_command("coriolis", robot)
-    plan = retime(robot, command, period=0.02, margin=margin)
+    plan = retime(robot, command, period=0.02, torque_margin=margin)
     expected = least_time(robot, commanded_motion(robot, command, 0.1, margin), margin)
     assert plan.motion.duration == pytest.approx(expected, rel=0.01)
 
@@ -356,7 +356,7 @@ def test_another_number_of_joints_and_a_bad_margin_are_refused(robot):
     with pytest.raises(InputError, match="motion 'three': 3 joints, robot 'sdt' has 4"):
         retime(robot, three)
     with pytest.raises(InputError, match=r"margin: 0.*\(0, 1\]"):
-        retime(robot, REFERENCE, margin=0)
+        retime(robot, REFERENCE, torque_margin=0)
 
 
 def alone(knots, duration=10) -> CommandProfile:
@@ -389,19 +389,19 @@ def test_what_the_torques_slow_down_a_hundred_times_is_refused(robot):
     # Nothing but inertia: times go with the root of the torque.
     command = alone([[0, 0], [0.05, 0.01], [0.1, 0]], duration=0.1)
     with pytest.raises(InputError, match=r"'alone' refused: it would last .* or longer"):
-        retime(robot, command, margin=1e-6)
+        retime(robot, command, torque_margin=1e-6)
 
 
 @pytest.mark.parametrize("margin", [1e-12, 1e-300])
 def test_next_to_no_torque_is_refused_too(robot, margin):
     with pytest.raises(InputError, match="'alone' refused: "):
-        retime(robot, alone([[0, 0], [5, 1], [10, 0]]), margin=margin)
+        retime(robot, alone([[0, 0], [5, 1], [10, 0]]), torque_margin=margin)
 
 
 def test_the_refusal_names_the_speed_and_not_gravity_where_that_is_the_reason(robot):
     # 300 times too fast for a moment only; joints 2 to 4 hang straight.
     spike = alone([[0, 0], [1, 0], [1.05, 900], [1.1, 0], [10, 0]])
     with pytest.raises(InputError, match="'alone' refused: ") as error:
-        retime(robot, spike, margin=0.02)
+        retime(robot, spike, torque_margin=0.02)
     assert "stand still" not in str(error.value) and "in motion" not in str(error.value)
     assert "times its largest speed" in str(error.value)

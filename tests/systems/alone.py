@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sdt_drake.control import SpeedGains
-from sdt_drake.device import ElasticJoints, JointFriction
+from sdt_drake.device import FrictionParameters, Springs
 from sdt_drake.dynamics import Loads
 from sdt_drake.motion import Motion
 from sdt_drake.systems import (
@@ -39,14 +39,14 @@ N = len(GEAR)
 LIMIT = np.array([203.2, 3950.0, 0.3])  # N m
 GAINS = SpeedGains(kp=np.array([3.0, 40.0, 500.0]), ki=np.array([20.0, 300.0, 4000.0]))
 ENVELOPE = Envelope(np.array([100.0, 2.0, 7.0]), np.array([200.0, 5.0, 8.0]), GEAR)
-FRICTION = JointFriction(
+FRICTION = FrictionParameters(
     coulomb=np.array([500.0, 90.0, 2.0]),
     viscous=np.array([30.0, 0.0, 0.1]),
     breakaway=np.array([750.0, 90.0, 3.5]),
     stribeck_speed=0.02,
     presliding=1e-5,
 )
-SPRINGS = ElasticJoints(
+SPRINGS = Springs(
     elastic=np.array([True, False, True]),
     stiffness=np.array([9e5, 0.0, 4e3]),
     damping=np.array([700.0, 0.0, 5.0]),

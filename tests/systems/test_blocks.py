@@ -28,9 +28,9 @@ from pydrake.systems.framework import DiagramBuilder
 
 import sdt_drake.systems as systems
 from sdt_drake.control import SpeedGains
-from sdt_drake.device import ElasticJoints
+from sdt_drake.deviation import Deviation, deviated
+from sdt_drake.device import Springs
 from sdt_drake.errors import InputError
-from sdt_drake.model_errors import ModelErrors, load_model
 from sdt_drake.systems import (
     Envelope,
     ReferenceTorque,
@@ -378,7 +378,7 @@ def test_inverse_dynamics_makes_every_joint_a_double_integrator(robot):
 
 
 def test_inverse_dynamics_goes_by_its_model(robot):
-    model = load_model(robot, ModelErrors(payload_mass=100.0, inertia_scale=1.1))
+    model = deviated(robot, Deviation(payload_mass=100.0, inertia_scale=1.1))
     block = Alone(inverse_dynamics_block, model)
     reference, state = RNG.normal(size=12), RNG.normal(size=8)
     block.give(reference=reference, state=state)
@@ -637,7 +637,7 @@ def test_what_acts_at_once(describe, changes, expected, robot):
 # --- bad input -------------------------------------------------------------------------------
 
 RESOLVED = {"resolution": [50.0] * N, "gear_ratio": GEAR}
-RIGID = ElasticJoints(np.full(N, False), np.zeros(N), np.zeros(N))
+RIGID = Springs(np.full(N, False), np.zeros(N), np.zeros(N))
 
 
 @pytest.mark.parametrize(

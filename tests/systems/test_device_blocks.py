@@ -10,7 +10,7 @@ import pytest
 from alone import FRICTION, GEAR, LIMIT, PERIOD, ROTORS, SPRINGS, Alone, N, close, exact
 from pydrake.systems.primitives import Linearize
 
-from sdt_drake.device import OVERFLOW_RATE, ElasticJoints, sliding_friction
+from sdt_drake.device import OVERFLOW_RATE, Springs, sliding_friction
 from sdt_drake.systems import (
     elastic_joints_block,
     encoder_block,
@@ -260,7 +260,7 @@ def test_gain_has_fallen_by_3_db_at_the_bandwidth(bandwidth, error):
 
 # --- elastic joints --------------------------------------------------------------------------
 
-ALL = ElasticJoints(np.full(N, True), np.array([9e5, 8.0, 4e3]), np.array([700.0, 0.0, 5.0]))
+ALL = Springs(np.full(N, True), np.array([9e5, 8.0, 4e3]), np.array([700.0, 0.0, 5.0]))
 
 
 class Joint(Alone):

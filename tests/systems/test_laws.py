@@ -194,7 +194,7 @@ def torque_loop_with_lag(x, tau_limited):
 
 
 @case(elastic_joints_block)
-def elastic_joints(x, tau, state):
+def springs_of(x, tau, state):
     q, v = np.split(state, 2)
     theta, w = q.copy(), v.copy()
     theta[[0, 2]], w[[0, 2]] = x[:2], x[2:]

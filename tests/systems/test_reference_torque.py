@@ -8,9 +8,9 @@ import pytest
 from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.controllers import InverseDynamics
 
+from sdt_drake.deviation import Deviation, deviated
 from sdt_drake.errors import InputError
 from sdt_drake.loops import make_loop
-from sdt_drake.model_errors import ModelErrors, load_model
 from sdt_drake.motion import Motion
 from sdt_drake.robot import load_robot
 from sdt_drake.simulate import make_simulator, simulate
@@ -290,14 +290,14 @@ def test_no_feedforward_is_zero(robot):
 @pytest.mark.parametrize("errors", [{"payload_mass": 100.0}, {"inertia_scale": 1.2}])
 @pytest.mark.parametrize("feedforward", ["ctc", "id"])
 def test_a_wrong_model_feeds_another_torque_forward(robot, feedforward, errors):
-    model = load_model(robot, ModelErrors(**errors))
+    model = deviated(robot, Deviation(**errors))
     right, wrong = (feedforward_torque(each, feedforward) for each in (robot, model))
     for reference in samples(5):
         assert not np.allclose(tau_ff(right, reference), tau_ff(wrong, reference), rtol=1e-3)
 
 
 def test_links_heavier_by_a_factor_need_the_torque_of_the_links_times_that(robot):
-    model = load_model(robot, ModelErrors(inertia_scale=1.2))
+    model = deviated(robot, Deviation(inertia_scale=1.2))
     right, wrong = (feedforward_torque(each, "ctc") for each in (robot, model))
     for reference in samples(5):
         np.testing.assert_allclose(

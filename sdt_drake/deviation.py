@@ -1,6 +1,6 @@
-"""A robot with stated errors: a controller's model of it, or what it really is."""
+"""A robot whose links differ from its file: a controller's model of it, or what it really is."""
 
-# Drake's YAML loader reads the annotations of ModelErrors: they may not be postponed, and "or None"
+# Drake's YAML loader reads the annotations of Deviation: they may not be postponed, and "or None"
 # must be spelled Optional[...] (scenario.py).
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from sdt_drake.robot import Robot, edited
 
 
 @dataclass
-class ModelErrors:
+class Deviation:
     """What differs from the links of the robot's file.
 
     Masses and inertias here are those of the links, joint side. Rotors, gears, limits, damping and
@@ -66,34 +66,34 @@ class ModelErrors:
             checked_number(scale, f"{where}.link_scales", minimum=0, exclusive=True)
 
 
-def load_model(robot: Robot, errors: ModelErrors) -> Robot:
-    """What a controller takes `robot` for: `robot` itself if the errors are none.
+def deviated(robot: Robot, deviation: Deviation) -> Robot:
+    """`robot` with a deviation; itself if there is none.
 
-    The errors are counted from `robot` as it is: they add up if it is a model already.
+    It is counted from `robot` as it is: deviations add up.
 
     Raises:
-        InputError: if an error is out of range, or the payload is no link or is left without mass.
+        InputError: if a value is out of range, or the payload is no link or is left without mass.
     """
-    errors.validate("errors")
-    if errors.exact:
+    deviation.validate("deviation")
+    if deviation.exact:
         return robot
-    return edited(robot, lambda root: _apply(errors, root, robot.path))
+    return edited(robot, lambda root: _apply(deviation, root, robot.path))
 
 
-def _apply(errors: ModelErrors, root: ET.Element, file: Path) -> None:
-    """Put the errors into the XML of the SDF."""
+def _apply(deviation: Deviation, root: ET.Element, file: Path) -> None:
+    """Put it into the XML of the SDF."""
     links = links_by_name(root)
-    if errors._changes_payload:
-        payload = payload_of(root, errors.payload, file)
-        _add_mass(payload, errors.payload_mass)
-        shift_link(payload, errors.payload_offset)
-    scales = errors.link_scales or [1.0] * len(links)
+    if deviation._changes_payload:
+        payload = payload_of(root, deviation.payload, file)
+        _add_mass(payload, deviation.payload_mass)
+        shift_link(payload, deviation.payload_offset)
+    scales = deviation.link_scales or [1.0] * len(links)
     if len(scales) != len(links):
         raise InputError(
             f"link_scales: {len(scales)} value(s), expected {len(links)}: {', '.join(links)}"
         )
     for link, own in zip(links.values(), scales, strict=True):
-        scale_link(link, errors.inertia_scale * own)
+        scale_link(link, deviation.inertia_scale * own)
 
 
 def _add_mass(link: ET.Element, added: float) -> None:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from test_robot import ARM, chain_names, chain_sdf
 
+from sdt_drake.deviation import Deviation, deviated
 from sdt_drake.dynamics import torque_groups
 from sdt_drake.errors import InputError
-from sdt_drake.model_errors import ModelErrors, load_model
 from sdt_drake.robot import edited, load_robot
 from sdt_drake.yaml_files import load_yaml
 
@@ -199,16 +199,16 @@ def test_the_shipped_device_by_hand_is_the_one_of_the_sdf(robot):
 @pytest.mark.parametrize(
     "errors",
     [
-        ModelErrors(payload_mass=-80),
-        ModelErrors(payload_mass=45.5),
-        ModelErrors(payload_offset=[0.1, -0.2, 0.03]),
-        ModelErrors(inertia_scale=1.1),
-        ModelErrors(payload_mass=20, payload_offset=[0, 0.05, 0], inertia_scale=0.8),
+        Deviation(payload_mass=-80),
+        Deviation(payload_mass=45.5),
+        Deviation(payload_offset=[0.1, -0.2, 0.03]),
+        Deviation(inertia_scale=1.1),
+        Deviation(payload_mass=20, payload_offset=[0, 0.05, 0], inertia_scale=0.8),
     ],
     ids=str,
 )
 def test_weights_of_the_model_are_those_by_hand(robot, errors):
-    model = load_model(robot, errors)
+    model = deviated(robot, errors)
     scale, added = errors.inertia_scale, errors.payload_mass
     assert total_mass(model) == pytest.approx(scale * (TOTAL + added), rel=1e-12)
     com = COM + errors.payload_offset
@@ -223,15 +223,15 @@ def test_weights_of_the_model_are_those_by_hand(robot, errors):
 @pytest.mark.parametrize(
     "errors",
     [
-        ModelErrors("lower", payload_mass=1),
-        ModelErrors("lower", payload_offset=[-0.1, 0.4, 0.2]),
-        ModelErrors("lower", inertia_scale=1.3),
-        ModelErrors("lower", payload_mass=-0.5, payload_offset=[0.1, 0, -0.1], inertia_scale=0.7),
+        Deviation("lower", payload_mass=1),
+        Deviation("lower", payload_offset=[-0.1, 0.4, 0.2]),
+        Deviation("lower", inertia_scale=1.3),
+        Deviation("lower", payload_mass=-0.5, payload_offset=[0.1, 0, -0.1], inertia_scale=0.7),
     ],
     ids=str,
 )
 def test_mass_matrix_of_a_planar_arm_is_that_of_the_textbook(arm, errors):
-    model = load_model(arm, errors)
+    model = deviated(arm, errors)
     l1, c1, m1, I1, rotor = 0.8, 0.5, 4, 0.5, 10**2 * 0.01
     m2 = 2 + errors.payload_mass
     I2 = 0.2 * m2 / 2
@@ -248,8 +248,8 @@ def test_mass_matrix_of_a_planar_arm_is_that_of_the_textbook(arm, errors):
 def test_payload_is_shifted_by_the_parallel_axis_theorem(load):
     robot = load(chain_sdf(3, seed=4, base=True))  # with products of inertia
     m, com, central = central_inertia(robot, "link_2")
-    errors = ModelErrors("link_2", payload_mass=3, payload_offset=[0.1, -0.2, 0.3])
-    model = load_model(robot, errors)
+    errors = Deviation("link_2", payload_mass=3, payload_offset=[0.1, -0.2, 0.3])
+    model = deviated(robot, errors)
     moved = com + errors.payload_offset
     about_origin = central * (m + 3) / m + (m + 3) * (
         moved @ moved * np.eye(3) - np.outer(moved, moved)
@@ -269,7 +269,7 @@ def test_payload_is_shifted_by_the_parallel_axis_theorem(load):
 
 def test_scale_acts_on_every_link_and_on_no_rotor(load):
     robot = load(chain_sdf(4, seed=1, base=True))
-    model = load_model(robot, ModelErrors(inertia_scale=1.25))  # there is no link "payload" here
+    model = deviated(robot, Deviation(inertia_scale=1.25))  # there is no link "payload" here
     assert model.joint_names == robot.joint_names == chain_names(4)
     for link in ("base", "link_1", "link_2", "link_3", "link_4"):
         m, com, central = central_inertia(robot, link)
@@ -290,12 +290,12 @@ def test_scale_acts_on_every_link_and_on_no_rotor(load):
 
 
 def test_values_of_numpy_are_numbers_too(robot):
-    errors = ModelErrors(
+    errors = Deviation(
         payload_mass=np.float64(20),
         payload_offset=np.array([0.1, 0, 0]),
         inertia_scale=np.float64(2),
     )
-    assert total_mass(load_model(robot, errors)) == pytest.approx(2 * (TOTAL + 20), rel=1e-12)
+    assert total_mass(deviated(robot, errors)) == pytest.approx(2 * (TOTAL + 20), rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -310,7 +310,7 @@ def test_values_of_numpy_are_numbers_too(robot):
 )
 def test_any_way_to_write_the_pose_of_the_payload_will_do(load, pose, com):
     arm = load(ARM.replace("<pose>0.3 0 0 0 0 0</pose>", pose))
-    model = load_model(arm, ModelErrors("lower", payload_offset=[0.1, 0.2, 0.3]))
+    model = deviated(arm, Deviation("lower", payload_offset=[0.1, 0.2, 0.3]))
     _, moved, central = central_inertia(model, "lower")
     np.testing.assert_allclose(moved, com, atol=1e-15)
     # It is not turned by the offset: a pose of 90 deg about z swaps ixx and iyy, another does not.
@@ -323,35 +323,35 @@ def test_a_link_without_mass_gets_none(load):
     start, end = ARM.index("<mass>"), ARM.index("</inertial>")
     zero = "<mass>0</mass><inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia>"
     robot = load(ARM[:start] + zero + ARM[end:])
-    assert total_mass(load_model(robot, ModelErrors(inertia_scale=1.5))) == 3.0
+    assert total_mass(deviated(robot, Deviation(inertia_scale=1.5))) == 3.0
     with pytest.raises(InputError, match="payload_mass: 1 kg, but link 'upper' has no mass"):
-        load_model(robot, ModelErrors("upper", payload_mass=1.0))
+        deviated(robot, Deviation("upper", payload_mass=1.0))
 
 
 # --- none, several, bad ones -----------------------------------------------------------------
 
 
 def test_without_errors_the_model_is_the_robot_itself(robot):
-    assert ModelErrors().exact
-    assert load_model(robot, ModelErrors()) is robot
-    assert load_model(robot, ModelErrors(payload="nothing changes it")) is robot
+    assert Deviation().exact
+    assert deviated(robot, Deviation()) is robot
+    assert deviated(robot, Deviation(payload="nothing changes it")) is robot
     for errors in (
-        ModelErrors(payload_mass=1e-9),
-        ModelErrors(payload_offset=[0, 0, 1e-9]),
-        ModelErrors(inertia_scale=1 + 1e-9),
+        Deviation(payload_mass=1e-9),
+        Deviation(payload_offset=[0, 0, 1e-9]),
+        Deviation(inertia_scale=1 + 1e-9),
     ):
         assert not errors.exact
-        assert load_model(robot, errors) is not robot
+        assert deviated(robot, errors) is not robot
 
 
 def test_models_share_no_list():
-    ModelErrors().payload_offset[0] = 1.0
-    assert ModelErrors().exact
+    Deviation().payload_offset[0] = 1.0
+    assert Deviation().exact
 
 
 def test_errors_of_a_model_of_a_model_add_up(robot):
-    once = load_model(robot, ModelErrors(inertia_scale=2, payload_mass=10))
-    twice = load_model(once, ModelErrors(payload_mass=5))
+    once = deviated(robot, Deviation(inertia_scale=2, payload_mass=10))
+    twice = deviated(once, Deviation(payload_mass=5))
     assert total_mass(once) == pytest.approx(2 * (TOTAL + 10), rel=1e-12)
     assert total_mass(twice) == pytest.approx(2 * (TOTAL + 10) + 5, rel=1e-12)
 
@@ -359,8 +359,8 @@ def test_errors_of_a_model_of_a_model_add_up(robot):
 def test_errors_can_be_read_from_yaml(tmp_path):
     path = tmp_path / "errors.yaml"
     path.write_text("{payload: gondola, payload_mass: 2, payload_offset: [0, 1, 0]}")
-    errors, _ = load_yaml(ModelErrors, path)
-    assert errors == ModelErrors("gondola", 2.0, [0.0, 1.0, 0.0], 1.0)
+    errors, _ = load_yaml(Deviation, path)
+    assert errors == Deviation("gondola", 2.0, [0.0, 1.0, 0.0], 1.0)
 
 
 BAD = [
@@ -378,10 +378,10 @@ BAD = [
 @pytest.mark.parametrize("values, message", BAD, ids=[message for _, message in BAD])
 def test_a_bad_value_is_refused_with_its_name(robot, values, message):
     with pytest.raises(InputError) as error:
-        ModelErrors(**values).validate("controller.model")
+        Deviation(**values).validate("controller.model")
     assert str(error.value) == f"controller.model.{message}"
     with pytest.raises(InputError) as error:
-        load_model(robot, ModelErrors(**values))
+        deviated(robot, Deviation(**values))
     assert str(error.value) == f"errors.{message}"
 
 
@@ -404,7 +404,7 @@ def test_a_bad_value_is_refused_with_its_name(robot, values, message):
     ],
 )
 def test_an_error_that_does_not_fit_the_robot_is_refused(robot, values, message):
-    ModelErrors(**values).validate("controller.model")
+    Deviation(**values).validate("controller.model")
     with pytest.raises(InputError) as error:
-        load_model(robot, ModelErrors(**values))
+        deviated(robot, Deviation(**values))
     assert str(error.value) == message.format(file=robot.path)
