@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from sdt_drake.analysis import plots
-from sdt_drake.analysis.stability import stability_sweep
+from sdt_drake.analysis.stability import IDEAL, stability_sweep
 from sdt_drake.design import make_design
 from sdt_drake.device import ENCODERS
 from sdt_drake.scenario import load_scenario
@@ -22,9 +22,9 @@ def main(folder: Path) -> None:
     cascade.controller.kind = "p_pi"
     design = make_design(scenario)
     loops = {
-        "pi, ideal drive": (design, None),
+        "pi, ideal drive": (design, IDEAL),
         "pi, sampled at 1 ms": (design, scenario.drive),
-        "p_pi, ideal drive": (design.variant(cascade), None),
+        "p_pi, ideal drive": (design.variant(cascade), IDEAL),
     }
     omega_r = scenario.controller.omega_r
     sweeps = {

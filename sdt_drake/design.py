@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +20,9 @@ from sdt_drake.control import (
 )
 from sdt_drake.deviation import Deviation, deviated
 from sdt_drake.device import (
-    PRESLIDING_DAMPING_TIME,
+    Drive,
+    Friction,
+    FrictionParameters,
     Springs,
     chosen_robot,
     friction_parameters,
@@ -45,11 +50,18 @@ from sdt_drake.motion import (
     import_motion,
     load_command,
 )
+from sdt_drake.poles import check_poles
 from sdt_drake.resources import find_file
 from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import Scenario
 
 Array = NDArray[np.float64]
+
+
+Law = Callable[[Sequence[Array], Array, Array], Array]
+"""Torque of the motors, motor side [N m], from torque groups of a model, v_ref and vd_ref."""
+
+_BITS = 31  # of a period: 2^22 multiples of it are exact, and it is off by 5e-10 of itself at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,46 +70,93 @@ class Design:
 
     Attributes:
         scenario: what was asked for.
-        robot: what moves: the SDF with the deviation of the plant.
-        motion: planned, feasible for the robot as the SDF has it.
-        torques: inverse dynamics of the links along the motion, joint side: on the axis plant of
-            what moves, as they load the motors there; on the coupled plant, which has its own, of
-            the robot as the SDF has it.
+        nominal: the robot as the SDF has it, of which planner and controller know.
+        robot: what moves: `nominal` with the deviation of the plant.
+        model: what the controller takes the robot for; `nominal` itself if it knows it exactly.
+        motion: planned, feasible for the nominal robot.
+        nominal_torques: inverse dynamics of the nominal links along the motion, joint side.
+        torques: the same of `loaded_robot`.
         loads: of each motor by Algorithm 1 with the scenario's sign, motor side.
         inertia: range of the effective inertia along the motion, motor side.
         i_eff: inertia of the axis process, motor side [kg m²], shape (n,).
+        springs: of the joints, None if all are rigid.
+        friction: of the joints, None if they have none.
         gains: of the PI speed controllers, motor side; tuned on the controller's model.
-        model: what the controller takes the robot for; `robot` itself if it knows it exactly.
-        tau_ff: torque feedforward along the motion, motor side [N m], shape (N + 1, n); None where
-            the controller has none.
-        inertia_share: I_eff along the motion over its largest, of the model [-], shape (N + 1, n).
         omega_n: natural frequency of the speed loops at the model's largest inertia [rad/s], (n,).
+        inertia_share: I_eff along the motion over its largest, of the model [-], shape (N + 1, n).
         position_gain: K_V of a position loop [1/s], shape (n,).
-        elastic: springs of the joints, None if all are rigid.
-        nominal: the robot as the SDF has it; `robot` itself if the plant does not deviate.
-        nominal_torques: `torques` of it.
+        feedforward: torque feedforward of the controller; None where it has none.
+        tau_ff: the same along the motion, motor side [N m], shape (N + 1, n).
         steady_load, steady_ff: load torque and torque feedforward of who has gone on at the first
             speed for long, motor side [N m], shape (n,): where a run starts.
     """
 
     scenario: Scenario
+    nominal: Robot
     robot: Robot
+    model: Robot
     motion: Motion
+    nominal_torques: TorqueGroups
     torques: TorqueGroups
     loads: Loads
     inertia: InertiaRange
     i_eff: Array
+    springs: Springs | None
+    friction: FrictionParameters | None
     gains: SpeedGains
-    model: Robot
-    tau_ff: Array | None
-    inertia_share: Array
     omega_n: Array
+    inertia_share: Array
     position_gain: Array
-    elastic: Springs | None
-    nominal: Robot
-    nominal_torques: TorqueGroups
+    feedforward: Law | None
+    tau_ff: Array | None
     steady_load: Array
     steady_ff: Array | float
+
+    @property
+    def loaded_robot(self) -> Robot:
+        """Whose load torque is that of the loop: on the axis plant of what moves, as it loads the
+        motors there; on the coupled plant, which has its own, of the nominal robot."""
+        return self.robot if self.scenario.plant.kind == "axis" else self.nominal
+
+    @property
+    def feeds_load_torque(self) -> bool:
+        """Whether the feedforward is just the load torque of the loop (Figure 6)."""
+        choice = self.scenario.controller
+        has_no_more = choice.feedforward_gain is None and not choice.friction_compensation
+        is_ctc = choice.feedforward_in_use == "ctc"
+        return is_ctc and has_no_more and self.model is self.loaded_robot
+
+    @cached_property
+    def reference(self) -> Motion:
+        """The motion on the clock of the loop, whose period is that of the motion to 1e-9 of it.
+
+        What samples at multiples of different periods has to meet, to the last bit: of two updates
+        at one instant neither sees the other, and one that comes a bit later does. So where the
+        drives sample several times per interpolation period, their period is rounded to so few
+        bits that all multiples of both are exact.
+        """
+        if self._samples == 1:
+            return self.motion
+        mantissa, exponent = math.frexp(self.motion.period / self._samples)
+        exact = math.ldexp(round(math.ldexp(mantissa, _BITS)), exponent - _BITS)
+        return replace(self.motion, period=self._samples * exact)
+
+    @cached_property
+    def drive(self) -> Drive:
+        """That of the scenario, on the clock of the loop."""
+        drive = self.scenario.drive
+        if drive.period is None:
+            return drive
+        period, delay = self.reference.period / self._samples, drive.reference_delay
+        if abs(delay / period - round(delay / period)) < 1e-6:
+            delay = round(delay / period) * period
+        return replace(drive, period=period, reference_delay=delay)
+
+    @property
+    def _samples(self) -> int:
+        """Of the drives in an interpolation period."""
+        period = self.scenario.drive.period
+        return 1 if period is None else round(self.motion.period / period)
 
     def variant(self, scenario: Scenario) -> Design:
         """The design of another scenario with the same SDF and motion.
@@ -117,7 +176,7 @@ def make_design(
     motion: Motion | None = None,
     torques: TorqueGroups | None = None,
 ) -> Design:
-    """Load, plan and tune what a scenario names.
+    """Load, plan and tune what a scenario names: device, plan, model, gains, feedforward.
 
     Args:
         scenario: validated here once more.
@@ -129,82 +188,109 @@ def make_design(
         InputError: for any bad input on the way.
     """
     checked_type(scenario, Scenario, "scenario")
-    try:
+    with _naming(scenario):
         scenario.validate()
-    except InputError as error:
-        raise InputError(f"{_named(scenario)}{error}") from None
-    robot = load_device(scenario) if robot is None else checked_type(robot, Robot, "robot")
-    try:
-        scenario.validate_sizes(robot.n)
-        choice, nominal = scenario.controller, robot
-        model = _load_model(nominal, choice.model, "controller.model")
-        robot = _load_model(nominal, scenario.plant.deviation, "plant.deviation")
-    except InputError as error:
-        raise InputError(f"{_named(scenario)}{error}") from None
+    nominal = load_device(scenario) if robot is None else checked_type(robot, Robot, "robot")
+    with _naming(scenario):
+        robot, model = _robots(scenario, nominal)
     if motion is None:
-        motion = load_plan(
-            scenario.motion,
-            nominal,
-            period=scenario.period,
-            torque_margin=scenario.torque_margin,
-            planner=scenario.planner,
-        ).motion
-    try:
-        _check_finite(checked_type(motion, Motion, "motion"))
-        if torques is None:
-            torques = torque_groups(nominal, motion.q, motion.v, motion.vd)
-        nominal_torques = torques
-        _check_delay(scenario, motion)
-        if robot is not nominal and scenario.plant.kind == "axis":
-            torques = torque_groups(robot, motion.q, motion.v, motion.vd)
-        inertia = InertiaRange.of(effective_inertia(robot, torques.d_kk))
-        loads = _loads(scenario, robot, motion, torques)
-        i_eff = inertia.maximum if scenario.plant.i_eff is None else np.array(scenario.plant.i_eff)
-        elastic = _elastic_joints(scenario, robot, motion, torques, i_eff)
-        modelled = nominal_torques
-        if model is not nominal:
-            modelled = torque_groups(model, motion.q, motion.v, motion.vd)
+        motion = _planned(scenario, nominal)
+    with _naming(scenario):
+        _check_reference(scenario, checked_type(motion, Motion, "motion"))
+        loaded = robot if scenario.plant.kind == "axis" else nominal
+        nominal_torques = torques or _along(nominal, motion)
+        torques = nominal_torques if loaded is nominal else _along(loaded, motion)
+        inertia, i_eff, springs, friction = _plant(scenario, robot, motion, torques)
+
+        modelled = nominal_torques if model is nominal else _along(model, motion)
         i_eff_modelled = effective_inertia(model, modelled.d_kk)
         largest = i_eff_modelled.max(axis=0)
         gains = _gains(scenario, largest, nominal)
+        omega_n = natural_frequency(gains, largest)
         slowest = i_eff if scenario.plant.kind == "axis" else inertia.minimum
-        _check_speed(scenario, robot, gains, slowest, elastic)
-        _check_device_speed(scenario, robot, slowest)
-    except InputError as error:
-        raise InputError(f"{_named(scenario)}{error}") from None
-    omega_n = natural_frequency(gains, largest)
-    steady = Motion(motion.period, motion.q[:1], motion.v[:1], np.zeros((1, robot.n)))
-    steady_ff = feedforward_along(scenario, model, steady)
+        check_poles(scenario, robot, gains, slowest, springs)
+
+    feedforward, steady = _feedforward(scenario, model), _steady(motion)
+    tau_ff, steady_ff = None, 0.0
+    if feedforward is not None:
+        tau_ff = _fed(feedforward, modelled, motion)
+        steady_ff = _fed(feedforward, _along(model, steady), steady)[0]
+    k_v = scenario.controller.position_gain
     return Design(
         scenario=scenario,
+        nominal=nominal,
         robot=robot,
+        model=model,
         motion=motion,
+        nominal_torques=nominal_torques,
         torques=torques,
-        loads=loads,
+        loads=_loads(scenario, robot, torques),
         inertia=inertia,
         i_eff=i_eff,
+        springs=springs,
+        friction=friction,
         gains=gains,
-        model=model,
-        tau_ff=feedforward_along(scenario, model, motion, modelled),
-        inertia_share=i_eff_modelled / largest,
         omega_n=omega_n,
-        position_gain=omega_n / 4
-        if choice.position_gain is None
-        else np.array(choice.position_gain),
-        elastic=elastic,
-        nominal=nominal,
-        nominal_torques=nominal_torques,
-        steady_load=_loads(scenario, robot, steady).load_torque[0],
-        steady_ff=0.0 if steady_ff is None else steady_ff[0],
+        inertia_share=i_eff_modelled / largest,
+        position_gain=omega_n / 4 if k_v is None else np.array(k_v),
+        feedforward=feedforward,
+        tau_ff=tau_ff,
+        steady_load=_loads(scenario, robot, _along(loaded, steady)).load_torque[0],
+        steady_ff=steady_ff,
     )
 
 
-def _loads(
-    scenario: Scenario, robot: Robot, motion: Motion, torques: TorqueGroups | None = None
-) -> Loads:
-    if torques is None:
-        torques = torque_groups(robot, motion.q, motion.v, motion.vd)
-    return decouple(torques.inertial, torques.coupled, robot.gear_ratio, scenario.algorithm)
+# --- device ----------------------------------------------------------------------------------
+
+
+def load_device(scenario: Scenario) -> Robot:
+    """The robot that planner, controller and plant know."""
+    robot = load_robot(scenario.robot)
+    with _naming(scenario):
+        return robot if scenario.device is None else chosen_robot(robot, scenario.device)
+
+
+def _robots(scenario: Scenario, nominal: Robot) -> tuple[Robot, Robot]:
+    """What moves, and what the controller takes it for."""
+    scenario.validate_sizes(nominal.n)
+    return (
+        _deviated(nominal, scenario.plant.deviation, "plant.deviation"),
+        _deviated(nominal, scenario.controller.model, "controller.model"),
+    )
+
+
+def _deviated(robot: Robot, deviation: Deviation, where: str) -> Robot:
+    try:
+        return deviated(robot, deviation)
+    except InputError as error:
+        text = str(error)
+        if text.startswith(("payload", "link_scales")):
+            raise InputError(f"{where}.{text}") from None
+        raise InputError(f"{where}: no body could be like that ({text})") from None
+
+
+@contextmanager
+def _naming(scenario: Scenario) -> Iterator[None]:
+    """Say of which scenario an error is."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(
+            f"scenario '{scenario.name}': {error}" if scenario.name else str(error)
+        ) from None
+
+
+# --- plan ------------------------------------------------------------------------------------
+
+
+def _planned(scenario: Scenario, robot: Robot) -> Motion:
+    return load_plan(
+        scenario.motion,
+        robot,
+        period=scenario.period,
+        torque_margin=scenario.torque_margin,
+        planner=scenario.planner,
+    ).motion
 
 
 def load_plan(
@@ -248,26 +334,13 @@ def _as_command(motion: Motion, name: str) -> CommandProfile:
     return CommandProfile(name, "", motion.duration, motion.q[0].tolist(), joints)
 
 
-def _named(scenario: Scenario) -> str:
-    return f"scenario '{scenario.name}': " if scenario.name else ""
-
-
 def _located(error: InputError, file: Path) -> InputError:
     text = str(error)
     return InputError(text if text.startswith(str(file)) else f"{file}: {text}")
 
 
-def load_device(scenario: Scenario) -> Robot:
-    """The robot that planner, controller and plant know."""
-    robot = load_robot(scenario.robot)
-    try:
-        return robot if scenario.device is None else chosen_robot(robot, scenario.device)
-    except InputError as error:
-        raise InputError(f"{_named(scenario)}{error}") from None
-
-
-def _check_finite(motion: Motion) -> None:
-    """Drake ends the process where it meets NaN."""
+def _check_reference(scenario: Scenario, motion: Motion) -> None:
+    """Refuse NaN, where Drake ends the process, and a reference that never arrives."""
     for name in ("q", "v", "vd"):
         bad = np.argwhere(~np.isfinite(getattr(motion, name)))
         if len(bad):
@@ -275,51 +348,42 @@ def _check_finite(motion: Motion) -> None:
             raise InputError(
                 f"motion: {name} of joint {k + 1} is not finite at {motion.time[i]:g} s"
             )
-
-
-def _check_delay(scenario: Scenario, motion: Motion) -> None:
-    delay = scenario.drive.reference_delay if scenario.drive is not None else 0.0
+    delay = scenario.drive.reference_delay
     if delay >= motion.duration:
         raise InputError(
             f"drive.reference_delay: {delay:g} s, but the motion ends at {motion.duration:g} s"
         )
 
 
-def _load_model(robot: Robot, errors: Deviation, where: str) -> Robot:
-    try:
-        return deviated(robot, errors)
-    except InputError as error:
-        text = str(error)
-        if text.startswith(("payload", "link_scales")):
-            raise InputError(f"{where}.{text}") from None
-        raise InputError(f"{where}: no body could be like that ({text})") from None
+# --- model -----------------------------------------------------------------------------------
 
 
-def feedforward_along(
-    scenario: Scenario, model: Robot, motion: Motion, torques: TorqueGroups | None = None
-) -> Array | None:
-    """Torque feedforward of a scenario's controller, motor side [N m], shape (N + 1, n).
-
-    None where it has none. `torques` are those of the model along the motion, computed here by
-    default.
-    """
-    choice = scenario.controller
-    kind = choice.feedforward_in_use
-    if kind == "none" and not choice.friction_compensation:
-        return None
-    if torques is None:
-        torques = torque_groups(model, motion.q, motion.v, motion.vd)
-    groups = (torques.inertial, torques.reaction, torques.velocity, torques.gravity)
-    tau_ff = feedforward_torque(kind, model, groups, motion.vd, scenario.algorithm)
-    if choice.feedforward_gain is not None:
-        tau_ff = np.array(choice.feedforward_gain) * tau_ff
-    if choice.friction_compensation and scenario.plant.friction is not None:
-        friction = friction_parameters(scenario.plant.friction, model.n)
-        tau_ff = tau_ff + sliding_friction(friction, motion.v) / model.gear_ratio
-    return tau_ff
+def _along(robot: Robot, motion: Motion) -> TorqueGroups:
+    return torque_groups(robot, motion.q, motion.v, motion.vd)
 
 
-def _elastic_joints(
+def _loads(scenario: Scenario, robot: Robot, torques: TorqueGroups) -> Loads:
+    return decouple(torques.inertial, torques.coupled, robot.gear_ratio, scenario.algorithm)
+
+
+def _steady(motion: Motion) -> Motion:
+    """One sample that goes on at the first speed."""
+    return Motion(motion.period, motion.q[:1], motion.v[:1], np.zeros_like(motion.v[:1]))
+
+
+def _plant(
+    scenario: Scenario, robot: Robot, motion: Motion, torques: TorqueGroups
+) -> tuple[InertiaRange, Array, Springs | None, FrictionParameters | None]:
+    """Inertia along the motion, that of the axis process, springs and friction of the joints."""
+    plant = scenario.plant
+    inertia = InertiaRange.of(effective_inertia(robot, torques.d_kk))
+    i_eff = inertia.maximum if plant.i_eff is None else np.array(plant.i_eff)
+    springs = _springs(scenario, robot, motion, torques, i_eff)
+    friction = None if plant.friction is None else friction_parameters(plant.friction, robot.n)
+    return inertia, i_eff, springs, friction
+
+
+def _springs(
     scenario: Scenario, robot: Robot, motion: Motion, torques: TorqueGroups, i_eff: Array
 ) -> Springs | None:
     """The springs, from the inertia that each sees where it is largest along the motion."""
@@ -355,63 +419,7 @@ def _gravity_stiffness(robot: Robot, q: Array, k: int) -> float:
     return (high - low) / (2 * step)
 
 
-_FASTEST = 1000.0  # rad per interpolation period; far beyond what a drive could do
-
-
-def _check_speed(
-    scenario: Scenario,
-    robot: Robot,
-    gains: SpeedGains,
-    i_eff: Array,
-    elastic: Springs | None,
-) -> None:
-    """Refuse a loop so stiff that its simulation would not end."""
-    at_motor = i_eff
-    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        if elastic is not None:
-            # Above the spring's frequency the motor has nothing but its rotor to turn.
-            at_motor = np.where(elastic.elastic, robot.rotor_inertia, i_eff)
-            for name, poles in (
-                ("natural_frequency", np.sqrt(elastic.stiffness / robot.reflected_inertia)),
-                ("damping_ratio", elastic.damping / robot.reflected_inertia),
-            ):
-                poles = np.where(elastic.elastic, poles, 0.0)
-                _check_pole(scenario, poles, f"plant.elasticity.{name} gives")
-        fastest = np.maximum(gains.kp / at_motor, np.sqrt(gains.ki / at_motor))
-    model = "" if scenario.controller.model.exact else ", for the inertia of controller.model,"
-    _check_pole(scenario, fastest, f"gains (kp, ki, or omega_r, zeta){model} against inertia give")
-
-
-def _check_device_speed(scenario: Scenario, robot: Robot, i_eff: Array) -> None:
-    """The same for friction and drive; i_eff motor side [kg m²]."""
-    inertia = robot.gear_ratio**2 * i_eff
-    if scenario.plant.friction is not None:
-        friction = friction_parameters(scenario.plant.friction, robot.n)
-        bristles = friction.coulomb / friction.presliding / inertia
-        extra = friction.breakaway - friction.coulomb
-        for name, poles in (
-            ("coulomb over presliding", np.sqrt(bristles)),
-            ("coulomb over presliding", PRESLIDING_DAMPING_TIME * bristles),
-            ("breakaway over stribeck_speed", 2 * extra / friction.stribeck_speed / inertia),
-            ("viscous", friction.viscous / inertia),
-        ):
-            _check_pole(scenario, poles, f"plant.friction: {name} gives")
-    drive = scenario.drive
-    if drive is not None and drive.torque_bandwidth is not None:
-        lag = np.full(robot.n, 2 * np.pi * drive.torque_bandwidth)
-        _check_pole(scenario, lag, "drive.torque_bandwidth gives")
-    if drive is not None and drive.n1 is not None and drive.n0 is not None:
-        slope = robot.motor_torque_limit / (np.array(drive.n0) - np.array(drive.n1))
-        _check_pole(scenario, slope / i_eff, "drive: n0 so close to n1 gives")
-
-
-def _check_pole(scenario: Scenario, poles: Array, cause: str) -> None:
-    if np.any(poles * scenario.period > _FASTEST):
-        k = int(np.argmax(poles))
-        raise InputError(
-            f"{cause} joint {k + 1} a pole at {poles[k]:.3g} rad/s, expected less than "
-            f"{_FASTEST / scenario.period:.3g}"
-        )
+# --- gains and feedforward -------------------------------------------------------------------
 
 
 def _gains(scenario: Scenario, i_eff_max: Array, robot: Robot) -> SpeedGains:
@@ -421,3 +429,27 @@ def _gains(scenario: Scenario, i_eff_max: Array, robot: Robot) -> SpeedGains:
     zeta = 1.0 if controller.zeta is None else controller.zeta
     omega_r = (controller.omega_r or 0.0) * robot.frequency_factor
     return tune(i_eff_max, omega_r, zeta, controller.omega_ratio)
+
+
+def _feedforward(scenario: Scenario, model: Robot) -> Law | None:
+    """gain feedforward_torque + friction(v_ref) / r, motor side [N m]; None for neither."""
+    choice, friction = scenario.controller, scenario.plant.friction
+    kind = choice.feedforward_in_use
+    is_compensated = choice.friction_compensation and friction is not None
+    if kind == "none" and not is_compensated:
+        return None
+    gain = 1.0 if choice.feedforward_gain is None else np.array(choice.feedforward_gain)
+    parameters = friction_parameters(friction or Friction(), model.n)
+
+    def law(groups: Sequence[Array], v: Array, vd: Array) -> Array:
+        tau_ff = gain * feedforward_torque(kind, model, groups, vd, scenario.algorithm)
+        if is_compensated:
+            tau_ff = tau_ff + sliding_friction(parameters, v) / model.gear_ratio
+        return tau_ff
+
+    return law
+
+
+def _fed(law: Law, torques: TorqueGroups, motion: Motion) -> Array:
+    groups = (torques.inertial, torques.reaction, torques.velocity, torques.gravity)
+    return law(groups, motion.v, motion.vd)

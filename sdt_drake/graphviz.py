@@ -10,30 +10,32 @@ from pathlib import Path
 
 from pydrake.systems.framework import Diagram
 
+from sdt_drake.block_diagram import drawn, walk
 from sdt_drake.errors import InputError, checked_choice, replacing
 
 FORMATS = ("dot", "svg", "png")
 NO_GRAPHVIZ = "Graphviz is not installed ('dot' not found): apt install graphviz"
 
 _ID = re.compile(r"\b(clusters|cluster|s|_)(\d+)(?=\b|[a-z:])")
+_SUBSCRIPT = re.compile(rb'baseline-shift="sub" font-size="[\d.]+"')
 _EDGES = re.compile(r"(?:^\S+ -> .*\n)+", re.MULTILINE)
 
 
-def dot_text(diagram: Diagram, *, max_depth: int = 1) -> str:
-    """The diagram in Graphviz' language; equal diagrams give equal texts.
+def dot_text(diagram: Diagram, *, max_depth: int = 2) -> str:
+    """The diagram as a control engineer draws it, in Graphviz' language.
 
-    The plant is split into its inputs and outputs, so that signals run from left to right.
+    Equal diagrams give equal texts. See `sdt_drake.block_diagram` for what it shows.
 
     Args:
-        diagram: best built with `boxed=True`.
-        max_depth: levels of boxes that are opened.
+        diagram: any.
+        max_depth: levels of diagrams in it that are opened.
     """
-    split = {
-        f"{system.get_name()}/split": "I/O"
-        for system in diagram.GetSystems()
-        if system.get_name() in ("axis_process", "multibody_plant")
-    }
-    text = diagram.GetGraphvizString(max_depth=max_depth, options=split)
+    return drawn(walk(diagram, max_depth=max_depth))
+
+
+def drake_dot_text(diagram: Diagram, *, max_depth: int = 2) -> str:
+    """The same by Drake's own export, but that equal diagrams give equal texts."""
+    text = diagram.GetGraphvizString(max_depth=max_depth + 1)
     numbers: dict[str, str] = {}
 
     def renumbered(match: re.Match[str]) -> str:
@@ -41,10 +43,7 @@ def dot_text(diagram: Diagram, *, max_depth: int = 1) -> str:
         number = numbers.setdefault(match[2], str(len(numbers) + 1))
         return match[1] + number
 
-    text = _EDGES.sub(_sorted_lines, _ID.sub(renumbered, text))
-    # What a box is called is what a reader looks for; that it is a Diagram says nothing.
-    text = re.sub(r"<B>Diagram</B><BR/>\nname=([^\n<]+)", r"<B>\1</B>", text)
-    return re.sub(r"<B>(\w+)</B><BR/>\nname=([^\n<]+)", r"<B>\2</B><BR/>\1", text)
+    return _EDGES.sub(_sorted_lines, _ID.sub(renumbered, text))
 
 
 def _sorted_lines(match: re.Match[str]) -> str:
@@ -53,9 +52,14 @@ def _sorted_lines(match: re.Match[str]) -> str:
 
 
 def write_diagram(
-    diagram: Diagram, path: str | Path, *, format_: str = "dot", max_depth: int = 1
+    diagram: Diagram,
+    path: str | Path,
+    *,
+    format_: str = "dot",
+    max_depth: int = 2,
+    drake: bool = False,
 ) -> Path:
-    """Write a diagram to `path` as "dot", "svg" or "png".
+    """Write a diagram to `path` as "dot", "svg" or "png", by `drake_dot_text` if `drake`.
 
     An .svg says in a comment which .dot text it was made from.
 
@@ -64,7 +68,7 @@ def write_diagram(
     """
     path = Path(path)
     checked_choice(format_, FORMATS, "format")
-    text = dot_text(diagram, max_depth=max_depth)
+    text = (drake_dot_text if drake else dot_text)(diagram, max_depth=max_depth)
     with replacing(path) as partial:
         if format_ == "dot":
             partial.write_text(text, encoding="utf-8")
@@ -90,5 +94,8 @@ def _rendered(text: str, format_: str) -> bytes:
     if done.returncode != 0:
         reason = " ".join(done.stderr.decode(errors="replace").split())
         raise InputError(f"Graphviz failed: {reason}")
-    note = f"<!-- {fingerprint(text)} -->\n".encode() if format_ == "svg" else b""
-    return done.stdout + note
+    if format_ != "svg":
+        return done.stdout
+    # Not every viewer of .svg knows baseline-shift, and none makes subscripts small.
+    svg = _SUBSCRIPT.sub(b'dy="2.5" font-size="9"', done.stdout)
+    return svg + f"<!-- {fingerprint(text)} -->\n".encode()

@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.systems.framework import System
 
-from sdt_drake.control import CONTROLLERS
+from sdt_drake.controllers import Controller
 from sdt_drake.design import Design
 from sdt_drake.device import Drive
 
@@ -33,18 +34,46 @@ class PeriodTorque(NamedTuple):
     saturated: Array
 
 
-def period_torque(design: Design, q: Array, v: Array, tau_cmd: Array, tau: Array) -> PeriodTorque:
+class Seen(NamedTuple):
+    """What a controller was seen to command within its periods, linear between.
+
+    Attributes:
+        shares: of a period at which it was looked at, from 0 to 1, shape (M,); those within twice,
+            just before the updates there and just after.
+        command: motor side [N m], shape (periods, M, n).
+    """
+
+    shares: Array
+    command: Array
+
+
+def knows_its_command(controller: System) -> bool:
+    """Whether a controller tells what it commands within a period, from what is logged."""
+    if not isinstance(controller, Controller):
+        return False
+    return controller.is_sampled or type(controller).memoryless is not Controller.memoryless
+
+
+def period_torque(
+    design: Design,
+    controller: System,
+    q: Array,
+    v: Array,
+    tau_cmd: Array,
+    tau: Array,
+    seen: Seen | None = None,
+) -> PeriodTorque:
     """What the motors give in each interpolation period, their limits and drives included.
 
     A log shows the ends of the periods. At their starts the reference jumps, and with it what the
     controller asks for: with K_PS on the error by K_PS times a period's acceleration, which the
     feedback takes back until the end. And while the reference is held, the integral of the error
-    swings out by K_IS times a period's acceleration, an eighth of it times the period. So:
+    swings out by its gain times a period's acceleration, an eighth of it times the period. So:
 
     - a sampled controller asks for one torque from sample to sample, that at its end;
-    - a continuous one for  y + K_PS r s (b v_asked - v) + tau_ff  with v_asked = v_ref
-      (+ K_V (q_ref - q) at the start of the period), s and tau_ff held (b and s as in the blocks),
-      and y and v parabolas, through both ends and the way that q went: a third-order error.
+    - a continuous one for  y + memoryless(t),  with y and v parabolas, through both ends and the
+      way that q went: a third-order error;
+    - of any other system it was looked at, at both ends and within.
 
     Good to 0.3 % of the motor. Where the reference arrives within a period v has a corner there: to
     2 %. Behind an elastic joint a light rotor answers a jolt faster than a parabola can: an
@@ -52,17 +81,22 @@ def period_torque(design: Design, q: Array, v: Array, tau_cmd: Array, tau: Array
 
     Args:
         design: of the loop.
+        controller: of the loop.
         q, v: as measured, at the samples, joint side [rad, rad/s], shape (N + 1, n).
         tau_cmd, tau: just before each update of the controller, the first row just after it; motor
             side [N m], shape (N k + 1, n) with k samples of the controller per period.
+        seen: what it was seen to command in its N k periods; needed where it does not know it.
     """
-    n, drive = design.robot.n, design.scenario.drive or Drive()
+    n, drive = design.robot.n, design.drive
     samples = (len(tau_cmd) - 1) // (len(q) - 1)
-    is_sampled = drive.period is not None or _feedback(design) == "inverse_dynamics"
+    is_sampled = isinstance(controller, Controller) and controller.is_sampled
     whole, late = divmod(drive.reference_delay / design.motion.period + 1e-9, 1.0)
-    grid, late = (
-        (_GRID, 0.0) if late < 1e-6 or is_sampled else (np.sort([*_GRID, late, late]), late)
-    )
+    if seen is not None:
+        grid, late = seen.shares, 0.0
+    elif late < 1e-6 or is_sampled:
+        grid, late = _GRID, 0.0
+    else:
+        grid = np.sort([*_GRID, late, late])
     steps = np.diff(grid)
     peaks, squares, saturated = [], [], []
     rows = np.arange(len(tau_cmd) - 1)
@@ -73,9 +107,11 @@ def period_torque(design: Design, q: Array, v: Array, tau_cmd: Array, tau: Array
         speed = v[i, None] + (begin + grid[:, None] / samples) * (v[i + 1] - v[i])[:, None]
         if is_sampled:
             command = np.repeat(tau_cmd[at + 1, None], len(grid), axis=1)
+        elif seen is not None:
+            command = seen.command[at]
         else:
-            command = _continuous(design, (grid, late), (i, newest), q, v, tau_cmd)
-        limited = np.clip(command, *_limits(design, drive, newest, speed))
+            command = _continuous(controller, (grid, late), (i, newest), design, q, v, tau_cmd)
+        limited = np.clip(command, *_limits(design, newest, speed))
         given = _given(drive, limited, tau[at], steps * design.motion.period / samples)
         start, end = given[:, :-1], given[:, 1:]
         peaks.append(np.abs(given).max(axis=1))
@@ -87,19 +123,16 @@ def period_torque(design: Design, q: Array, v: Array, tau_cmd: Array, tau: Array
     return PeriodTorque(peak.max(axis=1), np.sqrt(square.mean(axis=1)), share.mean(axis=1))
 
 
-def _feedback(design: Design) -> str:
-    return CONTROLLERS[design.scenario.controller.kind].feedback
-
-
 def _mean(steps: Array, of_parts: Array) -> Array:
     """Over a period, of values (M, len(steps), n) of its parts."""
     return np.einsum("g,mgn->mn", steps, of_parts)
 
 
 def _continuous(
-    design: Design,
+    controller: Controller,
     points: tuple[Array, float],
     periods: tuple[Index, Index],
+    design: Design,
     q: Array,
     v: Array,
     tau_cmd: Array,
@@ -107,49 +140,37 @@ def _continuous(
     """What a continuous controller asks for in some periods, shape (M, points, n).
 
     Args:
-        design: of the loop.
+        controller: of the loop.
         points: shares of a period, and that at which the reference arrives, twice among them.
         periods: their numbers i, and those of the samples of the reference that arrive in them.
+        design: of the loop.
         q, v, tau_cmd: of the whole run, see `period_torque`.
     """
-    (grid, late), (i, newest) = points, periods
-    gains, r, period = design.gains, design.robot.gear_ratio, design.motion.period
-    is_scheduled = _feedback(design) == "scheduled"
+    (grid, late), (i, newest), period = points, periods, design.motion.period
 
-    def weight(held: Index) -> Array | float:
-        return design.inertia_share[held] if is_scheduled else 1.0
-
-    def without_integral(held: Index, sample: Index, speed: Array) -> Array:
-        """With that sample of the reference, and of the position."""
-        held, sample = np.maximum(held, 0), np.maximum(sample, 0)
-        asked = design.motion.v[held]
-        if _feedback(design) == "position":
-            asked = asked + design.position_gain * (design.motion.q[held] - q[sample])
-        if design.scenario.controller.structure_in_use != "pi":
-            asked = 0.0
-        tau_ff = 0.0 if design.tau_ff is None else design.tau_ff[held]
-        return gains.kp * r * weight(held) * (asked - speed) + tau_ff
+    def memoryless(held: Index, sample: Index, speed: Array) -> Array:
+        return controller.memoryless(np.maximum(held, 0), np.maximum(sample, 0), q, speed)
 
     first = (i == 0).astype(int)  # whose first torque is just after its update
-    y0 = tau_cmd[i] - without_integral(newest - 1 + first, i - 1 + first, v[i])
-    y1 = tau_cmd[i + 1] - without_integral(newest, i, v[i + 1])
+    y0 = tau_cmd[i] - memoryless(newest - 1 + first, i - 1 + first, v[i])
+    y1 = tau_cmd[i + 1] - memoryless(newest, i, v[i + 1])
     change = v[i + 1] - v[i]
-    bulge_y = gains.ki * r * weight(np.maximum(newest, 0)) * period * change / 8
+    bulge_y = controller.integral_gain(np.maximum(newest, 0)) * period * change / 8
     bulge_v = 1.5 * ((q[i + 1] - q[i]) / period - (v[i] + v[i + 1]) / 2)
     arrives = np.searchsorted(grid, late, side="right") - 1
     parts = []
     for g, s in enumerate(grid):
         hump = 4 * s * (1 - s)
         speed = v[i] + s * change + hump * bulge_v
-        rest = without_integral(newest - (g < arrives), i, speed)
+        rest = memoryless(newest - (g < arrives), i, speed)
         parts.append(y0 + s * (y1 - y0) + hump * bulge_y + rest)
     return np.stack(parts, axis=1)
 
 
-def _limits(design: Design, drive: Drive, newest: Index, speed: Array) -> tuple[Array, Array]:
+def _limits(design: Design, newest: Index, speed: Array) -> tuple[Array, Array]:
     """Of the saturation with those samples of the reference, at joint speeds (M, points, n)."""
     limit = design.robot.motor_torque_limit
-    down, up = limit, limit
+    down, up, drive = limit, limit, design.drive
     if drive.n1 is not None and drive.n0 is not None:
         n1, n0 = np.array(drive.n1), np.array(drive.n0)
         motor_speed = design.robot.gear_ratio * speed

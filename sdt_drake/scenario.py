@@ -8,7 +8,8 @@ from typing import Optional
 
 from pydrake.common.yaml import yaml_dump_typed
 
-from sdt_drake.control import CONTROLLERS, FEEDFORWARDS, STRUCTURES
+from sdt_drake.control import FEEDFORWARDS, STRUCTURES
+from sdt_drake.controllers import CONTROLLERS, Controller, load_controllers
 from sdt_drake.deviation import Deviation
 from sdt_drake.device import DeviceChoice, Drive, Elasticity, Friction
 from sdt_drake.dynamics import SIGNS
@@ -48,7 +49,9 @@ class ControllerChoice:
     """What drives it.
 
     Attributes:
-        kind: one of `sdt_drake.control.CONTROLLERS`.
+        kind: one of `sdt_drake.controllers.CONTROLLERS`.
+        file: Python file that registers controllers of one's own, which is run; relative to the
+            scenario's own folder. None by default.
         structure: of the PI controller: "p_in_feedback" (Figure 5) or "pi", both gains on the
             error. The kinds "pi_id" and "p_pi" always have both gains on the error.
         omega_r: lowest natural frequency of the structure [rad/s], of the SDF as it is; a chosen
@@ -68,6 +71,7 @@ class ControllerChoice:
     """
 
     kind: str = "pi"
+    file: str = ""
     structure: str = "p_in_feedback"
     omega_r: Optional[float] = None  # noqa: UP045
     omega_ratio: float = 0.5
@@ -83,8 +87,8 @@ class ControllerChoice:
 
     @property
     def feedforward_in_use(self) -> str:
-        """One of FEEDFORWARDS: that of the kind, or the chosen one."""
-        return CONTROLLERS[self.kind].feedforward or self.feedforward or "none"
+        """One of FEEDFORWARDS: the chosen one, or that of the kind."""
+        return self.feedforward or CONTROLLERS[self.kind].feedforward
 
     @property
     def structure_in_use(self) -> str:
@@ -94,7 +98,7 @@ class ControllerChoice:
     @property
     def label(self) -> str:
         """Short name: the kind, and the feedforward where it was chosen; "p_pi+id"."""
-        chosen = CONTROLLERS[self.kind].feedforward is None and self.feedforward_in_use != "none"
+        chosen = self.feedforward not in (None, "none")
         return f"{self.kind}+{self.feedforward}" if chosen else self.kind
 
 
@@ -127,6 +131,7 @@ class Scenario:
             keeps the path and slows down.
         algorithm: sign of Algorithm 1's third branch, "consistent" or "printed".
         inverse_dynamics: "table", load torques computed before the run, or "online", by a block.
+        accuracy: of the integrator: speeds are good to it [rad/s], positions to a tenth [rad].
         plant: what moves.
         drive: of the motors; ideal by default.
         controller: what drives it.
@@ -142,8 +147,9 @@ class Scenario:
     planner: str = "limiter"
     algorithm: str = "consistent"
     inverse_dynamics: str = "table"
+    accuracy: float = 1e-4
     plant: PlantChoice = field(default_factory=PlantChoice)
-    drive: Optional[Drive] = None  # noqa: UP045
+    drive: Drive = field(default_factory=Drive)
     controller: ControllerChoice = field(default_factory=ControllerChoice)
     disturbance: Disturbance = field(default_factory=Disturbance)
 
@@ -164,7 +170,10 @@ class Scenario:
         checked_choice(self.planner, tuple(PLANNERS), "planner")
         checked_choice(self.algorithm, SIGNS, "algorithm")
         checked_choice(self.inverse_dynamics, INVERSE_DYNAMICS, "inverse_dynamics")
+        check_accuracy(self.accuracy)
         checked_choice(self.plant.kind, PLANTS, "plant.kind")
+        if self.controller.file:
+            load_controllers(self.controller.file)
         checked_choice(self.controller.kind, tuple(CONTROLLERS), "controller.kind")
         checked_choice(self.controller.structure, STRUCTURES, "controller.structure")
         checked_number(self.disturbance.amplitude, "disturbance.amplitude", minimum=0)
@@ -183,8 +192,7 @@ class Scenario:
             self.plant.elasticity.validate("plant.elasticity")
         if self.device is not None:
             self.device.validate("device")
-        if self.drive is not None:
-            self.drive.validate("drive", self.period)
+        self.drive.validate("drive", self.period)
         self.plant.deviation.validate("plant.deviation")
         self.controller.model.validate("controller.model")
         self._validate_gains()
@@ -208,23 +216,21 @@ class Scenario:
     def _validate_options(self) -> None:
         """Refuse what the chosen kind of controller would not use."""
         controller, kind = self.controller, CONTROLLERS[self.controller.kind]
-        where = f"controller.kind {controller.kind}"
         if self.plant.kind not in kind.plants:
-            raise InputError(f"{where}: needs plant.kind {' or '.join(kind.plants)}")
-        if controller.feedforward is not None:
-            if kind.feedforward is not None:
-                open_ = [name for name, k in CONTROLLERS.items() if k.feedforward is None]
+            raise InputError(
+                f"controller.kind {controller.kind}: needs plant.kind {' or '.join(kind.plants)}"
+            )
+        for name in Controller.OPTIONS:
+            given = getattr(controller, name) != getattr(ControllerChoice, name)
+            if given and name not in kind.options:
+                taking = [k for k, c in CONTROLLERS.items() if name in c.options]
                 raise InputError(
-                    f"controller.feedforward: {controller.kind} has its own; only "
-                    f"{', '.join(open_)} leave it open"
+                    f"controller.{name}: {controller.kind} takes none, only {', '.join(taking)}"
                 )
+        if controller.feedforward is not None:
             checked_choice(controller.feedforward, FEEDFORWARDS, "controller.feedforward")
-        if controller.position_gain is not None and kind.feedback != "position":
-            raise InputError(f"controller.position_gain: {controller.kind} has no position loop")
         if controller.feedforward_gain is not None and controller.feedforward_in_use == "none":
             raise InputError(f"controller.feedforward_gain: {controller.kind} has no feedforward")
-        if controller.anti_windup and kind.feedback == "inverse_dynamics":
-            raise InputError(f"controller.anti_windup: {controller.kind} has no integral")
         if controller.friction_compensation and self.plant.friction is None:
             raise InputError("controller.friction_compensation: needs plant.friction")
 
@@ -251,8 +257,18 @@ class Scenario:
             self.plant.elasticity.validate_sizes(n, "plant.elasticity")
         if self.device is not None:
             self.device.validate_sizes(n, "device")
-        if self.drive is not None:
-            self.drive.validate_sizes(n, "drive")
+        self.drive.validate_sizes(n, "drive")
+
+
+def check_accuracy(accuracy: float) -> None:
+    """Refuse what the integrator cannot reach, and what says nothing.
+
+    Raises:
+        InputError: unless it is a number from 1e-12 to 0.01.
+    """
+    checked_number(accuracy, "accuracy", minimum=1e-12)
+    if accuracy > 0.01:
+        raise InputError(f"accuracy: {accuracy:g}, expected 1e-12 to 0.01")
 
 
 def load_scenario(path: str | Path) -> Scenario:
@@ -262,6 +278,9 @@ def load_scenario(path: str | Path) -> Scenario:
         InputError: naming the file, the field, and what would be right.
     """
     scenario, file = load_yaml(Scenario, path)
+    folder = file.resolve().parent
+    if scenario.controller.file:
+        scenario.controller.file = str(folder / scenario.controller.file)
     try:
         scenario.validate()
         has_shipped_motion = find_motion(scenario.motion) != scenario.motion
@@ -271,10 +290,10 @@ def load_scenario(path: str | Path) -> Scenario:
         value = getattr(scenario, name)
         by_name = name == "motion" and has_shipped_motion
         if not by_name and not value.startswith("package://"):
-            setattr(scenario, name, str(file.resolve().parent / value))
+            setattr(scenario, name, str(folder / value))
     device = scenario.device
     if device is not None and not device.catalogue.startswith("package://"):
-        device.catalogue = str(file.resolve().parent / device.catalogue)
+        device.catalogue = str(folder / device.catalogue)
     scenario.name = scenario.name or file.stem
     return scenario
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,22 +13,24 @@ from numpy.typing import NDArray
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Diagram
 
+from sdt_drake.controllers import own_code
 from sdt_drake.design import Design, make_design
-from sdt_drake.errors import InputError, checked_type
-from sdt_drake.loops import loop_period, make_loop
-from sdt_drake.motor_torque import period_torque
+from sdt_drake.errors import InputError, checked_number, checked_type
+from sdt_drake.loops import Loop, make_loop
+from sdt_drake.motor_torque import Seen, knows_its_command, period_torque
 from sdt_drake.scenario import Scenario
-from sdt_drake.start import start_in_equilibrium
-from sdt_drake.systems import read_logs
 from sdt_drake.tables import read_table, write_table
 
 Array = NDArray[np.float64]
 
-ACCURACY = 7e-6
-"""Of the error-controlled integrator: speeds are good to 2e-6 rad/s on the reference motion, to
-1e-4 where motors saturate hard, to 3e-4 where a tight envelope limits them."""
+_HARDER = 20.0
+"""How much harder the integrator tries on the axis plant: its motors saturate for seconds, and what
+it misses where they do so grows until they no longer do."""
 
+_FINEST = 1e-12  # that Drake takes
 _MOST_STEPS = 1_000_000  # of the integrator in a period; a loop that needs more does not end
+
+_LOOKS, _POINTS = 3, 9  # within a period at a command that nobody tells, and within such a look
 
 LIMITS = {"q": (1e6, "rad"), "q_ref": (1e6, "rad"), "v": (1e4, "rad/s"), "v_ref": (1e4, "rad/s")}
 """Of angles and speeds in files, joint side: what is beyond has another unit, or is no motion."""
@@ -141,66 +144,128 @@ def check_limits(path: str | Path, time: Array, columns: Mapping[str, Array]) ->
             )
 
 
-def make_simulator(diagram: Diagram, *, max_step: float, accuracy: float = ACCURACY) -> Simulator:
-    """A simulator, not initialized, that meets every sample and integrates between them."""
+def make_simulator(
+    diagram: Diagram, *, period: float, accuracy: float, realtime_rate: float = 0.0
+) -> Simulator:
+    """A simulator, not initialized, that meets samples every `period` [s] and integrates between.
+
+    Error-controlled Runge-Kutta of third order. Its largest step is a little above the period: a
+    largest step of just the period makes every few samples take a second step of 1e-16 s.
+    """
     simulator = Simulator(diagram)
     config = SimulatorConfig(
         integration_scheme="runge_kutta3",
-        max_step_size=max_step,
+        max_step_size=1.01 * period,
         accuracy=accuracy,
         use_error_control=True,
+        target_realtime_rate=realtime_rate,
     )
     ApplySimulatorConfig(config, simulator)
     integrator = simulator.get_mutable_integrator()
-    integrator.set_requested_minimum_step_size(max_step / _MOST_STEPS)
+    integrator.set_requested_minimum_step_size(period / _MOST_STEPS)
     integrator.set_throw_on_minimum_step_size_violation(True)
     return simulator
 
 
 def simulate(
-    design: Design, diagram: Diagram | None = None, *, accuracy: float = ACCURACY
+    design: Design, diagram: Diagram | None = None, *, realtime_rate: float = 0.0
 ) -> Recording:
-    """Run a loop along its motion, starting on the reference.
+    """Run a loop along its motion, starting on the reference, at the scenario's accuracy.
 
     Args:
         design: a resolved scenario.
-        diagram: its loop with logs; built here by default.
-        accuracy: of the integrator, in [1e-12, 0.1].
+        diagram: its loop, or a diagram that has it as a subsystem; built here by default.
+        realtime_rate: how fast to go, 1 in real time, to watch a loop with a Meshcat; 0: as fast
+            as it can.
 
     Raises:
-        InputError: for another accuracy; if the integrator makes no headway, with the time.
+        InputError: for a diagram without the design's loop; if the integrator makes no headway,
+            with the time.
     """
     checked_type(design, Design, "design")
-    if not (isinstance(accuracy, float) and 1e-12 <= accuracy <= 0.1):
-        raise InputError(f"accuracy: {accuracy!r}, expected a number from 1e-12 to 0.1")
+    checked_number(realtime_rate, "realtime_rate", minimum=0)
     diagram = make_loop(design) if diagram is None else diagram
-    if diagram.get_name() != f"{design.scenario.plant.kind}_loop":
-        raise InputError(
-            f"diagram: {diagram.get_name()!r}, expected the {design.scenario.plant.kind}_loop of "
-            "the design"
-        )
-    motion, period = design.motion, loop_period(design)
-    simulator = make_simulator(diagram, max_step=period, accuracy=accuracy)
+    loop = _loop_in(design, diagram)
+    period, accuracy = design.reference.period, design.scenario.accuracy
+    if design.scenario.plant.kind == "axis":
+        accuracy = max(accuracy / _HARDER, _FINEST)
+    simulator = make_simulator(
+        diagram, period=period, accuracy=accuracy, realtime_rate=realtime_rate
+    )
     context = simulator.get_mutable_context()
-    start_in_equilibrium(design, diagram, context)
-    try:
-        simulator.Initialize()
+    own = loop.GetMyMutableContextFromRoot(context)
+    loop.rest(own)
+    with own_code(design.scenario.controller.kind):
+        try:
+            seen = _run(simulator, design, loop)
+        except RuntimeError as error:
+            reason = " ".join(str(error).split())
+            raise InputError(
+                f"scenario '{design.scenario.name}': the simulation is stuck at "
+                f"{context.get_time():.6g} s ({reason})"
+            ) from None
+    return _recording(design, loop, loop.recorded(own), seen)
+
+
+def _run(simulator: Simulator, design: Design, loop: Loop) -> Seen | None:
+    """Advance over the motion; what is commanded within the periods, where that cannot be told
+    afterwards."""
+    simulator.Initialize()
+    period, context = design.reference.period, simulator.get_context()
+    duration = (len(design.motion.v) - 1) * period
+    if knows_its_command(loop.controller):
         # Only the main thread hears Ctrl-C; in others, listening for it would take the
         # interpreter's lock at every step, and let no two runs go at the same time.
         hears = threading.current_thread() is threading.main_thread()
-        simulator.AdvanceTo((len(motion.v) - 1) * period, interruptible=hears)
-    except RuntimeError as error:
-        reason = " ".join(str(error).split())
+        simulator.AdvanceTo(duration, interruptible=hears)
+        return None
+    step, command = design.drive.period or period, loop.GetOutputPort("tau_cmd")
+    own = loop.GetMyContextFromRoot(context)
+    late = design.drive.reference_delay % step
+    looks, values = _looks(design, step, late), []
+    for i in range(round(duration / step)):
+        for begin, end in pairwise(looks):
+            if begin in (0.0, late):
+                simulator.AdvancePendingEvents()
+            values.append(command.Eval(own).copy())
+            simulator.AdvanceTo((i + 1) * step if end == step else end + i * step)
+            values.append(command.Eval(own).copy())
+    # A lag answers within a look: points in between, the command linear from one end to the other.
+    way = np.linspace(0.0, 1.0, _POINTS)[:, None]
+    ends = np.reshape(values, (-1, len(looks) - 1, 2, 1, design.robot.n))
+    command = (1 - way) * ends[:, :, 0] + way * ends[:, :, 1]
+    shares = looks[:-1, None] + way.T * np.diff(looks)[:, None]
+    return Seen(shares.ravel() / step, command.reshape(len(ends), shares.size, -1))
+
+
+def _looks(design: Design, step: float, late: float) -> Array:
+    """When to look at a command within `step`, both ends among them, and when the reference
+    arrives [s]: a sampled drive holds what a controller sees, a continuous one does not."""
+    looks = np.linspace(0.0, step, 2 if design.drive.period is not None else _LOOKS + 1)
+    return looks if min(late, step - late) < 1e-6 * step else np.union1d(looks, late)
+
+
+def _loop_in(design: Design, diagram: Diagram) -> Loop:
+    loops = [system for system in (diagram, *diagram.GetSystems()) if isinstance(system, Loop)]
+    if len(loops) != 1 or loops[0].design is not design:
         raise InputError(
-            f"scenario '{design.scenario.name}': the simulation is stuck at "
-            f"{context.get_time():.6g} s ({reason})"
-        ) from None
-    _, signals = read_logs(diagram, context)
-    measured = np.hsplit(signals.pop("measured", signals["state"]), 2)
-    q, v = np.hsplit(signals.pop("state"), 2)
-    within = period_torque(design, *measured, signals["tau_cmd"], signals["tau"])
+            f"diagram: {diagram.get_name()!r}, expected the loop of the design or a diagram that "
+            "has it as a subsystem"
+        )
+    return loops[0]
+
+
+def _recording(
+    design: Design, loop: Loop, signals: Mapping[str, Array], seen: Seen | None
+) -> Recording:
+    motion = design.motion
+    q, v = np.hsplit(signals["state"], 2)
+    measured = np.hsplit(signals["measured"], 2)
+    within = period_torque(
+        design, loop.controller, *measured, signals["tau_cmd"], signals["tau"], seen
+    )
     samples = (len(signals["tau"]) - 1) // (len(q) - 1)
-    torques = {name: signals.pop(name)[::samples] for name in ("tau_cmd", "tau_limited", "tau")}
+    torques = {name: signals[name][::samples] for name in ("tau_cmd", "tau_limited", "tau")}
     first = np.abs(torques["tau"][:1])
     return Recording(
         time=motion.time,
@@ -208,13 +273,20 @@ def simulate(
         v_ref=motion.v,
         q=q,
         v=v,
+        load_torque=_held(design, design.loads.load_torque),
         tau_peak=np.vstack([first, within.peak]),
         tau_rms=np.vstack([first, within.rms]),
         saturated=np.vstack([np.zeros_like(first), within.saturated]),
         beyond_stop=_beyond_stop(design, q),
         **torques,
-        **signals,
     )
+
+
+def _held(design: Design, samples: Array) -> Array:
+    """Samples that arrive with the reference, as a hold has them just before each update."""
+    late = design.drive.reference_delay / design.reference.period
+    newest = np.ceil(np.arange(len(samples)) - late - 1e-9).astype(int) - 1
+    return samples[np.maximum(newest, 0)]
 
 
 def _beyond_stop(design: Design, q: Array) -> Array:

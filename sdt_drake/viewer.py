@@ -8,7 +8,6 @@ import time as clock
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -18,21 +17,14 @@ from pydrake.geometry import (
     Meshcat,
     MeshcatCone,
     MeshcatParams,
-    MeshcatVisualizer,
-    MeshcatVisualizerParams,
     Rgba,
-    SceneGraph,
-    Sphere,
 )
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from sdt_drake.errors import InputError, replacing, told_by
 from sdt_drake.pilot import GRAVITY, check_head, has_head, head_motion
-from sdt_drake.resources import models_dir
 from sdt_drake.robot import Robot
+from sdt_drake.systems import RobotDrawing
 
 Array = NDArray[np.float64]
 
@@ -174,9 +166,9 @@ class Scene:
         self.meshcat, self.frames = meshcat, frames
         meshcat.Delete()
         with _drawing(robot):
-            self._diagram, self._plant = _make_diagram(robot, meshcat)
-            self._context = self._diagram.CreateDefaultContext()
-            low, high = _extent(robot, self._diagram, self._plant, self._context, frames.q)
+            self._robot = RobotDrawing(robot=robot, meshcat=meshcat)
+            self._context = self._robot.CreateDefaultContext()
+            low, high = _extent(robot, self._robot, frames.q)
         _draw_surroundings(meshcat, low, high)
         if frames.position is not None:
             _draw_head(meshcat, frames.position)
@@ -190,10 +182,9 @@ class Scene:
         frames = self.frames
         at = frames.time[k] if record else None
         self._context.SetTime(frames.time[k])
-        self._plant.SetPositions(
-            self._plant.GetMyMutableContextFromRoot(self._context), frames.q[k]
-        )
-        self._diagram.ForcedPublish(self._context)
+        state = np.concatenate([frames.q[k], np.zeros_like(frames.q[k])])
+        self._robot.get_input_port().FixValue(self._context, state)
+        self._robot.ForcedPublish(self._context)
         if frames.position is None:
             return
         head = RigidTransform(RotationMatrix(frames.rotation[k]), frames.position[k])
@@ -242,53 +233,9 @@ def _drawing(robot: Robot) -> Iterator[None]:
         ) from None
 
 
-def _make_diagram(robot: Robot, meshcat: Meshcat) -> tuple[Diagram, MultibodyPlant]:
-    builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
-    parser = Parser(plant)
-    parser.package_map().AddPackageXml(str(models_dir() / "package.xml"))
-    parser.AddModels(str(robot.path))
-    for index in robot.plant.GetJointIndices():
-        joint = robot.plant.get_joint(index)
-        if not plant.HasJointNamed(joint.name()):  # the root link of a URDF
-            base = plant.GetFrameByName(joint.child_body().name())
-            plant.WeldFrames(plant.world_frame(), base)
-    _draw_skeleton(robot, plant, scene_graph)
-    plant.Finalize()
-    parameters = MeshcatVisualizerParams()
-    parameters.prefix = "/robot"
-    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
-    return builder.Build(), plant
-
-
-def _draw_skeleton(robot: Robot, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
-    """A robot without a single visual gets a ball at each joint and rods between them."""
-    joints = [plant.GetJointByName(name) for name in robot.joint_names]
-    inspector = scene_graph.model_inspector()
-    for joint in joints:
-        shapes = plant.GetVisualGeometriesForBody(joint.child_body())
-        if any(inspector.GetObbInGeometryFrame(shape) for shape in shapes):  # a plane has none
-            return
-    own = robot.plant.CreateDefaultContext()
-    frames = [robot.plant.GetJointByName(name).frame_on_child() for name in robot.joint_names]
-    ends = [b.CalcPose(own, a).translation() for a, b in pairwise(frames)]
-    for k, joint in enumerate(joints):
-        place = (joint.child_body(), joint.frame_on_child().GetFixedPoseInBodyFrame())
-        ball = Sphere(2 * _TIP_RADIUS)
-        plant.RegisterVisualGeometry(*place, ball, f"joint_{k}", [0.2, 0.3, 0.5, 1.0])
-        length = float(np.linalg.norm(ends[k])) if k < len(ends) else 0.0
-        if length > 0:
-            along = RigidTransform(RotationMatrix.MakeFromOneVector(ends[k], 2), ends[k] / 2)
-            rod, grey = Cylinder(_TIP_RADIUS, length), [0.5, 0.5, 0.5, 1.0]
-            plant.RegisterVisualGeometry(place[0], place[1] @ along, rod, f"rod_{k}", grey)
-
-
-def _extent(
-    robot: Robot, diagram: Diagram, plant: MultibodyPlant, context: Context, q: Array
-) -> tuple[Array, Array]:
+def _extent(robot: Robot, drawing: RobotDrawing, q: Array) -> tuple[Array, Array]:
     """Lowest and highest x, y, z that the visuals reach, in some 60 of the pictures [m]."""
-    scene_graph: SceneGraph = diagram.GetSubsystemByName("scene_graph")
-    inspector = scene_graph.model_inspector()
+    inspector, plant = drawing.scene_graph.model_inspector(), drawing.plant
     corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1)
     boxes = []
     for geometry in inspector.GetAllGeometryIds():
@@ -297,7 +244,7 @@ def _extent(
             pose = inspector.GetPoseInFrame(geometry) @ box.pose()
             body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
             boxes.append((body, pose.multiply(corners * box.half_width()[:, None])))
-    own, points = plant.GetMyMutableContextFromRoot(context), []
+    own, points = plant.CreateDefaultContext(), []
     for row in q[:: max(1, len(q) // 60)]:
         plant.SetPositions(own, row)
         points += [plant.EvalBodyPoseInWorld(own, body).multiply(local) for body, local in boxes]

@@ -10,7 +10,9 @@ import pytest
 
 matplotlib.use("Agg")
 
+from sdt_drake import controllers
 from sdt_drake.design import Design, make_design
+from sdt_drake.motion import Motion
 from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import Scenario, load_scenario
 
@@ -22,6 +24,15 @@ def _clean_figures_and_seed():
     import matplotlib.pyplot as plt
 
     plt.close("all")
+
+
+@pytest.fixture(autouse=True)
+def _own_controllers_end_with_their_test(monkeypatch):
+    monkeypatch.setattr(controllers, "_loaded", set())
+    before = dict(controllers.CONTROLLERS)
+    yield
+    controllers.CONTROLLERS.clear()
+    controllers.CONTROLLERS.update(before)
 
 
 @pytest.fixture(scope="session")
@@ -53,5 +64,39 @@ def make_variant(_reference_design: Design):
         if change is not None:
             change(scenario)
         return make_design(scenario, robot=_reference_design.robot, motion=_reference_design.motion)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def designed(_reference_design: Design):
+    """A design from a shipped scenario and fields by dotted name; each is made once.
+
+    `start` and `end` [s] cut the motion; `rest` is how many samples it rests before that. Designs
+    with the same motion share its torques.
+    """
+    made, torques = {}, {}
+
+    def make(name, fields=None, *, start=0.0, end=None, rest=0) -> Design:
+        key = name, repr(fields), start, end, rest
+        if key not in made:
+            scenario = load_scenario(f"package://sdt/scenarios/{name}.yaml")
+            for field, value in (fields or {}).items():
+                *parents, field = field.split(".")
+                target = scenario
+                for parent in parents:
+                    target = getattr(target, parent)
+                setattr(target, field, copy.deepcopy(value))
+            base, cut = _reference_design, (start, end, rest)
+            motion = base.motion
+            if end is not None:
+                v = motion.v[round(start / motion.period) : round(end / motion.period) + 1]
+                v = np.vstack([np.zeros((rest, base.robot.n)), v])
+                motion = Motion.from_speeds(motion.period, motion.q[0], v)
+            made[key] = make_design(
+                scenario, robot=base.robot, motion=motion, torques=torques.get(cut)
+            )
+            torques[cut] = made[key].nominal_torques
+        return made[key]
 
     return make

@@ -1,6 +1,7 @@
 """What is given wrongly in Python is refused as what is wrong in a file: one line, InputError."""
 
 import copy
+import dataclasses
 
 import numpy as np
 import pytest
@@ -65,20 +66,15 @@ def test_motions_that_drake_would_die_of(design):
         make_design(design.scenario, robot=design.robot, motion=motion)
 
 
-@pytest.mark.parametrize("accuracy", [np.nan, -1.0, 0.0, 1.0, None, "high"])
-def test_accuracy(design, accuracy):
-    with pytest.raises(InputError, match=r"accuracy: .*, expected a number from 1e-12 to 0\.1"):
-        simulate(design, accuracy=accuracy)
-
-
 def test_the_loop_of_another_plant(design, make_variant):
-    with pytest.raises(InputError, match="'axis_loop', expected the coupled_loop of the design"):
+    with pytest.raises(InputError, match="'axis_loop', expected the loop of the design"):
         simulate(design, make_loop(make_variant("axis_pi")))
 
 
 def test_an_integrator_that_makes_no_headway_says_when(design, monkeypatch):
     """With the least step far above what the loop needs."""
-    own = make_design(design.scenario, robot=design.robot, motion=design.motion)
+    scenario = dataclasses.replace(design.scenario, accuracy=1e-12)
+    own = make_design(scenario, robot=design.robot, motion=design.motion)
     monkeypatch.setattr("sdt_drake.simulate._MOST_STEPS", 2)
     with pytest.raises(InputError, match=r"stuck at \d.* s \("):
-        simulate(own, accuracy=1e-12)
+        simulate(own)

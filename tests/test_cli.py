@@ -555,7 +555,7 @@ def test_simulate_a_motion_without_motion(good, desk):
 def test_diagram_of_every_scenario(good, desk, make_variant, name):
     good("diagram", f"package://sdt/scenarios/{name}.yaml")
 
-    expected = dot_text(make_loop(make_variant(name), boxed=True))
+    expected = dot_text(make_loop(make_variant(name)))
     assert (desk / f"{name}.dot").read_text(encoding="utf-8") == expected
 
 
@@ -568,12 +568,18 @@ def test_diagram_is_named_after_the_scenario(good, desk):
 
 
 def test_diagram_depth(good, desk):
-    for depth in (1, 2, 7):
+    for depth in (0, 2, 7):
         good("diagram", "run.yaml", "--depth", depth, "--out", f"{depth}.dot")
 
-    assert "K_PS" not in (desk / "1.dot").read_text()
+    assert "K_PS" not in (desk / "0.dot").read_text()
     assert "K_PS" in (desk / "2.dot").read_text()
     assert len((desk / "7.dot").read_text()) >= len((desk / "2.dot").read_text())
+
+
+def test_diagram_as_drake_draws_it(good, desk, make_variant):
+    good("diagram", "run.yaml", "--drake", "--depth", 0)
+
+    assert (desk / "run.dot").read_text(encoding="utf-8").count("PORT=") > 10
 
 
 @needs_graphviz
@@ -1001,7 +1007,6 @@ def test_wrong_usage(refuse, arguments, saying):
     (["step", "--omega-r", "inf"], ["omega", "inf"]),
     (["step", "--structure", "pid"], ["structure", "pid", "p_in_feedback"]),
     (["diagram", "run.yaml", "--format", "pdf"], ["--format", "pdf", "svg"]),
-    (["diagram", "run.yaml", "--depth", "0"], ["--depth", "0"]),
     (["diagram", "run.yaml", "--depth", "-3"], ["--depth", "-3"]),
     (["diagram", "run.yaml", "--depth", "3000000000"], ["--depth"]),
     (["diagram", "run.yaml", "--depth", "99999999999999999999"], ["--depth"]),

@@ -13,7 +13,7 @@ from test_cli import SHORT, is_one_line, snapshot
 
 from sdt_drake.analysis.budget import error_budget
 from sdt_drake.analysis.frequency_response import frequency_response
-from sdt_drake.control import CONTROLLERS
+from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import make_design
 from sdt_drake.scenario import load_scenario
 from sdt_drake.tables import read_table

@@ -182,7 +182,7 @@ def test_elastic_joints_are_those_of_the_plant_whatever_the_model(make):
     right, wrong = (
         make(elasticity=Elasticity(OMEGA.tolist()), model=model) for model in (Deviation(), LIGHT)
     )
-    np.testing.assert_array_equal(wrong.elastic.stiffness, right.elastic.stiffness)
+    np.testing.assert_array_equal(wrong.springs.stiffness, right.springs.stiffness)
 
 
 # --- inertia, gains, position loop -----------------------------------------------------------
@@ -221,7 +221,7 @@ def test_position_gain_is_a_quarter_of_the_natural_frequency_if_not_given(make):
 
 
 def test_rigid_by_default(make):
-    assert make().elastic is None
+    assert make().springs is None
 
 
 def test_spring_and_gravity_give_the_frequency_where_the_inertia_is_largest(make):
@@ -240,7 +240,7 @@ def test_spring_and_gravity_give_the_frequency_where_the_inertia_is_largest(make
         gravity[k] = (energies[0] - 2 * energies[1] + energies[2]) / h**2
     assert np.abs(gravity).max() > 100
     d = inertia.max(axis=0)
-    elastic = design.elastic
+    elastic = design.springs
     np.testing.assert_array_equal(elastic.elastic, [True, True, False, True])
     squares = (elastic.stiffness + gravity * elastic.elastic) / d
     np.testing.assert_allclose(squares, omega**2, rtol=1e-5)
@@ -251,7 +251,7 @@ def test_spring_and_gravity_give_the_frequency_where_the_inertia_is_largest(make
 def test_spring_of_an_axis_turns_its_constant_inertia_less_the_rotor(make):
     design = make(name="axis_pi", elasticity=Elasticity(OMEGA.tolist()), zeta=None, omega_r=None)
     links = R**2 * (np.array([4.26, 98.01, 796.3, 250.28]) - ROTORS)
-    np.testing.assert_allclose(design.elastic.stiffness, OMEGA**2 * links, rtol=1e-12)
+    np.testing.assert_allclose(design.springs.stiffness, OMEGA**2 * links, rtol=1e-12)
 
 
 def one_line(error):
@@ -350,7 +350,7 @@ def test_spring_without_a_rotor_is_refused(design):
         make_design(scenario, robot=robot, motion=still)
     # Nobody asks for the rotor of a rigid joint.
     scenario.plant.elasticity.natural_frequency = [90.0, 90.0, 0.0, 90.0]
-    assert make_design(scenario, robot=robot, motion=still).elastic is not None
+    assert make_design(scenario, robot=robot, motion=still).springs is not None
 
 
 def test_axis_without_links_is_refused(make_variant):

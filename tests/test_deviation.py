@@ -357,7 +357,7 @@ def test_errors_of_a_model_of_a_model_add_up(robot):
 
 
 def test_errors_can_be_read_from_yaml(tmp_path):
-    path = tmp_path / "errors.yaml"
+    path = tmp_path / "deviation.yaml"
     path.write_text("{payload: gondola, payload_mass: 2, payload_offset: [0, 1, 0]}")
     errors, _ = load_yaml(Deviation, path)
     assert errors == Deviation("gondola", 2.0, [0.0, 1.0, 0.0], 1.0)
@@ -382,7 +382,7 @@ def test_a_bad_value_is_refused_with_its_name(robot, values, message):
     assert str(error.value) == f"controller.model.{message}"
     with pytest.raises(InputError) as error:
         deviated(robot, Deviation(**values))
-    assert str(error.value) == f"errors.{message}"
+    assert str(error.value) == f"deviation.{message}"
 
 
 @pytest.mark.parametrize(

@@ -115,8 +115,8 @@ def test_committed_svg_shows_every_block(name):
     dot = (FOLDER / f"{name}.dot").read_text(encoding="utf-8")
     svg = (FOLDER / f"{name}.svg").read_text(encoding="utf-8")
 
-    shown = set(re.findall(r">([^<>]+)</text>", svg))
-    assert set(re.findall(r"<B>(.*?)</B>", dot)) <= shown
+    blocks = set(re.findall(r'^  "([^"]+)" \[', dot, re.M))
+    assert blocks and blocks <= set(re.findall(r"<title>([^<>]+)</title>", svg))
 
 
 def test_nothing_is_committed_that_no_script_writes():

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from sdt_drake.analysis.comparison import with_controller
+from sdt_drake.controllers import Controller, Pi, PiId, PPi, register_controller
 from sdt_drake.design import make_design
 from sdt_drake.device import Drive, Elasticity
-from sdt_drake.loops import loop_period, make_loop
+from sdt_drake.loops import make_loop
 from sdt_drake.motion import Motion
 from sdt_drake.simulate import make_simulator, simulate
-from sdt_drake.start import start_in_equilibrium
 
 PERIODS, STEPS = 60, 50  # 0.3 s of motion, in steps of 0.1 ms
 
@@ -33,15 +33,15 @@ def design_of(base, label, plant, drive, elasticity=None):
 
 def walked(design):
     """Peak, RMS and share of time saturated of each period, (3, N, n), by small steps."""
-    loop, period = make_loop(design), loop_period(design)
-    simulator = make_simulator(loop, max_step=period)
+    loop, period = make_loop(design), design.reference.period
+    simulator = make_simulator(loop, period=period, accuracy=1e-4)
     context = simulator.get_mutable_context()
-    start_in_equilibrium(design, loop, context)
+    loop.rest(context)
     simulator.Initialize()
 
     def value(name):
-        sink = loop.GetSubsystemByName(f"log.{name}")
-        return sink.get_input_port().Eval(sink.GetMyContextFromRoot(context)).copy()
+        port = loop.logs[name].get_input_port()
+        return port.Eval(loop.logs[name].GetMyContextFromRoot(context)).copy()
 
     found = []
     for i in range(PERIODS):
@@ -63,12 +63,12 @@ def walked(design):
 
 ENVELOPE = {"n1": [20.0, 0.1, 5.0, 5.0], "n0": [300.0, 4.0, 30.0, 30.0]}
 CASES = {
-    "pi": ("pi", "coupled", None),
-    "pi_id": ("pi_id", "coupled", None),
+    "pi": ("pi", "coupled", Drive()),
+    "pi_id": ("pi_id", "coupled", Drive()),
     "p_pi+id": ("p_pi+id", "coupled", Drive()),
-    "pi_scheduled+id": ("pi_scheduled+id", "coupled", None),
-    "inverse_dynamics": ("inverse_dynamics", "coupled", None),
-    "axis": ("pi_ctc", "axis", None),
+    "pi_scheduled+id": ("pi_scheduled+id", "coupled", Drive()),
+    "inverse_dynamics": ("inverse_dynamics", "coupled", Drive()),
+    "axis": ("pi_ctc", "axis", Drive()),
     "envelope": ("pi_id", "coupled", Drive(**ENVELOPE)),
     "late": ("p_pi+id", "coupled", Drive(reference_delay=0.0072)),
     "lag": ("pi_id", "coupled", Drive(torque_bandwidth=200.0, torque_error=[0.1, -0.1, 0, 0.05])),
@@ -81,23 +81,50 @@ CASES = {
 }
 
 
+def agree(run, expected, limit, off):
+    """Peak and RMS as shares of the motor, and how long it saturates in all."""
+    peak, rms, saturated = expected
+    np.testing.assert_allclose(run.tau_peak[1:] / limit, peak / limit, rtol=0, atol=off)
+    np.testing.assert_allclose(run.tau_rms[1:] / limit, rms / limit, rtol=0, atol=off)
+    share = run.saturated[1:].mean(axis=0)
+    np.testing.assert_allclose(share, saturated.mean(axis=0), atol=4e-3)
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_torque_within_the_periods(design, case):
     own = design_of(design, *CASES[case])
     run, expected = simulate(own), walked(own)
-    limit = own.robot.motor_torque_limit
-
-    peak, rms, saturated = (run.tau_peak[1:], run.tau_rms[1:], run.saturated[1:])
     off = 2e-2 if case == "late" else 3e-3
-    np.testing.assert_allclose(peak / limit, expected[0] / limit, rtol=0, atol=off)
-    np.testing.assert_allclose(rms / limit, expected[1] / limit, rtol=0, atol=off)
-    np.testing.assert_allclose(saturated.mean(axis=0), expected[2].mean(axis=0), atol=4e-3)
-    assert np.any(saturated[:, 1] > 0) == (case not in ("pi", "axis"))
+    agree(run, expected, own.robot.motor_torque_limit, off)
+    assert np.any(run.saturated[:, 1] > 0) == (case not in ("pi", "axis"))
+
+
+OPAQUE = {
+    kind.__name__: type(f"Opaque{kind.__name__}", (kind,), {"memoryless": Controller.memoryless})
+    for kind in (Pi, PiId, PPi)
+}
+
+
+@pytest.mark.parametrize("case", ["pi", "pi_id", "p_pi+id", "envelope", "late", "lag", "axis pi"])
+def test_torque_of_a_controller_that_tells_nothing(design, case):
+    """As of the same one that does, from its command at both ends of each period."""
+    label, plant, drive = CASES.get(case, ("pi", "axis", Drive()))
+    for name, kind in OPAQUE.items():
+        register_controller(name, kind)
+    opaque = {"pi": "Pi", "pi_id": "PiId", "p_pi+id": "PPi+id"}[label]
+    own = design_of(design, opaque, plant, drive)
+    run, told = simulate(own), simulate(design_of(design, label, plant, drive))
+    np.testing.assert_allclose(run.v, told.v, rtol=0, atol=1e-4)
+    if case == "lag":  # at a jolt the other is not better
+        expected = walked(design_of(design, label, plant, drive))
+    else:
+        expected = told.tau_peak[1:], told.tau_rms[1:], told.saturated[1:]
+    agree(run, expected, own.robot.motor_torque_limit, 2e-2 if case == "late" else 3e-3)
 
 
 def test_motors_behind_springs_are_taken_as_their_encoders_see_them(design):
     springs = Elasticity([60.0, 80.0, 100.0, 100.0], damping_ratio=0.05)
-    own = design_of(design, "pi_id", "coupled", None, springs)
+    own = design_of(design, "pi_id", "coupled", Drive(), springs)
     limit, smooth = own.robot.motor_torque_limit, slice(0, 19)  # before the jolt
     peak = simulate(own).tau_peak[1:]
     np.testing.assert_allclose(peak[smooth] / limit, walked(own)[0][smooth] / limit, atol=5e-3)
@@ -105,7 +132,7 @@ def test_motors_behind_springs_are_taken_as_their_encoders_see_them(design):
 
 def test_ends_of_the_periods_are_not_all(design):
     """With K_PS on the error, the start has K_PS r times a period's acceleration more."""
-    own = design_of(design, "pi_id", "coupled", None)
+    own = design_of(design, "pi_id", "coupled", Drive())
     run = simulate(own)
     more = run.tau_peak[30:, 0] - np.abs(run.tau[30:, 0])
     jump = own.gains.kp[0] * own.robot.gear_ratio[0] * 0.45 * 0.005

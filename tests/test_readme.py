@@ -70,7 +70,8 @@ def test_row_47_runs_away_without_anti_windup():
     assert error[True] == pytest.approx(5.7, abs=0.3)
 
 
-def test_python_of_the_tour_runs(capsys):
+def test_python_of_the_tour_runs(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     for block in blocks("python"):
         exec(compile(block, "README.md", "exec"), {})
     assert capsys.readouterr().out.count("[") >= 3
@@ -145,7 +146,8 @@ STUDIES = Path(__file__).parents[1] / "diagrams" / "studies"
 def test_table_of_the_study_is_what_its_rows_say():
     table = read_study_table(STUDIES / "monte_carlo")
     assert set(table.status) == {"ok"}
-    assert f"first {len(table.row) // 4} of these devices, {len(table.row)}\nruns" in README
+    assert f"{len(table.row)} runs of the reference motion" in README
+    assert f"Errors of {len(table.row) // 4} devices" in README
 
     def worst(family):
         return np.max([table.outcomes[f"{family}_{k}"] for k in (1, 2, 3, 4)], axis=0)
@@ -162,6 +164,8 @@ def test_table_of_the_study_is_what_its_rows_say():
             f"{angle[of & ~saturated].max():.2f}",
         ]
         assert row[1:] == expected, row[0]
+    away = (angle > 360) & (table.inputs["controller"] == "p_pi+id")
+    assert (np.count_nonzero(angle > 360), np.count_nonzero(away)) == (5, 5)
 
 
 def test_recommended_motors_are_those_of_the_rows():

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import sdt_drake
-from sdt_drake.control import CONTROLLERS
+from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import load_plan, make_design
 from sdt_drake.deviation import Deviation
 from sdt_drake.device import DeviceChoice, Drive, Elasticity, Friction
@@ -67,7 +67,8 @@ def test_the_papers_scenarios_and_a_real_device_are_shipped():
 
 def test_the_papers_scenarios_are_ideal():
     for scenario in map(shipped, PUBLISHED):
-        assert scenario.plant.friction is scenario.plant.elasticity is scenario.drive is None
+        assert scenario.plant.friction is scenario.plant.elasticity is None
+        assert scenario.drive == Drive()
         assert scenario.controller.model.exact
 
 
@@ -241,6 +242,7 @@ def on_axes() -> Scenario:
         planner="retiming",
         algorithm="printed",
         inverse_dynamics="online",
+        accuracy=1e-5,
         plant=PlantChoice(
             "axis",
             I_EFF,
@@ -251,6 +253,7 @@ def on_axes() -> Scenario:
         drive=Drive(0.0005, 200.0, [0.0, 0.1, -0.1, 0], [1e6] * 4, I_EFF, KP, 0.015),
         controller=ControllerChoice(
             kind="p_pi",
+            file=str(Path(__file__).with_name("own_controllers.py")),
             structure="pi",
             kp=KP,
             ki=KI,
@@ -407,7 +410,12 @@ BAD = [
     (AXIS, "package://sdt/sdt.sdf", "''", "robot: empty, expected a file"),
     (AXIS, "period:", "perod:", "perod: unknown field, did you mean period"),
     (AXIS, "  kind: axis", "  kid: axis", r"plant\.kid: unknown field, did you mean kind"),
-    (AXIS, "  kp:", "  kq:", r"controller\.kq: unknown field, expected one of kind, structure, om"),
+    (
+        AXIS,
+        "  kp:",
+        "  kq:",
+        r"controller\.kq: unknown field, expected one of kind, file, s",
+    ),
     (
         AXIS,
         "  i_eff",
@@ -528,9 +536,9 @@ BAD = [
         AXIS,
         "  kp:",
         "  feedforward: id\n  kp:",
-        r"controller\.feedforward: pi has its own; only p_pi, pi_scheduled leave it open$",
+        r"controller\.feedforward: pi takes none, only p_pi, pi_scheduled$",
     ),
-    (AXIS, "  kp:", "  position_gain: [1]\n  kp:", r"controller\.position_gain: pi has no posit"),
+    (AXIS, "  kp:", "  position_gain: [1]\n  kp:", r"controller\.position_gain: pi takes none"),
     # Gains.
     (AXIS, "  ki:", "  # ki:", "controller: kp and ki must be given together"),
     (AXIS, "  kp:", "  # kp:", "controller: kp and ki must be given together"),
@@ -557,7 +565,7 @@ UNUSED = [
         (
             kind,
             {"feedforward": feedforward},
-            f"controller.feedforward: {kind} has its own; only p_pi, pi_scheduled leave it open",
+            f"controller.feedforward: {kind} takes none, only p_pi, pi_scheduled",
         )
         for kind in CONTROLLERS
         if kind not in LEAVES_IT_OPEN
@@ -575,7 +583,7 @@ UNUSED = [
         (
             kind,
             {"position_gain": [1.0] * 4},
-            f"controller.position_gain: {kind} has no position loop",
+            f"controller.position_gain: {kind} takes none, only p_pi",
         )
         for kind in CONTROLLERS
         if kind != "p_pi"
@@ -596,7 +604,8 @@ UNUSED = [
     (
         "inverse_dynamics",
         {"anti_windup": True},
-        "controller.anti_windup: inverse_dynamics has no integral",
+        "controller.anti_windup: inverse_dynamics takes none, only pi, pi_ctc, pi_id, p_pi, "
+        "pi_scheduled",
     ),
     *(
         (

@@ -1,8 +1,4 @@
-"""The block diagrams of the paper, from the builders of the loops that are simulated.
-
-Exports have a box for each block, the elements of the PI controller, and the inverse dynamics on
-line; runs have none of these, for speed. Tests hold both to the same speeds.
-"""
+"""The block diagrams of the paper: loops that are simulated, their inverse dynamics on line."""
 
 from __future__ import annotations
 
@@ -21,7 +17,7 @@ from sdt_drake.scenario import load_scenario
 
 def figure3(base: Design) -> Diagram:
     """Decoupling of the inverse dynamics: load and dynamic saturation around a PI controller."""
-    return make_axis_loop(_online(base, "axis_pi"), boxed=True)
+    return make_axis_loop(_online(base, "axis_pi"))
 
 
 def figure4(base: Design) -> Diagram:
@@ -36,13 +32,13 @@ def figure5(base: Design) -> Diagram:
 
 def figure6(base: Design) -> Diagram:
     """Single joint CTC: the load torque fed forward, the true load disturbed."""
-    return make_axis_loop(_online(base, "axis_pi_ctc"), boxed=True)
+    return make_axis_loop(_online(base, "axis_pi_ctc"))
 
 
 def coupled_loop(base: Design) -> Diagram:
     """The MultibodyPlant under PI + CTC, with its load disturbed."""
     design = _online(base, "coupled_pi_ctc", disturbance_amplitude=0.05)
-    return make_coupled_loop(design, boxed=True)
+    return make_coupled_loop(design)
 
 
 DIAGRAMS: dict[str, Callable[[Design], Diagram]] = {
@@ -81,4 +77,4 @@ def _online(base: Design, name: str, disturbance_amplitude: float | None = None)
 def _step_loop(base: Design, structure: str) -> Diagram:
     i_eff = base.inertia.maximum[0]
     gains = tune([i_eff], paper.OMEGA_R, [paper.FIGURE4_ZETA[structure]])
-    return make_step_loop(gains=gains, i_eff=i_eff, structure=structure, boxed=True)
+    return make_step_loop(gains=gains, i_eff=i_eff, structure=structure)

@@ -86,7 +86,8 @@ def error_budget(design: Design) -> ErrorBudget:
 
 
 def _speed_error(design: Design) -> Array:
-    return simulate(design, accuracy=_ACCURACY).speed_error
+    scenario = replace(design.scenario, accuracy=_ACCURACY)
+    return simulate(replace(design, scenario=scenario)).speed_error
 
 
 def _undisturbed(design: Design) -> Design:
@@ -97,15 +98,14 @@ def _undisturbed(design: Design) -> Design:
 
 def _without_envelope(design: Design) -> Design:
     scenario = copy.deepcopy(design.scenario)
-    if scenario.drive is not None:
-        scenario.drive.n1 = scenario.drive.n0 = None
+    scenario.drive.n1 = scenario.drive.n0 = None
     return replace(design, scenario=scenario)
 
 
 def _without_friction(design: Design) -> Design:
     scenario = copy.deepcopy(design.scenario)
     scenario.plant.friction = None
-    return replace(design, scenario=scenario)
+    return replace(design, scenario=scenario, friction=None)
 
 
 def _without_load(design: Design) -> Design:

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.primitives import VectorLogSink
 
 from sdt_drake.analysis.threads import threads
 from sdt_drake.analysis.tracking import (
@@ -22,12 +21,13 @@ from sdt_drake.analysis.tracking import (
     track,
     track_head,
 )
-from sdt_drake.control import CONTROLLERS, FEEDFORWARDS, needs
+from sdt_drake.control import FEEDFORWARDS
+from sdt_drake.controllers import CONTROLLERS, Controller
 from sdt_drake.design import Design
 from sdt_drake.errors import InputError, checked_choice, replacing
-from sdt_drake.loops import make_loop
+from sdt_drake.loops import blocks_of, make_loop
 from sdt_drake.pilot import has_head
-from sdt_drake.scenario import Scenario
+from sdt_drake.scenario import ControllerChoice, Scenario
 from sdt_drake.simulate import Recording, simulate
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ class Compared:
         recording: of the run.
         tracking: how well the joints follow.
         motors: what it takes of the motors.
-        blocks: number of Drake systems in the loop.
+        blocks: number of Drake systems in the loop, those in sub-diagrams one by one.
         needs: what must be known to commission it.
     """
 
@@ -101,13 +101,10 @@ def with_controller(scenario: Scenario, label: str) -> Scenario:
     choice = scenario.controller
     choice.kind = kind
     choice.feedforward = feedforward
-    feedback = CONTROLLERS[kind].feedback
-    if feedback != "position":
-        choice.position_gain = None
+    for name in set(Controller.OPTIONS) - set(CONTROLLERS[kind].options):
+        setattr(choice, name, getattr(ControllerChoice, name))
     if choice.feedforward_in_use == "none":
         choice.feedforward_gain = None
-    if feedback == "inverse_dynamics":
-        choice.anti_windup = False
     return scenario
 
 
@@ -133,7 +130,7 @@ def _parsed(label: str, where: str) -> tuple[str, str | None]:
     checked_choice(kind, tuple(CONTROLLERS), where)
     if not plus:
         return kind, None
-    if CONTROLLERS[kind].feedforward is not None:
+    if "feedforward" not in CONTROLLERS[kind].options:
         raise InputError(f"{where}: '{label}', but {kind} has its own feedforward")
     return kind, checked_choice(feedforward, FEEDFORWARDS, f"{where}: feedforward of {kind}")
 
@@ -144,15 +141,14 @@ def run_of(label: str, design: Design, recording: Recording | None = None) -> Co
     if recording is None:
         recording = simulate(design, loop)
     choice = design.scenario.controller
-    logs = sum(isinstance(system, VectorLogSink) for system in loop.GetSystems())
     return Compared(
         label=label,
         design=design,
         recording=recording,
         tracking=track(recording, design.motion),
         motors=motor_use(recording, design.robot),
-        blocks=len(loop.GetSystems()) - logs,
-        needs=needs(choice.kind, choice.feedforward_in_use),
+        blocks=len(list(blocks_of(loop))),
+        needs=CONTROLLERS[choice.kind].needs_with(choice.feedforward_in_use),
     )
 
 

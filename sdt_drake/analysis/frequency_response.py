@@ -73,8 +73,8 @@ def frequency_response(
         samples = where_largest(design.torques.d_kk).tolist()
     loops = {i: linearise(design, i) for i in set(samples)}
     top = 100 * design.omega_n.max()
-    if design.elastic is not None:  # far above, the gains have nothing but the rotors to turn
-        rotors = np.where(design.elastic.elastic, design.robot.rotor_inertia, np.inf)
+    if design.springs is not None:  # far above, the gains have nothing but the rotors to turn
+        rotors = np.where(design.springs.elastic, design.robot.rotor_inertia, np.inf)
         top = max(top, 10 * np.max(design.gains.kp / rotors))
     period = loops[samples[0]].feedback.period
     if period:

@@ -6,7 +6,7 @@ process then has the zero-order-hold map of its period.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,9 @@ from pydrake.systems.primitives import (
     LinearSystem,
 )
 
-from sdt_drake.control import CONTROLLERS, SpeedGains
+from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import Design
-from sdt_drake.loops import PLANT_NAME, make_feedback, make_process
+from sdt_drake.loops import make_process
 
 Array = NDArray[np.float64]
 
@@ -164,10 +164,10 @@ def linearise(design: Design, sample: int = 0) -> LinearLoop:
 
 def close(design: Design, process: StateSpace, feedback: StateSpace) -> LinearLoop:
     """A loop of both; the process at the feedback's samples if that is sampled."""
-    n, drive = design.robot.n, design.scenario.drive
+    n = design.robot.n
     if feedback.period:
         process = process.sampled(feedback.period)
-        if drive is not None and drive.encoder_resolution is not None:
+        if design.drive.encoder_resolution is not None:
             process = _with_differences(process, n)
     return LinearLoop(process, feedback, n)
 
@@ -189,74 +189,60 @@ def _with_differences(process: StateSpace, n: int) -> StateSpace:
 
 def linear_process(design: Design, sample: int = 0) -> StateSpace:
     """From tau_cmd (n) to [measured (2n), state (2n)], continuous."""
-    return _linearise(
-        make_process(design), design, sample, inputs=["tau_cmd"], outputs=["measured", "state"]
+    diagram, n = make_process(design), design.robot.n
+    at = np.concatenate([design.motion.q[sample], np.zeros(n)])
+    context = diagram.CreateDefaultContext()
+    diagram.get_input_port().FixValue(context, np.zeros(n))
+    state = context.get_continuous_state_vector().CopyToVector()
+    context.SetContinuousState(np.concatenate([at, state[2 * n :]]))
+    _hold_still(diagram, context, first=2 * n)
+    parts = [_taylor(diagram, context, "tau_cmd", name) for name in ("measured", "state")]
+    return StateSpace(
+        A=parts[0].A(),
+        B=parts[0].B(),
+        C=np.vstack([part.C() for part in parts]),
+        D=np.vstack([part.D() for part in parts]),
     )
 
 
 def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
-    """From [reference (3n), measured (2n)] to tau_fb (n), of the period that it is sampled with."""
-    kind = CONTROLLERS[design.scenario.controller.kind].feedback
-    if kind == "scheduled":
-        design = _unscheduled(design, sample)
-    feedback = _linearise(
-        make_feedback(design, sample),
-        design,
-        sample,
-        inputs=["reference", "measured"],
-        outputs=["tau_fb"],
+    """From [reference (3n), measured (2n)] to tau_fb (n), of the period that it is sampled with.
+
+    Encoders are ideal and never late.
+
+    Raises:
+        InputError: for a controller that cannot be linearised.
+    """
+    n, kind = design.robot.n, design.scenario.controller.kind
+    controller = CONTROLLERS[kind].linear(design, sample)
+    at = np.concatenate([design.motion.q[sample], np.zeros(n)])
+    context = controller.CreateDefaultContext()
+    resting = {"reference": np.concatenate([at, np.zeros(n)]), "state": at, "sampled_state": at}
+    ports = [controller.get_input_port(i) for i in range(controller.num_input_ports())]
+    for port in ports:
+        port.FixValue(context, resting[port.get_name()])
+    parts = {p.get_name(): _taylor(controller, context, p.get_name(), "tau_cmd") for p in ports}
+    reference = parts.pop("reference")
+    feedback = StateSpace(
+        A=reference.A(),
+        B=np.hstack([reference.B(), sum(part.B() for part in parts.values())]),
+        C=reference.C(),
+        D=np.hstack([reference.D(), sum(part.D() for part in parts.values())]),
+        period=reference.time_period(),
     )
-    if kind == "inverse_dynamics":
+    if controller.is_sampled and not feedback.period:
         return feedback.sampled(design.motion.period)  # its state is, with the reference
     return feedback
 
 
-def _unscheduled(design: Design, sample: int) -> Design:
-    """The PI loop that scheduled gains are at a sample: Drake linearises no schedule of a sampled
-    controller."""
-    share, choice = design.inertia_share[sample], design.scenario.controller
-    choice = replace(choice, kind="pi", feedforward=None)
-    return replace(
-        design,
-        scenario=replace(design.scenario, controller=choice),
-        gains=SpeedGains(kp=share * design.gains.kp, ki=share * design.gains.ki),
-    )
-
-
-def _linearise(
-    diagram: Diagram, design: Design, sample: int, inputs: list[str], outputs: list[str]
-) -> StateSpace:
-    """From all of `inputs`, stacked, to all of `outputs`."""
-    at = np.concatenate([design.motion.q[sample], np.zeros(design.robot.n)])
-    context = diagram.CreateDefaultContext()
-    resting = {"reference": np.concatenate([at, np.zeros(design.robot.n)]), "measured": at}
-    for name in inputs:
-        port = diagram.GetInputPort(name)
-        port.FixValue(context, resting.get(name, np.zeros(port.size())))
-    plant = PLANT_NAME[design.scenario.plant.kind]
-    if diagram.HasSubsystemNamed(plant):
-        system = diagram.GetSubsystemByName(plant)
-        system.GetMyMutableContextFromRoot(context).SetContinuousState(at)
-        _hold_still(diagram, context, inputs[0], first=len(at))
-    parts = [[_taylor(diagram, context, i, o) for i in inputs] for o in outputs]
-    return StateSpace(
-        A=parts[0][0].A(),
-        B=np.hstack([part.B() for part in parts[0]]),
-        C=np.vstack([row[0].C() for row in parts]),
-        D=np.block([[part.D() for part in row] for row in parts]),
-        period=parts[0][0].time_period(),
-    )
-
-
-def _hold_still(diagram: Diagram, context: Context, tau_cmd: str, first: int) -> None:
+def _hold_still(diagram: Diagram, context: Context, first: int) -> None:
     """Give motors, springs and torque loops what the plant needs to stay where it is.
 
     Away from equilibrium a linearisation would have the change of M(q) times an acceleration in
     it. The plant's state, the first in the diagram, stays; all others and the torque enter the
     derivatives linearly, so one step of Newton's method is exact.
     """
-    taylor = _taylor(diagram, context, tau_cmd, "state")
-    port = diagram.GetInputPort(tau_cmd)
+    taylor, port = _taylor(diagram, context, "tau_cmd", "state"), diagram.get_input_port()
     state = context.get_continuous_state_vector().CopyToVector()
     acting = np.hstack([taylor.A()[:, first:], taylor.B()])
     moving = diagram.EvalTimeDerivatives(context).CopyToVector()

@@ -27,7 +27,8 @@ from sdt_drake.analysis.linear import (
     linear_feedback,
     linear_process,
 )
-from sdt_drake.control import CONTROLLERS, SpeedGains, natural_frequency
+from sdt_drake.control import SpeedGains, natural_frequency
+from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import Design
 from sdt_drake.device import Drive, Elasticity
 from sdt_drake.dynamics import where_largest
@@ -37,6 +38,8 @@ Array = NDArray[np.float64]
 
 SLOWEST = 0.1
 """Least omega_r of a sweep [rad/s]: slower than that is round-off of a sampled loop."""
+
+IDEAL = Drive()
 
 RATIOS = np.round(np.arange(0.1, 1.5001, 0.05), 10)
 """omega_n / omega_r."""
@@ -66,7 +69,7 @@ def stability_sweep(
     omega_r: float,
     *,
     encoder: str = "motor",
-    drive: Drive | None = None,
+    drive: Drive = IDEAL,
     ratios: ArrayLike = RATIOS,
     damping_ratio: float = 0.01,
 ) -> StabilitySweep:
@@ -140,7 +143,7 @@ def least_damping(loop: StateSpace, omega_n: float) -> float:
     return float(np.min(-moving.real / np.abs(moving)))
 
 
-def _slow_design(design: Design, drive: Drive | None) -> Design:
+def _slow_design(design: Design, drive: Drive) -> Design:
     """The scenario's loops at omega_n = 1 rad/s, on the plant of the sweep, with rigid joints."""
     scenario = copy.deepcopy(design.scenario)
     scenario.plant.elasticity = None

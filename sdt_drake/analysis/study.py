@@ -27,7 +27,6 @@ from sdt_drake.errors import InputError
 from sdt_drake.loops import make_step_loop
 from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.simulate import Recording, make_simulator, simulate
-from sdt_drake.systems import read_logs
 
 Array = NDArray[np.float64]
 Report = Callable[[str], None]
@@ -167,11 +166,11 @@ def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> 
     # The slowest pole decays like zeta omega_n (zeta < 1) or omega_n / (2 zeta).
     duration = 16.5 * max(zeta, 1 / zeta) / (0.5 * omega_r)
     loop = make_step_loop(gains=gains, i_eff=i_eff, structure=structure, log_period=duration / 5000)
-    simulator = make_simulator(loop, max_step=duration / 500)
+    simulator = make_simulator(loop, period=duration / 500, accuracy=_STEP_ACCURACY)
     simulator.Initialize()
     simulator.AdvanceTo(duration)
-    t, signals = read_logs(loop, simulator.get_context())
-    speed = signals["state"][:, 1]
+    log = loop.GetSubsystemByName("log.state").FindLog(simulator.get_context())
+    t, speed = log.sample_times(), log.data()[1]
     return StepResponse(structure, zeta, t, speed, step_metrics(t, speed, y0=0.0, y_final=1.0))
 
 
@@ -199,6 +198,8 @@ def table1(design: Design) -> list[dict[str, object]]:
         rows.append(row)
     return rows
 
+
+_STEP_ACCURACY = 7e-6
 
 # algorithm, process, controller
 _AXIS_CASES = [

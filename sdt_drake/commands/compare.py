@@ -42,7 +42,6 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.analysis import plots
     from sdt_drake.analysis.comparison import (
         check_labels,
         compare,
@@ -81,8 +80,14 @@ def run(options: argparse.Namespace) -> None:
         ("controller", "blocks", "needs to know"),
         [(c.label, str(c.blocks), ", ".join(c.needs)) for c in compared],
     )
+
+    def figure():
+        from sdt_drake.analysis import plots
+
+        return plots.comparison(f"{scenario.name}: controllers", compared)
+
     deliver(
         options,
-        lambda: plots.comparison(f"{scenario.name}: controllers", compared),
+        figure,
         lambda path: write_comparison(compared, path),
     )

@@ -27,7 +27,8 @@ def add(commands) -> None:
     )
     add_scenario(parser)
     parser.add_argument("--format", help="dot, svg or png (default: by --out, or dot)")
-    parser.add_argument("--depth", type=int, default=1, help="levels of boxes to open")
+    parser.add_argument("--depth", type=int, default=2, help="levels of diagrams to open")
+    parser.add_argument("--drake", action="store_true", help="Drake's own picture")
     add_out(parser, "file; by default the scenario's name")
 
 
@@ -38,13 +39,13 @@ def run(options: argparse.Namespace) -> None:
     suffix = options.out.suffix.removeprefix(".") if options.out else ""
     format_ = options.format or (suffix if suffix in FORMATS else "dot")
     checked_choice(format_, FORMATS, "--format")
-    if not 1 <= options.depth <= 100:
-        raise InputError(f"--depth: {options.depth}, expected 1 to 100")
+    if not 0 <= options.depth <= 100:
+        raise InputError(f"--depth: {options.depth}, expected 0 to 100")
     if options.out is not None:
         check_file(options.out, [f".{format_}"] if options.format else [f".{f}" for f in FORMATS])
     design = design_of(options.scenario)
     name = re.sub(r"[^\w.-]+", "_", design.scenario.name).strip(".")
     path = options.out or Path(f"{name}.{format_}")
-    loop = make_loop(design, boxed=True)
-    write_diagram(loop, path, format_=format_, max_depth=options.depth)
+    loop = make_loop(design)
+    write_diagram(loop, path, format_=format_, max_depth=options.depth, drake=options.drake)
     say(f"{path} written")

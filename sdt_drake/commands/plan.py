@@ -114,7 +114,7 @@ def _envelope(path: str | None, n: int):
     if path is None:
         return None, None
     drive = load_scenario(path).drive
-    if drive is None or drive.n1 is None:
+    if drive.n1 is None:
         raise InputError(f"{path}: drive.n1 and drive.n0 missing, expected an envelope")
     try:
         drive.validate_sizes(n, "drive")

@@ -49,7 +49,8 @@ def add(commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis import plots
-    from sdt_drake.analysis.stability import SLOWEST, stability_sweep
+    from sdt_drake.analysis.stability import IDEAL, SLOWEST, stability_sweep
+    from sdt_drake.controllers import CONTROLLERS
     from sdt_drake.device import ENCODERS
 
     if options.omega_r is not None:
@@ -58,13 +59,13 @@ def run(options: argparse.Namespace) -> None:
         checked_number(options.damping, "--damping", minimum=0)
     check_out(options.out, show=options.show)
     design = design_of(options.scenario)
-    scenario = design.scenario
+    scenario, choice = design.scenario, design.scenario.controller
     omega_r, source = _omega_r(design, options)
     elasticity, damping = scenario.plant.elasticity, options.damping
     if damping is None:
         damping = 0.01 if elasticity is None else elasticity.damping_ratio
-    drives = {"ideal drive": None}
-    if scenario.drive is not None:
+    drives = {"ideal drive": IDEAL}
+    if scenario.drive != IDEAL:
         drives["the scenario's drive"] = scenario.drive
     try:
         sweeps = {
@@ -81,7 +82,7 @@ def run(options: argparse.Namespace) -> None:
         text = re.sub(r"^scenario '.*?': ", "", str(error))
         text = text.replace("plant.elasticity.natural_frequency", "--omega-r")
         raise InputError(text.replace("plant.elasticity.damping_ratio", "--damping")) from None
-    say(f"{scenario.name}: {_controller(design)}")
+    say(f"{scenario.name}: {choice.label}, {CONTROLLERS[choice.kind].in_words(design)}")
     say(f"elastic joints of omega_r = {omega_r:g} rad/s ({source}), damping ratio {damping:g}")
     say()
     for encoder, by_drive in sweeps.items():
@@ -111,25 +112,6 @@ def _omega_r(design: Design, options: argparse.Namespace) -> tuple[float, str]:
     return omega_r * factor, f"controller.omega_r, {omega_r:g}, times {factor:.4g} for the device"
 
 
-def _controller(design: Design) -> str:
-    """The controller in words: all that the sweep has of it."""
-    from sdt_drake.control import CONTROLLERS
-
-    choice = design.scenario.controller
-    feedback = CONTROLLERS[choice.kind].feedback
-    if feedback == "inverse_dynamics":
-        period = design.motion.period
-        return f"{choice.label}, feedback linearisation of the whole state every {period:g} s"
-    loop = f"{choice.label}, PI speed loops with structure {choice.structure_in_use}"
-    if feedback == "scheduled":
-        return f"{loop}, their gains those at the largest inertia"
-    if feedback != "position":
-        return loop
-    if choice.position_gain is None:
-        return f"{loop} in position loops, K_V = omega_n / 4"
-    return f"{loop} in position loops, K_V = {choice.position_gain} 1/s at every omega_n"
-
-
 def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
     import numpy as np
 
@@ -155,7 +137,7 @@ def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
 def _notes(design: Design, omega_r: float) -> list[str]:
     """What stands in the sweep for the scenario's own, and what has no meaning there."""
     from sdt_drake.analysis.stability import own_ratio, stands_alone
-    from sdt_drake.control import CONTROLLERS
+    from sdt_drake.controllers import CONTROLLERS
 
     plant, choice = design.scenario.plant, design.scenario.controller
     if not stands_alone(design):
@@ -169,9 +151,9 @@ def _notes(design: Design, omega_r: float) -> list[str]:
         notes = ["each axis alone, with the inertia of plant.i_eff"]
     own = " ".join(f"{ratio:.3f}" for ratio in own_ratio(design, omega_r))
     notes.append(f"omega_n / omega_r of the scenario's own gains there: {own}")
-    if design.scenario.drive is not None and stands_alone(design):
+    if design.drive.period is not None and stands_alone(design):
         notes.append("a sampled drive at its own period")
-    if CONTROLLERS[choice.kind].feedback == "position":
+    if "position_gain" in CONTROLLERS[choice.kind].options:
         period = design.motion.period
         notes.append(f"note: the position, sampled every {period:g} s, is taken for continuous")
     if choice.feedforward_in_use != "none":

@@ -1,12 +1,6 @@
-"""The controllers by name, their tuning, and metrics of step responses."""
+"""Tuning, torque feedforward, and metrics of step responses."""
 
-from sdt_drake.control.controllers import (
-    CONTROLLERS,
-    FEEDFORWARDS,
-    ControllerKind,
-    feedforward_torque,
-    needs,
-)
+from sdt_drake.control.feedforward import FEEDFORWARDS, feedforward_torque
 from sdt_drake.control.step_response import StepMetrics, step_metrics
 from sdt_drake.control.tuning import (
     STRUCTURES,
@@ -18,16 +12,13 @@ from sdt_drake.control.tuning import (
 )
 
 __all__ = [
-    "CONTROLLERS",
     "FEEDFORWARDS",
     "STRUCTURES",
-    "ControllerKind",
     "SpeedGains",
     "StepMetrics",
     "damping_ratio",
     "feedforward_torque",
     "natural_frequency",
-    "needs",
     "oscillation_frequency",
     "step_metrics",
     "tune",

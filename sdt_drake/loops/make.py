@@ -1,38 +1,190 @@
-"""The loops."""
+"""The closed loops."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
-from pydrake.systems.framework import Diagram, OutputPort
-from pydrake.systems.primitives import PassThrough
+from numpy.typing import NDArray
+from pydrake.geometry import Meshcat
+from pydrake.systems.framework import Context, Diagram, System
+from pydrake.systems.primitives import ConstantVectorSource, VectorLogSink
 
 from sdt_drake.control import SpeedGains
+from sdt_drake.controllers import Controller, make_controller
+from sdt_drake.controllers.base import add_table
 from sdt_drake.design import Design
-from sdt_drake.errors import checked_number, checked_type
-from sdt_drake.loops.builder import DesignLoopBuilder, LoopBuilder
-from sdt_drake.loops.control import (
-    Torques,
-    place_control,
-    place_feedback,
-    place_load_torque,
-    place_reference,
-    place_torque_loop,
-)
-from sdt_drake.loops.feedback.speed import PI_NAME
-from sdt_drake.loops.plant import PLANT_NAME, Device, has_extra_load, place_device, place_loads
+from sdt_drake.errors import InputError, checked_number, checked_type
+from sdt_drake.loops.device import add_device, add_loads
+from sdt_drake.loops.rest import at_rest, fill_holds
 from sdt_drake.systems import (
-    Block,
-    axis_process_block,
-    constant_block,
-    pi_speed_controller_block,
+    AxisProcess,
+    DynamicSaturation,
+    ElasticJoints,
+    Encoder,
+    Envelope,
+    JointFriction,
+    LoadTorque,
+    PiSpeedController,
+    ReferenceSource,
+    RobotDrawing,
+    RobotPlant,
+    TorqueLoop,
+    Wiring,
+    add_logs,
+    hold_of,
 )
 
+Array = NDArray[np.float64]
 
-def make_loop(design: Design, *, boxed: bool = False) -> Diagram:
+
+class Loop(Diagram):
+    """A closed loop of a design, to simulate, to draw, or to build into a diagram of one's own.
+
+    Inputs: `extra_load_torque`, what the motors turn against beside all else, motor side [N m]; 0
+    where nothing is connected. Outputs: `reference`, `state`, `measured` (what the encoders are
+    on), `tau_cmd`, `tau`, as `sdt_drake.systems` says. It logs what a `Recording` holds.
+
+    Attributes:
+        design: what it was made from.
+        controller: the system that commands the torque.
+        logs: sinks by the name of the signal.
+    """
+
+    def __init__(
+        self,
+        design: Design,
+        *,
+        controller: System | None = None,
+        meshcat: Meshcat | None = None,
+        widened: bool,
+    ) -> None:
+        """Of a design, with limits that are widened by the alleviating torque, or not."""
+        super().__init__()
+        robot, drive, motion = design.robot, design.drive, design.reference
+        self.design = design
+        self.controller = _checked_controller(
+            make_controller(design) if controller is None else controller, robot.n
+        )
+        wiring = Wiring()
+
+        source = ReferenceSource(motion=motion, delay=drive.reference_delay)
+        wiring.add("reference_source", source, reference="planned")
+        hold = hold_of(motion, 3 * robot.n, delay=drive.reference_delay)
+        wiring.add("zero_order_hold", hold, u="planned", y="reference")
+        _add_load_torque(wiring, design, self.controller, widened)
+        wiring.add("controller", self.controller, state="drive_state")
+        envelope = None
+        if drive.n1 is not None and drive.n0 is not None:
+            envelope = Envelope(np.array(drive.n1), np.array(drive.n0), robot.gear_ratio)
+        limits = DynamicSaturation(
+            motor_torque_limit=robot.motor_torque_limit, envelope=envelope, widened=widened
+        )
+        wiring.add("dynamic_saturation", limits, tau="tau_limited", state="motor_state")
+        add_device(wiring, design)
+        add_loads(wiring, design)
+        _add_encoders(wiring, design, self.controller)
+        if meshcat is not None:
+            drawing = RobotDrawing(robot=robot, meshcat=meshcat, period=motion.period)
+            wiring.add("drawing", drawing)
+
+        torques, states = ("tau_cmd", "tau_limited", "tau"), ("state", "measured")
+        self.logs = add_logs(wiring, states, motion.period)
+        self.logs |= add_logs(wiring, torques, drive.period or motion.period)
+        wiring.build_into(self, ("extra_load_torque",), ("reference", *states, "tau_cmd", "tau"))
+        self.set_name(f"{design.scenario.plant.kind}_loop")
+
+    def rest(self, context: Context) -> None:
+        """Start on the reference, in the equilibrium of what has gone on like that for long.
+
+        What the encoders see is on the first sample of the reference, and has moved at its speed,
+        not accelerated: motors carry the load, springs are wound, and integrals give what the
+        feedforward does not. A controller without an integral has no equilibrium there with a wrong
+        model; it starts on the reference all the same.
+
+        Args:
+            context: of this diagram.
+        """
+        start, seen = at_rest(self.design), self.design.motion.q[0]
+        states = {
+            AxisProcess: (start.q, start.v),
+            RobotPlant: (start.q, start.v),
+            ElasticJoints: (start.q_motor, start.v),
+            JointFriction: (start.v,),
+            TorqueLoop: (start.tau,),
+        }
+        own = {
+            block: self.GetMutableSubsystemContext(block, context) for block in self.GetSystems()
+        }
+        for block in own:
+            if type(block) in states:
+                block.rest(own[block], *states[type(block)])
+        fill_holds(self, context)
+        for block in own:
+            if isinstance(block, Encoder):
+                block.rest(own[block], seen, start.v)
+        if isinstance(self.controller, Controller):
+            self.controller.rest(own[self.controller], start.tau_cmd)
+
+    def recorded(self, context: Context) -> dict[str, Array]:
+        """Logged signals by name, each of shape (samples, size); context: of this diagram."""
+        return {
+            name: np.array(sink.GetLog(self.GetSubsystemContext(sink, context)).data().T)
+            for name, sink in self.logs.items()
+        }
+
+
+def make_loop(
+    design: Design, *, controller: System | None = None, meshcat: Meshcat | None = None
+) -> Loop:
     """The loop of the scenario's plant: `make_axis_loop` or `make_coupled_loop`."""
     checked_type(design, Design, "design")
     make = {"axis": make_axis_loop, "coupled": make_coupled_loop}[design.scenario.plant.kind]
-    return make(design, boxed=boxed)
+    return make(design, controller=controller, meshcat=meshcat)
+
+
+def make_axis_loop(
+    design: Design, *, controller: System | None = None, meshcat: Meshcat | None = None
+) -> Loop:
+    """The paper's simulation models, all axes in one diagram (Figures 3, 5 and 6).
+
+    Each motor turns its own constant inertia against the load torque of the reference, with its
+    limits widened by the alleviating torque. With "pi_ctc" the load torque is fed forward, and the
+    disturbance makes the true load differ from it.
+
+    Args:
+        design: a resolved scenario with the plant "axis".
+        controller: a system of one's own instead of the scenario's controller, see
+            `sdt_drake.controllers.Controller` for its ports.
+        meshcat: to watch the run in.
+
+    Raises:
+        InputError: for a controller with an input that no signal of the loop fits.
+    """
+    return Loop(design, controller=controller, meshcat=meshcat, widened=True)
+
+
+def make_coupled_loop(
+    design: Design,
+    *,
+    controller: System | None = None,
+    meshcat: Meshcat | None = None,
+    widen_limits: bool = False,
+) -> Loop:
+    """The MultibodyPlant under the same controllers: all joints at once, coupled by their dynamics.
+
+    The coupling torques act physically, so the motors' limits are not widened and nothing loads
+    the motors but the plant; the disturbance and friction act as generalised forces.
+
+    Args:
+        design: a resolved scenario with the plant "coupled".
+        controller, meshcat: as for `make_axis_loop`.
+        widen_limits: widen the limits by the alleviating torque all the same, as in the axis loop.
+
+    Raises:
+        InputError: as `make_axis_loop`.
+    """
+    return Loop(design, controller=controller, meshcat=meshcat, widened=widen_limits)
 
 
 def make_step_loop(
@@ -42,7 +194,6 @@ def make_step_loop(
     structure: str,
     step: float = 1.0,
     log_period: float = 1e-4,
-    boxed: bool = False,
 ) -> Diagram:
     """One linear speed loop without load or limit (Figures 4 and 5): a step of its reference.
 
@@ -52,145 +203,78 @@ def make_step_loop(
         structure: "pi" or "p_in_feedback".
         step: motor speed asked for from time 0 on [rad/s].
         log_period: of the state [s].
-        boxed: for export, see the package.
 
     Raises:
         InputError: for a step that is not finite, or other values that are not > 0.
     """
     checked_number(step, "step")
     checked_number(log_period, "log_period", minimum=0, exclusive=True)
-    loop = LoopBuilder(boxed=boxed)
-    reference = loop.place(
-        "step_reference",
-        constant_block,
-        signal="reference",
-        value=[0.0, step, 0.0],  # q_ref, v_ref, vd_ref
-    )
-    controller = loop.place_open(
-        PI_NAME,
-        pi_speed_controller_block,
-        gains=gains,
-        gear_ratio=[1.0],
-        structure=structure,
-        elements=boxed,
-    )
-    process = loop.place(PLANT_NAME["axis"], axis_process_block, i_eff=[i_eff], gear_ratio=[1.0])
-    no_load = loop.place("no_load", constant_block, signal="load_torque", value=[0.0])
-
-    state = process.outputs["state"]
-    loop.connect(reference.outputs["reference"], controller.inputs["reference"])
-    loop.connect(state, controller.inputs["state"])
-    loop.connect(controller.outputs["tau_fb"], process.inputs["tau"])
-    loop.connect(no_load.outputs["load_torque"], process.inputs["load_torque"])
-    loop.log({"state": state}, log_period)
-    return loop.build("step_loop")
+    wiring, diagram = Wiring(), Diagram()
+    reference = ConstantVectorSource([0.0, step, 0.0])  # q_ref, v_ref, vd_ref
+    wiring.add("step_reference", reference, y0="reference")
+    pi = PiSpeedController(gains=gains, gear_ratio=[1.0], structure=structure)
+    wiring.add("pi_speed_controller", pi)
+    wiring.add("no_load", ConstantVectorSource([0.0]), y0="load_torque")
+    process = AxisProcess(i_eff=[i_eff], gear_ratio=[1.0])
+    wiring.add("axis_process", process, tau="tau_fb")
+    add_logs(wiring, ("state",), log_period)
+    wiring.build_into(diagram, (), ("state",))
+    diagram.set_name("step_loop")
+    return diagram
 
 
-def make_axis_loop(design: Design, *, boxed: bool = False) -> Diagram:
-    """The paper's simulation models, all axes in one diagram (Figures 3, 5 and 6).
-
-    Each motor turns its own constant inertia against the load torque of the reference, with its
-    limits widened by the alleviating torque. With "pi_ctc" the load torque is fed forward, and the
-    disturbance makes the true load differ from it.
-    """
-    loop = DesignLoopBuilder(design, boxed=boxed)
-    reference = place_reference(loop)
-    loads = place_load_torque(loop, reference)
-    load_torque = loads.outputs["load_torque"]
-    device = place_device(loop, loaded=True)
-    torques = place_control(
-        loop, reference, device, load_torque, loads.outputs["alleviating_torque"]
-    )
-    place_loads(loop, device, load_torque, {"modelled_load": load_torque})
-    return _finish(loop, "axis_loop", device, torques, load_torque)
+def _checked_controller(controller: System, n: int) -> System:
+    checked_type(controller, System, "controller")
+    ports = map(controller.get_output_port, range(controller.num_output_ports()))
+    outputs = {port.get_name(): port.size() for port in ports}
+    if outputs != {"tau_cmd": n}:
+        told = ", ".join(f"{name} of length {size}" for name, size in outputs.items())
+        raise InputError(
+            f"controller: outputs: {told or 'none'}, expected tau_cmd of length {n} alone"
+        )
+    return controller
 
 
-def make_coupled_loop(
-    design: Design, *, boxed: bool = False, widen_limits: bool = False
-) -> Diagram:
-    """The MultibodyPlant under the same controllers: all joints at once, coupled by their dynamics.
-
-    The coupling torques act physically, so the motors' limits are not widened and nothing loads
-    the motors but the plant; the disturbance and friction act as generalised forces.
-
-    Args:
-        design: a resolved scenario.
-        boxed: for export, see the package.
-        widen_limits: widen the limits by the alleviating torque all the same, as in the axis loop.
-    """
-    loop = DesignLoopBuilder(design, boxed=boxed)
-    reference = place_reference(loop)
-    loads = place_load_torque(loop, reference)
-    load_torque = loads.outputs["load_torque"]
-    device = place_device(loop, loaded=has_extra_load(loop))
-    alleviating_torque = loads.outputs["alleviating_torque"]
-    if not widen_limits:
-        alleviating_torque = _nothing(loop, "no_widening", "alleviating_torque")
-    torques = place_control(loop, reference, device, load_torque, alleviating_torque)
-    place_loads(loop, device, load_torque, {})
-    return _finish(loop, "coupled_loop", device, torques, load_torque)
+def blocks_of(diagram: Diagram) -> Iterator[System]:
+    """Its systems, those in sub-diagrams one by one, without logs."""
+    for system in diagram.GetSystems():
+        if isinstance(system, Diagram):
+            yield from blocks_of(system)
+        elif not isinstance(system, VectorLogSink):
+            yield system
 
 
-def make_process(design: Design) -> Diagram:
-    """What a controller acts on, alone and linear but for the plant: for linear analysis.
-
-    From `tau_cmd` to `measured` (what the encoders see) and `state` (of the links). Motors do not
-    saturate, and friction is left out: neither has a frequency response.
-    """
-    loop = DesignLoopBuilder(design)
-    device = place_device(loop, loaded=False)
-    tau_cmd = device.tau
-    if design.scenario.drive is not None:
-        torque_loop = place_torque_loop(loop)
-        loop.connect(torque_loop.outputs["tau"], device.tau)
-        tau_cmd = torque_loop.inputs["tau_limited"]
-    if device.load_torque is not None:
-        loop.connect(_nothing(loop, "no_load", "load_torque"), device.load_torque)
-    outputs = {"measured": device.measured, "state": device.state}
-    return loop.export("process", {"tau_cmd": tau_cmd}, outputs)
+def _add_load_torque(wiring: Wiring, design: Design, controller: System, widened: bool) -> None:
+    """Load torque and alleviating torque of the reference, where the loop needs them: a table, or
+    on line."""
+    scenario = design.scenario
+    is_load = scenario.plant.kind == "axis" or scenario.disturbance.amplitude > 0
+    names = ["load_torque"] if is_load or controller.HasInputPort("load_torque") else []
+    names += ["alleviating_torque"] * widened
+    if names and scenario.inverse_dynamics == "table":
+        signals = {name: getattr(design.loads, name) for name in names}
+        add_table(wiring, "load_torque", design, **signals)
+    elif names:
+        block = LoadTorque(robot=design.loaded_robot, algorithm=scenario.algorithm)
+        wiring.add("load_torque", block)
 
 
-def make_feedback(design: Design, sample: int = 0) -> Diagram:
-    """A controller's feedback alone, from `reference` and `measured` to `tau_fb`.
+def _add_encoders(wiring: Wiring, design: Design, controller: System) -> None:
+    """Of the drives, if they sample, and at the instants of the reference, for who needs that."""
+    drive, n = design.drive, design.robot.n
 
-    Its speed loop is sampled where the drive has a period. Encoders are ideal and never late.
+    def add(name: str, period: float, signal: str) -> None:
+        encoder = Encoder(
+            n=n,
+            period=period,
+            resolution=drive.encoder_resolution,
+            gear_ratio=design.robot.gear_ratio,
+        )
+        wiring.add(name, encoder, state="measured", measured=signal)
 
-    Args:
-        design: a resolved scenario.
-        sample: of the motion, whose inertia scheduled gains follow.
-    """
-    loop = DesignLoopBuilder(design, frozen_at=sample)
-    n = design.robot.n
-    reference = loop.place("reference", _pass_through, size=3 * n)
-    measured = loop.place("measured", _pass_through, size=2 * n)
-    controller = place_feedback(loop, reference.outputs["y"], measured.outputs["y"])
-    inputs = {"reference": reference.inputs["u"], "measured": measured.inputs["u"]}
-    return loop.export("feedback", inputs, {"tau_fb": controller.outputs["tau_fb"]})
-
-
-def _pass_through(block: Block, *, size: int) -> None:
-    """One input for several blocks."""
-    system = block.add(PassThrough(size))
-    block.inputs["u"] = system.get_input_port()
-    block.outputs["y"] = system.get_output_port()
-
-
-def _nothing(loop: DesignLoopBuilder, name: str, signal: str) -> OutputPort:
-    block = loop.place(name, constant_block, signal=signal, value=np.zeros(loop.design.robot.n))
-    return block.outputs[signal]
-
-
-def _finish(
-    loop: DesignLoopBuilder,
-    name: str,
-    device: Device,
-    torques: Torques,
-    load_torque: OutputPort,
-) -> Diagram:
-    period = loop.motion.period
-    loop.log({"state": device.state, "load_torque": load_torque}, period)
-    if device.measured is not device.state:
-        loop.log({"measured": device.measured}, period)
-    asked_and_given = {"tau_cmd": torques.tau_cmd, "tau": torques.tau}
-    loop.log(asked_and_given | {"tau_limited": torques.tau_limited}, loop.drive.period or period)
-    return loop.build(name)
+    if drive.period is None:
+        wiring.same("drive_state", "measured")
+    else:
+        add("encoder", drive.period, "drive_state")
+    if controller.HasInputPort("sampled_state"):
+        add("position_encoder", design.reference.period, "sampled_state")

@@ -116,7 +116,7 @@ def _joints(field: str, file: Path, robot: Robot, period: float) -> int:
 def _references(study: Study, base: Scenario) -> Iterator[tuple[str, str, str]]:
     """Field, name and reference of the files of the base scenario and its variants."""
     for field in FILE_FIELDS:
-        names = [field.get(base)] if field.is_in(base) else []
+        names = [field.get(base)] if field.is_in(base) and field.get(base) else []
         for variable in study.variables:
             if field in variable.targets:
                 names += map(str, variable.distribution.levels())

@@ -31,13 +31,9 @@ _TRACKING = (
     "max_abs_position_error",
 )
 _MOTORS = ("peak_torque_share", "rms_torque_share")
-ACCURACY = 1e-4
-"""Of the integrator in studies: speeds are good to 1e-4 rad/s, to 3e-4 where motors saturate hard,
-in half the time of a run alone."""
-
 _CACHED = 16  # robots and motions that a process keeps
 
-FILE_FIELDS = tuple(map(find_field, ("robot", "motion", "device.catalogue")))
+FILE_FIELDS = tuple(map(find_field, ("robot", "motion", "device.catalogue", "controller.file")))
 """Fields of a scenario that name a file."""
 
 
@@ -135,7 +131,7 @@ class Runner:
         start = time.perf_counter()
         try:
             design, plan = self.design(self.scenario(number))
-            recording = simulate(design, accuracy=ACCURACY)
+            recording = simulate(design)
             outcomes = self._outcomes(design, recording, plan)
             passed = stops_passed(recording, design.robot.joint_names)
         except Exception as error:  # whatever it is, the study goes on
@@ -154,7 +150,7 @@ class Runner:
             InputError: if it cannot be run.
         """
         design, plan = self.design(self.scenario(number))
-        recording = simulate(design, accuracy=ACCURACY)
+        recording = simulate(design)
         return self._outcomes(design, recording, plan), recording
 
     def _outcomes(self, design: Design, recording: Recording, plan: Plan) -> tuple[float, ...]:

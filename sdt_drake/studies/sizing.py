@@ -102,6 +102,7 @@ class Sizing:
         torque_margin: share of the motors' torque that the planner may use, in (0, 1].
         pause: rest between two runs of a motion, for the temperature of the windings [s].
         requirements: what every candidate must keep.
+        accuracy: of the integrator: speeds are good to half of it [rad/s].
         timeout: what a run may take before it is given up [s].
     """
 
@@ -116,6 +117,7 @@ class Sizing:
     torque_margin: float = 1.0
     pause: float = 0.0
     requirements: Requirements = field(default_factory=Requirements)
+    accuracy: float = 1e-3
     timeout: float = 300.0
 
     @property
@@ -201,6 +203,7 @@ class Sizing:
         return Study(
             name=self.name,
             scenario=self.scenario,
+            accuracy=self.accuracy,
             timeout=self.timeout,
             pause=self.pause,
             variables=[

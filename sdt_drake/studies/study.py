@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sdt_drake.analysis.comparison import check_labels, with_controller
 from sdt_drake.errors import InputError, checked_choice, checked_number
-from sdt_drake.scenario import ControllerChoice, Scenario, load_scenario
+from sdt_drake.scenario import ControllerChoice, Scenario, check_accuracy, load_scenario
 from sdt_drake.studies.fields import Field, Value, find_field
 from sdt_drake.studies.table import is_column
 from sdt_drake.yaml_files import load_yaml
@@ -320,6 +320,8 @@ class Study:
         seed: of the draws. A variable has the same draws whatever the others are.
         sampling: "random", or "latin_hypercube": of each variable one draw in each of as many
             equally likely intervals as there are draws.
+        accuracy: of the integrator, instead of that of the scenario: speeds are good to half of it
+            [rad/s].
         timeout: what a run may take before it is given up [s].
         pause: rest between two runs of a motion, for the temperature of the windings [s]; of use
             where the base scenario has motors of a catalogue.
@@ -335,6 +337,7 @@ class Study:
     draws: int = 1
     seed: int = 0
     sampling: str = "random"
+    accuracy: float = 1e-3
     timeout: float = 300.0
     pause: float = 0.0
     variables: list[Variable] = field(default_factory=list)
@@ -351,6 +354,7 @@ class Study:
         _check_whole(self.draws, 1, _MOST, "draws")
         _check_whole(self.seed, 0, _MOST, "seed")
         checked_choice(self.sampling, SAMPLINGS, "sampling")
+        check_accuracy(self.accuracy)
         checked_number(self.timeout, "timeout", minimum=0, exclusive=True)
         checked_number(self.pause, "pause", minimum=0)
         if not self.variables:
@@ -426,6 +430,7 @@ class Study:
             InputError: for values that their fields do not take.
         """
         scenario = copy.deepcopy(base)
+        scenario.accuracy = self.accuracy
         for variable in self.variables:
             scenario = variable.put(scenario, inputs[variable.name])
         return scenario

@@ -17,7 +17,7 @@ from sdt_drake.studies.quantities import family_of, quantity_of
 from sdt_drake.studies.sizing import Candidate, Sizing, candidates, short_name
 from sdt_drake.studies.table import ANSWERS, StudyTable
 
-_DECIMALS = 4  # of a speed error [rad/s]: runs.ACCURACY
+_DECIMALS = 3  # of a speed error [rad/s]: as far as a study knows it
 _ROUND_OFF = 1e-9  # of an outcome; the planner uses limits to the full
 
 

@@ -37,6 +37,7 @@ main()"""
 _START = 120.0  # s; for a process to import all that it needs
 _LONGEST_WAIT = 3600.0  # s; the system counts ms in 32 bits
 _PER_PROCESSOR = 8  # processes; more would but need memory
+_MOST_ROWS = 50  # of a process: Drake never frees a diagram of Python classes, 9 MB for each run
 _TRIES = 2  # before a row that ends its process is given up, or a process that does not start
 
 
@@ -121,7 +122,7 @@ class _Worker:
     def __init__(self, job: Job) -> None:
         self._job, self._timeout, self._deadline = job, 0.0, 0.0
         self._has_job = self._ready = False
-        self._failed_starts = 0  # one after another
+        self._failed_starts = self._rows = 0  # one after another; of this process
         self.last_words = ""  # of a process that ended
         self._folder: tempfile.TemporaryDirectory | None = None
         self.process: subprocess.Popen | None = None
@@ -129,6 +130,8 @@ class _Worker:
 
     def begin(self, task: Task, timeout: float) -> None:
         """Take a task; it has `timeout` for each row [s]."""
+        if self._rows >= _MOST_ROWS:
+            self.stop()
         self.task, self._timeout = task, timeout * len(task)
         if not task:
             return
@@ -138,6 +141,7 @@ class _Worker:
             self._send()
 
     def _start(self) -> None:
+        self._rows = 0
         self._folder = tempfile.TemporaryDirectory(prefix="sdt-drake-")
         self.connection, theirs = Pipe()
         with theirs, self._log.open("wb") as log:
@@ -178,6 +182,7 @@ class _Worker:
             self._go_on()
             return None
         self.task = ()
+        self._rows += len(message)
         return message
 
     def _go_on(self) -> None:

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import pydrake.symbolic as sym
 from numpy.typing import ArrayLike
+from pydrake.systems.framework import Context
 
-from sdt_drake.device import OVERFLOW_RATE, PRESLIDING_DAMPING_TIME, FrictionParameters
+from sdt_drake.device import (
+    OVERFLOW_RATE,
+    PRESLIDING_DAMPING_TIME,
+    FrictionParameters,
+    sliding_stretch,
+)
 from sdt_drake.errors import checked_vector
-from sdt_drake.systems.block import Block
-from sdt_drake.systems.symbolic import add_dynamic_law
+from sdt_drake.systems.symbolic import SymbolicLaw
 
-STRETCH_UNIT = 100.0
-"""z / z_c in a unit of the state; when sliding, z / z_c is in the hundreds."""
+_UNIT = 100.0  # z / z_c in a unit of the state; when sliding, z / z_c is in the hundreds
 
 
-def friction_block(block: Block, *, friction: FrictionParameters, gear_ratio: ArrayLike) -> None:
+class JointFriction(SymbolicLaw):
     """Coulomb, viscous and Stribeck friction that can hold a joint at rest.
 
     Bristles of length z carry the Coulomb friction like a spring up to z_c; stretched further,
@@ -34,41 +38,52 @@ def friction_block(block: Block, *, friction: FrictionParameters, gear_ratio: Ar
 
     .. pydrake_system::
 
-        name: friction
+        name: JointFriction
         input_ports:
         - state
         output_ports:
         - friction
-
-    Args:
-        friction: of n joints, joint side.
-        gear_ratio: r [-], shape (n,), > 0.
-
-    Raises:
-        InputError: for gear ratios that are not > 0 or not n.
     """
-    n = len(friction.coulomb)
-    r = checked_vector(gear_ratio, n, "gear_ratio", positive=True)
-    v_s, z_c = friction.stribeck_speed, friction.presliding
-    extra = friction.breakaway - friction.coulomb
 
-    def within(stretch):
-        return sym.min(sym.max(stretch, -1.0), 1.0)
+    symbol = "friction"
 
-    # An error-controlled integrator would not see 1e-5 rad, and see nothing but z / z_c.
-    def rates(x, state):
-        stretch = STRETCH_UNIT * x
-        overflow = stretch - [within(u) for u in stretch]
-        return (state[n:] / z_c - OVERFLOW_RATE * overflow) / STRETCH_UNIT
+    def __init__(self, *, friction: FrictionParameters, gear_ratio: ArrayLike) -> None:
+        """Of n joints.
 
-    def law(x, state):
-        forces = []
-        for k, v in enumerate(state[n:]):
-            stretch, s = STRETCH_UNIT * x[k], v / v_s
-            damping = PRESLIDING_DAMPING_TIME / z_c * sym.max(1 - stretch * stretch, 0.0) * v
-            bristles = friction.coulomb[k] * (within(stretch) + damping)
-            stribeck = extra[k] * s * sym.exp((1 - s * s) / 2)
-            forces.append((bristles + stribeck + friction.viscous[k] * v) / r[k])
-        return forces
+        Args:
+            friction: of n joints, joint side.
+            gear_ratio: r [-], shape (n,), > 0.
 
-    add_dynamic_law(block, inputs={"state": 2 * n}, output="friction", size=n, rates=rates, law=law)
+        Raises:
+            InputError: for gear ratios that are not > 0 or not n.
+        """
+        n = len(friction.coulomb)
+        r = checked_vector(gear_ratio, n, "gear_ratio", positive=True)
+        v_s, z_c = friction.stribeck_speed, friction.presliding
+        extra = friction.breakaway - friction.coulomb
+        self._friction = friction
+
+        def within(stretch):
+            return sym.min(sym.max(stretch, -1.0), 1.0)
+
+        # An error-controlled integrator would not see 1e-5 rad, and see nothing but z / z_c.
+        def rates(x, state):
+            stretch = _UNIT * x
+            overflow = stretch - [within(u) for u in stretch]
+            return (state[n:] / z_c - OVERFLOW_RATE * overflow) / _UNIT
+
+        def law(x, state):
+            forces = []
+            for k, v in enumerate(state[n:]):
+                stretch, s = _UNIT * x[k], v / v_s
+                damping = PRESLIDING_DAMPING_TIME / z_c * sym.max(1 - stretch * stretch, 0.0) * v
+                bristles = friction.coulomb[k] * (within(stretch) + damping)
+                stribeck = extra[k] * s * sym.exp((1 - s * s) / 2)
+                forces.append((bristles + stribeck + friction.viscous[k] * v) / r[k])
+            return forces
+
+        super().__init__(inputs={"state": 2 * n}, output="friction", law=law, rates=rates, states=n)
+
+    def rest(self, context: Context, v: ArrayLike) -> None:
+        """Start with bristles that have slid at v [rad/s], joint side, for long; at rest, loose."""
+        context.SetContinuousState(sliding_stretch(self._friction, v) / _UNIT)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from pydrake.systems.primitives import Demultiplexer
+from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from sdt_drake.errors import checked_count
-from sdt_drake.systems.block import Block
-from sdt_drake.systems.symbolic import add_static_law
+from sdt_drake.systems.symbolic import SymbolicLaw
 
 
-def gain_schedule_block(block: Block, *, n: int) -> None:
+class GainSchedule(Diagram):
     """Speeds weighted with the inertia, for a PI speed controller that is tuned for the largest.
 
         v_ref, v  ->  s v_ref, s v        with s = I_eff / I_eff,max [-]
@@ -22,32 +20,38 @@ def gain_schedule_block(block: Block, *, n: int) -> None:
 
     .. pydrake_system::
 
-        name: gain_schedule
+        name: GainSchedule
         input_ports:
         - reference
-        - state
         - inertia_share
-        output_ports:
-        - reference
         - state
-
-    Args:
-        n: number of joints.
+        output_ports:
+        - weighted_reference
+        - weighted_state
     """
-    checked_count(n, "n")
 
-    def law(_time, reference, state, share):
-        q_ref, v_ref, vd_ref = np.split(reference, 3)
-        q, v = np.split(state, 2)
-        return [*q_ref, *(share * v_ref), *vd_ref, *q, *(share * v)]
+    symbol = "speeds x\nI_eff / I_eff,max"
 
-    add_static_law(
-        block,
-        inputs={"reference": 3 * n, "state": 2 * n, "inertia_share": n},
-        output="weighted",
-        law=law,
-    )
-    split = block.add(Demultiplexer([3 * n, 2 * n]), "outputs")
-    block.connect(block.outputs.pop("weighted"), split.get_input_port())
-    block.outputs["reference"] = split.get_output_port(0)
-    block.outputs["state"] = split.get_output_port(1)
+    def __init__(self, *, n: int) -> None:
+        """For n joints."""
+        super().__init__()
+
+        def reference_law(_x, share, reference):
+            q_ref, v_ref, vd_ref = np.split(reference, 3)
+            return [*q_ref, *(share * v_ref), *vd_ref]
+
+        def state_law(_x, share, state):
+            return [*state[:n], *(share * state[n:])]
+
+        builder = DiagramBuilder()
+        for name, size, law in (("reference", 3 * n, reference_law), ("state", 2 * n, state_law)):
+            inputs, output = {"inertia_share": n, name: size}, f"weighted_{name}"
+            weighted = SymbolicLaw(inputs=inputs, output=output, law=law)
+            builder.AddNamedSystem(output, weighted)
+            builder.ExportInput(weighted.GetInputPort(name), name)
+            builder.ExportOutput(weighted.get_output_port(), output)
+            if name == "reference":
+                builder.ExportInput(weighted.GetInputPort("inertia_share"), "inertia_share")
+            else:
+                builder.ConnectInput("inertia_share", weighted.GetInputPort("inertia_share"))
+        builder.BuildInto(self)

@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
-Array = NDArray[np.float64]
-
-_PREFIX = "log."
+from sdt_drake.systems.wiring import Wiring
 
 
-def add_logs(builder: DiagramBuilder, signals: Mapping[str, OutputPort], period: float) -> None:
-    """Log each signal every `period` [s], under its name.
+def add_logs(wiring: Wiring, signals: Sequence[str], period: float) -> dict[str, VectorLogSink]:
+    """Log each signal every `period` [s]: sinks by its names, one for each port.
 
-    A log at an instant sees the values from just before the updates at that instant: continuous
+    A log at an instant sees the values from before the updates at that instant: continuous
     signals at t, held ones and what follows from them at t-.
     """
-    for name, port in signals.items():
-        sink = LogVectorOutput(port, builder, publish_period=period)
-        sink.set_name(_PREFIX + name)
-
-
-def read_logs(diagram: Diagram, context: Context) -> tuple[Array, dict[str, Array]]:
-    """Times of the first log [s], shape (N,), and each logged signal by name, (its N, size)."""
-    sinks = [s for s in diagram.GetSystems() if isinstance(s, VectorLogSink)]
-    logs = {sink.get_name().removeprefix(_PREFIX): sink.FindLog(context) for sink in sinks}
-    time = next(iter(logs.values())).sample_times()
-    return np.array(time), {name: np.array(log.data().T) for name, log in logs.items()}
+    sinks: dict[str, VectorLogSink] = {}
+    for name in signals:
+        same = next((s for s in sinks if wiring[s] is wiring[name]), None)
+        if same is None:
+            sinks[name] = LogVectorOutput(wiring[name], wiring.builder, publish_period=period)
+            sinks[name].set_name(f"log.{name}")
+        else:
+            sinks[name] = sinks[same]
+    return sinks

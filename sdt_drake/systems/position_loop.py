@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, Multiplexer
 
 from sdt_drake.errors import checked_vector
-from sdt_drake.systems.block import Block
 
 
-def position_loop_block(block: Block, *, position_gain: ArrayLike) -> None:
+class PositionLoop(Diagram):
     """The reference of a speed loop that also keeps the position.
 
         v_ref + K_V (q_ref - q)  takes the place of  v_ref        [rad/s], joint side
@@ -20,27 +20,33 @@ def position_loop_block(block: Block, *, position_gain: ArrayLike) -> None:
 
     .. pydrake_system::
 
-        name: position_loop
+        name: PositionLoop
         input_ports:
         - reference
-        - state
+        - sampled_state
         output_ports:
-        - reference
-
-    Args:
-        position_gain: K_V [1/s], shape (n,), > 0.
-
-    Raises:
-        InputError: for gains that are not finite and > 0.
+        - speed_reference
     """
-    n = np.size(position_gain)
-    k_v = np.diag(checked_vector(position_gain, n, "position_gain", positive=True))
-    law = np.eye(3 * n, 5 * n)
-    law[n : 2 * n, :n] = k_v
-    law[n : 2 * n, 3 * n : 4 * n] = -k_v
-    signals = block.add(Multiplexer([3 * n, 2 * n]), "inputs")
-    loop = block.add(MatrixGain(law))
-    block.connect(signals.get_output_port(), loop.get_input_port())
-    block.inputs["reference"] = signals.get_input_port(0)
-    block.inputs["state"] = signals.get_input_port(1)
-    block.outputs["reference"] = loop.get_output_port()
+
+    symbol = "v_ref +\nK_V (q_ref - q)"
+
+    def __init__(self, *, position_gain: ArrayLike) -> None:
+        """K_V [1/s], shape (n,), > 0.
+
+        Raises:
+            InputError: for gains that are not finite and > 0.
+        """
+        super().__init__()
+        n = np.size(position_gain)
+        k_v = np.diag(checked_vector(position_gain, n, "position_gain", positive=True))
+        law = np.eye(3 * n, 5 * n)
+        law[n : 2 * n, :n] = k_v
+        law[n : 2 * n, 3 * n : 4 * n] = -k_v
+        builder = DiagramBuilder()
+        signals = builder.AddNamedSystem("inputs", Multiplexer([3 * n, 2 * n]))
+        loop = builder.AddNamedSystem("law", MatrixGain(law))
+        builder.Connect(signals.get_output_port(), loop.get_input_port())
+        builder.ExportInput(signals.get_input_port(0), "reference")
+        builder.ExportInput(signals.get_input_port(1), "sampled_state")
+        builder.ExportOutput(loop.get_output_port(), "speed_reference")
+        builder.BuildInto(self)

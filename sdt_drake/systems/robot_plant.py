@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from pydrake.multibody.plant import MultibodyPlant
+from numpy.typing import ArrayLike, NDArray
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import Gain
 
 from sdt_drake.robot import Robot
-from sdt_drake.systems.block import Block
 
 
-def robot_plant_block(
-    block: Block,
-    *,
-    robot: Robot,
-    loaded: bool = True,
-    without_rotor: NDArray[np.bool_] | None = None,
-) -> None:
+class RobotPlant(Diagram):
     """All joints moving at once, with the motors' inertia reflected through the gears.
 
         joint torque = r tau,    generalised force = -r load_torque
@@ -27,32 +20,35 @@ def robot_plant_block(
 
     .. pydrake_system::
 
-        name: multibody_plant
+        name: RobotPlant
         input_ports:
         - tau
         - load_torque
         output_ports:
         - state
-
-    Args:
-        robot: gives the plant and its gears.
-        loaded: whether there is an input `load_torque`.
-        without_rotor: joints whose motor turns apart from them (elastic joints), shape (n,).
     """
-    plant = block.add(robot.make_plant())
-    if without_rotor is not None:
-        _remove_rotors(plant, without_rotor)
-    gears = block.add(Gain(robot.gear_ratio), "gears")
-    block.connect(gears.get_output_port(), plant.get_actuation_input_port())
-    block.inputs["tau"] = gears.get_input_port()
-    if loaded:
-        opposed = block.add(Gain(-robot.gear_ratio), "opposed_gears")
-        block.connect(opposed.get_output_port(), plant.get_applied_generalized_force_input_port())
-        block.inputs["load_torque"] = opposed.get_input_port()
-    block.outputs["state"] = plant.get_state_output_port()
 
+    symbol = "Multibody\nPlant"
 
-def _remove_rotors(plant: MultibodyPlant, without_rotor: NDArray[np.bool_]) -> None:
-    for k, index in enumerate(plant.GetJointActuatorIndices()):
-        if without_rotor[k]:
-            plant.get_joint_actuator(index).set_default_rotor_inertia(0.0)
+    def __init__(self, *, robot: Robot, without_rotor: NDArray[np.bool_] | None = None) -> None:
+        """Of `robot`; without_rotor: joints whose motor turns apart from them, shape (n,)."""
+        super().__init__()
+        builder = DiagramBuilder()
+        self.plant = builder.AddNamedSystem("plant", robot.make_plant())
+        for k, index in enumerate(self.plant.GetJointActuatorIndices()):
+            if without_rotor is not None and without_rotor[k]:
+                self.plant.get_joint_actuator(index).set_default_rotor_inertia(0.0)
+        gears = builder.AddNamedSystem("gears", Gain(robot.gear_ratio))
+        opposed = builder.AddNamedSystem("opposed_gears", Gain(-robot.gear_ratio))
+        force = self.plant.get_applied_generalized_force_input_port()
+        builder.ExportInput(gears.get_input_port(), "tau")
+        builder.ExportInput(opposed.get_input_port(), "load_torque")
+        builder.Connect(gears.get_output_port(), self.plant.get_actuation_input_port())
+        builder.Connect(opposed.get_output_port(), force)
+        builder.ExportOutput(self.plant.get_state_output_port(), "state")
+        builder.BuildInto(self)
+
+    def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
+        """Start at q [rad] with v [rad/s]."""
+        own = self.GetMutableSubsystemContext(self.plant, context)
+        self.plant.SetPositionsAndVelocities(own, np.concatenate([q, v]))

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import pydrake.symbolic as sym
 from numpy.typing import ArrayLike, NDArray
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import Saturation
 
 from sdt_drake.errors import InputError, checked_vector
-from sdt_drake.systems.block import Block
-from sdt_drake.systems.symbolic import add_static_law
+from sdt_drake.systems.symbolic import SymbolicLaw
 
 Array = NDArray[np.float64]
 
@@ -50,19 +51,14 @@ class Envelope:
         return np.array([sym.min(sym.max(share, 0.0), 1.0) for share in left])
 
 
-def dynamic_saturation_block(
-    block: Block,
-    *,
-    motor_torque_limit: ArrayLike,
-    envelope: Envelope | None = None,
-) -> None:
+class DynamicSaturation(SymbolicLaw):
     """The motors' limits, widened by the help of the other motors (Section 3.2, Figure 3).
 
         tau = clip(tau_cmd, -L + min(a, 0), L + max(a, 0))      [N m], motor side
 
     with L the largest motor torque and a the alleviating torque. The paper widens the limit in the
-    direction of the reference acceleration; a always has the sign of that. With a = 0 it is a
-    plain saturation. It does not tell the controller that it saturates.
+    direction of the reference acceleration; a always has the sign of that. It does not tell the
+    controller that it saturates.
 
     With an envelope, L falls from its full value at the motor speed n1 to 0 at n0, in the direction
     in which the motor turns; against it (braking) the supply voltage limits nothing. The block then
@@ -70,36 +66,66 @@ def dynamic_saturation_block(
 
     .. pydrake_system::
 
-        name: dynamic_saturation
+        name: DynamicSaturation
         input_ports:
         - tau_cmd
         - alleviating_torque
         output_ports:
         - tau
-
-    Args:
-        motor_torque_limit: L, motor side [N m], shape (n,), > 0.
-        envelope: the speeds n1 and n0; a constant limit by default.
-
-    Raises:
-        InputError: for limits or an envelope that are not finite and > 0, or n1 >= n0.
     """
-    n = np.size(motor_torque_limit)
-    limit = checked_vector(motor_torque_limit, n, "motor_torque_limit", positive=True)
-    if envelope is not None:
-        envelope = envelope.checked(n)
 
-    def law(_time, tau_cmd, a, *state):
-        # min(a, 0) and max(a, 0) with a derivative at a = 0 as well: Drake's are NaN there.
-        down, up = limit, limit
+    symbol = "dynamic\nsaturation"
+
+    def __init__(
+        self,
+        *,
+        motor_torque_limit: ArrayLike,
+        envelope: Envelope | None = None,
+        widened: bool = True,
+    ) -> None:
+        """Of n motors.
+
+        Args:
+            motor_torque_limit: L, motor side [N m], shape (n,), > 0.
+            envelope: the speeds n1 and n0; a constant limit by default.
+            widened: whether there is an input `alleviating_torque`; else a = 0.
+
+        Raises:
+            InputError: for limits or an envelope that are not finite and > 0, or n1 >= n0.
+        """
+        n = np.size(motor_torque_limit)
+        limit = checked_vector(motor_torque_limit, n, "motor_torque_limit", positive=True)
         if envelope is not None:
-            motor_speed = envelope.gear_ratio * state[0][n:]
-            down, up = limit * envelope.share(-motor_speed), limit * envelope.share(motor_speed)
-        lower = [sym.if_then_else(a[k] < -_TINY, a[k], 0) - down[k] for k in range(n)]
-        upper = [sym.if_then_else(a[k] > _TINY, a[k], 0) + up[k] for k in range(n)]
-        return [sym.min(sym.max(tau_cmd[k], lower[k]), upper[k]) for k in range(n)]
+            envelope = envelope.checked(n)
+        elif not widened:
+            self._build_plain(limit)
+            return
 
-    inputs = {"tau_cmd": n, "alleviating_torque": n}
-    if envelope is not None:
-        inputs["state"] = 2 * n
-    add_static_law(block, inputs=inputs, output="tau", law=law)
+        def law(_x, tau_cmd, *others):
+            down, up = limit, limit
+            if envelope is not None:
+                motor_speed = envelope.gear_ratio * others[-1][n:]
+                down, up = limit * envelope.share(-motor_speed), limit * envelope.share(motor_speed)
+            lower, upper = -down, up
+            if widened:
+                # min(a, 0) and max(a, 0) with a derivative at a = 0 as well: Drake's are NaN there.
+                a = others[0]
+                lower = [sym.if_then_else(a[k] < -_TINY, a[k], 0) - down[k] for k in range(n)]
+                upper = [sym.if_then_else(a[k] > _TINY, a[k], 0) + up[k] for k in range(n)]
+            return [sym.min(sym.max(tau_cmd[k], lower[k]), upper[k]) for k in range(n)]
+
+        inputs = {"tau_cmd": n}
+        if widened:
+            inputs["alleviating_torque"] = n
+        if envelope is not None:
+            inputs["state"] = 2 * n
+        super().__init__(inputs=inputs, output="tau", law=law)
+
+    def _build_plain(self, limit: Array) -> None:
+        """With constant limits: Drake's own block, which is quicker than a law in symbols."""
+        Diagram.__init__(self)
+        builder = DiagramBuilder()
+        clip = builder.AddNamedSystem("law", Saturation(-limit, limit))
+        builder.ExportInput(clip.get_input_port(), "tau_cmd")
+        builder.ExportOutput(clip.get_output_port(), "tau")
+        builder.BuildInto(self)

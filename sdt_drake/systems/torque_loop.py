@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import FirstOrderLowPassFilter, Gain
 
 from sdt_drake.errors import checked_number, checked_vector
-from sdt_drake.systems.block import Block
-
-Array = NDArray[np.float64]
 
 
-def torque_loop_block(
-    block: Block,
-    *,
-    motor_torque_limit: ArrayLike,
-    bandwidth: float | None = None,
-    error: ArrayLike | None = None,
-) -> None:
+class TorqueLoop(Diagram):
     """What the motors make of the torque that they should give.
 
         T dtau/dt = (1 + error) tau_limited - tau,    T = 1 / (2 pi bandwidth)
@@ -28,44 +20,58 @@ def torque_loop_block(
 
     .. pydrake_system::
 
-        name: torque_loop
+        name: TorqueLoop
         input_ports:
         - tau_limited
         output_ports:
         - tau
-
-    Args:
-        motor_torque_limit: largest torque of the motors, motor side [N m], shape (n,), > 0; the
-            size of the signal.
-        bandwidth: frequency at which the gain has fallen by 3 dB [Hz], > 0; infinite by default.
-        error: share of the torque [-], shape (n,); 0 by default.
-
-    Raises:
-        InputError: for other values.
     """
-    n = np.size(motor_torque_limit)
-    limit = checked_vector(motor_torque_limit, n, "motor_torque_limit", positive=True)
-    gain = 1 + (np.zeros(n) if error is None else checked_vector(error, n, "torque error"))
-    if bandwidth is None:
-        motor = block.add(Gain(gain))
-        block.inputs["tau_limited"] = motor.get_input_port()
-        block.outputs["tau"] = motor.get_output_port()
-        return
-    checked_number(bandwidth, "torque bandwidth", minimum=0, exclusive=True)
-    unit = torque_unit(limit)
-    share = block.add(Gain(gain / unit), "share")
-    lag = block.add(FirstOrderLowPassFilter(1 / (2 * np.pi * bandwidth), n))
-    motor = block.add(Gain(unit), "unit")
-    block.connect(share.get_output_port(), lag.get_input_port())
-    block.connect(lag.get_output_port(), motor.get_input_port())
-    block.inputs["tau_limited"] = share.get_input_port()
-    block.outputs["tau"] = motor.get_output_port()
 
+    symbol = "torque\nloop"
 
-def torque_unit(motor_torque_limit: ArrayLike) -> Array:
-    """Of the state of a torque loop that lags [N m], shape (n,).
+    def __init__(
+        self,
+        *,
+        motor_torque_limit: ArrayLike,
+        bandwidth: float | None = None,
+        error: ArrayLike | None = None,
+    ) -> None:
+        """Of n motors.
 
-    An error-controlled integrator takes 1 N m as seriously as 1 rad/s. In units of 100 limits the
-    torque is good to 1e-3 of the limit while it settles, the speeds to 1e-5.
-    """
-    return 100 * np.asarray(motor_torque_limit)
+        Args:
+            motor_torque_limit: largest torque of the motors, motor side [N m], shape (n,), > 0; the
+                size of the signal.
+            bandwidth: frequency at which the gain has fallen by 3 dB [Hz], > 0; infinite by
+                default.
+            error: share of the torque [-], shape (n,); 0 by default.
+
+        Raises:
+            InputError: for other values.
+        """
+        super().__init__()
+        n = np.size(motor_torque_limit)
+        limit = checked_vector(motor_torque_limit, n, "motor_torque_limit", positive=True)
+        gain = 1 + (np.zeros(n) if error is None else checked_vector(error, n, "torque error"))
+        self._lag = None
+        # An error-controlled integrator takes 1 N m as seriously as 1 rad/s. In units of 100 limits
+        # the torque is good to 1e-3 of the limit while it settles, the speeds to 1e-5.
+        self._unit = 100 * limit
+        builder = DiagramBuilder()
+        add, connect = builder.AddNamedSystem, builder.Connect
+        if bandwidth is None:
+            first = last = add("gain", Gain(gain))
+        else:
+            checked_number(bandwidth, "torque bandwidth", minimum=0, exclusive=True)
+            first, last = add("share", Gain(gain / self._unit)), add("unit", Gain(self._unit))
+            self._lag = add("lag", FirstOrderLowPassFilter(1 / (2 * np.pi * bandwidth), n))
+            connect(first.get_output_port(), self._lag.get_input_port())
+            connect(self._lag.get_output_port(), last.get_input_port())
+        builder.ExportInput(first.get_input_port(), "tau_limited")
+        builder.ExportOutput(last.get_output_port(), "tau")
+        builder.BuildInto(self)
+
+    def rest(self, context: Context, tau: ArrayLike) -> None:
+        """Start with motors that give `tau` [N m], motor side, shape (n,)."""
+        if self._lag is not None:
+            own = self.GetMutableSubsystemContext(self._lag, context)
+            own.SetContinuousState(np.asarray(tau) / self._unit)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from by_hand import rk4
 from test_linear import R, kind, variant
-from test_loops import rk4
 
 from sdt_drake.analysis.budget import PARTS, error_budget
 from sdt_drake.device import Drive, Elasticity, Friction

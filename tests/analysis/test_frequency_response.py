@@ -16,7 +16,6 @@ from sdt_drake.analysis.frequency_response import (
 )
 from sdt_drake.device import Drive, Elasticity
 from sdt_drake.errors import InputError
-from sdt_drake.loops import loop_period
 
 STRUCTURES = ("pi", "p_in_feedback")
 HALF = np.sqrt(0.5)
@@ -227,7 +226,7 @@ def test_sampled_loop_is_the_z_transfer_function(designed, structure, bandwidth,
 def test_encoders_give_differences_of_positions(designed, structure):
     drive = Drive(period=0.001, encoder_resolution=[4096.0] * 4)
     design = designed(fields={"drive": drive, "controller.structure": structure})
-    response, T = frequency_response(design, points=500), loop_period(design) / 5
+    response, T = frequency_response(design, points=500), design.reference.period / 5
     z = np.exp(1j * response.omega * T)[:, None]
     position = T**2 * (z + 1) / (2 * (z - 1) ** 2) / design.i_eff  # 1 / s² behind a hold
     integral = design.gains.ki * T / (z - 1)
@@ -242,7 +241,7 @@ def test_encoders_give_differences_of_positions(designed, structure):
 def test_sampling_costs_phase(designed):
     continuous, slow = (
         frequency_response(designed(fields={"drive": drive}))
-        for drive in (None, Drive(period=0.005))
+        for drive in (Drive(), Drive(period=0.005))
     )
     # A hold is late by half a period, and so is the integral that steps after it.
     late = np.degrees(0.0025 * continuous.crossover)

@@ -17,7 +17,6 @@ from sdt_drake.analysis.study import step_response
 from sdt_drake.control import tune
 from sdt_drake.design import make_design
 from sdt_drake.device import Drive, Elasticity, Friction
-from sdt_drake.loops import loop_period
 from sdt_drake.scenario import load_scenario
 
 OMEGA_R = 65.991
@@ -266,8 +265,8 @@ def test_coupled_process_with_elastic_joints(designed, sample, encoder):
     design = designed(fields={"plant.elasticity": Elasticity([OMEGA_R] * 4, 0.02, encoder)})
     M, K = matrices(design.robot, design.motion.q[sample])
     rotors = np.diag(R**2 * ROTORS)
-    spring = np.diag(design.elastic.stiffness)
-    damper = np.diag(design.elastic.damping)
+    spring = np.diag(design.springs.stiffness)
+    damper = np.diag(design.springs.damping)
     s = 1j * OMEGA[:, None, None]
     joint = spring + s * damper
     both = np.block([[(M - rotors) * s**2 + K + joint, -joint], [-joint, rotors * s**2 + joint]])
@@ -463,7 +462,7 @@ def test_anti_windup_does_not_count_while_nothing_saturates(designed):
 def test_a_sampled_feedback_samples_the_process(designed):
     design = designed("axis_pi", {"drive": Drive(period=0.001)})
 
-    period = loop_period(design) / 5
+    period = design.reference.period / 5
     assert period == pytest.approx(0.001, rel=1e-9)
     assert (linear_process(design).period, linear_feedback(design).period) == (0, period)
     loop = linearise(design)

@@ -46,7 +46,7 @@ def sweeps(design):
     return {
         (encoder, name): stability_sweep(design, OMEGA_R, encoder=encoder, drive=drive)
         for encoder in ENCODERS
-        for name, drive in (("ideal", None), ("real", DRIVE))
+        for name, drive in (("ideal", Drive()), ("real", DRIVE))
     }
 
 
@@ -407,13 +407,14 @@ def elastic_run(reference, encoder, ratio):
         "controller.zeta": None,
         "controller.kp": gains.kp.tolist(),
         "controller.ki": gains.ki.tolist(),
+        "accuracy": 6e-6,
     }
     design = variant(reference, fields=fields, motion=motion)
     nothing = np.zeros_like(v)
     load = np.outer(t > 0.3, [0, 50, 0, 0])
     loads = design.loads._replace(load_torque=load, alleviating_torque=nothing)
     design = dataclasses.replace(design, loads=loads)
-    recording = simulate(design, make_axis_loop(design), accuracy=3e-7)
+    recording = simulate(design, make_axis_loop(design))
     np.testing.assert_array_equal(recording.tau_limited, recording.tau_cmd)
     return recording.time, recording.speed_error[:, 1]
 
@@ -457,4 +458,4 @@ def test_bad_values_are_refused(design, omega_r, options, match):
 def test_a_robot_without_rotors_is_refused(design):
     robot = dataclasses.replace(design.robot, rotor_inertia=np.zeros(4))
     with pytest.raises(InputError, match="joint 1 has the rotor inertia 0"):
-        stability_sweep(dataclasses.replace(design, robot=robot, known=robot), OMEGA_R)
+        stability_sweep(dataclasses.replace(design, robot=robot, nominal=robot), OMEGA_R)

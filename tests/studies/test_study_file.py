@@ -330,6 +330,7 @@ def test_scenario_of_a_row(base):
     scenario = study.scenario_of(base, inputs)
 
     expected = copy.deepcopy(base)
+    expected.accuracy = 1e-3  # of studies
     expected.controller = dataclasses.replace(
         base.controller,
         kind="p_pi",

@@ -56,7 +56,8 @@ def singles(count: int) -> list[list[int]]:
     return [[number] for number in range(count)]
 
 
-def test_processes_stay_and_share_the_tasks(tmp_path, temporary):
+def test_processes_stay_and_share_the_tasks(tmp_path, temporary, monkeypatch):
+    monkeypatch.setattr("sdt_drake.studies.workers._MOST_ROWS", 1000)
     with Pool(OddJob(str(tmp_path)), 2) as pool:
         assert pool.processes == []  # none is started before there is a task
         rows = [
@@ -69,6 +70,19 @@ def test_processes_stay_and_share_the_tasks(tmp_path, temporary):
         assert {row.outcomes[1] for row in rows + again} == set(map(float, running))
         assert len(running) == 2 and all(map(is_running, running))
     assert not any(map(is_running, running))
+    assert list(temporary.iterdir()) == []
+
+
+def test_a_process_is_replaced_after_some_rows(tmp_path, temporary, monkeypatch):
+    """Drake frees no diagram of Python classes."""
+    monkeypatch.setattr("sdt_drake.studies.workers._MOST_ROWS", 2)
+    with Pool(OddJob(str(tmp_path)), 1) as pool:
+        seen, found = set(), {}
+        for rows in pool.map(singles(5)):
+            found |= statuses([rows])
+            seen |= set(pool.processes)
+        assert found == dict.fromkeys(range(5), "ok") and len(seen) == 3
+    wait_until(lambda: not any(map(is_running, seen)))
     assert list(temporary.iterdir()) == []
 
 

@@ -1,37 +1,15 @@
-"""A block alone: in a diagram of its own, with its context, and without a simulator."""
+"""A block alone: what it is made from, and how it is asked without a simulator."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from sdt_drake import systems
 from sdt_drake.control import SpeedGains
 from sdt_drake.device import FrictionParameters, Springs
 from sdt_drake.dynamics import Loads
 from sdt_drake.motion import Motion
-from sdt_drake.systems import (
-    Envelope,
-    axis_process_block,
-    constant_block,
-    ctc_feedforward_block,
-    disturbance_block,
-    dynamic_saturation_block,
-    elastic_joints_block,
-    encoder_block,
-    feedforward_torque_block,
-    friction_block,
-    gain_schedule_block,
-    inverse_dynamics_block,
-    load_torque_block,
-    make_block,
-    pi_speed_controller_block,
-    position_loop_block,
-    reference_source_block,
-    robot_plant_block,
-    table_block,
-    torque_loop_block,
-    true_load_block,
-    zero_order_hold_block,
-)
+from sdt_drake.systems import Envelope
 
 PERIOD = 0.005  # s
 GEAR = np.array([67.2, 1.0, 3.5])
@@ -52,6 +30,10 @@ SPRINGS = Springs(
     damping=np.array([700.0, 0.0, 5.0]),
 )
 ROTORS = np.array([0.13, 1.7, 0.5])  # kg m²
+I_EFF = np.array([2.0, 5.0, 9.0])  # kg m²
+OMEGA_N, ZETA = np.array([9.0, 10.0, 11.0, 12.0]), np.array([1.0, 0.9, 0.8, 0.7])
+RESOLVED = {"resolution": [50.0, 60.0, 70.0], "gear_ratio": GEAR}
+ERROR = np.array([0.05, -0.1, 0.0])
 
 # Speeds that jump from sample to sample: any sample but the right one is far off.
 _RNG = np.random.default_rng(4)
@@ -60,96 +42,77 @@ LOADS = Loads(_RNG.normal(size=MOTION.q.shape), _RNG.normal(size=MOTION.q.shape)
 
 # What each block needs to be made; `robot` and `model` come from the fixture.
 ARGUMENTS = {
-    axis_process_block: {"i_eff": [2.0, 5.0, 9.0], "gear_ratio": GEAR},
-    constant_block: {"signal": "(signal)", "value": [1.0, -2.0]},
-    ctc_feedforward_block: {"n": N},
-    disturbance_block: {"n": N, "amplitude": 0.05, "omega_d": 7.0},
-    dynamic_saturation_block: {"motor_torque_limit": [100.0] * N},
-    elastic_joints_block: {"springs": SPRINGS, "rotor_inertia": ROTORS, "gear_ratio": GEAR},
-    encoder_block: {"n": N, "period": PERIOD},
-    feedforward_torque_block: {
-        "model": None,
-        "feedforward": "id",
-        "sign": "consistent",
-        "gain": np.ones(4),
-        "friction": np.zeros_like,
-    },
-    friction_block: {"friction": FRICTION, "gear_ratio": GEAR},
-    gain_schedule_block: {"n": N},
-    inverse_dynamics_block: {
-        "model": None,
-        "omega_n": [9.0, 10.0, 11.0, 12.0],
-        "zeta": [1.0, 0.9, 0.8, 0.7],
-    },
-    load_torque_block: {"robot": None, "sign": "printed"},
-    pi_speed_controller_block: {"gains": GAINS, "gear_ratio": GEAR},
-    position_loop_block: {"position_gain": [2.0, 3.0, 5.0]},
-    reference_source_block: {"motion": MOTION},
-    robot_plant_block: {"robot": None},
-    table_block: {"motion": MOTION, "signals": {"(signals)": MOTION.v}},
-    torque_loop_block: {"motor_torque_limit": LIMIT},
-    true_load_block: {"n": N},
-    zero_order_hold_block: {"size": 3 * N, "period": PERIOD},
+    "AxisProcess": {"i_eff": I_EFF, "gear_ratio": GEAR},
+    "CtcFeedforward": {"n": N},
+    "Disturbance": {"n": N, "amplitude": 0.05, "omega_d": 7.0},
+    "DynamicSaturation": {"motor_torque_limit": [100.0] * N},
+    "ElasticJoints": {"springs": SPRINGS, "rotor_inertia": ROTORS, "gear_ratio": GEAR},
+    "Encoder": {"n": N, "period": PERIOD},
+    "FeedforwardTorque": {"model": None, "law": lambda groups, v, vd: sum(groups) + v + vd},
+    "GainSchedule": {"n": N},
+    "InverseDynamicsController": {"model": None, "omega_n": OMEGA_N, "zeta": ZETA},
+    "JointFriction": {"friction": FRICTION, "gear_ratio": GEAR},
+    "LoadTorque": {"robot": None},
+    "PiSpeedController": {"gains": GAINS, "gear_ratio": GEAR},
+    "PositionLoop": {"position_gain": [2.0, 3.0, 5.0]},
+    "ReferenceSource": {"motion": MOTION},
+    "RobotDrawing": {"robot": None, "meshcat": None},
+    "RobotPlant": {"robot": None},
+    "SignalTable": {"motion": MOTION, "signals": {"(signals)": MOTION.v}},
+    "SymbolicLaw": {"inputs": {"a": 2}, "output": "b", "law": lambda x, a: [a[0] * a[1]]},
+    "TorqueLoop": {"motor_torque_limit": LIMIT},
 }
 
 
-def arguments_of(describe, robot, **changes):
-    """All that a block needs, with `robot` where it needs one."""
-    arguments = {**ARGUMENTS[describe], **changes}
-    return {
-        name: robot if value is None and name in ("robot", "model") else value
-        for name, value in arguments.items()
-    }
+def made(name, robot=None, **changes):
+    """A block by the name of its class; with `robot` where it needs one."""
+    arguments = {**ARGUMENTS[name], **changes}
+    for key in ("robot", "model"):
+        if key in arguments and arguments[key] is None:
+            arguments[key] = robot
+    return getattr(systems, name)(**arguments)
 
 
 class Alone:
-    """A block in a diagram of its own, with its context."""
+    """A system with its own context."""
 
-    def __init__(self, describe, robot=None, **changes):
-        self._take(make_block("alone", describe, **arguments_of(describe, robot, **changes)))
-
-    @classmethod
-    def of(cls, diagram):
-        """The same of a diagram of several blocks."""
-        alone = cls.__new__(cls)
-        alone._take(diagram)
-        return alone
-
-    def _take(self, diagram):
-        self.diagram = diagram
-        self.context = diagram.CreateDefaultContext()
+    def __init__(self, system, robot=None, **changes):
+        self.system = made(system, robot, **changes) if isinstance(system, str) else system
+        self.context = self.system.CreateDefaultContext()
 
     def give(self, **inputs):
         """Fix input ports."""
         for name, value in inputs.items():
-            port = self.diagram.GetInputPort(name)
+            port = self.system.GetInputPort(name)
             port.FixValue(self.context, np.asarray(value, dtype=float))
 
     def output(self, name):
-        return self.diagram.GetOutputPort(name).Eval(self.context)
+        return self.system.GetOutputPort(name).Eval(self.context).copy()
 
     def derivatives(self):
-        return self.diagram.EvalTimeDerivatives(self.context).CopyToVector()
+        return self.system.EvalTimeDerivatives(self.context).CopyToVector()
 
     @property
     def timing(self):
         """Offset and period of its samples [s]."""
-        timing = self.diagram.GetUniquePeriodicDiscreteUpdateAttribute()
+        timing = self.system.GetUniquePeriodicDiscreteUpdateAttribute()
         return timing.offset_sec(), timing.period_sec()
 
     def sample(self, time=None):
         """Let the periodic update happen."""
         if time is not None:
             self.context.SetTime(time)
-        update = self.diagram.EvalUniquePeriodicDiscreteUpdate(self.context)
+        update = self.system.EvalUniquePeriodicDiscreteUpdate(self.context)
         self.context.SetDiscreteState(update)
 
-    def passes(self, source, target):
-        """Whether an input acts on an output at once."""
-        return self.diagram.HasDirectFeedthrough(
-            self.diagram.GetInputPort(source).get_index(),
-            self.diagram.GetOutputPort(target).get_index(),
-        )
+    def at_once(self):
+        """Pairs of an input and an output on which it acts at once."""
+        return {
+            (i, o)
+            for a, i in enumerate(inputs_of(self.system))
+            for b, o in enumerate(outputs_of(self.system))
+            if self.system.HasDirectFeedthrough(a, b)
+        }
 
 
 def exact(actual, expected):

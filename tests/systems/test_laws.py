@@ -5,39 +5,32 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import pydrake.symbolic as sym
 import pytest
 from alone import (
-    ARGUMENTS,
     ENVELOPE,
+    ERROR,
     FRICTION,
     GAINS,
     GEAR,
+    I_EFF,
     LIMIT,
     PERIOD,
+    RESOLVED,
     ROTORS,
     SPRINGS,
     Alone,
     N,
+    close,
+    exact,
     inputs_of,
+    made,
     outputs_of,
 )
 from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 
-from sdt_drake.device import OVERFLOW_RATE, PRESLIDING_DAMPING_TIME
-from sdt_drake.systems import (
-    axis_process_block,
-    ctc_feedforward_block,
-    disturbance_block,
-    dynamic_saturation_block,
-    elastic_joints_block,
-    encoder_block,
-    friction_block,
-    gain_schedule_block,
-    pi_speed_controller_block,
-    position_loop_block,
-    torque_loop_block,
-    true_load_block,
-)
+from sdt_drake.device import OVERFLOW_RATE, PRESLIDING_DAMPING_TIME, Springs
+from sdt_drake.systems import SymbolicLaw
 
 TIME = 0.3  # s
 
@@ -48,8 +41,8 @@ class Case(NamedTuple):
     `scales` are the sizes of what it is tried with, 1 unless given; "x" is the state.
     """
 
-    name: str
-    describe: object
+    block: str
+    title: str
     changes: dict
     law: object
     scales: dict
@@ -58,12 +51,11 @@ class Case(NamedTuple):
 CASES = []
 
 
-def case(describe, *, scales=None, name="", **changes):
+def case(block, *, scales=None, title="", **changes):
     """Register the law that follows."""
 
     def register(law):
-        title = " ".join([describe.__name__.removesuffix("_block"), name]).strip()
-        CASES.append(Case(title, describe, changes, law, scales or {}))
+        CASES.append(Case(block, f"{block} {title}".strip(), changes, law, scales or {}))
         return law
 
     return register
@@ -81,85 +73,81 @@ def pi_law(structure, anti_windup, period):
     return law
 
 
-for structure in ("pi", "p_in_feedback"):
-    for anti_windup in (False, True):
-        for period in (None, PERIOD / 4):
-            for elements in (False, True):
-                words = [
-                    structure,
-                    "anti-windup" if anti_windup else "",
-                    "sampled" if period else "",
-                    "elements" if elements else "",
-                ]
-                case(
-                    pi_speed_controller_block,
-                    name=" ".join(filter(None, words)),
-                    structure=structure,
-                    anti_windup=anti_windup,
-                    period=period,
-                    elements=elements,
-                )(pi_law(structure, anti_windup, period))
+for anti_windup in (False, True):
+    for period in (None, PERIOD / 4):
+        for changes in ({"structure": "pi"}, {}):
+            words = [*changes.values(), "anti-windup" * anti_windup, "sampled" * bool(period)]
+            case(
+                "PiSpeedController",
+                title=" ".join(filter(None, words)),
+                anti_windup=anti_windup,
+                period=period,
+                **changes,
+            )(pi_law(changes.get("structure"), anti_windup, period))
 
 
-@case(ctc_feedforward_block)
+@case("CtcFeedforward")
 def feedforward(x, tau_fb, tau_ff):
     return {"tau_cmd": tau_fb + tau_ff}, []
 
 
-@case(true_load_block)
-def true_load(x, modelled_load, disturbance):
-    return {"load_torque": modelled_load + disturbance}, []
-
-
-@case(true_load_block, name="three parts", parts=["a", "b", "c"])
-def three_parts(x, a, b, c):
-    return {"load_torque": a + b + c}, []
-
-
-@case(disturbance_block)
+@case("Disturbance")
 def disturbance(x, load_torque):
     return {"disturbance": 0.05 * np.sin(7.0 * TIME) * load_torque}, [0.0]
 
 
-@case(dynamic_saturation_block, scales={"tau_cmd": 150.0, "alleviating_torque": 30.0})
+@case("DynamicSaturation", scales={"tau_cmd": 150.0, "alleviating_torque": 30.0})
 def saturation(x, tau_cmd, alleviating_torque):
     lower, upper = np.minimum(alleviating_torque, 0), np.maximum(alleviating_torque, 0)
     return {"tau": np.clip(tau_cmd, lower - 100, upper + 100)}, [0.0]
 
 
 @case(
-    dynamic_saturation_block,
-    name="with envelope",
+    "DynamicSaturation",
+    title="not widened",
     motor_torque_limit=LIMIT,
-    envelope=ENVELOPE,
-    scales={
-        "tau_cmd": LIMIT,
-        "alleviating_torque": 0.2 * LIMIT,
-        "state": np.repeat([ENVELOPE.n0 / GEAR], 2, axis=0).ravel(),
-    },
+    widened=False,
+    scales={"tau_cmd": 1.5 * LIMIT},
 )
-def saturation_with_envelope(x, tau_cmd, alleviating_torque, state):
-    motor_speed = GEAR * state[N:]
+def constant_limits(x, tau_cmd):
+    return {"tau": np.clip(tau_cmd, -LIMIT, LIMIT)}, []
 
-    def share(speed):
-        return np.interp(speed, [0, 1], [1, 0])  # from n1 to n0
 
-    span = ENVELOPE.n0 - ENVELOPE.n1
-    forward = LIMIT * share((motor_speed - ENVELOPE.n1) / span)
-    backward = LIMIT * share((-motor_speed - ENVELOPE.n1) / span)
+AT_SPEED = np.repeat([ENVELOPE.n0 / GEAR], 2, axis=0).ravel()
+
+
+def within_envelope(x, tau_cmd, alleviating_torque, state):
+    """All of the limit up to n1, none from n0 on, in the direction of the motion alone."""
+    speeds = GEAR * state[N:]
+    ends = list(zip(ENVELOPE.n1, ENVELOPE.n0, strict=True))
+    forward, backward = (
+        LIMIT * [np.interp(w, n, [1, 0]) for w, n in zip(way * speeds, ends, strict=True)]
+        for way in (1, -1)
+    )
     lower = np.minimum(alleviating_torque, 0) - backward
     upper = np.maximum(alleviating_torque, 0) + forward
     return {"tau": np.minimum(np.maximum(tau_cmd, lower), upper)}, [0.0]
 
 
-@case(axis_process_block)
+WITHIN = {"motor_torque_limit": LIMIT, "envelope": ENVELOPE}
+SIZES = {"tau_cmd": LIMIT, "alleviating_torque": 0.2 * LIMIT, "state": AT_SPEED}
+case("DynamicSaturation", title="with envelope", **WITHIN, scales=SIZES)(within_envelope)
+
+
+@case(
+    "DynamicSaturation", title="with envelope, not widened", widened=False, **WITHIN, scales=SIZES
+)
+def envelope_alone(x, tau_cmd, state):
+    return within_envelope(x, tau_cmd, np.zeros(N), state)
+
+
+@case("AxisProcess")
 def axis_process(x, tau, load_torque):
-    i_eff = np.array(ARGUMENTS[axis_process_block]["i_eff"])
-    return {"state": x}, [*x[N:], *((tau - load_torque) / i_eff / GEAR)]
+    return {"state": x}, [*x[N:], *((tau - load_torque) / I_EFF / GEAR)]
 
 
 # Sticking, sliding, and both sides of the Stribeck peak.
-@case(friction_block, scales={"x": 0.02, "state": 0.03})
+@case("JointFriction", scales={"x": 0.02, "state": 0.03})
 def friction(x, state):
     v = state[N:]
     stretch = 100 * x  # z / z_c
@@ -176,24 +164,24 @@ def friction(x, state):
     return {"friction": force / GEAR}, rate / 100
 
 
-@case(torque_loop_block)
+@case("TorqueLoop")
 def ideal_torque_loop(x, tau_limited):
     return {"tau": tau_limited}, []
 
 
-@case(torque_loop_block, name="with error", error=[0.05, -0.1, 0.0])
+@case("TorqueLoop", title="with error", error=ERROR)
 def torque_loop_with_error(x, tau_limited):
     return {"tau": tau_limited * [1.05, 0.9, 1.0]}, []
 
 
-@case(torque_loop_block, name="with lag", bandwidth=300.0, error=[0.05, -0.1, 0.0])
+@case("TorqueLoop", title="with lag", bandwidth=300.0, error=ERROR)
 def torque_loop_with_lag(x, tau_limited):
     tau = 100 * LIMIT * x
     rate = 2 * np.pi * 300 * (tau_limited * [1.05, 0.9, 1.0] - tau)
     return {"tau": tau}, rate / LIMIT / 100
 
 
-@case(elastic_joints_block)
+@case("ElasticJoints")
 def springs_of(x, tau, state):
     q, v = np.split(state, 2)
     theta, w = q.copy(), v.copy()
@@ -204,36 +192,62 @@ def springs_of(x, tau, state):
     return {"tau_link": tau_link, "motor_state": np.concatenate([theta, w])}, [*x[2:], *wd]
 
 
-@case(position_loop_block)
-def position_loop(x, reference, state):
+ALL = Springs(np.full(N, True), np.array([9e5, 8.0, 4e3]), np.array([700.0, 0.0, 5.0]))
+
+
+@case("ElasticJoints", title="all of them", springs=ALL)
+def all_springs_of(x, tau, state):
+    (theta, w), (q, v) = np.split(x, 2), np.split(state, 2)
+    tau_link = (ALL.stiffness * (theta - q) + ALL.damping * (w - v)) / GEAR
+    return {"tau_link": tau_link, "motor_state": x}, [*w, *((tau - tau_link) / ROTORS / GEAR)]
+
+
+@case("PositionLoop")
+def position_loop(x, reference, sampled_state):
     q_ref, v_ref, vd_ref = np.split(reference, 3)
-    v_ref = v_ref + np.array([2.0, 3.0, 5.0]) * (q_ref - state[:N])
-    return {"reference": np.concatenate([q_ref, v_ref, vd_ref])}, []
+    v_ref = v_ref + np.array([2.0, 3.0, 5.0]) * (q_ref - sampled_state[:N])
+    return {"speed_reference": np.concatenate([q_ref, v_ref, vd_ref])}, []
 
 
-@case(gain_schedule_block)
+@case("GainSchedule")
 def gain_schedule(x, reference, state, inertia_share):
     q_ref, v_ref, vd_ref = np.split(reference, 3)
     q, v = np.split(state, 2)
-    weighted = [q_ref, inertia_share * v_ref, vd_ref]
     return {
-        "reference": np.concatenate(weighted),
-        "state": np.concatenate([q, inertia_share * v]),
-    }, [0.0]
+        "weighted_reference": np.concatenate([q_ref, inertia_share * v_ref, vd_ref]),
+        "weighted_state": np.concatenate([q, inertia_share * v]),
+    }, [0.0, 0.0]
 
 
-@case(encoder_block)
+@case("Encoder")
 def ideal_encoder(x, state):
-    return {"state": x}, state
+    return {"measured": x}, state
 
 
-@case(encoder_block, name="with resolution", resolution=[50.0, 60.0, 70.0], gear_ratio=GEAR)
+@case("Encoder", title="with resolution", **RESOLVED)
 def encoder(x, state):
     now, before = np.split(x[1:], 2)
     increments = np.array([50.0, 60.0, 70.0]) * GEAR  # per revolution of the joint
     count = np.floor(state[:N] * increments / (2 * np.pi))
     speed = (now - before) / PERIOD
-    return {"state": np.concatenate([now, speed])}, [0.0, *(count * 2 * np.pi / increments), *now]
+    return {"measured": np.concatenate([now, speed])}, [
+        0.0,
+        *(count * 2 * np.pi / increments),
+        *now,
+    ]
+
+
+@case(
+    "SymbolicLaw",
+    inputs={"a": 2, "b": 1},
+    output="c",
+    states=1,
+    timed=True,
+    law=lambda x, a, b: [x[0] * a[1], sym.sin(SymbolicLaw.time) * b[0]],
+    rates=lambda x, a, b: [a[0] * b[0] - x[0]],
+)
+def of_two_inputs(x, a, b):
+    return {"c": np.array([x[0] * a[1], np.sin(TIME) * b[0]])}, [a[0] * b[0] - x[0]]
 
 
 # --- the blocks against them -----------------------------------------------------------------
@@ -282,9 +296,12 @@ def tries(diagram, scales, count):
         )
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+OF_EACH = pytest.mark.parametrize("case", CASES, ids=lambda case: case.title)
+
+
+@OF_EACH
 def test_law(case):
-    diagram = Alone(case.describe, **case.changes).diagram
+    diagram = made(case.block, **case.changes)
     for x, inputs in tries(diagram, case.scales, 50):
         outputs, change = evaluate(diagram, x, inputs)
         expected, expected_change = case.law(x, **inputs)
@@ -296,9 +313,9 @@ def test_law(case):
         np.testing.assert_allclose(change, expected_change, rtol=1e-12, atol=1e-12 * size)
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+@OF_EACH
 def test_autodiff_gives_the_slope_of_the_law(case):
-    diagram = Alone(case.describe, **case.changes).diagram
+    diagram = made(case.block, **case.changes)
     converted = diagram.ToAutoDiffXd()
     for x, inputs in tries(diagram, case.scales, 8):
         sizes = [len(x), *map(len, inputs.values())]
@@ -316,13 +333,110 @@ def test_autodiff_gives_the_slope_of_the_law(case):
 
         outputs, change = evaluate(converted, *split(InitializeAutoDiff(flat).ravel()))
         actual = ExtractGradient(np.concatenate([*outputs.values(), change])[:, None])
-        expected = np.transpose(
-            [
-                (law(flat + step) - law(flat - step)) / (2 * step.sum())
-                for step in np.diag(steps)
-            ]
-        )  # fmt: skip
+        slopes = [(law(flat + s) - law(flat - s)) / (2 * s.sum()) for s in np.diag(steps)]
+        expected = np.transpose(slopes)
         if not actual.size:  # of constants, Drake gives no gradient at all
             actual = np.zeros_like(expected)
         size = np.abs(expected).max(axis=1, keepdims=True)
         assert np.all(np.abs(actual - expected) <= 1e-5 * size)
+
+
+# --- where random tries do not get -----------------------------------------------------------
+
+
+def test_disturbance_follows_time():
+    block = Alone("Disturbance")
+    load = np.array([10.0, -200.0, 0.0])
+    block.give(load_torque=load)
+    for time in (0.0, 0.1, 0.25, 1.7, 29.995):
+        block.context.SetTime(time)
+        close(block.output("disturbance"), 0.05 * np.sin(7.0 * time) * load)
+
+
+@pytest.mark.parametrize("alleviating", [0.0, 30.0, -30.0])
+@pytest.mark.parametrize("tau_cmd", [50.0, 150.0, -150.0])
+def test_saturation_can_be_differentiated_where_no_help_widens_it(tau_cmd, alleviating):
+    """At a = 0 as well."""
+    diagram = made("DynamicSaturation", motor_torque_limit=[100.0]).ToAutoDiffXd()
+    context = diagram.CreateDefaultContext()
+    inputs = InitializeAutoDiff([tau_cmd, alleviating])
+    diagram.GetInputPort("tau_cmd").FixValue(context, inputs[0])
+    diagram.GetInputPort("alleviating_torque").FixValue(context, inputs[1])
+    tau = diagram.GetOutputPort("tau").Eval(context)[0]
+    if abs(tau_cmd) == 50:
+        value, gradient = tau_cmd, [1, 0]
+    else:
+        widened = tau_cmd * alleviating > 0
+        value, gradient = np.sign(tau_cmd) * (130 if widened else 100), [0, widened]
+    assert tau.value() == value
+    exact(tau.derivatives(), gradient)
+
+
+def test_saturation_passes_every_bit_of_what_is_within():
+    """Or motors would seem to saturate."""
+    block = Alone("DynamicSaturation", motor_torque_limit=LIMIT)
+    for share in [*np.random.default_rng(4).uniform(-1, 1, size=(50, N)), np.ones(N)]:
+        block.give(tau_cmd=share * LIMIT, alleviating_torque=np.zeros(N))
+        exact(block.output("tau"), share * LIMIT)
+
+
+@pytest.mark.parametrize("way", [1, -1], ids=["forwards", "backwards"])
+@pytest.mark.parametrize(
+    ("motor_speed", "left"), [(0, 1), (50, 1), (100, 0.5), (150, 0), (151, 0), (1e4, 0)]
+)
+def test_envelope_takes_torque_away_in_the_direction_of_the_motion(motor_speed, left, way):
+    """Full torque up to n1 = 50, half of it in the middle, none beyond n0 = 150 rad/s; braking,
+    all."""
+    envelope = type(ENVELOPE)(np.full(N, 50.0), np.full(N, 150.0), GEAR)
+    block = Alone("DynamicSaturation", envelope=envelope, widened=False)
+    block.give(state=[*np.ones(N), *(way * motor_speed / GEAR)], tau_cmd=np.full(N, way * 1e6))
+    close(block.output("tau"), np.full(N, way * 100 * left))
+    block.give(tau_cmd=np.full(N, -way * 1e6))
+    close(block.output("tau"), np.full(N, -way * 100))
+
+
+def test_rigid_parts_pass_every_bit():
+    """An ideal torque loop and a rigid joint: motors give just what they should."""
+    loop, joints = Alone("TorqueLoop"), Alone("ElasticJoints")
+    joints.context.SetContinuousState([0.1, 0.2, 0.3, 0.4])
+    for scale in (1.0, 1e-300, 1e300, 0.0):
+        tau = scale * np.random.default_rng(4).normal(size=N) * LIMIT
+        loop.give(tau_limited=tau)
+        joints.give(tau=tau, state=np.arange(6.0))
+        exact(loop.output("tau"), tau)
+        exact(joints.output("tau_link")[1], tau[1])
+        exact(joints.output("motor_state")[[1, 4]], [1.0, 4.0])
+
+
+# --- what follows from the laws --------------------------------------------------------------
+
+
+def test_friction_only_takes_energy_and_leads_to_steady_sliding():
+    """F v - dW/dt >= 0, with W = int F_c clip(z / z_c) dz; from any z dz/dt leads to z_c + v/l."""
+    block, z_c, rng = Alone("JointFriction"), FRICTION.presliding, np.random.default_rng(5)
+    for _ in range(3000):
+        z = rng.choice([-1, 1], size=N) * z_c * 10 ** rng.uniform(-3, 3, size=N)
+        v = rng.choice([-1, 1], size=N) * 10 ** rng.uniform(-9, 1, size=N)
+        block.context.SetContinuousState(z / z_c / 100)
+        block.give(state=[*np.zeros(N), *v])
+        force, rate = GEAR * block.output("friction"), 100 * z_c * block.derivatives()
+        stored = FRICTION.coulomb * np.clip(z / z_c, -1, 1) * rate
+        round_off = 1e-12 * (np.abs(force * v) + np.abs(stored))
+        assert np.all(force * v - stored >= -round_off)
+        steady = np.sign(v) * z_c + v / OVERFLOW_RATE
+        assert np.all(rate * (steady - z) > 0)
+
+
+def test_measured_speed_lags_by_half_a_period():
+    """Where the joints accelerate steadily, but for the resolution; sampled and held."""
+    block = Alone("Encoder", resolution=[2.0**26] * N, gear_ratio=GEAR)
+    assert block.timing == Alone("Encoder").timing == (0, PERIOD)
+    acceleration, v0 = np.array([3.0, -2.0, 0.5]), np.array([0.1, 2.0, -1.0])
+    for k in range(1, 10):
+        t = k * PERIOD
+        block.give(state=[*(v0 * t + acceleration * t**2 / 2), *np.zeros(N)])
+        block.sample(time=t)
+        if k > 1:
+            expected = v0 + acceleration * (t - PERIOD / 2)
+            error = 2 * np.pi / 2**26 / GEAR / PERIOD  # of one increment
+            assert np.all(np.abs(block.output("measured")[N:] - expected) <= error)

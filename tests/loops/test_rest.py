@@ -4,24 +4,27 @@ import copy
 
 import numpy as np
 import pytest
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
 
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.design import make_design
 from sdt_drake.device import Drive, Elasticity, Friction
+from sdt_drake.loops import make_loop
 from sdt_drake.motion import Motion
 from sdt_drake.simulate import simulate
 
 LOADED = np.array([0.2, 0.8, 0.3, 0.4])
 
 
-def run(base, label, q0=LOADED, speed=0.0, change=lambda scenario: None):
-    """0.5 s at a constant speed of joint 1, all other joints standing."""
-    v = np.zeros((101, 4))
+def steady(base, label, speed=0.0, change=lambda scenario: None):
+    """0.25 s at a constant speed of joint 1, all other joints standing: the design."""
+    v = np.zeros((51, 4))
     v[:, 0] = speed
     scenario = with_controller(copy.deepcopy(base.scenario), label)
     change(scenario)
-    motion = Motion.from_speeds(0.005, q0, v)
-    return simulate(make_design(scenario, robot=base.robot, motion=motion))
+    motion = Motion.from_speeds(0.005, LOADED, v)
+    return make_design(scenario, robot=base.robot, motion=motion)
 
 
 def heavier(scenario):
@@ -31,6 +34,7 @@ def heavier(scenario):
 
 
 def axis(scenario):
+    heavier(scenario)
     scenario.plant.kind = "axis"
 
 
@@ -42,18 +46,28 @@ def driven(scenario):
     scenario.drive = Drive(period=0.001, torque_bandwidth=400.0, torque_error=[0.1, -0.1, 0, 0.05])
 
 
+def late(scenario):
+    scenario.drive = Drive(reference_delay=0.012)
+
+
 @pytest.mark.parametrize("label", ["pi", "pi_ctc", "pi_id", "p_pi", "p_pi+ctc", "pi_scheduled"])
-@pytest.mark.parametrize("change", [lambda s: None, heavier, axis, anti_windup, driven])
+@pytest.mark.parametrize("change", [lambda s: None, heavier, axis, anti_windup, driven, late])
 def test_a_loaded_robot_stands_still(design, label, change):
-    recording = run(design, label, change=change)
+    recording = simulate(steady(design, label, change=change))
     assert np.abs(recording.position_error).max() < 1e-6
     assert np.abs(recording.tau_peak[0, 1]) > 30  # joint 2 carries a load
 
 
+def test_inverse_dynamics_stands_still_where_its_model_is_right(design):
+    recording = simulate(steady(design, "inverse_dynamics"))
+    assert np.abs(recording.position_error).max() < 1e-6
+
+
+@pytest.mark.parametrize("change", [heavier, axis])
 @pytest.mark.parametrize("label", ["pi", "pi_id", "p_pi", "pi_scheduled"])
-def test_a_joint_that_turns_goes_on(design, label):
+def test_a_joint_that_turns_goes_on(design, label, change):
     """Around the vertical axis nothing changes with its angle."""
-    recording = run(design, label, speed=1.5, change=heavier)
+    recording = simulate(steady(design, label, 1.5, change))
     assert np.abs(recording.speed_error).max() < 1e-5
 
 
@@ -63,7 +77,16 @@ def test_springs_are_wound_and_encoders_on_the_reference(design, label, encoder)
     def elastic(scenario):
         scenario.plant.elasticity = Elasticity([40.0] * 4, damping_ratio=0.02, encoder=encoder)
 
-    recording = run(design, label, change=elastic)
-    error = recording.position_error
+    error = simulate(steady(design, label, change=elastic)).position_error
     np.testing.assert_allclose(error, error[:1] + np.zeros_like(error), atol=1e-6)
     assert (np.abs(error[0, 1]) > 1e-4) == (encoder == "motor")  # the link sags behind its motor
+
+
+@pytest.mark.parametrize("change", [heavier, axis, driven])
+def test_also_inside_a_diagram_of_ones_own(design, change):
+    own = steady(design, "pi_scheduled", change=change)
+    builder = DiagramBuilder()
+    loop = builder.AddSystem(make_loop(own))
+    none = builder.AddSystem(ConstantVectorSource(np.zeros(4)))
+    builder.Connect(none.get_output_port(), loop.GetInputPort("extra_load_torque"))
+    assert np.abs(simulate(own, builder.Build()).position_error).max() < 1e-6

@@ -1,4 +1,4 @@
-"""The table of controllers, and the torque feedforward against Drake's inverse dynamics."""
+"""The torque feedforward against Drake's inverse dynamics."""
 
 from __future__ import annotations
 
@@ -6,77 +6,15 @@ import numpy as np
 import pytest
 from pydrake.multibody.tree import MultibodyForces
 
-from sdt_drake.control import CONTROLLERS, FEEDFORWARDS, STRUCTURES, feedforward_torque, needs
+from sdt_drake.control import FEEDFORWARDS, feedforward_torque
 from sdt_drake.dynamics import torque_groups
 from sdt_drake.errors import InputError
-from sdt_drake.loops import make_loop
-from sdt_drake.scenario import PLANTS
 
 R = np.array([67.2, 1, 1, 1])
 ROTORS = np.array([0.1291, 1.73, 0.531, 0.531])  # kg m², motor side
 SIZES = (np.pi, 2.0, 3.0)  # of q, v, vd
 RNG = np.random.default_rng(5)
 Q, V, VD = (RNG.uniform(-size, size, size=(40, 4)) for size in SIZES)
-
-# Blocks of each feedback, boxed.
-BLOCKS = {
-    "speed": {"pi_speed_controller"},
-    "position": {"pi_speed_controller", "position_encoder", "position_loop"},
-    "scheduled": {"pi_speed_controller", "gain_schedule", "inertia_table"},
-    "inverse_dynamics": {"inverse_dynamics", "encoder"},
-}
-OTHERS = {
-    "reference_source", "zero_order_hold", "load_torque_table", "dynamic_saturation",
-    "multibody_plant", "no_widening",
-}  # fmt: skip
-
-
-# --- the table -------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", CONTROLLERS)
-def test_kind_uses_words_that_are_known(name):
-    kind = CONTROLLERS[name]
-    assert kind.feedback in BLOCKS
-    assert kind.feedforward is None or kind.feedforward in FEEDFORWARDS
-    assert kind.structure is None or kind.structure in STRUCTURES
-    assert kind.plants
-    assert set(kind.plants) <= set(PLANTS)
-    assert kind.needs
-
-
-@pytest.mark.parametrize("name", CONTROLLERS)
-def test_loop_has_the_blocks_of_the_feedback(make_variant, name):
-    def change(scenario):
-        scenario.controller.kind = name
-
-    boxed = make_loop(make_variant("coupled_pi", change), boxed=True)
-    expected = OTHERS | BLOCKS[CONTROLLERS[name].feedback]
-    if CONTROLLERS[name].feedforward == "id":
-        expected |= {"feedforward_table"}
-    if CONTROLLERS[name].feedforward in ("ctc", "id"):
-        expected |= {"ctc_feedforward"}
-    names = {system.get_name() for system in boxed.GetSystems()}
-    assert {n for n in names if not n.startswith("pi_speed_controller.")} == expected
-
-
-def test_the_paper_has_the_first_two():
-    pi, pi_ctc = CONTROLLERS["pi"], CONTROLLERS["pi_ctc"]
-    assert (pi.feedback, pi.feedforward, pi.structure) == ("speed", "none", None)
-    assert (pi_ctc.feedback, pi_ctc.feedforward, pi_ctc.structure) == ("speed", "ctc", None)
-
-
-@pytest.mark.parametrize("name", CONTROLLERS)
-@pytest.mark.parametrize("feedforward", FEEDFORWARDS)
-def test_better_feedforward_needs_more(name, feedforward):
-    own, none = needs(name, feedforward), CONTROLLERS[name].needs
-    assert own[: len(none)] == none
-    more = FEEDFORWARDS.index(feedforward)  # nothing, the links, the links and the motors
-    assert len(own) == len(none) + more
-    assert ("motors' inertia" in own[len(none) :]) == (feedforward == "id")
-
-
-# --- torque feedforward ----------------------------------------------------------------------
 
 
 def groups_of(robot, *motion):

@@ -1,0 +1,60 @@
+"""Feedback linearisation by one controller of all joints, at the interpolation period."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pydrake.systems.framework import Diagram, System
+
+from sdt_drake.control import damping_ratio
+from sdt_drake.controllers.base import SIGNALS, Controller, add_feedforward
+from sdt_drake.systems import InverseDynamicsController, Wiring
+
+if TYPE_CHECKING:
+    from sdt_drake.design import Design
+
+
+class InverseDynamics(Diagram, Controller):
+    """Computed torque from the whole state.
+
+        tau = M(q) (vd_ref + 2 zeta omega_n (v_ref - v) + omega_n² (q_ref - q)) + bias(q, v)
+
+    It has no integral: with a wrong model it does not start in equilibrium.
+
+    .. pydrake_system::
+
+        name: InverseDynamics
+        input_ports:
+        - reference
+        - sampled_state
+        output_ports:
+        - tau_cmd
+    """
+
+    needs = ("links' masses and geometry", "motors' inertia", "state of all joints at once")
+    plants = ("coupled",)
+
+    def __init__(self, design: Design, *, at: int | None = None) -> None:
+        """Of a design; at: for linear analysis, its feedback alone."""
+        super().__init__()
+        wiring = Wiring()
+        law = InverseDynamicsController(
+            model=design.model,
+            omega_n=design.omega_n,
+            zeta=damping_ratio(design.gains, design.gains.ki / design.omega_n**2),
+        )
+        wiring.add("inverse_dynamics", law)
+        add_feedforward(wiring, design, at)
+        wiring.build_into(self, SIGNALS, ("tau_cmd",))
+
+    @classmethod
+    def in_words(cls, design: Design) -> str:
+        return f"feedback linearisation of the whole state every {design.motion.period:g} s"
+
+    @classmethod
+    def linear(cls, design: Design, sample: int) -> System:
+        return cls(design, at=sample)
+
+    @property
+    def is_sampled(self) -> bool:
+        return True

@@ -1,0 +1,50 @@
+"""The industrial cascade: a position loop around the speed loop."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sdt_drake.controllers.base import Index
+from sdt_drake.controllers.pi import Pi
+from sdt_drake.systems import PositionLoop, Wiring
+
+if TYPE_CHECKING:
+    from sdt_drake.design import Design
+
+Array = NDArray[np.float64]
+
+
+class PPi(Pi):
+    """v_ref + K_V (q_ref - q) as the reference of PI speed controllers.
+
+    .. pydrake_system::
+
+        name: PPi
+        input_ports:
+        - reference
+        - sampled_state
+        - state
+        output_ports:
+        - tau_cmd
+    """
+
+    options = ("anti_windup", "feedforward", "position_gain")
+    structure = "pi"
+
+    @classmethod
+    def in_words(cls, design: Design) -> str:
+        k_v = design.scenario.controller.position_gain
+        gain = "K_V = omega_n / 4" if k_v is None else f"K_V = {k_v} 1/s at every omega_n"
+        return f"{super().in_words(design)} in position loops, {gain}"
+
+    def _add_ahead(self, wiring: Wiring, at: int | None) -> dict[str, str]:
+        loop = PositionLoop(position_gain=self._design.position_gain)
+        wiring.add("position_loop", loop)
+        return {"reference": "speed_reference"}
+
+    def _asked(self, held: Index, sample: Index, q: Array) -> Array:
+        motion = self._design.motion
+        return motion.v[held] + self._design.position_gain * (motion.q[held] - q[sample])

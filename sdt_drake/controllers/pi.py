@@ -1,0 +1,140 @@
+"""PI speed controllers, alone and with a torque feedforward (Sections 3.3 and 3.4)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydrake.systems.framework import Context, Diagram, System
+
+from sdt_drake.control import SpeedGains
+from sdt_drake.controllers.base import SIGNALS, Controller, Index, add_feedforward
+from sdt_drake.systems import PiSpeedController, Wiring
+
+if TYPE_CHECKING:
+    from sdt_drake.design import Design
+
+Array = NDArray[np.float64]
+
+
+class Pi(Diagram, Controller):
+    """A PI speed controller for each motor (Section 3.3), sampled where the drive is.
+
+    With anti-windup it has one more input, `tau_limited`.
+
+    .. pydrake_system::
+
+        name: Pi
+        input_ports:
+        - reference
+        - state
+        output_ports:
+        - tau_cmd
+    """
+
+    needs = ("largest inertia of each joint",)
+    options = ("anti_windup",)
+
+    def __init__(self, design: Design, *, at: int | None = None) -> None:
+        """Of a design; at: a sample of the motion, around which it is linear: its feedback alone,
+        with the gains that it has there."""
+        super().__init__()
+        self._design = design
+        choice = design.scenario.controller
+        wiring = Wiring()
+        self._pi = PiSpeedController(
+            gains=self._gains(at),
+            gear_ratio=design.robot.gear_ratio,
+            structure=choice.structure_in_use,
+            anti_windup=choice.anti_windup and at is None,  # nothing saturates there
+            period=design.drive.period,
+        )
+        ahead = self._add_ahead(wiring, at)
+        wiring.add("pi_speed_controller", self._pi, tau="tau_limited", **ahead)
+        add_feedforward(wiring, design, at)
+        wiring.build_into(self, SIGNALS, ("tau_cmd",))
+
+    @classmethod
+    def in_words(cls, design: Design) -> str:
+        structure = design.scenario.controller.structure_in_use
+        return f"PI speed loops with structure {structure}"
+
+    def _gains(self, at: int | None) -> SpeedGains:
+        return self._design.gains
+
+    def _add_ahead(self, wiring: Wiring, at: int | None) -> dict[str, str]:
+        """Blocks ahead of the PI controllers, and what these get instead of their own signals."""
+        return {}
+
+    @classmethod
+    def linear(cls, design: Design, sample: int) -> System:
+        return cls(design, at=sample)
+
+    @property
+    def is_sampled(self) -> bool:
+        return self._design.drive.period is not None
+
+    def rest(self, context: Context, tau_cmd: ArrayLike) -> None:
+        start, motion = np.zeros(1, dtype=int), self._design.motion
+        proportional = self._proportional(start, start, motion.q, motion.v[:1])[0]
+        integral = tau_cmd - proportional - self._design.steady_ff
+        self._pi.rest(self.GetMutableSubsystemContext(self._pi, context), integral)
+
+    def memoryless(self, held: Index, sample: Index, q: Array, v: Array) -> Array:
+        tau_ff = 0.0 if self._design.tau_ff is None else self._design.tau_ff[held]
+        return self._proportional(held, sample, q, v) + tau_ff
+
+    def _proportional(self, held: Index, sample: Index, q: Array, v: Array) -> Array:
+        design = self._design
+        is_on_error = design.scenario.controller.structure_in_use == "pi"
+        asked = self._asked(held, sample, q) if is_on_error else 0.0
+        return self._share(held) * design.gains.kp * design.robot.gear_ratio * (asked - v)
+
+    def integral_gain(self, held: Index) -> Array:
+        return self._share(held) * self._design.gains.ki * self._design.robot.gear_ratio
+
+    def _asked(self, held: Index, sample: Index, q: Array) -> Array:
+        """Speed that is asked for, joint side [rad/s]."""
+        return self._design.motion.v[held]
+
+    def _share(self, held: Index) -> Array | float:
+        """Of the gains that are in force."""
+        return 1.0
+
+
+class PiCtc(Pi):
+    """The same and the load torque of the reference fed forward (Section 3.4, Figure 6).
+
+    Where that is not the load torque of the loop, it is computed here, and no input.
+
+    .. pydrake_system::
+
+        name: PiCtc
+        input_ports:
+        - reference
+        - state
+        - load_torque
+        output_ports:
+        - tau_cmd
+    """
+
+    feedforward = "ctc"
+
+
+class PiId(Pi):
+    """The same and the whole inverse dynamics of the reference, with both gains on the error:
+    nothing is left for the feedback.
+
+    .. pydrake_system::
+
+        name: PiId
+        input_ports:
+        - reference
+        - state
+        output_ports:
+        - tau_cmd
+    """
+
+    feedforward = "id"
+    structure = "pi"

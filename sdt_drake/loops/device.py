@@ -1,0 +1,96 @@
+"""What a controller drives: drives, joints, a plant, and what loads it."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.systems.framework import Diagram
+from pydrake.systems.primitives import Adder, ConstantVectorSource, PassThrough
+
+from sdt_drake.design import Design
+from sdt_drake.systems import (
+    AxisProcess,
+    Disturbance,
+    ElasticJoints,
+    JointFriction,
+    RobotPlant,
+    TorqueLoop,
+    Wiring,
+)
+
+
+def add_device(wiring: Wiring, design: Design) -> None:
+    """Torque loop, elastic joints and plant: from `tau_limited` and `true_load` to `state`,
+    `motor_state`, `measured` (what the encoders are on) and `tau`.
+
+    The plant comes first: its state is the first in the diagram.
+    """
+    robot, drive, springs = design.robot, design.drive, design.springs
+    is_elastic = springs is not None
+    apart = springs.elastic if is_elastic else np.zeros(robot.n, dtype=bool)  # rotors
+    tau = {"tau": "tau_link"} if is_elastic else {}
+    if design.scenario.plant.kind == "coupled":
+        plant = RobotPlant(robot=robot, without_rotor=apart)
+        wiring.add("multibody_plant", plant, load_torque="true_load", **tau)
+    else:
+        i_eff = design.i_eff - np.where(apart, robot.rotor_inertia, 0.0)
+        process = AxisProcess(i_eff=i_eff, gear_ratio=robot.gear_ratio)
+        wiring.add("axis_process", process, load_torque="true_load", **tau)
+    if is_elastic:
+        joints = ElasticJoints(
+            springs=springs, rotor_inertia=robot.rotor_inertia, gear_ratio=robot.gear_ratio
+        )
+        wiring.add("elastic_joints", joints)
+    else:
+        wiring.same("motor_state", "state")
+    elasticity = design.scenario.plant.elasticity
+    on_link = elasticity is None or elasticity.encoder == "link"
+    wiring.same("measured", "state" if on_link else "motor_state")
+    if drive.torque_bandwidth is not None or drive.torque_error is not None:
+        torque_loop = TorqueLoop(
+            motor_torque_limit=robot.motor_torque_limit,
+            bandwidth=drive.torque_bandwidth,
+            error=drive.torque_error,
+        )
+        wiring.add("torque_loop", torque_loop)
+    else:
+        wiring.same("tau", "tau_limited")
+
+
+def add_loads(wiring: Wiring, design: Design) -> None:
+    """What the motors turn against, `true_load`: on the axis plant the load torque of the
+    reference; disturbance, friction, and `extra_load_torque` from outside, 0 by default."""
+    n, disturbance = design.robot.n, design.scenario.disturbance
+    parts = ["load_torque"] if design.scenario.plant.kind == "axis" else []
+    if disturbance.amplitude > 0:
+        injected = Disturbance(n=n, amplitude=disturbance.amplitude, omega_d=disturbance.omega_d)
+        wiring.add("disturbance", injected)
+        parts.append("disturbance")
+    if design.friction is not None:
+        friction = JointFriction(friction=design.friction, gear_ratio=design.robot.gear_ratio)
+        wiring.add("friction", friction)
+        parts.append("friction")
+    extra = PassThrough(np.zeros(n))
+    if not parts:
+        wiring.add("extra_load_torque", extra, u="extra_load_torque", y="true_load")
+        return
+    wiring.add("extra_load_torque", extra, u="extra_load_torque", y="extra")
+    parts.append("extra")
+    inputs = {f"u{i}": part for i, part in enumerate(parts)}
+    wiring.add("true_load", Adder(len(parts), n), sum="true_load", **inputs)
+
+
+def make_process(design: Design) -> Diagram:
+    """What a controller acts on, alone and linear but for the plant: for linear analysis.
+
+    From `tau_cmd` to `measured` (what the encoders are on) and `state` (of the links). Motors do
+    not saturate, and friction is left out: neither has a frequency response. The plant's state is
+    the first in the diagram.
+    """
+    wiring, n = Wiring(), design.robot.n
+    add_device(wiring, design)
+    wiring.add("no_load", ConstantVectorSource(np.zeros(n)), y0="true_load")
+    wiring.same("tau_limited", "tau_cmd")
+    process = Diagram()
+    wiring.build_into(process, ("tau_cmd",), ("measured", "state"))
+    process.set_name("process")
+    return process

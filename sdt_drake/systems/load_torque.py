@@ -1,0 +1,103 @@
+"""Load torque of the reference, on line from the MultibodyPlant. No state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValueProducer
+
+from sdt_drake.dynamics import SIGNS, Loads, decouple, groups_of_sample
+from sdt_drake.errors import checked_choice
+from sdt_drake.robot import Robot
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class _Scratch:
+    """What one context of a block works with: a context of the plant, and the results."""
+
+    plant_context: Context
+    torques: Sequence[Array]
+
+
+class ReferenceTorque(LeafSystem):
+    """Torques that follow from the reference by inverse dynamics; `law` says which.
+
+    It does not sample: with a held input the cache evaluates it once per sample, without delay. It
+    does not see the plant's state.
+    """
+
+    def __init__(self, *, robot: Robot, outputs: Sequence[str]) -> None:
+        super().__init__()
+        self._robot = robot
+        self._nothing = [np.zeros(robot.n)] * len(outputs)
+        self._reference = self.DeclareVectorInputPort("reference", 3 * robot.n)
+        # Without these, Drake takes every output to depend on time, and Python would be called
+        # at every derivative evaluation.
+        depends_on = {self._reference.ticket()}
+        self._torques = self.DeclareCacheEntry(
+            "torques", ValueProducer(self._allocate, self._calc_torques), depends_on
+        )
+        for i, name in enumerate(outputs):
+            self.DeclareVectorOutputPort(
+                name,
+                robot.n,
+                lambda context, output, i=i: self._calc_output(context, output, i),
+                prerequisites_of_calc=depends_on,
+            )
+
+    def law(self, groups: Sequence[Array], v: Array, vd: Array) -> Sequence[Array]:
+        """Each output, from the torque groups of Eq. 2 and the reference; joint side."""
+        raise NotImplementedError
+
+    def _allocate(self) -> AbstractValue:
+        return AbstractValue.Make(_Scratch(self._robot.plant.CreateDefaultContext(), self._nothing))
+
+    def _calc_torques(self, context: Context, value: AbstractValue) -> None:
+        scratch, n = value.get_mutable_value(), self._robot.n
+        reference = self._reference.Eval(context)
+        q_and_v, vd = reference[: 2 * n], reference[2 * n :]
+        groups = groups_of_sample(self._robot, scratch.plant_context, q_and_v, vd)[:4]
+        scratch.torques = self.law(groups, q_and_v[n:], vd)
+
+    def _calc_output(self, context: Context, output: BasicVector, i: int) -> None:
+        output.SetFromVector(self._torques.Eval(context).torques[i])
+
+
+class LoadTorque(ReferenceTorque):
+    """Load torque and alleviating torque of the reference (Eq. 4, Algorithm 1, Figure 3).
+
+        load_torque, alleviating_torque = Algorithm 1 (tau_coupled, d_kk vd_ref) / r
+
+    motor side [N m]. It does not see the motors' inertia (link side, as the paper has it).
+
+    .. pydrake_system::
+
+        name: LoadTorque
+        input_ports:
+        - reference
+        output_ports:
+        - load_torque
+        - alleviating_torque
+    """
+
+    symbol = "inverse\ndynamics"
+
+    def __init__(self, *, robot: Robot, algorithm: str = "consistent") -> None:
+        """Of `robot`; `algorithm`: sign of Algorithm 1's third branch, one of SIGNS.
+
+        Raises:
+            InputError: for another algorithm.
+        """
+        super().__init__(robot=robot, outputs=Loads._fields)
+        self._algorithm = checked_choice(algorithm, SIGNS, "algorithm")
+
+    def law(self, groups: Sequence[Array], v: Array, vd: Array) -> Loads:
+        inertial, reaction, velocity, gravity = groups
+        coupled = reaction + velocity + gravity
+        return decouple(inertial, coupled, self._robot.gear_ratio, self._algorithm)

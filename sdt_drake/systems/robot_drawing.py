@@ -1,0 +1,93 @@
+"""The robot in Meshcat while it moves. No state."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from pydrake.geometry import (
+    Cylinder,
+    Meshcat,
+    MeshcatVisualizer,
+    MeshcatVisualizerParams,
+    SceneGraph,
+    Sphere,
+)
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.rendering import MultibodyPositionToGeometryPose
+
+from sdt_drake.resources import models_dir
+from sdt_drake.robot import Robot
+
+_ROD_RADIUS = 0.07  # m
+
+
+class RobotDrawing(Diagram):
+    """Draws a robot where it is, every `period` [s].
+
+    As its **file** draws it; changes in memory are not seen. A robot without a single visual gets
+    a ball at each joint and rods between them. It moves nothing.
+
+    .. pydrake_system::
+
+        name: RobotDrawing
+        input_ports:
+        - state
+
+    Attributes:
+        plant, scene_graph: what is drawn, and by what.
+    """
+
+    symbol = "Meshcat"
+
+    def __init__(self, *, robot: Robot, meshcat: Meshcat, period: float = 1 / 32) -> None:
+        """In `meshcat`, below the path "/robot"."""
+        super().__init__()
+        builder = DiagramBuilder()
+        self.scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
+        self.plant = MultibodyPlant(0.0)
+        self.plant.RegisterAsSourceForSceneGraph(self.scene_graph)
+        parser = Parser(self.plant)
+        parser.package_map().AddPackageXml(str(models_dir() / "package.xml"))
+        parser.AddModels(str(robot.path))
+        for index in robot.plant.GetJointIndices():
+            joint = robot.plant.get_joint(index)
+            if not self.plant.HasJointNamed(joint.name()):  # the root link of a URDF
+                base = self.plant.GetFrameByName(joint.child_body().name())
+                self.plant.WeldFrames(self.plant.world_frame(), base)
+        _draw_skeleton(robot, self.plant, self.scene_graph)
+        self.plant.Finalize()
+        poses = builder.AddNamedSystem(
+            "poses", MultibodyPositionToGeometryPose(self.plant, input_multibody_state=True)
+        )
+        source = self.scene_graph.get_source_pose_port(self.plant.get_source_id())
+        builder.Connect(poses.get_output_port(), source)
+        builder.ExportInput(poses.get_input_port(), "state")
+        parameters = MeshcatVisualizerParams()
+        parameters.prefix, parameters.publish_period = "/robot", period
+        MeshcatVisualizer.AddToBuilder(builder, self.scene_graph, meshcat, parameters)
+        builder.BuildInto(self)
+
+
+def _draw_skeleton(robot: Robot, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
+    joints = [plant.GetJointByName(name) for name in robot.joint_names]
+    inspector = scene_graph.model_inspector()
+    for joint in joints:
+        shapes = plant.GetVisualGeometriesForBody(joint.child_body())
+        if any(inspector.GetObbInGeometryFrame(shape) for shape in shapes):  # a plane has none
+            return
+    own = robot.plant.CreateDefaultContext()
+    frames = [robot.plant.GetJointByName(name).frame_on_child() for name in robot.joint_names]
+    ends = [b.CalcPose(own, a).translation() for a, b in pairwise(frames)]
+    for k, joint in enumerate(joints):
+        place = (joint.child_body(), joint.frame_on_child().GetFixedPoseInBodyFrame())
+        ball = Sphere(2 * _ROD_RADIUS)
+        plant.RegisterVisualGeometry(*place, ball, f"joint_{k}", [0.2, 0.3, 0.5, 1.0])
+        length = float(np.linalg.norm(ends[k])) if k < len(ends) else 0.0
+        if length > 0:
+            along = RigidTransform(RotationMatrix.MakeFromOneVector(ends[k], 2), ends[k] / 2)
+            rod, grey = Cylinder(_ROD_RADIUS, length), [0.5, 0.5, 0.5, 1.0]
+            plant.RegisterVisualGeometry(place[0], place[1] @ along, rod, f"rod_{k}", grey)

@@ -1,0 +1,479 @@
+"""Controllers, drives, friction and elastic joints in the loops, against calculations by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from by_hand import GEAR, ROTORS
+from pydrake.systems.framework import DiagramBuilder, InputPortSelection, OutputPortSelection
+from pydrake.systems.primitives import ConstantVectorSource, Linearize
+
+from sdt_drake.design import make_design
+from sdt_drake.deviation import Deviation
+from sdt_drake.device import Drive, Elasticity, Friction, FrictionParameters, Springs
+from sdt_drake.dynamics import Loads
+from sdt_drake.loops import make_loop
+from sdt_drake.motion import Motion
+from sdt_drake.simulate import make_simulator, simulate
+from sdt_drake.systems import AxisProcess, ElasticJoints, JointFriction, RobotPlant
+
+LIMIT = np.array([203.2, 3950, 2150, 2150])  # N m, motor side
+PERIOD = 0.005  # s
+LIGHT = Deviation(payload_mass=-40.0)
+CONSISTENT = {"algorithm": "consistent"}
+HANGING = np.array([0.4, 0.15, 0.1, 0.7])  # rad; roll and pitch out of balance
+
+
+def kind(name, **fields):
+    """Fields of a controller."""
+    return {"controller.kind": name} | {f"controller.{f}": value for f, value in fields.items()}
+
+
+def rms(recording):
+    return np.sqrt(np.mean(recording.speed_error**2, axis=0))
+
+
+def same(actual, expected, tolerance):
+    np.testing.assert_allclose(actual, expected, rtol=0, atol=tolerance)
+
+
+# --- controllers along the reference motion --------------------------------------------------
+
+
+def test_whole_inverse_dynamics_leaves_a_fifteenth_of_the_speed_error(run):
+    ratio = rms(run("coupled_pi")) / rms(run("coupled_pi", kind("pi_id")))
+    assert np.all(ratio > 15), ratio
+
+
+@pytest.mark.parametrize(
+    ("fields", "least", "most"),
+    [
+        (kind("pi"), [5, 5, 0.4, 0.5], 90),
+        (kind("p_pi"), [0, 0, 0, 0], 0.5),
+        (kind("p_pi", feedforward="id"), [0, 0, 0, 0], 0.1),
+        (kind("inverse_dynamics"), [0, 0, 0, 0], 0.02),
+    ],
+    ids=str,
+)
+def test_position_loops_keep_the_position_where_pi_drifts_by_degrees(run, fields, least, most):
+    degrees = np.rad2deg(np.abs(run("coupled_pi", fields).position_error).max(axis=0))
+    assert np.all((degrees > least) & (degrees < most)), degrees
+
+
+def test_inverse_dynamics_gives_every_joint_its_frequency_and_damping(designed):
+    """Off the reference at rest, each error goes its own way: held, e'' = -2 zeta w e' - w² e."""
+    zeta, omega = np.array([0.3, 0.5, 0.7, 1.0]), 65.991 / 2
+    design = designed("coupled_pi", kind("inverse_dynamics", zeta=zeta.tolist()))
+    still = Motion.from_speeds(PERIOD, HANGING, np.zeros((101, 4)))
+    design = dataclasses.replace(design, motion=still, loads=Loads(still.v, still.v))
+    diagram = make_loop(design)
+    simulator = make_simulator(diagram, period=PERIOD, accuracy=1e-9)
+    context = simulator.get_mutable_context()
+    plant = diagram.GetSubsystemByName("multibody_plant").plant
+    e, v = np.array([1e-4, -2e-4, 1.5e-4, 3e-4]), np.zeros(4)
+    plant.SetPositions(plant.GetMyMutableContextFromRoot(context), HANGING + e)
+    for time in still.time[1:]:
+        vd = -2 * zeta * omega * v - omega**2 * e
+        e, v = e + PERIOD * v + PERIOD**2 / 2 * vd, v + PERIOD * vd
+        simulator.AdvanceTo(time)
+        same(plant.GetPositions(plant.GetMyContextFromRoot(context)) - HANGING, e, 5e-7)
+
+
+def test_a_wrong_model_is_worse_on_the_same_plant(run, designed):
+    right, wrong = (kind("pi_id", model=model) for model in (Deviation(), LIGHT))
+    ratio = rms(run("coupled_pi", wrong)) / rms(run("coupled_pi", right))
+    assert np.all(ratio > 1) and ratio.max() > 1.05
+    processes = [
+        make_loop(designed("coupled_pi", fields)).GetSubsystemByName("multibody_plant")
+        for fields in (right, wrong)
+    ]
+    rates = []
+    for process in processes:
+        context = process.CreateDefaultContext()
+        process.rest(context, HANGING, np.ones(4))
+        for port in ("tau", "load_torque"):
+            process.GetInputPort(port).FixValue(context, np.ones(4))
+        rates.append(process.EvalTimeDerivatives(context).CopyToVector())
+    np.testing.assert_array_equal(*rates)
+
+
+# --- anti-windup -----------------------------------------------------------------------------
+
+HOLD = 1.0  # rad/s of joint 2
+
+
+@pytest.mark.parametrize("structure", ["pi", "p_in_feedback"])
+def test_anti_windup_is_back_in_less_than_half_the_time(designed, structure):
+    """Joint 2 at constant speed, its motor overloaded by 2 % from 0.5 s to 2.5 s."""
+    v = np.zeros((1601, 4))
+    v[:, 1] = HOLD
+    load = np.zeros_like(v)
+    load[100:500, 1] = 1.02 * LIMIT[1]
+    runs = []
+    for anti_windup in (False, True):
+        fields = kind("pi", structure=structure, anti_windup=anti_windup)
+        design = designed("axis_pi", CONSISTENT | fields, end=0.1)
+        motion = Motion.from_speeds(PERIOD, np.zeros(4), v)
+        design = make_design(design.scenario, robot=design.robot, motion=motion)
+        runs.append(simulate(dataclasses.replace(design, loads=Loads(load, np.zeros_like(v)))))
+    times = []
+    for recording in runs:
+        rows = (recording.time > 0.8) & (recording.time <= 2.5)
+        assert np.all(recording.tau[rows, 1] != recording.tau_cmd[rows, 1])
+        same(recording.v[500, 1], runs[1].v[500, 1], 0.02)  # as fast when it is released
+        off = np.abs(recording.v[:, 1] - HOLD) > 0.02 * HOLD
+        times.append(recording.time[np.flatnonzero(off)[-1] + 1] - 2.5)
+    assert times[1] < 0.5 * times[0], times
+
+
+@pytest.mark.parametrize("structure", ["pi", "p_in_feedback"])
+@pytest.mark.parametrize("name", ["axis_pi", "coupled_pi"])
+def test_anti_windup_does_nothing_where_nothing_saturates(run, name, structure):
+    without, with_it = (
+        run(name, CONSISTENT | kind("pi", structure=structure, anti_windup=a), end=2.0)
+        for a in (False, True)
+    )
+    np.testing.assert_array_equal(with_it.tau, with_it.tau_cmd)
+    same(with_it.v, without.v, 1e-12)
+
+
+# --- drives ----------------------------------------------------------------------------------
+
+NEVER = {"n1": [1e9] * 4, "n0": [2e9] * 4}
+IDEAL = [Drive(), Drive(**NEVER), Drive(reference_delay=0.0), Drive(torque_error=[0.0] * 4)]
+
+
+@pytest.mark.parametrize("name", ["axis_pi_ctc", "coupled_pi", "coupled_pi_ctc"])
+def test_a_drive_that_does_nothing_is_none(run, name):
+    """`drive: {}`, an envelope that never acts, a delay or an error of 0: the same recording."""
+    plain = run(name, end=3.0)
+    for drive in IDEAL:
+        driven = run(name, {"drive": drive}, end=3.0)
+        for field in dataclasses.fields(plain):
+            expected, actual = getattr(plain, field.name), getattr(driven, field.name)
+            np.testing.assert_allclose(
+                actual, expected, rtol=1e-9, atol=1e-9, err_msg=f"{drive}: {field.name}"
+            )
+        np.testing.assert_array_equal(driven.tau, driven.tau_limited)
+
+
+@pytest.mark.parametrize("structure", ["pi", "p_in_feedback"])
+def test_sampled_drive_converges_to_the_continuous_one(run, structure):
+    """First order: half the period, half the difference."""
+
+    def speeds(drive):
+        fields = CONSISTENT | {"controller.structure": structure, "drive": drive}
+        return run("axis_pi", fields, end=2.0).v
+
+    periods = (0.005, 0.0025, 0.00125, 0.000625, 0.000125)
+    apart = [np.abs(speeds(Drive(period=p)) - speeds(Drive())).max() for p in periods]
+    ratios = np.array(apart[:-1]) / apart[1:]
+    same(ratios[:3], 2, 0.5)
+    assert ratios[3] > 3.5  # of five times as many samples
+    assert apart[-1] < 1e-3
+
+
+def test_sampled_drive_by_hand(designed):
+    """Constant torque over each period: plain recursions, exact."""
+    fields = CONSISTENT | {"controller.structure": "pi", "drive": Drive(period=0.001)}
+    design = designed("axis_pi", fields, end=2.0)
+    gains, load = design.gains, design.loads.load_torque
+    v, integral = np.zeros(4), np.zeros(4)
+    speeds = [v]
+    for i in range(len(design.motion.v) - 1):
+        for _ in range(5):
+            error = GEAR * (design.motion.v[i] - v)
+            tau = gains.kp * error + gains.ki * integral
+            integral = integral + 0.001 * error
+            v = v + 0.001 * (tau - load[i]) / (design.i_eff * GEAR)
+        speeds.append(v)
+    same(simulate(design).v, speeds, 1e-8)
+
+
+@pytest.mark.parametrize("name", ["pi", "pi_ctc", "pi_id", "p_pi", "pi_scheduled"])
+def test_delay_of_whole_periods_shifts_the_response_by_as_many_samples(run, name):
+    fields = kind(name) | CONSISTENT
+    prompt = run("axis_pi", fields, end=2.0, rest=3)
+    for count in (1, 4, 200):
+        late = run(
+            "axis_pi", fields | {"drive": Drive(reference_delay=count * PERIOD)}, end=2.0, rest=3
+        )
+        same(late.v[count:], prompt.v[:-count], 2e-6)
+        same(late.v[:count], 0, 1e-12)
+        for other in (count - 1, count + 1):  # a sample more or less would show
+            assert np.abs(late.v[other:] - prompt.v[: len(late.v) - other]).max() > 1e-3
+
+
+def test_delay_of_half_a_period_is_between(run):
+    none, half, one = (
+        run("axis_pi", CONSISTENT | {"drive": Drive(reference_delay=d)}, end=2.0, rest=3).v
+        for d in (0.0, 0.5 * PERIOD, PERIOD)
+    )
+    assert np.abs(half - none).max() > 1e-3
+    same(half, (none + one) / 2, 1e-4)
+
+
+def test_torque_loop_lags_with_its_bandwidth(run):
+    """T dtau/dt = tau_limited - tau, of what is linear from row to row."""
+    recording = run("axis_pi", CONSISTENT | {"drive": Drive(torque_bandwidth=20.0)}, end=3.0)
+    lag, tau = 1 / (2 * np.pi * 20), recording.tau_limited
+    held, decay = np.zeros((len(tau), 4)), np.exp(-PERIOD / lag)
+    for i in range(1, len(held)):
+        behind = lag * (tau[i] - tau[i - 1]) / PERIOD
+        held[i] = tau[i] - behind + decay * (held[i - 1] - tau[i - 1] + behind)
+    same(recording.tau / LIMIT, held / LIMIT, 0.01)
+    assert np.abs(recording.tau - recording.tau_limited).max() > 0.03 * LIMIT.min()
+
+
+REAL = {
+    "plant.friction": Friction(
+        [300.0, 60.0, 10.0, 20.0], [40.0, 0.0, 8.0, 2.0], [450.0, 60.0, 15.0, 50.0]
+    ),
+    "plant.elasticity": Elasticity([90.0, 0.0, 0.0, 0.0], damping_ratio=0.05),
+    "drive": Drive(
+        period=0.00025,
+        torque_bandwidth=300.0,
+        torque_error=[0.01, 0.0, -0.02, 0.0],
+        encoder_resolution=[2.0**20, 2.0**22, 2.0**22, 2.0**22],
+        n1=[150.0, 4.0, 4.0, 4.0],
+        n0=[210.0, 5.0, 6.0, 7.0],
+        reference_delay=0.01,
+    ),
+    "disturbance.amplitude": 0.05,
+}
+
+
+@pytest.mark.parametrize("name", ["coupled_pi", "axis_pi"])
+def test_everything_real_still_follows(run, name):
+    fields = kind("p_pi", feedforward="id", friction_compensation=True, anti_windup=True)
+    recording = run(name, CONSISTENT | fields | REAL, end=1.0)
+    moved = recording.v_ref[2:]  # of a reference that is 10 ms late
+    behind = np.abs(recording.v[2:] - recording.v_ref[:-2]).max(axis=0)
+    assert behind.max() < 0.1 * np.abs(moved).max(), behind
+
+
+# --- friction --------------------------------------------------------------------------------
+
+STICKY = FrictionParameters(
+    coulomb=np.array([500.0, 400.0, 300.0, 100.0]),
+    viscous=np.array([40.0, 5.0, 2.0, 1.0]),
+    breakaway=np.array([700.0, 500.0, 300.0, 130.0]),
+    stribeck_speed=0.02,
+    presliding=1e-5,
+)
+
+
+def built(connections, *free):
+    """Blocks wired as pairs of ports say; no torque at the `free` ones."""
+    builder = DiagramBuilder()
+    for block in dict.fromkeys(port.get_system() for pair in connections for port in pair):
+        builder.AddSystem(block)
+    for pair in connections:
+        builder.Connect(*pair)
+    none = builder.AddSystem(ConstantVectorSource(np.zeros(4)))
+    for port in free:
+        builder.Connect(none.get_output_port(), port)
+    return builder.Build()
+
+
+class Free:
+    """The plant with friction, without torque of the motors, at HANGING."""
+
+    def __init__(self, robot, friction, *, v=(0, 0, 0, 0), accuracy=1e-4):
+        self.block, self.joints = (
+            RobotPlant(robot=robot),
+            JointFriction(friction=friction, gear_ratio=GEAR),
+        )
+        state, force = self.block.GetOutputPort("state"), self.joints.GetOutputPort("friction")
+        diagram = built(
+            [
+                (state, self.joints.GetInputPort("state")),
+                (force, self.block.GetInputPort("load_torque")),
+            ],
+            self.block.GetInputPort("tau"),
+        )
+        self.simulator = make_simulator(diagram, period=0.001, accuracy=accuracy)
+        root = self.simulator.get_mutable_context()
+        self.block.rest(self.block.GetMyMutableContextFromRoot(root), HANGING, v)
+        self.plant = self.block.plant
+
+    @property
+    def context(self):
+        return self.plant.GetMyContextFromRoot(self.simulator.get_context())
+
+    def q_at(self, time):
+        self.simulator.AdvanceTo(time)
+        return self.plant.GetPositions(self.context)
+
+
+def test_friction_holds_the_plant_under_a_load_and_lets_go_under_a_larger_one(robot):
+    held = Free(robot, STICKY)
+    load = np.abs(held.plant.CalcGravityGeneralizedForces(held.context))
+    assert load.max() > 200 and np.all(load < 0.9 * STICKY.coulomb)
+    same(held.q_at(3.0), HANGING, 1e-4)
+    weak = dataclasses.replace(STICKY, coulomb=STICKY.coulomb / 10, breakaway=STICKY.breakaway / 10)
+    assert np.abs(Free(robot, weak).q_at(1.0) - HANGING).max() > 0.05
+
+
+def test_energy_of_the_plant_with_friction_never_rises(robot):
+    """Kinetic, potential, and stored in the bristles, at every step of the integrator."""
+    free = Free(robot, STICKY, v=[0.05, -1.5, 1.0, 2.0], accuracy=1e-7)
+    energies, speeds = [], []
+
+    def see(root):
+        z = (
+            100
+            * free.joints.GetMyContextFromRoot(root).get_continuous_state_vector().CopyToVector()
+        )
+        stored = np.where(np.abs(z) > 1, np.abs(z) - 0.5, z**2 / 2)
+        context, plant = free.plant.GetMyContextFromRoot(root), free.plant
+        v = plant.GetVelocities(context)
+        # CalcKineticEnergy leaves out the rotors.
+        kinetic = v @ plant.CalcMassMatrix(context) @ v / 2
+        energies.append(
+            kinetic
+            + plant.CalcPotentialEnergy(context)
+            + STICKY.coulomb @ stored * STICKY.presliding
+        )
+        speeds.append(np.abs(v).max())
+
+    free.simulator.set_monitor(see)
+    free.simulator.AdvanceTo(6.0)
+    assert len(energies) > 1000 and speeds[-1] < 1e-4  # at rest in the end
+    assert np.diff(energies).max() < 1e-6 * (energies[0] - energies[-1])
+
+
+# --- elastic joints --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("k", range(4))
+def test_link_on_its_spring_swings_at_the_given_frequency(designed, k):
+    """Motor held, other joints locked: the force on joint k by its angle, in the loop itself."""
+    omega = 70.0
+    springs = Elasticity([omega if j == k else 0.0 for j in range(4)], damping_ratio=0.03)
+    design = designed("coupled_pi", {"plant.elasticity": springs})
+    diagram = make_loop(design)
+    root = diagram.CreateDefaultContext()
+    plant = diagram.GetSubsystemByName("multibody_plant").plant
+    joints = diagram.GetSubsystemByName("elastic_joints")
+    own = plant.GetMyMutableContextFromRoot(root)
+    q = design.motion.q[design.torques.d_kk[:, k].argmax()]
+    joints.rest(joints.GetMyMutableContextFromRoot(root), q, np.zeros(4))  # the motor, held
+
+    def force(shift, v=0.0):
+        """On the links of joint k, with all other joints held still by their own motors."""
+        plant.SetPositionsAndVelocities(own, [*(q + shift * np.eye(4)[k]), *(v * np.eye(4)[k])])
+        vd = plant.EvalTimeDerivatives(own).CopyToVector()[4:]
+        return (plant.CalcMassMatrix(own) @ vd)[k]
+
+    h = 1e-4
+    stiffness, damping = (force(-h) - force(h)) / (2 * h), (force(0, -h) - force(0, h)) / (2 * h)
+    plant.SetPositions(own, q)
+    inertia = plant.CalcMassMatrix(own)[k, k]
+    whole = design.robot.plant.CreateDefaultContext()
+    design.robot.plant.SetPositions(whole, q)
+    rotor = design.robot.plant.CalcMassMatrix(whole)[k, k] - inertia  # which is not in it
+    assert rotor == pytest.approx(GEAR[k] ** 2 * ROTORS[k], rel=1e-9)
+    assert np.sqrt(stiffness / inertia) == pytest.approx(omega, rel=1e-3)
+    assert damping / (2 * omega * inertia) == pytest.approx(0.03, rel=1e-3)
+
+
+OMEGA = np.array([90.0, 120.0, 150.0, 80.0])
+
+
+class Elastic:
+    """A process behind springs, without torque of the motors."""
+
+    def __init__(self, process, springs):
+        self.process = process
+        self.joints = ElasticJoints(springs=springs, rotor_inertia=ROTORS, gear_ratio=GEAR)
+        self.diagram = built(
+            [
+                (process.GetOutputPort("state"), self.joints.GetInputPort("state")),
+                (self.joints.GetOutputPort("tau_link"), process.GetInputPort("tau")),
+            ],
+            process.GetInputPort("load_torque"),
+            self.joints.GetInputPort("tau"),
+        )
+
+    def start(self, q, v, q_motor, v_motor, accuracy):
+        simulator = make_simulator(self.diagram, period=0.001, accuracy=accuracy)
+        root = simulator.get_mutable_context()
+        self.process.rest(self.process.GetMyMutableContextFromRoot(root), q, v)
+        self.joints.rest(self.joints.GetMyMutableContextFromRoot(root), q_motor, v_motor)
+        return simulator
+
+    def states(self, simulator):
+        """q, v, theta, w."""
+        root = simulator.get_context()
+        return [
+            part
+            for block, name in ((self.process, "state"), (self.joints, "motor_state"))
+            for part in np.split(
+                block.GetOutputPort(name).Eval(block.GetMyContextFromRoot(root)), 2
+            )
+        ]
+
+
+def test_elastic_axes_swing_at_the_given_frequencies_and_keep_their_momentum(designed):
+    """Behind its springs an axis turns the links alone; with its motor free, it swings with
+    omega² (1 + d / (r² I_m))."""
+    fields = {"plant.elasticity": Elasticity(OMEGA.tolist(), damping_ratio=0.03)}
+    design = designed("axis_pi", fields, end=0.1)
+    links = GEAR**2 * (design.i_eff - ROTORS)
+    axes = make_loop(design).GetSubsystemByName("axis_process")
+    context = axes.CreateDefaultContext()
+    for name, tau in (("tau", np.ones(4)), ("load_torque", np.zeros(4))):
+        axes.GetInputPort(name).FixValue(context, tau)
+    vd = axes.EvalTimeDerivatives(context).CopyToVector()[4:]
+    np.testing.assert_allclose(vd, GEAR / links, rtol=1e-12)
+
+    def linear(springs):
+        diagram = Elastic(AxisProcess(i_eff=links / GEAR**2, gear_ratio=GEAR), springs).diagram
+        ports = InputPortSelection.kNoInput, OutputPortSelection.kNoOutput
+        return Linearize(diagram, diagram.CreateDefaultContext(), *ports).A()
+
+    A = linear(design.springs)
+    for k in range(4):
+        roots = np.linalg.eigvals(A[np.ix_([k, 4 + k], [k, 4 + k])])  # motor held
+        np.testing.assert_allclose(np.abs(roots), OMEGA[k], rtol=1e-9)
+        np.testing.assert_allclose(-roots.real / OMEGA[k], 0.03, rtol=1e-9)
+    undamped = dataclasses.replace(design.springs, damping=np.zeros(4))
+    found = np.linalg.eigvals(linear(undamped)).imag
+    expected = np.sort(OMEGA * np.sqrt(1 + links / (GEAR**2 * ROTORS)))
+    np.testing.assert_allclose(np.sort(found[found > 1]), expected, rtol=1e-6)
+
+    elastic = Elastic(AxisProcess(i_eff=links / GEAR**2, gear_ratio=GEAR), design.springs)
+    q, v, q_motor, v_motor = np.random.default_rng(7).normal(size=(4, 4))
+    simulator = elastic.start(0.01 * q, v, 0.01 * q_motor, v_motor, 1e-8)
+    simulator.AdvanceTo(1.0)
+    _, end, _, end_motor = elastic.states(simulator)
+    assert np.abs(end_motor - v_motor).max() > 0.1
+    momentum = links * v + GEAR**2 * ROTORS * v_motor
+    np.testing.assert_allclose(links * end + GEAR**2 * ROTORS * end_motor, momentum, rtol=1e-6)
+
+
+def test_energy_of_the_elastic_plant_is_kept_without_damping(robot):
+    springs = Springs(
+        np.array([True, True, False, True]), np.array([4e6, 2e5, 0.0, 1e5]), np.zeros(4)
+    )
+    elastic = Elastic(RobotPlant(robot=robot, without_rotor=springs.elastic), springs)
+    plant = elastic.process.plant
+    wound = HANGING + np.array([0.002, -0.001, 0, 0.003])
+    simulator = elastic.start(HANGING, [0.3, -1.0, 0.8, 1.5], wound, [0.5, -1.2, 0, 1.0], 1e-7)
+    seen = []
+    for time in np.linspace(0, 0.4, 101):
+        simulator.AdvanceTo(time)
+        q, v, theta, w = elastic.states(simulator)
+        context = plant.GetMyContextFromRoot(simulator.get_context())
+        seen.append([
+            v @ plant.CalcMassMatrix(context) @ v / 2,
+            (GEAR**2 * ROTORS * springs.elastic) @ w**2 / 2,
+            plant.CalcPotentialEnergy(context),
+            springs.stiffness @ (theta - q) ** 2 / 2,
+        ])  # fmt: skip
+    swings = np.ptp(np.array(seen), axis=0)
+    assert np.all(swings > 5), swings  # every part takes part
+    assert np.ptp(np.sum(seen, axis=1)) < 1e-4 * swings.min()

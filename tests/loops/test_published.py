@@ -1,0 +1,260 @@
+"""The loops against published results, and against independent integrations."""
+
+import dataclasses
+
+import control
+import numpy as np
+import pytest
+from by_hand import axes_by_hand, inverse_dynamics, robot_by_hand
+from pydrake.systems.framework import DiagramBuilder, InputPortSelection, OutputPortSelection
+from pydrake.systems.primitives import ConstantVectorSource, Linearize
+
+from sdt_drake.control import SpeedGains, step_metrics, tune
+from sdt_drake.device import Drive
+from sdt_drake.errors import InputError
+from sdt_drake.loops import make_coupled_loop, make_loop, make_step_loop
+from sdt_drake.scenario import load_scenario
+from sdt_drake.simulate import make_simulator, simulate
+
+PUBLISHED = load_scenario("package://sdt/scenarios/axis_pi.yaml").controller
+I_EFF_MAX = np.array([4.26, 98.01, 796.3, 250.28])
+I_EFF_MIN = I_EFF_MAX * (1 - np.array([39.95, 31.82, 7.29, 25.4]) / 100)
+STRUCTURES = ("pi", "p_in_feedback")
+
+
+# --- step loop (Figure 4) --------------------------------------------------------------------
+
+
+def step_of(end, **arguments):
+    """Time and motor speed."""
+    loop = make_step_loop(i_eff=4.26, **arguments)
+    simulator = make_simulator(loop, period=0.005, accuracy=1e-4)
+    simulator.AdvanceTo(end)
+    log = loop.GetSubsystemByName("log.state").FindLog(simulator.get_context())
+    return np.array(log.sample_times()), log.data()[1].copy()
+
+
+@pytest.mark.parametrize(
+    ("structure", "zeta", "rise", "settling"),
+    [("pi", 1.0, 0.0221, 0.163), ("p_in_feedback", 0.95, 0.0944, 0.1595)],
+)
+def test_figure_4(structure, zeta, rise, settling):
+    """With the damping that the paper took; and the whole response by python-control."""
+    gains = tune([4.26], 65.991, [zeta])
+    time, speed = step_of(0.5, gains=gains, structure=structure)
+    metrics = step_metrics(time, speed, y0=0, y_final=1)
+    assert metrics.rise_time == pytest.approx(rise, rel=0.01)
+    assert metrics.settling_time == pytest.approx(settling, rel=0.01)
+    if structure == "pi":  # 1 - e^-x (1 - x) has its peak at x = 2
+        assert metrics.overshoot_percent == pytest.approx(100 * np.exp(-2), rel=0.01)
+    else:
+        assert metrics.overshoot_percent < 0.01
+    np.testing.assert_allclose(time, np.arange(5001) * 1e-4, rtol=0, atol=1e-15)
+    kp, ki = gains.kp[0] / 4.26, gains.ki[0] / 4.26
+    zero = [kp, ki] if structure == "pi" else [ki]
+    _, expected = control.step_response(control.tf(zero, [1, kp, ki]), time)
+    np.testing.assert_allclose(speed, expected, rtol=0, atol=1e-4)
+
+
+def test_step_scales_and_logs_at_its_period():
+    gains = tune([4.26], 20.0, [1.0])
+    time, speed = step_of(3.0, gains=gains, structure="pi", step=-3.0, log_period=0.01)
+    assert len(time) == 301
+    assert speed[-1] == pytest.approx(-3.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+@pytest.mark.parametrize("zeta", [0.4, 0.95, 1.7])
+def test_linearized_step_loop_has_the_characteristic_polynomial(structure, zeta):
+    loop = make_step_loop(gains=tune([4.26], 65.991, [zeta]), i_eff=4.26, structure=structure)
+    linear = Linearize(
+        loop,
+        loop.CreateDefaultContext(),
+        InputPortSelection.kNoInput,
+        OutputPortSelection.kNoOutput,
+        equilibrium_check_tolerance=np.inf,
+    )
+    omega_n = 65.991 / 2
+    polynomial = [1, 2 * zeta * omega_n, omega_n**2, 0]  # and the angle, which nothing feels
+    np.testing.assert_allclose(np.poly(linear.A()), polynomial, rtol=1e-9, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        *({"i_eff": value} for value in (0.0, -1.0, np.nan)),
+        *({"log_period": value} for value in (0.0, -1e-4, np.inf)),
+        {"structure": "pid"},
+        {"gains": SpeedGains(np.array([0.0]), np.array([1.0]))},
+        {"gains": SpeedGains(np.array([1.0]), np.array([-1.0]))},
+        {"gains": tune([2.0, 2.0], 20.0, 1.0)},
+        {"step": np.nan},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_bad_step_is_refused(change):
+    good = {"gains": tune([2.0], 20.0, [1.0]), "i_eff": 2.0, "structure": "pi"}
+    with pytest.raises(InputError):
+        make_step_loop(**{**good, **change})
+
+
+# --- tracking: the table of an independent calculation ---------------------------------------
+
+GAINS = {
+    "controller.omega_r": None,
+    "controller.zeta": None,
+    "controller.kp": PUBLISHED.kp,
+    "controller.ki": PUBLISHED.ki,
+}
+
+
+def agrees(actual, table, last_digit):
+    """Within 2 %, or half a unit of the last digit that the table gives."""
+    tolerance = np.maximum(0.02 * np.asarray(table), last_digit / 2)
+    np.testing.assert_array_less(np.abs(actual - np.asarray(table)), tolerance)
+
+
+def steady(recording):
+    """Largest error of joint 2 where its speed is constant, 11 s < t < 16.5 s."""
+    rows = (recording.time > 11) & (recording.time < 16.5)
+    return np.abs(recording.speed_error[rows, 1]).max()
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "i_eff", "controller", "largest"),
+    [
+        ("printed", I_EFF_MAX, "pi", [0.0272, 0.8688, 0.0145, 0.0546]),
+        ("printed", I_EFF_MAX, "pi_ctc", [0.0271, 0.1939, 0.0099, 0.0505]),
+        ("printed", I_EFF_MIN, "pi", [0.0272, 0.9001, 0.0147, 0.0526]),
+        ("printed", I_EFF_MIN, "pi_ctc", [0.0271, 0.1938, 0.0099, 0.0505]),
+        ("consistent", I_EFF_MAX, "pi", [0.0272, 0.2100, 0.0151, 0.0529]),
+        ("consistent", I_EFF_MAX, "pi_ctc", [0.0271, 0.1939, 0.0099, 0.0505]),
+    ],
+)
+def test_axis_loops_give_the_independent_table(run, algorithm, i_eff, controller, largest):
+    recording = run(f"axis_{controller}", {"algorithm": algorithm, "plant.i_eff": i_eff.tolist()})
+    agrees(np.abs(recording.speed_error).max(axis=0), largest, 1e-4)
+    if i_eff is I_EFF_MAX:
+        agrees(steady(recording), {"pi": 0.0470, "pi_ctc": 0.0090}[controller], 1e-4)
+
+
+@pytest.mark.parametrize(
+    ("controller", "algorithm", "largest", "rms", "constant", "drift_deg"),
+    [
+        (
+            *("pi", "consistent", [0.0273, 0.2085, 0.0130, 0.0539]),
+            *([0.01606, 0.06119, 0.00660, 0.02045], 0.0486, [8.3, 7.1, 0.5, 0.8]),
+        ),
+        (
+            *("pi_ctc", "consistent", [0.0273, 0.1865, 0.0112, 0.0523]),
+            *([0.01606, 0.05625, 0.00663, 0.02029], 0.0052, [8.3, 5.5, 0.5, 0.7]),
+        ),
+        (
+            *("pi_ctc", "printed", [0.0275, 0.9153, 0.0240, 0.0779]),
+            *([0.01607, 0.09215, 0.00685, 0.02060], 0.0970, [8.3, 8.9, 0.5, 0.8]),
+        ),
+    ],
+)
+def test_coupled_loops_give_the_independent_table(
+    run, controller, algorithm, largest, rms, constant, drift_deg
+):
+    recording = run(f"coupled_{controller}", {"algorithm": algorithm} | GAINS)
+    agrees(np.abs(recording.speed_error).max(axis=0), largest, 1e-4)
+    agrees(np.sqrt(np.mean(recording.speed_error**2, axis=0)), rms, 1e-5)
+    agrees(steady(recording), constant, 1e-4)
+    agrees(np.rad2deg(np.abs(recording.position_error).max(axis=0)), drift_deg, 0.1)
+
+
+# --- independent integrations ----------------------------------------------------------------
+
+
+def weaker(design, share):
+    """With a share of its torque."""
+    robot = dataclasses.replace(design.robot, effort_limit=share * design.robot.effort_limit)
+    return dataclasses.replace(design, robot=robot)
+
+
+# Share of the torque limits of each joint: they all saturate, but none is lost.
+WEAK = np.array([0.5, 0.9, 0.2, 0.15])
+CONSISTENT = {"algorithm": "consistent"}
+ON_ERROR = CONSISTENT | {"controller.structure": "pi"}
+AXES = {
+    **{
+        f"{name}, {algorithm}": (name, {"algorithm": algorithm})
+        for name in ("axis_pi", "axis_pi_ctc")
+        for algorithm in ("printed", "consistent")
+    },
+    "pi": ("axis_pi", ON_ERROR),
+    "pi_ctc": ("axis_pi_ctc", ON_ERROR),
+    "pi_id": ("axis_pi_ctc", CONSISTENT | {"controller.kind": "pi_id"}),
+    "pi_scheduled": ("axis_pi", ON_ERROR | {"controller.kind": "pi_scheduled"}),
+    "pi_scheduled+ctc": (
+        "axis_pi",
+        CONSISTENT | {"controller.kind": "pi_scheduled", "controller.feedforward": "ctc"},
+    ),
+    "torque error": ("axis_pi", ON_ERROR | {"drive": Drive(torque_error=[0.2, -0.3, 0.1, -0.05])}),
+}
+CASES = [
+    (case, is_weak) for case in AXES for is_weak in ((False, True) if "," in case else [False])
+]
+
+
+@pytest.fixture(scope="module")
+def axis_designs(designed):
+    whole = {case: designed(*AXES[case], end=10.5) for case in AXES}
+    return {
+        (case, is_weak): weaker(whole[case], WEAK if is_weak else 1.0) for case, is_weak in CASES
+    }
+
+
+@pytest.fixture(scope="module")
+def axis_speeds(axis_designs):
+    speeds = axes_by_hand(list(axis_designs.values()))
+    return {case: speeds[:, k] for k, case in enumerate(axis_designs)}
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_axis_loop_against_plain_numpy(axis_designs, axis_speeds, case):
+    design = axis_designs[case]
+    recording = simulate(design)
+    saturated = np.mean(recording.tau_limited != recording.tau_cmd, axis=0)
+    assert not case[1] or np.all(saturated > 0.01)
+    tolerance = 1e-4 if saturated.any() else 3e-5
+    np.testing.assert_allclose(recording.v, axis_speeds[case], rtol=0, atol=tolerance)
+    given = 1 + np.array(design.drive.torque_error or np.zeros(4))
+    np.testing.assert_allclose(recording.tau, given * recording.tau_limited, rtol=1e-12)
+    if case[0] == "pi_id":
+        np.testing.assert_allclose(design.tau_ff, inverse_dynamics(design), rtol=1e-9, atol=1e-9)
+    if case[0] == "pi_scheduled":
+        assert design.inertia_share.min() < 0.97
+
+
+@pytest.mark.parametrize(
+    ("end", "limit", "widen"), [(5.0, 1.0, False), (3.0, 0.4, False), (3.0, 0.4, True)]
+)
+def test_coupled_loop_against_the_equations_of_motion(designed, end, limit, widen):
+    disturbed = {"disturbance.amplitude": 0.05}
+    design = weaker(designed("coupled_pi_ctc", disturbed, end=end), limit)
+    states = robot_by_hand(design, widened=widen)
+    recording = simulate(design, make_coupled_loop(design, widen_limits=widen))
+    assert np.any(recording.tau != recording.tau_cmd) == (limit < 1)
+    np.testing.assert_allclose(recording.v, states[:, 1], rtol=0, atol=1e-4)
+    np.testing.assert_allclose(recording.q, states[:, 0], rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["axis_pi_ctc", "coupled_pi_ctc"])
+def test_a_load_from_outside_is_one_that_the_motors_turn_against(designed, name):
+    """The loop in a diagram of one's own, with something that pulls at its motors."""
+    design = designed(name, CONSISTENT, end=2.0)
+    extra = np.array([40.0, -200.0, 80.0, 50.0])  # N m, motor side
+    builder = DiagramBuilder()
+    loop = builder.AddSystem(make_loop(design))
+    source = builder.AddSystem(ConstantVectorSource(extra))
+    builder.Connect(source.get_output_port(), loop.GetInputPort("extra_load_torque"))
+    recording = simulate(design, builder.Build())
+    if name.startswith("axis"):
+        speeds = axes_by_hand([design], extra=extra)[:, 0]
+    else:
+        speeds = robot_by_hand(design, extra=extra)[:, 1]
+    np.testing.assert_allclose(recording.v, speeds, rtol=0, atol=3e-5)
+    assert np.all(np.abs(recording.v - simulate(design).v).max(axis=0) > 1e-3)
