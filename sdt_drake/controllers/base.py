@@ -90,8 +90,9 @@ class Controller:
         return None
 
     def integral_gain(self, held: Index) -> Array:
-        """What an error of the joint speed adds to the command per time [N m/rad], (M, n)."""
-        raise NotImplementedError
+        """What an error of the joint speed adds to the command per time [N m/rad], (M, n); 0 for a
+        controller without an integral."""
+        return np.zeros((len(held), 1))
 
 
 SIGNALS = ("reference", "state", "sampled_state", "load_torque", "tau_limited")

@@ -71,8 +71,4 @@ class FeedforwardTorque(ReferenceTorque):
         self, *, model: Robot, law: Callable[[Sequence[Array], Array, Array], Array]
     ) -> None:
         """Of `model`; law(groups, v_ref, vd_ref) gives tau_ff, shape (n,)."""
-        super().__init__(robot=model, outputs=("tau_ff",))
-        self._law = law
-
-    def law(self, groups: Sequence[Array], v: Array, vd: Array) -> Sequence[Array]:
-        return [self._law(groups, v, vd)]
+        super().__init__(robot=model, outputs=("tau_ff",), law=lambda *sample: [law(*sample)])

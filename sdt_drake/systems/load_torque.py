@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,10 @@ class _Scratch:
     torques: Sequence[Array]
 
 
+Law = Callable[[Sequence[Array], Array, Array], Sequence[Array]]
+"""From the torque groups of Eq. 2, v_ref and vd_ref, joint side, to each output."""
+
+
 class ReferenceTorque(LeafSystem):
     """Torques that follow from the reference by inverse dynamics; `law` says which.
 
@@ -32,9 +36,9 @@ class ReferenceTorque(LeafSystem):
     does not see the plant's state.
     """
 
-    def __init__(self, *, robot: Robot, outputs: Sequence[str]) -> None:
+    def __init__(self, *, robot: Robot, outputs: Sequence[str], law: Law) -> None:
         super().__init__()
-        self._robot = robot
+        self._robot, self._law = robot, law
         self._nothing = [np.zeros(robot.n)] * len(outputs)
         self._reference = self.DeclareVectorInputPort("reference", 3 * robot.n)
         # Without these, Drake takes every output to depend on time, and Python would be called
@@ -51,10 +55,6 @@ class ReferenceTorque(LeafSystem):
                 prerequisites_of_calc=depends_on,
             )
 
-    def law(self, groups: Sequence[Array], v: Array, vd: Array) -> Sequence[Array]:
-        """Each output, from the torque groups of Eq. 2 and the reference; joint side."""
-        raise NotImplementedError
-
     def _allocate(self) -> AbstractValue:
         return AbstractValue.Make(_Scratch(self._robot.plant.CreateDefaultContext(), self._nothing))
 
@@ -63,7 +63,7 @@ class ReferenceTorque(LeafSystem):
         reference = self._reference.Eval(context)
         q_and_v, vd = reference[: 2 * n], reference[2 * n :]
         groups = groups_of_sample(self._robot, scratch.plant_context, q_and_v, vd)[:4]
-        scratch.torques = self.law(groups, q_and_v[n:], vd)
+        scratch.torques = self._law(groups, q_and_v[n:], vd)
 
     def _calc_output(self, context: Context, output: BasicVector, i: int) -> None:
         output.SetFromVector(self._torques.Eval(context).torques[i])
@@ -94,10 +94,10 @@ class LoadTorque(ReferenceTorque):
         Raises:
             InputError: for another algorithm.
         """
-        super().__init__(robot=robot, outputs=Loads._fields)
-        self._algorithm = checked_choice(algorithm, SIGNS, "algorithm")
+        checked_choice(algorithm, SIGNS, "algorithm")
 
-    def law(self, groups: Sequence[Array], v: Array, vd: Array) -> Loads:
-        inertial, reaction, velocity, gravity = groups
-        coupled = reaction + velocity + gravity
-        return decouple(inertial, coupled, self._robot.gear_ratio, self._algorithm)
+        def law(groups: Sequence[Array], _v: Array, _vd: Array) -> Loads:
+            inertial, reaction, velocity, gravity = groups
+            return decouple(inertial, reaction + velocity + gravity, robot.gear_ratio, algorithm)
+
+        super().__init__(robot=robot, outputs=Loads._fields, law=law)
