@@ -4,6 +4,7 @@ import copy
 
 import numpy as np
 import pytest
+from pydrake.systems.framework import LeafSystem
 
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.controllers import Controller, Pi, PiId, PPi, register_controller
@@ -120,6 +121,41 @@ def test_torque_of_a_controller_that_tells_nothing(design, case):
     else:
         expected = told.tau_peak[1:], told.tau_rms[1:], told.saturated[1:]
     agree(run, expected, own.robot.motor_torque_limit, 2e-2 if case == "late" else 3e-3)
+
+
+class Damper(LeafSystem, Controller):
+    """tau_cmd = K_PS (r v_ref - r v), continuous; it has no integral."""
+
+    def __init__(self, design):
+        super().__init__()
+        n, self._motion = design.robot.n, design.motion
+        self._gain = design.gains.kp * design.robot.gear_ratio
+        ports = (
+            self.DeclareVectorInputPort("reference", 3 * n),
+            self.DeclareVectorInputPort("state", 2 * n),
+        )
+
+        def command(context, output):
+            reference, state = (port.Eval(context) for port in ports)
+            output.SetFromVector(self._gain * (reference[n : 2 * n] - state[n:]))
+
+        self.DeclareVectorOutputPort("tau_cmd", n, command, {port.ticket() for port in ports})
+
+
+class ToldDamper(Damper):
+    """The same, which tells its command."""
+
+    def memoryless(self, held, sample, q, v):
+        return self._gain * (self._motion.v[held] - v)
+
+
+def test_torque_of_a_controller_without_an_integral(design):
+    register_controller("damper", Damper)
+    register_controller("told", ToldDamper)
+    own = design_of(design, "told", "coupled", Drive())
+    run, seen = simulate(own), simulate(design_of(design, "damper", "coupled", Drive()))
+    expected = seen.tau_peak[1:], seen.tau_rms[1:], seen.saturated[1:]
+    agree(run, expected, own.robot.motor_torque_limit, 3e-3)
 
 
 def test_motors_behind_springs_are_taken_as_their_encoders_see_them(design):
