@@ -1,0 +1,175 @@
+"""Seed faults into the package, one at a time, and tell which test catches each of them.
+
+    python tests/faults/run.py                      # all of faults.toml, the likeliest tests first
+    python tests/faults/run.py gravity_sign kp_     # faults whose id contains one of these
+    python tests/faults/run.py --tree ../other      # of another checkout, with its own tests
+
+Nothing in the checkout changes: faults are put into a temporary copy. A line for each fault goes to
+the screen and to --results, which a later run reads as its hint of where to look first.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import multiprocessing
+import os
+import re
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import matplotlib
+import pydrake.all  # noqa: F401  (here, so that it is loaded once and not for every fault)
+import pytest
+import tomllib
+
+HERE = Path(__file__).resolve().parent
+MISSED = "-"
+
+
+class FirstFailure:
+    """Sends the first test that fails, or "" when all have passed."""
+
+    def __init__(self, connection) -> None:
+        self._connection = connection
+
+    def pytest_runtest_logreport(self, report) -> None:
+        self._send_failed(report)
+
+    def pytest_collectreport(self, report) -> None:
+        self._send_failed(report)
+
+    def pytest_sessionfinish(self) -> None:
+        self._connection.send("")
+
+    def _send_failed(self, report) -> None:
+        if report.failed:
+            self._connection.send(report.nodeid)
+
+
+def seed(fault: dict, tree: Path) -> tuple[Path, str]:
+    """Put a fault into the tree; its file and what was in it.
+
+    Code moves: the old text is looked for in all of the package if it is not where it was.
+    """
+    places = [tree / fault["file"], *sorted((tree / "sdt_drake").rglob("*.py"))]
+    for path in places:
+        text = path.read_text(encoding="utf-8") if path.exists() else ""
+        if text.count(fault["old"]) == 1:
+            path.write_text(text.replace(fault["old"], fault["new"]), encoding="utf-8")
+            return path, text
+    raise LookupError(f"{fault['id']}: '{fault['old']}' is not in the package once")
+
+
+def likeliest(tree: Path, file: Path, source: str, hint: str) -> list[str]:
+    """All files of tests, those first that have to do with a file of the package."""
+    module = file.relative_to(tree).with_suffix("")
+    package = ".".join(module.parts[:-1])
+    names = "|".join(re.findall(r"^(?:class|def) ([A-Za-z]\w{4,})", source, re.MULTILINE)) or "$."
+
+    def score(path: Path) -> float:
+        text = path.read_text(encoding="utf-8")
+        return (
+            1000 * (str(path.relative_to(tree)) == hint)
+            + 20 * (path.stem == f"test_{module.name}")
+            + 8 * (module.name in path.stem)
+            + 5 * (path.parent.name == module.parent.name)
+            + 6 * (f"{package}.{module.name}" in text or f"{package} import {module.name}" in text)
+            + 4 * bool(re.search(rf"\b({names})\b", text))
+            - len(text) / 10_000  # the short ones first
+        )
+
+    files = sorted((tree / "tests").rglob("test_*.py"), key=score, reverse=True)
+    return [str(path.relative_to(tree)) for path in files]
+
+
+def first_failure(tree: Path, files: list[str], limit: float) -> str:
+    """The first test that fails within a time limit [s]; MISSED if all pass, or ... after it."""
+    ours, theirs = multiprocessing.Pipe()
+    process = multiprocessing.Process(target=_test, args=(tree, files, theirs))
+    process.start()
+    theirs.close()
+    try:
+        if not ours.poll(limit):
+            return f"{MISSED} within {limit:g} s"
+        return ours.recv() or MISSED
+    except EOFError:
+        return "the tests crash"
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.join()
+
+
+def _test(tree: Path, files: list[str], connection) -> None:
+    os.setsid()
+    os.chdir(tree)
+    sys.path.insert(0, str(tree))
+    os.environ["PYTHONPATH"] = str(tree)
+    with open(os.devnull, "w") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+        os.dup2(nowhere.fileno(), 2)
+    options = ["-x", "-n", "0", "-p", "no:cacheprovider", f"--basetemp={tree.parent / 'pytest'}"]
+    pytest.main([*options, *files], plugins=[FirstFailure(connection)])
+
+
+def read_results(path: Path) -> dict[str, str]:
+    """What became of each fault, by id."""
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    return dict(line.split(maxsplit=1) for line in lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("ids", nargs="*", help="parts of ids (default: all faults)")
+    parser.add_argument("--tree", type=Path, default=HERE.parents[1], help="checkout to be tested")
+    parser.add_argument("--limit", type=float, default=240.0, help="for the tests of a fault [s]")
+    parser.add_argument("--files", type=int, default=14, help="files of tests to run for a fault")
+    parser.add_argument("--part", default="1/1", help="1/2 and 2/2 in two shells at once")
+    parser.add_argument("--missed", action="store_true", help="those only that were not caught")
+    parser.add_argument("--new", action="store_true", help="those only that were never run")
+    parser.add_argument("--results", type=Path, default=HERE / "caught.txt")
+    options = parser.parse_args()
+    faults = tomllib.loads((HERE / "faults.toml").read_text(encoding="utf-8"))["fault"]
+    part, parts = map(int, options.part.split("/"))
+    known = read_results(options.results)
+    chosen = [
+        fault
+        for fault in faults[part - 1 :: parts]
+        if (not options.ids or any(x in fault["id"] for x in options.ids))
+        and not (options.missed and not known.get(fault["id"], MISSED).startswith(MISSED))
+        and not (options.new and fault["id"] in known)
+    ]
+    caught = 0
+    with tempfile.TemporaryDirectory(prefix="sdt-faults-") as folder:
+        tree = Path(folder) / "tree"
+        ignored = shutil.ignore_patterns(".*", "__pycache__")
+        shutil.copytree(options.tree, tree, ignore=ignored)
+        for fault in chosen:
+            start = time.monotonic()
+            hint = known.get(fault["id"], "").partition("::")[0]
+            try:
+                path, text = seed(fault, tree)
+            except LookupError as error:
+                print(error, flush=True)
+                continue
+            files = likeliest(tree, path, text, hint)[: options.files]
+            result = first_failure(tree, files, options.limit)
+            path.write_text(text, encoding="utf-8")
+            caught += not result.startswith(MISSED)
+            known = read_results(options.results) | {fault["id"]: result}  # another part writes too
+            lines = (f"{id_:28s} {known[id_]}\n" for id_ in sorted(known))
+            options.results.write_text("".join(lines), encoding="utf-8")
+            print(f"{fault['id']:28s} {result}  ({time.monotonic() - start:.0f} s)", flush=True)
+    print(f"{caught} of {len(chosen)} faults caught")
+
+
+if __name__ == "__main__":
+    matplotlib.use("Agg")
+    main()
