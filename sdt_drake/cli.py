@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import importlib
 import logging
 import os
 import shlex
 import sys
 import traceback
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NoReturn
 
 import sdt_drake
@@ -39,15 +40,45 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     arguments = sys.argv[1:] if arguments is None else arguments
     _prepare_streams()
+    code = 0
     try:
         code = _run(arguments)
     except KeyboardInterrupt:
         code = INTERRUPTED
+    except InputError as error:
+        code = _refuse(BAD_INPUT, *error.args)
+    except BrokenPipeError:
+        pass  # whoever reads us has enough
+    except OSError as error:
+        code = _refuse(BAD_INPUT, f"{error.filename or 'output'}: {error.strerror or error}")
+    except Exception as error:
+        if "--traceback" in arguments:
+            traceback.print_exc()
+        code = _refuse(
+            FAULT,
+            f"fault of the program, {type(error).__name__} ({error}), in: sdt-drake "
+            f"{shlex.join(arguments)}; --traceback shows where",
+        )
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
         except OSError:
             stop_printing(stream)
+    return code
+
+
+def _run(arguments: Sequence[str]) -> int:
+    code = 0
+    with keeping_inputs(), warnings.catch_warnings(record=True) as caught:
+        try:
+            options = _parser().parse_args(arguments)
+            _check_surroundings(options)
+            options.command(options)
+        except SystemExit as end:  # of --help with 0, of a study that failed with 1
+            code = end.code
+        sys.stdout.flush()
+    for warning in caught:  # of libraries; where something went wrong, the error says it better
+        _print_error(f"warning: {warning.message}")
     return code
 
 
@@ -63,63 +94,23 @@ def _prepare_streams() -> None:
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # no folder for its cache, for one
 
 
-def _run(arguments: Sequence[str]) -> int:
-    try:
-        with keeping_inputs(), _warnings_last():
-            code = 0
-            try:
-                _do(_parser().parse_args(arguments))
-            except SystemExit as end:  # of --help with 0, of a study that failed with 1
-                code = end.code
-            sys.stdout.flush()
-            return code
-    except InputError as error:
-        return _refuse(str(error))
-    except BrokenPipeError:
-        stop_printing(sys.stdout)
-    except OSError as error:
-        return _refuse(f"{error.filename or 'output'}: {error.strerror or error}")
-    except Exception as error:
-        if "--traceback" in arguments:
-            traceback.print_exc()
-        return _refuse(
-            f"fault of the program, {type(error).__name__} ({error}), in: sdt-drake "
-            f"{shlex.join(arguments)}; --traceback shows where",
-            FAULT,
-        )
-    return 0
-
-
-def _do(options: argparse.Namespace) -> None:
+def _check_surroundings(options: argparse.Namespace) -> None:
     try:
         os.getcwd()
     except FileNotFoundError:
         raise InputError("the current folder is gone, expected one that is there") from None
     if not getattr(options, "show", False):
         os.environ["MPLBACKEND"] = "agg"  # whatever a notebook has set: no screen is needed
-    else:
-        _check_backend()
-    options.command(options)
-
-
-def _check_backend() -> None:
+        return
     try:
         import matplotlib  # noqa: F401
     except ValueError as error:
         raise InputError(f"$MPLBACKEND: {error}") from None
 
 
-@contextlib.contextmanager
-def _warnings_last() -> Iterator[None]:
-    """Warnings of libraries, a line each, if nothing else went wrong: an error says it better."""
-    with warnings.catch_warnings(record=True) as caught:
-        yield
-    for warning in caught:
-        _print_error(f"warning: {warning.message}")
-
-
-def _refuse(message: str, code: int = BAD_INPUT) -> int:
-    _print_error(message)
+def _refuse(code: int, *messages: str) -> int:
+    for message in messages:
+        _print_error(message)
     return code
 
 
@@ -141,6 +132,18 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"sdt-drake {sdt_drake.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
-    for command in COMMANDS:
-        command.add(commands)
+    for name in COMMANDS:
+        module = importlib.import_module(f"sdt_drake.commands.{name}")
+        does = " ".join(module.__doc__.split())
+        command = commands.add_parser(
+            name,
+            help=f"{does[0].lower()}{does[1:].removesuffix('.')}",
+            description=does,
+            epilog=f"example: {module.EXAMPLE}",
+        )
+        command.set_defaults(command=module.run)
+        command.add_argument(
+            "--traceback", action="store_true", help="show where a fault of the program is"
+        )
+        module.add(command)
     return parser

@@ -1,11 +1,10 @@
-"""Frequency responses of the closed speed and position loops."""
+"""Tell the frequency response of each joint's loop: bandwidth, margins, peak."""
 
 from __future__ import annotations
 
 import argparse
 
 from sdt_drake.commands.common import (
-    add_command,
     add_out,
     add_scenario,
     add_show,
@@ -17,15 +16,10 @@ from sdt_drake.commands.common import (
 )
 from sdt_drake.errors import InputError, checked_number
 
+EXAMPLE = "sdt-drake bode package://sdt/scenarios/coupled_pi.yaml --out bode.png"
 
-def add(commands) -> None:
-    parser = add_command(
-        commands,
-        "bode",
-        run,
-        "frequency response of each joint's loop: bandwidth, margins, peak",
-        "sdt-drake bode package://sdt/scenarios/coupled_pi.yaml --out bode.png",
-    )
+
+def add(parser: argparse.ArgumentParser) -> None:
     add_scenario(parser)
     parser.add_argument(
         "--time",

@@ -1,11 +1,10 @@
-"""Split the speed error of a scenario into its causes."""
+"""Split the speed error of an axis scenario into its causes."""
 
 from __future__ import annotations
 
 import argparse
 
 from sdt_drake.commands.common import (
-    add_command,
     add_out,
     add_scenario,
     add_show,
@@ -17,15 +16,10 @@ from sdt_drake.commands.common import (
     say,
 )
 
+EXAMPLE = "sdt-drake budget package://sdt/scenarios/axis_pi_ctc.yaml --out budget.png"
 
-def add(commands) -> None:
-    parser = add_command(
-        commands,
-        "budget",
-        run,
-        "split the speed error of an axis scenario into its causes",
-        "sdt-drake budget package://sdt/scenarios/axis_pi_ctc.yaml --out budget.png",
-    )
+
+def add(parser: argparse.ArgumentParser) -> None:
     add_scenario(parser)
     add_out(parser, "CSV file for the parts, or a figure of them (.png, .svg, .pdf)")
     add_show(parser)

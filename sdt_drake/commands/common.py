@@ -27,23 +27,6 @@ ROBOT = "package://sdt/sdt.sdf"
 # --- options ---------------------------------------------------------------------------------
 
 
-def add_command(
-    commands, name: str, run: Callable[[argparse.Namespace], None], help_: str, example: str
-) -> argparse.ArgumentParser:
-    """The parser of a new command, still without options."""
-    parser = commands.add_parser(
-        name,
-        help=help_,
-        description=f"{help_[0].upper()}{help_[1:]}.",
-        epilog=f"example: {example}",
-    )
-    parser.set_defaults(command=run)
-    parser.add_argument(
-        "--traceback", action="store_true", help="show where a fault of the program is"
-    )
-    return parser
-
-
 def add_out(parser: argparse.ArgumentParser, help_: str, default: str | None = None) -> None:
     note = f" (default: {default})" if default else ""
     parser.add_argument("--out", type=some_path, default=default, help=help_ + note)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 
 from sdt_drake.commands.common import (
-    add_command,
     add_out,
     add_scenario,
     add_show,
@@ -17,20 +16,16 @@ from sdt_drake.commands.common import (
     say,
 )
 
+EXAMPLE = "sdt-drake compare package://sdt/scenarios/coupled_pi.yaml --controllers pi,pi_id,p_pi+id"
+
+
 CONTROLLERS = {
     "axis": "pi,pi_ctc,pi_id,p_pi+id,pi_scheduled",
     "coupled": "pi,pi_ctc,pi_id,p_pi,p_pi+id,pi_scheduled,inverse_dynamics",
 }
 
 
-def add(commands) -> None:
-    parser = add_command(
-        commands,
-        "compare",
-        run,
-        "run a scenario with several controllers, side by side",
-        "sdt-drake compare package://sdt/scenarios/coupled_pi.yaml --controllers pi,pi_id,p_pi+id",
-    )
+def add(parser: argparse.ArgumentParser) -> None:
     add_scenario(parser)
     parser.add_argument(
         "--controllers",

@@ -7,7 +7,6 @@ import re
 from pathlib import Path
 
 from sdt_drake.commands.common import (
-    add_command,
     add_out,
     add_scenario,
     check_file,
@@ -16,15 +15,10 @@ from sdt_drake.commands.common import (
 )
 from sdt_drake.errors import InputError, checked_choice
 
+EXAMPLE = "sdt-drake diagram package://sdt/scenarios/axis_pi_ctc.yaml --format svg --out loop.svg"
 
-def add(commands) -> None:
-    parser = add_command(
-        commands,
-        "diagram",
-        run,
-        "export the block diagram of a scenario's loop",
-        "sdt-drake diagram package://sdt/scenarios/axis_pi_ctc.yaml --format svg --out loop.svg",
-    )
+
+def add(parser: argparse.ArgumentParser) -> None:
     add_scenario(parser)
     parser.add_argument("--format", help="dot, svg or png (default: by --out, or dot)")
     parser.add_argument("--depth", type=int, default=2, help="levels of diagrams to open")

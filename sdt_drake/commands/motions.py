@@ -1,25 +1,21 @@
-"""List the training motions that ship with the package, or print one in full."""
+"""List the training motions, or print one in full."""
 
 from __future__ import annotations
 
 import argparse
 import textwrap
 
-from sdt_drake.commands.common import add_command, add_robot, naming, print_table, say
+from sdt_drake.commands.common import add_robot, naming, print_table, say
 from sdt_drake.errors import InputError
+
+EXAMPLE = "sdt-drake motions graveyard_spiral"
+
 
 _WIDTH = 96  # columns of running text
 _LONGEST = 3600  # s; what is computed while one waits
 
 
-def add(commands) -> None:
-    parser = add_command(
-        commands,
-        "motions",
-        run,
-        "list the training motions, or print one in full",
-        "sdt-drake motions graveyard_spiral",
-    )
+def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "motion", nargs="?", metavar="NAME", help="a shipped motion, or a training profile .yaml"
     )

@@ -1,4 +1,4 @@
-"""What the pilot feels of a scenario or a recording, and of the errors of its controller."""
+"""Show what the pilot feels of a motion, and of the errors of its controller."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 
 from sdt_drake.commands.common import (
     ROBOT,
-    add_command,
     add_out,
     add_show,
     check_out,
@@ -18,15 +17,10 @@ from sdt_drake.commands.common import (
 )
 from sdt_drake.errors import InputError
 
+EXAMPLE = "sdt-drake pilot package://sdt/scenarios/coupled_pi.yaml --out pilot.png"
 
-def add(commands) -> None:
-    parser = add_command(
-        commands,
-        "pilot",
-        run,
-        "show what the pilot feels of a motion, and of the errors of its controller",
-        "sdt-drake pilot package://sdt/scenarios/coupled_pi.yaml --out pilot.png",
-    )
+
+def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "what", metavar="SCENARIO.yaml|RECORDING.csv", help="what to run, or what `simulate` wrote"
     )

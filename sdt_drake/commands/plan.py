@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 
 from sdt_drake.commands.common import (
-    add_command,
     add_motion,
     add_out,
     add_period,
@@ -22,17 +21,13 @@ from sdt_drake.commands.common import (
 )
 from sdt_drake.errors import InputError
 
+EXAMPLE = "sdt-drake plan graveyard_spin --planner retiming --out motion.csv"
+
+
 _ANGLE_LOST = 0.1  # deg; less is not worth a line
 
 
-def add(commands) -> None:
-    parser = add_command(
-        commands,
-        "plan",
-        run,
-        "plan a motion within the motors' torques",
-        "sdt-drake plan graveyard_spin --planner retiming --out motion.csv",
-    )
+def add(parser: argparse.ArgumentParser) -> None:
     add_motion(parser)
     add_robot(parser)
     add_period(parser)

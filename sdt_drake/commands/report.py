@@ -1,23 +1,19 @@
-"""Make one page of what `reproduce` or `study` wrote."""
+"""Make one self-contained report.html of what reproduce or study wrote; studies in folders of DIR
+become chapters.
+"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from sdt_drake.commands.common import add_command, check_folder, say, some_path
+from sdt_drake.commands.common import check_folder, say, some_path
 from sdt_drake.errors import InputError
 
+EXAMPLE = "sdt-drake report out"
 
-def add(commands) -> None:
-    parser = add_command(
-        commands,
-        "report",
-        run,
-        "make one self-contained report.html of what reproduce or study wrote; studies in folders "
-        "of DIR become chapters",
-        "sdt-drake report out",
-    )
+
+def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", metavar="DIR", type=some_path, help="folder that they wrote")
 
 

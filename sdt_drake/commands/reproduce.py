@@ -6,17 +6,12 @@ import argparse
 import time
 from pathlib import Path
 
-from sdt_drake.commands.common import add_command, add_out, check_folder, say
+from sdt_drake.commands.common import add_out, check_folder, say
+
+EXAMPLE = "sdt-drake reproduce --out out"
 
 
-def add(commands) -> None:
-    parser = add_command(
-        commands,
-        "reproduce",
-        run,
-        "recompute the study of the paper: tables, figures, diagrams, claims",
-        "sdt-drake reproduce --out out",
-    )
+def add(parser: argparse.ArgumentParser) -> None:
     add_out(parser, "folder for the results", default="out")
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 
 from sdt_drake.commands.common import (
-    add_command,
     add_out,
     add_scenario,
     add_show,
@@ -16,15 +15,10 @@ from sdt_drake.commands.common import (
     say,
 )
 
+EXAMPLE = "sdt-drake simulate package://sdt/scenarios/coupled_pi_ctc.yaml --out run.csv"
 
-def add(commands) -> None:
-    parser = add_command(
-        commands,
-        "simulate",
-        run,
-        "run a scenario and show how well the joints follow",
-        "sdt-drake simulate package://sdt/scenarios/coupled_pi_ctc.yaml --out run.csv",
-    )
+
+def add(parser: argparse.ArgumentParser) -> None:
     add_scenario(parser)
     add_out(parser, "CSV file for the recording, or a figure of it (.png, .svg, .pdf)")
     add_show(parser)

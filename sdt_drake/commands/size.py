@@ -6,19 +6,14 @@ import argparse
 import shlex
 from pathlib import Path
 
-from sdt_drake.commands.common import add_command, say
+from sdt_drake.commands.common import say
 from sdt_drake.commands.study import FAILED, add_running, run_into
 from sdt_drake.errors import replacing
 
+EXAMPLE = "sdt-drake size package://sdt/studies/sizing.yaml --workers 2 --out sizing"
 
-def add(commands) -> None:
-    parser = add_command(
-        commands,
-        "size",
-        run,
-        "find the motors that are enough, for each controller",
-        "sdt-drake size package://sdt/studies/sizing.yaml --workers 2 --out sizing",
-    )
+
+def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("sizing", metavar="SIZING.yaml")
     add_running(parser)
 

@@ -1,4 +1,4 @@
-"""Sweep omega_n / omega_r: how stiff the structure has to be."""
+"""Sweep omega_n / omega_r with elastic joints: damping, overshoot, border of stability."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import re
 from typing import TYPE_CHECKING
 
 from sdt_drake.commands.common import (
-    add_command,
     add_omega_r,
     add_out,
     add_scenario,
@@ -24,17 +23,13 @@ if TYPE_CHECKING:
     from sdt_drake.analysis.stability import StabilitySweep
     from sdt_drake.design import Design
 
+EXAMPLE = "sdt-drake stability package://sdt/scenarios/coupled_pi.yaml --out stability.png"
+
+
 SHOWN = (0.1, 0.25, 0.5, 0.75, 1.0, 1.5)
 
 
-def add(commands) -> None:
-    parser = add_command(
-        commands,
-        "stability",
-        run,
-        "sweep omega_n / omega_r with elastic joints: damping, overshoot, border of stability",
-        "sdt-drake stability package://sdt/scenarios/coupled_pi.yaml --out stability.png",
-    )
+def add(parser: argparse.ArgumentParser) -> None:
     add_scenario(parser)
     add_omega_r(parser, "that of the scenario")
     parser.add_argument(

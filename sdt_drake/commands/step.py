@@ -7,7 +7,6 @@ from dataclasses import asdict
 
 from sdt_drake import paper
 from sdt_drake.commands.common import (
-    add_command,
     add_omega_r,
     add_out,
     add_show,
@@ -17,15 +16,10 @@ from sdt_drake.commands.common import (
 )
 from sdt_drake.errors import checked_choice, checked_number
 
+EXAMPLE = "sdt-drake step --inertia 4.26 --structure p_in_feedback --zeta 0.95 --out step.png"
 
-def add(commands) -> None:
-    parser = add_command(
-        commands,
-        "step",
-        run,
-        "simulate the step response of one speed loop",
-        "sdt-drake step --inertia 4.26 --structure p_in_feedback --zeta 0.95 --out step.png",
-    )
+
+def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--inertia",
         type=float,

@@ -1,4 +1,4 @@
-"""Run a study, show what came out, or repeat one of its runs."""
+"""Run many variants of a scenario, show what came out, or repeat one of them."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sdt_drake.commands.common import add_command, check_folder, print_table, say, some_path
+from sdt_drake.commands.common import check_folder, print_table, say, some_path
 from sdt_drake.errors import InputError
 
 if TYPE_CHECKING:
     from sdt_drake.scenario import Scenario
     from sdt_drake.studies.study import Study
     from sdt_drake.studies.table import StudyTable
+
+EXAMPLE = "sdt-drake study package://sdt/studies/monte_carlo.yaml --workers 2 --out mc"
+
 
 FAILED = 1
 """Exit code where runs have failed, so that there is no answer."""
@@ -25,14 +28,7 @@ _USAGE = """sdt-drake study STUDY.yaml [--out DIR] [--workers N | --cluster ADDR
        sdt-drake study repeat DIR --row N [--out FILE.csv]"""
 
 
-def add(commands) -> None:
-    parser = add_command(
-        commands,
-        "study",
-        run,
-        "run many variants of a scenario, show what came out, or repeat one of them",
-        "sdt-drake study package://sdt/studies/monte_carlo.yaml --workers 2 --out mc",
-    )
+def add(parser: argparse.ArgumentParser) -> None:
     parser.usage = _USAGE
     parser.add_argument("what", nargs="+", metavar="STUDY.yaml | show DIR | repeat DIR")
     add_running(parser)

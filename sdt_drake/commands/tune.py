@@ -1,4 +1,4 @@
-"""Print the effective inertia along a motion, and the gains that follow."""
+"""Tell the effective inertia along a motion, and the gains that follow."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import re
 from sdt_drake import paper
 from sdt_drake.commands.common import (
     ROBOT,
-    add_command,
     add_motion,
     add_omega_r,
     add_out,
@@ -22,17 +21,13 @@ from sdt_drake.commands.common import (
 )
 from sdt_drake.errors import InputError
 
+EXAMPLE = "sdt-drake tune --omega-r 65.991 --zeta 0.95 0.98 0.99 0.95"
+
+
 _PUBLISHED = "published for the shipped device"
 
 
-def add(commands) -> None:
-    parser = add_command(
-        commands,
-        "tune",
-        run,
-        "effective inertia along a motion, and the gains that follow",
-        "sdt-drake tune --omega-r 65.991 --zeta 0.95 0.98 0.99 0.95",
-    )
+def add(parser: argparse.ArgumentParser) -> None:
     add_motion(parser)
     add_robot(parser)
     add_period(parser)

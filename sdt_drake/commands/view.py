@@ -1,4 +1,4 @@
-"""Show a motion in 3D, live or as a web page."""
+"""Show a motion in 3D, live in a browser or as a web page."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 
 from sdt_drake.commands.common import (
     ROBOT,
-    add_command,
     check_file,
     design_of,
     is_motion,
@@ -17,17 +16,13 @@ from sdt_drake.commands.common import (
 )
 from sdt_drake.errors import InputError
 
+EXAMPLE = "sdt-drake view package://sdt/scenarios/coupled_pi_ctc.yaml --record run.html"
+
+
 PERIOD = 0.005  # of the paper's planner [s]
 
 
-def add(commands) -> None:
-    parser = add_command(
-        commands,
-        "view",
-        run,
-        "show a motion in 3D, live in a browser or as a web page",
-        "sdt-drake view package://sdt/scenarios/coupled_pi_ctc.yaml --record run.html",
-    )
+def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "motion",
         metavar="FILE.yaml|FILE.csv|NAME",
