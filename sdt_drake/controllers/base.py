@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydrake.systems.framework import Context, System
 
 from sdt_drake.errors import InputError
-from sdt_drake.systems import CtcFeedforward, FeedforwardTorque, SignalTable, Wiring
+from sdt_drake.systems import CtcFeedforward, ReferenceTorque, SignalTable, Wiring
 
 if TYPE_CHECKING:
     from sdt_drake.design import Design
@@ -105,14 +105,16 @@ def add_feedforward(wiring: Wiring, design: Design, at: int | None) -> None:
     if design.feedforward is None or at is not None:
         wiring.same("tau_cmd", "tau_fb")
         return
-    total = CtcFeedforward(n=design.robot.n)
-    wiring.add("ctc_feedforward", total)
+    wiring.add("ctc_feedforward", CtcFeedforward(n=design.robot.n))
     if design.feeds_load_torque:
         wiring.same("tau_ff", "load_torque")
     elif design.scenario.inverse_dynamics == "table":
         add_table(wiring, "feedforward_table", design, tau_ff=design.tau_ff)
     else:
-        torque = FeedforwardTorque(model=design.model, law=design.feedforward)
+        law = design.feedforward
+        torque = ReferenceTorque(
+            robot=design.model, outputs=("tau_ff",), law=lambda *sample: [law(*sample)]
+        )
         wiring.add("feedforward_torque", torque)
 
 

@@ -71,12 +71,11 @@ def add_loads(wiring: Wiring, design: Design) -> None:
         parts.append("friction")
     extra = PassThrough(np.zeros(n))
     if not parts:
-        wiring.add("extra_load_torque", extra, u="extra_load_torque", y="true_load")
+        wiring.add("extra_load_torque", extra, "extra_load_torque", "true_load")
         return
-    wiring.add("extra_load_torque", extra, u="extra_load_torque", y="extra")
+    wiring.add("extra_load_torque", extra, "extra_load_torque", "extra")
     parts.append("extra")
-    inputs = {f"u{i}": part for i, part in enumerate(parts)}
-    wiring.add("true_load", Adder(len(parts), n), sum="true_load", **inputs)
+    wiring.add("true_load", Adder(len(parts), n), *parts, "true_load")
 
 
 def make_process(design: Design) -> Diagram:
@@ -88,7 +87,7 @@ def make_process(design: Design) -> Diagram:
     """
     wiring, n = Wiring(), design.robot.n
     add_device(wiring, design)
-    wiring.add("no_load", ConstantVectorSource(np.zeros(n)), y0="true_load")
+    wiring.add("no_load", ConstantVectorSource(np.zeros(n)), "true_load")
     wiring.same("tau_limited", "tau_cmd")
     process = Diagram()
     wiring.build_into(process, ("tau_cmd",), ("measured", "state"))

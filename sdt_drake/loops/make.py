@@ -22,7 +22,6 @@ from sdt_drake.systems import (
     DynamicSaturation,
     ElasticJoints,
     Encoder,
-    Envelope,
     JointFriction,
     LoadTorque,
     PiSpeedController,
@@ -31,7 +30,6 @@ from sdt_drake.systems import (
     RobotPlant,
     TorqueLoop,
     Wiring,
-    add_logs,
     hold_of,
 )
 
@@ -69,16 +67,17 @@ class Loop(Diagram):
         wiring = Wiring()
 
         source = ReferenceSource(motion=motion, delay=drive.reference_delay)
-        wiring.add("reference_source", source, reference="planned")
+        wiring.add("reference_source", source, "planned")
         hold = hold_of(motion, 3 * robot.n, delay=drive.reference_delay)
-        wiring.add("zero_order_hold", hold, u="planned", y="reference")
+        wiring.add("zero_order_hold", hold, "planned", "reference")
         _add_load_torque(wiring, design, self.controller, widened)
         wiring.add("controller", self.controller, state="drive_state")
-        envelope = None
-        if drive.n1 is not None and drive.n0 is not None:
-            envelope = Envelope(np.array(drive.n1), np.array(drive.n0), robot.gear_ratio)
         limits = DynamicSaturation(
-            motor_torque_limit=robot.motor_torque_limit, envelope=envelope, widened=widened
+            motor_torque_limit=robot.motor_torque_limit,
+            gear_ratio=robot.gear_ratio,
+            n1=drive.n1,
+            n0=drive.n0,
+            widened=widened,
         )
         wiring.add("dynamic_saturation", limits, tau="tau_limited", state="motor_state")
         add_device(wiring, design)
@@ -89,8 +88,8 @@ class Loop(Diagram):
             wiring.add("drawing", drawing)
 
         torques, states = ("tau_cmd", "tau_limited", "tau"), ("state", "measured")
-        self.logs = add_logs(wiring, states, motion.period)
-        self.logs |= add_logs(wiring, torques, drive.period or motion.period)
+        self.logs = wiring.log(states, motion.period)
+        self.logs |= wiring.log(torques, drive.period or motion.period)
         wiring.build_into(self, ("extra_load_torque",), ("reference", *states, "tau_cmd", "tau"))
         self.set_name(f"{design.scenario.plant.kind}_loop")
 
@@ -210,14 +209,14 @@ def make_step_loop(
     checked_number(step, "step")
     checked_number(log_period, "log_period", minimum=0, exclusive=True)
     wiring, diagram = Wiring(), Diagram()
-    reference = ConstantVectorSource([0.0, step, 0.0])  # q_ref, v_ref, vd_ref
-    wiring.add("step_reference", reference, y0="reference")
+    step_reference = ConstantVectorSource([0.0, step, 0.0])  # q_ref, v_ref, vd_ref
+    wiring.add("step_reference", step_reference, "reference")
     pi = PiSpeedController(gains=gains, gear_ratio=[1.0], structure=structure)
     wiring.add("pi_speed_controller", pi)
-    wiring.add("no_load", ConstantVectorSource([0.0]), y0="load_torque")
+    wiring.add("no_load", ConstantVectorSource([0.0]), "load_torque")
     process = AxisProcess(i_eff=[i_eff], gear_ratio=[1.0])
     wiring.add("axis_process", process, tau="tau_fb")
-    add_logs(wiring, ("state",), log_period)
+    wiring.log(("state",), log_period)
     wiring.build_into(diagram, (), ("state",))
     diagram.set_name("step_loop")
     return diagram

@@ -28,18 +28,17 @@ from sdt_drake.systems.axis_process import AxisProcess
 from sdt_drake.systems.disturbance import Disturbance
 from sdt_drake.systems.elastic_joints import ElasticJoints
 from sdt_drake.systems.encoder import Encoder
-from sdt_drake.systems.feedforward import CtcFeedforward, FeedforwardTorque
+from sdt_drake.systems.feedforward import CtcFeedforward
 from sdt_drake.systems.friction import JointFriction
 from sdt_drake.systems.gain_schedule import GainSchedule
 from sdt_drake.systems.inverse_dynamics import InverseDynamicsController
-from sdt_drake.systems.load_torque import LoadTorque
-from sdt_drake.systems.logs import add_logs
+from sdt_drake.systems.load_torque import LoadTorque, ReferenceTorque
 from sdt_drake.systems.pi import PiSpeedController
 from sdt_drake.systems.position_loop import PositionLoop
 from sdt_drake.systems.reference import ReferenceSource, SignalTable, hold_of
 from sdt_drake.systems.robot_drawing import RobotDrawing
 from sdt_drake.systems.robot_plant import RobotPlant
-from sdt_drake.systems.saturation import DynamicSaturation, Envelope
+from sdt_drake.systems.saturation import DynamicSaturation
 from sdt_drake.systems.symbolic import SymbolicLaw
 from sdt_drake.systems.torque_loop import TorqueLoop
 from sdt_drake.systems.wiring import Wiring
@@ -51,8 +50,6 @@ __all__ = [
     "DynamicSaturation",
     "ElasticJoints",
     "Encoder",
-    "Envelope",
-    "FeedforwardTorque",
     "GainSchedule",
     "InverseDynamicsController",
     "JointFriction",
@@ -60,12 +57,12 @@ __all__ = [
     "PiSpeedController",
     "PositionLoop",
     "ReferenceSource",
+    "ReferenceTorque",
     "RobotDrawing",
     "RobotPlant",
     "SignalTable",
     "SymbolicLaw",
     "TorqueLoop",
     "Wiring",
-    "add_logs",
     "hold_of",
 ]

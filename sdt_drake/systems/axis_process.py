@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.primitives import LinearSystem, Multiplexer
 
-from sdt_drake.errors import checked_vector
+from sdt_drake.systems.wiring import Wiring
 
 
 class AxisProcess(Diagram):
@@ -36,32 +36,21 @@ class AxisProcess(Diagram):
         Args:
             i_eff: effective inertia, motor side [kg m²], shape (n,), > 0.
             gear_ratio: r [-], shape (n,), > 0.
-
-        Raises:
-            InputError: for values that are not finite and > 0.
         """
         super().__init__()
         n = np.size(i_eff)
-        i_eff = checked_vector(i_eff, n, "i_eff", positive=True)
-        gear_ratio = checked_vector(gear_ratio, n, "gear_ratio", positive=True)
         zero, one = np.zeros((n, n)), np.eye(n)
-        per_torque = np.diag(1 / (i_eff * gear_ratio))
-        builder = DiagramBuilder()
-        torques = builder.AddNamedSystem("inputs", Multiplexer([n, n]))
-        self._motors = builder.AddNamedSystem(
-            "motors",
-            LinearSystem(
-                A=np.block([[zero, one], [zero, zero]]),
-                B=np.block([[zero, zero], [per_torque, -per_torque]]),
-                C=np.eye(2 * n),
-                D=np.zeros((2 * n, 2 * n)),
-            ),
+        per_torque = np.diag(1 / (np.asarray(i_eff) * gear_ratio))
+        motors = LinearSystem(
+            A=np.block([[zero, one], [zero, zero]]),
+            B=np.block([[zero, zero], [per_torque, -per_torque]]),
+            C=np.eye(2 * n),
+            D=np.zeros((2 * n, 2 * n)),
         )
-        builder.ExportInput(torques.get_input_port(0), "tau")
-        builder.ExportInput(torques.get_input_port(1), "load_torque")
-        builder.Connect(torques.get_output_port(), self._motors.get_input_port())
-        builder.ExportOutput(self._motors.get_output_port(), "state")
-        builder.BuildInto(self)
+        wiring = Wiring()
+        wiring.add("inputs", Multiplexer([n, n]), "tau", "load_torque", "torques")
+        self._motors = wiring.add("motors", motors, "torques", "state")
+        wiring.build_into(self, ("tau", "load_torque"), ("state",))
 
     def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
         """Start at q [rad] with v [rad/s], joint side."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pydrake.symbolic as sym
 
-from sdt_drake.errors import checked_number
 from sdt_drake.systems.symbolic import SymbolicLaw
 
 
@@ -33,12 +32,7 @@ class Disturbance(SymbolicLaw):
             n: number of joints.
             amplitude: A, share of the load torque [-], >= 0.
             omega_d: omega_D [rad/s], >= 0.
-
-        Raises:
-            InputError: for values that are not finite and >= 0.
         """
-        amplitude = checked_number(amplitude, "disturbance amplitude", minimum=0)
-        omega_d = checked_number(omega_d, "disturbance omega_d", minimum=0)
 
         def law(_x, load_torque):
             return [amplitude * sym.sin(omega_d * self.time) * tau for tau in load_torque]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pydrake.symbolic as sym
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.primitives import MatrixGain, Multiplexer, ZeroOrderHold
 
-from sdt_drake.errors import checked_count, checked_number, checked_vector
 from sdt_drake.systems.symbolic import SymbolicLaw
+from sdt_drake.systems.wiring import Wiring
 
 
 class Encoder(Diagram):
@@ -46,23 +46,15 @@ class Encoder(Diagram):
             period: [s], > 0.
             resolution: N, increments per revolution of the motor [-], shape (n,); ideal by default.
             gear_ratio: r [-], shape (n,); needed with a resolution.
-
-        Raises:
-            InputError: for values that are not finite and > 0.
         """
         super().__init__()
-        checked_count(n, "n")
-        self._period = checked_number(period, "period", minimum=0, exclusive=True)
+        self._period, self._increment = period, None
         self.symbol = f"encoder\n{1e3 * period:g} ms"
-        builder = DiagramBuilder()
-        add, connect = builder.AddNamedSystem, builder.Connect
+        wiring = Wiring()
         if resolution is None:
-            self._increment = None
-            self._now = first = last = add("now", ZeroOrderHold(period, 2 * n))
+            self._now = wiring.add("now", ZeroOrderHold(period, 2 * n), "state", "measured")
         else:
-            resolution = checked_vector(resolution, n, "resolution", positive=True)
-            r = checked_vector(gear_ratio, n, "gear_ratio", positive=True)
-            self._increment = 2 * np.pi / (resolution * r)
+            self._increment = 2 * np.pi / np.multiply(resolution, gear_ratio)
 
             def count(_x, state):
                 return [
@@ -70,22 +62,15 @@ class Encoder(Diagram):
                     for q, step in zip(state[:n], self._increment, strict=True)
                 ]
 
-            first = add("count", SymbolicLaw(inputs={"state": 2 * n}, output="q", law=count))
-            self._now = add("now", ZeroOrderHold(period, n))
-            # Updated at the same instants as `now`, it sees what `now` held until then.
-            self._before = add("before", ZeroOrderHold(period, n))
-            samples = add("samples", Multiplexer([n, n]))
             one, zero = np.eye(n), np.zeros((n, n))
             difference = np.block([[one, zero], [one / period, -one / period]])
-            last = add("difference", MatrixGain(difference))
-            connect(first.get_output_port(), self._now.get_input_port())
-            connect(self._now.get_output_port(), self._before.get_input_port())
-            connect(self._now.get_output_port(), samples.get_input_port(0))
-            connect(self._before.get_output_port(), samples.get_input_port(1))
-            connect(samples.get_output_port(), last.get_input_port())
-        builder.ExportInput(first.get_input_port(), "state")
-        builder.ExportOutput(last.get_output_port(), "measured")
-        builder.BuildInto(self)
+            wiring.add("count", SymbolicLaw(inputs={"state": 2 * n}, output="q", law=count))
+            self._now = wiring.add("now", ZeroOrderHold(period, n), "q", "now")
+            # Updated at the same instants as `now`, it sees what `now` held until then.
+            self._before = wiring.add("before", ZeroOrderHold(period, n), "now", "before")
+            wiring.add("samples", Multiplexer([n, n]), "now", "before", "samples")
+            wiring.add("difference", MatrixGain(difference), "samples", "measured")
+        wiring.build_into(self, ("state",), ("measured",))
 
     def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
         """Start with samples taken at q [rad], moving with v [rad/s] for long; joint side."""

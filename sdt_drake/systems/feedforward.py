@@ -1,19 +1,11 @@
-"""Torque feedforward: its sum with the feedback, and the torque itself, on line. No state."""
+"""Torque feedforward: its sum with the feedback. No state."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-
-import numpy as np
-from numpy.typing import NDArray
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import Adder
 
-from sdt_drake.errors import checked_count
-from sdt_drake.robot import Robot
-from sdt_drake.systems.load_torque import ReferenceTorque
-
-Array = NDArray[np.float64]
+from sdt_drake.systems.wiring import Wiring
 
 
 class CtcFeedforward(Diagram):
@@ -35,40 +27,8 @@ class CtcFeedforward(Diagram):
     """
 
     def __init__(self, *, n: int) -> None:
-        """For n motors.
-
-        Raises:
-            InputError: for n that is not > 0.
-        """
+        """For n motors."""
         super().__init__()
-        checked_count(n, "n")
-        builder = DiagramBuilder()
-        total = builder.AddNamedSystem("tau_cmd", Adder(2, n))
-        builder.ExportInput(total.get_input_port(0), "tau_fb")
-        builder.ExportInput(total.get_input_port(1), "tau_ff")
-        builder.ExportOutput(total.get_output_port(), "tau_cmd")
-        builder.BuildInto(self)
-
-
-class FeedforwardTorque(ReferenceTorque):
-    """Torque feedforward of the reference from the controller's model, motor side [N m].
-
-    What it consists of is a function of the model's torque groups, see
-    `sdt_drake.control.feedforward_torque`. It does not see the state.
-
-    .. pydrake_system::
-
-        name: FeedforwardTorque
-        input_ports:
-        - reference
-        output_ports:
-        - tau_ff
-    """
-
-    symbol = "inverse\ndynamics"
-
-    def __init__(
-        self, *, model: Robot, law: Callable[[Sequence[Array], Array, Array], Array]
-    ) -> None:
-        """Of `model`; law(groups, v_ref, vd_ref) gives tau_ff, shape (n,)."""
-        super().__init__(robot=model, outputs=("tau_ff",), law=lambda *sample: [law(*sample)])
+        wiring = Wiring()
+        wiring.add("tau_cmd", Adder(2, n), "tau_fb", "tau_ff", "tau_cmd")
+        wiring.build_into(self, ("tau_fb", "tau_ff"), ("tau_cmd",))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pydrake.symbolic as sym
 from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context
@@ -12,7 +13,6 @@ from sdt_drake.device import (
     FrictionParameters,
     sliding_stretch,
 )
-from sdt_drake.errors import checked_vector
 from sdt_drake.systems.symbolic import SymbolicLaw
 
 _UNIT = 100.0  # z / z_c in a unit of the state; when sliding, z / z_c is in the hundreds
@@ -53,12 +53,9 @@ class JointFriction(SymbolicLaw):
         Args:
             friction: of n joints, joint side.
             gear_ratio: r [-], shape (n,), > 0.
-
-        Raises:
-            InputError: for gear ratios that are not > 0 or not n.
         """
         n = len(friction.coulomb)
-        r = checked_vector(gear_ratio, n, "gear_ratio", positive=True)
+        r = np.asarray(gear_ratio)
         v_s, z_c = friction.stribeck_speed, friction.presliding
         extra = friction.breakaway - friction.coulomb
         self._friction = friction

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram
 
 from sdt_drake.systems.symbolic import SymbolicLaw
+from sdt_drake.systems.wiring import Wiring
 
 
 class GainSchedule(Diagram):
@@ -36,22 +37,16 @@ class GainSchedule(Diagram):
         """For n joints."""
         super().__init__()
 
-        def reference_law(_x, share, reference):
+        def reference_law(_x, reference, share):
             q_ref, v_ref, vd_ref = np.split(reference, 3)
             return [*q_ref, *(share * v_ref), *vd_ref]
 
-        def state_law(_x, share, state):
+        def state_law(_x, state, share):
             return [*state[:n], *(share * state[n:])]
 
-        builder = DiagramBuilder()
+        wiring = Wiring()
         for name, size, law in (("reference", 3 * n, reference_law), ("state", 2 * n, state_law)):
-            inputs, output = {"inertia_share": n, name: size}, f"weighted_{name}"
-            weighted = SymbolicLaw(inputs=inputs, output=output, law=law)
-            builder.AddNamedSystem(output, weighted)
-            builder.ExportInput(weighted.GetInputPort(name), name)
-            builder.ExportOutput(weighted.get_output_port(), output)
-            if name == "reference":
-                builder.ExportInput(weighted.GetInputPort("inertia_share"), "inertia_share")
-            else:
-                builder.ConnectInput("inertia_share", weighted.GetInputPort("inertia_share"))
-        builder.BuildInto(self)
+            inputs, output = {name: size, "inertia_share": n}, f"weighted_{name}"
+            wiring.add(output, SymbolicLaw(inputs=inputs, output=output, law=law))
+        outputs = ("weighted_reference", "weighted_state")
+        wiring.build_into(self, ("reference", "inertia_share", "state"), outputs)

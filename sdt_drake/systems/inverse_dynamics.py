@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems import controllers
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import Demultiplexer, Gain
 
-from sdt_drake.errors import checked_vector
 from sdt_drake.robot import Robot
+from sdt_drake.systems.wiring import Wiring
 
 
 class InverseDynamicsController(Diagram):
@@ -40,31 +40,18 @@ class InverseDynamicsController(Diagram):
             model: what the controller takes the robot for.
             omega_n: natural frequency of the error [rad/s], shape (n,), > 0.
             zeta: its damping ratio [-], shape (n,), > 0.
-
-        Raises:
-            InputError: for values that are not finite and > 0.
         """
         super().__init__()
-        n = model.n
-        omega_n = checked_vector(omega_n, n, "omega_n", positive=True)
-        zeta = checked_vector(zeta, n, "zeta", positive=True)
-        builder = DiagramBuilder()
-        split = builder.AddNamedSystem("reference", Demultiplexer([2 * n, n]))
-        law = builder.AddNamedSystem(
-            "law",
-            controllers.InverseDynamicsController(
-                model.make_plant(),
-                kp=omega_n**2,
-                ki=np.zeros(n),
-                kd=2 * zeta * omega_n,
-                has_reference_acceleration=True,
-            ),
+        n, omega_n = model.n, np.asarray(omega_n)
+        law = controllers.InverseDynamicsController(
+            model.make_plant(),
+            kp=omega_n**2,
+            ki=np.zeros(n),
+            kd=2 * zeta * omega_n,
+            has_reference_acceleration=True,
         )
-        gears = builder.AddNamedSystem("gears", Gain(1 / model.gear_ratio))
-        builder.ExportInput(split.get_input_port(), "reference")
-        builder.ExportInput(law.get_input_port_estimated_state(), "sampled_state")
-        builder.Connect(split.get_output_port(0), law.get_input_port_desired_state())
-        builder.Connect(split.get_output_port(1), law.get_input_port_desired_acceleration())
-        builder.Connect(law.get_output_port_control(), gears.get_input_port())
-        builder.ExportOutput(gears.get_output_port(), "tau_fb")
-        builder.BuildInto(self)
+        wiring = Wiring()
+        wiring.add("reference", Demultiplexer([2 * n, n]), "reference", "state_ref", "vd_ref")
+        wiring.add("law", law, "sampled_state", "state_ref", "vd_ref", "torque", "unused_vd")
+        wiring.add("gears", Gain(1 / model.gear_ratio), "torque", "tau_fb")
+        wiring.build_into(self, ("reference", "sampled_state"), ("tau_fb",))

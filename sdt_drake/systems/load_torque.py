@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValueProducer
 
-from sdt_drake.dynamics import SIGNS, Loads, decouple, groups_of_sample
-from sdt_drake.errors import checked_choice
+from sdt_drake.dynamics import Loads, decouple, groups_of_sample
 from sdt_drake.robot import Robot
 
 Array = NDArray[np.float64]
@@ -32,9 +31,20 @@ Law = Callable[[Sequence[Array], Array, Array], Sequence[Array]]
 class ReferenceTorque(LeafSystem):
     """Torques that follow from the reference by inverse dynamics; `law` says which.
 
+    With `law(groups, v_ref, vd_ref)`, of the torque groups of Eq. 2 (joint side), for all outputs.
     It does not sample: with a held input the cache evaluates it once per sample, without delay. It
     does not see the plant's state.
+
+    .. pydrake_system::
+
+        name: ReferenceTorque
+        input_ports:
+        - reference
+        output_ports:
+        - (torques)
     """
+
+    symbol = "inverse\ndynamics"
 
     def __init__(self, *, robot: Robot, outputs: Sequence[str], law: Law) -> None:
         super().__init__()
@@ -86,15 +96,8 @@ class LoadTorque(ReferenceTorque):
         - alleviating_torque
     """
 
-    symbol = "inverse\ndynamics"
-
     def __init__(self, *, robot: Robot, algorithm: str = "consistent") -> None:
-        """Of `robot`; `algorithm`: sign of Algorithm 1's third branch, one of SIGNS.
-
-        Raises:
-            InputError: for another algorithm.
-        """
-        checked_choice(algorithm, SIGNS, "algorithm")
+        """Of `robot`; `algorithm`: sign of Algorithm 1's third branch, one of SIGNS."""
 
         def law(groups: Sequence[Array], _v: Array, _vd: Array) -> Loads:
             inertial, reaction, velocity, gravity = groups

@@ -6,11 +6,11 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.primitives import Adder, Gain, Integrator, LinearSystem, MatrixGain
 
-from sdt_drake.control import STRUCTURES, SpeedGains
-from sdt_drake.errors import checked_choice, checked_number, checked_vector
+from sdt_drake.control import SpeedGains
+from sdt_drake.systems.wiring import Wiring
 
 
 class PiSpeedController(Diagram):
@@ -64,52 +64,32 @@ class PiSpeedController(Diagram):
             anti_windup: see above.
             period: of a sampled controller [s], whose state is sampled at the same instants: the
                 integral grows by period times the error at each. Continuous by default.
-
-        Raises:
-            InputError: for another structure, or gains and ratios that do not fit each other.
         """
         super().__init__()
-        n = len(gains.kp)
-        checked_choice(structure, STRUCTURES, "structure of the PI controller")
-        self._ki = checked_vector(gains.ki, n, "ki", positive=True)
-        kp = checked_vector(gains.kp, n, "kp", positive=True)
-        r = np.diag(checked_vector(gear_ratio, n, "gear_ratio", positive=True))
+        n, r, kp = len(gains.kp), np.diag(np.asarray(gear_ratio)), gains.kp
         zero, one = np.zeros((n, n)), np.eye(n)
-        builder = DiagramBuilder()
-        add, connect = builder.AddNamedSystem, builder.Connect
+        integral: System = Integrator(n)
+        if period is not None:
+            integral = LinearSystem(A=one, B=period * one, C=one, D=zero, time_period=period)
+        self._ki = gains.ki
 
-        motor_speed_ref = add("motor_speed_ref", MatrixGain(np.hstack([zero, r, zero])))
-        motor_speed = add("motor_speed", MatrixGain(np.hstack([zero, -r])))  # to be subtracted
-        error = add("speed_error", Adder(2, n))
-        if period is None:
-            self._integral = add("integral", Integrator(n))
-        else:
-            checked_number(period, "period", minimum=0, exclusive=True)
-            sum_up = LinearSystem(A=one, B=period * one, C=one, D=zero, time_period=period)
-            self._integral = add("integral", sum_up)
-        k_is, k_ps = add("K_IS", Gain(self._ki)), add("K_PS", Gain(kp))
-        total = add("tau_fb", Adder(2, n))
-
-        builder.ExportInput(motor_speed_ref.get_input_port(), "reference")
-        builder.ExportInput(motor_speed.get_input_port(), "state")
-        connect(motor_speed_ref.get_output_port(), error.get_input_port(0))
-        connect(motor_speed.get_output_port(), error.get_input_port(1))
-        to_integrate = error
+        wiring = Wiring()
+        speed_ref, speed = np.hstack([zero, r, zero]), np.hstack([zero, r])
+        wiring.add("motor_speed_ref", MatrixGain(speed_ref), "reference", "r v_ref")
+        wiring.add("motor_speed", MatrixGain(-speed), "state", "-r v")
+        wiring.add("speed_error", Adder(2, n), "r v_ref", "-r v", "error")
         if anti_windup:
-            given, asked = add("given", Gain(1 / kp)), add("asked", Gain(-1 / kp))
-            to_integrate = add("shortened_error", Adder(3, n))
-            for i, part in enumerate((error, given, asked)):
-                connect(part.get_output_port(), to_integrate.get_input_port(i))
-            builder.ExportInput(asked.get_input_port(), "tau_cmd")
-            builder.ExportInput(given.get_input_port(), "tau")
-        connect(to_integrate.get_output_port(), self._integral.get_input_port())
-        connect(self._integral.get_output_port(), k_is.get_input_port())
-        proportional_to = error if structure == "pi" else motor_speed
-        connect(proportional_to.get_output_port(), k_ps.get_input_port())
-        connect(k_is.get_output_port(), total.get_input_port(0))
-        connect(k_ps.get_output_port(), total.get_input_port(1))
-        builder.ExportOutput(total.get_output_port(), "tau_fb")
-        builder.BuildInto(self)
+            wiring.add("asked", Gain(-1 / kp), "tau_cmd", "asked")
+            wiring.add("given", Gain(1 / kp), "tau", "given")
+            wiring.add("shortened_error", Adder(3, n), "error", "given", "asked", "to_integrate")
+        else:
+            wiring.same("to_integrate", "error")
+        self._integral = wiring.add("integral", integral, "to_integrate", "integral")
+        wiring.add("K_IS", Gain(gains.ki), "integral", "integral_torque")
+        proportional_to = "error" if structure == "pi" else "-r v"
+        wiring.add("K_PS", Gain(kp), proportional_to, "proportional_torque")
+        wiring.add("tau_fb", Adder(2, n), "integral_torque", "proportional_torque", "tau_fb")
+        wiring.build_into(self, ("reference", "state", "tau_cmd", "tau"), ("tau_fb",))
 
     def rest(self, context: Context, tau_integral: ArrayLike) -> None:
         """Start with an integral that gives `tau_integral` [N m], motor side."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import MatrixGain, Multiplexer
 
-from sdt_drake.errors import checked_vector
+from sdt_drake.systems.wiring import Wiring
 
 
 class PositionLoop(Diagram):
@@ -31,22 +31,13 @@ class PositionLoop(Diagram):
     symbol = "v_ref +\nK_V (q_ref - q)"
 
     def __init__(self, *, position_gain: ArrayLike) -> None:
-        """K_V [1/s], shape (n,), > 0.
-
-        Raises:
-            InputError: for gains that are not finite and > 0.
-        """
+        """K_V [1/s], shape (n,), > 0."""
         super().__init__()
         n = np.size(position_gain)
-        k_v = np.diag(checked_vector(position_gain, n, "position_gain", positive=True))
         law = np.eye(3 * n, 5 * n)
-        law[n : 2 * n, :n] = k_v
-        law[n : 2 * n, 3 * n : 4 * n] = -k_v
-        builder = DiagramBuilder()
-        signals = builder.AddNamedSystem("inputs", Multiplexer([3 * n, 2 * n]))
-        loop = builder.AddNamedSystem("law", MatrixGain(law))
-        builder.Connect(signals.get_output_port(), loop.get_input_port())
-        builder.ExportInput(signals.get_input_port(0), "reference")
-        builder.ExportInput(signals.get_input_port(1), "sampled_state")
-        builder.ExportOutput(loop.get_output_port(), "speed_reference")
-        builder.BuildInto(self)
+        law[n : 2 * n, :n] = np.diag(position_gain)
+        law[n : 2 * n, 3 * n : 4 * n] = -np.diag(position_gain)
+        wiring = Wiring()
+        wiring.add("inputs", Multiplexer([3 * n, 2 * n]), "reference", "sampled_state", "inputs")
+        wiring.add("law", MatrixGain(law), "inputs", "speed_reference")
+        wiring.build_into(self, ("reference", "sampled_state"), ("speed_reference",))

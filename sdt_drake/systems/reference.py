@@ -7,12 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import BsplineBasis
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import TrajectorySource, ZeroOrderHold
 from pydrake.trajectories import BsplineTrajectory
 
-from sdt_drake.errors import InputError, checked_count, checked_number
 from sdt_drake.motion import Motion
+from sdt_drake.systems.wiring import Wiring
 
 Array = NDArray[np.float64]
 
@@ -33,17 +33,12 @@ class ReferenceSource(Diagram):
     symbol = "planner"
 
     def __init__(self, *, motion: Motion, delay: float = 0.0) -> None:
-        """Of `motion`; with a `delay` [s] it rests on the first sample for that long.
-
-        Raises:
-            InputError: for a delay that is not finite and >= 0.
-        """
+        """Of `motion`; with a `delay` [s] it rests on the first sample for that long."""
         super().__init__()
         samples = np.hstack([motion.q, motion.v, motion.vd])
-        builder = DiagramBuilder()
-        source = builder.AddNamedSystem("samples", _table(motion, samples, delay, "reference"))
-        builder.ExportOutput(source.get_output_port(), "reference")
-        builder.BuildInto(self)
+        wiring = Wiring()
+        wiring.add("samples", _table(motion, samples, delay), "reference")
+        wiring.build_into(self, (), ("reference",))
 
 
 class SignalTable(Diagram):
@@ -62,21 +57,14 @@ class SignalTable(Diagram):
     symbol = "table"
 
     def __init__(self, *, motion: Motion, signals: Mapping[str, Array], delay: float = 0.0) -> None:
-        """By name, samples of shape (N + 1, n) at the times of `motion`, late by `delay` [s].
-
-        Raises:
-            InputError: for a delay that is not finite and >= 0, or another number of samples.
-        """
+        """By name, samples of shape (N + 1, n) at the times of `motion`, late by `delay` [s]."""
         super().__init__()
-        builder = DiagramBuilder()
+        wiring = Wiring()
         for name, samples in signals.items():
-            source = builder.AddNamedSystem(name, _table(motion, samples, delay, name))
-            hold = builder.AddNamedSystem(
-                f"{name}_hold", hold_of(motion, samples.shape[1], delay=delay)
-            )
-            builder.Connect(source.get_output_port(), hold.get_input_port())
-            builder.ExportOutput(hold.get_output_port(), name)
-        builder.BuildInto(self)
+            hold = hold_of(motion, samples.shape[1], delay=delay)
+            wiring.add(name, _table(motion, samples, delay), f"{name} of now")
+            wiring.add(f"{name}_hold", hold, f"{name} of now", name)
+        wiring.build_into(self, (), tuple(signals))
 
 
 def hold_of(motion: Motion, size: int, *, delay: float = 0.0) -> ZeroOrderHold:
@@ -84,24 +72,14 @@ def hold_of(motion: Motion, size: int, *, delay: float = 0.0) -> ZeroOrderHold:
 
     It does not delay by itself: a sample is in force from its own instant on. (A log sees the
     values from before the update at its instant.)
-
-    Raises:
-        InputError: for a size that is not > 0, or a delay that is not finite and >= 0.
     """
-    checked_count(size, "size")
-    checked_number(delay, "delay", minimum=0)
     period = motion.period
     late = delay % period
     exact = min(late, period - late) < 1e-9 * period
     return ZeroOrderHold(period, size, 0.0 if exact else late)
 
 
-def _table(motion: Motion, samples: Array, delay: float, name: str) -> TrajectorySource:
-    checked_number(delay, "delay", minimum=0)
-    if samples.ndim != 2 or len(samples) != len(motion.q):
-        raise InputError(
-            f"signal '{name}': samples of shape {samples.shape}, expected ({len(motion.q)}, n)"
-        )
+def _table(motion: Motion, samples: Array, delay: float) -> TrajectorySource:
     time = motion.time + delay
     # Linear, although only the samples matter: a piecewise constant trajectory, sampled exactly
     # at its breaks, may return the segment before. As a B-spline of order 2 it is there in a

@@ -2,53 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pydrake.symbolic as sym
-from numpy.typing import ArrayLike, NDArray
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from numpy.typing import ArrayLike
+from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import Saturation
 
-from sdt_drake.errors import InputError, checked_vector
 from sdt_drake.systems.symbolic import SymbolicLaw
-
-Array = NDArray[np.float64]
+from sdt_drake.systems.wiring import Wiring
 
 _TINY = np.finfo(float).tiny
-
-
-@dataclass(frozen=True, eq=False)
-class Envelope:
-    """Torque-speed envelope of n motors: full torque up to n1, then a straight line to 0 at n0.
-
-    Attributes:
-        n1, n0: motor speeds [rad/s], shape (n,), 0 < n1 < n0.
-        gear_ratio: r [-], shape (n,).
-    """
-
-    n1: Array
-    n0: Array
-    gear_ratio: Array
-
-    def checked(self, n: int) -> Envelope:
-        """The same, of n motors.
-
-        Raises:
-            InputError: for values that are not finite and > 0, or n1 >= n0.
-        """
-        n1, n0, gear_ratio = (
-            checked_vector(getattr(self, name), n, name, positive=True)
-            for name in ("n1", "n0", "gear_ratio")
-        )
-        if np.any(n1 >= n0):
-            raise InputError(f"n0: {n0.tolist()}, expected more than n1, {n1.tolist()}, everywhere")
-        return Envelope(n1, n0, gear_ratio)
-
-    def share(self, motor_speed):
-        """What is left of the torque in the direction of `motor_speed` (symbols), in [0, 1]."""
-        left = (self.n0 - motor_speed) / (self.n0 - self.n1)
-        return np.array([sym.min(sym.max(share, 0.0), 1.0) for share in left])
 
 
 class DynamicSaturation(SymbolicLaw):
@@ -60,9 +23,9 @@ class DynamicSaturation(SymbolicLaw):
     direction of the reference acceleration; a always has the sign of that. It does not tell the
     controller that it saturates.
 
-    With an envelope, L falls from its full value at the motor speed n1 to 0 at n0, in the direction
-    in which the motor turns; against it (braking) the supply voltage limits nothing. The block then
-    has one more input, `state`.
+    With a torque-speed envelope, L falls on a straight line from its full value at the motor speed
+    n1 to 0 at n0, in the direction in which the motor turns; against it (braking) the supply
+    voltage limits nothing. The block then has one more input, `state`.
 
     .. pydrake_system::
 
@@ -80,32 +43,38 @@ class DynamicSaturation(SymbolicLaw):
         self,
         *,
         motor_torque_limit: ArrayLike,
-        envelope: Envelope | None = None,
+        gear_ratio: ArrayLike = 1.0,
+        n1: ArrayLike | None = None,
+        n0: ArrayLike | None = None,
         widened: bool = True,
     ) -> None:
         """Of n motors.
 
         Args:
             motor_torque_limit: L, motor side [N m], shape (n,), > 0.
-            envelope: the speeds n1 and n0; a constant limit by default.
+            gear_ratio: r [-], shape (n,), for the envelope.
+            n1, n0: motor speeds of the envelope [rad/s], shape (n,), 0 < n1 < n0; a constant limit
+                by default.
             widened: whether there is an input `alleviating_torque`; else a = 0.
-
-        Raises:
-            InputError: for limits or an envelope that are not finite and > 0, or n1 >= n0.
         """
-        n = np.size(motor_torque_limit)
-        limit = checked_vector(motor_torque_limit, n, "motor_torque_limit", positive=True)
-        if envelope is not None:
-            envelope = envelope.checked(n)
-        elif not widened:
-            self._build_plain(limit)
+        limit = np.asarray(motor_torque_limit)
+        n, is_constant = len(limit), n1 is None or n0 is None
+        if is_constant and not widened:
+            Diagram.__init__(self)
+            wiring = Wiring()  # Drake's own block is quicker than a law in symbols
+            wiring.add("law", Saturation(-limit, limit), "tau_cmd", "tau")
+            wiring.build_into(self, ("tau_cmd",), ("tau",))
             return
 
+        def within_envelope(motor_speed):
+            left = (n0 - motor_speed) / np.subtract(n0, n1)
+            return limit * [sym.min(sym.max(share, 0.0), 1.0) for share in left]
+
         def law(_x, tau_cmd, *others):
-            down, up = limit, limit
-            if envelope is not None:
-                motor_speed = envelope.gear_ratio * others[-1][n:]
-                down, up = limit * envelope.share(-motor_speed), limit * envelope.share(motor_speed)
+            down = up = limit
+            if not is_constant:
+                motor_speed = gear_ratio * others[-1][n:]
+                down, up = within_envelope(-motor_speed), within_envelope(motor_speed)
             lower, upper = -down, up
             if widened:
                 # min(a, 0) and max(a, 0) with a derivative at a = 0 as well: Drake's are NaN there.
@@ -117,15 +86,6 @@ class DynamicSaturation(SymbolicLaw):
         inputs = {"tau_cmd": n}
         if widened:
             inputs["alleviating_torque"] = n
-        if envelope is not None:
+        if not is_constant:
             inputs["state"] = 2 * n
         super().__init__(inputs=inputs, output="tau", law=law)
-
-    def _build_plain(self, limit: Array) -> None:
-        """With constant limits: Drake's own block, which is quicker than a law in symbols."""
-        Diagram.__init__(self)
-        builder = DiagramBuilder()
-        clip = builder.AddNamedSystem("law", Saturation(-limit, limit))
-        builder.ExportInput(clip.get_input_port(), "tau_cmd")
-        builder.ExportOutput(clip.get_output_port(), "tau")
-        builder.BuildInto(self)

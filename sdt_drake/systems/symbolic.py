@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from pydrake.symbolic import Expression, Variable
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import Multiplexer, SymbolicVectorSystem
 
-from sdt_drake.errors import checked_count
+from sdt_drake.systems.wiring import Wiring
 
 Law = Callable[..., Sequence[Expression]]
 
@@ -35,14 +35,8 @@ class SymbolicLaw(Diagram):
         states: int = 0,
         timed: bool = False,
     ) -> None:
-        """Inputs by name with their lengths; `rates` of `states` states, none by default.
-
-        Raises:
-            InputError: for a length that is not > 0.
-        """
+        """Inputs by name with their lengths; `rates` of `states` states, none by default."""
         super().__init__()
-        for name, n in inputs.items():
-            checked_count(n, f"length of {name}")
         signals = [np.array([Variable(f"{i}_{k}") for k in range(n)]) for i, n in inputs.items()]
         # Drake 1.51 aborts on a system of this kind without state in a continuous diagram.
         x = np.array([Variable(f"x_{k}") for k in range(max(states, 1))])
@@ -54,14 +48,8 @@ class SymbolicLaw(Diagram):
                 input=np.concatenate(signals),
                 output=list(law(x, *signals)),
             )
-        builder = DiagramBuilder()
-        builder.AddNamedSystem("law", system)
-        ports = [system.get_input_port()]
+        wiring = Wiring()
         if len(inputs) > 1:
-            stack = builder.AddNamedSystem("inputs", Multiplexer(list(inputs.values())))
-            builder.Connect(stack.get_output_port(), system.get_input_port())
-            ports = [stack.get_input_port(i) for i in range(len(inputs))]
-        for name, port in zip(inputs, ports, strict=True):
-            builder.ExportInput(port, name)
-        builder.ExportOutput(system.get_output_port(), output)
-        builder.BuildInto(self)
+            wiring.add("inputs", Multiplexer(list(inputs.values())), *inputs, "inputs")
+        wiring.add("law", system, "inputs" if len(inputs) > 1 else next(iter(inputs)), output)
+        wiring.build_into(self, tuple(inputs), (output,))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.primitives import FirstOrderLowPassFilter, Gain
 
-from sdt_drake.errors import checked_number, checked_vector
+from sdt_drake.systems.wiring import Wiring
 
 
 class TorqueLoop(Diagram):
@@ -44,31 +44,22 @@ class TorqueLoop(Diagram):
             bandwidth: frequency at which the gain has fallen by 3 dB [Hz], > 0; infinite by
                 default.
             error: share of the torque [-], shape (n,); 0 by default.
-
-        Raises:
-            InputError: for other values.
         """
         super().__init__()
-        n = np.size(motor_torque_limit)
-        limit = checked_vector(motor_torque_limit, n, "motor_torque_limit", positive=True)
-        gain = 1 + (np.zeros(n) if error is None else checked_vector(error, n, "torque error"))
-        self._lag = None
+        limit = np.asarray(motor_torque_limit)
+        gain = np.ones(len(limit)) if error is None else 1 + np.asarray(error)
+        self._lag, wiring = None, Wiring()
         # An error-controlled integrator takes 1 N m as seriously as 1 rad/s. In units of 100 limits
         # the torque is good to 1e-3 of the limit while it settles, the speeds to 1e-5.
         self._unit = 100 * limit
-        builder = DiagramBuilder()
-        add, connect = builder.AddNamedSystem, builder.Connect
         if bandwidth is None:
-            first = last = add("gain", Gain(gain))
+            wiring.add("gain", Gain(gain), "tau_limited", "tau")
         else:
-            checked_number(bandwidth, "torque bandwidth", minimum=0, exclusive=True)
-            first, last = add("share", Gain(gain / self._unit)), add("unit", Gain(self._unit))
-            self._lag = add("lag", FirstOrderLowPassFilter(1 / (2 * np.pi * bandwidth), n))
-            connect(first.get_output_port(), self._lag.get_input_port())
-            connect(self._lag.get_output_port(), last.get_input_port())
-        builder.ExportInput(first.get_input_port(), "tau_limited")
-        builder.ExportOutput(last.get_output_port(), "tau")
-        builder.BuildInto(self)
+            lag = FirstOrderLowPassFilter(1 / (2 * np.pi * bandwidth), len(limit))
+            wiring.add("share", Gain(gain / self._unit), "tau_limited", "share")
+            self._lag = wiring.add("lag", lag, "share", "lagging")
+            wiring.add("unit", Gain(self._unit), "lagging", "tau")
+        wiring.build_into(self, ("tau_limited",), ("tau",))
 
     def rest(self, context: Context, tau: ArrayLike) -> None:
         """Start with motors that give `tau` [N m], motor side, shape (n,)."""

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TypeVar
+
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort, System
+from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from sdt_drake.errors import InputError
+
+Block = TypeVar("Block", bound=System)
 
 
 class Wiring:
@@ -20,32 +26,52 @@ class Wiring:
         self._same: dict[str, str] = {}
         self._inputs: list[tuple[str, InputPort]] = []
 
-    def add(self, name: str, block: System, **signals: str) -> None:
-        """Add a block. Its ports have the names of their signals, but for those in `signals`."""
+    def add(self, name: str, block: Block, *signals: str, **renamed: str) -> Block:
+        """Add a block, and return it.
+
+        Args:
+            name: of the block.
+            block: a system with vector ports.
+            signals: those of all its ports, inputs first; by default a port has the name of its
+                signal,
+            renamed: but for these.
+        """
         self.builder.AddNamedSystem(name, block)
-        for port in map(block.get_input_port, range(block.num_input_ports())):
-            self._inputs.append((signals.get(port.get_name(), port.get_name()), port))
-        for port in map(block.get_output_port, range(block.num_output_ports())):
-            self._signals[signals.get(port.get_name(), port.get_name())] = port
+        inputs = [block.get_input_port(i) for i in range(block.num_input_ports())]
+        outputs = [block.get_output_port(i) for i in range(block.num_output_ports())]
+        own = (port.get_name() for port in (*inputs, *outputs))
+        names = iter(signals or [renamed.get(port, port) for port in own])
+        self._inputs += [(next(names), port) for port in inputs]
+        self._signals |= {next(names): port for port in outputs}
+        return block
 
     def same(self, name: str, other: str) -> None:
         """Another name of a signal, where no block stands between the two."""
         self._same[name] = other
 
     def __getitem__(self, name: str) -> OutputPort:
-        """The port of a signal.
-
-        Raises:
-            InputError: if no block gives it.
-        """
-        if self._name(name) not in self._signals:
-            raise InputError(f"no block has an output '{name}', expected one")
+        """The port of a signal."""
         return self._signals[self._name(name)]
 
     def _name(self, name: str) -> str:
         while name in self._same:
             name = self._same[name]
         return name
+
+    def log(self, signals: Sequence[str], period: float) -> dict[str, VectorLogSink]:
+        """Log each signal every `period` [s]: sinks by its names, one for each port.
+
+        A log at an instant sees the values from before the updates at that instant: continuous
+        signals at t, held ones and what follows from them at t-.
+        """
+        sinks: dict[str, VectorLogSink] = {}
+        for name in signals:
+            same = next((sink for other, sink in sinks.items() if self[other] is self[name]), None)
+            if same is None:
+                same = LogVectorOutput(self[name], self.builder, publish_period=period)
+                same.set_name(f"log.{name}")
+            sinks[name] = same
+        return sinks
 
     def build_into(
         self, diagram: Diagram, inputs: tuple[str, ...], outputs: tuple[str, ...]
@@ -55,27 +81,24 @@ class Wiring:
         Raises:
             InputError: for an input that no signal fits, by name or by length.
         """
-        fed = set[str]()
+        exported = set[str]()
         for name, port in ((self._name(name), port) for name, port in self._inputs):
-            block = port.get_system().get_name()
-            if name in self._signals:
-                signal = self._signals[name]
+            signal, block = self._signals.get(name), port.get_system().get_name()
+            if signal is not None:
                 if port.size() != signal.size():
                     raise InputError(
                         f"{block}: input '{port.get_name()}' of length {port.size()}, expected "
                         f"{signal.size()}"
                     )
                 self.builder.Connect(signal, port)
-            elif name in fed:
+            elif name in exported:
                 self.builder.ConnectInput(name, port)
             elif name in inputs:
                 self.builder.ExportInput(port, name)
-                fed.add(name)
+                exported.add(name)
             else:
-                raise InputError(
-                    f"{block}: an input '{name}', expected one of "
-                    f"{', '.join(sorted({*self._signals, *inputs}))}"
-                )
+                known = ", ".join(sorted({*self._signals, *inputs}))
+                raise InputError(f"{block}: an input '{name}', expected one of {known}")
         for name in outputs:
             self.builder.ExportOutput(self[name], name)
         self.builder.BuildInto(diagram)

@@ -9,14 +9,14 @@ from sdt_drake.control import SpeedGains
 from sdt_drake.device import FrictionParameters, Springs
 from sdt_drake.dynamics import Loads
 from sdt_drake.motion import Motion
-from sdt_drake.systems import Envelope
 
 PERIOD = 0.005  # s
 GEAR = np.array([67.2, 1.0, 3.5])
 N = len(GEAR)
 LIMIT = np.array([203.2, 3950.0, 0.3])  # N m
 GAINS = SpeedGains(kp=np.array([3.0, 40.0, 500.0]), ki=np.array([20.0, 300.0, 4000.0]))
-ENVELOPE = Envelope(np.array([100.0, 2.0, 7.0]), np.array([200.0, 5.0, 8.0]), GEAR)
+N1, N0 = np.array([100.0, 2.0, 7.0]), np.array([200.0, 5.0, 8.0])  # rad/s
+ENVELOPE = {"gear_ratio": GEAR, "n1": N1, "n0": N0}
 FRICTION = FrictionParameters(
     coulomb=np.array([500.0, 90.0, 2.0]),
     viscous=np.array([30.0, 0.0, 0.1]),
@@ -48,7 +48,6 @@ ARGUMENTS = {
     "DynamicSaturation": {"motor_torque_limit": [100.0] * N},
     "ElasticJoints": {"springs": SPRINGS, "rotor_inertia": ROTORS, "gear_ratio": GEAR},
     "Encoder": {"n": N, "period": PERIOD},
-    "FeedforwardTorque": {"model": None, "law": lambda groups, v, vd: sum(groups) + v + vd},
     "GainSchedule": {"n": N},
     "InverseDynamicsController": {"model": None, "omega_n": OMEGA_N, "zeta": ZETA},
     "JointFriction": {"friction": FRICTION, "gear_ratio": GEAR},
@@ -56,6 +55,11 @@ ARGUMENTS = {
     "PiSpeedController": {"gains": GAINS, "gear_ratio": GEAR},
     "PositionLoop": {"position_gain": [2.0, 3.0, 5.0]},
     "ReferenceSource": {"motion": MOTION},
+    "ReferenceTorque": {
+        "robot": None,
+        "outputs": ("(torques)",),
+        "law": lambda groups, v, vd: [sum(groups) + v + vd],
+    },
     "RobotDrawing": {"robot": None, "meshcat": None},
     "RobotPlant": {"robot": None},
     "SignalTable": {"motion": MOTION, "signals": {"(signals)": MOTION.v}},

@@ -15,6 +15,8 @@ from alone import (
     GEAR,
     I_EFF,
     LIMIT,
+    N0,
+    N1,
     PERIOD,
     RESOLVED,
     ROTORS,
@@ -113,13 +115,13 @@ def constant_limits(x, tau_cmd):
     return {"tau": np.clip(tau_cmd, -LIMIT, LIMIT)}, []
 
 
-AT_SPEED = np.repeat([ENVELOPE.n0 / GEAR], 2, axis=0).ravel()
+AT_SPEED = np.repeat([N0 / GEAR], 2, axis=0).ravel()
 
 
 def within_envelope(x, tau_cmd, alleviating_torque, state):
     """All of the limit up to n1, none from n0 on, in the direction of the motion alone."""
     speeds = GEAR * state[N:]
-    ends = list(zip(ENVELOPE.n1, ENVELOPE.n0, strict=True))
+    ends = list(zip(N1, N0, strict=True))
     forward, backward = (
         LIMIT * [np.interp(w, n, [1, 0]) for w, n in zip(way * speeds, ends, strict=True)]
         for way in (1, -1)
@@ -129,7 +131,7 @@ def within_envelope(x, tau_cmd, alleviating_torque, state):
     return {"tau": np.minimum(np.maximum(tau_cmd, lower), upper)}, [0.0]
 
 
-WITHIN = {"motor_torque_limit": LIMIT, "envelope": ENVELOPE}
+WITHIN = {"motor_torque_limit": LIMIT, **ENVELOPE}
 SIZES = {"tau_cmd": LIMIT, "alleviating_torque": 0.2 * LIMIT, "state": AT_SPEED}
 case("DynamicSaturation", title="with envelope", **WITHIN, scales=SIZES)(within_envelope)
 
@@ -387,8 +389,8 @@ def test_saturation_passes_every_bit_of_what_is_within():
 def test_envelope_takes_torque_away_in_the_direction_of_the_motion(motor_speed, left, way):
     """Full torque up to n1 = 50, half of it in the middle, none beyond n0 = 150 rad/s; braking,
     all."""
-    envelope = type(ENVELOPE)(np.full(N, 50.0), np.full(N, 150.0), GEAR)
-    block = Alone("DynamicSaturation", envelope=envelope, widened=False)
+    envelope = {"gear_ratio": GEAR, "n1": np.full(N, 50.0), "n0": np.full(N, 150.0)}
+    block = Alone("DynamicSaturation", **envelope, widened=False)
     block.give(state=[*np.ones(N), *(way * motor_speed / GEAR)], tau_cmd=np.full(N, way * 1e6))
     close(block.output("tau"), np.full(N, way * 100 * left))
     block.give(tau_cmd=np.full(N, -way * 1e6))

@@ -37,9 +37,9 @@ def torques(block, reference, ports=PORTS):
 
 def id_block(robot):
     def law(groups, v, vd):
-        return feedforward_torque("id", robot, groups, vd, "consistent")
+        return [feedforward_torque("id", robot, groups, vd, "consistent")]
 
-    return Alone("FeedforwardTorque", robot, law=law)
+    return Alone("ReferenceTorque", robot, outputs=("tau_ff",), law=law)
 
 
 def algorithm_1(own, coupled, r, sign):
@@ -112,7 +112,7 @@ def test_feedforward_gets_its_models_torque_groups_and_the_reference(robot):
     drakes = InverseDynamics(robot.plant)
     context = drakes.CreateDefaultContext()
     block = id_block(robot)
-    speeds = Alone("FeedforwardTorque", robot, law=lambda groups, v, vd: v)
+    speeds = Alone("ReferenceTorque", robot, outputs=("tau_ff",), law=lambda _, v, vd: [v])
     for reference in samples(30):
         drakes.get_input_port_estimated_state().FixValue(context, reference[:8])
         drakes.get_input_port_desired_acceleration().FixValue(context, reference[8:])
@@ -137,7 +137,10 @@ def test_feedforward_of_a_design(designed, kind, sign):
         "controller.model": Deviation(inertia_scale=1.2),
     }
     design = designed("coupled_pi", fields, end=0.1)
-    block = Alone("FeedforwardTorque", design.model, law=design.feedforward)
+    law = design.feedforward
+    block = Alone(
+        "ReferenceTorque", design.model, outputs=("tau_ff",), law=lambda *sample: [law(*sample)]
+    )
     context = design.model.plant.CreateDefaultContext()
     for reference in samples(5):
         q_and_v, v, vd = reference[:8], reference[4:8], reference[8:]
