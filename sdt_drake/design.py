@@ -416,7 +416,7 @@ def _gravity_stiffness(robot: Robot, q: Array, k: int) -> float:
     around[1, k] += step
     rest = np.zeros_like(around)
     low, high = torque_groups(robot, around, rest, rest).gravity[:, k]
-    return (high - low) / (2 * step)
+    return float((high - low) / (2 * step))
 
 
 # --- gains and feedforward -------------------------------------------------------------------

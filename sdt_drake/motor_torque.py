@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,7 +109,7 @@ def period_torque(
             command = np.repeat(tau_cmd[at + 1, None], len(grid), axis=1)
         elif seen is not None:
             command = seen.command[at]
-        else:
+        elif isinstance(controller, Controller):
             command = _continuous(controller, (grid, late), (i, newest), design, q, v, tau_cmd)
         limited = np.clip(command, *_limits(design, newest, speed))
         given = _given(drive, limited, tau[at], steps * design.motion.period / samples)
@@ -125,7 +125,7 @@ def period_torque(
 
 def _mean(steps: Array, of_parts: Array) -> Array:
     """Over a period, of values (M, len(steps), n) of its parts."""
-    return np.einsum("g,mgn->mn", steps, of_parts)
+    return np.asarray(np.einsum("g,mgn->mn", steps, of_parts))
 
 
 def _continuous(
@@ -149,7 +149,8 @@ def _continuous(
     (grid, late), (i, newest), period = points, periods, design.motion.period
 
     def memoryless(held: Index, sample: Index, speed: Array) -> Array:
-        return controller.memoryless(np.maximum(held, 0), np.maximum(sample, 0), q, speed)
+        told = controller.memoryless(np.maximum(held, 0), np.maximum(sample, 0), q, speed)
+        return cast(Array, told)
 
     first = (i == 0).astype(int)  # whose first torque is just after its update
     y0 = tau_cmd[i] - memoryless(newest - 1 + first, i - 1 + first, v[i])

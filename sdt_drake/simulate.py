@@ -219,7 +219,7 @@ def _run(simulator: Simulator, design: Design, loop: Loop) -> Seen | None:
         hears = threading.current_thread() is threading.main_thread()
         simulator.AdvanceTo(duration, interruptible=hears)
         return None
-    step, command = design.drive.period or period, loop.GetOutputPort("tau_cmd")
+    step, tau_cmd = design.drive.period or period, loop.GetOutputPort("tau_cmd")
     own = loop.GetMyContextFromRoot(context)
     late = design.drive.reference_delay % step
     looks, values = _looks(design, step, late), []
@@ -227,9 +227,9 @@ def _run(simulator: Simulator, design: Design, loop: Loop) -> Seen | None:
         for begin, end in pairwise(looks):
             if begin in (0.0, late):
                 simulator.AdvancePendingEvents()
-            values.append(command.Eval(own).copy())
+            values.append(np.array(tau_cmd.Eval(own)))
             simulator.AdvanceTo((i + 1) * step if end == step else end + i * step)
-            values.append(command.Eval(own).copy())
+            values.append(np.array(tau_cmd.Eval(own)))
     # A lag answers within a look: points in between, the command linear from one end to the other.
     way = np.linspace(0.0, 1.0, _POINTS)[:, None]
     ends = np.reshape(values, (-1, len(looks) - 1, 2, 1, design.robot.n))
@@ -260,9 +260,9 @@ def _recording(
 ) -> Recording:
     motion = design.motion
     q, v = np.hsplit(signals["state"], 2)
-    measured = np.hsplit(signals["measured"], 2)
+    q_seen, v_seen = np.hsplit(signals["measured"], 2)
     within = period_torque(
-        design, loop.controller, *measured, signals["tau_cmd"], signals["tau"], seen
+        design, loop.controller, q_seen, v_seen, signals["tau_cmd"], signals["tau"], seen
     )
     samples = (len(signals["tau"]) - 1) // (len(q) - 1)
     torques = {name: signals[name][::samples] for name in ("tau_cmd", "tau_limited", "tau")}
@@ -286,14 +286,15 @@ def _held(design: Design, samples: Array) -> Array:
     """Samples that arrive with the reference, as a hold has them just before each update."""
     late = design.drive.reference_delay / design.reference.period
     newest = np.ceil(np.arange(len(samples)) - late - 1e-9).astype(int) - 1
-    return samples[np.maximum(newest, 0)]
+    return np.asarray(samples[np.maximum(newest, 0)])
 
 
 def _beyond_stop(design: Design, q: Array) -> Array:
     robot = design.robot
     if design.scenario.plant.kind == "axis":
         return np.zeros_like(q)
-    return np.maximum(0.0, np.maximum(robot.position_lower - q, q - robot.position_upper))
+    beyond = np.maximum(robot.position_lower - q, q - robot.position_upper)
+    return np.asarray(np.maximum(0.0, beyond))
 
 
 def simulate_scenario(scenario: Scenario) -> Recording:

@@ -97,9 +97,9 @@ class _Drawing:
     def _signs(self) -> Iterator[tuple[Rect, str]]:
         for wire, (*_, (ax, ay), (x, y)) in self.router.lines.items():
             if wire.sign:
-                x, y = (ax - 0.3, y - 0.9) if ay == y else (x + 0.8, ay + (ay - y) * 0.2)
-                self.taken.append(_around(x, y, 0.7, 0.7))
-                yield _around(x, y, 1.2, 2), wire.sign
+                at = (ax - 0.3, y - 0.9) if ay == y else (x + 0.8, ay + (ay - y) * 0.2)
+                self.taken.append(_around(*at, 0.7, 0.7))
+                yield _around(*at, 1.2, 2), wire.sign
 
     def _labels(self) -> Iterator[tuple[Rect, str]]:
         """The name of each signal where it covers least, near to its source."""
@@ -107,7 +107,8 @@ class _Drawing:
             lines = [ln for w, ln in self.router.lines.items() if (w.source, w.output) == signal]
             texts = dict.fromkeys((wrapped(label, 99), wrapped(label, 8)))
             places = [(r, t) for t in texts for p in chain(*lines) for r in _beside(*p, t)]
-            place = min(places, key=lambda place, start=lines[0][0]: self._cost(place[0], *start))
+            costs = [self._cost(rect, *lines[0][0]) for rect, _ in places]
+            place = places[costs.index(min(costs))]
             self.taken.append(place[0])
             yield place
 

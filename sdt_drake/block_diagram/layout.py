@@ -9,7 +9,7 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from graphlib import TopologicalSorter
-from itertools import chain, pairwise
+from itertools import chain
 
 from sdt_drake.block_diagram.text import text_size, wrapped
 from sdt_drake.block_diagram.walk import Block, BlockDiagram, Frame, Path, Wire
@@ -74,8 +74,8 @@ class Layout:
         }
         gaps = {edge: self._gap(wires) for edge, wires in edges.items()}
         placed: dict[Path, Rect] = {}
-        x = 0
-        for path, following in pairwise([*main, None]):
+        x = 0.0
+        for path, following in zip(main, [*main[1:], ()], strict=True):
             moves = x - parts[path][path].left, 0
             placed |= {inner: rect.moved(*moves) for inner, rect in parts[path].items()}
             x = placed[path].right + gaps.get((path, following), 0)
@@ -91,7 +91,7 @@ class Layout:
             rows = {placed[end].y for end, _, _ in wires} - {0}
             side = 1 if path in self._below else -1
             ys = chain(rows if len(rows) == 1 else (), range(0, side * 10**4, side))
-            y = next(y for y in ys if self._is_free(own.moved(x, y), placed.values()))
+            y = next(y for y in ys if self._is_free(own.moved(x, y), [*placed.values()]))
             placed |= {inner: rect.moved(x, y) for inner, rect in parts[path].items()}
         border = {frame.path: bounds(placed.values(), MARGIN, TITLE)} if frame.path else {}
         return placed | border
@@ -124,13 +124,13 @@ class Layout:
         """Wires between two different items of a frame, by the items, which are given by block."""
         edges: dict[Edge, list[Wire]] = {}
         for wire in self.picture.wires:
-            edge = source, target = within.get(wire.source), within.get(wire.target)
-            if None in edge:
+            source, target = within.get(wire.source), within.get(wire.target)
+            if source is None or target is None:
                 continue
             if wire.level < level or (source == target and wire.level == level):
                 self.back.add(wire)
             elif source != target:
-                edges.setdefault(edge, []).append(wire)
+                edges.setdefault((source, target), []).append(wire)
         return edges
 
     def _directed(

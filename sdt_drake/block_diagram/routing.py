@@ -22,6 +22,10 @@ class NoWayError(Exception):
     """A line does not find a way: there is too little space between the blocks."""
 
 
+def _cells(begin: float, end: float) -> range:
+    return range(int(begin), int(end))
+
+
 class Router:
     """Lines of a picture, moved to where x and y are positive.
 
@@ -41,8 +45,9 @@ class Router:
         self._blocks = {block.path: block for block in picture.frame.blocks()}
         self._trees: dict[Signal, set[Point]] = {}
         # What a step to a point along an axis costs.
-        self._toll = np.ones((2, around.right - around.left + 1, around.bottom - around.top + 1))
-        self._used = np.zeros(self._toll.shape[1:], dtype=bool)
+        size = int(around.right - around.left) + 1, int(around.bottom - around.top) + 1
+        self._toll = np.ones((2, *size))
+        self._used = np.zeros(size, dtype=np.bool_)
         for path, rect in self.rects.items():
             if path in self._blocks:
                 self._add(rect, 1, _NEAR)
@@ -56,10 +61,11 @@ class Router:
             self._route(wire)
 
     def _add(self, rect: Rect, margin: int, toll: float) -> None:
-        xs = slice(rect.left - margin, rect.right + margin + 1)
-        self._toll[:, xs, rect.top - margin : rect.bottom + margin + 1] += toll
+        xs = _cells(rect.left - margin, rect.right + margin + 1)
+        ys = _cells(rect.top - margin, rect.bottom + margin + 1)
+        self._toll[:, xs.start : xs.stop, ys.start : ys.stop] += toll
 
-    def _urgency(self, wire: Wire) -> tuple[bool, int]:
+    def _urgency(self, wire: Wire) -> tuple[bool, float]:
         a, b = self.rects[wire.source], self.rects[wire.target]
         return wire in self.layout.back, abs(b.left - a.right) + 3 * abs(b.y - a.y)
 
@@ -86,24 +92,24 @@ class Router:
     def _outlets(self, wire: Wire) -> dict[_State, float]:
         """Beginnings for a line: what each costs."""
         rect, target = self.rects[wire.source], self.rects[wire.target]
-        ys = range(rect.top + 1, rect.bottom)
-        outlets = {((rect.right, y), 0): _ASIDE * abs(y - rect.y) for y in ys}
-        middle = (rect.left + rect.right) // 2
+        ys = _cells(rect.top + 1, rect.bottom)
+        outlets = {((int(rect.right), y), 0): _ASIDE * abs(y - rect.y) for y in ys}
+        middle = int(rect.left + rect.right) // 2
         below = rect.bottom < target.top and target.left < middle < target.right
         if below and self._blocks[wire.source].shape == "box":
-            outlets[(middle, rect.bottom), 1] = 0.0
+            outlets[(middle, int(rect.bottom)), 1] = 0.0
         return {state: cost for state, cost in outlets.items() if not self._used[state[0]]}
 
     def _inlets(self, wire: Wire) -> dict[_State, float]:
         """Ends for a line: what each costs. What is fed back comes from below, if it can."""
         rect = self.rects[wire.target]
-        ys = range(rect.top + 1, rect.bottom)
-        inlets = {((rect.left, y), 0): _ASIDE * abs(y - rect.y) for y in ys}
+        ys = _cells(rect.top + 1, rect.bottom)
+        inlets = {((int(rect.left), y), 0): _ASIDE * abs(y - rect.y) for y in ys}
         if self._blocks[wire.target].shape != "end":
-            for x in range(rect.left + 1, rect.right):
+            for x in _cells(rect.left + 1, rect.right):
                 cost = 1.0 + abs(x - (rect.left + rect.right) // 2)
-                inlets[(x, rect.top), 1] = cost + _FROM_ABOVE * (wire in self.layout.fed)
-                inlets[(x, rect.bottom), 3] = cost
+                inlets[(x, int(rect.top)), 1] = cost + _FROM_ABOVE * (wire in self.layout.fed)
+                inlets[(x, int(rect.bottom)), 3] = cost
         return {state: cost for state, cost in inlets.items() if not self._used[state[0]]}
 
     def _cheapest(

@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from pydrake.systems import primitives
@@ -128,8 +129,9 @@ class _Walk:
         self._open((), max_depth)
 
     def _open(self, path: Path, depth: int) -> None:
-        diagram = self.systems[path]
-        paths, symbols = {}, getattr(diagram, "symbols", {})
+        diagram = cast(Diagram, self.systems[path])
+        paths: dict[System, Path] = {}
+        symbols = getattr(diagram, "symbols", {})
         for index, system in enumerate(diagram.GetSystems()):
             name = system.get_name()
             if "@" in name or not name:  # Drake's, with an address of memory
@@ -197,7 +199,8 @@ class _Walk:
 
     def _drawn(self, wires: list[Wire], exported: set[Path]) -> set[Path]:
         """Blocks but for logs and what nothing else reads; all but logs if nothing is read."""
-        drawn, kept = set(), set(self.leaves)
+        drawn: set[Path] = set()
+        kept = set(self.leaves)
         while drawn != kept:
             drawn = kept
             read = exported | {wire.source for wire in wires if wire.target in drawn}
@@ -209,7 +212,7 @@ class _Walk:
 
     def _blocks(self, drawn: set[Path], wires: list[Wire]) -> tuple[dict[Path, Block], list[Wire]]:
         """Blocks and signed wires; the minus of a gain stands at the sums behind it, if it can."""
-        gains = {path: sign for path in drawn if (sign := _gain_sign(self.systems[path]))}
+        gains = {path: own for path in drawn if (own := _gain_sign(self.systems[path]))}
         targets: dict[Path, list[Path]] = {}
         for wire in wires:
             targets.setdefault(wire.source, []).append(wire.target)
@@ -281,5 +284,5 @@ def _gain_sign(system: System) -> int:
         return 0
     context = system.CreateDefaultContext()
     system.get_input_port().FixValue(context, np.zeros(system.get_input_port().size()))
-    gain = primitives.Linearize(system, context).D()
+    gain = np.asarray(primitives.Linearize(system, context).D())
     return -1 if np.any(gain < 0) and not np.any(gain > 0) else 1

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from pydrake.systems.framework import System
 
@@ -43,7 +43,8 @@ def make_controller(design: Design) -> System:
     """
     kind = design.scenario.controller.kind
     with own_code(kind):
-        return CONTROLLERS[kind](design)
+        # Registered classes derive from both, and are made with a design.
+        return cast(Callable[[Design], System], CONTROLLERS[kind])(design)
 
 
 @contextmanager

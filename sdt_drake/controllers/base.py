@@ -108,7 +108,7 @@ def add_feedforward(wiring: Wiring, design: Design, at: int | None) -> None:
     wiring.add("ctc_feedforward", CtcFeedforward(n=design.robot.n))
     if design.feeds_load_torque:
         wiring.same("tau_ff", "load_torque")
-    elif design.scenario.inverse_dynamics == "table":
+    elif design.scenario.inverse_dynamics == "table" and design.tau_ff is not None:
         add_table(wiring, "feedforward_table", design, tau_ff=design.tau_ff)
     else:
         law = design.feedforward

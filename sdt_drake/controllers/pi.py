@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,8 +33,8 @@ class Pi(Diagram, Controller):
         - tau_cmd
     """
 
-    needs = ("largest inertia of each joint",)
-    options = ("anti_windup",)
+    needs: ClassVar[tuple[str, ...]] = ("largest inertia of each joint",)
+    options: ClassVar[tuple[str, ...]] = ("anti_windup",)
 
     def __init__(self, design: Design, *, at: int | None = None) -> None:
         """Of a design; at: a sample of the motion, around which it is linear: its feedback alone,

@@ -25,9 +25,8 @@ def add_device(wiring: Wiring, design: Design) -> None:
     The plant comes first: its state is the first in the diagram.
     """
     robot, drive, springs = design.robot, design.drive, design.springs
-    is_elastic = springs is not None
-    apart = springs.elastic if is_elastic else np.zeros(robot.n, dtype=bool)  # rotors
-    tau = {"tau": "tau_link"} if is_elastic else {}
+    apart = np.zeros(robot.n, dtype=bool) if springs is None else springs.elastic  # rotors
+    tau = {} if springs is None else {"tau": "tau_link"}
     if design.scenario.plant.kind == "coupled":
         plant = RobotPlant(robot=robot, without_rotor=apart)
         wiring.add("multibody_plant", plant, load_torque="true_load", **tau)
@@ -35,7 +34,7 @@ def add_device(wiring: Wiring, design: Design) -> None:
         i_eff = design.i_eff - np.where(apart, robot.rotor_inertia, 0.0)
         process = AxisProcess(i_eff=i_eff, gear_ratio=robot.gear_ratio)
         wiring.add("axis_process", process, load_torque="true_load", **tau)
-    if is_elastic:
+    if springs is not None:
         joints = ElasticJoints(
             springs=springs, rotor_inertia=robot.rotor_inertia, gear_ratio=robot.gear_ratio
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from sdt_drake.control import SpeedGains
 from sdt_drake.controllers import Controller, make_controller
 from sdt_drake.controllers.base import add_table
 from sdt_drake.design import Design
-from sdt_drake.errors import InputError, checked_number, checked_type
+from sdt_drake.errors import InputError, checked_type
 from sdt_drake.loops.device import add_device, add_loads
 from sdt_drake.loops.rest import at_rest, fill_holds
 from sdt_drake.systems import (
@@ -117,7 +118,7 @@ class Loop(Diagram):
         }
         for block in own:
             if type(block) in states:
-                block.rest(own[block], *states[type(block)])
+                cast(Any, block).rest(own[block], *states[type(block)])
         fill_holds(self, context)
         for block in own:
             if isinstance(block, Encoder):
@@ -202,18 +203,13 @@ def make_step_loop(
         structure: "pi" or "p_in_feedback".
         step: motor speed asked for from time 0 on [rad/s].
         log_period: of the state [s].
-
-    Raises:
-        InputError: for a step that is not finite, or other values that are not > 0.
     """
-    checked_number(step, "step")
-    checked_number(log_period, "log_period", minimum=0, exclusive=True)
     wiring, diagram = Wiring(), Diagram()
-    step_reference = ConstantVectorSource([0.0, step, 0.0])  # q_ref, v_ref, vd_ref
+    step_reference = ConstantVectorSource(np.array([0.0, step, 0.0]))  # q_ref, v_ref, vd_ref
     wiring.add("step_reference", step_reference, "reference")
     pi = PiSpeedController(gains=gains, gear_ratio=[1.0], structure=structure)
     wiring.add("pi_speed_controller", pi)
-    wiring.add("no_load", ConstantVectorSource([0.0]), "load_torque")
+    wiring.add("no_load", ConstantVectorSource(np.zeros(1)), "load_torque")
     process = AxisProcess(i_eff=[i_eff], gear_ratio=[1.0])
     wiring.add("axis_process", process, tau="tau_fb")
     wiring.log(("state",), log_period)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +71,6 @@ def fill_holds(diagram: Diagram, context: Context) -> None:
     for system in diagram.GetSystems():
         own = diagram.GetMutableSubsystemContext(system, context)
         if isinstance(system, ZeroOrderHold):
-            own.SetDiscreteState(system.get_input_port().Eval(own))
+            own.SetDiscreteState(cast(Array, system.get_input_port().Eval(own)))
         elif isinstance(system, Diagram):
             fill_holds(system, own)

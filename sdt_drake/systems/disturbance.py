@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pydrake.symbolic as sym
 
-from sdt_drake.systems.symbolic import SymbolicLaw
+from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 
 
 class Disturbance(SymbolicLaw):
@@ -34,7 +34,7 @@ class Disturbance(SymbolicLaw):
             omega_d: omega_D [rad/s], >= 0.
         """
 
-        def law(_x, load_torque):
+        def law(_x: Symbols, load_torque: Symbols) -> list[sym.Expression]:
             return [amplitude * sym.sin(omega_d * self.time) * tau for tau in load_torque]
 
         super().__init__(inputs={"load_torque": n}, output="disturbance", law=law, timed=True)

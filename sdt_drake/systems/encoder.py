@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pydrake.symbolic as sym
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.primitives import MatrixGain, Multiplexer, ZeroOrderHold
 
-from sdt_drake.systems.symbolic import SymbolicLaw
+from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 from sdt_drake.systems.wiring import Wiring
+
+Array = NDArray[np.float64]
 
 
 class Encoder(Diagram):
@@ -48,18 +50,19 @@ class Encoder(Diagram):
             gear_ratio: r [-], shape (n,); needed with a resolution.
         """
         super().__init__()
-        self._period, self._increment = period, None
+        self._period = period
+        self._increment: Array | None = None
         self.symbol = f"encoder\n{1e3 * period:g} ms"
         wiring = Wiring()
         if resolution is None:
             self._now = wiring.add("now", ZeroOrderHold(period, 2 * n), "state", "measured")
         else:
-            self._increment = 2 * np.pi / np.multiply(resolution, gear_ratio)
+            increment = 2 * np.pi / (np.array(resolution) * np.array(gear_ratio))
+            self._increment = increment
 
-            def count(_x, state):
+            def count(_x: Symbols, state: Symbols) -> list[sym.Expression]:
                 return [
-                    sym.floor(q / step) * step
-                    for q, step in zip(state[:n], self._increment, strict=True)
+                    sym.floor(q / step) * step for q, step in zip(state[:n], increment, strict=True)
                 ]
 
             one, zero = np.eye(n), np.zeros((n, n))

@@ -13,7 +13,7 @@ from sdt_drake.device import (
     FrictionParameters,
     sliding_stretch,
 )
-from sdt_drake.systems.symbolic import SymbolicLaw
+from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 
 _UNIT = 100.0  # z / z_c in a unit of the state; when sliding, z / z_c is in the hundreds
 
@@ -60,20 +60,21 @@ class JointFriction(SymbolicLaw):
         extra = friction.breakaway - friction.coulomb
         self._friction = friction
 
-        def within(stretch):
-            return sym.min(sym.max(stretch, -1.0), 1.0)
+        def within(stretch: sym.Expression) -> sym.Expression:
+            return sym.min(sym.max(stretch, sym.Expression(-1)), sym.Expression(1))
 
         # An error-controlled integrator would not see 1e-5 rad, and see nothing but z / z_c.
-        def rates(x, state):
+        def rates(x: Symbols, state: Symbols) -> list[sym.Expression]:
             stretch = _UNIT * x
             overflow = stretch - [within(u) for u in stretch]
-            return (state[n:] / z_c - OVERFLOW_RATE * overflow) / _UNIT
+            return list((state[n:] / z_c - OVERFLOW_RATE * overflow) / _UNIT)
 
-        def law(x, state):
+        def law(x: Symbols, state: Symbols) -> list[sym.Expression]:
             forces = []
             for k, v in enumerate(state[n:]):
                 stretch, s = _UNIT * x[k], v / v_s
-                damping = PRESLIDING_DAMPING_TIME / z_c * sym.max(1 - stretch * stretch, 0.0) * v
+                sticks = sym.max(1 - stretch * stretch, sym.Expression(0))
+                damping = PRESLIDING_DAMPING_TIME / z_c * sticks * v
                 bristles = friction.coulomb[k] * (within(stretch) + damping)
                 stribeck = extra[k] * s * sym.exp((1 - s * s) / 2)
                 forces.append((bristles + stribeck + friction.viscous[k] * v) / r[k])

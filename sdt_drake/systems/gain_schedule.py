@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from pydrake.symbolic import Expression
 from pydrake.systems.framework import Diagram
 
-from sdt_drake.systems.symbolic import SymbolicLaw
+from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 from sdt_drake.systems.wiring import Wiring
 
 
@@ -37,11 +38,11 @@ class GainSchedule(Diagram):
         """For n joints."""
         super().__init__()
 
-        def reference_law(_x, reference, share):
+        def reference_law(_x: Symbols, reference: Symbols, share: Symbols) -> list[Expression]:
             q_ref, v_ref, vd_ref = np.split(reference, 3)
             return [*q_ref, *(share * v_ref), *vd_ref]
 
-        def state_law(_x, state, share):
+        def state_law(_x: Symbols, state: Symbols, share: Symbols) -> list[Expression]:
             return [*state[:n], *(share * state[n:])]
 
         wiring = Wiring()

@@ -42,7 +42,7 @@ class InverseDynamicsController(Diagram):
             zeta: its damping ratio [-], shape (n,), > 0.
         """
         super().__init__()
-        n, omega_n = model.n, np.asarray(omega_n)
+        n, omega_n, zeta = model.n, np.asarray(omega_n), np.asarray(zeta)
         law = controllers.InverseDynamicsController(
             model.make_plant(),
             kp=omega_n**2,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,28 +57,29 @@ class ReferenceTorque(LeafSystem):
         # at every derivative evaluation.
         depends_on = {self._reference.ticket()}
         self._torques = self.DeclareCacheEntry(
-            "torques", ValueProducer(self._allocate, self._calc_torques), depends_on
+            "torques", ValueProducer(self._allocate, cast(Any, self._calc_torques)), depends_on
         )
         for i, name in enumerate(outputs):
             self.DeclareVectorOutputPort(
                 name,
                 robot.n,
-                lambda context, output, i=i: self._calc_output(context, output, i),
+                partial(self._calc_output, i),
                 prerequisites_of_calc=depends_on,
             )
 
     def _allocate(self) -> AbstractValue:
-        return AbstractValue.Make(_Scratch(self._robot.plant.CreateDefaultContext(), self._nothing))
+        scratch = _Scratch(self._robot.plant.CreateDefaultContext(), self._nothing)
+        return cast(AbstractValue, AbstractValue.Make(scratch))
 
     def _calc_torques(self, context: Context, value: AbstractValue) -> None:
-        scratch, n = value.get_mutable_value(), self._robot.n
-        reference = self._reference.Eval(context)
+        scratch, n = cast(Any, value).get_mutable_value(), self._robot.n
+        reference = cast(Array, self._reference.Eval(context))
         q_and_v, vd = reference[: 2 * n], reference[2 * n :]
         groups = groups_of_sample(self._robot, scratch.plant_context, q_and_v, vd)[:4]
         scratch.torques = self._law(groups, q_and_v[n:], vd)
 
-    def _calc_output(self, context: Context, output: BasicVector, i: int) -> None:
-        output.SetFromVector(self._torques.Eval(context).torques[i])
+    def _calc_output(self, i: int, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(cast(_Scratch, self._torques.Eval(context)).torques[i])
 
 
 class LoadTorque(ReferenceTorque):

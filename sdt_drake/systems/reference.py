@@ -84,5 +84,5 @@ def _table(motion: Motion, samples: Array, delay: float) -> TrajectorySource:
     # Linear, although only the samples matter: a piecewise constant trajectory, sampled exactly
     # at its breaks, may return the segment before. As a B-spline of order 2 it is there in a
     # twentieth of the time that PiecewisePolynomial.FirstOrderHold takes.
-    knots = np.concatenate([time[:1], time, time[-1:]])
-    return TrajectorySource(BsplineTrajectory(BsplineBasis(2, knots), samples[:, :, np.newaxis]))
+    basis = BsplineBasis(2, [time[0], *time, time[-1]])
+    return TrajectorySource(BsplineTrajectory(basis, list(samples[:, :, np.newaxis])))

@@ -47,12 +47,13 @@ class RobotDrawing(Diagram):
         """In `meshcat`, below the path "/robot"."""
         super().__init__()
         builder = DiagramBuilder()
-        self.scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
+        self.scene_graph = SceneGraph()
+        builder.AddNamedSystem("scene_graph", self.scene_graph)
         self.plant = MultibodyPlant(0.0)
-        self.plant.RegisterAsSourceForSceneGraph(self.scene_graph)
+        source = self.plant.RegisterAsSourceForSceneGraph(self.scene_graph)
         parser = Parser(self.plant)
-        parser.package_map().AddPackageXml(str(models_dir() / "package.xml"))
-        parser.AddModels(str(robot.path))
+        parser.package_map().AddPackageXml(models_dir() / "package.xml")
+        parser.AddModels(robot.path)
         for index in robot.plant.GetJointIndices():
             joint = robot.plant.get_joint(index)
             if not self.plant.HasJointNamed(joint.name()):  # the root link of a URDF
@@ -63,8 +64,7 @@ class RobotDrawing(Diagram):
         poses = builder.AddNamedSystem(
             "poses", MultibodyPositionToGeometryPose(self.plant, input_multibody_state=True)
         )
-        source = self.scene_graph.get_source_pose_port(self.plant.get_source_id())
-        builder.Connect(poses.get_output_port(), source)
+        builder.Connect(poses.get_output_port(), self.scene_graph.get_source_pose_port(source))
         builder.ExportInput(poses.get_input_port(), "state")
         parameters = MeshcatVisualizerParams()
         parameters.prefix, parameters.publish_period = "/robot", period
@@ -82,12 +82,13 @@ def _draw_skeleton(robot: Robot, plant: MultibodyPlant, scene_graph: SceneGraph)
     own = robot.plant.CreateDefaultContext()
     frames = [robot.plant.GetJointByName(name).frame_on_child() for name in robot.joint_names]
     ends = [b.CalcPose(own, a).translation() for a, b in pairwise(frames)]
+    blue, grey = np.array([0.2, 0.3, 0.5, 1.0]), np.array([0.5, 0.5, 0.5, 1.0])
     for k, joint in enumerate(joints):
-        place = (joint.child_body(), joint.frame_on_child().GetFixedPoseInBodyFrame())
+        body, pose = joint.child_body(), joint.frame_on_child().GetFixedPoseInBodyFrame()
         ball = Sphere(2 * _ROD_RADIUS)
-        plant.RegisterVisualGeometry(*place, ball, f"joint_{k}", [0.2, 0.3, 0.5, 1.0])
+        plant.RegisterVisualGeometry(body, pose, ball, f"joint_{k}", blue)
         length = float(np.linalg.norm(ends[k])) if k < len(ends) else 0.0
         if length > 0:
             along = RigidTransform(RotationMatrix.MakeFromOneVector(ends[k], 2), ends[k] / 2)
-            rod, grey = Cylinder(_ROD_RADIUS, length), [0.5, 0.5, 0.5, 1.0]
-            plant.RegisterVisualGeometry(place[0], place[1] @ along, rod, f"rod_{k}", grey)
+            rod = Cylinder(_ROD_RADIUS, length)
+            plant.RegisterVisualGeometry(body, pose.multiply(along), rod, f"rod_{k}", grey)

@@ -34,7 +34,8 @@ class RobotPlant(Diagram):
         """Of `robot`; without_rotor: joints whose motor turns apart from them, shape (n,)."""
         super().__init__()
         builder = DiagramBuilder()
-        self.plant = builder.AddNamedSystem("plant", robot.make_plant())
+        self.plant = robot.make_plant()
+        builder.AddNamedSystem("plant", self.plant)
         for k, index in enumerate(self.plant.GetJointActuatorIndices()):
             if without_rotor is not None and without_rotor[k]:
                 self.plant.get_joint_actuator(index).set_default_rotor_inertia(0.0)

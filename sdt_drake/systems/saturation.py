@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pydrake.symbolic as sym
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import Saturation
 
-from sdt_drake.systems.symbolic import SymbolicLaw
+from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 from sdt_drake.systems.wiring import Wiring
+
+Array = NDArray[np.float64]
 
 _TINY = np.finfo(float).tiny
 
@@ -58,6 +60,7 @@ class DynamicSaturation(SymbolicLaw):
             widened: whether there is an input `alleviating_torque`; else a = 0.
         """
         limit = np.asarray(motor_torque_limit)
+        rated, no_load = np.asarray(n1), np.asarray(n0)
         n, is_constant = len(limit), n1 is None or n0 is None
         if is_constant and not widened:
             Diagram.__init__(self)
@@ -66,21 +69,24 @@ class DynamicSaturation(SymbolicLaw):
             wiring.build_into(self, ("tau_cmd",), ("tau",))
             return
 
-        def within_envelope(motor_speed):
-            left = (n0 - motor_speed) / np.subtract(n0, n1)
-            return limit * [sym.min(sym.max(share, 0.0), 1.0) for share in left]
+        nothing, all_of_it = sym.Expression(0), sym.Expression(1)
 
-        def law(_x, tau_cmd, *others):
-            down = up = limit
+        def within_envelope(motor_speed: Symbols) -> Symbols:
+            left = (no_load - motor_speed) / (no_load - rated)
+            return limit * [sym.min(sym.max(share, nothing), all_of_it) for share in left]
+
+        def law(_x: Symbols, tau_cmd: Symbols, *others: Symbols) -> list[sym.Expression]:
+            down: Array | Symbols = limit
+            up: Array | Symbols = limit
             if not is_constant:
-                motor_speed = gear_ratio * others[-1][n:]
+                motor_speed = np.asarray(gear_ratio) * others[-1][n:]
                 down, up = within_envelope(-motor_speed), within_envelope(motor_speed)
             lower, upper = -down, up
             if widened:
                 # min(a, 0) and max(a, 0) with a derivative at a = 0 as well: Drake's are NaN there.
                 a = others[0]
-                lower = [sym.if_then_else(a[k] < -_TINY, a[k], 0) - down[k] for k in range(n)]
-                upper = [sym.if_then_else(a[k] > _TINY, a[k], 0) + up[k] for k in range(n)]
+                lower = lower + [sym.if_then_else(help_ < -_TINY, help_, nothing) for help_ in a]
+                upper = upper + [sym.if_then_else(help_ > _TINY, help_, nothing) for help_ in a]
             return [sym.min(sym.max(tau_cmd[k], lower[k]), upper[k]) for k in range(n)]
 
         inputs = {"tau_cmd": n}

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.symbolic import Expression, Variable
 from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import Multiplexer, SymbolicVectorSystem
 
 from sdt_drake.systems.wiring import Wiring
 
+Symbols = NDArray[np.object_]
 Law = Callable[..., Sequence[Expression]]
 
 
@@ -44,9 +46,9 @@ class SymbolicLaw(Diagram):
             system = SymbolicVectorSystem(
                 time=self.time if timed else None,
                 state=x,
-                dynamics=[Expression(0)] if rates is None else list(rates(x, *signals)),
+                dynamics=np.array([Expression(0)] if rates is None else rates(x, *signals)),
                 input=np.concatenate(signals),
-                output=list(law(x, *signals)),
+                output=np.array(law(x, *signals)),
             )
         wiring = Wiring()
         if len(inputs) > 1:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import TypeVar, cast
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort, System
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
@@ -39,7 +39,7 @@ class Wiring:
         self.builder.AddNamedSystem(name, block)
         inputs = [block.get_input_port(i) for i in range(block.num_input_ports())]
         outputs = [block.get_output_port(i) for i in range(block.num_output_ports())]
-        own = (port.get_name() for port in (*inputs, *outputs))
+        own = [port.get_name() for port in inputs] + [port.get_name() for port in outputs]
         names = iter(signals or [renamed.get(port, port) for port in own])
         self._inputs += [(next(names), port) for port in inputs]
         self._signals |= {next(names): port for port in outputs}
@@ -83,7 +83,7 @@ class Wiring:
         """
         exported = set[str]()
         for name, port in ((self._name(name), port) for name, port in self._inputs):
-            signal, block = self._signals.get(name), port.get_system().get_name()
+            signal, block = self._signals.get(name), cast(System, port.get_system()).get_name()
             if signal is not None:
                 if port.size() != signal.size():
                     raise InputError(
