@@ -44,7 +44,7 @@ def make_controller(design: Design) -> System:
     kind = design.scenario.controller.kind
     with own_code(kind):
         # Registered classes derive from both, and are made with a design.
-        return cast(Callable[[Design], System], CONTROLLERS[kind])(design)
+        return cast("Callable[[Design], System]", CONTROLLERS[kind])(design)
 
 
 @contextmanager
