@@ -14,14 +14,14 @@ from sdt_drake.loops import make_loop
 from sdt_drake.motion import Motion
 from sdt_drake.simulate import make_simulator, simulate
 
-PERIODS, STEPS = 60, 50  # 0.3 s of motion, in steps of 0.1 ms
+PERIODS, STEPS = 30, 50  # 0.15 s of motion, in steps of 0.1 ms
 
 
 def short_motion():
     """All joints speed up; joint 2 for a while faster than its motor can."""
     t = 0.005 * np.arange(PERIODS + 1)
     v = np.outer(t, [0.45, 3.0, 0.25, 0.4])
-    v[20:, 1] += 2.0 * np.minimum((t[20:] - t[20]) / 0.01, 1.0)
+    v[8:, 1] += 2.0 * np.minimum((t[8:] - t[8]) / 0.01, 1.0)
     return Motion.from_speeds(0.005, np.array([0.0, 0.3, 0.1, 0.1]), v)
 
 
@@ -106,7 +106,7 @@ OPAQUE = {
 }
 
 
-@pytest.mark.parametrize("case", ["pi", "pi_id", "p_pi+id", "envelope", "late", "lag", "axis pi"])
+@pytest.mark.parametrize("case", ["pi", "p_pi+id", "envelope", "late", "lag", "axis pi"])
 def test_torque_of_a_controller_that_tells_nothing(design, case):
     """As of the same one that does, from its command at both ends of each period."""
     label, plant, drive = CASES.get(case, ("pi", "axis", Drive()))
@@ -115,7 +115,7 @@ def test_torque_of_a_controller_that_tells_nothing(design, case):
     opaque = {"pi": "Pi", "pi_id": "PiId", "p_pi+id": "PPi+id"}[label]
     own = design_of(design, opaque, plant, drive)
     run, told = simulate(own), simulate(design_of(design, label, plant, drive))
-    np.testing.assert_allclose(run.v, told.v, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(run.v, told.v, rtol=0, atol=2e-4)  # each is good to 1e-4
     if case == "lag":  # at a jolt the other is not better
         expected = walked(design_of(design, label, plant, drive))
     else:
@@ -161,7 +161,7 @@ def test_torque_of_a_controller_without_an_integral(design):
 def test_motors_behind_springs_are_taken_as_their_encoders_see_them(design):
     springs = Elasticity([60.0, 80.0, 100.0, 100.0], damping_ratio=0.05)
     own = design_of(design, "pi_id", "coupled", Drive(), springs)
-    limit, smooth = own.robot.motor_torque_limit, slice(0, 19)  # before the jolt
+    limit, smooth = own.robot.motor_torque_limit, slice(0, 7)  # before the jolt
     peak = simulate(own).tau_peak[1:]
     np.testing.assert_allclose(peak[smooth] / limit, walked(own)[0][smooth] / limit, atol=5e-3)
 
@@ -170,6 +170,6 @@ def test_ends_of_the_periods_are_not_all(design):
     """With K_PS on the error, the start has K_PS r times a period's acceleration more."""
     own = design_of(design, "pi_id", "coupled", Drive())
     run = simulate(own)
-    more = run.tau_peak[30:, 0] - np.abs(run.tau[30:, 0])
+    more = run.tau_peak[20:, 0] - np.abs(run.tau[20:, 0])
     jump = own.gains.kp[0] * own.robot.gear_ratio[0] * 0.45 * 0.005
     np.testing.assert_allclose(more, jump, rtol=0.35)

@@ -31,35 +31,11 @@ def kind(name, **fields):
     return {"controller.kind": name} | {f"controller.{f}": value for f, value in fields.items()}
 
 
-def rms(recording):
-    return np.sqrt(np.mean(recording.speed_error**2, axis=0))
-
-
 def same(actual, expected, tolerance):
     np.testing.assert_allclose(actual, expected, rtol=0, atol=tolerance)
 
 
 # --- controllers along the reference motion --------------------------------------------------
-
-
-def test_whole_inverse_dynamics_leaves_a_fifteenth_of_the_speed_error(run):
-    ratio = rms(run("coupled_pi")) / rms(run("coupled_pi", kind("pi_id")))
-    assert np.all(ratio > 15), ratio
-
-
-@pytest.mark.parametrize(
-    ("fields", "least", "most"),
-    [
-        (kind("pi"), [5, 5, 0.4, 0.5], 90),
-        (kind("p_pi"), [0, 0, 0, 0], 0.5),
-        (kind("p_pi", feedforward="id"), [0, 0, 0, 0], 0.1),
-        (kind("inverse_dynamics"), [0, 0, 0, 0], 0.02),
-    ],
-    ids=str,
-)
-def test_position_loops_keep_the_position_where_pi_drifts_by_degrees(run, fields, least, most):
-    degrees = np.rad2deg(np.abs(run("coupled_pi", fields).position_error).max(axis=0))
-    assert np.all((degrees > least) & (degrees < most)), degrees
 
 
 def test_inverse_dynamics_gives_every_joint_its_frequency_and_damping(designed):
@@ -81,13 +57,12 @@ def test_inverse_dynamics_gives_every_joint_its_frequency_and_damping(designed):
         same(plant.GetPositions(plant.GetMyContextFromRoot(context)) - HANGING, e, 5e-7)
 
 
-def test_a_wrong_model_is_worse_on_the_same_plant(run, designed):
-    right, wrong = (kind("pi_id", model=model) for model in (Deviation(), LIGHT))
-    ratio = rms(run("coupled_pi", wrong)) / rms(run("coupled_pi", right))
-    assert np.all(ratio > 1) and ratio.max() > 1.05
+def test_a_wrong_model_does_not_change_the_plant(designed):
     processes = [
-        make_loop(designed("coupled_pi", fields)).GetSubsystemByName("multibody_plant")
-        for fields in (right, wrong)
+        make_loop(designed("coupled_pi", kind("pi_id", model=model), end=0.1)).GetSubsystemByName(
+            "multibody_plant"
+        )
+        for model in (Deviation(), LIGHT)
     ]
     rates = []
     for process in processes:
@@ -132,7 +107,7 @@ def test_anti_windup_is_back_in_less_than_half_the_time(designed, structure):
 @pytest.mark.parametrize("name", ["axis_pi", "coupled_pi"])
 def test_anti_windup_does_nothing_where_nothing_saturates(run, name, structure):
     without, with_it = (
-        run(name, CONSISTENT | kind("pi", structure=structure, anti_windup=a), end=2.0)
+        run(name, CONSISTENT | kind("pi", structure=structure, anti_windup=a), end=0.5)
         for a in (False, True)
     )
     np.testing.assert_array_equal(with_it.tau, with_it.tau_cmd)
@@ -148,9 +123,9 @@ IDEAL = [Drive(), Drive(**NEVER), Drive(reference_delay=0.0), Drive(torque_error
 @pytest.mark.parametrize("name", ["axis_pi_ctc", "coupled_pi", "coupled_pi_ctc"])
 def test_a_drive_that_does_nothing_is_none(run, name):
     """`drive: {}`, an envelope that never acts, a delay or an error of 0: the same recording."""
-    plain = run(name, end=3.0)
+    plain = run(name, end=0.5)
     for drive in IDEAL:
-        driven = run(name, {"drive": drive}, end=3.0)
+        driven = run(name, {"drive": drive}, end=0.5)
         for field in dataclasses.fields(plain):
             expected, actual = getattr(plain, field.name), getattr(driven, field.name)
             np.testing.assert_allclose(
@@ -165,7 +140,7 @@ def test_sampled_drive_converges_to_the_continuous_one(run, structure):
 
     def speeds(drive):
         fields = CONSISTENT | {"controller.structure": structure, "drive": drive}
-        return run("axis_pi", fields, end=2.0).v
+        return run("axis_pi", fields, end=0.6).v
 
     periods = (0.005, 0.0025, 0.00125, 0.000625, 0.000125)
     apart = [np.abs(speeds(Drive(period=p)) - speeds(Drive())).max() for p in periods]
@@ -178,7 +153,7 @@ def test_sampled_drive_converges_to_the_continuous_one(run, structure):
 def test_sampled_drive_by_hand(designed):
     """Constant torque over each period: plain recursions, exact."""
     fields = CONSISTENT | {"controller.structure": "pi", "drive": Drive(period=0.001)}
-    design = designed("axis_pi", fields, end=2.0)
+    design = designed("axis_pi", fields, end=1.0)
     gains, load = design.gains, design.loads.load_torque
     v, integral = np.zeros(4), np.zeros(4)
     speeds = [v]
@@ -195,10 +170,10 @@ def test_sampled_drive_by_hand(designed):
 @pytest.mark.parametrize("name", ["pi", "pi_ctc", "pi_id", "p_pi", "pi_scheduled"])
 def test_delay_of_whole_periods_shifts_the_response_by_as_many_samples(run, name):
     fields = kind(name) | CONSISTENT
-    prompt = run("axis_pi", fields, end=2.0, rest=3)
-    for count in (1, 4, 200):
+    prompt = run("axis_pi", fields, end=0.8, rest=3)
+    for count in (1, 4, 50):
         late = run(
-            "axis_pi", fields | {"drive": Drive(reference_delay=count * PERIOD)}, end=2.0, rest=3
+            "axis_pi", fields | {"drive": Drive(reference_delay=count * PERIOD)}, end=0.8, rest=3
         )
         same(late.v[count:], prompt.v[:-count], 2e-6)
         same(late.v[:count], 0, 1e-12)
@@ -208,7 +183,7 @@ def test_delay_of_whole_periods_shifts_the_response_by_as_many_samples(run, name
 
 def test_delay_of_half_a_period_is_between(run):
     none, half, one = (
-        run("axis_pi", CONSISTENT | {"drive": Drive(reference_delay=d)}, end=2.0, rest=3).v
+        run("axis_pi", CONSISTENT | {"drive": Drive(reference_delay=d)}, end=0.8, rest=3).v
         for d in (0.0, 0.5 * PERIOD, PERIOD)
     )
     assert np.abs(half - none).max() > 1e-3
@@ -217,7 +192,7 @@ def test_delay_of_half_a_period_is_between(run):
 
 def test_torque_loop_lags_with_its_bandwidth(run):
     """T dtau/dt = tau_limited - tau, of what is linear from row to row."""
-    recording = run("axis_pi", CONSISTENT | {"drive": Drive(torque_bandwidth=20.0)}, end=3.0)
+    recording = run("axis_pi", CONSISTENT | {"drive": Drive(torque_bandwidth=20.0)}, end=1.5)
     lag, tau = 1 / (2 * np.pi * 20), recording.tau_limited
     held, decay = np.zeros((len(tau), 4)), np.exp(-PERIOD / lag)
     for i in range(1, len(held)):
@@ -248,7 +223,7 @@ REAL = {
 @pytest.mark.parametrize("name", ["coupled_pi", "axis_pi"])
 def test_everything_real_still_follows(run, name):
     fields = kind("p_pi", feedforward="id", friction_compensation=True, anti_windup=True)
-    recording = run(name, CONSISTENT | fields | REAL, end=1.0)
+    recording = run(name, CONSISTENT | fields | REAL, end=0.5)
     moved = recording.v_ref[2:]  # of a reference that is 10 ms late
     behind = np.abs(recording.v[2:] - recording.v_ref[:-2]).max(axis=0)
     assert behind.max() < 0.1 * np.abs(moved).max(), behind

@@ -189,7 +189,7 @@ def axis_designs(designed):
 
 @pytest.fixture(scope="module")
 def axis_speeds(axis_designs):
-    speeds = axes_by_hand(list(axis_designs.values()))
+    speeds = axes_by_hand(list(axis_designs.values()), steps=6)
     return {case: speeds[:, k] for k, case in enumerate(axis_designs)}
 
 
@@ -210,7 +210,7 @@ def test_axis_loop_against_plain_numpy(axis_designs, axis_speeds, case):
 
 
 @pytest.mark.parametrize(
-    ("end", "limit", "widen"), [(5.0, 1.0, False), (3.0, 0.4, False), (3.0, 0.4, True)]
+    ("end", "limit", "widen"), [(1.5, 1.0, False), (1.5, 0.4, False), (1.5, 0.4, True)]
 )
 def test_coupled_loop_against_the_equations_of_motion(designed, end, limit, widen):
     disturbed = {"disturbance.amplitude": 0.05}
@@ -225,7 +225,7 @@ def test_coupled_loop_against_the_equations_of_motion(designed, end, limit, wide
 @pytest.mark.parametrize("name", ["axis_pi_ctc", "coupled_pi_ctc"])
 def test_a_load_from_outside_is_one_that_the_motors_turn_against(designed, name):
     """The loop in a diagram of one's own, with something that pulls at its motors."""
-    design = designed(name, CONSISTENT, end=2.0)
+    design = designed(name, CONSISTENT, end=0.7)
     extra = np.array([40.0, -200.0, 80.0, 50.0])  # N m, motor side
     builder = DiagramBuilder()
     loop = builder.AddSystem(make_loop(design))
