@@ -7,6 +7,7 @@ import copy
 import matplotlib
 import numpy as np
 import pytest
+import sharing  # before anybody imports what it replaces
 
 matplotlib.use("Agg")
 
@@ -33,6 +34,14 @@ def _own_controllers_end_with_their_test(monkeypatch):
     yield
     controllers.CONTROLLERS.clear()
     controllers.CONTROLLERS.update(before)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _shared_runs(tmp_path_factory, worker_id):
+    """One folder for all processes of this run."""
+    own = tmp_path_factory.getbasetemp()
+    sharing.folder = (own if worker_id == "master" else own.parent) / "shared"
+    sharing.folder.mkdir(exist_ok=True)
 
 
 @pytest.fixture(scope="session")
