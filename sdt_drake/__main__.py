@@ -72,6 +72,7 @@ def main() -> int:
     """Run the command line; returns the exit code, 128 + n after signal n."""
     stop = _Stop()
     stop.listen()
+    os.environ.setdefault("PYTHONSAFEPATH", "1")  # the same for the processes of a study
     try:
         from sdt_drake.cli import main as run
 

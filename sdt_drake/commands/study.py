@@ -86,11 +86,11 @@ def run_into(folder: Path, study: Study, base: Scenario, options: argparse.Names
     from sdt_drake.studies.execute import run_study
     from sdt_drake.studies.folder import holds_study
     from sdt_drake.studies.job import make_job
-    from sdt_drake.studies.results import require_parquet
+    from sdt_drake.studies.results import require_packages
 
     if options.workers is not None and options.cluster is not None:
         raise InputError("give either --workers or --cluster")
-    require_parquet()
+    require_packages()
     check_folder(folder)
     progress = Progress()
     try:

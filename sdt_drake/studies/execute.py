@@ -2,21 +2,76 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
 
 import numpy as np
 
 from sdt_drake.studies.folder import claim, save_study
-from sdt_drake.studies.interrupts import Interrupts, Waiting
 from sdt_drake.studies.job import Job
 from sdt_drake.studies.journal import Journal
-from sdt_drake.studies.results import require_parquet, write_results
-from sdt_drake.studies.workers import Pool
+from sdt_drake.studies.results import require_packages, write_results
 
 Report = Callable[[int, int, int], None]
 """Called with the numbers of runs that are done now, were done before, and are wanted."""
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Inbox:
+    """Where a study waits: for rows, for errors, and for Ctrl-C, which comes nowhere else.
+
+    Elsewhere it would come between a run and its line on the disk, or into the start or the end of
+    a process, or into a library that does not expect it. In threads other than the main one, which
+    Python gives no signals, it is a queue.
+    """
+
+    def __init__(self) -> None:
+        self._messages: SimpleQueue = SimpleQueue()
+        self._handlers: dict[int, Any] = {}
+        self._number: int | None = None  # of the signal that came
+        self.put = self._messages.put
+
+    def __enter__(self) -> Inbox:
+        if threading.current_thread() is threading.main_thread():
+            for number in _SIGNALS:
+                if callable(signal.getsignal(number)):  # what is ignored stays so
+                    self._handlers[number] = signal.signal(number, self._on_signal)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+        if self._number is not None:
+            self._handlers[self._number](self._number, None)
+
+    def _on_signal(self, number: int, frame: object) -> None:
+        self._number = self._number or number
+        self.put(KeyboardInterrupt())
+
+    def get(self) -> Any:
+        """The next message; raised if it is an exception."""
+        message = self._messages.get()
+        if isinstance(message, BaseException):
+            raise message
+        return message
+
+    def result_of(self, function: Callable[[], Any]) -> Any:
+        """What a function returns or raises, run in a thread, where no signal disturbs it."""
+
+        def run() -> None:
+            try:
+                self.put(function())
+            except Exception as error:
+                self.put(error)
+
+        threading.Thread(target=run, daemon=True).start()
+        return self.get()
 
 
 def run_study(
@@ -49,28 +104,32 @@ def run_study(
             no workers any more; if the disk is full.
         KeyboardInterrupt: between two rows, with all that were done on the disk.
     """
-    require_parquet()
-    with Interrupts() as interrupts, _backend(job, workers, cluster, interrupts.allowed) as backend:
+    require_packages()
+    with Inbox() as inbox, _backend(job, workers, cluster, inbox) as backend:
         claim(job, folder, resume)
         with Journal(folder, len(job.study), len(job.outcomes)) as journal:
             save_study(job, folder)
-            before = int(journal.done.sum())
-            done = before
-            report(done, before, len(job.study))
-            for rows in backend.map([number] for number in np.flatnonzero(~journal.done).tolist()):
-                journal.append(rows)
-                done += len(rows)
+            missing = np.flatnonzero(~journal.done).tolist()
+            before = len(job.study) - len(missing)
+            report(before, before, len(job.study))
+            backend.start(missing, inbox.put)
+            for done in range(before + 1, len(job.study) + 1):
+                journal.append(inbox.get())
                 report(done, before, len(job.study))
             return write_results(job, journal.rows(), folder)
 
 
 @contextmanager
-def _backend(job: Job, workers: int, cluster: str | None, waiting: Waiting) -> Iterator:
+def _backend(job: Job, workers: int, cluster: str | None, inbox: Inbox) -> Iterator:
     if cluster is None:
-        with Pool(job, workers, waiting) as pool:
-            yield pool
+        from sdt_drake.studies.workers import Workers
+
+        backend = Workers(job, workers)
     else:
         from sdt_drake.studies.cluster import Cluster
 
-        with Cluster(job, cluster, waiting) as distributed:
-            yield distributed
+        backend = inbox.result_of(lambda: Cluster(job, cluster))
+    try:
+        yield backend
+    finally:
+        backend.close()

@@ -6,17 +6,36 @@ import fcntl
 import json
 import math
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.errors import InputError
-from sdt_drake.studies.runs import Row
 from sdt_drake.studies.table import STATUSES
 
 JOURNAL = "rows.jsonl"
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of a run.
+
+    Attributes:
+        number: from 0.
+        status: one of STATUSES.
+        reason: one line; "" where it is ok.
+        duration: of the computation [s].
+        outcomes: in the order of `runs.outcome_names`; empty where it is not ok.
+    """
+
+    number: int
+    status: str
+    reason: str
+    duration: float
+    outcomes: tuple[float, ...]
 
 
 class Journal:
@@ -32,22 +51,17 @@ class Journal:
             InputError: if another process has it, or a line in it is none of a row.
         """
         self._path = folder / JOURNAL
-        self._file = self._path.open("a+b")
+        self._file = self._path.open("ab", buffering=0)
         try:
-            self._lock()
-            self._offset, self._end = _places(self._file, self._path, count, width)
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._offset, self._end = _places(self._path, count, width)
             self._file.truncate(self._end)
+        except BlockingIOError:
+            self._file.close()
+            raise InputError(f"{folder}: another process runs this study") from None
         except BaseException:
             self._file.close()
             raise
-
-    def _lock(self) -> None:
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InputError(f"{self._path.parent}: another process runs this study") from None
-        except OSError as error:
-            raise InputError(f"{self._path}: cannot be locked ({error.strerror})") from None
 
     def __enter__(self) -> Journal:
         return self
@@ -60,20 +74,16 @@ class Journal:
         """Which rows are there, shape (count,)."""
         return self._offset >= 0
 
-    def append(self, rows: Iterable[Row]) -> None:
-        """Write rows and wait until the disk has them.
+    def append(self, row: Row) -> None:
+        """Write a row and wait until the disk has it.
 
         Raises:
             InputError: if that fails; what was there before stays, and nothing half-written.
         """
-        text, offsets, end = [], {}, self._end
-        for row in rows:
-            line = _to_json(row).encode() + b"\n"
-            text.append(line)
-            offsets[row.number] = end
-            end += len(line)
+        line = _to_json(row)
         try:
-            _write(self._file.fileno(), b"".join(text))
+            written = self._file.write(line)
+            self._file.write(line[written:])  # where the disk is full, this says so
             os.fsync(self._file.fileno())
         except OSError as error:
             self._file.truncate(self._end)
@@ -81,13 +91,12 @@ class Journal:
                 f"{self._path}: cannot be written ({error.strerror}); {self.done.sum()} of "
                 f"{len(self._offset)} runs are kept, --resume goes on from there"
             ) from None
-        self._end = end
-        for number, offset in offsets.items():
-            self._offset[number] = offset
+        self._offset[row.number] = self._end
+        self._end += len(line)
 
     def rows(self) -> Iterator[Row]:
         """The rows that are there, in their order."""
-        return _rows_at(self._file, self._offset)
+        return _rows_at(self._path, self._offset)
 
 
 def read_rows(folder: Path, count: int, width: int) -> Iterator[Row]:
@@ -98,70 +107,61 @@ def read_rows(folder: Path, count: int, width: int) -> Iterator[Row]:
     """
     path = folder / JOURNAL
     try:
-        file = path.open("rb")
+        offsets, _ = _places(path, count, width)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    with file:
-        offsets, _ = _places(file, path, count, width)
-        yield from _rows_at(file, offsets)
+    return _rows_at(path, offsets)
 
 
-def _rows_at(file, offsets: NDArray[np.int64]) -> Iterator[Row]:
-    for offset in offsets[offsets >= 0]:
-        file.seek(offset)
-        yield _from_json(file.readline())
+def _rows_at(path: Path, offsets: NDArray[np.int64]) -> Iterator[Row]:
+    with path.open("rb") as file:
+        for offset in offsets[offsets >= 0]:
+            file.seek(offset)
+            yield _from_json(file.readline())
 
 
-def _places(file, path: Path, count: int, width: int) -> tuple[NDArray[np.int64], int]:
+def _places(path: Path, count: int, width: int) -> tuple[NDArray[np.int64], int]:
     """Where the complete line of each row starts, -1 for none; and where the last one ends."""
     offsets = np.full(count, -1, dtype=np.int64)
-    file.seek(0)
-    offset, place = 0, 1
-    while (line := file.readline()).endswith(b"\n"):
-        number = _checked_number(line, width)
-        if not 0 <= number < count:
-            raise InputError(
-                f"{path}, line {place}: is no row of this study; without that line --resume runs "
-                "the row anew"
-            )
-        offsets[number] = offset
-        offset, place = offset + len(line), place + 1
+    offset = 0
+    with path.open("rb") as file:
+        for place, line in enumerate(file, 1):
+            if not line.endswith(b"\n"):
+                break
+            number = _number_of(line, width)
+            if not 0 <= number < count:
+                raise InputError(
+                    f"{path}, line {place}: is no row of this study; without that line --resume "
+                    "runs the row anew"
+                )
+            offsets[number] = offset
+            offset += len(line)
     return offsets, offset
 
 
-def _checked_number(line: bytes, width: int) -> int:
+def _number_of(line: bytes, width: int) -> int:
     """Of the row; -1 if the line is none."""
     try:
         row = _from_json(line)
-        types = (int, str, str, float)
-        own = (row.number, row.status, row.reason, row.duration)
-        good = all(type(value) is kind for value, kind in zip(own, types, strict=True))
-        numbers = (row.duration, *row.outcomes)
-        good &= all(type(value) is float and not math.isinf(value) for value in numbers)
-        good &= row.status in STATUSES
-        good &= len(row.outcomes) == (width if row.status == "ok" else 0)
         row.reason.encode()  # half a character raises a ValueError
-        return row.number if good else -1
+        infinite = any(map(math.isinf, (row.duration, *row.outcomes)))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return -1
+    good = type(row.number) is int and row.status in STATUSES and not infinite
+    good &= len(row.outcomes) == (width if row.status == "ok" else 0)
+    return row.number if good else -1
 
 
-def _write(descriptor: int, data: bytes) -> None:
-    while data:
-        data = data[os.write(descriptor, data) :]
-
-
-def _to_json(row: Row) -> str:
-    return json.dumps(
-        {
-            "row": row.number,
-            "status": row.status,
-            "reason": row.reason,
-            "duration": row.duration,
-            "outcomes": [None if math.isnan(value) else value for value in row.outcomes],
-        },
-        allow_nan=False,
-    )
+def _to_json(row: Row) -> bytes:
+    outcomes = [None if math.isnan(value) else value for value in row.outcomes]
+    data = {
+        "row": row.number,
+        "status": row.status,
+        "reason": row.reason,
+        "duration": row.duration,
+        "outcomes": outcomes,
+    }
+    return json.dumps(data, allow_nan=False).encode() + b"\n"
 
 
 def _from_json(line: bytes) -> Row:

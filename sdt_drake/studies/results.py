@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from sdt_drake.errors import InputError, needing, replacing
 from sdt_drake.studies.folder import load_folder
 from sdt_drake.studies.job import Job
-from sdt_drake.studies.journal import read_rows
-from sdt_drake.studies.runs import Row
+from sdt_drake.studies.journal import Row, read_rows
 from sdt_drake.studies.study import Study
 from sdt_drake.studies.table import StudyTable
 
@@ -23,9 +22,10 @@ _ABOUT = "sdt_drake"  # key of the metadata
 _GROUP = 4096  # rows that are in memory together
 
 
-def require_parquet() -> None:
-    """Raise InputError if pyarrow is not there, or cannot be loaded."""
-    with needing("studies need pyarrow for their results", "sdt_drake[study]"):
+def require_packages() -> None:
+    """Raise InputError if a package that studies need is not there, or cannot be loaded."""
+    with needing("studies need pebble and pyarrow", "sdt_drake[study]"):
+        import pebble  # noqa: F401
         import pyarrow.parquet  # noqa: F401
 
 

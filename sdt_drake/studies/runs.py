@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from sdt_drake.robot import Robot
 from sdt_drake.scenario import Scenario
 from sdt_drake.simulate import Recording, simulate
 from sdt_drake.studies.fields import find_field
+from sdt_drake.studies.journal import Row
 from sdt_drake.studies.motor_load import has_motor_loads, motor_load_names, motor_loads
 from sdt_drake.studies.study import Study
 
@@ -35,25 +35,6 @@ _CACHED = 16  # robots and motions that a process keeps
 
 FILE_FIELDS = tuple(map(find_field, ("robot", "motion", "device.catalogue", "controller.file")))
 """Fields of a scenario that name a file."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """What became of a run.
-
-    Attributes:
-        number: from 0.
-        status: one of STATUSES.
-        reason: one line; "" where it is ok.
-        duration: [s].
-        outcomes: in the order of `outcome_names`; empty where it is not ok.
-    """
-
-    number: int
-    status: str
-    reason: str
-    duration: float
-    outcomes: tuple[float, ...]
 
 
 def outcome_names(base: Scenario, n: int) -> tuple[str, ...]:
@@ -123,11 +104,8 @@ class Runner:
             raise InfeasibleError(str(planned))
         return planned
 
-    def run(self, numbers: Sequence[int]) -> list[Row]:
-        """Run rows."""
-        return [self._row(number) for number in numbers]
-
-    def _row(self, number: int) -> Row:
+    def run(self, number: int) -> Row:
+        """What becomes of a row."""
         start = time.perf_counter()
         try:
             design, plan = self.design(self.scenario(number))

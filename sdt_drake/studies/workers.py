@@ -1,56 +1,126 @@
-"""Processes that run rows, each on its own: one may hang or die, and the study goes on.
-
-A worker is a Python of its own, not a fork and not an import of the main script: so it works from
-notebooks, from threads, and in processes that may have no children of multiprocessing.
-"""
+"""Processes that run rows, each on its own: one may hang or die, and the study goes on."""
 
 from __future__ import annotations
 
-import contextlib
+import logging
+import multiprocessing
 import os
-import subprocess
-import sys
+import shutil
+import signal
 import tempfile
-import time
-from collections import Counter, deque
-from collections.abc import Iterable, Iterator, Sequence
-from multiprocessing import Pipe
-from multiprocessing.connection import wait
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, TimeoutError, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import connection, util
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pebble import ProcessPool
 
 from sdt_drake.errors import InputError, checked_count
-from sdt_drake.studies.interrupts import Waiting
-from sdt_drake.studies.job import Job
-from sdt_drake.studies.runs import Row
+from sdt_drake.studies.journal import Row
 
-Task = Sequence[int]
-"""Numbers of the rows that go to a process together."""
+if TYPE_CHECKING:
+    from sdt_drake.studies.job import Job
 
-READY = "ready"
-_PACKAGES = Path(__file__).parents[2]
-# Not from the folder that we were started in: what is there may be called like any module.
-_MAIN = f"""\
-import sys
-sys.path[:] = [*filter(None, sys.path), {str(_PACKAGES)!r}]
-from sdt_drake.studies.worker import main
-main()"""
 _START = 120.0  # s; for a process to import all that it needs
-_LONGEST_WAIT = 3600.0  # s; the system counts ms in 32 bits
+_IDLE = 60  # s; after which a process without rows ends
 _PER_PROCESSOR = 8  # processes; more would but need memory
 _MOST_ROWS = 50  # of a process: Drake never frees a diagram of Python classes, 9 MB for each run
 _TRIES = 2  # before a row that ends its process is given up, or a process that does not start
 
 
-class Pool:
-    """Processes that run tasks of a job."""
+class Worker:
+    """Runs rows of a job in a process, one at a time; in a new one if that has died."""
 
-    def __init__(self, job: Job, count: int, waiting: Waiting = contextlib.nullcontext) -> None:
+    def __init__(self, job: Job, stopping: Future | None = None) -> None:
+        """For a job; `stopping`, once it is done, ends the waiting for a row."""
+        self._job = job
+        self._stopping = Future() if stopping is None else stopping
+        self._folder = tempfile.TemporaryDirectory(prefix="sdt-drake-")
+        self._pool: ProcessPool | None = None
+        self.close = util.Finalize(None, self._close, exitpriority=1)  # at exit, or earlier
+
+    def run(self, number: int) -> Row | None:
+        """What becomes of a row; None if it was stopped.
+
+        A row that ends its process is run once more; if that ends, too, it is "crashed". One that
+        takes longer than the study allows is "timed_out".
+
+        Raises:
+            InputError: if the process does not even start.
+        """
+        timeout = self._job.study.timeout
+        longest = min(_START + timeout, threading.TIMEOUT_MAX)
+        deaths = failed_starts = 0
+        while True:
+            running = self._schedule(number, timeout)
+            wait([running, self._stopping], longest, FIRST_COMPLETED)
+            if self._stopping.done():
+                return None
+            error = running.exception() if running.done() else BrokenProcessPool()
+            if error is None:
+                return running.result()
+            if isinstance(error, TimeoutError):
+                return Row(number, "timed_out", f"not done after {timeout:g} s", float(timeout), ())
+            words = self._last_words()
+            if isinstance(error, BrokenProcessPool):
+                failed_starts += 1
+                self._end()
+            else:
+                deaths += 1
+            if failed_starts == _TRIES:
+                raise InputError(
+                    f"workers: a process that should run the study did not start{words}; a script "
+                    "of your own needs if __name__ == '__main__'"
+                )
+            if deaths == _TRIES:
+                reason = f"the process that ran it ended {_TRIES} times{words}"
+                return Row(number, "crashed", reason, 0.0, ())
+
+    def _schedule(self, number: int, timeout: float) -> Future:
+        if self._pool is None or not self._pool.active:
+            self._end()
+            # The workers of Dask may have no children; ours end with them.
+            multiprocessing.current_process()._config["daemon"] = False
+            self._pool = ProcessPool(
+                max_workers=1,
+                max_tasks=_MOST_ROWS,
+                initializer=_begin,
+                initargs=(self._job, self._folder.name),
+                context=multiprocessing.get_context("spawn"),
+            )
+        # What is started here inherits this: Ctrl-C is for the main process.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            return self._pool.schedule(_run, [number], timeout=timeout)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+    def _last_words(self) -> str:
+        """What the process said last, in brackets; "" if it said nothing."""
+        log = _log_in(self._folder.name)
+        text = log.read_text(errors="replace").strip() if log.exists() else ""
+        log.write_text("")
+        return f" ({text.splitlines()[-1].strip()})" if text else ""
+
+    def _end(self) -> None:
+        if self._pool is not None:
+            self._pool.stop()
+            self._pool.join()
+            self._pool = None
+
+    def _close(self) -> None:
+        self._end()
+        self._folder.cleanup()
+
+
+class Workers:
+    """Processes on this machine, each with a thread here that waits for it."""
+
+    def __init__(self, job: Job, count: int) -> None:
         """For a job; nothing is started yet.
-
-        Args:
-            job: to run rows of.
-            count: of the processes.
-            waiting: makes the context in which `map` waits.
 
         Raises:
             InputError: if there are more processes than the machine bears.
@@ -58,176 +128,64 @@ class Pool:
         most = _PER_PROCESSOR * (os.cpu_count() or 1)
         if checked_count(count, "--workers") > most:
             raise InputError(f"--workers: {count}, expected at most {most} on this machine")
-        self._workers = [_Worker(job) for _ in range(count)]
-        self._timeout, self._waiting = job.study.timeout, waiting
+        self._job, self._count = job, count
+        self._stopping: Future = Future()
+        self._threads: list[threading.Thread] = []
 
-    def __enter__(self) -> Pool:
-        return self
+    def start(self, numbers: Sequence[int], put: Callable[[object], None]) -> None:
+        """Begin to run rows; `put` takes what becomes of each, or the error that ends it all."""
+        coming = iter(numbers)
+        for _ in range(min(self._count, len(numbers))):
+            thread = threading.Thread(target=self._work, args=(coming, put), daemon=True)
+            thread.start()
+            self._threads.append(thread)
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def _work(self, coming, put: Callable[[object], None]) -> None:
+        worker = Worker(self._job, self._stopping)
+        try:
+            for number in coming:
+                row = worker.run(number)
+                if row is None:
+                    return
+                put(row)
+        except Exception as error:
+            put(error)
+        finally:
+            worker.close()
 
     def close(self) -> None:
         """End the processes, whatever they do."""
-        for worker in self._workers:
-            worker.stop()
-
-    @property
-    def processes(self) -> list[int]:
-        """Their numbers; of those that were started."""
-        return [worker.process.pid for worker in self._workers if worker.process is not None]
-
-    def map(self, tasks: Iterable[Task]) -> Iterator[list[Row]]:
-        """Rows of the tasks, as they finish.
-
-        A task whose process dies is run once more, row by row; what then still ends its process is
-        "crashed". So is a task that takes too long, whose late row is "timed_out".
-
-        Raises:
-            InputError: if a process does not even start.
-        """
-        coming, again = iter(tasks), deque[Task]()
-        deaths: Counter[int] = Counter()
-        while True:
-            for worker in self._workers:
-                if not worker.task:
-                    worker.begin(again.popleft() if again else next(coming, ()), self._timeout)
-            busy = [worker for worker in self._workers if worker.task]
-            if not busy:
-                return
-            with self._waiting():
-                left = min(_LONGEST_WAIT, *(worker.left for worker in busy))
-                wait([worker.connection for worker in busy], timeout=max(0.0, left))
-            for worker in busy:
-                task, message = worker.task, worker.message()
-                if isinstance(message, list):
-                    yield message
-                elif message is not None and len(task) > 1:
-                    again.extend([number] for number in task)
-                elif message == "timed_out":
-                    reason = f"not done after {self._timeout:g} s"
-                    yield [Row(task[0], message, reason, float(self._timeout), ())]
-                elif message == "crashed":
-                    deaths[task[0]] += 1
-                    if deaths[task[0]] < _TRIES:
-                        again.append(task)
-                    else:
-                        reason = f"the process that ran it ended {_TRIES} times{worker.last_words}"
-                        yield [Row(task[0], message, reason, 0.0, ())]
+        self._stopping.set_result(None)
+        for thread in self._threads:
+            thread.join()
 
 
-class _Worker:
-    """A process with its task; a new process if that one died."""
-
-    def __init__(self, job: Job) -> None:
-        self._job, self._timeout, self._deadline = job, 0.0, 0.0
-        self._has_job = self._ready = False
-        self._failed_starts = self._rows = 0  # one after another; of this process
-        self.last_words = ""  # of a process that ended
-        self._folder: tempfile.TemporaryDirectory | None = None
-        self.process: subprocess.Popen | None = None
-        self.task: Task = ()
-
-    def begin(self, task: Task, timeout: float) -> None:
-        """Take a task; it has `timeout` for each row [s]."""
-        if self._rows >= _MOST_ROWS:
-            self.stop()
-        self.task, self._timeout = task, timeout * len(task)
-        if not task:
-            return
-        if self.process is None:
-            self._start()
-        if self._ready:
-            self._send()
-
-    def _start(self) -> None:
-        self._rows = 0
-        self._folder = tempfile.TemporaryDirectory(prefix="sdt-drake-")
-        self.connection, theirs = Pipe()
-        with theirs, self._log.open("wb") as log:
-            self.process = subprocess.Popen(
-                [sys.executable, "-c", _MAIN, str(theirs.fileno()), self._folder.name],
-                pass_fds=[theirs.fileno()],
-                stdin=subprocess.PIPE,  # closes when this process ends, however that happens
-                stdout=subprocess.DEVNULL,
-                stderr=log,
-                start_new_session=True,  # Ctrl-C is for this process
-            )
-        self._deadline = time.monotonic() + _START
-
-    def _send(self) -> None:
-        self._deadline = time.monotonic() + self._timeout
-        self._post(list(self.task))
-
-    def _post(self, message: object) -> None:
-        with contextlib.suppress(OSError):  # it is dead, as `message` will find
-            self.connection.send(message)
-
-    @property
-    def left(self) -> float:
-        """Until it is given up [s]."""
-        return self._deadline - time.monotonic()
-
-    def message(self) -> list[Row] | str | None:
-        """Rows of its task, "timed_out", "crashed", or None if there is nothing yet."""
-        if not self.connection.poll():
-            if self.left > 0:
-                return None
-            return self._lost("timed_out")
-        try:
-            message = self.connection.recv()
-        except (EOFError, OSError):
-            return self._lost("crashed")
-        if message == READY:
-            self._go_on()
-            return None
-        self.task = ()
-        self._rows += len(message)
-        return message
-
-    def _go_on(self) -> None:
-        """A process that has imported all gets the job, and then tasks."""
-        if self._has_job:
-            self._ready, self._failed_starts = True, 0
-            self._send()
-        else:
-            self._has_job = True
-            self._post(self._job)
-
-    def _lost(self, why: str) -> str | None:
-        task, started = self.task, self._ready
-        self.last_words = _last_line(self._log)
-        self.stop()
-        if started:
-            return why
-        self._failed_starts += 1
-        if self._failed_starts == _TRIES:
-            raise InputError(
-                f"workers: a process that should run the study did not start{self.last_words}"
-            )
-        self.task = task
-        self._start()
-        return None
-
-    @property
-    def _log(self) -> Path:
-        return Path(self._folder.name) / "log"
-
-    def stop(self) -> None:
-        """End the process, whatever it does."""
-        self.task, self._has_job, self._ready = (), False, False
-        if self.process is not None:
-            self.process.kill()
-            self.process.wait()
-            self.process.stdin.close()
-            self.connection.close()
-            self._folder.cleanup()
-            self.process = None
+# --- in the process --------------------------------------------------------------------------
 
 
-def _last_line(log: Path) -> str:
-    """What a process said last, in brackets; "" if it said nothing."""
-    with contextlib.suppress(OSError):
-        lines = [line.strip() for line in log.read_text(errors="replace").splitlines()]
-        return next((f" ({line})" for line in reversed(lines) if line), "")
-    return ""
+def _begin(job: Job, folder: str) -> None:
+    global _runner
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # at once, in the middle of Drake's steps too
+    threading.Thread(target=_end_with_parent, args=(folder,), daemon=True).start()
+    for descriptor, file in ((1, os.devnull), (2, _log_in(folder))):
+        with open(file, "ab") as target:
+            os.dup2(target.fileno(), descriptor)
+    logging.getLogger("drake").addFilter(lambda record: False)  # it also logs what it raises
+    _runner = job.runner(Path(folder))
+
+
+def _log_in(folder: str) -> Path:
+    return Path(folder) / "log"
+
+
+def _end_with_parent(folder: str) -> None:
+    connection.wait([multiprocessing.parent_process().sentinel])
+    shutil.rmtree(folder, ignore_errors=True)
+    os._exit(1)
+
+
+def _run(number: int) -> Row:
+    signal.alarm(0)
+    row = _runner.run(number)
+    signal.alarm(_IDLE)  # ends the process, if nobody wants another row
+    return row

@@ -18,8 +18,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
+from queue import SimpleQueue
 
 import numpy as np
 
@@ -30,9 +31,10 @@ from sdt_drake.studies.execute import run_study
 from sdt_drake.studies.job import Job, make_job
 from sdt_drake.studies.runs import Runner
 from sdt_drake.studies.study import Study, Uniform, Variable, load_study
-from sdt_drake.studies.workers import Pool
+from sdt_drake.studies.workers import Workers
 
 STUDY = "package://sdt/studies/monte_carlo.yaml"
+_FIRST = 4  # rows that are not timed
 PARTS = ("overhead", "workers", "cluster", "memory")
 
 
@@ -62,7 +64,7 @@ def overhead(rows: int) -> None:
             self._simulator.AdvanceTo(*args, **options)
             stepping.append(time.perf_counter() - start)
 
-    runner.run([0])  # robot, plan: once for the study
+    runner.run(0)  # robot, plan: once for the study
 
     def make_timed(*args, **options) -> Timed:
         return Timed(make_simulator(*args, **options))
@@ -72,7 +74,7 @@ def overhead(rows: int) -> None:
     for number in range(len(job.study)):
         stepping.clear()
         start = time.perf_counter()
-        runner.run([number])
+        runner.run(number)
         whole = time.perf_counter() - start
         shares.append(1 - sum(stepping) / whole)
     simulate_module.make_simulator = make_simulator
@@ -83,21 +85,24 @@ def overhead(rows: int) -> None:
 
 
 def timed_rows(backend, numbers) -> float:
+    """From the first row to the last one: processes start and plan before that."""
+    inbox = SimpleQueue()
+    backend.start(numbers, inbox.put)
+    for _ in range(_FIRST):
+        inbox.get()
     start = time.perf_counter()
-    for _ in backend.map([n] for n in numbers):
-        pass
+    for _ in numbers[_FIRST:]:
+        inbox.get()
     return time.perf_counter() - start
 
 
 def workers(rows: int) -> None:
     job = job_of(rows)
-    numbers = range(len(job.study))
-    with Pool(job, 1) as one, Pool(job, 2) as two:
-        timed_rows(one, [0])
-        timed_rows(two, [0, 1])  # both have started and planned
-        ratios = []
-        for _ in range(3):
+    numbers, ratios = range(len(job.study)), []
+    for _ in range(3):
+        with closing(Workers(job, 1)) as one:
             alone = timed_rows(one, numbers)
+        with closing(Workers(job, 2)) as two:
             ratios.append(alone / timed_rows(two, numbers))
     texts = ", ".join(f"{ratio:.2f}" for ratio in ratios)
     print(f"workers: two are {statistics.median(ratios):.2f} times one ({texts}), target 1.8")
@@ -114,13 +119,13 @@ def local_cluster():
 def cluster(rows: int) -> None:
     job = job_of(rows)
     numbers = range(len(job.study))
-    with local_cluster() as address, Cluster(job, address) as dask, Pool(job, 2) as pool:
-        timed_rows(dask, [0, 1, 2, 3])
-        timed_rows(pool, [0, 1])
-        ratios = []
+    ratios = []
+    with local_cluster() as address:
         for _ in range(3):
-            here = timed_rows(pool, numbers)
-            ratios.append(timed_rows(dask, numbers) / here)
+            with closing(Workers(job, 2)) as pool:
+                here = timed_rows(pool, numbers)
+            with closing(Cluster(job, address)) as dask:
+                ratios.append(timed_rows(dask, numbers) / here)
     texts = ", ".join(f"{ratio:.3f}" for ratio in ratios)
     median = statistics.median(ratios)
     print(f"cluster: {median:.3f} times the time of the pool ({texts}), target 1.15")

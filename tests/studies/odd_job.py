@@ -9,20 +9,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
 
-from sdt_drake.studies.runs import Row
+from sdt_drake.studies.journal import Row
+from sdt_drake.versions import versions
 
 
 @dataclass
 class OddJob:
     """Stands for a Job; `acts` tells what happens in a row instead of it being run.
 
-    "hang", "kill", "abort", "exit"; "kill once", which leaves a file in `folder`.
+    "hang", "kill", "abort", "leave"; "kill once", which leaves a file in `folder`.
     """
 
     folder: str
     acts: dict[int, str] = field(default_factory=dict)
     timeout: float = 30.0
     start: str = ""
+    fingerprint: str = "odd"
+    versions: dict[str, str] = field(default_factory=versions)
 
     @property
     def study(self):
@@ -33,24 +36,24 @@ class OddJob:
         _act(self.start, Path(self.folder))
         return self
 
-    def run(self, numbers):
-        return [self._row(number) for number in numbers]
-
-    def _row(self, number: int) -> Row:
+    def run(self, number: int) -> Row:
+        """A row whose outcomes are its number and that of the process."""
         _act(self.acts.get(number, ""), Path(self.folder))
         return Row(number, "ok", "", 0.5, (float(number), float(os.getpid())))
 
 
 def _act(what: str, folder: Path) -> None:
     if what == "hang":
+        (folder / "hangs").touch()
         time.sleep(1000)
     elif what == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
     elif what == "abort":
+        print("not an error")
         os.write(2, b"a first line\nabort: matrix is singular\n")
         os.abort()
-    elif what == "exit":
-        os._exit(0)
+    elif what == "leave":
+        raise SystemExit("a controller of one's own may do that")
     elif what == "raise":
         raise RuntimeError("no start")
     elif what == "kill once":
@@ -58,3 +61,7 @@ def _act(what: str, folder: Path) -> None:
         if not mark.exists():
             mark.touch()
             os.kill(os.getpid(), signal.SIGKILL)
+
+
+def process_of(row: Row) -> int:
+    return int(row.outcomes[1])

@@ -8,19 +8,18 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
+from queue import SimpleQueue
 
 import pytest
-from small_studies import rows
+from odd_job import OddJob, process_of
+from small_studies import RUNS, rows
 
 from sdt_drake.errors import InputError
-from sdt_drake.resources import models_dir
-from sdt_drake.studies import cluster as cluster_module
-from sdt_drake.studies.cluster import Cluster, run_task
+from sdt_drake.studies import cluster as module
+from sdt_drake.studies.cluster import Cluster, run_row
 from sdt_drake.studies.execute import run_study
-from sdt_drake.studies.job import Job, make_job
-from sdt_drake.studies.results import read_study_table
+from sdt_drake.studies.job import make_job
 from sdt_drake.studies.study import load_study
 
 distributed = pytest.importorskip("distributed")
@@ -43,6 +42,7 @@ class Dask:
 
     def __init__(self, folder: Path) -> None:
         (folder / "cluster.py").write_text(CLUSTER)
+        path = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
         self.process = subprocess.Popen(
             [sys.executable, "cluster.py"],
             cwd=folder,
@@ -50,6 +50,7 @@ class Dask:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,
+            env={**os.environ, "PYTHONPATH": path},
         )
         self.address = self.process.stdout.readline().strip()
 
@@ -58,13 +59,8 @@ class Dask:
             return list(client.run(os.getpid).values())
 
     def end(self) -> None:
-        self.process.stdin.close()
-        try:
-            self.process.wait(10)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
-        self.process.stdout.close()
+        self.process.kill()
+        self.process.communicate()
 
 
 @pytest.fixture(scope="module")
@@ -75,51 +71,49 @@ def dask(tmp_path_factory):
 
 
 @pytest.fixture
-def job(files) -> Job:
-    return make_job(*load_study(files / "many.yaml"))
+def connect(dask):
+    """Makes backends that are closed at the end."""
+    made = []
+
+    def make(job, address=dask.address) -> Cluster:
+        made.append(Cluster(job, address))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
 
 
-def test_bit_for_bit(dask, job, undisturbed, tmp_path):
-    told = []
-    run_study(
-        job, tmp_path / "many", cluster=dask.address, report=lambda *counts: told.append(counts)
-    )
-    assert rows(tmp_path / "many").equals(rows(undisturbed))
-    assert told[0] == (0, 0, 80) and told[-1] == (80, 0, 80) and len(told) == 81
+def test_bit_for_bit_without_the_files_and_with_a_worker_that_dies(dask, desk, undisturbed):
+    job, killed = make_job(*load_study("many.yaml")), []
+    for file in desk.glob("*.yaml"):
+        file.unlink()
+    workers, told = dask.workers(), []
+
+    def report(done: int, *counts) -> None:
+        told.append((done, *counts))
+        if done == 5:
+            killed.append(workers[0])
+            os.kill(workers[0], signal.SIGKILL)
+
+    run_study(job, desk / "many", cluster=dask.address, report=report)
+    assert killed and not set(killed) & set(dask.workers())
+    assert rows(desk / "many").equals(rows(undisturbed))
+    assert told == [(done, 0, RUNS) for done in range(RUNS + 1)]
 
 
-def test_workers_that_cannot_see_the_files(dask, desk, tmp_path, monkeypatch):
-    (desk / "device.sdf").write_text((models_dir() / "sdt.sdf").read_text())
-    (desk / "axis.yaml").write_text("robot: device.sdf\n" + (desk / "axis.yaml").read_text())
-    text = (desk / "few.yaml").read_text()
-    text = text.replace("[controller]", "[motion]").replace("pi, p_pi+id", "short.yaml, fast.yaml")
-    (desk / "few.yaml").write_text(text)
-    job = make_job(*load_study("few.yaml"))
-    run_study(job, tmp_path / "here")
-    for file in ("device.sdf", "short.yaml", "fast.yaml"):
-        (desk / file).unlink()
-
-    run_study(job, tmp_path / "there", cluster=dask.address)
-    table = rows(tmp_path / "there")
-    assert table["status"].to_pylist() == ["ok", "infeasible"] * 3
-    assert table.equals(rows(tmp_path / "here"))
+def test_rows_that_hang_or_end_their_process(connect, tmp_path):
+    """The process of a thread stays for the next row."""
+    inbox = SimpleQueue()
+    acts = {0: "hang", 1: "kill"}
+    connect(OddJob(str(tmp_path), acts, timeout=2.0)).start(range(40), inbox.put)
+    found = {row.number: row for row in (inbox.get() for _ in range(40))}
+    assert [found[number].status for number in range(3)] == ["timed_out", "crashed", "ok"]
+    assert len({process_of(found[number]) for number in range(2, 40)}) <= 4
+    assert set(found) == set(range(40))
 
 
-def test_workers_that_die_on_the_way(dask, job, undisturbed, tmp_path):
-    """One, then the other: none of those that were given the study is left."""
-    workers, killed = dask.workers(), []
-
-    def report(done: int, *_) -> None:
-        if done in (10, 12):
-            killed.append(workers[len(killed)])
-            os.kill(killed[-1], signal.SIGKILL)
-
-    run_study(job, tmp_path / "many", cluster=dask.address, report=report)
-    assert killed == workers and not set(killed) & set(dask.workers())
-    assert rows(tmp_path / "many").equals(rows(undisturbed))
-
-
-def test_interrupted(dask, desk, job, undisturbed):
+def test_interrupted(dask, desk, undisturbed):
     process = subprocess.Popen(
         [sys.executable, "-m", "sdt_drake", "study", "many.yaml", "--cluster", dask.address],
         stdout=subprocess.PIPE,
@@ -130,40 +124,45 @@ def test_interrupted(dask, desk, job, undisturbed):
     while line.startswith("0 of"):
         line = process.stdout.readline()
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=30)
+    _, err = process.communicate(timeout=60)
 
     assert (process.returncode, err) == (130, "")
-    run_study(job, desk / "many", cluster=dask.address, resume=True)
+    run_study(make_job(*load_study("many.yaml")), desk / "many", workers=2, resume=True)
     assert rows(desk / "many").equals(rows(undisturbed))
 
 
-def test_scheduler_that_dies_on_the_way(job, tmp_path):
-    dask = Dask(tmp_path)
-
-    def report(done: int, *_) -> None:
-        if done == 10:
-            dask.process.kill()
-
-    with pytest.raises(InputError, match=r"--cluster: lost \(.*\); --resume goes on"):
-        run_study(job, tmp_path / "many", cluster=dask.address, report=report)
-    dask.end()
-    assert 10 <= len(read_study_table(tmp_path / "many")) < 80
+def test_workers_with_other_versions(connect, tmp_path):
+    job = OddJob(str(tmp_path))
+    drake = job.versions["drake"]
+    other = dataclasses.replace(job, versions=job.versions | {"drake": "1.0"})
+    with pytest.raises(InputError, match=rf"worker tcp.* has drake {drake} \(here: 1.0\); expect"):
+        connect(other)
+    with pytest.raises(InputError, match="that joined has drake"):
+        run_row(other, 0)
 
 
-def test_cluster_without_workers(job, tmp_path):
-    with (
-        distributed.LocalCluster(
-            n_workers=0, protocol="tcp://", dashboard_address=":0", silence_logs=50
-        ) as empty,
-        pytest.raises(InputError, match="--cluster: has no workers, start some"),
-    ):
-        run_study(job, tmp_path / "many", cluster=empty.scheduler_address)
-    assert not (tmp_path / "many").exists()
+def test_a_thread_ends_its_process_for_another_study(tmp_path):
+    job, found = OddJob(str(tmp_path)), []
+
+    def act() -> None:
+        for fingerprint in ("a", "a", "b"):
+            row = run_row(dataclasses.replace(job, fingerprint=fingerprint), 0)
+            found.append(process_of(row))
+        module._here.worker.close()
+
+    thread = threading.Thread(target=act)
+    thread.start()
+    thread.join()
+    assert found[0] == found[1] != found[2]
+    for process in found:
+        with pytest.raises(ProcessLookupError):
+            os.kill(process, 0)
 
 
-def test_workers_that_are_gone_for_good(job, tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster_module, "_ALONE", 0.3)
-    monkeypatch.setattr(cluster_module, "_IDLE", 0.5)
+def test_workers_that_are_gone_for_good(connect, tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "_ALONE", 0.3)
+    monkeypatch.setattr(module, "_LOOK", 0.05)
+    inbox = SimpleQueue()
     with distributed.LocalCluster(
         n_workers=1,
         threads_per_worker=1,
@@ -172,58 +171,25 @@ def test_workers_that_are_gone_for_good(job, tmp_path, monkeypatch):
         dashboard_address=":0",
         silence_logs=50,
     ) as cluster:
-
-        def report(done: int, *_) -> None:
-            if done == 3:
-                cluster.scale(0)
-
-        with pytest.raises(InputError, match=r"has had no workers for 0.3 s; --resume goes on"):
-            run_study(job, tmp_path / "many", cluster=cluster.scheduler_address, report=report)
-    assert 3 <= len(read_study_table(tmp_path / "many")) < 80
-
-
-def test_workers_with_other_versions(dask, job, tmp_path):
-    other = dataclasses.replace(job, versions=job.versions | {"drake": "1.0"})
-    drake = job.versions["drake"]
-    with pytest.raises(InputError, match=rf"worker tcp.* has drake {drake} \(here: 1.0\)"):
-        Cluster(other, dask.address)
-    with pytest.raises(InputError, match="that joined has drake"):
-        in_a_thread(lambda: run_task(other, [0]))
+        connect(OddJob(str(tmp_path)), cluster.scheduler_address).start(range(10_000), inbox.put)
+        inbox.get()
+        cluster.scale(0)
+        error = inbox.get()
+        while not isinstance(error, Exception):
+            error = inbox.get()
+        assert str(error) == "--cluster: has had no workers for 0.3 s; --resume goes on"
+        connected = Cluster
+        with pytest.raises(InputError, match="has no workers, start some: dask worker ADDRESS"):
+            connected(OddJob(str(tmp_path)), cluster.scheduler_address)
 
 
-def in_a_thread(act):
-    """Each thread has a process of its own."""
-    result = []
-
-    def run() -> None:
-        try:
-            result.append(act())
-        except InputError as error:
-            result.append(error)
-
-    thread = threading.Thread(target=run)
-    thread.start()
-    thread.join()
-    if isinstance(result[0], Exception):
-        raise result[0]
-    return result[0]
-
-
-def test_process_stays_for_the_next_task_and_ends_when_there_is_none(job, monkeypatch):
-    monkeypatch.setattr(cluster_module, "_IDLE", 0.5)
-
-    def act() -> None:
-        assert [row.status for row in run_task(job, [0])] == ["ok"]
-        [process] = cluster_module._here.pool.processes
-        assert [row.number for row in run_task(job, [1, 2])] == [1, 2]
-        assert cluster_module._here.pool.processes == [process]
-        end = time.monotonic() + 10
-        while cluster_module._here.pool.processes:
-            assert time.monotonic() < end
-            time.sleep(0.02)
-        with pytest.raises(ProcessLookupError):
-            os.kill(process, 0)
-        assert [row.number for row in run_task(job, [3])] == [3]
-        cluster_module._here.pool.close()
-
-    in_a_thread(lambda: act())
+def test_a_scheduler_that_dies_on_the_way(dask, connect, tmp_path):
+    """The last test: there is no cluster any more."""
+    inbox = SimpleQueue()
+    connect(OddJob(str(tmp_path))).start(range(10_000), inbox.put)
+    inbox.get()
+    dask.process.kill()
+    with pytest.raises(InputError, match=r"--cluster: lost \(.*\); --resume goes on"):
+        while True:
+            if isinstance(message := inbox.get(), Exception):
+                raise message

@@ -16,7 +16,8 @@ from sdt_drake.resources import models_dir
 from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.simulate import simulate
 from sdt_drake.studies.job import make_job
-from sdt_drake.studies.runs import Row, Runner, outcome_names
+from sdt_drake.studies.journal import Row
+from sdt_drake.studies.runs import Runner, outcome_names
 from sdt_drake.studies.study import Choice, Grid, List, Study, Uniform, Variable
 
 
@@ -32,7 +33,8 @@ def of(field: str, distribution, **options) -> Variable:
 def run(base: Scenario, *variables: Variable, **options) -> list[Row]:
     study = Study("s", variables=list(variables), **options)
     study.validate(base)
-    return Runner(study, base).run(range(len(study)))
+    runner = Runner(study, base)
+    return [runner.run(number) for number in range(len(study))]
 
 
 def without_duration(rows: list[Row]) -> list[str]:
@@ -63,7 +65,8 @@ def test_infeasible_rows(base, files):
     motions = Choice(["fast.yaml", "short.yaml"])
     study = Study("s", variables=[of("motion", motions)])
     study.folder = files
-    bad, good = Runner(study, base, {n: str(files / n) for n in motions.values}).run([0, 1])
+    runner = Runner(study, base, {n: str(files / n) for n in motions.values})
+    bad, good = runner.run(0), runner.run(1)
 
     assert (bad.status, good.status) == ("infeasible", "ok")
     assert bad.outcomes == () and "\n" not in bad.reason
@@ -148,7 +151,8 @@ def mixed(base) -> Study:
 
 @pytest.fixture(scope="module")
 def mixed_rows(base, mixed) -> list[Row]:
-    return Runner(mixed, base).run(range(len(mixed)))
+    runner = Runner(mixed, base)
+    return [runner.run(number) for number in range(len(mixed))]
 
 
 def test_rows_come_in_the_order_asked_for(mixed_rows):
@@ -161,9 +165,8 @@ def test_rows_do_not_depend_on_their_order_and_company(base, mixed, mixed_rows, 
     expected = without_duration(mixed_rows)
     monkeypatch.setattr("sdt_drake.studies.runs._CACHED", 1)  # motions are planned again and again
     order = np.random.default_rng(0).permutation(12).tolist()
-    runner, rows = Runner(mixed, base), []
-    for task in (order[:1], order[1:6], order[6:]):
-        rows += runner.run(task)
+    runner = Runner(mixed, base)
+    rows = [runner.run(number) for number in order]
 
     assert [row.number for row in rows] == order
     assert without_duration(sorted(rows, key=lambda row: row.number)) == expected
@@ -180,7 +183,8 @@ def test_repeat_has_the_same_numbers_and_a_recording(base, mixed, mixed_rows, nu
 
 def test_caches_do_not_grow(base, mixed):
     runner = Runner(Study("s", variables=[of("torque_margin", Grid(0.5, 1, 40))]), base)
-    runner.run(range(40))
+    for number in range(40):
+        runner.run(number)
     assert len(runner._plans) <= 16 and len(runner._robots) == 1
 
 
@@ -229,7 +233,7 @@ def test_a_job_has_its_files_with_it(own_files, desk, tmp_path, monkeypatch):
         file.unlink()
     (tmp_path / "there").mkdir()
     monkeypatch.chdir(tmp_path / "there")
-    [row] = job.runner(tmp_path / "there").run([0])
+    row = job.runner(tmp_path / "there").run(0)
     assert (row.status, row.reason) == ("ok", "")
 
 

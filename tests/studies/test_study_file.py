@@ -16,8 +16,9 @@ from sdt_drake.device import DeviceChoice
 from sdt_drake.errors import InputError
 from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.studies.job import make_job
+from sdt_drake.studies.journal import Row
 from sdt_drake.studies.results import write_results
-from sdt_drake.studies.runs import Row, outcome_names
+from sdt_drake.studies.runs import outcome_names
 from sdt_drake.studies.study import (
     Choice,
     Grid,

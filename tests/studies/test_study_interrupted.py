@@ -24,12 +24,13 @@ pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /
 class Running:
     """`sdt-drake study many.yaml` in a process of its own."""
 
-    def __init__(self, folder: Path, *arguments, **options) -> None:
-        self.folder, self.journal = folder, folder / "many" / "rows.jsonl"
-        self.temporary = folder / "temporary"
+    def __init__(self, folder: Path, *command: str, **options) -> None:
+        self.journal, self.temporary = folder / "many" / "rows.jsonl", folder / "temporary"
         self.temporary.mkdir(exist_ok=True)
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "sdt_drake", "study", "many.yaml", "--workers", "2", *arguments],
+            [sys.executable, *command, "study", "many.yaml", "--workers", "2", "--resume"][
+                : None if (folder / "many").exists() else -1
+            ],
             cwd=folder,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -39,81 +40,60 @@ class Running:
             **options,
         )
 
+    @property
+    def rows(self) -> int:
+        return self.journal.read_bytes().count(b"\n") if self.journal.exists() else 0
+
     def wait_for(self, rows: int) -> None:
-        end = time.monotonic() + 60
-        while not (self.journal.exists() and self.journal.read_bytes().count(b"\n") >= rows):
-            assert self.process.poll() is None and time.monotonic() < end
+        while self.rows < rows:
+            assert self.process.poll() is None
             time.sleep(0.01)
 
-    def workers(self) -> list[int]:
-        return [
-            int(path.name)
-            for path in Path("/proc").glob("[0-9]*")
-            if str(self.temporary) in _command(path)
-        ]
+    def processes(self) -> list[int]:
+        """Its own and all others of its session."""
+        found = []
+        for path in Path("/proc").glob("[0-9]*"):
+            try:
+                _, _, _, session = (path / "stat").read_text().rpartition(")")[2].split()[:4]
+            except OSError:
+                continue
+            if int(session) == self.process.pid:
+                found.append(int(path.name))
+        return found
 
-    def end(self, with_signal: int) -> tuple[int, str, str]:
-        """Exit code and what it printed, once all its processes are gone."""
-        assert len(self.workers()) == 2
-        if with_signal == signal.SIGINT:
-            os.killpg(self.process.pid, with_signal)  # as a terminal does: to all that listen
-        else:
-            self.process.send_signal(with_signal)
-        out, err = self.process.communicate(timeout=30)
-        end = time.monotonic() + 5
-        while self.workers() or any(self.temporary.iterdir()):
-            assert time.monotonic() < end
+    def ended(self) -> tuple[int, str]:
+        """Exit code and what it said, once all its processes and their files are gone."""
+        _, err = self.process.communicate()
+        while self.processes() or any(self.temporary.iterdir()):
             time.sleep(0.02)
-        return self.process.returncode, out, err
+        return self.process.returncode, err
 
 
-def _command(process: Path) -> str:
-    try:
-        return (process / "cmdline").read_bytes().decode(errors="replace")
-    except OSError:
-        return ""
+def test_ended_again_and_again(desk, undisturbed, capfd):
+    """Beside files that are called like modules that are needed."""
+    for name in ("random", "copy", "numpy", "argparse", "logging", "table"):
+        (desk / f"{name}.py").write_text("raise RuntimeError('a wrong module')")
 
+    first = Running(desk, "-m", "sdt_drake")
+    first.wait_for(2)
+    first.process.send_signal(signal.SIGSTOP)  # so that it is not done before we have looked
+    assert main(["study", "many.yaml", "--resume"]) == 2
+    assert capfd.readouterr() == ("", "sdt-drake: many: another process runs this study\n")
+    first.process.send_signal(signal.SIGCONT)
+    os.killpg(first.process.pid, signal.SIGINT)  # as a terminal does: to all that listen
+    assert first.ended() == (130, "")
+    there = first.rows
+    assert 2 <= there < RUNS and not (desk / "many" / "results.parquet").exists()
 
-def finish(folder: Path) -> int:
-    """Resume; how many runs were there before."""
-    command = [
-        sys.executable,
-        "-m",
-        "sdt_drake",
-        "study",
-        "many.yaml",
-        "--resume",
-        "--workers",
-        "2",
-    ]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert (folder / "many" / "rows.jsonl").read_bytes().count(b"\n") == RUNS  # none done again
-    return int(done.stdout.split()[0])
+    second = Running(desk, "-m", "sdt_drake")
+    second.wait_for(there + 2)
+    second.process.kill()
+    assert second.ended()[0] == -signal.SIGKILL
+    there = second.rows
 
-
-@pytest.mark.parametrize("with_signal", [signal.SIGKILL, signal.SIGINT])
-def test_main_process_ended_in_the_middle(desk, undisturbed, with_signal):
-    running = Running(desk)
-    running.wait_for(10)
-    code, _, err = running.end(with_signal)
-    there = running.journal.read_bytes().count(b"\n")
-
-    assert code == (130 if with_signal == signal.SIGINT else -with_signal)
-    assert err == "" and 10 <= there < RUNS
-    assert not (desk / "many" / "results.parquet").exists()
-    assert finish(desk) == there
-    assert rows(desk / "many").equals(rows(undisturbed))
-
-
-def test_worker_killed_in_the_middle(desk, undisturbed):
-    running = Running(desk)
-    for done in (5, 25):
-        running.wait_for(done)
-        os.kill(running.workers()[0], signal.SIGKILL)
-    _, err = running.process.communicate(timeout=60)
-
-    assert (running.process.returncode, err) == (0, "")
+    assert main(["study", "many.yaml", "--resume", "--workers", "2"]) == 0
+    assert capfd.readouterr().out.startswith(f"{there} of {RUNS} runs\n")
+    assert second.rows == RUNS  # none was done again
     assert rows(desk / "many").equals(rows(undisturbed))
 
 
@@ -121,58 +101,30 @@ def test_worker_killed_in_the_middle(desk, undisturbed):
     ("event", "word"),
     [
         ("import", "sdt_drake.studies.execute"),
-        ("subprocess.Popen", sys.executable),
+        ("import", "pebble"),
         ("open", "rows.jsonl"),
+        ("import", "multiprocessing.popen_spawn_posix"),
     ],
 )
 def test_interrupted_while_it_starts(desk, event, word):
-    temporary = desk / "temporary"
-    temporary.mkdir()
-    arguments = ["sdt-drake", "study", "many.yaml", "--workers", "2"]
-    done = subprocess.run(
-        [sys.executable, "-c", DRIVER, str(int(signal.SIGINT)), event, word, *arguments],
-        cwd=desk,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        env={**os.environ, "TMPDIR": str(temporary)},
-    )
-    assert (done.returncode, done.stderr) == (130, "") and (desk / "seen").exists()
-    assert not [path for path in Path("/proc").glob("[0-9]*") if str(temporary) in _command(path)]
-    assert list(temporary.iterdir()) == []
-
-
-def test_two_processes_on_one_folder(desk, undisturbed, capfd):
-    first = Running(desk)
-    first.wait_for(3)
-    first.process.send_signal(signal.SIGSTOP)  # so that it is not done before we have looked
-    assert main(["study", "many.yaml", "--resume"]) == 2
-    assert capfd.readouterr() == ("", "sdt-drake: many: another process runs this study\n")
-
-    first.process.send_signal(signal.SIGCONT)
-    first.process.communicate(timeout=60)
-    assert first.process.returncode == 0
-    assert rows(desk / "many").equals(rows(undisturbed))
+    running = Running(desk, "-c", DRIVER, str(int(signal.SIGINT)), event, word, "sdt-drake")
+    assert running.ended() == (130, "") and (desk / "seen").exists()
 
 
 def _small_disk() -> None:
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (6_000, 6_000))
 
 
 def test_full_disk(desk, undisturbed):
-    running = Running(desk, preexec_fn=_small_disk)
-    _, err = running.process.communicate(timeout=60)
+    running = Running(desk, "-m", "sdt_drake", preexec_fn=_small_disk)
+    code, err = running.ended()
     there = len(read_study_table(desk / "many"))
-
-    assert running.process.returncode == 2
+    assert 2 < there < RUNS and code == 2
     assert err == (
-        f"sdt-drake: many/rows.jsonl: cannot be written (File too large); {there} of 80 runs are "
-        "kept, --resume goes on from there\n"
+        f"sdt-drake: many/rows.jsonl: cannot be written (File too large); {there} of {RUNS} runs "
+        "are kept, --resume goes on from there\n"
     )
-    assert 5 < there < RUNS and running.workers() == []
-    assert finish(desk) == there
-    assert rows(desk / "many").equals(rows(undisturbed))
 
 
 def test_full_disk_at_the_results(copied, files, monkeypatch, capfd):
