@@ -164,14 +164,14 @@ from sdt_drake.studies.workers import Workers
 
 if __name__ == "__main__":
     inbox = SimpleQueue()
-    Workers(OddJob(sys.argv[1], {0: "hang"}), 2).start(range(1000), inbox.put)
+    Workers(OddJob(sys.argv[1], {1: "hang"}), 1).start(range(2), inbox.put)
     print(process_of(inbox.get()), flush=True)
     threading.Event().wait()
 """
 
 
-def test_processes_end_with_the_one_that_started_them(tmp_path, temporary):
-    """One is in the middle of a row; all end, and leave no files."""
+def test_a_process_ends_with_the_one_that_started_it(tmp_path, temporary):
+    """In the middle of a row, and leaves no files."""
     (tmp_path / "main.py").write_text(MAIN)
     path = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
     main = subprocess.Popen(
