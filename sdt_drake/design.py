@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -18,10 +17,9 @@ from sdt_drake.control import (
     natural_frequency,
     tune,
 )
-from sdt_drake.deviation import Deviation, deviated
+from sdt_drake.deviation import deviated
 from sdt_drake.device import (
     Drive,
-    Friction,
     FrictionParameters,
     Springs,
     chosen_robot,
@@ -38,7 +36,8 @@ from sdt_drake.dynamics import (
     torque_groups,
     where_largest,
 )
-from sdt_drake.errors import InputError, checked_choice, checked_type
+from sdt_drake.errors import InputError, checked_choice, checked_type, within
+from sdt_drake.fields import check
 from sdt_drake.motion import (
     PLANNERS,
     CommandProfile,
@@ -179,7 +178,7 @@ def make_design(
     """Load, plan and tune what a scenario names: device, plan, model, gains, feedforward.
 
     Args:
-        scenario: validated here once more.
+        scenario: checked here once more: it may be made or changed in Python.
         robot, motion, torques: of the SDF without any deviation; used instead of loading, planning
             and computing the scenario's own, to save time where many scenarios share them. `robot`
             is the chosen device: `scenario.device` is not applied to it once more.
@@ -188,14 +187,17 @@ def make_design(
         InputError: for any bad input on the way.
     """
     checked_type(scenario, Scenario, "scenario")
-    with _naming(scenario):
-        scenario.validate()
-    nominal = load_device(scenario) if robot is None else checked_type(robot, Robot, "robot")
-    with _naming(scenario):
-        robot, model = _robots(scenario, nominal)
+    if robot is None:
+        nominal = load_device(scenario)
+    else:
+        nominal = checked_type(robot, Robot, "robot")
+        check(scenario, _name(scenario), nominal.n)
+    with within(_name(scenario)):
+        robot = deviated(nominal, scenario.plant.deviation, "plant.deviation")
+        model = deviated(nominal, scenario.controller.model, "controller.model")
     if motion is None:
         motion = _planned(scenario, nominal)
-    with _naming(scenario):
+    with within(_name(scenario)):
         _check_reference(scenario, checked_type(motion, Motion, "motion"))
         loaded = robot if scenario.plant.kind == "axis" else nominal
         nominal_torques = torques or _along(nominal, motion)
@@ -244,40 +246,20 @@ def make_design(
 
 
 def load_device(scenario: Scenario) -> Robot:
-    """The robot that planner, controller and plant know."""
+    """The robot that planner, controller and plant of a scenario know.
+
+    Raises:
+        InputError: for a robot that cannot be used, or fields of the scenario that do not fit it.
+    """
     robot = load_robot(scenario.robot)
-    with _naming(scenario):
-        return robot if scenario.device is None else chosen_robot(robot, scenario.device)
+    check(scenario, _name(scenario), robot.n)
+    with within(_name(scenario)):
+        return chosen_robot(robot, scenario.device)
 
 
-def _robots(scenario: Scenario, nominal: Robot) -> tuple[Robot, Robot]:
-    """What moves, and what the controller takes it for."""
-    scenario.validate_sizes(nominal.n)
-    return (
-        _deviated(nominal, scenario.plant.deviation, "plant.deviation"),
-        _deviated(nominal, scenario.controller.model, "controller.model"),
-    )
-
-
-def _deviated(robot: Robot, deviation: Deviation, where: str) -> Robot:
-    try:
-        return deviated(robot, deviation)
-    except InputError as error:
-        text = str(error)
-        if text.startswith(("payload", "link_scales")):
-            raise InputError(f"{where}.{text}") from None
-        raise InputError(f"{where}: no body could be like that ({text})") from None
-
-
-@contextmanager
-def _naming(scenario: Scenario) -> Iterator[None]:
-    """Say of which scenario an error is."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(
-            f"scenario '{scenario.name}': {error}" if scenario.name else str(error)
-        ) from None
+def _name(scenario: Scenario) -> str:
+    """For errors."""
+    return f"scenario '{scenario.name}'" if scenario.name else "scenario"
 
 
 # --- plan ------------------------------------------------------------------------------------
@@ -312,7 +294,7 @@ def load_plan(
     checked_choice(planner, tuple(PLANNERS), "planner")
     file = find_file(find_motion(path))
     plan = partial(PLANNERS[planner], robot, period=period, torque_margin=torque_margin)
-    try:
+    with within(file):
         if file.suffix in (".yaml", ".yml"):
             return plan(load_command(file, robot))
         if file.suffix == ".csv":
@@ -323,8 +305,6 @@ def load_plan(
                     motion, torque, np.zeros(motion.q.shape, dtype=bool), torque_margin, motion
                 )
             return replace(plan(_as_command(motion, file.stem)), loss=loss)
-    except InputError as error:
-        raise _located(error, file) from None
     raise InputError(f"{file}: expected a profile (.yaml) or a motion (.csv)")
 
 
@@ -332,11 +312,6 @@ def _as_command(motion: Motion, name: str) -> CommandProfile:
     """A motion as what is commanded."""
     joints = [Sampled(motion.period, speeds.tolist()) for speeds in motion.v.T]
     return CommandProfile(name, "", motion.duration, motion.q[0].tolist(), joints)
-
-
-def _located(error: InputError, file: Path) -> InputError:
-    text = str(error)
-    return InputError(text if text.startswith(str(file)) else f"{file}: {text}")
 
 
 def _check_reference(scenario: Scenario, motion: Motion) -> None:
@@ -379,7 +354,7 @@ def _plant(
     inertia = InertiaRange.of(effective_inertia(robot, torques.d_kk))
     i_eff = inertia.maximum if plant.i_eff is None else np.array(plant.i_eff)
     springs = _springs(scenario, robot, motion, torques, i_eff)
-    friction = None if plant.friction is None else friction_parameters(plant.friction, robot.n)
+    friction = None if plant.friction.is_none else friction_parameters(plant.friction, robot.n)
     return inertia, i_eff, springs, friction
 
 
@@ -388,7 +363,7 @@ def _springs(
 ) -> Springs | None:
     """The springs, from the inertia that each sees where it is largest along the motion."""
     elasticity = scenario.plant.elasticity
-    if elasticity is None:
+    if elasticity.is_rigid:
         return None
     if scenario.plant.kind == "axis":
         links = robot.gear_ratio**2 * (i_eff - robot.rotor_inertia)
@@ -435,15 +410,14 @@ def _feedforward(scenario: Scenario, model: Robot) -> Law | None:
     """gain feedforward_torque + friction(v_ref) / r, motor side [N m]; None for neither."""
     choice, friction = scenario.controller, scenario.plant.friction
     kind = choice.feedforward_in_use
-    is_compensated = choice.friction_compensation and friction is not None
-    if kind == "none" and not is_compensated:
+    if kind == "none" and not choice.friction_compensation:
         return None
     gain = 1.0 if choice.feedforward_gain is None else np.array(choice.feedforward_gain)
-    parameters = friction_parameters(friction or Friction(), model.n)
+    parameters = friction_parameters(friction, model.n)
 
     def law(groups: Sequence[Array], v: Array, vd: Array) -> Array:
         tau_ff = gain * feedforward_torque(kind, model, groups, vd, scenario.algorithm)
-        if is_compensated:
+        if choice.friction_compensation:
             tau_ff = tau_ff + sliding_friction(parameters, v) / model.gear_ratio
         return tau_ff
 

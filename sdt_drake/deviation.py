@@ -1,18 +1,17 @@
 """A robot whose links differ from its file: a controller's model of it, or what it really is."""
 
-# Drake's YAML loader reads the annotations of Deviation: they may not be postponed, and "or None"
-# must be spelled Optional[...] (scenario.py).
+# Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Optional
 
-from sdt_drake.errors import InputError, checked_number
-from sdt_drake.links import links_by_name, payload_of, scale_link, shift_link
+from sdt_drake.errors import InputError, within
+from sdt_drake.fields import setting
+from sdt_drake.links import link_named, links_by_name, scale_link, shift_link
 from sdt_drake.robot import Robot, edited
 
 
-@dataclass
+@dataclass(slots=True)
 class Deviation:
     """What differs from the links of the robot's file.
 
@@ -32,10 +31,10 @@ class Deviation:
     """
 
     payload: str = "payload"
-    payload_mass: float = 0.0
-    payload_offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    inertia_scale: float = 1.0
-    link_scales: Optional[list[float]] = None  # noqa: UP045
+    payload_mass: float = setting(0.0, unit="kg")
+    payload_offset: list[float] = setting([0.0, 0.0, 0.0], count=3, unit="m")
+    inertia_scale: float = setting(1.0, above=0)
+    link_scales: Optional[list[float]] = setting(None, above=0)
 
     @property
     def exact(self) -> bool:
@@ -48,65 +47,49 @@ class Deviation:
         """Whether there has to be a link `payload`."""
         return self.payload_mass != 0 or any(x != 0 for x in self.payload_offset)
 
-    def validate(self, where: str) -> None:
-        """Check all that does not need the robot.
 
-        Raises:
-            InputError: naming `where` and the field.
-        """
-        checked_number(self.payload_mass, f"{where}.payload_mass")
-        if len(self.payload_offset) != 3:
-            raise InputError(
-                f"{where}.payload_offset: {len(self.payload_offset)} value(s), expected 3: x, y, z"
-            )
-        for value in self.payload_offset:
-            checked_number(value, f"{where}.payload_offset")
-        checked_number(self.inertia_scale, f"{where}.inertia_scale", minimum=0, exclusive=True)
-        for scale in self.link_scales or []:
-            checked_number(scale, f"{where}.link_scales", minimum=0, exclusive=True)
-
-
-def deviated(robot: Robot, deviation: Deviation) -> Robot:
+def deviated(robot: Robot, deviation: Deviation, where: str = "deviation") -> Robot:
     """`robot` with a deviation; itself if there is none.
 
     It is counted from `robot` as it is: deviations add up.
 
+    Args:
+        robot: stays as it is.
+        deviation: what is different.
+        where: what errors start with.
+
     Raises:
-        InputError: if a value is out of range, or the payload is no link or is left without mass.
+        InputError: if the payload is no link, or a body is left that cannot be.
     """
-    deviation.validate("deviation")
     if deviation.exact:
         return robot
-    return edited(robot, lambda root: _apply(deviation, root, robot.path))
+    with within(where):
+        return edited(robot, lambda root: _apply(deviation, root, where))
 
 
-def _apply(deviation: Deviation, root: ET.Element, file: Path) -> None:
-    """Put it into the XML of the SDF."""
-    links = links_by_name(root)
+def _apply(deviation: Deviation, root: ET.Element, where: str) -> None:
+    """Put it into the XML of an SDF."""
     if deviation._changes_payload:
-        payload = payload_of(root, deviation.payload, file)
-        _add_mass(payload, deviation.payload_mass)
+        payload = link_named(root, deviation.payload, f"{where}.payload")
+        _add_mass(payload, deviation.payload_mass, f"{where}.payload_mass")
         shift_link(payload, deviation.payload_offset)
+    links = links_by_name(root)
     scales = deviation.link_scales or [1.0] * len(links)
     if len(scales) != len(links):
-        raise InputError(
-            f"link_scales: {len(scales)} value(s), expected {len(links)}: {', '.join(links)}"
-        )
+        each = f"{len(links)}, one for each of {', '.join(links)}"
+        raise InputError(f"{where}.link_scales: {len(scales)} value(s), expected {each}")
     for link, own in zip(links.values(), scales, strict=True):
         scale_link(link, deviation.inertia_scale * own)
 
 
-def _add_mass(link: ET.Element, added: float) -> None:
+def _add_mass(link: ET.Element, added: float, where: str) -> None:
     """Add mass [kg] to a link, and inertia in proportion."""
-    mass = float(link.findtext("inertial/mass", "nan"))
+    mass, name = float(link.findtext("inertial/mass", "nan")), link.get("name")
     if mass == 0:
-        raise InputError(
-            f"payload_mass: {added:g} kg, but link '{link.get('name')}' has no mass, so no inertia "
-            "in proportion to it; expected another link"
-        )
+        raise InputError(f"{where}: link '{name}' has no mass to be scaled, expected another link")
     if mass + added <= 0:
         raise InputError(
-            f"payload_mass: {added:g} kg would leave {mass + added:g} kg of link "
-            f"'{link.get('name')}', expected more than {-mass:g}"
+            f"{where}: {added:g} kg would leave {mass + added:g} kg of link '{name}', "
+            f"expected more than {-mass:g}"
         )
     scale_link(link, (mass + added) / mass)

@@ -22,11 +22,24 @@ T = TypeVar("T")
 
 
 class InputError(ValueError):
-    """Input that cannot be used; the message is one line: where, what, and what would be right."""
+    """Input that cannot be used: a line for each problem, where, what, and what would be right."""
+
+    def __str__(self) -> str:
+        return "\n".join(self.args)
 
 
-def told_by(error: BaseException) -> str:
-    """What an error of Drake says, in one line that is not too long."""
+@contextlib.contextmanager
+def within(where: str | Path) -> Iterator[None]:
+    """Start the lines of an `InputError` with `where`, if they do not yet."""
+    try:
+        yield
+    except InputError as error:
+        lines = (x if x.startswith(f"{where}") else f"{where}: {x}" for x in error.args)
+        raise type(error)(*lines) from None
+
+
+def told_by(error: object) -> str:
+    """What an error of a library says, in one line that is not too long."""
     text = " ".join(str(error).split())
     return text if len(text) <= 300 else f"{text[:300]}..."
 

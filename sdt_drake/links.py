@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from pathlib import Path
 
 from numpy.typing import NDArray
 
@@ -16,15 +15,15 @@ def links_by_name(root: ET.Element) -> dict[str, ET.Element]:
     return {link.get("name", ""): link for link in root.iter("link")}
 
 
-def payload_of(root: ET.Element, name: str, file: Path) -> ET.Element:
-    """The link of this name, which the file of `root` should have.
+def link_named(root: ET.Element, name: str, where: str) -> ET.Element:
+    """The link of this name.
 
     Raises:
-        InputError: listing the links, if there is none of this name.
+        InputError: starting with `where`, and listing the links, if there is none of this name.
     """
     links = links_by_name(root)
     if name not in links:
-        raise InputError(f"payload: no link '{name}' in {file}, expected one of {', '.join(links)}")
+        raise InputError(f"{where}: no link '{name}', expected one of {', '.join(links)}")
     return links[name]
 
 

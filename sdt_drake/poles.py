@@ -51,7 +51,7 @@ def check_poles(
 def _check_device(scenario: Scenario, robot: Robot, i_eff: Array) -> None:
     """The same for friction and drive; i_eff motor side [kg m²]."""
     inertia = robot.gear_ratio**2 * i_eff
-    if scenario.plant.friction is not None:
+    if not scenario.plant.friction.is_none:
         friction = friction_parameters(scenario.plant.friction, robot.n)
         bristles = friction.coulomb / friction.presliding / inertia
         extra = friction.breakaway - friction.coulomb

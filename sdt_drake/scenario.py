@@ -1,8 +1,8 @@
 """A complete run as data: robot, motion, plant, controller, disturbance; YAML in and out."""
 
-# Drake's YAML loader reads the annotations here: they may not be postponed, and "or None" must be
-# spelled Optional[...].
-from dataclasses import dataclass, field
+# Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Optional
 
@@ -13,16 +13,17 @@ from sdt_drake.controllers import CONTROLLERS, Controller, load_controllers
 from sdt_drake.deviation import Deviation
 from sdt_drake.device import DeviceChoice, Drive, Elasticity, Friction
 from sdt_drake.dynamics import SIGNS
-from sdt_drake.errors import InputError, checked_choice, checked_number, checked_vector, replacing
-from sdt_drake.motion import PLANNERS, find_motion
+from sdt_drake.errors import InputError, replacing, whole_periods
+from sdt_drake.fields import beside, setting
+from sdt_drake.motion import PLANNERS, motion_beside
 from sdt_drake.robot import DEFAULT_ROBOT
-from sdt_drake.yaml_files import check_types, load_yaml
+from sdt_drake.yaml_files import load_yaml
 
 PLANTS = ("axis", "coupled")
 INVERSE_DYNAMICS = ("table", "online")
 
 
-@dataclass
+@dataclass(slots=True)
 class PlantChoice:
     """What moves.
 
@@ -30,21 +31,27 @@ class PlantChoice:
         kind: "axis", each motor on its own with constant inertia and the load torque of the
             reference (the paper's models), or "coupled", the MultibodyPlant.
         i_eff: for "axis": inertia of each motor, motor side [kg m²]; by default the largest along
-            the motion.
+            the motion. The coupled plant has its own from the SDF.
         friction: in the joints; none by default.
         elasticity: of the joints; rigid by default.
         deviation: what the real links have otherwise than the SDF says; planner and controller do
             not know it. Nothing by default.
     """
 
-    kind: str = "axis"
-    i_eff: Optional[list[float]] = None  # noqa: UP045
-    friction: Optional[Friction] = None  # noqa: UP045
-    elasticity: Optional[Elasticity] = None  # noqa: UP045
-    deviation: Deviation = field(default_factory=Deviation)
+    kind: str = setting("axis", choices=PLANTS)
+    i_eff: Optional[list[float]] = setting(
+        None, above=0, per_joint=True, unit="kg m²", side="motor"
+    )
+    friction: Friction = setting(Friction)
+    elasticity: Elasticity = setting(Elasticity)
+    deviation: Deviation = setting(Deviation)
+
+    def problems(self) -> Iterator[tuple[str, str]]:
+        if self.kind == "coupled" and self.i_eff is not None:
+            yield "i_eff", "the coupled plant has its inertia from the SDF; remove"
 
 
-@dataclass
+@dataclass(slots=True)
 class ControllerChoice:
     """What drives it.
 
@@ -71,19 +78,47 @@ class ControllerChoice:
     """
 
     kind: str = "pi"
-    file: str = ""
-    structure: str = "p_in_feedback"
-    omega_r: Optional[float] = None  # noqa: UP045
-    omega_ratio: float = 0.5
-    zeta: Optional[list[float]] = None  # noqa: UP045
-    kp: Optional[list[float]] = None  # noqa: UP045
-    ki: Optional[list[float]] = None  # noqa: UP045
+    file: str = setting("", place=beside)
+    structure: str = setting("p_in_feedback", choices=STRUCTURES)
+    omega_r: Optional[float] = setting(None, above=0, unit="rad/s")
+    omega_ratio: float = setting(0.5, above=0)
+    zeta: Optional[list[float]] = setting(None, above=0, per_joint=True)
+    kp: Optional[list[float]] = setting(
+        None, above=0, per_joint=True, unit="N m s/rad", side="motor"
+    )
+    ki: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="N m/rad", side="motor")
     anti_windup: bool = False
-    feedforward: Optional[str] = None  # noqa: UP045
-    feedforward_gain: Optional[list[float]] = None  # noqa: UP045
+    feedforward: Optional[str] = setting(None, choices=FEEDFORWARDS)
+    feedforward_gain: Optional[list[float]] = setting(None, per_joint=True)
     friction_compensation: bool = False
-    position_gain: Optional[list[float]] = None  # noqa: UP045
-    model: Deviation = field(default_factory=Deviation)
+    position_gain: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="1/s")
+    model: Deviation = setting(Deviation)
+
+    def problems(self) -> Iterator[tuple[str, str]]:
+        if self.file:
+            load_controllers(self.file)
+        if self.kind not in CONTROLLERS:
+            yield "kind", f"'{self.kind}', expected one of {', '.join(CONTROLLERS)}"
+            return
+        yield from self._gain_problems()
+        # What the chosen kind of controller would not use.
+        for option in fields(self):
+            takers = [kind for kind, c in CONTROLLERS.items() if option.name in c.options]
+            is_option = option.name in Controller.OPTIONS and self.kind not in takers
+            if is_option and getattr(self, option.name) != option.default:
+                yield option.name, f"{self.kind} takes none, only {', '.join(takers)}"
+        if self.feedforward_gain is not None and self.feedforward_in_use == "none":
+            yield "feedforward_gain", f"{self.kind} has no feedforward"
+
+    def _gain_problems(self) -> Iterator[tuple[str, str]]:
+        if (self.kp is None) != (self.ki is None):
+            yield "kp" if self.kp is None else "ki", "missing, expected kp and ki or neither"
+        elif self.kp is None and self.omega_r is None:
+            yield "omega_r", "missing, the gains need it, or kp and ki"
+        elif self.kp is not None:
+            for name, default in (("omega_r", None), ("omega_ratio", 0.5), ("zeta", None)):
+                if getattr(self, name) != default:
+                    yield name, "kp and ki are given; remove one or the other"
 
     @property
     def feedforward_in_use(self) -> str:
@@ -102,7 +137,7 @@ class ControllerChoice:
         return f"{self.kind}+{self.feedforward}" if chosen else self.kind
 
 
-@dataclass
+@dataclass(slots=True)
 class Disturbance:
     """Error of the load torque model: the true load is tau_LD (1 + A sin(omega_d t)).
 
@@ -111,18 +146,18 @@ class Disturbance:
         omega_d: [rad/s], on every axis.
     """
 
-    amplitude: float = 0.0
-    omega_d: float = 6.283185307179586
+    amplitude: float = setting(0.0, minimum=0, maximum=10)
+    omega_d: float = setting(6.283185307179586, minimum=0, unit="rad/s")
 
 
-@dataclass
+@dataclass(slots=True)
 class Scenario:
     """A run.
 
     Attributes:
         name: short name.
         robot: SDF file, relative to the scenario's own folder, or package://sdt/...
-        device: motors, gears and structure other than those of the SDF; none by default.
+        device: motors, gears and structure other than those of the SDF.
         motion: what is commanded (.yaml, will be planned) or a planned motion (.csv), likewise; or
             the name of a motion that ships with the package.
         period: interpolation period of planner, hold and log [s].
@@ -139,161 +174,47 @@ class Scenario:
     """
 
     name: str = ""
-    robot: str = DEFAULT_ROBOT
-    device: Optional[DeviceChoice] = None  # noqa: UP045
-    motion: str = "package://sdt/motions/reference.yaml"
-    period: float = 0.005
-    torque_margin: float = 1.0
-    planner: str = "limiter"
-    algorithm: str = "consistent"
-    inverse_dynamics: str = "table"
-    accuracy: float = 1e-4
-    plant: PlantChoice = field(default_factory=PlantChoice)
-    drive: Drive = field(default_factory=Drive)
-    controller: ControllerChoice = field(default_factory=ControllerChoice)
-    disturbance: Disturbance = field(default_factory=Disturbance)
+    robot: str = setting(DEFAULT_ROBOT, place=beside)
+    device: DeviceChoice = setting(DeviceChoice)
+    motion: str = setting("package://sdt/motions/reference.yaml", place=motion_beside)
+    period: float = setting(0.005, above=0, unit="s")
+    torque_margin: float = setting(1.0, above=0, maximum=1)
+    planner: str = setting("limiter", choices=tuple(PLANNERS))
+    algorithm: str = setting("consistent", choices=SIGNS)
+    inverse_dynamics: str = setting("table", choices=INVERSE_DYNAMICS)
+    accuracy: float = setting(1e-4, minimum=1e-12, maximum=0.01, unit="rad/s")
+    plant: PlantChoice = setting(PlantChoice)
+    drive: Drive = setting(Drive)
+    controller: ControllerChoice = setting(ControllerChoice)
+    disturbance: Disturbance = setting(Disturbance)
 
-    def validate(self) -> None:
-        """Check all that does not need the robot.
-
-        Raises:
-            InputError: naming the field and what would be right.
-        """
-        check_types(self, Scenario)
-        for name in ("robot", "motion"):
-            if not getattr(self, name):
-                raise InputError(f"{name}: empty, expected a file")
-        checked_number(self.period, "period", minimum=0, exclusive=True)
-        checked_number(self.torque_margin, "torque_margin", minimum=0, exclusive=True)
-        if self.torque_margin > 1:
-            raise InputError(f"torque_margin: {self.torque_margin:g}, expected a share in (0, 1]")
-        checked_choice(self.planner, tuple(PLANNERS), "planner")
-        checked_choice(self.algorithm, SIGNS, "algorithm")
-        checked_choice(self.inverse_dynamics, INVERSE_DYNAMICS, "inverse_dynamics")
-        check_accuracy(self.accuracy)
-        checked_choice(self.plant.kind, PLANTS, "plant.kind")
-        if self.controller.file:
-            load_controllers(self.controller.file)
-        checked_choice(self.controller.kind, tuple(CONTROLLERS), "controller.kind")
-        checked_choice(self.controller.structure, STRUCTURES, "controller.structure")
-        checked_number(self.disturbance.amplitude, "disturbance.amplitude", minimum=0)
-        checked_number(self.disturbance.omega_d, "disturbance.omega_d", minimum=0)
-        for name, most, unit in (("amplitude", 10, ""), ("omega_d", 100 / self.period, " rad/s")):
-            value = getattr(self.disturbance, name)
-            if value > most:  # the integrator would have to follow it
-                raise InputError(
-                    f"disturbance.{name}: {value:g}{unit}, expected at most {most:g}{unit}"
-                )
-        if self.plant.kind == "coupled" and self.plant.i_eff is not None:
-            raise InputError("plant.i_eff: the coupled plant has its inertia from the SDF; remove")
-        if self.plant.friction is not None:
-            self.plant.friction.validate("plant.friction")
-        if self.plant.elasticity is not None:
-            self.plant.elasticity.validate("plant.elasticity")
-        if self.device is not None:
-            self.device.validate("device")
-        self.drive.validate("drive", self.period)
-        self.plant.deviation.validate("plant.deviation")
-        self.controller.model.validate("controller.model")
-        self._validate_gains()
-        self._validate_options()
-
-    def _validate_gains(self) -> None:
-        controller = self.controller
-        given = controller.kp is not None, controller.ki is not None
-        if any(given) and not all(given):
-            raise InputError("controller: kp and ki must be given together")
-        if all(given) and (controller.omega_r is not None or controller.zeta is not None):
-            raise InputError("controller: give either kp and ki, or omega_r and zeta")
-        if all(given) and controller.omega_ratio != 0.5:
-            raise InputError("controller: give either kp and ki, or omega_ratio")
-        checked_number(controller.omega_ratio, "controller.omega_ratio", minimum=0, exclusive=True)
-        if not any(given) and controller.omega_r is None:
-            raise InputError("controller.omega_r: missing; the gains need it, or kp and ki")
-        if controller.omega_r is not None:
-            checked_number(controller.omega_r, "controller.omega_r", minimum=0, exclusive=True)
-
-    def _validate_options(self) -> None:
-        """Refuse what the chosen kind of controller would not use."""
-        controller, kind = self.controller, CONTROLLERS[self.controller.kind]
-        if self.plant.kind not in kind.plants:
-            raise InputError(
-                f"controller.kind {controller.kind}: needs plant.kind {' or '.join(kind.plants)}"
+    def problems(self) -> Iterator[tuple[str, str]]:
+        controller, fastest = self.controller, 100 / self.period
+        if self.disturbance.omega_d > fastest:  # the integrator would have to follow it
+            yield (
+                "disturbance.omega_d",
+                f"{self.disturbance.omega_d:g}, expected at most {fastest:g} [rad/s]",
             )
-        for name in Controller.OPTIONS:
-            given = getattr(controller, name) != getattr(ControllerChoice, name)
-            if given and name not in kind.options:
-                taking = [k for k, c in CONTROLLERS.items() if name in c.options]
-                raise InputError(
-                    f"controller.{name}: {controller.kind} takes none, only {', '.join(taking)}"
-                )
-        if controller.feedforward is not None:
-            checked_choice(controller.feedforward, FEEDFORWARDS, "controller.feedforward")
-        if controller.feedforward_gain is not None and controller.feedforward_in_use == "none":
-            raise InputError(f"controller.feedforward_gain: {controller.kind} has no feedforward")
-        if controller.friction_compensation and self.plant.friction is None:
-            raise InputError("controller.friction_compensation: needs plant.friction")
-
-    def validate_sizes(self, n: int) -> None:
-        """Check that every list has one good value for each of the n joints.
-
-        Raises:
-            InputError: naming the field.
-        """
-        for name, values in (
-            ("plant.i_eff", self.plant.i_eff),
-            ("controller.zeta", self.controller.zeta),
-            ("controller.kp", self.controller.kp),
-            ("controller.ki", self.controller.ki),
-            ("controller.position_gain", self.controller.position_gain),
-        ):
-            if values is not None:
-                checked_vector(values, n, name, positive=True)
-        if self.controller.feedforward_gain is not None:
-            checked_vector(self.controller.feedforward_gain, n, "controller.feedforward_gain")
-        if self.plant.friction is not None:
-            self.plant.friction.validate_sizes(n, "plant.friction")
-        if self.plant.elasticity is not None:
-            self.plant.elasticity.validate_sizes(n, "plant.elasticity")
-        if self.device is not None:
-            self.device.validate_sizes(n, "device")
-        self.drive.validate_sizes(n, "drive")
-
-
-def check_accuracy(accuracy: float) -> None:
-    """Refuse what the integrator cannot reach, and what says nothing.
-
-    Raises:
-        InputError: unless it is a number from 1e-12 to 0.01.
-    """
-    checked_number(accuracy, "accuracy", minimum=1e-12)
-    if accuracy > 0.01:
-        raise InputError(f"accuracy: {accuracy:g}, expected 1e-12 to 0.01")
+        plants = CONTROLLERS[controller.kind].plants
+        if self.plant.kind not in plants:
+            yield "controller.kind", f"{controller.kind} needs plant.kind {' or '.join(plants)}"
+        if controller.friction_compensation and self.plant.friction.is_none:
+            yield "controller.friction_compensation", "needs plant.friction"
+        if self.drive.period is not None:
+            try:
+                whole_periods(self.period, self.drive.period, "")
+            except InputError:
+                text = f"{self.drive.period:g}, does not divide the interpolation period"
+                yield "drive.period", f"{text}, {self.period:g} [s]"
 
 
 def load_scenario(path: str | Path) -> Scenario:
     """A scenario from YAML; relative paths in it start from its folder, and become absolute.
 
     Raises:
-        InputError: naming the file, the field, and what would be right.
+        InputError: with a line for each problem: file, field, and what would be right.
     """
     scenario, file = load_yaml(Scenario, path)
-    folder = file.resolve().parent
-    if scenario.controller.file:
-        scenario.controller.file = str(folder / scenario.controller.file)
-    try:
-        scenario.validate()
-        has_shipped_motion = find_motion(scenario.motion) != scenario.motion
-    except InputError as error:
-        raise InputError(f"{file}: {error}") from None
-    for name in ("robot", "motion"):
-        value = getattr(scenario, name)
-        by_name = name == "motion" and has_shipped_motion
-        if not by_name and not value.startswith("package://"):
-            setattr(scenario, name, str(folder / value))
-    device = scenario.device
-    if device is not None and not device.catalogue.startswith("package://"):
-        device.catalogue = str(folder / device.catalogue)
     scenario.name = scenario.name or file.stem
     return scenario
 

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import ast
-import copy
 import dataclasses
-import re
-import typing
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import sdt_drake
-from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import load_plan, make_design
 from sdt_drake.deviation import Deviation
 from sdt_drake.device import DeviceChoice, Drive, Elasticity, Friction
 from sdt_drake.errors import InputError
+from sdt_drake.fields import check
 from sdt_drake.motion import Motion, load_profile
 from sdt_drake.resources import find_file, models_dir
 from sdt_drake.scenario import (
@@ -28,7 +23,6 @@ from sdt_drake.scenario import (
     load_scenario,
     save_scenario,
 )
-from sdt_drake.yaml_files import load_yaml
 
 SHIPPED = sorted(path.stem for path in (models_dir() / "scenarios").glob("*.yaml"))
 # Table 1.
@@ -67,7 +61,7 @@ def test_the_papers_scenarios_and_a_real_device_are_shipped():
 
 def test_the_papers_scenarios_are_ideal():
     for scenario in map(shipped, PUBLISHED):
-        assert scenario.plant.friction is scenario.plant.elasticity is None
+        assert scenario.plant.friction.is_none and scenario.plant.elasticity.is_rigid
         assert scenario.drive == Drive()
         assert scenario.controller.model.exact
 
@@ -84,8 +78,7 @@ def test_the_others_are_the_coupled_one_with_a_real_plant_drive_or_model(name):
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_shipped_scenario_survives_a_round_trip_and_can_be_made(name, tmp_path, make_variant):
     scenario = shipped(name)
-    scenario.validate()
-    scenario.validate_sizes(4)
+    check(scenario, n=4)
     assert scenario.name == name
     assert scenario.period == 0.005
     save_scenario(scenario, tmp_path / "new" / "copy.yaml")
@@ -173,55 +166,6 @@ def test_torque_margin_and_period_reach_the_planner():
 # --- every field -----------------------------------------------------------------------------
 
 
-def schemas(schema=Scenario) -> list[type]:
-    """A dataclass and all that it holds, optional ones too."""
-    found = [schema]
-    for hint in typing.get_type_hints(schema).values():
-        for part in (hint, *typing.get_args(hint)):
-            if dataclasses.is_dataclass(part):
-                found += schemas(part)
-    return found
-
-
-class _Reads(ast.NodeVisitor):
-    """Names of attributes that code reads, checks aside."""
-
-    def __init__(self) -> None:
-        self.names: set[str] = set()
-
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
-        if not node.name.lstrip("_").startswith("validate"):
-            self.generic_visit(node)
-
-    def visit_Attribute(self, node: ast.Attribute) -> None:
-        if isinstance(node.ctx, ast.Load):
-            self.names.add(node.attr)
-        self.generic_visit(node)
-
-
-def test_a_scenario_is_made_of_these():
-    assert set(schemas()) == {
-        Scenario,
-        DeviceChoice,
-        PlantChoice,
-        Friction,
-        Elasticity,
-        Drive,
-        ControllerChoice,
-        Deviation,
-        Disturbance,
-    }
-
-
-@pytest.mark.parametrize("schema", schemas())
-def test_every_field_of_a_scenario_is_read_somewhere(schema):
-    reads = _Reads()
-    for path in Path(sdt_drake.__file__).parent.rglob("*.py"):
-        reads.visit(ast.parse(path.read_text(encoding="utf-8")))
-    unread = {field.name for field in dataclasses.fields(schema)} - reads.names
-    assert not unread, f"{schema.__name__}: nothing reads {unread}"
-
-
 def on_axes() -> Scenario:
     """No field has its default but omega_r, omega_ratio and zeta."""
     return Scenario(
@@ -292,13 +236,7 @@ def values(scenario) -> dict[str, object]:
 
 
 def test_these_scenarios_use_every_field():
-    default = values(
-        Scenario(
-            device=DeviceChoice(),
-            plant=PlantChoice(friction=Friction(), elasticity=Elasticity()),
-            drive=Drive(),
-        )
-    )
+    default = values(Scenario())
     first, second = values(on_axes()), values(coupled())
     assert set(first) == set(second) == set(default)
     # The kind of plant cannot be new: both are there.
@@ -309,8 +247,7 @@ def test_these_scenarios_use_every_field():
 @pytest.mark.parametrize("make", [on_axes, coupled])
 def test_every_field_survives_a_round_trip(make, tmp_path):
     scenario = make()
-    scenario.validate()
-    scenario.validate_sizes(4)
+    check(scenario, n=4)
     save_scenario(scenario, tmp_path / "run.yaml")
     assert load_scenario(tmp_path / "run.yaml") == scenario
     again = tmp_path / "again.yaml"
@@ -318,13 +255,10 @@ def test_every_field_survives_a_round_trip(make, tmp_path):
     assert again.read_bytes() == (tmp_path / "run.yaml").read_bytes()
 
 
-def test_empty_parts_are_ideal_ones_and_null_is_none(load):
-    scenario = load(
-        "controller: {omega_r: 60, model: {}}\ndrive: {}\nplant: {friction: {}, elasticity: null}\n"
-    )
-    assert scenario.drive == Drive()
-    assert scenario.plant == PlantChoice(friction=Friction())
-    assert scenario.controller.model.exact
+def test_empty_parts_are_ideal_ones(load):
+    parts = "drive: {}\ndevice:\nplant: {friction: {}, elasticity: null}\ndisturbance:\n"
+    scenario = load(parts + "controller: {omega_r: 60, model: {}, zeta: null}\n")
+    assert scenario == Scenario(name="run", controller=ControllerChoice(omega_r=60.0))
 
 
 # --- what a controller is in use -------------------------------------------------------------
@@ -404,284 +338,23 @@ def test_relative_paths_survive_saving_in_another_folder(project, tmp_path, monk
 AXIS = find_file("package://sdt/scenarios/axis_pi.yaml").read_text(encoding="utf-8")
 COUPLED = find_file("package://sdt/scenarios/coupled_pi.yaml").read_text(encoding="utf-8")
 
-BAD = [
-    # Fields.
-    (AXIS, "package://sdt/motions/reference.yaml", "''", "motion: empty, expected a file"),
-    (AXIS, "package://sdt/sdt.sdf", "''", "robot: empty, expected a file"),
-    (AXIS, "period:", "perod:", "perod: unknown field, did you mean period"),
-    (AXIS, "  kind: axis", "  kid: axis", r"plant\.kid: unknown field, did you mean kind"),
-    (
-        AXIS,
-        "  kp:",
-        "  kq:",
-        r"controller\.kq: unknown field, expected one of kind, file, s",
-    ),
-    (
-        AXIS,
-        "  i_eff",
-        "  frict: {}\n  i_eff",
-        r"plant\.frict: unknown field, did you mean friction",
-    ),
-    (
-        AXIS,
-        "  i_eff",
-        "  friction: {coulom: [1]}\n  i_eff",
-        r"plant\.friction\.coulom: unknown field, did you mean coulomb",
-    ),
-    (AXIS, "  kp:", "  model: {mass: 1}\n  kp:", r"controller\.model\.mass: unknown field"),
-    (
-        AXIS,
-        "name: axis_pi",
-        "drive: {periods: 1}",
-        r"drive\.periods: unknown field, did you mean p",
-    ),
-    (AXIS, "  struc", "  struk", r"controller\.strukture: unknown field, did you mean structure"),
-    (AXIS, "plant:\n", "plant: !Axis\n", "plant: .*Axis"),
-    # Types.
-    (AXIS, "0.005", "fast", "period: 'fast', expected a number"),
-    (AXIS, "0.005", "true", "period: True, expected a number"),
-    (AXIS, "0.005", "[0.005]", r"period: \[0\.005\], expected a number"),
-    (AXIS, "0.005", "", "period: None, expected a number"),
-    (AXIS, "0.005", "1" + 400 * "0", "period: "),
-    (AXIS, "name: axis_pi", "name: 7", "name: 7, expected a text"),
-    (AXIS, "name: axis_pi", "name: [a]", r"name: \['a'\], expected a text"),
-    (AXIS, "name: axis_pi", "disturbance: 0.05", r"disturbance: 0\.05, expected a mapping with am"),
-    (AXIS, "[4.26, 98.01, 796.3, 250.28]", "4.26", r"plant\.i_eff: 4\.26, expected a list"),
-    (AXIS, "4.26,", "big,", r"plant\.i_eff\[1\]: 'big', expected a number"),
-    (AXIS, "98.01,", "true,", r"plant\.i_eff\[2\]: True, expected a number"),
-    (AXIS, "name: axis_pi", "drive: ideal", "drive: 'ideal', expected a mapping with period, tor"),
-    (AXIS, "name: axis_pi", "drive: {n1: 3}", r"drive\.n1: 3, expected a list"),
-    (AXIS, "name: axis_pi", "drive: {n1: [a]}", r"drive\.n1\[1\]: 'a', expected a number"),
-    (AXIS, "  kp:", "  anti_windup: 1\n  kp:", r"controller\.anti_windup: 1, expected true or f"),
-    (AXIS, "  kp:", "  feedforward: 1\n  kp:", r"controller\.feedforward: 1, expected a text"),
-    (
-        AXIS,
-        "  i_eff",
-        "  elasticity: {natural_frequency: 9}\n  i_eff",
-        r"plant\.elasticity\.natural_frequency: 9, expected a list",
-    ),
-    # Values.
-    (AXIS, "0.005", "0", "period: 0.0, expected a finite number > 0"),
-    (AXIS, "0.005", "-0.005", "period: -0.005, "),
-    (AXIS, "0.005", ".nan", "period: nan, "),
-    (AXIS, "0.005", ".inf", "period: inf, "),
-    (AXIS, "0.005", "1e999", "period: inf, "),
-    (AXIS, "name: axis_pi", "torque_margin: 0", "torque_margin: 0.0, expected a finite number > 0"),
-    (AXIS, "name: axis_pi", "torque_margin: 1.1", r"torque_margin: 1\.1, .* \(0, 1\]"),
-    (AXIS, "name: axis_pi", "torque_margin: .nan", "torque_margin: nan, "),
-    (AXIS, "algorithm: printed", "algorithm: print", "algorithm: 'print', expected one of consis"),
-    (AXIS, "name: axis_pi", "inverse_dynamics: no", "inverse_dynamics: False, expected a text"),
-    (AXIS, "name: axis_pi", "inverse_dynamics: off_line", "'off_line', expected one of table, onl"),
-    (AXIS, "kind: axis", "kind: axes", r"plant\.kind: 'axes', expected one of axis, coupled"),
-    (
-        AXIS,
-        "kind: pi",
-        "kind: pid",
-        r"controller\.kind: 'pid', expected one of pi, pi_ctc, pi_id, p_pi, pi_scheduled, "
-        r"inverse_dynamics$",
-    ),
-    (AXIS, "p_in_feedback", "p", r"controller\.structure: 'p', expected one of pi, p_in_feedback"),
-    (AXIS, "kind: axis", "kind: coupled", r"plant\.i_eff: the coupled plant has its inertia"),
-    (
-        AXIS,
-        "name: axis_pi",
-        "disturbance: {amplitude: -0.1}",
-        r"disturbance\.amplitude: -0\.1, expected a finite number >= 0",
-    ),
-    (
-        AXIS,
-        "name: axis_pi",
-        "disturbance: {omega_d: .nan}",
-        r"disturbance\.omega_d: nan, expected a finite number >= 0",
-    ),
-    (
-        AXIS,
-        "  i_eff",
-        "  friction: {presliding: 0}\n  i_eff",
-        r"plant\.friction\.presliding: 0\.0, expected a finite number > 0",
-    ),
-    (
-        AXIS,
-        "  i_eff",
-        "  elasticity: {encoder: load}\n  i_eff",
-        r"plant\.elasticity\.encoder: 'load', expected one of motor, link",
-    ),
-    (
-        AXIS,
-        "name: axis_pi",
-        "drive: {period: 0.002}",
-        r"drive\.period: 0\.002 s does not divide the interpolation period, 0\.005 s",
-    ),
-    (AXIS, "name: axis_pi", "drive: {n1: [1]}", "drive: n1 and n0 must be given together"),
-    (
-        AXIS,
-        "  kp:",
-        "  model: {inertia_scale: 0}\n  kp:",
-        r"controller\.model\.inertia_scale: 0\.0, expected a finite number > 0",
-    ),
-    (
-        AXIS,
-        "  kp:",
-        "  model: {payload_offset: [1]}\n  kp:",
-        r"controller\.model\.payload_offset: 1 value\(s\), expected 3: x, y, z",
-    ),
-    # Options that the kind would not use.
-    (
-        AXIS,
-        "kind: pi",
-        "kind: inverse_dynamics",
-        r"controller\.kind inverse_dynamics: needs plant\.kind coupled$",
-    ),
-    (
-        AXIS,
-        "  kp:",
-        "  feedforward: id\n  kp:",
-        r"controller\.feedforward: pi takes none, only p_pi, pi_scheduled$",
-    ),
-    (AXIS, "  kp:", "  position_gain: [1]\n  kp:", r"controller\.position_gain: pi takes none"),
-    # Gains.
-    (AXIS, "  ki:", "  # ki:", "controller: kp and ki must be given together"),
-    (AXIS, "  kp:", "  # kp:", "controller: kp and ki must be given together"),
-    (AXIS, "  kp:", "  omega_r: 60\n  kp:", "controller: give either kp and ki, or omega_r"),
-    (AXIS, "  kp:", "  zeta: [1, 1, 1, 1]\n  kp:", "controller: give either kp and ki, or omega_r"),
-    (COUPLED, "  omega_r:", "  # omega_r:", r"controller\.omega_r: missing"),
-    (COUPLED, "65.991", "0", r"controller\.omega_r: 0\.0, expected a finite number > 0"),
-    (COUPLED, "65.991", "-66", r"controller\.omega_r: -66\.0, "),
-    (COUPLED, "65.991", ".nan", r"controller\.omega_r: nan, "),
-]
 
-
-@pytest.mark.parametrize("text, old, new, message", BAD, ids=[case[-1] for case in BAD])
-def test_a_bad_field_is_refused_with_file_and_name(load, text, old, new, message):
-    assert old in text
-    with pytest.raises(InputError, match=rf"run\.yaml: .*({message})") as error:
-        load(text.replace(old, new, 1))
-    assert "\n" not in str(error.value)
-
-
-LEAVES_IT_OPEN = ("p_pi", "pi_scheduled")
-UNUSED = [
-    *(
-        (
-            kind,
-            {"feedforward": feedforward},
-            f"controller.feedforward: {kind} takes none, only p_pi, pi_scheduled",
+def test_all_that_is_wrong_in_a_file_is_told(load, tmp_path):
+    text = AXIS.replace("period:", "perod:").replace("267.1", "-267.1").replace("axis\n", "axes\n")
+    with pytest.raises(InputError) as error:
+        load(text + "motion: referense\n" if "motion:" not in text else text)
+    assert str(error.value).splitlines() == [
+        f"{tmp_path / 'run.yaml'}: {line}"
+        for line in (
+            "perod: no such field, did you mean 'period'?",
+            "plant.kind: 'axes', expected one of axis, coupled",
+            "controller.kp[1]: -267.1, expected a number > 0 [N m s/rad]",
         )
-        for kind in CONTROLLERS
-        if kind not in LEAVES_IT_OPEN
-        for feedforward in ("none", "id")
-    ),
-    *(
-        (
-            kind,
-            {"feedforward": "full"},
-            "controller.feedforward: 'full', expected one of none, ctc, id",
-        )
-        for kind in LEAVES_IT_OPEN
-    ),
-    *(
-        (
-            kind,
-            {"position_gain": [1.0] * 4},
-            f"controller.position_gain: {kind} takes none, only p_pi",
-        )
-        for kind in CONTROLLERS
-        if kind != "p_pi"
-    ),
-    *(
-        (
-            kind,
-            {"feedforward_gain": [1.0] * 4},
-            f"controller.feedforward_gain: {kind} has no feedforward",
-        )
-        for kind in ("pi", "p_pi", "pi_scheduled", "inverse_dynamics")
-    ),
-    (
-        "p_pi",
-        {"feedforward": "none", "feedforward_gain": [1.0] * 4},
-        "controller.feedforward_gain: p_pi has no feedforward",
-    ),
-    (
-        "inverse_dynamics",
-        {"anti_windup": True},
-        "controller.anti_windup: inverse_dynamics takes none, only pi, pi_ctc, pi_id, p_pi, "
-        "pi_scheduled",
-    ),
-    *(
-        (
-            kind,
-            {"friction_compensation": True},
-            "controller.friction_compensation: needs plant.friction",
-        )
-        for kind in CONTROLLERS
-    ),
-    ("pi_id", {"structure": "pd"}, "controller.structure: 'pd', expected one of pi, p_in_feedback"),
-]
-
-
-@pytest.mark.parametrize("kind, options, message", UNUSED, ids=str)
-def test_an_option_that_the_kind_would_not_use_is_refused(kind, options, message):
-    scenario = Scenario(
-        plant=PlantChoice("coupled"),
-        controller=ControllerChoice(kind=kind, omega_r=66.0),
-    )
-    scenario.validate()
-    for name, value in options.items():
-        setattr(scenario.controller, name, copy.deepcopy(value))
-    with pytest.raises(InputError, match=f"^{re.escape(message)}$"):
-        scenario.validate()
-
-
-@pytest.mark.parametrize("kind", CONTROLLERS)
-def test_a_kind_is_refused_on_a_plant_that_it_is_not_for(kind):
-    scenario = Scenario(controller=ControllerChoice(kind=kind, omega_r=66.0))
-    if kind == "inverse_dynamics":
-        message = r"^controller\.kind inverse_dynamics: needs plant\.kind coupled$"
-        with pytest.raises(InputError, match=message):
-            scenario.validate()
-    else:
-        scenario.validate()
+    ]
 
 
 MISFIT = [
-    (AXIS, "4.26, ", "", r"plant\.i_eff: 3 value\(s\), expected 4"),
-    (AXIS, "4.26, ", "-4.26, ", r"plant\.i_eff: \[-4\.26, .*every value must be > 0"),
-    (AXIS, "4.26, ", "0, ", r"plant\.i_eff: .*every value must be > 0"),
-    (AXIS, "4.26, ", ".nan, ", r"plant\.i_eff: .*not finite"),
-    (AXIS, "267.1, ", "", r"controller\.kp: 3 value\(s\), expected 4"),
-    (AXIS, "2.73e5]", "-2.73e5]", r"controller\.ki: .*every value must be > 0"),
-    (COUPLED, "0.95]", "0.95, 1]", r"controller\.zeta: 5 value\(s\), expected 4"),
-    (COUPLED, "[0.95", "[.inf", r"controller\.zeta: .*not finite"),
-    (
-        AXIS,
-        "  i_eff",
-        "  friction: {coulomb: [1, 2, 3]}\n  i_eff",
-        r"scenario 'axis_pi': plant\.friction\.coulomb: 3 value\(s\), expected 4",
-    ),
-    (
-        AXIS,
-        "  i_eff",
-        "  elasticity: {}\n  i_eff",
-        r"scenario 'axis_pi': plant\.elasticity\.natural_frequency: 0 value\(s\), expected 4",
-    ),
-    (
-        AXIS,
-        "name: axis_pi",
-        "drive: {torque_error: [-1, 0, 0, 0]}",
-        r"scenario 'run': drive\.torque_error: \[-1\.0, .*expected shares between -1 and 1",
-    ),
-    (
-        COUPLED,
-        "kind: pi",
-        "kind: p_pi\n  position_gain: [1, 1, 1, 0]",
-        r"controller\.position_gain: .*every value must be > 0",
-    ),
-    (
-        COUPLED,
-        "kind: pi",
-        "kind: pi_id\n  feedforward_gain: [1]",
-        r"controller\.feedforward_gain: 1 value\(s\), expected 4",
-    ),
+    (AXIS, "267.1, ", "", r"scenario 'axis_pi': controller\.kp: 3 value\(s\), expected 4"),
     (
         COUPLED,
         "kind: pi",
@@ -713,53 +386,6 @@ def test_a_field_that_does_not_fit_the_robot_or_motion_is_refused(load, text, ol
         make_design(scenario)
 
 
-# --- YAML files in general -------------------------------------------------------------------
-
-UNREADABLE = [
-    (b"", "empty, expected a mapping with name, description, duration, q0, joints"),
-    (b"# nothing\n", "empty, expected a mapping"),
-    (b"- 1\n- 2\n", r"\[1, 2\], expected a mapping"),
-    (b"text", "'text', expected a mapping"),
-    (b"joints: [1", "not valid YAML"),
-    (b"name: a\n---\nname: b\n", "not valid YAML"),
-    (b"\tname: a\n", "not valid YAML"),
-    (b"name: \xff\n", "cannot be read"),
-    (b"joints: 3\n", "joints: 3, expected a list"),
-    (b"joints: [3]\n", r"joints\[1\]: 3, expected a mapping"),
-    (b"joints:\n- !Spline {knots: []}\n", r"joints\[1\]: unknown kind !Spline, expected !Knots, "),
-    (b"joints:\n- !Knots {knot: []}\n", r"joints\[1\]\.knot: unknown field, did you mean knots"),
-    (b"joints:\n- !Sampled {period: x}\n", r"joints\[1\]\.period: 'x', expected a number"),
-    (b"joints:\n- !Knots {knots: [1]}\n", r"joints\[1\]\.knots\[1\]: 1, expected a list"),
-    (
-        b"joints:\n- !Knots {knots: [[0, a]]}\n",
-        r"joints\[1\]\.knots\[1\]\[2\]: 'a', expected a num",
-    ),
-    (b"q0: [0, null]\n", r"q0\[2\]: None, expected a number"),
-    (b"7: 8\n", "7: no text to YAML"),
-]
-
-
-@pytest.mark.parametrize("content, message", UNREADABLE, ids=[case[-1] for case in UNREADABLE])
-def test_a_bad_yaml_file_is_refused_with_file_and_place(tmp_path, content, message):
-    path = tmp_path / "bad.yaml"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match=rf"bad\.yaml(, line 1)?: {message}") as error:
-        load_profile(path)
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    "text, name",
-    [
-        ("period: 0.005\nname: a\nperiod: 0.01\ncontroller: {omega_r: 60}\n", "period"),
-        ("controller: {omega_r: 60, kind: pi, omega_r: 66}\n", "omega_r"),
-    ],
-)
-def test_a_key_that_is_given_twice_is_refused(load, text, name):
-    with pytest.raises(InputError, match=rf"run\.yaml, line \d: .*{name} is given twice"):
-        load(text)
-
-
 def test_a_missing_yaml_file_is_refused_with_what_there_is(tmp_path):
     with pytest.raises(InputError, match=r"none\.yaml: no such file; files of the package start"):
         load_scenario(tmp_path / "none.yaml")
@@ -767,15 +393,6 @@ def test_a_missing_yaml_file_is_refused_with_what_there_is(tmp_path):
         load_scenario("package://sdt/scenarios/none.yaml")
     with pytest.raises(InputError, match="is a folder, expected a file"):
         load_scenario(tmp_path)
-
-
-def test_numbers_without_a_point_and_missing_fields_are_taken(tmp_path):
-    path = tmp_path / "run.yaml"
-    path.write_text("period: 1e-2\ncontroller: {omega_r: 60, zeta: null}\n")
-    scenario, file = load_yaml(Scenario, str(path))
-    assert file == path
-    assert scenario == Scenario(period=0.01, controller=ControllerChoice(omega_r=60.0))
-    assert scenario.robot == "package://sdt/sdt.sdf"
 
 
 # --- motions of a design ---------------------------------------------------------------------
@@ -788,11 +405,8 @@ def test_a_scenario_names_a_shipped_motion_and_a_planner(tmp_path):
     scenario = load_scenario(path)
     assert scenario.motion == "reference"
     assert make_design(scenario).motion.duration > 30
-    path.write_text(text + "fastest\n")
-    with pytest.raises(InputError, match=r"run\.yaml: planner: 'fastest', expected one of lim"):
-        load_scenario(path)
     path.write_text("motion: referense\ncontroller: {omega_r: 60}\n")
-    with pytest.raises(InputError, match=r"run\.yaml: referense: no such motion, .*reference"):
+    with pytest.raises(InputError, match=r"run\.yaml: motion: referense: no such motion, "):
         load_scenario(path)
 
 
@@ -845,7 +459,7 @@ def test_the_margin_holds_for_a_csv_too(design, robot, write_motion):
     "name, text, message",
     [
         ("still.txt", STILL, r"expected a profile \(\.yaml\) or a motion \(\.csv\)"),
-        ("still.yaml", STILL.replace("duration", "length"), "length: unknown field"),
+        ("still.yaml", STILL.replace("duration", "length"), "length: no such field"),
         ("still.yml", STILL.replace("0], [1, 0", "0], [1, 9", 1), "joint 1 'planetary' at 0.000 s"),
         ("still.yaml", STILL.replace("1, 0]", "1, 9]", 4), "motion refused"),
         ("still.yaml", STILL[: STILL.rindex("  -")], "3 joints, robot 'sdt' has 4"),

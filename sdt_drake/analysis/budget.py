@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sdt_drake.analysis.threads import threads
 from sdt_drake.design import Design
+from sdt_drake.device import Friction
 from sdt_drake.dynamics import Loads
 from sdt_drake.errors import InputError
 from sdt_drake.motion import Motion
@@ -104,7 +105,7 @@ def _without_envelope(design: Design) -> Design:
 
 def _without_friction(design: Design) -> Design:
     scenario = copy.deepcopy(design.scenario)
-    scenario.plant.friction = None
+    scenario.plant.friction = Friction()
     return replace(design, scenario=scenario, friction=None)
 
 

@@ -146,7 +146,7 @@ def least_damping(loop: StateSpace, omega_n: float) -> float:
 def _slow_design(design: Design, drive: Drive) -> Design:
     """The scenario's loops at omega_n = 1 rad/s, on the plant of the sweep, with rigid joints."""
     scenario = copy.deepcopy(design.scenario)
-    scenario.plant.elasticity = None
+    scenario.plant.elasticity = Elasticity()
     if stands_alone(design):
         scenario.plant.kind = "axis"
         scenario.plant.i_eff = design.i_eff.tolist()

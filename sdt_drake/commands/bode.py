@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> None:
     say("speed of the link over its reference, without feedforward; the loop cut at the motor")
     times = " ".join(f"{t:.3f}" for t in design.motion.time[response.sample])
     say(f"linear around the motion at {times} s")
-    if scenario.plant.friction is not None:
+    if not scenario.plant.friction.is_none:
         say("note: friction has no frequency response and is left out")
     if np.any(~response.stable):
         say("note: the margins of an unstable loop say nothing")

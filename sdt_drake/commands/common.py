@@ -98,8 +98,9 @@ def design_of(path: str, check: Callable[[Robot], None] = lambda robot: None):
         check(robot)
         return make_design(scenario, robot=robot)
     except InputError as error:
-        own = str(error).removeprefix(f"scenario '{scenario.name}': ")
-        raise InputError(f"{path}: {own}" if own != str(error) else own) from None
+        own = f"scenario '{scenario.name}'"
+        lines = (f"{path}{x[len(own) :]}" if x.startswith(own) else x for x in error.args)
+        raise InputError(*lines) from None
 
 
 def is_motion(path: str) -> bool:
@@ -184,8 +185,8 @@ def naming(path: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        own = re.sub(r"^scenario '.*?': ", "", str(error))
-        raise InputError(f"{path}: {own}") from None
+        own = (re.sub(r"^scenario '.*?': ", "", x) for x in error.args)
+        raise InputError(*(f"{path}: {x}" for x in own)) from None
 
 
 # --- printing --------------------------------------------------------------------------------

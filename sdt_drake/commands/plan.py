@@ -20,6 +20,7 @@ from sdt_drake.commands.common import (
     some_path,
 )
 from sdt_drake.errors import InputError
+from sdt_drake.fields import check
 
 EXAMPLE = "sdt-drake plan graveyard_spin --planner retiming --out motion.csv"
 
@@ -108,13 +109,11 @@ def _envelope(path: str | None, n: int):
 
     if path is None:
         return None, None
-    drive = load_scenario(path).drive
+    scenario = load_scenario(path)
+    check(scenario, path, n)
+    drive = scenario.drive
     if drive.n1 is None:
         raise InputError(f"{path}: drive.n1 and drive.n0 missing, expected an envelope")
-    try:
-        drive.validate_sizes(n, "drive")
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
     return drive.n1, drive.n0
 
 

@@ -56,9 +56,9 @@ def run(options: argparse.Namespace) -> None:
     design = design_of(options.scenario)
     scenario, choice = design.scenario, design.scenario.controller
     omega_r, source = _omega_r(design, options)
-    elasticity, damping = scenario.plant.elasticity, options.damping
+    damping = options.damping
     if damping is None:
-        damping = 0.01 if elasticity is None else elasticity.damping_ratio
+        damping = scenario.plant.elasticity.damping_ratio
     drives = {"ideal drive": IDEAL}
     if scenario.drive != IDEAL:
         drives["the scenario's drive"] = scenario.drive
@@ -153,9 +153,9 @@ def _notes(design: Design, omega_r: float) -> list[str]:
         notes.append(f"note: the position, sampled every {period:g} s, is taken for continuous")
     if choice.feedforward_in_use != "none":
         notes.append("note: the feedforward, which changes no damping and no border, is left out")
-    if plant.friction is not None:
+    if not plant.friction.is_none:
         notes.append("note: friction is left out")
-    if plant.elasticity is not None:
+    if not plant.elasticity.is_rigid:
         notes.append(
             "note: every joint in turn is elastic with omega_r, whatever plant.elasticity says; "
             f"its encoder is on the {plant.elasticity.encoder}"

@@ -1,23 +1,25 @@
 """The chosen device: an SDF with other motors, other gears, and a scaled structure."""
 
-# Drake's YAML loader reads the annotations of `DeviceChoice`: not postponed, Optional[...] in full.
+# Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Optional
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.device.motors import DEFAULT_CATALOGUE, Motor, load_catalogue
-from sdt_drake.errors import InputError, checked_number, checked_vector
-from sdt_drake.links import links_by_name, payload_of, scale_link, set_inertia
+from sdt_drake.errors import InputError, within
+from sdt_drake.fields import beside, setting
+from sdt_drake.links import link_named, links_by_name, scale_link, set_inertia
 from sdt_drake.robot import Robot, edited
 from sdt_drake.sdf import DRAKE
 
 Array = NDArray[np.float64]
 
 
-@dataclass
+@dataclass(slots=True)
 class DeviceChoice:
     """What the device has otherwise than the SDF; planner, controller and plant all know it.
 
@@ -38,50 +40,29 @@ class DeviceChoice:
         catalogue: file of the motors.
     """
 
-    motors: list[str] = field(default_factory=list)
-    gear_ratio: Optional[list[float]] = None  # noqa: UP045
-    structure_scale: float = 1.0
-    payload: str = "payload"
-    stiffness_exponent: float = 1.0
-    fitted: list[str] = field(default_factory=list)
-    catalogue: str = DEFAULT_CATALOGUE
+    motors: list[str] = setting([], per_joint=True)
+    gear_ratio: Optional[list[float]] = setting(None, above=0, per_joint=True)
+    structure_scale: float = setting(1.0, above=0)
+    payload: str = setting("payload", empty=True)
+    stiffness_exponent: float = setting(1.0, minimum=0)
+    fitted: list[str] = setting([], per_joint=True)
+    catalogue: str = setting(DEFAULT_CATALOGUE, place=beside)
 
     @property
     def changes_nothing(self) -> bool:
         """Whether the device is the SDF as it is."""
         return not any(self.motors) and self.gear_ratio is None and self.structure_scale == 1
 
-    def validate(self, where: str) -> None:
-        """Check what does not need the robot.
-
-        Raises:
-            InputError: naming the field below `where`.
-        """
-        checked_number(self.structure_scale, f"{where}.structure_scale", minimum=0, exclusive=True)
-        checked_number(self.stiffness_exponent, f"{where}.stiffness_exponent", minimum=0)
+    def problems(self) -> Iterator[tuple[str, str]]:
         if any(self.motors) and not self.fitted:
-            raise InputError(
-                f"{where}.fitted: missing; the difference of masses needs the motors that those of "
-                "the SDF contain, '' where they contain none"
+            yield (
+                "fitted",
+                "missing; the difference of masses needs the motors that those of the SDF contain, "
+                "'' where they contain none",
             )
 
-    def validate_sizes(self, n: int, where: str) -> None:
-        """Check that every list has one value for each of the n joints.
 
-        Raises:
-            InputError: naming the field below `where`.
-        """
-        for name in ("motors", "fitted"):
-            ids = getattr(self, name)
-            if ids and len(ids) != n:
-                raise InputError(
-                    f"{where}.{name}: {len(ids)} value(s), expected {n}, one for each joint"
-                )
-        if self.gear_ratio is not None:
-            checked_vector(self.gear_ratio, n, f"{where}.gear_ratio", positive=True)
-
-
-def chosen_robot(robot: Robot, choice: DeviceChoice, where: str = "device") -> Robot:
+def chosen_robot(robot: Robot, choice: DeviceChoice) -> Robot:
     """The device of this choice: `robot` itself if it changes nothing.
 
     A motor stands on the link that carries its joint, as a point mass where the joint's axis has
@@ -96,96 +77,75 @@ def chosen_robot(robot: Robot, choice: DeviceChoice, where: str = "device") -> R
     Args:
         robot: as its SDF has it.
         choice: what is different.
-        where: what errors call it.
 
     Raises:
-        InputError: for an unknown motor, lists of a wrong length, or a device that cannot be.
+        InputError: for an unknown motor, or a device that cannot be.
     """
-    choice.validate(where)
-    choice.validate_sizes(robot.n, where)
     if choice.changes_nothing:
         return robot
-    motors, fitted = _motors(choice, robot.n, where)
-    try:
-        other = edited(robot, lambda root: _fit(root, robot, choice, motors, where))
+    motors, fitted = _motors(choice, robot.n)
+    with within("device"):
+        other = edited(robot, lambda root: _fit(root, robot, choice, motors))
         other = _with_stators(other, _added_masses(motors, fitted, choice.structure_scale))
-    except InputError as error:
-        text = str(error)
-        own = text.startswith(f"{where}.")
-        raise InputError(text if own else f"{where}: no device could be so ({text})") from None
     stiffness = choice.structure_scale**choice.stiffness_exponent
     factor = np.sqrt(stiffness * _first_inertia(robot) / _first_inertia(other))
     return replace(other, frequency_factor=float(robot.frequency_factor * factor))
 
 
-def motors_in_use(choice: DeviceChoice, n: int, where: str = "device") -> list[Motor]:
+def motors_in_use(choice: DeviceChoice, n: int) -> list[Motor]:
     """The motor of each of the n joints: the chosen one, or the fitted one where it is kept.
 
     Raises:
         InputError: for an unknown motor, or a joint that has neither.
     """
-    choice.validate_sizes(n, where)
-    in_use = [motor or old for motor, old in zip(*_motors(choice, n, where), strict=True)]
-    for k, motor in enumerate(in_use):
-        if motor is None:
-            raise InputError(f"{where}: joint {k + 1} has no motor of the catalogue, expected one")
+    in_use = [motor or old for motor, old in zip(*_motors(choice, n), strict=True)]
+    if None in in_use:
+        raise InputError(
+            f"device: joint {in_use.index(None) + 1} has no motor of the catalogue, expected one"
+        )
     return in_use
 
 
-def _motors(
-    choice: DeviceChoice, n: int, where: str
-) -> tuple[list[Motor | None], list[Motor | None]]:
+def _motors(choice: DeviceChoice, n: int) -> tuple[list[Motor | None], list[Motor | None]]:
     """The chosen and the fitted motor of each joint; None where no id is given."""
     catalogue = load_catalogue(choice.catalogue)
 
-    def found(ids: list[str], name: str) -> list[Motor | None]:
+    def found(name: str) -> list[Motor | None]:
         return [
-            catalogue.motor(id_, f"{where}.{name}[{k + 1}]") if id_ else None
-            for k, id_ in enumerate(ids or [""] * n)
+            catalogue.motor(id_, f"device.{name}[{k + 1}]") if id_ else None
+            for k, id_ in enumerate(getattr(choice, name) or [""] * n)
         ]
 
-    return found(choice.motors, "motors"), found(choice.fitted, "fitted")
+    return found("motors"), found("fitted")
 
 
-def _fit(
-    root: ET.Element, robot: Robot, choice: DeviceChoice, motors: list[Motor | None], where: str
-) -> None:
+def _fit(root: ET.Element, robot: Robot, choice: DeviceChoice, motors: list[Motor | None]) -> None:
     """Put motors, gears and the scale of the structure into the XML of an SDF."""
     joints = {joint.get("name"): joint for joint in root.iter("joint")}
-    for k, motor in enumerate(motors):
-        if motor or choice.gear_ratio is not None:
-            _fit_motor(joints[robot.joint_names[k]], robot, k, motor, choice.gear_ratio, where)
+    for k, (name, motor) in enumerate(zip(robot.joint_names, motors, strict=True)):
+        ratio = motor.gear_ratio if motor else robot.gear_ratio[k]
+        if choice.gear_ratio is not None:
+            ratio = choice.gear_ratio[k]
+        elif motor is None:
+            continue
+        if motor and not motor.takes_gear(ratio):
+            raise InputError(
+                f"device.gear_ratio[{k + 1}]: {ratio:g}, but {motor.id} drives directly, expected 1"
+            )
+        peak = motor.peak_torque if motor else robot.motor_torque_limit[k]
+        inertia = motor.rotor_inertia if motor else robot.rotor_inertia[k]
+        _set(_child(joints[name].find("axis"), "limit"), "effort", peak * ratio)
+        _set(joints[name], f"{DRAKE}rotor_inertia", inertia)
+        _set(joints[name], f"{DRAKE}gear_ratio", ratio)
     if choice.structure_scale != 1:
-        try:
-            payload = payload_of(root, choice.payload, robot.path) if choice.payload else None
-        except InputError as error:
-            raise InputError(f"{where}.{error}; '' if all is structure") from None
+        payload = link_named(root, choice.payload, "device.payload") if choice.payload else None
         for link in links_by_name(root).values():
             if link is not payload:
                 scale_link(link, choice.structure_scale)
 
 
-def _fit_motor(
-    joint: ET.Element,
-    robot: Robot,
-    k: int,
-    motor: Motor | None,
-    gear_ratio: list[float] | None,
-    where: str,
-) -> None:
-    """Give joint number k, from 0, its motor and its gear; effort = peak torque times ratio."""
-    if motor:
-        peak, inertia, ratio = motor.peak_torque, motor.rotor_inertia, motor.gear_ratio
-    else:
-        peak, inertia = robot.motor_torque_limit[k], robot.rotor_inertia[k]
-        ratio = robot.gear_ratio[k]
-    if gear_ratio is not None:
-        ratio = gear_ratio[k]
-    if motor:
-        motor.check_gear_ratio(ratio, f"{where}.gear_ratio[{k + 1}]")
-    _child(_child(joint.find("axis"), "limit"), "effort").text = repr(float(peak * ratio))
-    _child(joint, f"{DRAKE}rotor_inertia").text = repr(float(inertia))
-    _child(joint, f"{DRAKE}gear_ratio").text = repr(float(ratio))
+def _set(parent: ET.Element, tag: str, value: float) -> None:
+    _child(parent, tag).text = repr(float(value))
 
 
 def _child(parent: ET.Element, tag: str) -> ET.Element:

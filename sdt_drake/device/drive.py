@@ -1,17 +1,16 @@
 """The electric drive of the motors: its sampling, torque loop, encoder and envelope."""
 
-# Drake's YAML loader reads the annotations: not postponed, Optional[...] in full.
+# Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Optional
 
-import numpy as np
-
-from sdt_drake.errors import InputError, checked_number, checked_vector, whole_periods
+from sdt_drake.fields import setting
 
 SHORTEST_PERIOD = 125e-6  # s; the speed loop of SINAMICS S120, servo control at 4 kHz
 
 
-@dataclass
+@dataclass(slots=True)
 class Drive:
     """What lies between the controller's law and the torque of the motors.
 
@@ -29,67 +28,20 @@ class Drive:
         reference_delay: how late the reference and all that is computed from it arrives [s].
     """
 
-    period: Optional[float] = None  # noqa: UP045
-    torque_bandwidth: Optional[float] = None  # noqa: UP045
-    torque_error: Optional[list[float]] = None  # noqa: UP045
-    encoder_resolution: Optional[list[float]] = None  # noqa: UP045
-    n1: Optional[list[float]] = None  # noqa: UP045
-    n0: Optional[list[float]] = None  # noqa: UP045
-    reference_delay: float = 0.0
+    period: Optional[float] = setting(None, minimum=SHORTEST_PERIOD, unit="s")
+    torque_bandwidth: Optional[float] = setting(None, above=0, unit="Hz")
+    torque_error: Optional[list[float]] = setting(None, above=-1, below=1, per_joint=True)
+    encoder_resolution: Optional[list[float]] = setting(
+        None, minimum=1, per_joint=True, side="motor"
+    )
+    n1: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="rad/s", side="motor")
+    n0: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="rad/s", side="motor")
+    reference_delay: float = setting(0.0, minimum=0, unit="s")
 
-    def validate(self, where: str, period: float) -> None:
-        """Check what does not need the robot; `period` is the interpolation period [s].
-
-        Raises:
-            InputError: naming the field below `where`.
-        """
-        if self.period is not None:
-            checked_number(self.period, f"{where}.period", minimum=0, exclusive=True)
-            if self.period < SHORTEST_PERIOD * (1 - 1e-9):
-                raise InputError(
-                    f"{where}.period: {self.period:g} s, expected at least {SHORTEST_PERIOD:g} s"
-                )
-            if self.period > period * (1 + 1e-9):
-                raise InputError(
-                    f"{where}.period: {self.period:g} s, expected at most the interpolation "
-                    f"period, {period:g} s"
-                )
-            try:
-                whole_periods(period, self.period, where)
-            except InputError:
-                raise InputError(
-                    f"{where}.period: {self.period:g} s does not divide the interpolation period, "
-                    f"{period:g} s"
-                ) from None
-        if self.torque_bandwidth is not None:
-            checked_number(
-                self.torque_bandwidth, f"{where}.torque_bandwidth", minimum=0, exclusive=True
-            )
-        checked_number(self.reference_delay, f"{where}.reference_delay", minimum=0)
+    def problems(self) -> Iterator[tuple[str, str]]:
         if self.encoder_resolution is not None and self.period is None:
-            raise InputError(f"{where}.encoder_resolution: needs {where}.period, to take the speed")
+            yield "encoder_resolution", "needs period, to take the speed"
         if (self.n1 is None) != (self.n0 is None):
-            raise InputError(f"{where}: n1 and n0 must be given together")
-
-    def validate_sizes(self, n: int, where: str) -> None:
-        """Check that every list has one good value for each of the n joints.
-
-        Raises:
-            InputError: naming the field below `where`.
-        """
-        for name in ("encoder_resolution", "n1", "n0"):
-            values = getattr(self, name)
-            if values is not None:
-                checked_vector(values, n, f"{where}.{name}", positive=True)
-        if self.encoder_resolution is not None and np.any(np.array(self.encoder_resolution) < 1):
-            raise InputError(
-                f"{where}.encoder_resolution: {self.encoder_resolution}, expected at least 1"
-            )
-        if self.n1 is not None and np.any(np.array(self.n1) >= np.array(self.n0)):
-            raise InputError(f"{where}.n0: {self.n0}, expected more than n1, {self.n1}, everywhere")
-        if self.torque_error is not None:
-            error = checked_vector(self.torque_error, n, f"{where}.torque_error")
-            if np.any(np.abs(error) >= 1):
-                raise InputError(
-                    f"{where}.torque_error: {self.torque_error}, expected shares between -1 and 1"
-                )
+            yield "n1" if self.n1 is None else "n0", "missing, expected n1 and n0 or neither"
+        elif self.n1 is not None and any(a >= b for a, b in zip(self.n1, self.n0, strict=False)):
+            yield "n0", f"{self.n0}, expected more than n1, {self.n1}, everywhere"

@@ -1,53 +1,39 @@
 """Elastic joints: a spring and a damper between each motor and its link."""
 
-# Drake's YAML loader reads the annotations of `Elasticity`: not postponed.
-from dataclasses import dataclass, field
+# Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sdt_drake.errors import InputError, checked_choice, checked_number, checked_vector
+from sdt_drake.errors import InputError
+from sdt_drake.fields import setting
 
 Array = NDArray[np.float64]
 
 ENCODERS = ("motor", "link")
 
 
-@dataclass
+@dataclass(slots=True)
 class Elasticity:
     """Elastic joints, given by their natural frequencies.
 
     Attributes:
         natural_frequency: of each link against its motor at a standstill, the other joints held,
-            where the motion has its largest inertia [rad/s]; 0: this joint is rigid.
+            where the motion has its largest inertia [rad/s]; 0: this joint is rigid. By default
+            all are.
         damping_ratio: of that oscillation [-].
         encoder: where the controller measures, "motor" or "link".
     """
 
-    natural_frequency: list[float] = field(default_factory=list)
-    damping_ratio: float = 0.01
-    encoder: str = "motor"
+    natural_frequency: list[float] = setting([], minimum=0, per_joint=True, unit="rad/s")
+    damping_ratio: float = setting(0.01, minimum=0)
+    encoder: str = setting("motor", choices=ENCODERS)
 
-    def validate(self, where: str) -> None:
-        """Check what does not need the robot.
-
-        Raises:
-            InputError: naming the field below `where`.
-        """
-        checked_number(self.damping_ratio, f"{where}.damping_ratio", minimum=0)
-        checked_choice(self.encoder, ENCODERS, f"{where}.encoder")
-
-    def validate_sizes(self, n: int, where: str) -> None:
-        """Check the frequencies of the n joints.
-
-        Raises:
-            InputError: naming the field below `where`.
-        """
-        values = checked_vector(self.natural_frequency, n, f"{where}.natural_frequency")
-        if np.any(values < 0):
-            raise InputError(f"{where}.natural_frequency: {values.tolist()} contains a value < 0")
-        if not np.any(values > 0):
-            raise InputError(f"{where}.natural_frequency: all joints are rigid; remove {where}")
+    @property
+    def is_rigid(self) -> bool:
+        """Whether no joint is elastic."""
+        return not any(self.natural_frequency)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,13 +1,14 @@
 """Friction in the joints: Coulomb, viscous, Stribeck."""
 
-# Drake's YAML loader reads the annotations of `Friction`: not postponed, Optional[...] in full.
-from dataclasses import dataclass, fields
+# Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Optional
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sdt_drake.errors import InputError, checked_number, checked_vector
+from sdt_drake.fields import setting
 
 Array = NDArray[np.float64]
 
@@ -19,9 +20,9 @@ PRESLIDING_DAMPING_TIME = 0.005
 """Damping of a sticking joint over its stiffness [s]; assumed."""
 
 
-@dataclass
+@dataclass(slots=True)
 class Friction:
-    """Friction of the joints, **joint side**; lists have one value for each joint.
+    """Friction of the joints, **joint side**; lists have one value for each joint. None by default.
 
     Attributes:
         coulomb: F_c, friction of a sliding joint at any speed, and the load that a joint at rest
@@ -33,39 +34,27 @@ class Friction:
         presliding: z_c, how far a joint gives way before it slides [rad].
     """
 
-    coulomb: Optional[list[float]] = None  # noqa: UP045
-    viscous: Optional[list[float]] = None  # noqa: UP045
-    breakaway: Optional[list[float]] = None  # noqa: UP045
-    stribeck_speed: float = 0.02
-    presliding: float = 1e-5
+    coulomb: Optional[list[float]] = setting(
+        None, minimum=0, per_joint=True, unit="N m", side="joint"
+    )
+    viscous: Optional[list[float]] = setting(
+        None, minimum=0, per_joint=True, unit="N m s/rad", side="joint"
+    )
+    breakaway: Optional[list[float]] = setting(
+        None, minimum=0, per_joint=True, unit="N m", side="joint"
+    )
+    stribeck_speed: float = setting(0.02, above=0, unit="rad/s", side="joint")
+    presliding: float = setting(1e-5, above=0, unit="rad", side="joint")
 
-    def validate(self, where: str) -> None:
-        """Check what does not need the robot.
+    @property
+    def is_none(self) -> bool:
+        """Whether there is no friction."""
+        return self.coulomb is self.viscous is self.breakaway is None
 
-        Raises:
-            InputError: naming the field below `where`.
-        """
-        for name in ("stribeck_speed", "presliding"):
-            checked_number(getattr(self, name), f"{where}.{name}", minimum=0, exclusive=True)
-
-    def validate_sizes(self, n: int, where: str) -> None:
-        """Check that every list has n values >= 0, and breakaway >= coulomb.
-
-        Raises:
-            InputError: naming the field below `where`.
-        """
-        for field in fields(self):
-            values = getattr(self, field.name)
-            if values is not None and field.name in ("coulomb", "viscous", "breakaway"):
-                array = checked_vector(values, n, f"{where}.{field.name}")
-                if np.any(array < 0):
-                    raise InputError(f"{where}.{field.name}: {values} contains a value < 0")
-        friction = friction_parameters(self, n)
-        if np.any(friction.breakaway < friction.coulomb):
-            raise InputError(
-                f"{where}.breakaway: {self.breakaway}, expected at least coulomb, "
-                f"{friction.coulomb.tolist()}"
-            )
+    def problems(self) -> Iterator[tuple[str, str]]:
+        largest, sliding = self.breakaway or [], self.coulomb or []
+        if any(b < c for b, c in zip(largest, sliding, strict=False)):
+            yield "breakaway", f"{largest}, expected at least coulomb, {sliding}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,12 +1,13 @@
 """The motors to choose from: a catalogue of torque motors and of geared motors."""
 
-# Drake's YAML loader reads the annotations: not postponed.
-import difflib
-from dataclasses import dataclass, field
-from math import isnan, nan, pi
+# Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import pi
 from pathlib import Path
 
-from sdt_drake.errors import InputError, checked_choice, checked_number
+from sdt_drake.errors import InputError
+from sdt_drake.fields import nearest, setting
 from sdt_drake.yaml_files import load_yaml
 
 DEFAULT_CATALOGUE = "package://sdt/motors.yaml"
@@ -17,7 +18,7 @@ MOTOR_KINDS = ("torque motor", "geared motor")
 _RPM = 2 * pi / 60  # rad/s
 
 
-@dataclass
+@dataclass(kw_only=True, slots=True)
 class Motor:
     """A motor, with its gearbox if it has one; **motor side**.
 
@@ -36,17 +37,17 @@ class Motor:
         source: where the numbers are from.
     """
 
-    id: str = ""
-    kind: str = ""
-    peak_torque: float = nan
-    rated_torque: float = nan
-    rotor_inertia: float = nan
-    n1_rpm: float = nan
-    n0_rpm: float = nan
-    mass: float = nan
-    gear_ratio: float = 1.0
-    thermal_time_constant: float = nan
-    source: str = ""
+    id: str = setting()
+    kind: str = setting(choices=MOTOR_KINDS)
+    peak_torque: float = setting(above=0, unit="N m", side="motor")
+    rated_torque: float = setting(above=0, unit="N m", side="motor")
+    rotor_inertia: float = setting(above=0, unit="kg m²", side="motor")
+    n1_rpm: float = setting(above=0, unit="rpm", side="motor")
+    n0_rpm: float = setting(above=0, unit="rpm", side="motor")
+    mass: float = setting(above=0, unit="kg")
+    gear_ratio: float = setting(1.0, above=0)
+    thermal_time_constant: float = setting(above=0, unit="s")
+    source: str = setting()
 
     @property
     def n1(self) -> float:
@@ -58,50 +59,23 @@ class Motor:
         """`n0_rpm` in rad/s."""
         return self.n0_rpm * _RPM
 
-    def validate(self, where: str) -> None:
-        """Check all numbers; `where` names this motor.
-
-        Raises:
-            InputError: naming the field below `where`.
-        """
-        checked_choice(self.kind, MOTOR_KINDS, f"{where}: kind")
-        for name in _NUMBERS:
-            value = getattr(self, name)
-            if isnan(value):
-                raise InputError(f"{where}: {name}: missing, expected a number > 0")
-            checked_number(value, f"{where}: {name}", minimum=0, exclusive=True)
+    def problems(self) -> Iterator[tuple[str, str]]:
         if self.rated_torque > self.peak_torque:
-            raise InputError(
-                f"{where}: rated_torque: {self.rated_torque:g} N m, expected at most peak_torque, "
-                f"{self.peak_torque:g}"
+            yield (
+                "rated_torque",
+                f"{self.rated_torque:g}, expected at most peak_torque, {self.peak_torque:g}",
             )
         if self.n0_rpm <= self.n1_rpm:
-            raise InputError(
-                f"{where}: n0_rpm: {self.n0_rpm:g}, expected more than n1_rpm, {self.n1_rpm:g}"
-            )
-        self.check_gear_ratio(self.gear_ratio, f"{where}: gear_ratio")
-        if not self.source.strip():
-            raise InputError(
-                f"{where}: source: missing, expected where the numbers are from, or 'illustrative'"
-            )
+            yield "n0_rpm", f"{self.n0_rpm:g}, expected more than n1_rpm, {self.n1_rpm:g}"
+        if not self.takes_gear(self.gear_ratio):
+            yield "gear_ratio", f"{self.gear_ratio:g}, but a torque motor drives directly: 1"
 
-    def check_gear_ratio(self, gear_ratio: float, where: str) -> None:
-        """Refuse a gear behind a torque motor.
-
-        Raises:
-            InputError: naming `where`.
-        """
-        if self.kind == "torque motor" and gear_ratio != 1:
-            raise InputError(f"{where}: {gear_ratio:g}, but {self.id} drives directly, expected 1")
+    def takes_gear(self, gear_ratio: float) -> bool:
+        """Whether it can have a gear: a torque motor has none."""
+        return self.kind != "torque motor" or gear_ratio == 1
 
 
-_NUMBERS = (
-    "peak_torque", "rated_torque", "rotor_inertia", "n1_rpm", "n0_rpm", "mass", "gear_ratio",
-    "thermal_time_constant",
-)  # fmt: skip
-
-
-@dataclass
+@dataclass(kw_only=True, slots=True)
 class Catalogue:
     """Motors by their ids.
 
@@ -111,11 +85,11 @@ class Catalogue:
     """
 
     notes: str = ""
-    motors: list[Motor] = field(default_factory=list)
+    motors: list[Motor] = setting()
 
     @property
     def ids(self) -> list[str]:
-        """Of all motors."""
+        """Ids of all motors in the catalogue."""
         return [motor.id for motor in self.motors]
 
     def motor(self, id_: str, where: str) -> Motor:
@@ -127,36 +101,18 @@ class Catalogue:
         for motor in self.motors:
             if motor.id == id_:
                 return motor
-        near = difflib.get_close_matches(id_, self.ids, n=3)
-        meant = f"did you mean {' or '.join(near)}?" if near else "expected one of"
-        known = "" if near else f" {', '.join(self.ids)}"
-        raise InputError(f"{where}: no motor '{id_}' in the catalogue, {meant}{known}")
+        raise InputError(f"{where}: no motor '{id_}' in the catalogue, {nearest(id_, self.ids)}")
 
-    def validate(self) -> None:
-        """Check every motor, and that no id is there twice.
-
-        Raises:
-            InputError: naming the motor and the field.
-        """
-        if not self.motors:
-            raise InputError("motors: empty, expected at least one")
-        for i, motor in enumerate(self.motors):
-            if not motor.id:
-                raise InputError(f"motors[{i + 1}].id: missing, expected a short name")
-            if motor.id in self.ids[:i]:
-                raise InputError(f"motors[{i + 1}].id: '{motor.id}' is given twice")
-            motor.validate(f"motor '{motor.id}'")
+    def problems(self) -> Iterator[tuple[str, str]]:
+        for i, id_ in enumerate(self.ids):
+            if id_ in self.ids[:i]:
+                yield f"motors[{i + 1}].id", f"'{id_}' is given twice"
 
 
 def load_catalogue(path: str | Path = DEFAULT_CATALOGUE) -> Catalogue:
     """A catalogue from YAML.
 
     Raises:
-        InputError: naming the file, the motor, the field, and what would be right.
+        InputError: with a line for each problem: file, field, and what would be right.
     """
-    catalogue, file = load_yaml(Catalogue, path)
-    try:
-        catalogue.validate()
-    except InputError as error:
-        raise InputError(f"{file}: {error}") from None
-    return catalogue
+    return load_yaml(Catalogue, path)[0]

@@ -41,7 +41,7 @@ def at_rest(design: Design) -> Rest:
     """Where what the encoders see is on the first sample of the motion."""
     q = q_motor = seen = design.motion.q[0]
     springs, elasticity = design.springs, design.scenario.plant.elasticity
-    if springs is not None and elasticity is not None:
+    if springs is not None:
         wound, axes = np.zeros(len(seen)), springs.elastic
         for _ in range(_ITERATIONS):
             torque = design.robot.gear_ratio * _holding_torque(design, q)

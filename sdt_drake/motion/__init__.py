@@ -18,6 +18,7 @@ from sdt_drake.motion.training import (
     find_motion,
     load_command,
     load_training,
+    motion_beside,
     shipped_motions,
 )
 from sdt_drake.motion.trajectory import Motion
@@ -47,6 +48,7 @@ __all__ = [
     "load_profile",
     "load_training",
     "margins",
+    "motion_beside",
     "plan_motion",
     "resample",
     "retime",

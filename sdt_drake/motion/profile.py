@@ -148,8 +148,8 @@ class CommandProfile:
     name: str = ""
     description: str = ""
     duration: float = 0.0
-    q0: Optional[list[float]] = None  # noqa: UP045
-    joints: list[Union[Knots, Sampled, Oscillation]] = field(default_factory=list)  # noqa: UP007
+    q0: Optional[list[float]] = None
+    joints: list[Union[Knots, Sampled, Oscillation]] = field(default_factory=list)
 
     def validate(self, where: str) -> None:
         """Raise InputError, naming `where` and the field, unless every joint is sound."""

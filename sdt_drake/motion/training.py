@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.errors import InputError, checked_choice, checked_number, checked_vector
+from sdt_drake.fields import beside
 from sdt_drake.motion.command import Alignment, Command, Course, SpinGeometry, spin_geometry
 from sdt_drake.motion.profile import CommandProfile, load_profile
 from sdt_drake.resources import PACKAGE_PREFIX, find_file, models_dir
@@ -49,11 +50,11 @@ class Ramp:
         blend: of the speed, "cosine" or "linear" (whose acceleration jumps).
     """
 
-    at: Optional[float] = None  # noqa: UP045
-    to_deg_s: Optional[float] = None  # noqa: UP045
-    to_g: Optional[float] = None  # noqa: UP045
-    duration: Optional[float] = None  # noqa: UP045
-    acceleration_deg_s2: Optional[float] = None  # noqa: UP045
+    at: Optional[float] = None
+    to_deg_s: Optional[float] = None
+    to_g: Optional[float] = None
+    duration: Optional[float] = None
+    acceleration_deg_s2: Optional[float] = None
     blend: str = "cosine"
 
     def validate(self, where: str, *, resultant: bool) -> None:
@@ -91,8 +92,8 @@ class Hold:
         duration: [s].
     """
 
-    at: Optional[float] = None  # noqa: UP045
-    duration: Optional[float] = None  # noqa: UP045
+    at: Optional[float] = None
+    duration: Optional[float] = None
 
     def validate(self, where: str, *, resultant: bool) -> None:
         """Raise InputError, naming `where` and the field."""
@@ -123,11 +124,11 @@ class Turn:
             a trapezoid of three equal times with a mean of two thirds.
     """
 
-    at: Optional[float] = None  # noqa: UP045
-    by_deg: Optional[float] = None  # noqa: UP045
-    to_deg: Optional[float] = None  # noqa: UP045
-    duration: Optional[float] = None  # noqa: UP045
-    speed_deg_s: Optional[float] = None  # noqa: UP045
+    at: Optional[float] = None
+    by_deg: Optional[float] = None
+    to_deg: Optional[float] = None
+    duration: Optional[float] = None
+    speed_deg_s: Optional[float] = None
     blend: str = "cosine"
 
     def validate(self, where: str, *, resultant: bool) -> None:
@@ -175,7 +176,7 @@ class Resultant:
     """
 
     spin: str = ""
-    align: Optional[str] = None  # noqa: UP045
+    align: Optional[str] = None
 
 
 @dataclass
@@ -188,9 +189,9 @@ class Track:
         segments: in their order in time.
     """
 
-    joint: Optional[str] = None  # noqa: UP045
-    resultant: Optional[Resultant] = None  # noqa: UP045
-    segments: list[Union[Ramp, Hold, Turn]] = field(default_factory=list)  # noqa: UP007
+    joint: Optional[str] = None
+    resultant: Optional[Resultant] = None
+    segments: list[Union[Ramp, Hold, Turn]] = field(default_factory=list)
 
     def validate(self, where: str) -> None:
         """Raise InputError, naming `where` and the field."""
@@ -263,7 +264,7 @@ class TrainingProfile:
     feels: str = ""
     notes: str = ""
     duration: float = 0.0
-    start_deg: Optional[list[float]] = None  # noqa: UP045
+    start_deg: Optional[list[float]] = None
     tracks: list[Track] = field(default_factory=list)
 
     def validate(self, where: str) -> None:
@@ -425,6 +426,11 @@ def find_motion(name_or_path: str | Path) -> str:
         hint = f"did you mean {' or '.join(near)}?" if near else f"shipped: {', '.join(names)}"
         raise InputError(f"{text}: no such motion, {hint} (files end in .yaml or .csv)")
     return f"{PACKAGE_PREFIX}motions/{text}.yaml"
+
+
+def motion_beside(name: str, folder: Path) -> str:
+    """What a YAML file in `folder` means by a motion: a shipped one by its name, or a file."""
+    return name if find_motion(name) != name else beside(name, folder)
 
 
 def _kind(file: Path) -> str:

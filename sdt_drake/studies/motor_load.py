@@ -24,7 +24,7 @@ LOADS = ("used_torque_share", "rated_torque_share", "winding_temperature", "torq
 def has_motor_loads(scenario: Scenario) -> bool:
     """Whether `motor_loads` can tell them: of a coupled plant with motors of a catalogue."""
     device = scenario.device
-    if device is None or scenario.plant.kind != "coupled" or scenario.plant.elasticity is not None:
+    if scenario.plant.kind != "coupled" or not scenario.plant.elasticity.is_rigid:
         return False
     joints = list(zip_longest(device.motors, device.fitted, fillvalue=""))
     return bool(joints) and all(motor or fitted for motor, fitted in joints)

@@ -12,6 +12,7 @@ from sdt_drake.analysis.tracking import felt_of, motor_use, stops_passed, track
 from sdt_drake.design import Design, load_device, load_plan, make_design
 from sdt_drake.dynamics import TorqueGroups, torque_groups
 from sdt_drake.errors import InputError
+from sdt_drake.fields import check
 from sdt_drake.motion import Plan
 from sdt_drake.pilot import has_head
 from sdt_drake.resources import PACKAGE_PREFIX, models_dir
@@ -76,7 +77,7 @@ class Runner:
             InfeasibleError: if the device cannot do the motion.
             InputError: for any other bad input.
         """
-        scenario.validate()  # before planning, which would call bad numbers infeasible
+        check(scenario)  # before planning, which would call bad numbers infeasible
         robot = self._robot(scenario)
         plan, torques = self._plan(scenario, robot)
         return make_design(scenario, robot=robot, motion=plan.motion, torques=torques), plan

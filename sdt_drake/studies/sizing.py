@@ -12,6 +12,7 @@ import numpy as np
 from sdt_drake.analysis.comparison import check_labels
 from sdt_drake.device import Catalogue, DeviceChoice, load_catalogue
 from sdt_drake.errors import InputError, checked_choice, checked_number
+from sdt_drake.fields import check, setting
 from sdt_drake.motion import PLANNERS, find_motion
 from sdt_drake.resources import PACKAGE_PREFIX, find_file
 from sdt_drake.scenario import Scenario, load_scenario
@@ -36,7 +37,7 @@ class Requirements:
     """
 
     max_abs_speed_error: list[float] = field(default_factory=list)
-    max_abs_position_error_deg: Optional[list[float]] = None  # noqa: UP045
+    max_abs_position_error_deg: Optional[list[float]] = None
     used_torque_share: float = 1.0
     torque_at_speed_share: float = 1.0
     winding_temperature: float = 1.0
@@ -117,7 +118,7 @@ class Sizing:
     torque_margin: float = 1.0
     pause: float = 0.0
     requirements: Requirements = field(default_factory=Requirements)
-    accuracy: float = 1e-3
+    accuracy: float = setting(1e-3, minimum=1e-12, maximum=0.01, unit="rad/s")
     timeout: float = 300.0
 
     @property
@@ -141,7 +142,7 @@ class Sizing:
                 f"scenario: plant.kind {base.plant.kind}, expected coupled: the masses of motors "
                 "load the other joints"
             )
-        if base.plant.elasticity is not None:
+        if not base.plant.elasticity.is_rigid:
             raise InputError("scenario: plant.elasticity: expected rigid joints, for their torques")
         if not self.motors:
             raise InputError("motors: none, expected a list of ids for each joint")
@@ -153,11 +154,11 @@ class Sizing:
             raise InputError(
                 "device: motors and structure_scale are those of the candidates; remove"
             )
-        self.device.validate_sizes(self.n, "device")
+        check(self.device, "device", self.n)
         for k, id_ in enumerate(self.device.fitted):
             if id_:
                 catalogue.motor(id_, f"device.fitted[{k + 1}]")
-        self.shared_device.validate("device")
+        check(self.shared_device, "device")
         for scale in self.structure_scales:
             checked_number(scale, "structure_scales", minimum=0, exclusive=True)
         # Two that are told as the same number could not be told apart.
@@ -248,7 +249,7 @@ def load_sizing(path: str | Path) -> tuple[Sizing, Scenario]:
         for motion in sizing.motions:
             find_file(find_motion(motion))
         base = sizing.base(scenario)
-        base.validate()
+        check(base)
         sizing.study().validate(base)
     except InputError as error:
         text = str(error)

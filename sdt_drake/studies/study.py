@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from sdt_drake.analysis.comparison import check_labels, with_controller
 from sdt_drake.errors import InputError, checked_choice, checked_number
-from sdt_drake.scenario import ControllerChoice, Scenario, check_accuracy, load_scenario
+from sdt_drake.fields import setting
+from sdt_drake.scenario import ControllerChoice, Scenario, load_scenario
 from sdt_drake.studies.fields import Field, Value, find_field
 from sdt_drake.studies.table import is_column
 from sdt_drake.yaml_files import load_yaml
@@ -70,8 +71,8 @@ class Normal:
 
     mean: float = 0.0
     std: float = 0.0
-    low: Optional[float] = None  # noqa: UP045
-    high: Optional[float] = None  # noqa: UP045
+    low: Optional[float] = None
+    high: Optional[float] = None
 
     def validate(self, where: str) -> None:
         checked_number(self.mean, f"{where}.mean")
@@ -217,7 +218,7 @@ class Variable:
     name: str = ""
     fields: list[str] = field(default_factory=list)
     apply: str = "value"
-    distribution: Union[Uniform, LogUniform, Normal, Grid, List, Choice] = field(  # noqa: UP007
+    distribution: Union[Uniform, LogUniform, Normal, Grid, List, Choice] = field(
         default_factory=Uniform
     )
 
@@ -337,7 +338,7 @@ class Study:
     draws: int = 1
     seed: int = 0
     sampling: str = "random"
-    accuracy: float = 1e-3
+    accuracy: float = setting(1e-3, minimum=1e-12, maximum=0.01, unit="rad/s")
     timeout: float = 300.0
     pause: float = 0.0
     variables: list[Variable] = field(default_factory=list)
@@ -354,7 +355,6 @@ class Study:
         _check_whole(self.draws, 1, _MOST, "draws")
         _check_whole(self.seed, 0, _MOST, "seed")
         checked_choice(self.sampling, SAMPLINGS, "sampling")
-        check_accuracy(self.accuracy)
         checked_number(self.timeout, "timeout", minimum=0, exclusive=True)
         checked_number(self.pause, "pause", minimum=0)
         if not self.variables:

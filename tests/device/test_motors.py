@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import re
-
 import numpy as np
 import pytest
 
@@ -66,53 +63,38 @@ def test_rpm_become_rad_per_s(load):
     assert motor.gear_ratio == 1
 
 
-@pytest.mark.parametrize(
-    "old, new, message",
-    [
-        ("    rotor_inertia: 0.1\n", "", "motor 'M1': rotor_inertia: missing, expected a number"),
-        ("    mass: 10\n", "", "motor 'M1': mass: missing, expected a number"),
-        ("    source: illustrative\n", "", "motor 'M1': source: missing, expected where"),
-        ("source: illustrative", "source: '  '", "motor 'M1': source: missing"),
-        ("mass: 10", "mass: -10", "motor 'M1': mass: -10.0, expected a finite number > 0"),
-        ("peak_torque: 100", "peak_torque: .inf", "motor 'M1': peak_torque: inf, expected"),
-        ("rated_torque: 40", "rated_torque: 101", "motor 'M1': rated_torque: 101 N m, expected at"),
-        ("n0_rpm: 120", "n0_rpm: 60", "motor 'M1': n0_rpm: 60, expected more than n1_rpm, 60"),
-        ("kind: torque motor", "kind: dc", "motor 'M1': kind: 'dc', expected one of torque motor,"),
-        ("mass: 10", "gear_ratio: 2\n    mass: 10", "motor 'M1': gear_ratio: 2, but M1 drives"),
-        ("id: M1", "id: ''", "motors[1].id: missing, expected a short name"),
-        ("mass: 10", "weight: 10", "motors[1].weight: unknown field"),
-    ],
-)  # fmt: skip
+BAD = [
+    ("    rotor_inertia: 0.1\n", "", "motors[1].rotor_inertia: missing, expected a number > 0"),
+    ("    source: illustrative\n", "", "motors[1].source: missing, expected a text"),
+    ("rated_torque: 40", "rated_torque: 101", "motors[1].rated_torque: 101, expected at most p"),
+    ("n0_rpm: 120", "n0_rpm: 60", "motors[1].n0_rpm: 60, expected more than n1_rpm, 60"),
+    ("kind: torque motor", "kind: dc", "motors[1].kind: 'dc', expected one of torque "),
+    ("mass: 10", "gear_ratio: 2\n    mass: 10", "motors[1].gear_ratio: 2, but a torque motor dri"),
+    ("id: M1", "id: ''", "motors[1].id: empty, expected a text"),
+    (MOTOR, MOTOR + MOTOR, "motors[2].id: 'M1' is given twice"),
+    (MOTOR, " []", "motors: empty, expected a list of values"),
+    *(
+        (f"{name}: ", f"{name}: -", f"motors[1].{name}: -")
+        for name in ("peak_torque", "rated_torque", "rotor_inertia", "n1_rpm", "n0_rpm", "mass",
+                     "thermal_time_constant")
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("old, new, message", BAD, ids=[case[-1] for case in BAD])
 def test_a_bad_motor_is_refused_with_file_and_field(load, tmp_path, old, new, message):
     assert old in MOTOR
-    where = re.escape(f"{tmp_path / 'motors.yaml'}: {message}")
-    with pytest.raises(InputError, match=f"^{where}") as error:
+    with pytest.raises(InputError) as error:
         load("motors:" + MOTOR.replace(old, new))
-    assert "\n" not in str(error.value)
-
-
-def test_an_id_that_is_there_twice_is_refused(load):
-    with pytest.raises(InputError, match=r"motors\[2\]\.id: 'M1' is given twice$"):
-        load("motors:" + MOTOR + MOTOR)
-
-
-def test_an_empty_catalogue_is_refused(load):
-    with pytest.raises(InputError, match=r"motors: empty, expected at least one$"):
-        load("motors: []")
+    (line,) = error.value.args
+    assert line.startswith(f"{tmp_path / 'motors.yaml'}: {message}")
 
 
 def test_an_unknown_motor_is_refused_with_near_ones():
     catalogue = load_catalogue(DEFAULT_CATALOGUE)
     with pytest.raises(InputError) as error:
         catalogue.motor("TM-3590", "device.motors[2]")
-    text = "device.motors[2]: no motor 'TM-3590' in the catalogue, did you mean TM-3950 or "
+    text = "device.motors[2]: no motor 'TM-3590' in the catalogue, did you mean 'TM-3950' or "
     assert str(error.value).startswith(text)
     with pytest.raises(InputError, match=r"expected one of TM-716, .*, AC-270$"):
         catalogue.motor("x", "device.motors[2]")
-
-
-def test_catalogues_share_no_list():
-    one, two = load_catalogue(), load_catalogue()
-    assert dataclasses.asdict(one) == dataclasses.asdict(two)
-    one.motors.clear()
-    assert two.motors

@@ -1,0 +1,302 @@
+"""What the fields of a file's dataclasses take, and the one check of it.
+
+A dataclass states its rules in the fields, so that files, objects made in Python and a reference
+of all fields go by the same ones:
+
+    @dataclass(slots=True)
+    class Drive:
+        period: Optional[float] = setting(None, above=0, unit="s")
+        n1: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="rad/s")
+
+        def problems(self):  # rules between fields; only asked where each field is right
+            if self.n1 is not None and self.period is None:
+                yield "n1", "needs period"
+
+Drake's typed YAML takes such a class, too; it needs real annotations (`from __future__ import
+annotations` must not be there) and Optional[...] or Union[...] in full.
+"""
+
+import contextlib
+import dataclasses
+import difflib
+import functools
+import math
+import types
+import typing
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import MISSING, dataclass
+from pathlib import Path
+from typing import Any, Optional, TypeVar
+
+import numpy as np
+
+from sdt_drake.errors import InputError
+
+T = TypeVar("T")
+
+_MOST_PROBLEMS = 20  # that are told
+_LONGEST = 60  # letters of a value that is told
+
+
+# --- rules -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What a field takes, beside its type; of a list, what every number or text in it is.
+
+    Attributes:
+        above, minimum, maximum, below: bounds of numbers, without and with the bound itself.
+        choices: texts, of which it takes one.
+        per_joint: a list with one value for each joint of the robot.
+        count: how many values a list has.
+        empty: "" or [] has a meaning; it always has where it is the default.
+        place: of a text that names a file: (text, folder of the YAML file) to what it means.
+        unit: of numbers.
+        side: "joint" or "motor", where that makes a difference.
+    """
+
+    above: float = -math.inf
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    below: float = math.inf
+    choices: Collection[str] = ()
+    per_joint: bool = False
+    count: Optional[int] = None
+    empty: bool = False
+    place: Optional[Callable[[str, Path], str]] = None
+    unit: str = ""
+    side: str = ""
+
+    def takes(self, number: float) -> bool:
+        """Whether a number is finite and within the bounds."""
+        within = self.minimum <= number <= self.maximum and self.above < number < self.below
+        return within and math.isfinite(number)
+
+    def bounds(self) -> str:
+        """For people: " > 0 and <= 1 [s]"."""
+        limits = {">": self.above, ">=": self.minimum, "<=": self.maximum, "<": self.below}
+        told = [f"{sign} {limit:.12g}" for sign, limit in limits.items() if math.isfinite(limit)]
+        unit = f" [{self.unit}]" if self.unit else ""
+        return (f" {' and '.join(told)}" if told else "") + unit
+
+
+def setting(default: Any = MISSING, **rule: Any) -> Any:
+    """A field with a `Rule`: must be given if it has no default; a dataclass makes its own."""
+    metadata = {"rule": Rule(**rule)}
+    if isinstance(default, type):
+        return dataclasses.field(default_factory=default, metadata=metadata)
+    if isinstance(default, list):
+        return dataclasses.field(default_factory=lambda: list(default), metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def beside(name: str, folder: Path) -> str:
+    """The file that a text in a YAML file names: package://..., or relative to its `folder`."""
+    return name if not name or name.startswith("package://") else str(folder / name)
+
+
+# --- the check -------------------------------------------------------------------------------
+
+
+def check(thing: object, where: str = "", n: int | None = None) -> None:
+    """Hold an object made in Python against the rules of its dataclass.
+
+    Args:
+        thing: an instance of a dataclass.
+        where: what errors start with.
+        n: number of joints of the robot; lists for each joint may have any length without it.
+
+    Raises:
+        InputError: with a line for each problem: field, value, and what would be right.
+    """
+    walk = _Walk(n, None)
+    walk.part([type(thing)], thing, "")
+    walk.end(where)
+
+
+def made(schema: type[T], data: Any, file: Path) -> T:
+    """The object of a dataclass that the content of a YAML file describes.
+
+    Raises:
+        InputError: as `check`, and for fields that there are none of, or that are missing.
+    """
+    walk = _Walk(None, file.resolve().parent)
+    thing = walk.part([schema], data, "")
+    walk.end(str(file))
+    return thing
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """For people: "did you mean 'kind'?", or else all that is known."""
+    known = list(known)
+    near = difflib.get_close_matches(name, known, n=3)
+    if near:
+        return f"did you mean {' or '.join(map(repr, near))}?"
+    return f"expected one of {', '.join(known)}"
+
+
+class _Walk:
+    """A way through plain data or objects that collects what is wrong."""
+
+    def __init__(self, n: int | None, folder: Path | None):
+        self.n, self.folder, self.wrong = n, folder, []
+
+    def end(self, where: str) -> None:
+        lines = [f"{where}: {line}" if where else line for line in self.wrong]
+        if len(lines) > _MOST_PROBLEMS:
+            lines[_MOST_PROBLEMS:] = [f"{where}: {len(lines) - _MOST_PROBLEMS} more".lstrip(": ")]
+        if lines:
+            raise InputError(*lines)
+
+    def refuse(self, name: str, value: Any, expected: str) -> None:
+        found = "empty" if value in (None, "") or value == [] else repr(value)
+        if len(found) > _LONGEST:
+            found = f"{found[:_LONGEST]}..."
+        self.say(name, f"{found}, expected {expected}")
+
+    def say(self, name: str, text: str) -> None:
+        self.wrong.append(f"{name}: {text}" if name else text)
+
+    def part(self, options: list[type], given: Any, name: str) -> Any:
+        """One of several dataclasses, from its fields by name; the first one without a tag."""
+        if type(given) in options:
+            schema, data = type(given), {f.name: getattr(given, f.name) for f in _fields(given)}
+        else:
+            from_file = self.folder is not None
+            data = {} if given is None and name and from_file else given
+            schema = self.tagged(options, data, name)
+        if schema is None:
+            return None
+        known = {field.name: field for field in _fields(schema)}
+        before = len(self.wrong)
+        for key in data:
+            if key not in known and key != "_tag":
+                self.say(f"{name}.{key}".lstrip("."), f"no such field, {nearest(key, known)}")
+        values = {}
+        for key, field in known.items():
+            dotted = f"{name}.{key}".lstrip(".")
+            if key in data:
+                values[key] = self.field(_hints(schema)[key], field, data[key], dotted)
+            elif field.default is field.default_factory is MISSING:
+                self.say(
+                    dotted, f"missing, expected {_expected(_hints(schema)[key], _rule(field))}"
+                )
+        if len(self.wrong) > before:
+            return None
+        thing = given if type(given) is schema else schema(**values)
+        self.ask(thing, name)
+        return thing
+
+    def ask(self, thing: Any, name: str) -> None:
+        """For the rules between fields."""
+        try:
+            for field, text in getattr(thing, "problems", tuple)():
+                self.say(f"{name}.{field}".strip("."), text)
+        except InputError as error:
+            for text in error.args:
+                self.say(name, text)
+
+    def tagged(self, options: list[type], data: Any, name: str) -> type | None:
+        """The dataclass that the YAML tag (`!Name`) chooses."""
+        if not isinstance(data, dict):
+            fields = ", ".join(field.name for field in _fields(options[0]))
+            self.refuse(name, data, f"a mapping with {fields}")
+            return None
+        by_tag = {f"!{option.__name__}": option for option in options}
+        tag = data.get("_tag", f"!{options[0].__name__}")
+        if tag not in by_tag:
+            self.say(name, f"unknown kind {tag}, expected {', '.join(by_tag)}")
+        return by_tag.get(tag)
+
+    def field(self, hint: Any, field: dataclasses.Field, data: Any, name: str) -> Any:
+        rule = _rule(field)
+        data = _plain(data)
+        default = field.default if field.default_factory is MISSING else field.default_factory()
+        if data in ("", []) and data != default and not rule.empty:
+            return self.refuse(name, data, _expected(hint, rule))
+        if isinstance(data, list) and data:
+            joints = self.n if rule.per_joint else None
+            count = rule.count or joints
+            if count is not None and len(data) != count:
+                each = ", one for each joint" if joints else ""
+                self.say(name, f"{len(data)} value(s), expected {count}{each}")
+        return self.value(hint, rule, data, name)
+
+    def value(self, hint: Any, rule: Rule, data: Any, name: str) -> Any:
+        options = _options(hint)
+        if data is None and type(None) in options:
+            return None
+        if dataclasses.is_dataclass(options[0]):
+            return self.part([o for o in options if o is not type(None)], data, name)
+        data = _plain(data)
+        if typing.get_origin(options[0]) is list:
+            if not isinstance(data, list):
+                return self.refuse(name, data, _expected(hint, rule))
+            item = typing.get_args(options[0])[0]
+            return [self.value(item, rule, x, f"{name}[{i + 1}]") for i, x in enumerate(data)]
+        if options[0] is float:
+            return self.number(rule, data, name)
+        if type(data) is not options[0] or not _is_taken(rule, data):
+            self.refuse(name, data, _expected(hint, rule))
+        if rule.place is not None and self.folder is not None and type(data) is str:
+            try:
+                return rule.place(data, self.folder)
+            except InputError as error:
+                self.say(name, str(error))
+        return data
+
+    def number(self, rule: Rule, data: Any, name: str) -> float:
+        # A text of a file, too: YAML 1.1 takes 1e3 for one, Drake for a number.
+        takes = (int, float) if self.folder is None else (int, float, str)
+        number = math.nan
+        if isinstance(data, takes) and not isinstance(data, bool):
+            with contextlib.suppress(ValueError, OverflowError):
+                number = float(data)
+        if not rule.takes(number):
+            finite = "finite " if isinstance(data, float) and not math.isfinite(data) else ""
+            self.refuse(name, data, f"a {finite}number{rule.bounds()}")
+        return number
+
+
+def _plain(data: Any) -> Any:
+    """Python's own numbers and lists for those of numpy."""
+    if isinstance(data, np.ndarray | np.generic):
+        return data.tolist()
+    return list(data) if isinstance(data, tuple) else data
+
+
+def _is_taken(rule: Rule, data: int | bool | str) -> bool:
+    if isinstance(data, str):
+        return not rule.choices or data in rule.choices
+    return isinstance(data, bool) or rule.takes(data)
+
+
+def _expected(hint: Any, rule: Rule) -> str:
+    """For people: what a field takes."""
+    schema = _options(hint)[0]
+    if rule.choices:
+        return f"one of {', '.join(rule.choices)}"
+    if dataclasses.is_dataclass(schema):
+        return "a mapping"
+    if typing.get_origin(schema) is list:
+        item = typing.get_args(schema)[0]
+        plural = {float: f"numbers{rule.bounds()}", str: "texts"}.get(item, "values")
+        return f"a list of {plural}" + (", one for each joint" if rule.per_joint else "")
+    if schema in (int, float):
+        return f"a {'whole ' if schema is int else ''}number{rule.bounds()}"
+    return "true or false" if schema is bool else "a text"
+
+
+def _rule(field: dataclasses.Field) -> Rule:
+    return field.metadata.get("rule", Rule())
+
+
+def _options(hint: Any) -> list[Any]:
+    """The members of a union, what is not None first."""
+    is_union = typing.get_origin(hint) in (typing.Union, types.UnionType)
+    return sorted(typing.get_args(hint), key=lambda o: o is type(None)) if is_union else [hint]
+
+
+_hints = functools.cache(typing.get_type_hints)
+_fields = dataclasses.fields
