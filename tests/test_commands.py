@@ -167,7 +167,7 @@ BAD = {
     ),
     "unknown": (
         "drive: {torque_bandwith: 600}",
-        "drive.torque_bandwith: unknown field",
+        "drive.torque_bandwith: no such field",
         "did you mean torque_bandwidth?",
     ),
     "n1 alone": ("drive: {n1: [9, 9, 9, 9]}", "drive: ", "n1 and n0 must be given together"),

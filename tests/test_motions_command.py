@@ -121,7 +121,7 @@ def test_a_robot_without_these_joints_gets_the_reason_for_each(good, desk):
         (["leans", "--robot", "arm.sdf"], ["leans.yaml: tracks[1].joint: 'roll'", "shoulder"]),
         (["reference"], ["reference.yaml: commands joint speeds", "training profile", "tracks"]),
         (["folder.yaml/table.csv"], ["table.csv: commands joint speeds", "training profile"]),
-        (["track.yaml"], ["track.yaml: track: unknown field, did you mean tracks?"]),
+        (["track.yaml"], ["track.yaml: track: no such field, did you mean 'tracks'?"]),
         (["empty.yaml"], ["empty.yaml: empty, expected a mapping with", "tracks"]),
         (["folder.yaml"], ["folder.yaml: is a folder, expected a file"]),
         (["long.yaml"], ["long.yaml: ", "duration: 1e+06 s, expected at most 3600 s"]),

@@ -102,7 +102,7 @@ def with_controller(scenario: Scenario, label: str) -> Scenario:
     choice.kind = kind
     choice.feedforward = feedforward
     for name in set(Controller.OPTIONS) - set(CONTROLLERS[kind].options):
-        setattr(choice, name, getattr(ControllerChoice, name))
+        setattr(choice, name, getattr(ControllerChoice(), name))
     if choice.feedforward_in_use == "none":
         choice.feedforward_gain = None
     return scenario

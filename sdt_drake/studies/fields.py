@@ -44,19 +44,11 @@ class Field:
             return [find_field(f"{self.name}.{part}") for part in ("kind", "feedforward")]
         return [self]
 
-    def is_in(self, scenario: Scenario) -> bool:
-        """Whether the scenario has the part that the field belongs to."""
-        try:
-            self._owner(scenario)
-        except InputError:
-            return False
-        return True
-
     def get(self, scenario: Scenario) -> Any:
         """What the scenario has there.
 
         Raises:
-            InputError: if the scenario has no such part.
+            InputError: if the scenario has no such entry.
         """
         value = getattr(self._owner(scenario), self.parts[-1])
         return value if self.entry is None else self._list(value)[self.entry]
@@ -65,7 +57,7 @@ class Field:
         """Put a value there; a list gets it in every entry.
 
         Raises:
-            InputError: if the scenario has no such part.
+            InputError: if the scenario has no such list or entry.
         """
         owner, last = self._owner(scenario), self.parts[-1]
         if self.entry is not None:
@@ -95,15 +87,12 @@ class Field:
 
     def _owner(self, scenario: Scenario) -> Any:
         owner: Any = scenario
-        for i, part in enumerate(self.parts[:-1]):
+        for part in self.parts[:-1]:
             owner = getattr(owner, part)
-            if owner is None:
-                missing = ".".join(self.parts[: i + 1])
-                raise InputError(f"{self.name}: the base scenario has no {missing}; add it there")
         return owner
 
     def _list(self, value: list | None) -> list:
-        if value is None:
+        if not value:
             raise InputError(f"{self.name}: the base scenario has no such list; add it there")
         if self.entry is not None and self.entry >= len(value):
             raise InputError(f"{self.name}: the base scenario has {len(value)} value(s) there")

@@ -61,9 +61,8 @@ def with_files(base: Scenario, places: Mapping[str, str]) -> Scenario:
     """A copy that has its files at other places; those without one stay."""
     base = copy.deepcopy(base)
     for field in FILE_FIELDS:
-        if field.is_in(base):
-            name = field.get(base)
-            field.set(base, places.get(name, name))
+        name = field.get(base)
+        field.set(base, places.get(name, name))
     return base
 
 
@@ -116,7 +115,7 @@ def _joints(field: str, file: Path, robot: Robot, period: float) -> int:
 def _references(study: Study, base: Scenario) -> Iterator[tuple[str, str, str]]:
     """Field, name and reference of the files of the base scenario and its variants."""
     for field in FILE_FIELDS:
-        names = [field.get(base)] if field.is_in(base) and field.get(base) else []
+        names = [field.get(base)] if field.get(base) else []
         for variable in study.variables:
             if field in variable.targets:
                 names += map(str, variable.distribution.levels())

@@ -65,7 +65,7 @@ class Runner:
         scenario = self._study.scenario_of(self._base, self._study.inputs(number))
         scenario.name = f"{self._study.name}, row {number}"
         for field in FILE_FIELDS:
-            name = field.get(scenario) if field.is_in(scenario) else None
+            name = field.get(scenario)
             if name in self._places:
                 field.set(scenario, self._places[name])
         return scenario

@@ -22,6 +22,7 @@ from sdt_drake.analysis.tracking import motor_use, track
 from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.device import Friction
 from sdt_drake.errors import InputError
+from sdt_drake.fields import check
 from sdt_drake.loops import make_loop
 from sdt_drake.motion import Motion
 from sdt_drake.pilot import CHANNELS, felt_difference, head_motion_of_samples
@@ -273,7 +274,7 @@ def test_options_without_use_are_left_out(label):
     untouched = copy.deepcopy(before)
     after = with_controller(before, label)
 
-    after.validate()
+    check(after)
     assert before == untouched
     choice = after.controller
     assert choice.position_gain == ([5.0] * 4 if label == "p_pi" else None)

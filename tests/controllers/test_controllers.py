@@ -12,6 +12,7 @@ from sdt_drake.analysis.comparison import compare, with_controller
 from sdt_drake.control import FEEDFORWARDS, STRUCTURES
 from sdt_drake.controllers import CONTROLLERS, Controller, Pi, make_controller, register_controller
 from sdt_drake.errors import InputError
+from sdt_drake.fields import check
 from sdt_drake.scenario import PLANTS
 
 # --- what they tell --------------------------------------------------------------------------
@@ -83,14 +84,14 @@ def test_a_registered_controller_is_known_to_scenarios_and_comparisons(designed)
     assert not np.array_equal(fed.recording.v, plain.recording.v)
 
     scenario = with_controller(base.scenario, "mine")
-    scenario.validate()
+    check(scenario)
     scenario.controller.anti_windup = True
     with pytest.raises(InputError, match=r"controller\.anti_windup: mine takes none, only pi, "):
-        scenario.validate()
+        check(scenario)
     scenario = copy.deepcopy(designed("axis_pi", end=0.1).scenario)
     scenario.controller.kind = "mine"
-    with pytest.raises(InputError, match=r"^controller\.kind mine: needs plant\.kind coupled$"):
-        scenario.validate()
+    with pytest.raises(InputError, match=r"^controller\.kind: mine needs plant\.kind coupled$"):
+        check(scenario)
 
 
 @pytest.mark.parametrize(

@@ -394,7 +394,7 @@ def test_bad_profiles_are_refused(command, tmp_path, fault):
         ({"duration": -1}, ["duration: -1", "> 0"]),
         ({"duration": ".nan"}, ["duration: nan"]),
         ({"more": "start_deg: [0, 0]"}, ["start_deg: 2 value(s), expected 4"]),
-        ({"more": "speed: 3"}, ["speed: unknown field"]),
+        ({"more": "speed: 3"}, ["speed: no such field"]),
     ],
 )
 def test_bad_heads_are_refused(command, options, parts):

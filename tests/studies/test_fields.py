@@ -119,7 +119,7 @@ def test_unknown_names(name, message):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("plant.elasticity.natural_frequency", "has no plant.elasticity; add it there"),
+        ("plant.elasticity.natural_frequency", "no such list; add it there"),
         ("controller.kp", "no such list; add it there"),
         ("controller.kp[2]", "no such list; add it there"),
         ("plant.friction.coulomb[4]", r"has 3 value\(s\) there"),
@@ -135,9 +135,3 @@ def test_what_the_scenario_does_not_have(scenario, name, message):
 def test_nothing_to_change(scenario, name):
     with pytest.raises(InputError, match=f"{name}: .* no value for a factor; give it"):
         find_field(name).change(scenario, "factor", 2.0)
-
-
-def test_is_in(scenario):
-    field = find_field("device.catalogue")
-    assert field.is_in(scenario)
-    assert not field.is_in(Scenario())

@@ -121,7 +121,7 @@ def test_motors_of_no_catalogue_are_refused(design, run):
     with pytest.raises(InputError, match=r"^device: joint 4 has no motor of the catalogue"):
         motor_loads(other, recording, 60.0)
     assert not has_motor_loads(scenario)
-    scenario.device = None
+    scenario.device = DeviceChoice()
     assert not has_motor_loads(scenario)
     assert has_motor_loads(own.scenario)
 

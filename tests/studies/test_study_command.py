@@ -88,7 +88,7 @@ def test_bad_study(refuse, desk, old, new, message):
     ("arguments", "message"),
     [
         ("nowhere.yaml", "nowhere.yaml: no such file"),
-        ("axis.yaml", "unknown field"),
+        ("axis.yaml", "no such field"),
         ("few.yaml --workers 0", "--workers: 0, expected a whole number >= 1"),
         ("few.yaml --workers 1000000000", "--workers: 1000000000, expected at most "),
         ("few.yaml --workers 2 --cluster tcp://a:1", "give either --workers or --cluster"),
