@@ -137,7 +137,7 @@ BAD = [
     ("duration: 2", "duration: .inf", "duration: inf, "),
     ("duration: 2\n", "", r"duration: 0\.0, "),
     ("q0: [0, 0, 1]", "q0: [0, 1]", r"q0: 2 value\(s\), expected 3"),
-    ("q0: [0, 0, 1]", "q0: [0, 0, .nan]", "q0: .*not finite"),
+    ("q0: [0, 0, 1]", "q0: [0, 0, .nan]", "q0.*finite"),
     (PROFILE[PROFILE.index("joints") :], "joints: []", "joints: empty"),
     (PROFILE[PROFILE.index("joints") :], "", "joints: empty"),
     # Knots.
@@ -145,8 +145,8 @@ BAD = [
     ("[[0, 0], [1, 1], [2, 0]]", "[]", r"joints\[1\]\.knots: .*at least two pairs"),
     ("[1, 1]", "[1]", r"joints\[1\]\.knots: .*pairs"),
     ("[1, 1]", "[1, 1, 1]", r"joints\[1\]\.knots: .*pairs"),
-    ("[1, 1]", "[1, .nan]", r"joints\[1\]\.knots: .*not finite"),
-    ("[1, 1]", "[.inf, 1]", r"joints\[1\]\.knots: .*not finite"),
+    ("[1, 1]", "[1, .nan]", r"joints\[1\]\.knots.*finite"),
+    ("[1, 1]", "[.inf, 1]", r"joints\[1\]\.knots.*finite"),
     ("[1, 1]", "[0, 1]", r"joints\[1\]\.knots: time 0 s after 0 s"),
     ("[1, 1]", "[2.5, 1]", r"joints\[1\]\.knots: time 2 s after 2\.5 s"),
     ("[[0, 0], [1", "[[0.1, 0], [1", r"joints\[1\]\.knots: from 0\.1 to 2 s, expected 0 to 2"),
@@ -159,7 +159,7 @@ BAD = [
     ("period: 0.5, s", "period: 0.3, s", r"joints\[2\].*2 s is not a whole multiple .*0\.3 s"),
     ("period: 0.5, s", "period: 1e-310, s", r"joints\[2\]"),
     ("[0, 1, 2, 1, 0]", "[0, 1, 0]", r"joints\[2\]\.speeds: 3 samples, expected 5"),
-    ("[0, 1, 2, 1, 0]", "[0, 1, .nan, 1, 0]", r"joints\[2\]\.speeds: .*not finite"),
+    ("[0, 1, 2, 1, 0]", "[0, 1, .nan, 1, 0]", r"joints\[2\]\.speeds.*finite"),
     # Oscillations.
     ("amplitude: 1", "amplitude: .nan", r"joints\[3\]\.amplitude: nan"),
     ("period: 1", "period: 0", r"joints\[3\]\.period: 0\.0"),

@@ -286,7 +286,7 @@ BAD = {
     ),
     "duration of zero": ([(YAW, "!Hold {duration: 0}")], ["segments[1].duration: 0", "> 0"]),
     "duration that is not a number": (
-        [(YAW, "!Hold {duration: .nan}")], ["segments[1].duration: nan", "> 0"],
+        [(YAW, "!Hold {duration: .nan}")], ["segments[1].duration: nan"],
     ),
     "infinite duration": ([(YAW, "!Hold {duration: .inf}")], ["segments[1].duration: inf"]),
     "hold without duration": ([(YAW, "!Hold {at: 1}")], ["segments[1].duration: missing"]),
