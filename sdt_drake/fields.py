@@ -163,8 +163,7 @@ class _Walk:
         if type(given) in options:
             schema, data = type(given), {f.name: getattr(given, f.name) for f in _fields(given)}
         else:
-            from_file = self.folder is not None
-            data = {} if given is None and name and from_file else given
+            data = {} if given is None and name and self.folder is not None else given
             schema = self.tagged(options, data, name)
         if schema is None:
             return None
@@ -199,6 +198,9 @@ class _Walk:
 
     def tagged(self, options: list[type], data: Any, name: str) -> type | None:
         """The dataclass that the YAML tag (`!Name`) chooses."""
+        if self.folder is None:
+            self.refuse(name, data, f"a {options[0].__name__}")
+            return None
         if not isinstance(data, dict):
             fields = ", ".join(field.name for field in _fields(options[0]))
             self.refuse(name, data, f"a mapping with {fields}")

@@ -158,7 +158,7 @@ BAD = {
     "negative friction": (
         "plant: {kind: axis, friction: {coulomb: [1, -2, 3, 4]}}",
         "plant.friction.coulomb",
-        "< 0",
+        "expected a number >= 0",
     ),
     "breakaway": (
         "plant: {kind: axis, friction: {coulomb: [9, 9, 9, 9], breakaway: [9, 9, 8, 9]}}",
@@ -168,9 +168,9 @@ BAD = {
     "unknown": (
         "drive: {torque_bandwith: 600}",
         "drive.torque_bandwith: no such field",
-        "did you mean torque_bandwidth?",
+        "did you mean 'torque_bandwidth'?",
     ),
-    "n1 alone": ("drive: {n1: [9, 9, 9, 9]}", "drive: ", "n1 and n0 must be given together"),
+    "n1 alone": ("drive: {n1: [9, 9, 9, 9]}", "drive.n0: ", "missing, expected n1 and n0"),
 }
 
 

@@ -37,7 +37,8 @@ def make(make_variant):
     def make(kind="pi", *, name="coupled_pi", friction=None, elasticity=None, **controller):
         def change(scenario):
             scenario.controller.kind = kind
-            scenario.plant.friction, scenario.plant.elasticity = friction, elasticity
+            scenario.plant.friction = friction or Friction()
+            scenario.plant.elasticity = elasticity or Elasticity()
             for field, value in controller.items():
                 setattr(scenario.controller, field, value)
 

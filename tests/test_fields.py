@@ -132,7 +132,7 @@ BAD = [
     ({"widths": [1, 1, 0, 1]}, "widths[3]: 0, expected a number > 0"),
     ({"labels": ["a"]}, "labels: 1 value(s), expected 4, one for each joint"),
     ({"labels": ["a", "b", 3, "d"]}, "labels[3]: 3, expected a text"),
-    ({"frame": None}, "frame: empty, expected a mapping with side"),
+    ({"frame": None}, "frame: empty, expected a Square"),
     ({"shapes": [Circle(0)]}, "shapes[1].radius: 0, expected a number > 0 [m]"),
     ({"shapes": [Drive()]}, "shapes[1]: Drive("),
     ({"filled": True, "count": 2}, "count: one, of what is filled"),

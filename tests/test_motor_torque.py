@@ -28,7 +28,7 @@ def short_motion():
 def design_of(base, label, plant, drive, elasticity=None):
     scenario = with_controller(copy.deepcopy(base.scenario), label)
     scenario.plant.kind, scenario.drive = plant, drive
-    scenario.plant.elasticity = elasticity
+    scenario.plant.elasticity = elasticity or Elasticity()
     return make_design(scenario, robot=base.robot, motion=short_motion())
 
 
