@@ -283,7 +283,7 @@ def test_spring_without_a_number_is_refused(make, omega):
     [
         (Deviation(payload_mass=-300.0), r"controller\.model\.payload_mass: "),
         (Deviation("seat", 1.0), r"controller\.model\.payload: no link"),
-        (Deviation(inertia_scale=1e300), r"controller\.model: no body could be like that"),
+        (Deviation(inertia_scale=1e300), r"controller\.model: .*inertia"),
     ],
 )
 def test_impossible_model_of_the_controller_is_refused(make, errors, message):
@@ -325,7 +325,7 @@ def test_an_error_of_no_link_is_refused_before_anything_is_planned(design, field
     scenario.motion = "not_there.yaml"
     part, name = field.split(".")
     setattr(getattr(scenario, part), name, Deviation("seat", payload_mass=1.0))
-    with pytest.raises(InputError, match=rf"{field}\.payload: no link 'seat' in .*sdt\.sdf"):
+    with pytest.raises(InputError, match=rf"{field}\.payload: no link 'seat', expected one of "):
         make_design(scenario)
 
 

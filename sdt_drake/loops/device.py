@@ -41,7 +41,7 @@ def add_device(wiring: Wiring, design: Design) -> None:
         wiring.add("elastic_joints", joints)
     else:
         wiring.same("motor_state", "state")
-    on_link = not is_elastic or design.scenario.plant.elasticity.encoder == "link"
+    on_link = springs is None or design.scenario.plant.elasticity.encoder == "link"
     wiring.same("measured", "state" if on_link else "motor_state")
     if drive.torque_bandwidth is not None or drive.torque_error is not None:
         torque_loop = TorqueLoop(
