@@ -6,4 +6,4 @@ The way of the data, each step a module: `robot` (SDF), `motion` (profile, plann
 (recordings), `analysis` (metrics, figures, claims, report).
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

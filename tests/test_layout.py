@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "sdt_drake"
 
-# From the bottom up; README's layout shows the same order.
-ORDER = (
-    "errors", "versions", "resources", "tables", "yaml_files", "urdf", "sdf", "robot", "links",
-    "deviation", "dynamics", "device", "motion", "pilot", "control", "systems", "controllers",
-    "scenario", "poles", "design", "loops", "motor_torque", "simulate", "block_diagram",
-    "graphviz", "viewer",
-    "paper", "analysis", "studies", "commands", "cli", "__main__",
-)  # fmt: skip
+README = (PACKAGE.parent / "README.md").read_text(encoding="utf-8")
+
+# README's layout, which lists them from the bottom up.
+LISTED = re.findall(r"^      ((?:\w+(?:\.py|/)(?:, )?)+)", README, re.MULTILINE)
+ORDER = [re.sub(r"\.py|/", "", name) for line in LISTED for name in line.split(", ")]
 
 
 def part_of(module: str) -> str:
@@ -32,7 +30,7 @@ def types_alone(tree):
     }
 
 
-def test_every_import_goes_down():
+def test_every_import_goes_up_in_the_layout():
     for file in PACKAGE.rglob("*.py"):
         own = file.relative_to(PACKAGE).with_suffix("").parts[0]
         if own == "__init__":
