@@ -150,10 +150,7 @@ class _Walk:
             raise InputError(*lines)
 
     def refuse(self, name: str, value: Any, expected: str) -> None:
-        found = "empty" if value in (None, "") or value == [] else repr(value)
-        if len(found) > _LONGEST:
-            found = f"{found[:_LONGEST]}..."
-        self.say(name, f"{found}, expected {expected}")
+        self.say(name, f"{_told(value)}, expected {expected}")
 
     def say(self, name: str, text: str) -> None:
         self.wrong.append(f"{name}: {text}" if name else text)
@@ -266,6 +263,15 @@ def _plain(data: Any) -> Any:
     if isinstance(data, np.ndarray | np.generic):
         return data.tolist()
     return list(data) if isinstance(data, tuple) else data
+
+
+def _told(value: Any) -> str:
+    if value in (None, "", []):
+        return "empty"
+    if isinstance(value, int) and abs(value) >= 2**64:
+        return "a whole number of more than 64 bits"
+    text = repr(value)
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
 def _is_taken(rule: Rule, data: int | bool | str) -> bool:

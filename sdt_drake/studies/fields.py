@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import functools
 import re
 import types
 import typing
@@ -99,6 +100,7 @@ class Field:
         return value
 
 
+@functools.cache
 def find_field(name: str) -> Field:
     """The field of a dotted name.
 

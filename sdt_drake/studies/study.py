@@ -1,10 +1,10 @@
 """A study: a base scenario, what varies in it, and how; from YAML."""
 
-# Drake's YAML loader reads the annotations here: they may not be postponed, and a union must be
-# spelled Optional[...] or Union[...].
+# Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
 import copy
 import math
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.analysis.comparison import check_labels, with_controller
-from sdt_drake.errors import InputError, checked_choice, checked_number
-from sdt_drake.fields import setting
+from sdt_drake.errors import InputError, within
+from sdt_drake.fields import beside, check, setting
 from sdt_drake.scenario import ControllerChoice, Scenario, load_scenario
 from sdt_drake.studies.fields import Field, Value, find_field
 from sdt_drake.studies.table import is_column
@@ -36,53 +36,48 @@ _MOST = 2**64 - 1
 # a study that is too large is refused before they are made.
 
 
-@dataclass
+@dataclass(slots=True)
 class Uniform:
     """Evenly between low and high."""
 
-    low: float = 0.0
-    high: float = 0.0
+    low: float = setting(0.0)
+    high: float = setting(0.0)
 
-    def validate(self, where: str) -> None:
-        _check_width(self.low, self.high, where)
+    def problems(self) -> Iterator[tuple[str, str]]:
+        yield from _width_problems(self.low, self.high)
 
     def quantile(self, share: Array) -> Array:
         return self.low + (self.high - self.low) * share
 
 
-@dataclass
+@dataclass(slots=True)
 class LogUniform:
     """Evenly in the logarithm, between low and high, both > 0."""
 
-    low: float = 0.0
-    high: float = 0.0
+    low: float = setting(0.0, above=0)
+    high: float = setting(0.0, above=0)
 
-    def validate(self, where: str) -> None:
-        checked_number(self.low, f"{where}.low", minimum=0, exclusive=True)
-        _check_width(self.low, self.high, where)
+    def problems(self) -> Iterator[tuple[str, str]]:
+        yield from _width_problems(self.low, self.high)
 
     def quantile(self, share: Array) -> Array:
         return self.low ** (1 - share) * self.high**share
 
 
-@dataclass
+@dataclass(slots=True)
 class Normal:
     """Gaussian; with low or high, what is beyond is cut off and the rest scaled up."""
 
     mean: float = 0.0
-    std: float = 0.0
+    std: float = setting(0.0, above=0)
     low: Optional[float] = None
     high: Optional[float] = None
 
-    def validate(self, where: str) -> None:
-        checked_number(self.mean, f"{where}.mean")
-        checked_number(self.std, f"{where}.std", minimum=0, exclusive=True)
-        low, high = self._range
-        if not low < high:
-            raise InputError(f"{where}: low {low:g}, high {high:g}, expected low < high")
+    def problems(self) -> Iterator[tuple[str, str]]:
+        yield from _width_problems(*self._range)
         first, last = self._shares
         if not last - first > 1e-6:
-            raise InputError(f"{where}: nothing of it is between low and high")
+            yield "low", "nothing of the distribution is between low and high"
 
     @property
     def _range(self) -> tuple[float, float]:
@@ -102,20 +97,17 @@ class Normal:
         return np.clip(values, *self._range)
 
 
-@dataclass
+@dataclass(slots=True)
 class Grid:
     """count values from start to stop, equal steps apart, both ends included."""
 
     start: float = 0.0
     stop: float = 0.0
-    count: int = 2
+    count: int = setting(2, minimum=2, maximum=MOST_RUNS)
 
-    def validate(self, where: str) -> None:
-        checked_number(self.start, f"{where}.start")
-        checked_number(self.stop, f"{where}.stop")
-        _check_whole(self.count, 2, MOST_RUNS, f"{where}.count")
+    def problems(self) -> Iterator[tuple[str, str]]:
         if self.start == self.stop:
-            raise InputError(f"{where}: start and stop are both {self.start:g}")
+            yield "stop", f"{self.stop:g}, expected another value than start"
 
     @property
     def size(self) -> int:
@@ -130,6 +122,8 @@ class Grid:
 
 
 class _Values:
+    __slots__ = ()
+
     @property
     def size(self) -> int:
         return len(self.values)
@@ -141,68 +135,44 @@ class _Values:
     def levels(self) -> list[Value]:
         return list(self.values)
 
+    def problems(self) -> Iterator[tuple[str, str]]:
+        if not self.values:
+            yield "values", "empty, expected at least one value"
+        if len(set(self.values)) < len(self.values):
+            yield "values", f"{self.values} has a value twice"
+        for value in self.values:
+            yield from _text_problems("values", value)
 
-@dataclass
+
+@dataclass(slots=True)
 class List(_Values):
     """These numbers."""
 
-    values: list[float] = field(default_factory=list)
-
-    def validate(self, where: str) -> None:
-        for value in self.values:
-            checked_number(value, f"{where}.values")
-        _check_levels(self.values, f"{where}.values")
+    values: list[float] = setting([])
 
 
-@dataclass
+@dataclass(slots=True)
 class Choice(_Values):
     """These texts: kinds, labels of controllers, names of motions or motors, true or false."""
 
-    values: list[str] = field(default_factory=list)
-
-    def validate(self, where: str) -> None:
-        for value in self.values:
-            _check_text(value, f"{where}.values")
-        _check_levels(self.values, f"{where}.values")
+    values: list[str] = setting([])
 
 
-def _check_width(low: float, high: float, where: str) -> None:
-    checked_number(low, f"{where}.low")
-    checked_number(high, f"{where}.high")
+def _width_problems(low: float, high: float) -> Iterator[tuple[str, str]]:
     if not low < high:
-        raise InputError(f"{where}: low {low:g}, high {high:g}, expected low < high")
+        yield "high", f"{high:g}, expected more than low, {low:g}"
 
 
-def _check_levels(values: list, where: str) -> None:
-    if not values:
-        raise InputError(f"{where}: empty, expected at least one value")
-    if len(set(values)) < len(values):
-        raise InputError(f"{where}: {values} has a value twice")
-
-
-def _check_whole(value: int, least: int, most: int, where: str) -> None:
-    if not least <= value <= most:
-        raise InputError(
-            f"{where}: {_shown(value)}, expected a whole number from {least} to {most}"
-        )
-
-
-def _shown(value: int, form: str = "") -> str:
-    return format(value, form) if abs(value) <= _MOST else "a number of more than 64 bits"
-
-
-def _check_text(text: str, where: str) -> None:
+def _text_problems(field: str, text: Value) -> Iterator[tuple[str, str]]:
     """Names and levels go into file names, tables and pages."""
-    if not text.isprintable() or text != text.strip():
-        raise InputError(
-            f"{where}: {text!r}, expected characters that are seen, no space at an end"
-        )
+    if isinstance(text, str) and (not text.isprintable() or text != text.strip()):
+        yield field, f"{text!r}, expected characters that are seen, no space at an end"
 
 
 # --- the study -------------------------------------------------------------------------------
 
 
-@dataclass
+@dataclass(slots=True)
 class Variable:
     """What varies.
 
@@ -216,11 +186,12 @@ class Variable:
     """
 
     name: str = ""
-    fields: list[str] = field(default_factory=list)
-    apply: str = "value"
-    distribution: Union[Uniform, LogUniform, Normal, Grid, List, Choice] = field(
-        default_factory=Uniform
-    )
+    fields: list[str] = setting([])
+    apply: str = setting("value", choices=APPLY)
+    distribution: Union[Uniform, LogUniform, Normal, Grid, List, Choice] = setting(Uniform)
+
+    def __post_init__(self) -> None:
+        self.name = self.name or next(iter(self.fields), "")
 
     @property
     def random(self) -> bool:
@@ -232,7 +203,7 @@ class Variable:
         """Whether its values are texts rather than numbers."""
         return isinstance(self.distribution, Choice)
 
-    @cached_property
+    @property
     def targets(self) -> list[Field]:
         """The fields.
 
@@ -241,40 +212,34 @@ class Variable:
         """
         return [find_field(name) for name in self.fields]
 
-    def validate(self, where: str, base: Scenario) -> None:
-        """Check fields and distribution against the base scenario.
+    def problems(self) -> Iterator[tuple[str, str]]:
+        if not self.fields:
+            yield "fields", "missing, expected the dotted name of a field"
+        yield from _text_problems("name", self.name)
+        if is_column(self.name):
+            yield "name", f"{self.name} is a column of the results"
+        is_text = self.takes_texts
+        for target in self.targets:
+            if is_text != (target.type in (str, bool, ControllerChoice)):
+                yield "fields", f"{target.name} takes {'numbers' if is_text else 'texts (!Choice)'}"
+            elif is_text and self.apply != "value":
+                yield "apply", f"{self.apply}, but {target.name} is no number"
+            elif target.type is ControllerChoice:
+                check_labels(self.distribution.levels(), "distribution.values")
+
+    def check_with(self, base: Scenario) -> None:
+        """Try its values in the base scenario.
 
         Raises:
-            InputError: naming `where` and what would be right.
+            InputError: for values that it does not take.
         """
-        if not self.fields:
-            raise InputError(f"{where}.fields: none, expected the dotted name of a field")
-        checked_choice(self.apply, APPLY, f"{where}.apply")
-        self.distribution.validate(f"{where}.distribution")
-        is_text = self.takes_texts
-        for target in self._located(where):
-            if is_text != (target.type in (str, bool, ControllerChoice)):
-                kind = "texts (!Choice)" if not is_text else "numbers"
-                raise InputError(f"{where}: {target.name} takes {kind}")
-            if is_text and self.apply != "value":
-                raise InputError(f"{where}.apply: {self.apply}, but {target.name} is no number")
-            if target.type is ControllerChoice:
-                check_labels(self.distribution.levels(), f"{where}.distribution.values")
-            try:
-                target.get(base)
-                if self.apply != "value":
-                    target.change(copy.deepcopy(base), self.apply, 1.0)
-                else:
-                    for value in self.examples:
-                        self.put(copy.deepcopy(base), value)
-            except InputError as error:
-                raise InputError(f"{where}: {error}") from None
-
-    def _located(self, where: str) -> list[Field]:
-        try:
-            return self.targets
-        except InputError as error:
-            raise InputError(f"{where}.fields: {error}") from None
+        for target in self.targets:
+            target.get(base)
+            if self.apply != "value":
+                target.change(copy.deepcopy(base), self.apply, 1.0)
+            else:
+                for value in self.examples:
+                    self.put(copy.deepcopy(base), value)
 
     @property
     def examples(self) -> list[Value]:
@@ -334,57 +299,48 @@ class Study:
     folder = Path()  # without a type: so it is no field
 
     name: str = ""
-    scenario: str = ""
-    draws: int = 1
-    seed: int = 0
-    sampling: str = "random"
+    scenario: str = setting("", place=beside)
+    draws: int = setting(1, minimum=1, maximum=_MOST)
+    seed: int = setting(0, minimum=0, maximum=_MOST)
+    sampling: str = setting("random", choices=SAMPLINGS)
     accuracy: float = setting(1e-3, minimum=1e-12, maximum=0.01, unit="rad/s")
-    timeout: float = 300.0
-    pause: float = 0.0
+    timeout: float = setting(300.0, above=0, unit="s")
+    pause: float = setting(0.0, minimum=0, unit="s")
     variables: list[Variable] = field(default_factory=list)
 
-    def validate(self, base: Scenario) -> None:
-        """Check everything against the base scenario.
-
-        Raises:
-            InputError: naming the field and what would be right.
-        """
-        _check_text(self.name, "name")
+    def problems(self) -> Iterator[tuple[str, str]]:
+        yield from _text_problems("name", self.name)
         if "/" in self.name or self.name in (".", ".."):
-            raise InputError(f"name: {self.name}, expected one that a folder can have")
-        _check_whole(self.draws, 1, _MOST, "draws")
-        _check_whole(self.seed, 0, _MOST, "seed")
-        checked_choice(self.sampling, SAMPLINGS, "sampling")
-        checked_number(self.timeout, "timeout", minimum=0, exclusive=True)
-        checked_number(self.pause, "pause", minimum=0)
+            yield "name", f"{self.name}, expected one that a folder can have"
         if not self.variables:
-            raise InputError("variables: none, expected at least one")
-        for i, variable in enumerate(self.variables):
-            variable.validate(f"variables[{i + 1}]", base)
+            yield "variables", "missing, expected at least one"
         names = [variable.name for variable in self.variables]
-        for i, name in enumerate(names):
-            _check_text(name, f"variables[{i + 1}].name")
-            if is_column(name):
-                raise InputError(f"variables[{i + 1}].name: {name} is a column of the results")
-            if names.count(name) > 1:
-                raise InputError(f"variables: two are named {name}")
-        self._check_fields()
-        if self.draws > 1 and not any(variable.random for variable in self.variables):
-            raise InputError(f"draws: {self.draws}, but no variable is random; remove")
-        if self._count > MOST_RUNS:
-            count = _shown(self._count, ",")
-            raise InputError(f"{count} runs, expected at most {MOST_RUNS:,}")
-
-    def _check_fields(self) -> None:
-        """Of two draws for a field the last would win, and the first still be in the results."""
-        owners: dict[tuple, dict[int | None, str]] = {}
+        for name in sorted({name for name in names if names.count(name) > 1}):
+            yield "variables", f"two are named {name}"
+        # Of two draws for a field the last would win, and the first still be in the results.
+        owners: dict[tuple[str, ...], dict[int | None, str]] = {}
         for variable in self.variables:
             for target in (touched for name in variable.targets for touched in name.touched):
                 others = owners.setdefault(target.parts, {})
                 if others and (target.entry is None or {None, target.entry} & others.keys()):
-                    names = " and ".join(dict.fromkeys([*others.values(), variable.name]))
-                    raise InputError(f"variables: {target.name} gets two values, of {names}")
+                    both = " and ".join(dict.fromkeys([*others.values(), variable.name]))
+                    yield "variables", f"{target.name} gets two values, of {both}"
                 others[target.entry] = variable.name
+        if self.draws > 1 and not any(variable.random for variable in self.variables):
+            yield "draws", f"{self.draws}, but no variable is random; remove"
+        if self._count > MOST_RUNS:
+            yield "draws", f"times the levels of the variables: expected at most {MOST_RUNS:,} runs"
+
+    def validate(self, base: Scenario) -> None:
+        """Check everything, also against the base scenario.
+
+        Raises:
+            InputError: with a line for each problem: field, and what would be right.
+        """
+        check(self)
+        for i, variable in enumerate(self.variables):
+            with within(f"variables[{i + 1}]"):
+                variable.check_with(base)
 
     def __len__(self) -> int:
         return self._count
@@ -446,14 +402,8 @@ def load_study(path: str | Path) -> tuple[Study, Scenario]:
     if not study.scenario:
         raise InputError(f"{file}: scenario: missing, expected the file of the base scenario")
     study.folder = file.resolve().parent
-    if not study.scenario.startswith("package://"):
-        study.scenario = str(study.folder / study.scenario)
     study.name = study.name or file.stem
     base = load_scenario(study.scenario)
-    for variable in study.variables:
-        variable.name = variable.name or next(iter(variable.fields), "")
-    try:
+    with within(file):
         study.validate(base)
-    except InputError as error:
-        raise InputError(f"{file}: {error}") from None
     return study, base
