@@ -1,8 +1,8 @@
 """Sizing: motors, structures, motions and controllers to try, and what they must keep; YAML."""
 
-# Drake's YAML loader reads the annotations here: they may not be postponed, and "or None" must be
-# spelled Optional[...].
-from dataclasses import dataclass, field, replace
+# Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple, Optional
@@ -11,16 +11,16 @@ import numpy as np
 
 from sdt_drake.analysis.comparison import check_labels
 from sdt_drake.device import Catalogue, DeviceChoice, load_catalogue
-from sdt_drake.errors import InputError, checked_choice, checked_number
-from sdt_drake.fields import check, setting
-from sdt_drake.motion import PLANNERS, find_motion
-from sdt_drake.resources import PACKAGE_PREFIX, find_file
+from sdt_drake.errors import InputError, within
+from sdt_drake.fields import beside, check, setting
+from sdt_drake.motion import PLANNERS, find_motion, motion_beside
+from sdt_drake.resources import find_file
 from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.studies.study import Choice, List, Study, Variable
 from sdt_drake.yaml_files import load_yaml
 
 
-@dataclass
+@dataclass(slots=True)
 class Requirements:
     """What a device must keep in every motion: the largest value of each outcome.
 
@@ -36,35 +36,19 @@ class Requirements:
         stretch: how much longer than commanded a motion may last [-].
     """
 
-    max_abs_speed_error: list[float] = field(default_factory=list)
-    max_abs_position_error_deg: Optional[list[float]] = None
-    used_torque_share: float = 1.0
-    torque_at_speed_share: float = 1.0
-    winding_temperature: float = 1.0
-    saturated_fraction: float = 0.0
-    stretch: float = 0.0
+    max_abs_speed_error: list[float] = setting([], above=0, unit="rad/s", side="joint")
+    max_abs_position_error_deg: Optional[list[float]] = setting(
+        None, above=0, unit="deg", side="joint"
+    )
+    used_torque_share: float = setting(1.0, above=0)
+    torque_at_speed_share: float = setting(1.0, above=0)
+    winding_temperature: float = setting(1.0, above=0)
+    saturated_fraction: float = setting(0.0, minimum=0)
+    stretch: float = setting(0.0, minimum=0)
 
-    def validate(self, n: int, where: str) -> None:
-        """Check everything for n joints.
-
-        Raises:
-            InputError: naming the field below `where`.
-        """
-        for name in ("max_abs_speed_error", "max_abs_position_error_deg"):
-            values = getattr(self, name)
-            if values is None:
-                continue
-            if len(values) not in (1, n):
-                raise InputError(
-                    f"{where}.{name}: {len(values)} value(s), expected one, or {n}, one for each "
-                    "joint"
-                )
-            for value in values:
-                checked_number(value, f"{where}.{name}", minimum=0, exclusive=True)
-        for name in ("used_torque_share", "torque_at_speed_share", "winding_temperature"):
-            checked_number(getattr(self, name), f"{where}.{name}", minimum=0, exclusive=True)
-        for name in ("saturated_fraction", "stretch"):
-            checked_number(getattr(self, name), f"{where}.{name}", minimum=0)
+    def problems(self) -> Iterator[tuple[str, str]]:
+        if not self.max_abs_speed_error:
+            yield "max_abs_speed_error", "missing, expected a list [rad/s]"
 
     def limits(self, n: int) -> dict[str, float]:
         """Largest value of each outcome of a run by its name, what matters first; in its unit."""
@@ -108,18 +92,18 @@ class Sizing:
     """
 
     name: str = ""
-    scenario: str = ""
-    device: DeviceChoice = field(default_factory=DeviceChoice)
-    motors: list[list[str]] = field(default_factory=list)
-    structure_scales: list[float] = field(default_factory=lambda: [1.0])
-    motions: list[str] = field(default_factory=list)
-    controllers: list[str] = field(default_factory=list)
-    planner: str = "limiter"
-    torque_margin: float = 1.0
-    pause: float = 0.0
-    requirements: Requirements = field(default_factory=Requirements)
+    scenario: str = setting("", place=beside)
+    device: DeviceChoice = setting(DeviceChoice)
+    motors: list[list[str]] = setting([])
+    structure_scales: list[float] = setting([1.0], above=0)
+    motions: list[str] = setting([], place=motion_beside)
+    controllers: list[str] = setting([])
+    planner: str = setting("limiter", choices=tuple(PLANNERS))
+    torque_margin: float = setting(1.0, above=0, maximum=1)
+    pause: float = setting(0.0, minimum=0, unit="s")
+    requirements: Requirements = setting(Requirements)
     accuracy: float = setting(1e-3, minimum=1e-12, maximum=0.01, unit="rad/s")
-    timeout: float = 300.0
+    timeout: float = setting(300.0, above=0, unit="s")
 
     @property
     def n(self) -> int:
@@ -131,48 +115,36 @@ class Sizing:
         """The motors to choose from."""
         return load_catalogue(self.device.catalogue)
 
-    def validate(self, base: Scenario) -> None:
-        """Check everything but the robot.
-
-        Raises:
-            InputError: naming the field and what would be right.
-        """
-        if base.plant.kind != "coupled":
-            raise InputError(
-                f"scenario: plant.kind {base.plant.kind}, expected coupled: the masses of motors "
-                "load the other joints"
-            )
-        if not base.plant.elasticity.is_rigid:
-            raise InputError("scenario: plant.elasticity: expected rigid joints, for their torques")
+    def problems(self) -> Iterator[tuple[str, str]]:
         if not self.motors:
-            raise InputError("motors: none, expected a list of ids for each joint")
-        catalogue = self.catalogue
-        for k, ids in enumerate(self.motors):
-            for id_ in _checked_list(ids, f"motors[{k + 1}]"):
-                catalogue.motor(id_, f"motors[{k + 1}]")
-        if any(self.device.motors) or self.device.structure_scale != 1:
-            raise InputError(
-                "device: motors and structure_scale are those of the candidates; remove"
-            )
-        check(self.device, "device", self.n)
-        for k, id_ in enumerate(self.device.fitted):
-            if id_:
-                catalogue.motor(id_, f"device.fitted[{k + 1}]")
-        check(self.shared_device, "device")
-        for scale in self.structure_scales:
-            checked_number(scale, "structure_scales", minimum=0, exclusive=True)
+            yield "motors", "missing, expected a list of ids for each joint"
+        lists = {f"motors[{k + 1}]": ids for k, ids in enumerate(self.motors)}
         # Two that are told as the same number could not be told apart.
-        _checked_list([f"{scale:g}" for scale in self.structure_scales], "structure_scales")
-        _checked_list([short_name(motion) for motion in self.motions], "motions")
-        for motion in self.motions:
-            find_motion(motion)
+        lists["structure_scales"] = [f"{scale:g}" for scale in self.structure_scales]
+        lists["motions"] = [short_name(motion) for motion in self.motions]
+        for name, values in lists.items():
+            if not values:
+                yield name, "empty, expected at least one"
+            if len(set(values)) < len(values):
+                yield name, f"{values} has a value twice"
+        if any(self.device.motors) or self.device.structure_scale != 1:
+            yield "device", "motors and structure_scale are those of the candidates; remove"
+        if not self.device.fitted:
+            yield "device.fitted", "missing, expected the motors that the masses of the SDF contain"
+        for name in ("max_abs_speed_error", "max_abs_position_error_deg"):
+            values = getattr(self.requirements, name)
+            if values is not None and len(values) not in (1, self.n):
+                text = f"{len(values)} value(s), expected one, or {self.n}, one for each joint"
+                yield f"requirements.{name}", text
         check_labels(self.controllers)
-        checked_choice(self.planner, tuple(PLANNERS), "planner")
-        checked_number(self.torque_margin, "torque_margin", minimum=0, exclusive=True)
-        checked_number(self.pause, "pause", minimum=0)
-        if not self.requirements.max_abs_speed_error:
-            raise InputError("requirements.max_abs_speed_error: missing, expected a list [rad/s]")
-        self.requirements.validate(self.n, "requirements")
+
+    def _check_motors(self) -> None:
+        named = {f"motors[{k + 1}]": ids for k, ids in enumerate(self.motors)}
+        named |= {f"device.fitted[{k + 1}]": [id_] for k, id_ in enumerate(self.device.fitted)}
+        for where, ids in named.items():
+            for id_ in ids:
+                if id_ or where.startswith("motors"):
+                    self.catalogue.motor(id_, where)
 
     @property
     def shared_device(self) -> DeviceChoice:
@@ -216,44 +188,29 @@ class Sizing:
         )
 
 
-def _checked_list(values: list, where: str) -> list:
-    if not values:
-        raise InputError(f"{where}: empty, expected at least one")
-    if len(set(values)) < len(values):
-        raise InputError(f"{where}: {values} has a value twice")
-    return values
-
-
 def load_sizing(path: str | Path) -> tuple[Sizing, Scenario]:
     """A sizing from YAML, and the base scenario of its study.
 
     Raises:
-        InputError: naming the file, the field, and what would be right.
+        InputError: with a line for each problem: file, field, and what would be right.
     """
     sizing, file = load_yaml(Sizing, path)
-    folder = file.resolve().parent
     sizing.name = sizing.name or file.stem
-
-    def placed(name: str) -> str:
-        return name if name.startswith(PACKAGE_PREFIX) else str(folder / name)
-
-    try:
+    with within(file):
         if not sizing.scenario:
             raise InputError("scenario: missing, expected the file of the base scenario")
-        sizing.scenario = placed(sizing.scenario)
-        sizing.device.catalogue = placed(sizing.device.catalogue)
-        # A path is its own, the name of a shipped motion is not.
-        sizing.motions = [m if find_motion(m) != m else placed(m) for m in sizing.motions]
         scenario = load_scenario(sizing.scenario)
-        sizing.validate(scenario)
+        if scenario.plant.kind != "coupled" or not scenario.plant.elasticity.is_rigid:
+            raise InputError(
+                "scenario: expected plant.kind coupled, where the masses of motors load the other "
+                "joints, and no plant.elasticity"
+            )
+        sizing._check_motors()
         for motion in sizing.motions:
             find_file(find_motion(motion))
         base = sizing.base(scenario)
-        check(base)
+        check(base, n=sizing.n)
         sizing.study().validate(base)
-    except InputError as error:
-        text = str(error)
-        raise InputError(text if text.startswith(str(file)) else f"{file}: {text}") from None
     return sizing, base
 
 

@@ -142,7 +142,7 @@ def test_bad_fields(base, distribution, field, message):
     ("variables", "options", "message"),
     [
         ([], {}, "variables: missing, expected at least one"),
-        ([Variable()], {}, r"variables\[1\].fields: missing"),
+        ([Variable(distribution=Uniform(0, 1))], {}, r"variables\[1\].fields: missing"),
         ([variable(Uniform(0, 1))] * 2, {}, "two are named disturbance.amplitude"),
         ([variable(Uniform(0, 1), apply="times")], {}, "apply: 'times', expected one of value"),
         ([variable(Choice(["pi"]), "controller", apply="factor")], {}, "apply: factor, but"),
