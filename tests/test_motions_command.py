@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 
+import command_line
 import pytest
-import test_cli
-from test_cli import ARM, is_one_line
+from command_line import ARM, is_one_line
 
 from sdt_drake.motion import load_training, shipped_motions
 
-call, good = test_cli.call, test_cli.good
+call, good = command_line.call, command_line.good
 
 MINE = """\
 title: Mine

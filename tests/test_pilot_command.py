@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import re
 
+import command_line
 import numpy as np
 import pytest
-import test_cli
-import test_commands
-from test_commands import ENDS, FIGURE, read_csv, refused
+from command_line import ENDS, FIGURE, read_csv, refused
 
 from sdt_drake import design
 from sdt_drake.analysis.tracking import track_head
@@ -17,7 +16,7 @@ from sdt_drake.robot import load_robot
 from sdt_drake.simulate import Recording
 from sdt_drake.tables import read_table
 
-call, good, desk = test_cli.call, test_cli.good, test_commands.desk
+call, good, desk = command_line.call, command_line.good, command_line.desk
 
 CSV_COLUMNS = [
     f"{name}{suffix}_{k}"
@@ -41,7 +40,7 @@ def recording(good, desk):
 
 
 def headless(folder):
-    text = (test_cli.MODELS / "sdt.sdf").read_text(encoding="utf-8")
+    text = (command_line.MODELS / "sdt.sdf").read_text(encoding="utf-8")
     text = re.sub(r'<frame name="head".*?</frame>', "", text, flags=re.S)
     (folder / "headless.sdf").write_text(text, encoding="utf-8")
 
@@ -129,7 +128,7 @@ def test_writes_a_figure(good, desk, recording, suffix):
 
 def test_another_robot(good, desk, recording):
     """The head in the arm: only the first joint moves it."""
-    text = (test_cli.MODELS / "sdt.sdf").read_text(encoding="utf-8")
+    text = (command_line.MODELS / "sdt.sdf").read_text(encoding="utf-8")
     text = text.replace('name="head" attached_to="payload"', 'name="head" attached_to="arm"')
     (desk / "arm.sdf").write_text(text, encoding="utf-8")
     rows = rows_of(good("pilot", "run.csv", "--robot", "arm.sdf").out)

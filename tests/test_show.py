@@ -1,30 +1,33 @@
-"""--show: figures on the screen, and one line where there is none."""
+"""--show and --out: figures on the screen and in files, and one line where there is no screen."""
 
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
 from types import ModuleType
 
+import command_line
 import matplotlib
 import matplotlib.pyplot as plt
 import pytest
+from command_line import FIGURE, Done, refused
 from matplotlib.backend_bases import FigureManagerBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from sdt_drake.cli import main
+call, good, desk, coarse = (getattr(command_line, n) for n in ("call", "good", "desk", "coarse"))
 
-AXIS = "package://sdt/scenarios/axis_pi.yaml"
+AXIS, RUN, SHORT = "../given/short_axis.yaml", "../given/run.yaml", "../given/short.yaml"
 COMMANDS = {
-    "tune": [],
+    "plan": [SHORT],
+    "tune": [SHORT],
     "step": [],
-    "simulate": [AXIS],
-    "compare": [AXIS, "--controllers", "pi"],
+    "simulate": [RUN],
+    "compare": [RUN, "--controllers", "pi"],
+    "pilot": [RUN],
     "bode": [AXIS],
     "budget": [AXIS],
-    "stability": ["package://sdt/scenarios/coupled_pi.yaml"],
+    "stability": [AXIS],
 }
 
 
@@ -50,47 +53,50 @@ def screen(monkeypatch):
     matplotlib.use("Agg")
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_show_opens_the_figure_of_each_command(screen, capsys, command):
-    assert main([command, *COMMANDS[command], "--show"]) == 0
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_shows_and_writes_its_figure(screen, good, desk, coarse, name):
+    suffix = {"tune": "pdf", "bode": "svg"}.get(name, "png")
+    out = good(name, *COMMANDS[name], "--show", "--out", f"new/figure.{suffix}").out
+    assert out.splitlines()[-1] == f"new/figure.{suffix} written"
+    content = (desk / "new" / f"figure.{suffix}").read_bytes()
+    assert content.startswith(FIGURE[suffix]) and len(content) > 5_000
+    assert [path.name for path in (desk / "new").iterdir()] == [f"figure.{suffix}"]
     (figure,) = screen
     assert figure.axes[0].get_lines() or figure.axes[0].patches
-    assert "written" not in capsys.readouterr().out
     assert plt.get_fignums() == []
 
 
-def test_show_and_out_do_both(screen, capsys, tmp_path):
-    assert main(["step", "--show", "--out", str(tmp_path / "step.png")]) == 0
+def test_show_beside_a_table(screen, good, desk):
+    good("bode", AXIS, "--show", "--out", "bode.csv")
     assert len(screen) == 1
-    assert (tmp_path / "step.png").read_bytes().startswith(b"\x89PNG")
-    assert "step.png written" in capsys.readouterr().out
+    assert (desk / "bode.csv").read_text(encoding="utf-8").startswith("omega")
 
 
-def test_show_beside_a_table(screen, tmp_path):
-    assert main(["bode", AXIS, "--show", "--out", str(tmp_path / "bode.csv")]) == 0
-    assert len(screen) == 1
-    assert (tmp_path / "bode.csv").read_text(encoding="utf-8").startswith("omega")
+@pytest.mark.parametrize("name", COMMANDS)
+def test_without_a_screen_nothing_is_computed(call, desk, name):
+    done = call(name, *COMMANDS[name], "--show", "--out", "figure.png")
+    refused(done, "sdt-drake: --show: no screen", "--out")
+    assert list(desk.iterdir()) == []
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_without_a_screen_nothing_is_computed(capsys, tmp_path, command):
-    out = tmp_path / "figure.png"
-    assert main([command, *COMMANDS[command], "--show", "--out", str(out)]) == 2
-    done = capsys.readouterr()
-    assert done.out == "" and not out.exists()
-    assert re.fullmatch(r"sdt-drake: --show: no screen .* --out\n", done.err)
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no $DISPLAY")
-def test_a_display_that_is_not_there_is_no_screen(tmp_path):
-    """Even with a graphical backend asked for; and it does not hang."""
-    environment = {k: v for k, v in os.environ.items() if k != "WAYLAND_DISPLAY"}
+@pytest.mark.parametrize(
+    ("backend", "words"), [("TkAgg", "--show: no screen"), ("nonsense", "$MPLBACKEND")]
+)
+def test_a_display_or_backend_that_is_not_there(backend, words):
+    """Of a notebook, for one; only --show needs it."""
+    environment = os.environ | {"MPLBACKEND": backend, "DISPLAY": ":99"}
+    environment.pop("WAYLAND_DISPLAY", None)
     done = subprocess.run(
         [sys.executable, "-m", "sdt_drake", "step", "--show"],
-        env={**environment, "MPLBACKEND": "TkAgg", "DISPLAY": ":99"},
+        env=environment,
         capture_output=True,
         text=True,
-        timeout=60,
     )
-    assert done.returncode == 2 and done.stdout == ""
-    assert done.stderr.count("\n") == 1 and "--show: no screen" in done.stderr
+    refused(Done(done.returncode, done.stdout, done.stderr), words)
+
+
+def test_without_show_a_backend_does_not_matter(good, monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "nonsense")
+    good("step", "--help")
+    good("step")
+    assert os.environ["MPLBACKEND"] == "agg"

@@ -9,14 +9,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import command_line
 import numpy as np
 import pytest
-import test_cli
-from test_commands import MOTION, SCENARIO, refused
+from command_line import MOTION, SCENARIO, refused
 
 from sdt_drake.tables import write_table
 
-call, good = test_cli.call, test_cli.good
+call, good = command_line.call, command_line.good
 
 TIME = np.arange(101) * 0.005  # 0.5 s
 ANGLES = np.outer(TIME, [0.2, 0.4, -0.1, 0.3])
@@ -93,9 +93,9 @@ def test_a_motion_is_planned(desk, good, shown):
 
 def test_a_training_motion_of_ones_own_is_planned_as_the_shipped_one(desk, good, shown):
     record = ("--record", "a.html")
-    own = test_cli.MODELS / "motions" / "coriolis.yaml"
+    own = command_line.MODELS / "motions" / "coriolis.yaml"
     (desk / "my_motion.yaml").write_text(own.read_text(encoding="utf-8"), encoding="utf-8")
-    good("view", "my_motion.yaml", "--robot", str(test_cli.MODELS / "sdt.sdf"), *record)
+    good("view", "my_motion.yaml", "--robot", str(command_line.MODELS / "sdt.sdf"), *record)
     good("view", "coriolis", *record)
     own_, shipped = shown
     np.testing.assert_array_equal(own_["q"], shipped["q"])

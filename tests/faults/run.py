@@ -106,6 +106,7 @@ def first_failure(tree: Path, files: list[str], limit: float) -> str:
 
 
 def _test(tree: Path, files: list[str], connection) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     os.setsid()
     os.chdir(tree)
     sys.path.insert(0, str(tree))
@@ -146,6 +147,7 @@ def main() -> None:
         and not (options.missed and not known.get(fault["id"], MISSED).startswith(MISSED))
         and not (options.new and fault["id"] in known)
     ]
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # with what it has started
     caught = 0
     with tempfile.TemporaryDirectory(prefix="sdt-faults-") as folder:
         tree = Path(folder) / "tree"

@@ -1,0 +1,200 @@
+"""What tests of the command line share: small files, and a command that runs in this process."""
+
+from __future__ import annotations
+
+import csv
+import functools
+import re
+import warnings
+from typing import NamedTuple
+
+import pytest
+
+from sdt_drake.analysis import stability
+from sdt_drake.cli import main
+from sdt_drake.commands.stability import SHOWN
+from sdt_drake.resources import models_dir
+
+MODELS = models_dir()
+SDF = (MODELS / "sdt.sdf").read_text(encoding="utf-8")
+FIGURE = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
+JOINTS = ["1 planetary", "2 roll", "3 pitch", "4 yaw"]
+OMEGA_R = 65.991
+
+# 0.5 s of the four joints: joint 2 up to 0.5 rad/s and on, the others at rest.
+REST = "  - !Knots {knots: [[0, 0], [0.5, 0]]}\n"
+SHORT = (
+    "name: short\nduration: 0.5\njoints:\n"
+    + REST
+    + "  - !Knots {knots: [[0, 0], [0.25, 0.5], [0.5, 0.5]]}\n"
+    + 2 * REST
+)
+# 1.25 s: the same, at constant speed for so long that its error counts.
+MOTION = SHORT.replace("0.5], [0.5,", "0.5], [1.25,").replace("[0.5, 0]]", "[1.25, 0]]")
+MOTION = MOTION.replace("duration: 0.5", "duration: 1.25")
+CONTROLLER = "controller: {kind: pi, omega_r: 65.991, zeta: [0.95, 0.98, 0.99, 0.95]"
+SCENARIO = f"motion: motion.yaml\nplant: {{kind: axis}}\n{CONTROLLER}}}\n"
+ENDS = {"axis": SCENARIO, "coupled": SCENARIO.replace("kind: axis", "kind: coupled")}
+
+# Two links of 2 kg and 1 m, centre of mass in the middle, I_yy = 0.2 kg m² about it; both turn
+# about y (gravity acts), at q = 0 they point along x.
+LINK = (
+    "<link name='{name}'>{pose}<inertial><pose>0.5 0 0 0 0 0</pose><mass>2</mass><inertia>"
+    "<ixx>0.01</ixx><iyy>0.2</iyy><izz>0.2</izz><ixy>0</ixy><ixz>0</ixz><iyz>0</iyz></inertia>"
+    "</inertial></link>"
+)
+JOINT = (
+    "<joint name='{name}' type='revolute'>{pose}<parent>{parent}</parent><child>{child}</child>"
+    "<axis><xyz>0 1 0</xyz><limit><effort>100</effort><velocity>5</velocity></limit></axis>"
+    "<drake:rotor_inertia>0.001</drake:rotor_inertia><drake:gear_ratio>20</drake:gear_ratio>"
+    "</joint>"
+)
+ELBOW = "<pose relative_to='upper'>1 0 0 0 0 0</pose>"
+ARM = (
+    "<sdf version='1.9' xmlns:drake='http://drake.mit.edu'><model name='two_links'>"
+    + LINK.format(name="upper", pose="")
+    + LINK.format(name="lower", pose="<pose relative_to='elbow'/>")
+    + JOINT.format(name="shoulder", pose="", parent="world", child="upper")
+    + JOINT.format(name="elbow", pose=ELBOW, parent="upper", child="lower")
+    + "</model></sdf>"
+)
+ARM_PROFILE = """\
+duration: 0.5
+joints:
+  - !Knots {knots: [[0, 0], [0.25, 0.2], [0.5, 0]]}
+  - !Knots {knots: [[0, 0], [0.25, -0.2], [0.5, 0]]}
+"""
+
+
+class Done(NamedTuple):
+    """What a command returned and printed."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def call(capfd):
+    """Run a command in this process. Warnings are printed, as they are outside of pytest."""
+
+    def run(*arguments) -> Done:
+        capfd.readouterr()
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("default")
+            code = main([str(argument) for argument in arguments])
+        out, err = capfd.readouterr()
+        return Done(code, out, err + "".join(f"{warning.message}\n" for warning in caught))
+
+    return run
+
+
+@pytest.fixture
+def good(call):
+    """Run a command that must succeed and say nothing on stderr; what it printed."""
+
+    def run(*arguments) -> Done:
+        done = call(*arguments)
+        assert (done.code, done.err) == (0, "")
+        return done
+
+    return run
+
+
+@pytest.fixture
+def desk(tmp_path, monkeypatch):
+    """An empty working directory; scenarios and motions lie in another one, `../given`."""
+    given, folder = tmp_path / "given", tmp_path / "desk"
+    given.mkdir()
+    folder.mkdir()
+    files = {"short.yaml": SHORT, "motion.yaml": MOTION, "arm.sdf": ARM, "arm.yaml": ARM_PROFILE}
+    files |= {f"{name}.yaml": text for name, text in ENDS.items()}
+    files["run.yaml"] = ENDS["coupled"].replace("motion.yaml", "short.yaml")
+    files["short_axis.yaml"] = SCENARIO.replace("motion.yaml", "short.yaml")
+    for name, text in files.items():
+        (given / name).write_text(text, encoding="utf-8")
+    monkeypatch.chdir(folder)
+    return folder
+
+
+@pytest.fixture
+def given(desk):
+    """Writes a file into the folder of what is given; its path from the working directory."""
+
+    def write(name: str, text: str) -> str:
+        (desk.parent / "given" / name).write_text(text, encoding="utf-8")
+        return f"../given/{name}"
+
+    return write
+
+
+@pytest.fixture
+def coarse(monkeypatch):
+    """Sweeps of stability over the ratios that are shown alone."""
+    sweep = functools.partial(stability.stability_sweep, ratios=SHOWN)
+    monkeypatch.setattr(stability, "stability_sweep", sweep)
+
+
+@pytest.fixture
+def refuse(call, desk):
+    """Run a command that must be refused with one line and write nothing; that line.
+
+    If `late`, it may have printed something before.
+    """
+
+    def run(*arguments, saying=(), late=False) -> str:
+        before = snapshot(desk.parent)
+        done = call(*arguments)
+        refused(done._replace(out="") if late else done, *saying)
+        assert snapshot(desk.parent) == before
+        return done.err
+
+    return run
+
+
+def refused(done: Done, *parts: str) -> None:
+    """Exit code 2, nothing printed, one line on stderr with all `parts` in it."""
+    assert (done.code, done.out) == (2, ""), done
+    assert is_one_line(done.err), done.err
+    for part in parts:
+        assert part in done.err, done.err
+
+
+def is_one_line(text: str) -> bool:
+    return text.endswith("\n") and text.count("\n") == 1 and text.startswith("sdt-drake: ")
+
+
+def snapshot(folder) -> dict:
+    """Every file below a folder with its content."""
+    files = (path for path in folder.rglob("*") if path.is_file() and not path.is_symlink())
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+def tables(out: str) -> list[list[list[str]]]:
+    """Tables that `out` shows: lists of rows of cells, each with its header first."""
+    found, rows = [], []
+    for line in [*out.splitlines(), ""]:
+        cells = re.split(r"\s{2,}", line.strip())
+        if len(cells) > 2:
+            rows.append(cells)
+        elif rows:
+            found.append(rows)
+            rows = []
+    return [rows for rows in found if len(rows) > 1]
+
+
+def columns_of(out: str) -> dict[str, list[str]]:
+    """Columns of the first table that `out` shows; the second of a name is `name 2`."""
+    columns = {}
+    for header, *cells in zip(*tables(out)[0], strict=True):
+        columns[header if header not in columns else f"{header} 2"] = cells
+    return columns
+
+
+def numbers(cells: list[str]) -> list[float]:
+    return [float(cell) for cell in cells]
+
+
+def read_csv(path) -> list[list[str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.reader(file))
