@@ -74,9 +74,7 @@ def run(options: argparse.Namespace) -> None:
             )
         )
     except InputError as error:
-        # The fields of the scenario are options here.
-        text = re.sub(r"(?:controller\.)?\b(zeta|omega_r|period)(?=:)", r"--\1", str(error))
-        raise InputError(text.replace("--omega_r", "--omega-r")) from None
+        raise InputError(*map(_as_option, error.args)) from None
     inertia, gains = design.inertia, design.gains
     at = (inertia.maximum, inertia.median, inertia.minimum)
     oscillation = oscillation_frequency(gains, inertia.maximum)
@@ -120,3 +118,9 @@ def run(options: argparse.Namespace) -> None:
             paper.table1("i_eff_max") if shipped else None,
         ),
     )
+
+
+def _as_option(line: str) -> str:
+    """What a line about a scenario is here, where its fields are options."""
+    line = re.sub(r"^scenario: (?:controller\.)?", "", line)
+    return re.sub(r"^(zeta|omega_r|period)\b", r"--\1", line).replace("--omega_r", "--omega-r")
