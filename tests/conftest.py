@@ -72,7 +72,10 @@ def make_variant(_reference_design: Design):
         scenario: Scenario = copy.deepcopy(load_scenario(f"package://sdt/scenarios/{name}.yaml"))
         if change is not None:
             change(scenario)
-        return make_design(scenario, robot=_reference_design.robot, motion=_reference_design.motion)
+        base = _reference_design
+        return make_design(
+            scenario, robot=base.robot, motion=base.motion, torques=base.nominal_torques
+        )
 
     return make
 

@@ -32,7 +32,7 @@ def along(design, q0, rows):
 
 @pytest.fixture(scope="module")
 def designs(_reference_design):
-    """By plant: PI + CTC, disturbed, 4 s, with motors that are too weak by 40 %."""
+    """By plant: PI + CTC, disturbed, 2 s, with motors that are too weak by 40 %."""
     base, made = _reference_design, {}
     for plant in PLANTS:
         scenario = copy.deepcopy(base.scenario)
@@ -40,7 +40,7 @@ def designs(_reference_design):
         scenario.disturbance.amplitude = 0.05
         whole = make_design(scenario, robot=base.robot, motion=base.motion)
         weak = dataclasses.replace(base.robot, effort_limit=0.6 * base.robot.effort_limit)
-        made[plant] = dataclasses.replace(along(whole, 0, slice(0, 801)), robot=weak)
+        made[plant] = dataclasses.replace(along(whole, 0, slice(0, 401)), robot=weak)
     return made
 
 
@@ -55,10 +55,10 @@ def recordings(designs):
 @pytest.mark.parametrize("plant", PLANTS)
 def test_recording_has_every_sample(designs, recordings, plant):
     motion, recording = designs[plant].motion, recordings[plant]
-    np.testing.assert_array_equal(recording.time, np.arange(801) * 0.005)
+    np.testing.assert_array_equal(recording.time, np.arange(401) * 0.005)
     for name in SIGNALS:
         values = getattr(recording, name)
-        assert values.shape == (801, 4), name
+        assert values.shape == (401, 4), name
         assert np.all(np.isfinite(values)), name
     np.testing.assert_array_equal(recording.q_ref, motion.q)
     np.testing.assert_array_equal(recording.v_ref, motion.v)
@@ -73,7 +73,7 @@ def test_torques_are_those_before_the_update(designs, recordings, plant):
     load, help_ = design.loads
     np.testing.assert_array_equal(recording.load_torque[1:], load[:-1])
     limit = 0.6 * np.array([203.2, 3950, 2150, 2150])
-    help_ = help_[:-1] if plant == "axis" else np.zeros((800, 4))
+    help_ = help_[:-1] if plant == "axis" else np.zeros((400, 4))
     lower, upper = -limit + np.minimum(help_, 0), limit + np.maximum(help_, 0)
     np.testing.assert_allclose(
         recording.tau[1:], np.clip(recording.tau_cmd[1:], lower, upper), rtol=1e-12
@@ -196,7 +196,6 @@ def test_runs_repeat_bit_for_bit(designs, plant, inverse_dynamics):
     scenario.inverse_dynamics = inverse_dynamics
     design = dataclasses.replace(designs[plant], scenario=scenario)
     first = simulate(design)
-    same_bits(first, simulate(design))
     diagram = make_loop(design)
     same_bits(first, simulate(design, diagram))
     same_bits(first, simulate(design, diagram))  # nothing is left over in a diagram
@@ -355,11 +354,11 @@ def test_the_first_row_is_just_after_its_update(tmp_path, inverse_dynamics):
 @pytest.mark.parametrize("plant", PLANTS)
 def test_any_period_is_met_exactly(tmp_path, plant, period):
     """No sample early, late or twice, whatever its time is in binary."""
-    duration = round(900 * period, 10)
+    duration = round(300 * period, 10)
     scenario = scenario_of(
         tmp_path, [{"axis": "0 0 1"}, {}], plant=plant, duration=duration, period=period
     )
     design = make_design(scenario)
     recording = simulate(design)
-    np.testing.assert_array_equal(recording.time, np.arange(901) * period)
+    np.testing.assert_array_equal(recording.time, np.arange(301) * period)
     np.testing.assert_array_equal(recording.load_torque[1:], design.loads.load_torque[:-1])

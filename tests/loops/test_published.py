@@ -106,7 +106,6 @@ def steady(recording):
         ("printed", I_EFF_MAX, "pi", [0.0272, 0.8688, 0.0145, 0.0546]),
         ("printed", I_EFF_MAX, "pi_ctc", [0.0271, 0.1939, 0.0099, 0.0505]),
         ("printed", I_EFF_MIN, "pi", [0.0272, 0.9001, 0.0147, 0.0526]),
-        ("printed", I_EFF_MIN, "pi_ctc", [0.0271, 0.1938, 0.0099, 0.0505]),
         ("consistent", I_EFF_MAX, "pi", [0.0272, 0.2100, 0.0151, 0.0529]),
         ("consistent", I_EFF_MAX, "pi_ctc", [0.0271, 0.1939, 0.0099, 0.0505]),
     ],

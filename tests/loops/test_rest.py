@@ -18,8 +18,8 @@ LOADED = np.array([0.2, 0.8, 0.3, 0.4])
 
 
 def steady(base, label, speed=0.0, change=lambda scenario: None):
-    """0.25 s at a constant speed of joint 1, all other joints standing: the design."""
-    v = np.zeros((51, 4))
+    """0.1 s at a constant speed of joint 1, all other joints standing: the design."""
+    v = np.zeros((21, 4))
     v[:, 0] = speed
     scenario = with_controller(copy.deepcopy(base.scenario), label)
     change(scenario)
