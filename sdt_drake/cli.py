@@ -40,25 +40,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     arguments = sys.argv[1:] if arguments is None else arguments
     _prepare_streams()
-    code = 0
+    code, lines = 0, ()
     try:
         code = _run(arguments)
     except KeyboardInterrupt:
         code = INTERRUPTED
     except InputError as error:
-        code = _refuse(BAD_INPUT, *error.args)
+        code, lines = BAD_INPUT, error.args
     except BrokenPipeError:
         pass  # whoever reads us has enough
     except OSError as error:
-        code = _refuse(BAD_INPUT, f"{error.filename or 'output'}: {error.strerror or error}")
+        code, lines = BAD_INPUT, [f"{error.filename or 'output'}: {error.strerror or error}"]
     except Exception as error:
         if "--traceback" in arguments:
             traceback.print_exc()
-        code = _refuse(
-            FAULT,
-            f"fault of the program, {type(error).__name__} ({error}), in: sdt-drake "
-            f"{shlex.join(arguments)}; --traceback shows where",
-        )
+        fault = f"fault of the program, {type(error).__name__} ({error})"
+        where = f"sdt-drake {shlex.join(arguments)}; --traceback shows where"
+        code, lines = FAULT, [f"{fault}, in: {where}"]
+    for line in lines:
+        _print_error(line)
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -72,7 +72,9 @@ def _run(arguments: Sequence[str]) -> int:
     with keeping_inputs(), warnings.catch_warnings(record=True) as caught:
         try:
             options = _parser().parse_args(arguments)
-            _check_surroundings(options)
+            _check_folder()
+            if not getattr(options, "show", False):
+                os.environ["MPLBACKEND"] = "agg"  # whatever a notebook has set: it needs no screen
             options.command(options)
         except SystemExit as end:  # of --help with 0, of a study that failed with 1
             code = end.code
@@ -80,6 +82,13 @@ def _run(arguments: Sequence[str]) -> int:
     for warning in caught:  # of libraries; where something went wrong, the error says it better
         _print_error(f"warning: {warning.message}")
     return code
+
+
+def _check_folder() -> None:
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        raise InputError("the current folder is gone, expected one that is there") from None
 
 
 def _prepare_streams() -> None:
@@ -92,26 +101,6 @@ def _prepare_streams() -> None:
     # Drake also logs what it raises. (It sets the logger's level itself, when it is imported.)
     logging.getLogger("drake").addFilter(lambda record: False)
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # no folder for its cache, for one
-
-
-def _check_surroundings(options: argparse.Namespace) -> None:
-    try:
-        os.getcwd()
-    except FileNotFoundError:
-        raise InputError("the current folder is gone, expected one that is there") from None
-    if not getattr(options, "show", False):
-        os.environ["MPLBACKEND"] = "agg"  # whatever a notebook has set: no screen is needed
-        return
-    try:
-        import matplotlib  # noqa: F401
-    except ValueError as error:
-        raise InputError(f"$MPLBACKEND: {error}") from None
-
-
-def _refuse(code: int, *messages: str) -> int:
-    for message in messages:
-        _print_error(message)
-    return code
 
 
 def _print_error(message: str) -> None:

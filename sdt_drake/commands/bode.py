@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 
 from sdt_drake.commands.common import (
-    add_out,
+    add_figure,
     add_scenario,
-    add_show,
     check_out,
     deliver,
     design_of,
@@ -27,8 +26,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="linearise where the motion is at that time [s] (default: for each joint where its "
         "inertia is largest for the first time)",
     )
-    add_out(parser, "CSV file for the responses, or a figure of them (.png, .svg, .pdf)")
-    add_show(parser)
+    add_figure(parser, "CSV file for the responses, or a figure of them (.png, .svg, .pdf)")
 
 
 def run(options: argparse.Namespace) -> None:

@@ -6,7 +6,7 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
@@ -47,7 +47,9 @@ def some_path(text: str) -> Path:
         raise argparse.ArgumentTypeError(f"{text}: {error}") from None
 
 
-def add_show(parser: argparse.ArgumentParser) -> None:
+def add_figure(parser: argparse.ArgumentParser, help_: str) -> None:
+    """--out and --show; see `check_out` and `deliver`."""
+    add_out(parser, help_)
     parser.add_argument("--show", action="store_true", help="open the figure on the screen")
 
 
@@ -136,7 +138,10 @@ def check_out(path: Path | None, *, csv: bool = False, show: bool = False) -> No
 
     None: nothing is written.
     """
-    from sdt_drake.analysis import plots
+    try:
+        from sdt_drake.analysis import plots
+    except ValueError as error:  # of matplotlib, which is imported here
+        raise InputError(f"$MPLBACKEND: {error}") from None
 
     if show:
         plots.check_screen("--show")
@@ -212,3 +217,16 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     for cells in (header, *rows):
         first = cells[0].ljust(widths[0])
         say("  ".join([first, *(c.rjust(w) for c, w in zip(cells[1:], widths[1:], strict=True))]))
+
+
+def print_joints(names: Sequence[str], columns: Sequence[tuple[str, str, Iterable]]) -> None:
+    """Print a table with a row for each joint.
+
+    Args:
+        names: of the joints.
+        columns: header, format and a value for each joint; NaN is a dash.
+    """
+    cells = [[format(x, spec).replace("nan", "–") for x in values] for _, spec, values in columns]
+    joints = [f"{k + 1} {name}" for k, name in enumerate(names)]
+    rows = list(zip(joints, *cells, strict=True))
+    print_table(("joint", *(header for header, _, _ in columns)), rows)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 
 from sdt_drake.commands.common import (
-    add_out,
+    add_figure,
     add_scenario,
-    add_show,
     check_out,
     deliver,
     design_of,
@@ -32,8 +31,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="kinds of controllers, with +none, +ctc or +id where a kind leaves its feedforward "
         "open (default: all that the plant allows)",
     )
-    add_out(parser, "CSV file for the table, or a figure of it (.png, .svg, .pdf)")
-    add_show(parser)
+    add_figure(parser, "CSV file for the table, or a figure of it (.png, .svg, .pdf)")
 
 
 def run(options: argparse.Namespace) -> None:

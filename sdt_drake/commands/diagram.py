@@ -6,24 +6,18 @@ import argparse
 import re
 from pathlib import Path
 
-from sdt_drake.commands.common import (
-    add_out,
-    add_scenario,
-    check_file,
-    design_of,
-    say,
-)
+from sdt_drake.commands import common
 from sdt_drake.errors import InputError, checked_choice
 
 EXAMPLE = "sdt-drake diagram package://sdt/scenarios/axis_pi_ctc.yaml --format svg --out loop.svg"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    add_scenario(parser)
+    common.add_scenario(parser)
     parser.add_argument("--format", help="dot, svg or png (default: by --out, or dot)")
     parser.add_argument("--depth", type=int, default=2, help="levels of diagrams to open")
     parser.add_argument("--drake", action="store_true", help="Drake's own picture")
-    add_out(parser, "file; by default the scenario's name")
+    common.add_out(parser, "file; by default the scenario's name")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -36,10 +30,12 @@ def run(options: argparse.Namespace) -> None:
     if not 0 <= options.depth <= 100:
         raise InputError(f"--depth: {options.depth}, expected 0 to 100")
     if options.out is not None:
-        check_file(options.out, [f".{format_}"] if options.format else [f".{f}" for f in FORMATS])
-    design = design_of(options.scenario)
+        common.check_file(
+            options.out, [f".{format_}"] if options.format else [f".{f}" for f in FORMATS]
+        )
+    design = common.design_of(options.scenario)
     name = re.sub(r"[^\w.-]+", "_", design.scenario.name).strip(".")
     path = options.out or Path(f"{name}.{format_}")
     loop = make_loop(design)
     write_diagram(loop, path, format_=format_, max_depth=options.depth, drake=options.drake)
-    say(f"{path} written")
+    common.say(f"{path} written")

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from sdt_drake.commands.common import (
     ROBOT,
-    add_out,
-    add_show,
+    add_figure,
     check_out,
     deliver,
     design_of,
@@ -27,8 +26,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--robot", help="SDF or URDF file of a recording's robot (default: the shipped device)"
     )
-    add_out(parser, "CSV file for what is felt over time, or a figure of it (.png, .svg, .pdf)")
-    add_show(parser)
+    add_figure(parser, "CSV file for what is felt over time, or a figure of it (.png, .svg, .pdf)")
 
 
 def run(options: argparse.Namespace) -> None:

@@ -6,11 +6,10 @@ import argparse
 from pathlib import Path
 
 from sdt_drake.commands.common import (
+    add_figure,
     add_motion,
-    add_out,
     add_period,
     add_robot,
-    add_show,
     check_file,
     check_out,
     deliver,
@@ -56,8 +55,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.csv",
         help="positions, speeds and torque pre-control of the motors, motor side",
     )
-    add_out(parser, "the motion (.csv), or a figure of torques and speeds (.png, .svg, .pdf)")
-    add_show(parser)
+    add_figure(parser, "the motion (.csv), or a figure of torques and speeds (.png, .svg, .pdf)")
 
 
 def run(options: argparse.Namespace) -> None:

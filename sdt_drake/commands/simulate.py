@@ -4,24 +4,14 @@ from __future__ import annotations
 
 import argparse
 
-from sdt_drake.commands.common import (
-    add_out,
-    add_scenario,
-    add_show,
-    check_out,
-    deliver,
-    design_of,
-    print_table,
-    say,
-)
+from sdt_drake.commands import common
 
 EXAMPLE = "sdt-drake simulate package://sdt/scenarios/coupled_pi_ctc.yaml --out run.csv"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    add_scenario(parser)
-    add_out(parser, "CSV file for the recording, or a figure of it (.png, .svg, .pdf)")
-    add_show(parser)
+    common.add_scenario(parser)
+    common.add_figure(parser, "CSV file for the recording, or a figure of it (.png, .svg, .pdf)")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -31,32 +21,27 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.tracking import stops_passed, track
     from sdt_drake.simulate import simulate
 
-    check_out(options.out, csv=True, show=options.show)
-    design = design_of(options.scenario)
+    common.check_out(options.out, csv=True, show=options.show)
+    design = common.design_of(options.scenario)
     scenario = design.scenario
     recording = simulate(design)
     tracking = track(recording, design.motion)
-    say(f"{scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant")
-    print_table(
-        ("joint", "largest error [rad/s]", "RMS [rad/s]", "constant speed [rad/s]",
-         "position [deg]", "saturated [%]"),
+    common.say(f"{scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant")
+    common.print_joints(
+        design.robot.joint_names,
         [
-            (
-                f"{k + 1} {design.robot.joint_names[k]}",
-                f"{tracking.max_abs_speed_error[k]:.4f}",
-                f"{tracking.rms_speed_error[k]:.4f}",
-                f"{tracking.constant_speed_error[k]:.4f}".replace("nan", "–"),
-                f"{np.degrees(tracking.max_abs_position_error[k]):.3f}",
-                f"{100 * tracking.saturated_fraction[k]:.2f}",
-            )
-            for k in range(design.robot.n)
+            ("largest error [rad/s]", ".4f", tracking.max_abs_speed_error),
+            ("RMS [rad/s]", ".4f", tracking.rms_speed_error),
+            ("constant speed [rad/s]", ".4f", tracking.constant_speed_error),
+            ("position [deg]", ".3f", np.degrees(tracking.max_abs_position_error)),
+            ("saturated [%]", ".2f", 100 * tracking.saturated_fraction),
         ],
-    )  # fmt: skip
+    )
     for line in stops_passed(recording, design.robot.joint_names):
-        say(f"note: {line}")
-    paper_label = {"pi": "PI", "pi_ctc": "PI + CTC"}
-    label = paper_label.get(scenario.controller.kind, scenario.controller.label)
-    deliver(
+        common.say(f"note: {line}")
+    label = scenario.controller.label
+    label = {"pi": "PI", "pi_ctc": "PI + CTC"}.get(label, label)  # as in the paper
+    common.deliver(
         options,
         lambda: plots.speed_errors(
             f"{scenario.name}: speed errors",

@@ -7,10 +7,9 @@ import re
 from typing import TYPE_CHECKING
 
 from sdt_drake.commands.common import (
+    add_figure,
     add_omega_r,
-    add_out,
     add_scenario,
-    add_show,
     check_out,
     deliver,
     design_of,
@@ -38,8 +37,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="damping ratio of the elastic joints [-] (default: that of the scenario's "
         "plant.elasticity, or 0.01)",
     )
-    add_out(parser, "figure (.png, .svg, .pdf)")
-    add_show(parser)
+    add_figure(parser, "figure (.png, .svg, .pdf)")
 
 
 def run(options: argparse.Namespace) -> None:

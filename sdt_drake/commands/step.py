@@ -6,14 +6,7 @@ import argparse
 from dataclasses import asdict
 
 from sdt_drake import paper
-from sdt_drake.commands.common import (
-    add_omega_r,
-    add_out,
-    add_show,
-    check_out,
-    deliver,
-    say,
-)
+from sdt_drake.commands import common
 from sdt_drake.errors import checked_choice, checked_number
 
 EXAMPLE = "sdt-drake step --inertia 4.26 --structure p_in_feedback --zeta 0.95 --out step.png"
@@ -26,10 +19,9 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="effective inertia, motor side [kg m²] (default: published, of joint 1)",
     )
     parser.add_argument("--structure", default="p_in_feedback", help="pi or p_in_feedback")
-    add_omega_r(parser, f"{paper.OMEGA_R}, published")
+    common.add_omega_r(parser, f"{paper.OMEGA_R}, published")
     parser.add_argument("--zeta", type=float, default=1.0, help="damping ratio [-] (default: 1)")
-    add_out(parser, "figure (.png, .svg, .pdf)")
-    add_show(parser)
+    common.add_figure(parser, "figure (.png, .svg, .pdf)")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -45,15 +37,15 @@ def run(options: argparse.Namespace) -> None:
         omega_r = paper.OMEGA_R
     checked_number(inertia, "--inertia", minimum=0, exclusive=True)
     checked_choice(options.structure, STRUCTURES, "--structure")
-    check_out(options.out, show=options.show)
+    common.check_out(options.out, show=options.show)
     step = step_response(options.structure, options.zeta, inertia, omega_r)
     published = f" ({' and '.join(taken)} published for the shipped device)" if taken else ""
-    say(
+    common.say(
         f"{step.structure}: inertia {inertia:g} kg m², omega_r = {omega_r:g} rad/s, "
         f"zeta {options.zeta:g}{published}"
     )
     units = {"overshoot_percent": "%", "peak": "rad/s", "steady_state_error": "rad/s"}
     for name, value in asdict(step.metrics).items():
         label = name.removesuffix("_percent").replace("_", " ")
-        say(f"{label:20s} {value:.5g} {units.get(name, 's')}")
-    deliver(options, lambda: plots.step_responses("Step response", {step.structure: step}))
+        common.say(f"{label:20s} {value:.5g} {units.get(name, 's')}")
+    common.deliver(options, lambda: plots.step_responses("Step response", {step.structure: step}))

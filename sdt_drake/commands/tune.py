@@ -4,22 +4,14 @@ from __future__ import annotations
 
 import argparse
 import re
+from typing import TYPE_CHECKING
 
 from sdt_drake import paper
-from sdt_drake.commands.common import (
-    ROBOT,
-    add_motion,
-    add_omega_r,
-    add_out,
-    add_period,
-    add_robot,
-    add_show,
-    check_out,
-    deliver,
-    print_table,
-    say,
-)
+from sdt_drake.commands import common
 from sdt_drake.errors import InputError
+
+if TYPE_CHECKING:
+    from sdt_drake.design import Design
 
 EXAMPLE = "sdt-drake tune --omega-r 65.991 --zeta 0.95 0.98 0.99 0.95"
 
@@ -28,10 +20,10 @@ _PUBLISHED = "published for the shipped device"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    add_motion(parser)
-    add_robot(parser)
-    add_period(parser)
-    add_omega_r(parser, f"{paper.OMEGA_R}, published, for the shipped device; else none")
+    common.add_motion(parser)
+    common.add_robot(parser)
+    common.add_period(parser)
+    common.add_omega_r(parser, f"{paper.OMEGA_R}, published, for the shipped device; else none")
     parser.add_argument(
         "--zeta",
         type=float,
@@ -39,76 +31,42 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="damping ratio at the largest inertia, each joint [-] (default: published, for the "
         "shipped device; else 1)",
     )
-    add_out(parser, "figure of the effective inertia along the motion (.png, .svg, .pdf)")
-    add_show(parser)
+    common.add_figure(parser, "figure of the effective inertia along the motion (.png, .svg, .pdf)")
 
 
 def run(options: argparse.Namespace) -> None:
+    import numpy as np
+
     from sdt_drake.analysis import plots
-    from sdt_drake.control import damping_ratio, natural_frequency, oscillation_frequency
-    from sdt_drake.design import make_design
+    from sdt_drake.control import natural_frequency
     from sdt_drake.dynamics import effective_inertia
     from sdt_drake.resources import find_file
-    from sdt_drake.scenario import ControllerChoice, Scenario
 
-    check_out(options.out, show=options.show)
-    shipped = find_file(options.robot).resolve() == find_file(ROBOT).resolve()
+    common.check_out(options.out, show=options.show)
+    shipped = find_file(options.robot).resolve() == find_file(common.ROBOT).resolve()
     omega_r, zeta = options.omega_r, options.zeta
-    whose_omega_r, whose_zeta = "--omega-r", "--zeta"
-    if omega_r is None:
-        if not shipped:
-            raise InputError(
-                f"--omega-r: missing; {options.robot} needs the lowest natural frequency of its "
-                f"own structure [rad/s], {paper.OMEGA_R} is that of the shipped device"
-            )
-        omega_r, whose_omega_r = paper.OMEGA_R, _PUBLISHED
-    if zeta is None:
-        zeta, whose_zeta = (paper.table1("zeta_max"), _PUBLISHED) if shipped else (None, "default")
-    try:
-        design = make_design(
-            Scenario(
-                robot=options.robot,
-                motion=options.motion,
-                period=options.period,
-                controller=ControllerChoice(omega_r=omega_r, zeta=zeta),
-            )
+    if omega_r is None and not shipped:
+        raise InputError(
+            f"--omega-r: missing; {options.robot} needs the lowest natural frequency of its own "
+            f"structure [rad/s], {paper.OMEGA_R} is that of the shipped device"
         )
-    except InputError as error:
-        raise InputError(*map(_as_option, error.args)) from None
-    inertia, gains = design.inertia, design.gains
-    at = (inertia.maximum, inertia.median, inertia.minimum)
-    oscillation = oscillation_frequency(gains, inertia.maximum)
-    slowest, fastest = (
-        natural_frequency(gains, values) / omega_r for values in (inertia.maximum, inertia.minimum)
-    )
-    print_table(
-        ("joint", "I_eff max", "median", "min [kg m²]", "var. [%]", "K_PS", "K_IS",
-         "zeta at max", "median", "min", "omega_0", "omega_n/omega_r"),
-        [
-            (
-                f"{k + 1} {design.robot.joint_names[k]}",
-                *(f"{values[k]:.5g}" for values in at),
-                f"{inertia.variation_percent[k]:.2f}",
-                f"{gains.kp[k]:.4g}",
-                f"{gains.ki[k]:.4g}",
-                *(f"{damping_ratio(gains, values)[k]:.3f}" for values in at),
-                f"{oscillation[k]:.2f}",
-                f"{slowest[k]:.3f} to {fastest[k]:.3f}",
-            )
-            for k in range(design.robot.n)
-        ],
-    )  # fmt: skip
-    say("motor side; K_PS [N m s/rad], K_IS [N m/rad]; omega_0 [rad/s] at the largest inertia")
-    say(
+    whose_omega_r = "--omega-r" if omega_r is not None else _PUBLISHED
+    whose_zeta = "--zeta" if zeta is not None else _PUBLISHED if shipped else "default"
+    if omega_r is None:
+        omega_r = paper.OMEGA_R
+    if zeta is None and shipped:
+        zeta = paper.table1("zeta_max")
+    design = _design(options, omega_r, zeta)
+    _print_gains(design, omega_r)
+    common.say(
         f"omega_r = {omega_r:g} rad/s ({whose_omega_r}), zeta at the largest inertia ({whose_zeta})"
     )
-    too_fast = [str(k + 1) for k in range(design.robot.n) if fastest[k] > 0.5 * (1 + 1e-9)]
-    if too_fast:
-        say(
-            f"note: omega_n exceeds 0.5 omega_r where the inertia is small, joint "
-            f"{', '.join(too_fast)}"
-        )
-    deliver(
+    fastest = natural_frequency(design.gains, design.inertia.minimum)
+    too_fast = np.flatnonzero(fastest > 0.5 * omega_r * (1 + 1e-9)) + 1
+    if len(too_fast):
+        joints = ", ".join(map(str, too_fast))
+        common.say(f"note: omega_n exceeds 0.5 omega_r where the inertia is small, joint {joints}")
+    common.deliver(
         options,
         lambda: plots.effective_inertia(
             f"{options.motion}: effective inertia, motor side",
@@ -120,7 +78,51 @@ def run(options: argparse.Namespace) -> None:
     )
 
 
+def _design(options: argparse.Namespace, omega_r: float, zeta: list[float] | None) -> Design:
+    from sdt_drake.design import make_design
+    from sdt_drake.scenario import ControllerChoice, Scenario
+
+    scenario = Scenario(
+        robot=options.robot,
+        motion=options.motion,
+        period=options.period,
+        controller=ControllerChoice(omega_r=omega_r, zeta=zeta),
+    )
+    try:
+        return make_design(scenario)
+    except InputError as error:
+        raise InputError(*map(_as_option, error.args)) from None
+
+
 def _as_option(line: str) -> str:
     """What a line about a scenario is here, where its fields are options."""
     line = re.sub(r"^scenario: (?:controller\.)?", "", line)
     return re.sub(r"^(zeta|omega_r|period)\b", r"--\1", line).replace("--omega_r", "--omega-r")
+
+
+def _print_gains(design: Design, omega_r: float) -> None:
+    from sdt_drake.control import damping_ratio, natural_frequency, oscillation_frequency
+
+    inertia, gains = design.inertia, design.gains
+    largest, median, smallest = inertia.maximum, inertia.median, inertia.minimum
+    ratios = (natural_frequency(gains, i_eff) / omega_r for i_eff in (largest, smallest))
+    ratios = [f"{slow:.3f} to {fast:.3f}" for slow, fast in zip(*ratios, strict=True)]
+    common.print_joints(
+        design.robot.joint_names,
+        [
+            ("I_eff max", ".5g", largest),
+            ("median", ".5g", median),
+            ("min [kg m²]", ".5g", smallest),
+            ("var. [%]", ".2f", inertia.variation_percent),
+            ("K_PS", ".4g", gains.kp),
+            ("K_IS", ".4g", gains.ki),
+            ("zeta at max", ".3f", damping_ratio(gains, largest)),
+            ("median", ".3f", damping_ratio(gains, median)),
+            ("min", ".3f", damping_ratio(gains, smallest)),
+            ("omega_0", ".2f", oscillation_frequency(gains, largest)),
+            ("omega_n/omega_r", "", ratios),
+        ],
+    )
+    common.say(
+        "motor side; K_PS [N m s/rad], K_IS [N m/rad]; omega_0 [rad/s] at the largest inertia"
+    )
