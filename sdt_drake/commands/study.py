@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sdt_drake.commands.common import check_folder, print_table, say, some_path
+from sdt_drake.commands.common import check_file, check_folder, print_table, say, some_path
 from sdt_drake.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from sdt_drake.studies.table import StudyTable
 
 EXAMPLE = "sdt-drake study package://sdt/studies/monte_carlo.yaml --workers 2 --out mc"
-
 
 FAILED = 1
 """Exit code where runs have failed, so that there is no answer."""
@@ -36,14 +35,37 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    verb, *rest = options.what
-    if not rest and verb not in ("show", "repeat"):
-        run_file(verb, options)
-    elif verb in ("show", "repeat") and len(rest) == 1:
-        folder = Path(rest[0])
-        show(folder) if verb == "show" else repeat(folder, options)
-    else:
-        raise InputError(f"study: '{' '.join(options.what)}', expected {' '.join(_USAGE.split())}")
+    match options.what:
+        case ["show", folder]:
+            show(Path(folder))
+        case ["repeat", folder]:
+            _refuse_unused(options, "workers", "cluster", "resume")
+            repeat(Path(folder), options.row, options.out)
+        case [path] if path not in ("show", "repeat"):
+            _refuse_unused(options, "row")
+            run_file(path, options)
+        case what:
+            raise InputError(f"study: '{' '.join(what)}', expected {' '.join(_USAGE.split())}")
+
+
+def _refuse_unused(options: argparse.Namespace, *names: str) -> None:
+    for name in names:
+        if getattr(options, name) not in (None, False):
+            raise InputError(
+                f"study: --{name} has no use here, expected {' '.join(_USAGE.split())}"
+            )
+
+
+# --- run -------------------------------------------------------------------------------------
+
+
+def add_running(parser: argparse.ArgumentParser) -> None:
+    """Options of what runs a study."""
+    parser.add_argument("--out", type=some_path, help="folder of the study (default: its name)")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=int, help="processes on this machine (default: 1)")
+    where.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, tcp://HOST:8786")
+    parser.add_argument("--resume", action="store_true", help="finish the study that DIR holds")
 
 
 def run_file(path: str, options: argparse.Namespace) -> None:
@@ -53,7 +75,6 @@ def run_file(path: str, options: argparse.Namespace) -> None:
     from sdt_drake.studies.study import load_study
     from sdt_drake.studies.table import ANSWERS
 
-    _refuse_unused(options, "row")
     study, base = load_study(path)
     folder = options.out or Path(study.name)
     run_into(folder, study, base, options)
@@ -73,14 +94,6 @@ def say_failures(table: StudyTable) -> str:
     return failed
 
 
-def add_running(parser: argparse.ArgumentParser) -> None:
-    """Options of what runs a study."""
-    parser.add_argument("--out", type=some_path, help="folder of the study (default: its name)")
-    parser.add_argument("--workers", type=int, help="processes on this machine (default: 1)")
-    parser.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, tcp://HOST:8786")
-    parser.add_argument("--resume", action="store_true", help="finish the study that DIR holds")
-
-
 def run_into(folder: Path, study: Study, base: Scenario, options: argparse.Namespace) -> None:
     """Run what a study's folder does not have yet, as the options of `add_running` say."""
     from sdt_drake.studies.execute import run_study
@@ -88,8 +101,6 @@ def run_into(folder: Path, study: Study, base: Scenario, options: argparse.Names
     from sdt_drake.studies.job import make_job
     from sdt_drake.studies.results import require_packages
 
-    if options.workers is not None and options.cluster is not None:
-        raise InputError("give either --workers or --cluster")
     require_packages()
     check_folder(folder)
     progress = Progress()
@@ -112,14 +123,6 @@ def run_into(folder: Path, study: Study, base: Scenario, options: argparse.Names
         progress.end()
 
 
-def _refuse_unused(options: argparse.Namespace, *names: str) -> None:
-    for name in names:
-        if getattr(options, name) not in (None, False):
-            raise InputError(
-                f"study: --{name} has no use here, expected {' '.join(_USAGE.split())}"
-            )
-
-
 class Progress:
     """How far a study is: a line that is drawn anew on a screen, a few lines elsewhere."""
 
@@ -134,14 +137,12 @@ class Progress:
             return
         self._said = tenth
         text = f"{done} of {count} runs"
-        elapsed, new = time.monotonic() - self._start, done - before
-        if new:
-            rate = new / elapsed
+        if new := done - before:
+            rate = new / (time.monotonic() - self._start)
             text += f", {rate:.3g} per second, {_duration((count - done) / rate)} left"
         if self._screen:
-            filled = 30 * done // count
-            bar = "█" * filled + "░" * (30 - filled)
-            print(f"\r{bar} {text}\x1b[K", end="", file=sys.stderr, flush=True)
+            bar = "█" * (30 * done // count)
+            print(f"\r{bar:░<30} {text}\x1b[K", end="", file=sys.stderr, flush=True)
         else:
             say(text)
 
@@ -160,25 +161,27 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 3600:.1f} h"
 
 
-def repeat(folder: Path, options: argparse.Namespace) -> None:
+# --- repeat and show -------------------------------------------------------------------------
+
+
+def repeat(folder: Path, row: int | None, out: Path | None) -> None:
     from sdt_drake.studies.folder import load_folder, load_runner
 
-    _refuse_unused(options, "workers", "cluster", "resume")
     study, _, names = load_folder(folder)
-    if options.row is None or not 0 <= options.row < len(study):
-        raise InputError(f"study repeat: --row {options.row}, expected 0 to {len(study) - 1}")
-    if options.out is not None and options.out.suffix != ".csv":
-        raise InputError(f"{options.out}: unknown kind of file, expected .csv")
+    if row is None or not 0 <= row < len(study):
+        raise InputError(f"study repeat: --row {row}, expected 0 to {len(study) - 1}")
+    if out is not None:
+        check_file(out, [".csv"])
     runner, other = load_runner(folder)
-    outcomes, recording = runner.repeat(options.row)
-    print_table(("input", "value"), [(k, f"{v}") for k, v in study.inputs(options.row).items()])
+    outcomes, recording = runner.repeat(row)
+    print_table(("input", "value"), [(k, f"{v}") for k, v in study.inputs(row).items()])
     say()
     print_table(("outcome", "value"), [(k, f"{v!r}") for k, v in zip(names, outcomes, strict=True)])
     if other:
         say(f"The study was begun with {other}: numbers may differ.")
-    if options.out is not None:
-        recording.to_csv(options.out)
-        say(f"{options.out} written")
+    if out is not None:
+        recording.to_csv(out)
+        say(f"{out} written")
 
 
 def show(folder: Path) -> None:

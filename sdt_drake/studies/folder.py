@@ -5,7 +5,6 @@ It has copies of all files that the study names, so it may be moved, and they ma
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import json
 from pathlib import Path
@@ -29,51 +28,36 @@ def claim(job: Job, folder: Path, resume: bool) -> None:
         InputError: if it holds another study; this one, and `resume` is not set; none, and it is;
             anything else, as nothing is overwritten; or if it cannot be written.
     """
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file, expected a folder")
     if holds_study(folder):
-        _check_same(job, folder)
+        state = _state(folder)
+        if state["fingerprint"] != job.fingerprint:
+            raise InputError(
+                f"{folder}: holds another study, or this one with other files; expected another "
+                "folder"
+            )
+        if other := other_versions(state["versions"], job.versions):
+            raise InputError(f"{folder}: begun with {other}; expected another folder")
         if not resume:
             raise InputError(f"{folder}: holds this study already; --resume goes on with it")
         return
     if resume:
         raise InputError(f"{folder}: holds no study to resume")
-    if folder.exists() and any(not path.name.startswith(".") for path in folder.iterdir()):
-        raise InputError(f"{folder}: holds something else, expected an empty folder or a new one")
     state = {
         "fingerprint": job.fingerprint,
         "outcomes": list(job.outcomes),
         "files": {name: f"{FILES}/{place}" for name, place in places_of(job.files).items()},
         "versions": job.versions,
     }
-    _create(folder / STATE, json.dumps(state, indent=1))
-
-
-def _create(path: Path, text: str) -> None:
-    """Write a file that is not there yet: of two processes, one does."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:  # also of a link that leads nowhere
-        raise InputError(f"{error.filename}: no folder can be made ({error.strerror})") from None
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
-        raise InputError(f"{path.parent}: another process begins a study there") from None
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(not path.name.startswith(".") for path in folder.iterdir()):
+            raise InputError(
+                f"{folder}: holds something else, expected an empty folder or a new one"
+            )
+        with (folder / STATE).open("x", encoding="utf-8") as file:  # of two processes, one does
+            json.dump(state, file, indent=1)
     except OSError as error:
-        with contextlib.suppress(OSError):
-            path.unlink()
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
-
-
-def _check_same(job: Job, folder: Path) -> None:
-    state = _state(folder)
-    if state["fingerprint"] != job.fingerprint:
-        raise InputError(
-            f"{folder}: holds another study, or this one with other files; expected another folder"
-        )
-    if other := other_versions(state["versions"], job.versions):
-        raise InputError(f"{folder}: begun with {other}; expected another folder")
+        raise InputError(f"{folder}: no study can be begun there ({error.strerror})") from None
 
 
 def save_study(job: Job, folder: Path) -> None:
@@ -128,8 +112,9 @@ def _state(folder: Path) -> dict:
         state = json.loads(path.read_text(encoding="utf-8"))
         texts = [state["fingerprint"], *state["outcomes"]]
         texts += [*state["files"].values(), *state["versions"].values()]
-        if isinstance(state["outcomes"], list) and all(isinstance(text, str) for text in texts):
-            return state
+        "".join(texts)  # a TypeError, if one is none
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        pass
-    raise InputError(f"{path}: cannot be used; expected the file that `sdt-drake study` wrote")
+        raise InputError(
+            f"{path}: cannot be used; expected the file that `sdt-drake study` wrote"
+        ) from None
+    return state

@@ -39,6 +39,11 @@ def write_results(job: Job, rows: Iterable[Row], folder: Path) -> Path:
     from pyarrow import parquet
 
     study, rows = job.study, iter(rows)
+    text, number = pyarrow.string(), pyarrow.float64()
+    kinds = {"row": pyarrow.int64()}
+    kinds |= {v.name: text if v.takes_texts else number for v in study.variables}
+    kinds |= {"status": text, "reason": text, "duration": number}
+    kinds |= dict.fromkeys(job.outcomes, number)
     about = {
         "study": study.name,
         "inputs": [variable.name for variable in study.variables],
@@ -46,15 +51,7 @@ def write_results(job: Job, rows: Iterable[Row], folder: Path) -> Path:
         "fingerprint": job.fingerprint,
         "versions": job.versions,
     }
-    texts = [variable.name for variable in study.variables if variable.takes_texts]
-    fields = [pyarrow.field("row", pyarrow.int64())]
-    for name in about["inputs"]:
-        kind = pyarrow.string() if name in texts else pyarrow.float64()
-        fields.append(pyarrow.field(name, kind))
-    fields += [pyarrow.field(name, pyarrow.string()) for name in ("status", "reason")]
-    fields.append(pyarrow.field("duration", pyarrow.float64()))
-    fields += [pyarrow.field(name, pyarrow.float64()) for name in job.outcomes]
-    schema = pyarrow.schema(fields, {_ABOUT: json.dumps(about)})
+    schema = pyarrow.schema(list(kinds.items()), {_ABOUT: json.dumps(about)})
     path = folder / RESULTS
     with replacing(path) as partial, parquet.ParquetWriter(partial, schema) as writer:
         while group := list(islice(rows, _GROUP)):
@@ -68,13 +65,14 @@ def write_results(job: Job, rows: Iterable[Row], folder: Path) -> Path:
 
 def _columns(study: Study, rows: list[Row], outcomes: Sequence[str]) -> dict[str, NDArray | list]:
     inputs = [study.inputs(row.number) for row in rows]
-    columns = {"row": [row.number for row in rows]}
-    columns |= {name: [values[name] for values in inputs] for name in inputs[0]}
-    for name in ("status", "reason", "duration"):
-        columns[name] = [getattr(row, name) for row in rows]
     nothing = (np.nan,) * len(outcomes)
     values = np.array([row.outcomes or nothing for row in rows])
-    return columns | dict(zip(outcomes, values.T, strict=True))
+    return {
+        "row": [row.number for row in rows],
+        **{name: [given[name] for given in inputs] for name in inputs[0]},
+        **{name: [getattr(row, name) for row in rows] for name in ("status", "reason", "duration")},
+        **dict(zip(outcomes, values.T, strict=True)),
+    }
 
 
 def read_study_table(folder: Path) -> StudyTable:

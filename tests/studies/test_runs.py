@@ -74,14 +74,6 @@ def test_infeasible_rows(base, files):
     assert bad.reason.startswith("fast.yaml: ") and str(files) not in bad.reason
 
 
-def test_reasons_do_not_name_the_folder_of_the_package(base):
-    small = of("torque_margin", List([0.001]))
-    [row] = run(base, of("motion", Choice(["coriolis"])), small)
-    assert row.status == "infeasible"
-    assert "package://sdt/motions/coriolis.yaml" in row.reason
-    assert str(models_dir()) not in row.reason
-
-
 @pytest.mark.parametrize(
     ("variable", "reason"),
     [
@@ -111,13 +103,13 @@ def test_whatever_happens_in_a_row_becomes_a_row(base, monkeypatch):
     def explode(design, **options):
         if design.scenario.controller.kind == "pi":
             return simulate(design, **options)
-        raise ZeroDivisionError("division\nby zero")
+        raise ZeroDivisionError(f"division\nby zero in {models_dir()}/sdt.sdf")
 
     monkeypatch.setattr("sdt_drake.studies.runs.simulate", explode)
     rows = run(base, of("controller", Choice(["p_pi", "pi"])))
 
     assert [row.status for row in rows] == ["failed", "ok"]
-    assert rows[0].reason == "ZeroDivisionError: division by zero"
+    assert rows[0].reason == "ZeroDivisionError: division by zero in package://sdt/sdt.sdf"
 
 
 @pytest.mark.parametrize("worst", [math.nan, math.inf])
@@ -169,23 +161,16 @@ def test_rows_do_not_depend_on_their_order_and_company(base, mixed, mixed_rows, 
     rows = [runner.run(number) for number in order]
 
     assert [row.number for row in rows] == order
+    assert len(runner._plans) == 1
     assert without_duration(sorted(rows, key=lambda row: row.number)) == expected
 
 
-@pytest.mark.parametrize("number", [0, 4])  # of either controller
-def test_repeat_has_the_same_numbers_and_a_recording(base, mixed, mixed_rows, number):
-    outcomes, recording = Runner(mixed, base).repeat(number)
+def test_repeat_has_the_same_numbers_and_a_recording(base, mixed, mixed_rows):
+    outcomes, recording = Runner(mixed, base).repeat(4)
 
-    assert repr(outcomes) == repr(mixed_rows[number].outcomes)
+    assert repr(outcomes) == repr(mixed_rows[4].outcomes)
     worst = np.abs(recording.speed_error).max(axis=0)
     np.testing.assert_allclose(worst, outcomes[:4], rtol=1e-12, atol=1e-15)
-
-
-def test_caches_do_not_grow(base, mixed):
-    runner = Runner(Study("s", variables=[of("torque_margin", Grid(0.5, 1, 40))]), base)
-    for number in range(40):
-        runner.run(number)
-    assert len(runner._plans) <= 16 and len(runner._robots) == 1
 
 
 def test_every_row_has_the_outcomes_of_the_study(files):

@@ -91,11 +91,9 @@ def test_bad_study(refuse, desk, old, new, message):
         ("axis.yaml", "no such field"),
         ("few.yaml --workers 0", "--workers: 0, expected a whole number >= 1"),
         ("few.yaml --workers 1000000000", "--workers: 1000000000, expected at most "),
-        ("few.yaml --workers 2 --cluster tcp://a:1", "give either --workers or --cluster"),
+        ("few.yaml --workers 2 --cluster tcp://a:1", "--cluster: not allowed with argument --wor"),
         ("few.yaml --cluster nonsense", "--cluster nonsense: cannot be reached"),
         ("few.yaml --cluster ftp://a:1", "unknown address scheme"),
-        ("few.yaml --cluster=", "cannot be reached"),
-        ("few.yaml --out few.yaml", "few.yaml: is a file, expected a folder"),
         ("few.yaml --out few.yaml/below", "few.yaml: is a file, expected a folder"),
         ("few.yaml --out .", ".: holds something else, expected an empty folder"),
         ("few.yaml --out=", "--out: empty, expected a path"),
@@ -113,14 +111,10 @@ def test_bad_arguments(refuse, arguments, message):
     assert message in refuse(*arguments.split())
 
 
-@pytest.mark.parametrize("out", ["gone", "circle", "gone/below"])
-def test_links_that_lead_nowhere(refuse, desk, out):
+def test_a_link_that_leads_nowhere(refuse, desk):
     (desk / "gone").symlink_to("nowhere")
-    (desk / "circle").symlink_to("circle")
-    name = out.split("/")[0]
-    assert f"{name}: is a link that leads nowhere, expected a folder" in refuse(
-        "few.yaml", "--out", out
-    )
+    said = refuse("few.yaml", "--out", "gone/below")
+    assert "gone: is a link that leads nowhere, expected a folder" in said
 
 
 def test_a_package_that_cannot_be_loaded(refuse, monkeypatch):
@@ -243,91 +237,46 @@ def test_resumed_by_more_processes(desk, undisturbed, capfd):
     assert capfd.readouterr().out.startswith(f"{RUNS} of {RUNS} runs\n")
 
 
-@pytest.mark.parametrize("number", [4, 5])
-def test_repeat(undisturbed, tmp_path, capfd, number):
-    out = tmp_path / "row.csv"
-    assert main(["study", "repeat", str(undisturbed), "--row", str(number), "--out", str(out)]) == 0
-    printed = dict(
-        line.split() for line in capfd.readouterr().out.splitlines() if len(line.split()) == 2
-    )
-    expected = rows(undisturbed).slice(number, 1).to_pylist()[0]
-
-    for name in ("disturbance.amplitude", "rms_speed_error_2", "felt_share", "peak_torque_share_2"):
-        assert float(printed[name]) == expected[name]
-    assert printed["controller"] == expected["controller"]
-    error = np.abs(Recording.from_csv(out).speed_error).max(axis=0)
-    assert error[1] == expected["max_abs_speed_error_2"] > 0
-
-
-def test_folder_that_was_moved_from_files_that_are_gone(desk, undisturbed, capfd):
-    """The folder has all that it needs."""
+def test_repeat_from_a_folder_that_was_moved_and_files_that_are_gone(desk, undisturbed, capfd):
     shutil.copytree(undisturbed, desk / "elsewhere")
     for file in desk.glob("*.yaml"):
         file.unlink()
-    assert main(["study", "repeat", "elsewhere", "--row", "4"]) == 0
-    expected = rows(undisturbed)["rms_speed_error_2"][4].as_py()
-    assert repr(expected) in capfd.readouterr().out
+    assert main(["study", "repeat", "elsewhere", "--row", "5", "--out", "row.csv"]) == 0
+    printed = dict(
+        line.split() for line in capfd.readouterr().out.splitlines() if len(line.split()) == 2
+    )
+    expected = rows(undisturbed).slice(5, 1).to_pylist()[0]
+    for name in ("disturbance.amplitude", "rms_speed_error_2", "felt_share", "peak_torque_share_2"):
+        assert float(printed[name]) == expected[name]
+    assert printed["controller"] == expected["controller"]
+    error = np.abs(Recording.from_csv(desk / "row.csv").speed_error).max(axis=0)
+    assert error[1] == expected["max_abs_speed_error_2"] > 0
 
 
-def test_repeat_runs_the_motion_of_the_study(desk, capfd):
-    """Not what somebody has made of the file since."""
-    assert main(["study", "few.yaml"]) == 0
-    motion = (desk / "short.yaml").read_text()
-    (desk / "short.yaml").write_text(motion.replace("0.5]]", "0.1]]"))
-    capfd.readouterr()
-    assert main(["study", "repeat", "few", "--row", "0"]) == 0
-    assert repr(rows(desk / "few")["rms_speed_error_2"][0].as_py()) in capfd.readouterr().out
-
-
-def test_motions_start_from_the_folder_of_the_study(desk, monkeypatch):
-    text = (desk / "few.yaml").read_text()
-    text = text.replace("[controller]", "[motion]").replace("pi, p_pi+id", "short.yaml, fast.yaml")
-    (desk / "few.yaml").write_text(text)
-    (desk / "below").mkdir()
-    monkeypatch.chdir(desk / "below")
-
-    assert main(["study", "../few.yaml", "--out", "few"]) == 0
-    table = rows(desk / "below" / "few")
-    assert table["motion"].to_pylist() == ["short.yaml", "fast.yaml"] * 3
-    assert table["status"].to_pylist() == ["ok", "infeasible"] * 3
-    assert table["rms_speed_error_2"].null_count == 3
-    assert main(["study", "repeat", "few", "--row", "0"]) == 0
-    assert main(["study", "repeat", "few", "--row", "1"]) == 2
-
-
-def test_shows_what_is_done(copied, capfd):
+def test_shows_what_is_done(copied):
     journal = copied / "rows.jsonl"
     journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:5]) + b"torn")
     assert len(read_study_table(copied)) == 5
     assert journal.read_bytes().endswith(b"torn")  # another process may be writing it
 
 
-def test_rows_that_take_too_long(desk, capfd):
-    """A study in which nothing has an answer ends with 1."""
-    text = (desk / "few.yaml").read_text().replace("draws: 3", "draws: 1")
-    (desk / "few.yaml").write_text("timeout: 0.001\n" + text)
-    assert main(["study", "few.yaml"]) == 1
-    table = rows(desk / "few")
-    assert set(table["status"].to_pylist()) == {"timed_out"}
-    assert set(table["reason"].to_pylist()) == {"not done after 0.001 s"}
-    assert "2 of 2 runs timed out: not done after 0.001 s" in capfd.readouterr().out
-
-
-def fail(journal: Path, kept: int) -> None:
-    """Make all rows but the first ones failed."""
+@pytest.mark.parametrize(
+    ("kept", "code", "said"),
+    [
+        (20, 0, "10 of 30 runs failed: no link 'payload' (row 20)"),
+        (0, 1, "30 of 30 runs failed: no link 'payload' (row 0)"),
+    ],
+)
+def test_failed_runs_are_said_first(copied, files, capfd, monkeypatch, kept, code, said):
+    """A study of failed runs alone ends with 1."""
+    journal = copied / "rows.jsonl"
     lines = journal.read_text().splitlines()
-    rows = [json.loads(line) for line in lines[kept:]]
     failed = {"status": "failed", "reason": "no link 'payload'", "outcomes": []}
-    lines[kept:] = [json.dumps(row | failed) for row in rows]
+    lines[kept:] = [json.dumps(json.loads(line) | failed) for line in lines[kept:]]
     journal.write_text("\n".join(lines) + "\n")
 
-
-def test_failed_runs_are_said_first(copied, files, capfd):
-    fail(copied / "rows.jsonl", 20)
-    said = "10 of 30 runs failed: no link 'payload' (row 20)"
-    assert main(["study", str(files / "many.yaml"), "--out", str(copied), "--resume"]) == 0
+    assert main(["study", str(files / "many.yaml"), "--out", str(copied), "--resume"]) == code
     assert capfd.readouterr().out.splitlines()[1] == said
+    monkeypatch.setattr("sdt_drake.commands.study.write_study_page", lambda folder: folder / "it")
     assert main(["study", "show", str(copied)]) == 0
     assert capfd.readouterr().out.startswith(said + "\n")
-    page = (copied / "report.html").read_text()
-    assert page.index(said.replace("'", "&#x27;")) < page.index("30 runs, each")
