@@ -16,7 +16,7 @@ from sdt_drake.scenario import ControllerChoice, Scenario
 
 Value = float | str
 
-_PART = re.compile(r"(\w+)(?:\[(\d{1,6})\])?")
+_PART = re.compile(r"(\w+)(?:\[([1-9]\d{0,5})\])?")  # entries are counted from 1
 
 
 @dataclass(frozen=True)
@@ -46,58 +46,37 @@ class Field:
         return [self]
 
     def get(self, scenario: Scenario) -> Any:
-        """What the scenario has there.
+        """What the scenario has there; of a list, all entries."""
+        return getattr(self._owner(scenario), self.parts[-1])
+
+    def put(self, scenario: Scenario, value: Value, apply: str = "value") -> None:
+        """Put a value there, or multiply what is there by it ("factor"), or add it ("offset").
+
+        A list gets it in every entry.
 
         Raises:
-            InputError: if the scenario has no such entry.
-        """
-        value = getattr(self._owner(scenario), self.parts[-1])
-        return value if self.entry is None else self._list(value)[self.entry]
-
-    def set(self, scenario: Scenario, value: Any) -> None:
-        """Put a value there; a list gets it in every entry.
-
-        Raises:
-            InputError: if the scenario has no such list or entry.
-        """
-        owner, last = self._owner(scenario), self.parts[-1]
-        if self.entry is not None:
-            self._list(getattr(owner, last))[self.entry] = value
-        elif self.many:
-            setattr(owner, last, [value] * len(self._list(getattr(owner, last))))
-        else:
-            setattr(owner, last, value)
-
-    def change(self, scenario: Scenario, how: str, by: float) -> None:
-        """Multiply what is there ("factor"), or add to it ("offset"); a list entry by entry.
-
-        Raises:
-            InputError: if there is nothing to change.
+            InputError: if the scenario has no such list or entry, or nothing to change.
         """
         old = self.get(scenario)
+        if self.entry is None and not self.many:
+            setattr(self._owner(scenario), self.parts[-1], self._changed(old, value, apply))
+            return
+        if not old:
+            raise InputError(f"{self.name}: the base scenario has no such list; add it there")
+        if self.entry is not None and self.entry >= len(old):
+            raise InputError(f"{self.name}: the base scenario has {len(old)} value(s) there")
+        for i in range(len(old)) if self.many else [self.entry]:
+            old[i] = self._changed(old[i], value, apply)
+
+    def _changed(self, old: Any, value: Value, apply: str) -> Value:
+        if apply == "value":
+            return value
         if old is None:
-            raise InputError(f"{self.name}: the base scenario has no value for a {how}; give it")
-
-        def changed(x: float) -> float:
-            return x * by if how == "factor" else x + by
-
-        if self.many:
-            setattr(self._owner(scenario), self.parts[-1], [changed(x) for x in old])
-        else:
-            self.set(scenario, changed(old))
+            raise InputError(f"{self.name}: the base scenario has no value for a {apply}; give it")
+        return old * value if apply == "factor" else old + value
 
     def _owner(self, scenario: Scenario) -> Any:
-        owner: Any = scenario
-        for part in self.parts[:-1]:
-            owner = getattr(owner, part)
-        return owner
-
-    def _list(self, value: list | None) -> list:
-        if not value:
-            raise InputError(f"{self.name}: the base scenario has no such list; add it there")
-        if self.entry is not None and self.entry >= len(value):
-            raise InputError(f"{self.name}: the base scenario has {len(value)} value(s) there")
-        return value
+        return functools.reduce(getattr, self.parts[:-1], scenario)
 
 
 @functools.cache
@@ -114,19 +93,18 @@ def find_field(name: str) -> Field:
         match = _PART.fullmatch(part)
         if match is None or not dataclasses.is_dataclass(schema) or entry is not None:
             raise _unknown(name)
-        attribute, number = match[1], match[2]
         hints = typing.get_type_hints(schema)
-        if attribute not in hints:
+        if match[1] not in hints:
             raise _unknown(name)
-        attributes.append(attribute)
-        schema = _plain(hints[attribute])
+        attributes.append(match[1])
+        schema = _plain(hints[match[1]])
         many = typing.get_origin(schema) is list
         if many:
             schema = _plain(typing.get_args(schema)[0])
-        if number is not None:
-            if not many or int(number) == 0:
-                raise InputError(f"{name}: {part} is no entry of a list, counted from 1")
-            entry, many = int(number) - 1, False
+        if match[2] is not None:
+            if not many:
+                raise InputError(f"{name}: {match[1]} is no list")
+            entry, many = int(match[2]) - 1, False
     if dataclasses.is_dataclass(schema) and schema is not ControllerChoice:
         fields = ", ".join(f"{name}.{field}" for field in typing.get_type_hints(schema))
         raise InputError(f"{name}: is a part, not a field, expected one of {fields}")

@@ -16,7 +16,7 @@ from sdt_drake.design import load_device, make_design
 from sdt_drake.errors import InputError
 from sdt_drake.motion import find_motion, import_motion, load_command
 from sdt_drake.resources import PACKAGE_PREFIX, find_file
-from sdt_drake.robot import Robot, load_robot
+from sdt_drake.robot import load_robot
 from sdt_drake.scenario import Scenario
 from sdt_drake.studies.runs import FILE_FIELDS, Runner, outcome_names
 from sdt_drake.studies.study import Study
@@ -62,7 +62,7 @@ def with_files(base: Scenario, places: Mapping[str, str]) -> Scenario:
     base = copy.deepcopy(base)
     for field in FILE_FIELDS:
         name = field.get(base)
-        field.set(base, places.get(name, name))
+        field.put(base, places.get(name, name))
     return base
 
 
@@ -73,51 +73,49 @@ def make_job(study: Study, base: Scenario) -> Job:
         InputError: if it cannot, if a file is missing or cannot be used, or if a robot or a motion
             has more or fewer joints.
     """
-    make_design(base)
-    robot = load_device(base)
+    n = make_design(base).robot.n
     files, hashes = {}, []
-    for field, name, reference in _references(study, base):
+    for field, name in _references(study, base):
+        reference = find_motion(name) if field == "motion" else name
         file = find_file(reference, study.folder)
-        joints = _joints(field, file, robot, base.period)
-        if joints != robot.n:
-            raise InputError(f"{name}: {joints} joint(s), expected {robot.n} as in the base")
+        joints = _joints(field, file, base)
+        if joints not in (None, n):
+            raise InputError(f"{name}: {joints} joint(s), expected {n} as in the base")
         content = file.read_bytes()
         hashes.append(hashlib.sha256(content).hexdigest())
         if not reference.startswith(PACKAGE_PREFIX):
             files[name] = content
+    # Neither where the files are nor how long a run may take changes anything in it.
+    same_study = dataclasses.replace(study, scenario="", timeout=1.0)
     depends = {
-        # Neither where the files are nor how long a run may take changes anything in it.
-        "study": yaml_dump_typed(
-            dataclasses.replace(study, scenario="", timeout=1.0), schema=Study
-        ),
+        "study": yaml_dump_typed(same_study, schema=Study),
         "base": yaml_dump_typed(with_files(base, places_of(files)), schema=Scenario),
         "files": hashes,
     }
     fingerprint = hashlib.sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
-    return Job(study, base, files, outcome_names(base, robot.n), fingerprint, versions())
+    return Job(study, base, files, outcome_names(base, n), fingerprint, versions())
 
 
-def _joints(field: str, file: Path, robot: Robot, period: float) -> int:
-    """How many a file has, or the robot, if it has none.
+def _joints(field: str, file: Path, base: Scenario) -> int | None:
+    """How many a robot or a motion has.
 
     Raises:
         InputError: for a file that cannot be used: every run of it would fail.
     """
     if field == "robot":
         return load_robot(file).n
-    if field == "motion" and file.suffix == ".csv":
-        return import_motion(file, period)[0].n
-    if field == "motion":
-        return len(load_command(file, robot).start())
-    return robot.n
+    if field != "motion":
+        return None
+    if file.suffix == ".csv":
+        return import_motion(file, base.period)[0].n
+    return len(load_command(file, load_device(base)).start())
 
 
-def _references(study: Study, base: Scenario) -> Iterator[tuple[str, str, str]]:
-    """Field, name and reference of the files of the base scenario and its variants."""
+def _references(study: Study, base: Scenario) -> Iterator[tuple[str, str]]:
+    """Field and name of the files of the base scenario and its variants."""
     for field in FILE_FIELDS:
-        names = [field.get(base)] if field.get(base) else []
+        if name := field.get(base):
+            yield field.name, name
         for variable in study.variables:
             if field in variable.targets:
-                names += map(str, variable.distribution.levels())
-        for name in names:
-            yield field.name, name, find_motion(name) if field.name == "motion" else name
+                yield from ((field.name, str(name)) for name in variable.distribution.levels())

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -32,7 +31,7 @@ _TRACKING = (
     "max_abs_position_error",
 )
 _MOTORS = ("peak_torque_share", "rms_torque_share")
-_CACHED = 16  # robots and motions that a process keeps
+_CACHED = 16  # planned motions, with their robots, that a process keeps
 
 FILE_FIELDS = tuple(map(find_field, ("robot", "motion", "device.catalogue", "controller.file")))
 """Fields of a scenario that name a file."""
@@ -53,8 +52,7 @@ class Runner:
     ) -> None:
         """Of a study and its base scenario; places: where files are that go by other names."""
         self._study, self._base, self._places = study, base, dict(places or {})
-        self._robots: dict[str, Robot] = {}
-        self._plans: dict[tuple, tuple[Plan, TorqueGroups] | InputError] = {}
+        self._plans: dict[tuple, tuple[Robot, Plan, TorqueGroups] | InfeasibleError] = {}
 
     def scenario(self, number: int) -> Scenario:
         """Of a row.
@@ -66,8 +64,7 @@ class Runner:
         scenario.name = f"{self._study.name}, row {number}"
         for field in FILE_FIELDS:
             name = field.get(scenario)
-            if name in self._places:
-                field.set(scenario, self._places[name])
+            field.put(scenario, self._places.get(name, name))
         return scenario
 
     def design(self, scenario: Scenario) -> tuple[Design, Plan]:
@@ -78,46 +75,33 @@ class Runner:
             InputError: for any other bad input.
         """
         check(scenario)  # before planning, which would call bad numbers infeasible
-        robot = self._robot(scenario)
-        plan, torques = self._plan(scenario, robot)
+        robot, plan, torques = self._planned(scenario)
         return make_design(scenario, robot=robot, motion=plan.motion, torques=torques), plan
 
-    def _robot(self, scenario: Scenario) -> Robot:
-        key = f"{scenario.robot} {scenario.device}"
-        return _cached(self._robots, key, lambda: load_device(scenario))
-
-    def _plan(self, scenario: Scenario, robot: Robot) -> tuple[Plan, TorqueGroups]:
-        choice = (scenario.motion, scenario.period, scenario.torque_margin, scenario.planner)
-
-        def plan() -> tuple[Plan, TorqueGroups] | InputError:
-            path, period, torque_margin, planner = choice
-            try:
-                plan = load_plan(
-                    path, robot, period=period, torque_margin=torque_margin, planner=planner
-                )
-                motion = plan.motion
-                return plan, torque_groups(robot, motion.q, motion.v, motion.vd)
-            except InputError as error:
-                return error
-
-        planned = _cached(self._plans, (robot.sdf, *choice), plan)
-        if isinstance(planned, InputError):
-            raise InfeasibleError(str(planned))
+    def _planned(self, scenario: Scenario) -> tuple[Robot, Plan, TorqueGroups]:
+        """From the cache, which forgets the oldest."""
+        how = (scenario.period, scenario.torque_margin, scenario.planner)
+        key = (scenario.robot, str(scenario.device), scenario.motion, *how)
+        if key not in self._plans:
+            if len(self._plans) >= _CACHED:
+                del self._plans[next(iter(self._plans))]
+            self._plans[key] = _plan(scenario)
+        planned = self._plans[key]
+        if isinstance(planned, InfeasibleError):
+            raise InfeasibleError(*planned.args)
         return planned
 
     def run(self, number: int) -> Row:
         """What becomes of a row."""
         start = time.perf_counter()
         try:
-            design, plan = self.design(self.scenario(number))
-            recording = simulate(design)
-            outcomes = self._outcomes(design, recording, plan)
+            design, recording, outcomes = self._simulated(number)
             passed = stops_passed(recording, design.robot.joint_names)
         except Exception as error:  # whatever it is, the study goes on
             return self._failed(number, error, time.perf_counter() - start)
-        duration, joints = time.perf_counter() - start, design.robot.n
-        if np.isinf(outcomes).any() or np.isnan(outcomes[:joints]).any():
-            return Row(number, "failed", "the speeds are not finite", duration, ())
+        duration = time.perf_counter() - start
+        if np.isinf(outcomes).any() or np.isnan(outcomes[: design.robot.n]).any():
+            passed = ["the speeds are not finite"]
         if passed:
             return Row(number, "failed", "; ".join(passed), duration, ())
         return Row(number, "ok", "", duration, outcomes)
@@ -128,20 +112,19 @@ class Runner:
         Raises:
             InputError: if it cannot be run.
         """
+        _, recording, outcomes = self._simulated(number)
+        return outcomes, recording
+
+    def _simulated(self, number: int) -> tuple[Design, Recording, tuple[float, ...]]:
         design, plan = self.design(self.scenario(number))
         recording = simulate(design)
-        return self._outcomes(design, recording, plan), recording
-
-    def _outcomes(self, design: Design, recording: Recording, plan: Plan) -> tuple[float, ...]:
         outcomes = outcomes_of(design, recording)
         if has_motor_loads(self._base) and has_motor_loads(design.scenario):
             commanded, pause = plan.commanded.duration, self._study.pause
             outcomes += motor_loads(design, recording, commanded, pause)
-        return self._filled(outcomes, design.robot.n)
-
-    def _filled(self, outcomes: tuple[float, ...], n: int) -> tuple[float, ...]:
-        """With NaN for what the rows of the study have and this one does not."""
-        return outcomes + (np.nan,) * (len(outcome_names(self._base, n)) - len(outcomes))
+        # What other rows of the study have and this one does not.
+        missing = len(outcome_names(self._base, design.robot.n)) - len(outcomes)
+        return design, recording, outcomes + (np.nan,) * missing
 
     def _failed(self, number: int, error: Exception, duration: float) -> Row:
         status = "infeasible" if isinstance(error, InfeasibleError) else "failed"
@@ -171,10 +154,17 @@ def outcomes_of(design: Design, recording: Recording) -> tuple[float, ...]:
     return tuple(np.concatenate([*parts, [felt]]).tolist())
 
 
-def _cached(cache: dict, key: Any, make: Callable[[], Any]) -> Any:
-    """From the cache, which forgets the oldest."""
-    if key not in cache:
-        if len(cache) >= _CACHED:
-            del cache[next(iter(cache))]
-        cache[key] = make()
-    return cache[key]
+def _plan(scenario: Scenario) -> tuple[Robot, Plan, TorqueGroups] | InfeasibleError:
+    robot = load_device(scenario)
+    try:
+        plan = load_plan(
+            scenario.motion,
+            robot,
+            period=scenario.period,
+            torque_margin=scenario.torque_margin,
+            planner=scenario.planner,
+        )
+    except InputError as error:
+        return InfeasibleError(*error.args)
+    motion = plan.motion
+    return robot, plan, torque_groups(robot, motion.q, motion.v, motion.vd)

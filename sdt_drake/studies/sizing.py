@@ -36,7 +36,7 @@ class Requirements:
         stretch: how much longer than commanded a motion may last [-].
     """
 
-    max_abs_speed_error: list[float] = setting([], above=0, unit="rad/s", side="joint")
+    max_abs_speed_error: list[float] = setting(above=0, unit="rad/s", side="joint")
     max_abs_position_error_deg: Optional[list[float]] = setting(
         None, above=0, unit="deg", side="joint"
     )
@@ -45,10 +45,6 @@ class Requirements:
     winding_temperature: float = setting(1.0, above=0)
     saturated_fraction: float = setting(0.0, minimum=0)
     stretch: float = setting(0.0, minimum=0)
-
-    def problems(self) -> Iterator[tuple[str, str]]:
-        if not self.max_abs_speed_error:
-            yield "max_abs_speed_error", "missing, expected a list [rad/s]"
 
     def limits(self, n: int) -> dict[str, float]:
         """Largest value of each outcome of a run by its name, what matters first; in its unit."""
@@ -68,7 +64,7 @@ class Requirements:
         return limits
 
 
-@dataclass
+@dataclass(slots=True, kw_only=True)
 class Sizing:
     """Candidates for the motors of a device, and what they must do.
 
@@ -92,18 +88,44 @@ class Sizing:
     """
 
     name: str = ""
-    scenario: str = setting("", place=beside)
+    scenario: str = setting(place=beside)
     device: DeviceChoice = setting(DeviceChoice)
-    motors: list[list[str]] = setting([])
+    motors: list[list[str]] = setting()
     structure_scales: list[float] = setting([1.0], above=0)
-    motions: list[str] = setting([], place=motion_beside)
-    controllers: list[str] = setting([])
+    motions: list[str] = setting(place=motion_beside)
+    controllers: list[str] = setting()
     planner: str = setting("limiter", choices=tuple(PLANNERS))
     torque_margin: float = setting(1.0, above=0, maximum=1)
     pause: float = setting(0.0, minimum=0, unit="s")
-    requirements: Requirements = setting(Requirements)
+    requirements: Requirements = setting()
     accuracy: float = setting(1e-3, minimum=1e-12, maximum=0.01, unit="rad/s")
     timeout: float = setting(300.0, above=0, unit="s")
+
+    def problems(self) -> Iterator[tuple[str, str]]:
+        lists = {f"motors[{k + 1}]": ids for k, ids in enumerate(self.motors)}
+        # Two that are told as the same could not be told apart.
+        lists["structure_scales"] = [f"{scale:g}" for scale in self.structure_scales]
+        lists["motions"] = [short_name(motion) for motion in self.motions]
+        for name, values in lists.items():
+            if not values:
+                yield name, "empty, expected at least one"
+            elif len(set(values)) < len(values):
+                yield name, f"{values} has a value twice"
+        for name in ("max_abs_speed_error", "max_abs_position_error_deg"):
+            limits = getattr(self.requirements, name)
+            if limits is not None and len(limits) not in (1, self.n):
+                text = f"{len(limits)} value(s), expected one, or {self.n}, one for each joint"
+                yield f"requirements.{name}", text
+        if any(self.device.motors) or self.device.structure_scale != 1:
+            yield "device", "motors and structure_scale are those of the candidates; remove"
+        check(self.device, "device", self.n)
+        catalogue = self.catalogue
+        for k, ids in enumerate(self.motors):
+            for id_ in ids:
+                catalogue.motor(id_, f"motors[{k + 1}]")
+        for k, id_ in enumerate(self.device.fitted):
+            if id_:
+                catalogue.motor(id_, f"device.fitted[{k + 1}]")
 
     @property
     def n(self) -> int:
@@ -114,37 +136,6 @@ class Sizing:
     def catalogue(self) -> Catalogue:
         """The motors to choose from."""
         return load_catalogue(self.device.catalogue)
-
-    def problems(self) -> Iterator[tuple[str, str]]:
-        if not self.motors:
-            yield "motors", "missing, expected a list of ids for each joint"
-        lists = {f"motors[{k + 1}]": ids for k, ids in enumerate(self.motors)}
-        # Two that are told as the same number could not be told apart.
-        lists["structure_scales"] = [f"{scale:g}" for scale in self.structure_scales]
-        lists["motions"] = [short_name(motion) for motion in self.motions]
-        for name, values in lists.items():
-            if not values:
-                yield name, "empty, expected at least one"
-            if len(set(values)) < len(values):
-                yield name, f"{values} has a value twice"
-        if any(self.device.motors) or self.device.structure_scale != 1:
-            yield "device", "motors and structure_scale are those of the candidates; remove"
-        if not self.device.fitted:
-            yield "device.fitted", "missing, expected the motors that the masses of the SDF contain"
-        for name in ("max_abs_speed_error", "max_abs_position_error_deg"):
-            values = getattr(self.requirements, name)
-            if values is not None and len(values) not in (1, self.n):
-                text = f"{len(values)} value(s), expected one, or {self.n}, one for each joint"
-                yield f"requirements.{name}", text
-        check_labels(self.controllers)
-
-    def _check_motors(self) -> None:
-        named = {f"motors[{k + 1}]": ids for k, ids in enumerate(self.motors)}
-        named |= {f"device.fitted[{k + 1}]": [id_] for k, id_ in enumerate(self.device.fitted)}
-        for where, ids in named.items():
-            for id_ in ids:
-                if id_ or where.startswith("motors"):
-                    self.catalogue.motor(id_, where)
 
     @property
     def shared_device(self) -> DeviceChoice:
@@ -196,16 +187,16 @@ def load_sizing(path: str | Path) -> tuple[Sizing, Scenario]:
     """
     sizing, file = load_yaml(Sizing, path)
     sizing.name = sizing.name or file.stem
+    scenario = load_scenario(sizing.scenario)
     with within(file):
-        if not sizing.scenario:
-            raise InputError("scenario: missing, expected the file of the base scenario")
-        scenario = load_scenario(sizing.scenario)
-        if scenario.plant.kind != "coupled" or not scenario.plant.elasticity.is_rigid:
+        if scenario.plant.kind != "coupled":
             raise InputError(
-                "scenario: expected plant.kind coupled, where the masses of motors load the other "
-                "joints, and no plant.elasticity"
+                f"scenario: plant.kind {scenario.plant.kind}, expected coupled: the masses of "
+                "motors load the other joints"
             )
-        sizing._check_motors()
+        if not scenario.plant.elasticity.is_rigid:
+            raise InputError("scenario: plant.elasticity: expected rigid joints, for their torques")
+        check_labels(sizing.controllers)
         for motion in sizing.motions:
             find_file(find_motion(motion))
         base = sizing.base(scenario)

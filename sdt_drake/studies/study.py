@@ -5,7 +5,7 @@ import copy
 import math
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from statistics import NormalDist
@@ -23,6 +23,7 @@ from sdt_drake.studies.table import is_column
 from sdt_drake.yaml_files import load_yaml
 
 Array = NDArray[np.float64]
+Problems = Iterator[tuple[str, str]]
 
 SAMPLINGS = ("random", "latin_hypercube")
 APPLY = ("value", "factor", "offset")
@@ -40,10 +41,10 @@ _MOST = 2**64 - 1
 class Uniform:
     """Evenly between low and high."""
 
-    low: float = setting(0.0)
-    high: float = setting(0.0)
+    low: float = setting()
+    high: float = setting()
 
-    def problems(self) -> Iterator[tuple[str, str]]:
+    def problems(self) -> Problems:
         yield from _width_problems(self.low, self.high)
 
     def quantile(self, share: Array) -> Array:
@@ -54,10 +55,10 @@ class Uniform:
 class LogUniform:
     """Evenly in the logarithm, between low and high, both > 0."""
 
-    low: float = setting(0.0, above=0)
-    high: float = setting(0.0, above=0)
+    low: float = setting(above=0)
+    high: float = setting(above=0)
 
-    def problems(self) -> Iterator[tuple[str, str]]:
+    def problems(self) -> Problems:
         yield from _width_problems(self.low, self.high)
 
     def quantile(self, share: Array) -> Array:
@@ -68,16 +69,16 @@ class LogUniform:
 class Normal:
     """Gaussian; with low or high, what is beyond is cut off and the rest scaled up."""
 
-    mean: float = 0.0
-    std: float = setting(0.0, above=0)
+    mean: float = setting()
+    std: float = setting(above=0)
     low: Optional[float] = None
     high: Optional[float] = None
 
-    def problems(self) -> Iterator[tuple[str, str]]:
+    def problems(self) -> Problems:
         yield from _width_problems(*self._range)
         first, last = self._shares
         if not last - first > 1e-6:
-            yield "low", "nothing of the distribution is between low and high"
+            yield "", "nothing of it is between low and high"
 
     @property
     def _range(self) -> tuple[float, float]:
@@ -101,78 +102,78 @@ class Normal:
 class Grid:
     """count values from start to stop, equal steps apart, both ends included."""
 
-    start: float = 0.0
-    stop: float = 0.0
+    start: float = setting()
+    stop: float = setting()
     count: int = setting(2, minimum=2, maximum=MOST_RUNS)
 
-    def problems(self) -> Iterator[tuple[str, str]]:
+    def problems(self) -> Problems:
         if self.start == self.stop:
-            yield "stop", f"{self.stop:g}, expected another value than start"
+            yield "", f"start and stop are both {self.start:g}"
 
     @property
     def size(self) -> int:
         return self.count
 
-    @property
-    def examples(self) -> list[Value]:
-        return [self.start]
-
     def levels(self) -> list[Value]:
         return np.linspace(self.start, self.stop, self.count).tolist()
 
 
-class _Values:
-    __slots__ = ()
+@dataclass(slots=True)
+class List:
+    """These numbers."""
+
+    values: list[float] = setting()
+
+    def problems(self) -> Problems:
+        yield from _level_problems(self.values)
 
     @property
     def size(self) -> int:
         return len(self.values)
 
+    def levels(self) -> list[Value]:
+        return list(self.values)
+
+
+@dataclass(slots=True)
+class Choice:
+    """These texts: kinds, labels of controllers, names of motions or motors, true or false."""
+
+    values: list[str] = setting()
+
+    def problems(self) -> Problems:
+        yield from _level_problems(self.values)
+        for value in self.values:
+            yield from _text_problems("values", value)
+
     @property
-    def examples(self) -> list[Value]:
-        return self.values
+    def size(self) -> int:
+        return len(self.values)
 
     def levels(self) -> list[Value]:
         return list(self.values)
 
-    def problems(self) -> Iterator[tuple[str, str]]:
-        if not self.values:
-            yield "values", "empty, expected at least one value"
-        if len(set(self.values)) < len(self.values):
-            yield "values", f"{self.values} has a value twice"
-        for value in self.values:
-            yield from _text_problems("values", value)
 
-
-@dataclass(slots=True)
-class List(_Values):
-    """These numbers."""
-
-    values: list[float] = setting([])
-
-
-@dataclass(slots=True)
-class Choice(_Values):
-    """These texts: kinds, labels of controllers, names of motions or motors, true or false."""
-
-    values: list[str] = setting([])
-
-
-def _width_problems(low: float, high: float) -> Iterator[tuple[str, str]]:
+def _width_problems(low: float, high: float) -> Problems:
     if not low < high:
-        yield "high", f"{high:g}, expected more than low, {low:g}"
+        yield "", f"low {low:g}, high {high:g}, expected low < high"
 
 
-def _text_problems(field: str, text: Value) -> Iterator[tuple[str, str]]:
+def _level_problems(values: list) -> Problems:
+    if len(set(values)) < len(values):
+        yield "values", f"{values} has a value twice"
+
+
+def _text_problems(field: str, text: str) -> Problems:
     """Names and levels go into file names, tables and pages."""
-    if isinstance(text, str) and (not text.isprintable() or text != text.strip()):
+    if not text.isprintable() or text != text.strip():
         yield field, f"{text!r}, expected characters that are seen, no space at an end"
 
 
 # --- the study -------------------------------------------------------------------------------
 
 
-@dataclass(slots=True)
+@dataclass
 class Variable:
     """What varies.
 
@@ -188,10 +189,26 @@ class Variable:
     name: str = ""
     fields: list[str] = setting([])
     apply: str = setting("value", choices=APPLY)
-    distribution: Union[Uniform, LogUniform, Normal, Grid, List, Choice] = setting(Uniform)
+    distribution: Union[Uniform, LogUniform, Normal, Grid, List, Choice] = setting(None)
 
     def __post_init__(self) -> None:
         self.name = self.name or next(iter(self.fields), "")
+
+    def problems(self) -> Problems:
+        if not self.fields:
+            yield "fields", "none, expected the dotted name of a field"
+        if self.distribution is None:
+            yield "distribution", "missing, expected !Uniform, !Normal, !Grid or the like"
+            return
+        if is_column(self.name):
+            yield "name", f"{self.name} is a column of the results"
+        yield from _text_problems("name", self.name)
+        for target in self.targets:
+            is_text = target.type in (str, bool, ControllerChoice)
+            if is_text != self.takes_texts:
+                yield "", f"{target.name} takes {'texts (!Choice)' if is_text else 'numbers'}"
+            elif is_text and self.apply != "value":
+                yield "apply", f"{self.apply}, but {target.name} is no number"
 
     @property
     def random(self) -> bool:
@@ -203,7 +220,7 @@ class Variable:
         """Whether its values are texts rather than numbers."""
         return isinstance(self.distribution, Choice)
 
-    @property
+    @cached_property
     def targets(self) -> list[Field]:
         """The fields.
 
@@ -212,41 +229,14 @@ class Variable:
         """
         return [find_field(name) for name in self.fields]
 
-    def problems(self) -> Iterator[tuple[str, str]]:
-        if not self.fields:
-            yield "fields", "missing, expected the dotted name of a field"
-        yield from _text_problems("name", self.name)
-        if is_column(self.name):
-            yield "name", f"{self.name} is a column of the results"
-        is_text = self.takes_texts
-        for target in self.targets:
-            if is_text != (target.type in (str, bool, ControllerChoice)):
-                yield "fields", f"{target.name} takes {'numbers' if is_text else 'texts (!Choice)'}"
-            elif is_text and self.apply != "value":
-                yield "apply", f"{self.apply}, but {target.name} is no number"
-            elif target.type is ControllerChoice:
-                check_labels(self.distribution.levels(), "distribution.values")
-
-    def check_with(self, base: Scenario) -> None:
-        """Try its values in the base scenario.
-
-        Raises:
-            InputError: for values that it does not take.
-        """
-        for target in self.targets:
-            target.get(base)
-            if self.apply != "value":
-                target.change(copy.deepcopy(base), self.apply, 1.0)
-            else:
-                for value in self.examples:
-                    self.put(copy.deepcopy(base), value)
-
     @property
     def examples(self) -> list[Value]:
         """Some of its values; all if they are listed."""
         if self.random:
             return self.distribution.quantile(np.array([0.5])).tolist()
-        return self.distribution.examples
+        if isinstance(self.distribution, Grid):
+            return [self.distribution.start]
+        return self.distribution.levels()
 
     def put(self, scenario: Scenario, value: Value) -> Scenario:
         """The scenario, changed in place, with a draw in it.
@@ -257,10 +247,8 @@ class Variable:
         for target in self.targets:
             if target.type is ControllerChoice:
                 scenario = with_controller(scenario, str(value))
-            elif self.apply == "value":
-                target.set(scenario, _converted(value, target))
             else:
-                target.change(scenario, self.apply, float(value))
+                target.put(scenario, _converted(value, target), self.apply)
         return scenario
 
 
@@ -269,9 +257,7 @@ def _converted(value: Value, target: Field) -> Value | bool | int:
         if value not in ("true", "false"):
             raise InputError(f"{target.name}: '{value}', expected true or false")
         return value == "true"
-    if target.type is int:
-        return round(float(value))
-    return value
+    return round(float(value)) if target.type is int else value
 
 
 @dataclass
@@ -306,41 +292,47 @@ class Study:
     accuracy: float = setting(1e-3, minimum=1e-12, maximum=0.01, unit="rad/s")
     timeout: float = setting(300.0, above=0, unit="s")
     pause: float = setting(0.0, minimum=0, unit="s")
-    variables: list[Variable] = field(default_factory=list)
+    variables: list[Variable] = setting([])
 
-    def problems(self) -> Iterator[tuple[str, str]]:
+    def problems(self) -> Problems:
         yield from _text_problems("name", self.name)
         if "/" in self.name or self.name in (".", ".."):
             yield "name", f"{self.name}, expected one that a folder can have"
-        if not self.variables:
-            yield "variables", "missing, expected at least one"
         names = [variable.name for variable in self.variables]
-        for name in sorted({name for name in names if names.count(name) > 1}):
+        if not names:
+            yield "variables", "none, expected at least one"
+        for name in {name for name in names if names.count(name) > 1}:
             yield "variables", f"two are named {name}"
-        # Of two draws for a field the last would win, and the first still be in the results.
-        owners: dict[tuple[str, ...], dict[int | None, str]] = {}
+        yield from self._field_problems()
+        if self.draws > 1 and not any(variable.random for variable in self.variables):
+            yield "draws", f"{self.draws}, but no variable is random; remove"
+        if self._count > MOST_RUNS:
+            yield "variables", f"too many runs, expected at most {MOST_RUNS:,}"
+
+    def _field_problems(self) -> Problems:
+        """Of two draws for a field the last would win, and the first still be in the results."""
+        owners: dict[tuple, dict[int | None, str]] = {}
         for variable in self.variables:
             for target in (touched for name in variable.targets for touched in name.touched):
                 others = owners.setdefault(target.parts, {})
                 if others and (target.entry is None or {None, target.entry} & others.keys()):
-                    both = " and ".join(dict.fromkeys([*others.values(), variable.name]))
-                    yield "variables", f"{target.name} gets two values, of {both}"
+                    names = " and ".join(dict.fromkeys([*others.values(), variable.name]))
+                    yield "variables", f"{target.name} gets two values, of {names}"
                 others[target.entry] = variable.name
-        if self.draws > 1 and not any(variable.random for variable in self.variables):
-            yield "draws", f"{self.draws}, but no variable is random; remove"
-        if self._count > MOST_RUNS:
-            yield "draws", f"times the levels of the variables: expected at most {MOST_RUNS:,} runs"
 
     def validate(self, base: Scenario) -> None:
-        """Check everything, also against the base scenario.
+        """Check everything, also that the base scenario has what varies.
 
         Raises:
-            InputError: with a line for each problem: field, and what would be right.
+            InputError: naming the field and what would be right.
         """
         check(self)
         for i, variable in enumerate(self.variables):
             with within(f"variables[{i + 1}]"):
-                variable.check_with(base)
+                if any(target.type is ControllerChoice for target in variable.targets):
+                    check_labels(variable.examples, "distribution.values")
+                for value in variable.examples:
+                    variable.put(copy.deepcopy(base), value)
 
     def __len__(self) -> int:
         return self._count
@@ -369,13 +361,10 @@ class Study:
     def inputs(self, row: int) -> dict[str, Value]:
         """Value of each variable in a run, numbered from 0: level by level, then draw by draw."""
         draw, combination = divmod(row, len(self) // self.draws)
-        levels = list(self._levels)
-        chosen: list[Value] = []
-        for values in reversed(levels):
-            combination, i = divmod(combination, len(values))
-            chosen.append(values[i])
+        indices = np.unravel_index(combination, [len(values) for values in self._levels])
+        chosen = (values[i] for values, i in zip(self._levels, indices, strict=True))
         return {
-            v.name: float(self._drawn[v.name][draw]) if v.random else chosen.pop()
+            v.name: float(self._drawn[v.name][draw]) if v.random else next(chosen)
             for v in self.variables
         }
 
@@ -396,7 +385,7 @@ def load_study(path: str | Path) -> tuple[Study, Scenario]:
     """A study from YAML, and its base scenario.
 
     Raises:
-        InputError: naming the file, the field, and what would be right.
+        InputError: with a line for each problem: file, field, and what would be right.
     """
     study, file = load_yaml(Study, path)
     if not study.scenario:

@@ -78,7 +78,10 @@ def test_infeasible_rows(base, files):
     ("variable", "reason"),
     [
         (of("disturbance.amplitude", List([-1.0, 0.1])), "disturbance.amplitude: -1.0, expected"),
-        (of("torque_margin", List([1.5, 1.0])), "torque_margin: 1.5, expected a share"),
+        (
+            of("torque_margin", List([1.5, 1.0])),
+            "torque_margin: 1.5, expected a number > 0",
+        ),
         (of("controller.zeta[2]", List([-1.0, 1.0])), "zeta"),
         (of("plant.kind", Choice(["exis", "axis"])), "plant.kind: 'exis', expected one of"),
     ],

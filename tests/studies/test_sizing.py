@@ -78,18 +78,18 @@ def test_paths_start_from_the_folder_of_the_file(load, tmp_path):
 
 
 BAD = [
-    ("scenario: package://sdt/scenarios/coupled_pi.yaml", "", "scenario: missing, expected the"),
-    ("coupled_pi.yaml", "axis_pi.yaml", "scenario: expected plant.kind coupled, where the masses"),
+    ("scenario: package://sdt/scenarios/coupled_pi.yaml", "", "scenario: missing, expected a text"),
+    ("coupled_pi.yaml", "axis_pi.yaml", "scenario: plant.kind axis, expected coupled: the masses"),
     ("TM-3950, TM-5270]", "TM-3950, TM-5720]", "motors[2]: no motor 'TM-5720' in the catalogue"),
     ("[TM-716, TM-1430]", "[TM-716, TM-716]", "motors[4]: ['TM-716', 'TM-716'] has a value twice"),
     ("[TM-716, TM-1430]", "[]", "motors[4]: empty, expected at least one"),
-    ("  - [TM-716, TM-1430]  # yaw\n", "", "requirements.max_abs_speed_error: 4 value(s), exp"),
+    ("  - [TM-716, TM-1430]  # yaw\n", "", "requirements.max_abs_speed_error: 4 value(s)"),
     ("  fitted:", "  structure_scale: 2\n  fitted:", "device: motors and structure_scale are"),
     ("  fitted: [AC-203, TM-3950, TM-2150, TM-2150]", "  payload: payload", "device.fitted: mis"),
-    ("[0.8, 1.0]", "[0.8, 0]", "structure_scales[2]: 0, expected a num"),
+    ("[0.8, 1.0]", "[0.8, 0]", "structure_scales[2]: 0, expected a number"),
     ("[0.8, 1.0]", "[]", "structure_scales: empty, expected a list"),
     ("[0.8, 1.0]", "[1.0, 1.00000000001]", "structure_scales: ['1', '1'] has a value twice"),
-    ("fitted: [AC-203, TM-3950, ", "fitted: [AC-203, ", "device.motors: 3 value(s), expected 4, "),
+    ("fitted: [AC-203, TM-3950, ", "fitted: [AC-203, ", "device: fitted: 3 value(s), expected 4"),
     ("fitted: [AC-203", "fitted: [AC-204", "device.fitted[1]: no motor 'AC-204' in the catalogue"),
     ("- [AC-150, AC-203, AC-270]", "- ['']", "motors[1]: no motor '' in the catalogue"),
     ("inversion, post", "inversoin, post", "motions[3]: inversoin: no such motion, did you"),
@@ -99,11 +99,11 @@ BAD = [
     ("planner: limiter", "planner: none", "planner: 'none', expected one of"),
     ("torque_margin: 1.0", "torque_margin: 1.1", "torque_margin: 1.1, expected a number > 0 and"),
     ("pause: 30.0", "pause: -1", "pause: -1, expected a number >= 0 [s]"),
-    ("[0.05, 0.25, 0.05, 0.1]", "[]", "requirements.max_abs_speed_error: missing"),
+    ("[0.05, 0.25, 0.05, 0.1]", "[]", "requirements.max_abs_speed_error: empty, expected"),
     ("[0.05, 0.25, 0.05, 0.1]", "[0.1, 0.1]", "requirements.max_abs_speed_error: 2 value(s), exp"),
-    ("[0.05, 0.25, 0.05, 0.1]", "[-0.1]", "requirements.max_abs_speed_error[1]: -0.1, exp"),
+    ("[0.05, 0.25, 0.05, 0.1]", "[-0.1]", "requirements.max_abs_speed_error[1]: -0.1, expected"),
     ("saturated_fraction: 0.01", "saturated_fraction: .nan", "requirements.saturated_fraction"),
-    ("saturated_fraction: 0.01", "used_torque_share: 0", "requirements.used_torque_share: 0,"),
+    ("saturated_fraction: 0.01", "used_torque_share: 0", "requirements.used_torque_share: 0"),
     ("saturated_fraction: 0.01", "saturation: 0", "requirements.saturation: no such field"),
 ]  # fmt: skip
 
@@ -112,9 +112,8 @@ BAD = [
 def test_a_bad_field_is_refused_with_the_file(load, tmp_path, old, new, message):
     assert old in TEXT
     where = f"{tmp_path / 'own.yaml'}: {message.format(folder=tmp_path)}"
-    with pytest.raises(InputError, match="^" + re.escape(where)) as error:
+    with pytest.raises(InputError, match="^" + re.escape(where)):
         load(TEXT.replace(old, new))
-    assert all(line.startswith(str(tmp_path)) for line in error.value.args)
 
 
 def test_limits_by_outcome():
@@ -130,6 +129,7 @@ def test_limits_by_outcome():
 
 SMALL = Sizing(
     name="small",
+    scenario="base.yaml",
     device=DeviceChoice(fitted=["AC-203", "TM-3950"]),
     motors=[["AC-150", "AC-203"], ["TM-2860", "TM-3950"]],
     structure_scales=[0.8, 1.0],
