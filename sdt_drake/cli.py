@@ -72,9 +72,7 @@ def _run(arguments: Sequence[str]) -> int:
     with keeping_inputs(), warnings.catch_warnings(record=True) as caught:
         try:
             options = _parser().parse_args(arguments)
-            _check_folder()
-            if not getattr(options, "show", False):
-                os.environ["MPLBACKEND"] = "agg"  # whatever a notebook has set: it needs no screen
+            _check_surroundings(options)
             options.command(options)
         except SystemExit as end:  # of --help with 0, of a study that failed with 1
             code = end.code
@@ -84,11 +82,17 @@ def _run(arguments: Sequence[str]) -> int:
     return code
 
 
-def _check_folder() -> None:
+def _check_surroundings(options: argparse.Namespace) -> None:
     try:
         os.getcwd()
+        if getattr(options, "show", False):
+            import matplotlib  # noqa: F401
+        else:
+            os.environ["MPLBACKEND"] = "agg"  # whatever a notebook has set: no screen is needed
     except FileNotFoundError:
         raise InputError("the current folder is gone, expected one that is there") from None
+    except ValueError as error:
+        raise InputError(f"$MPLBACKEND: {error}") from None
 
 
 def _prepare_streams() -> None:

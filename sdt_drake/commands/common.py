@@ -138,10 +138,7 @@ def check_out(path: Path | None, *, csv: bool = False, show: bool = False) -> No
 
     None: nothing is written.
     """
-    try:
-        from sdt_drake.analysis import plots
-    except ValueError as error:  # of matplotlib, which is imported here
-        raise InputError(f"$MPLBACKEND: {error}") from None
+    from sdt_drake.analysis import plots
 
     if show:
         plots.check_screen("--show")
