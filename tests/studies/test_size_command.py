@@ -86,7 +86,7 @@ def test_from_a_file_to_a_recommendation(size, desk, capfd):
         ("[short.yaml]", "[fast.yml]", "no such file"),
         ("[pi, pi_id]", "[pid]", "controllers: 'pid', expected one of"),
         ("0.01, ", "", "max_abs_speed_error: 3 value(s), expected one, or 4"),
-        ("coupled.yaml", "axis.yaml", "plant.kind axis, expected coupled"),
+        ("coupled.yaml", "axis.yaml", "expected plant.kind coupled"),
     ],
 )
 def test_bad_sizing(size, desk, old, new, message):
