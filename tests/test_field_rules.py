@@ -207,6 +207,17 @@ def scenario_with(scenario: Scenario, fields: dict) -> Scenario:
     return scenario
 
 
+def test_defaults():
+    scenario = Scenario()
+    assert (scenario.period, scenario.torque_margin, scenario.accuracy) == (0.005, 1.0, 1e-4)
+    assert (scenario.disturbance.amplitude, scenario.disturbance.omega_d) == (0.0, 2 * np.pi)
+    assert (scenario.plant.elasticity.damping_ratio, scenario.drive) == (0.01, Drive())
+    assert (scenario.plant.friction.stribeck_speed, scenario.plant.friction.presliding) == (
+        0.02,
+        1e-5,
+    )
+
+
 POSITIVE = (
     "period",
     "plant.friction.stribeck_speed",

@@ -55,24 +55,11 @@ def load(tmp_path):
 PUBLISHED = ["axis_pi", "axis_pi_ctc", "coupled_pi", "coupled_pi_ctc"]
 
 
-def test_the_papers_scenarios_and_a_real_device_are_shipped():
-    assert {*PUBLISHED, "real_device"} <= set(SHIPPED)
-
-
 def test_the_papers_scenarios_are_ideal():
     for scenario in map(shipped, PUBLISHED):
         assert scenario.plant.friction.is_none and scenario.plant.elasticity.is_rigid
         assert scenario.drive == Drive()
         assert scenario.controller.model.exact
-
-
-@pytest.mark.parametrize("name", [n for n in SHIPPED if n not in (*PUBLISHED, "training")])
-def test_the_others_are_the_coupled_one_with_a_real_plant_drive_or_model(name):
-    ideal, real = values(shipped("coupled_pi")), values(shipped(name))
-    apart = {field for field in real if field not in ideal or real[field] != ideal[field]}
-    parts = ("plant.friction", "plant.elasticity", "plant.deviation", "drive", "controller.model.")
-    assert apart > {"name"}
-    assert all(field.startswith(parts) for field in apart - {"name"}), apart
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -94,6 +81,8 @@ def test_axis_scenarios_have_the_published_numbers(name, make_variant):
         kind=name.removeprefix("axis_"), structure="p_in_feedback", kp=KP, ki=KI
     )
     assert scenario.algorithm == "printed"
+    amplitude = 0.05 if name == "axis_pi_ctc" else 0.0
+    assert scenario.disturbance == Disturbance(amplitude, 2 * np.pi)
     design = make_variant(name)
     np.testing.assert_array_equal(design.i_eff, I_EFF)
     np.testing.assert_array_equal(design.gains.kp, KP)
@@ -113,12 +102,6 @@ def test_coupled_scenarios_are_tuned_to_table_1(name, make_variant):
     # The paper prints 2.73e5 for joint 4; its own formula gives 2.7248e5.
     np.testing.assert_allclose(gains.ki, [4.64e3, 1.067e5, 8.67e5, 2.7248e5], rtol=1e-3)
     np.testing.assert_allclose(gains.kp, KP, rtol=5e-3)
-
-
-def test_published_disturbance_belongs_to_the_axis_loop_with_ctc():
-    amplitudes = {name: shipped(name).disturbance.amplitude for name in SHIPPED}
-    assert amplitudes == {name: 0.05 * (name == "axis_pi_ctc") for name in SHIPPED}
-    assert shipped("axis_pi_ctc").disturbance.omega_d == pytest.approx(2 * np.pi)
 
 
 # --- a design takes what the scenario says ---------------------------------------------------
@@ -318,11 +301,6 @@ def test_relative_paths_start_from_the_folder_of_the_scenario(
         assert design.motion.duration == 1
 
 
-def test_absolute_paths_stay_as_they_are(project, load):
-    robot = project / "robots" / "own.sdf"
-    assert load(PROJECT.replace("robots/own.sdf", str(robot))).robot == str(robot)
-
-
 @pytest.mark.parametrize("absolute", [True, False])
 def test_relative_paths_survive_saving_in_another_folder(project, tmp_path, monkeypatch, absolute):
     monkeypatch.chdir(tmp_path)
@@ -384,15 +362,6 @@ def test_a_field_that_does_not_fit_the_robot_or_motion_is_refused(load, text, ol
     scenario = load(text.replace(old, new, 1))
     with pytest.raises(InputError, match=message):
         make_design(scenario)
-
-
-def test_a_missing_yaml_file_is_refused_with_what_there_is(tmp_path):
-    with pytest.raises(InputError, match=r"none\.yaml: no such file; files of the package start"):
-        load_scenario(tmp_path / "none.yaml")
-    with pytest.raises(InputError, match=r"shipped: axis_pi\.yaml, axis_pi_ctc\.yaml, coupled_pi"):
-        load_scenario("package://sdt/scenarios/none.yaml")
-    with pytest.raises(InputError, match="is a folder, expected a file"):
-        load_scenario(tmp_path)
 
 
 # --- motions of a design ---------------------------------------------------------------------
@@ -472,8 +441,3 @@ def test_a_file_that_is_no_motion_of_the_robot_is_refused(robot, tmp_path, name,
     with pytest.raises(InputError, match=f"{name}: .*{message}") as error:
         load_plan(path, robot, period=0.005)
     assert str(error.value).count(name) == 1
-
-
-def test_a_missing_motion_is_refused(robot):
-    with pytest.raises(InputError, match=r"none\.csv: no such file"):
-        load_plan("none.csv", robot, period=0.005)

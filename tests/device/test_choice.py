@@ -135,11 +135,6 @@ def test_structure_scales_and_the_payload_does_not(robot):
     np.testing.assert_array_equal(other.effort_limit, robot.effort_limit)
 
 
-def test_a_robot_without_a_payload_is_all_structure(robot):
-    other = chosen_robot(robot, DeviceChoice(structure_scale=0.7, payload=""))
-    assert total_mass(other) == pytest.approx(0.7 * total_mass(robot), rel=1e-12)
-
-
 def test_motors_are_no_structure(robot):
     """s (M - m_f) + m: the motors that are kept do not scale."""
     s, motors = 0.8, ["", "TM-5270", "", "TM-1430"]
@@ -160,14 +155,6 @@ def test_frequency_of_the_structure(robot, s, p):
     assert edited(other, lambda root: None).frequency_factor == other.frequency_factor
     again = chosen_robot(other, DeviceChoice(structure_scale=1 / s, stiffness_exponent=p))
     assert again.frequency_factor == pytest.approx(1, rel=1e-12)
-
-
-def test_model_and_deviation_count_from_the_chosen_device(robot):
-    chosen = chosen_robot(robot, DeviceChoice(LIGHTER, structure_scale=0.9, fitted=FITTED))
-    model = deviated(chosen, Deviation(payload_mass=-40))
-    assert total_mass(model) == pytest.approx(total_mass(chosen) - 40, rel=1e-14)
-    for name in ("effort_limit", "rotor_inertia", "gear_ratio"):
-        np.testing.assert_array_equal(getattr(model, name), getattr(chosen, name))
 
 
 REFUSED = [

@@ -22,15 +22,6 @@ def refused(message):
 # --- springs ---------------------------------------------------------------------------------
 
 
-def test_springs_by_hand():
-    springs = springs_of(Elasticity(OMEGA, damping_ratio=0.05), INERTIA, GRAVITY)
-    np.testing.assert_array_equal(springs.elastic, [True, False, True, True])
-    # 60² 18000; -; 150² 790 - 900; 30² 250 + 300
-    np.testing.assert_allclose(springs.stiffness, [64.8e6, 0, 17_774_100, 225_300], rtol=1e-14)
-    # 2 * 0.05 omega d
-    np.testing.assert_allclose(springs.damping, [108_000, 0, 11_850, 750], rtol=1e-14)
-
-
 def test_spring_and_gravity_swing_the_link_at_the_given_frequency():
     """d x'' + c x' + (k + k_g) x = 0 has the roots of omega and zeta."""
     springs = springs_of(Elasticity(OMEGA, damping_ratio=0.2), INERTIA, GRAVITY)

@@ -45,18 +45,6 @@ def test_numbers_of_the_paper_are_exact(robot):
     np.testing.assert_allclose(n1, robot.velocity_limit, rtol=1e-4)
 
 
-def test_every_axis_has_a_choice_and_a_larger_motor_is_heavier():
-    catalogue = load_catalogue()
-    for kind in ("torque motor", "geared motor"):
-        motors = sorted(
-            (m for m in catalogue.motors if m.kind == kind), key=lambda m: m.peak_torque
-        )
-        assert len(motors) >= 3
-        for name in ("mass", "rated_torque", "rotor_inertia"):
-            values = [getattr(m, name) for m in motors]
-            assert values == sorted(values)
-
-
 def test_rpm_become_rad_per_s(load):
     (motor,) = load("motors:" + MOTOR).motors
     assert (motor.n1, motor.n0) == pytest.approx((2 * np.pi, 4 * np.pi), rel=1e-15)
