@@ -36,7 +36,7 @@ from sdt_drake.dynamics import (
     torque_groups,
     where_largest,
 )
-from sdt_drake.errors import InputError, checked_choice, checked_type, within
+from sdt_drake.errors import InputError, checked_choice, within
 from sdt_drake.fields import check
 from sdt_drake.motion import (
     PLANNERS,
@@ -186,11 +186,10 @@ def make_design(
     Raises:
         InputError: for any bad input on the way.
     """
-    checked_type(scenario, Scenario, "scenario")
     if robot is None:
         nominal = load_device(scenario)
     else:
-        nominal = checked_type(robot, Robot, "robot")
+        nominal = robot
         check(scenario, _name(scenario), nominal.n)
     with within(_name(scenario)):
         robot = deviated(nominal, scenario.plant.deviation, "plant.deviation")
@@ -198,7 +197,7 @@ def make_design(
     if motion is None:
         motion = _planned(scenario, nominal)
     with within(_name(scenario)):
-        _check_reference(scenario, checked_type(motion, Motion, "motion"))
+        _check_reference(scenario, motion)
         loaded = robot if scenario.plant.kind == "axis" else nominal
         nominal_torques = torques or _along(nominal, motion)
         torques = nominal_torques if loaded is nominal else _along(loaded, motion)

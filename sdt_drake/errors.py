@@ -10,15 +10,11 @@ import stat
 import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 _MOST_PERIODS = 1_000_000  # what is planned in a minute, and memory holds; 83 min of 5 ms
-
-
-T = TypeVar("T")
 
 
 class InputError(ValueError):
@@ -42,17 +38,6 @@ def told_by(error: object) -> str:
     """What an error of a library says, in one line that is not too long."""
     text = " ".join(str(error).split())
     return text if len(text) <= 300 else f"{text[:300]}..."
-
-
-def checked_type(value: T, expected: type[T], where: str) -> T:
-    """`value`, if it is what a function is to be given.
-
-    Raises:
-        InputError: naming `where` and both types.
-    """
-    if not isinstance(value, expected):
-        raise InputError(f"{where}: a {type(value).__name__}, expected a {expected.__name__}")
-    return value
 
 
 def checked_vector(
@@ -89,23 +74,10 @@ def checked_number(
     Raises:
         InputError: naming `where`.
     """
-    relation = ">" if exclusive else ">="
-    bad = not np.isfinite(value) or value < minimum or (exclusive and value == minimum)
-    if bad:
-        bound = f" {relation} {minimum:g}" if np.isfinite(minimum) else ""
+    if not np.isfinite(value) or value < minimum or (exclusive and value == minimum):
+        bound = f" {'>' if exclusive else '>='} {minimum:g}" if np.isfinite(minimum) else ""
         raise InputError(f"{where}: {value}, expected a finite number{bound}")
     return float(value)
-
-
-def checked_count(value: int, where: str) -> int:
-    """`value` as a whole number >= 1.
-
-    Raises:
-        InputError: naming `where`.
-    """
-    if value != int(value) or value < 1:
-        raise InputError(f"{where}: {value}, expected a whole number >= 1")
-    return int(value)
 
 
 def checked_choice(value: str, choices: tuple[str, ...], where: str) -> str:
@@ -141,6 +113,7 @@ def whole_periods(duration: float, period: float, where: str) -> int:
 
 _inputs: set[tuple[int, int]] | None = None  # device and number of the files; None: not kept
 _outputs: set[tuple[int, int]] = set()
+_IS_READ = "is read by this command, expected another file to write"
 
 
 @contextlib.contextmanager
@@ -177,14 +150,9 @@ def checked_input(path: Path) -> Path:
     Raises:
         InputError: if it is none, or a file that the command writes.
     """
-    checked_name(path)
-    try:
-        status = path.stat()
-    except (FileNotFoundError, NotADirectoryError):
-        raise InputError(f"{path}: no such file") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    _check_regular(path, status.st_mode)
+    status = _status(path)
+    if status is None:
+        raise InputError(f"{path}: no such file")
     if _inputs is not None:
         _inputs.add((status.st_dev, status.st_ino))
     return _separate(path)
@@ -197,42 +165,36 @@ def checked_output(path: Path) -> Path:
         InputError: if it is a folder, a device, a link to nothing, or a file that the command
             reads.
     """
-    status = _checked_place(path)
+    status = _status(path)
     if status is not None and _inputs is not None:
         _outputs.add((status.st_dev, status.st_ino))
     return _separate(path)
 
 
-def _checked_place(path: Path) -> os.stat_result | None:
-    """Of a file to write; None if it is not there yet."""
+def _status(path: Path) -> os.stat_result | None:
+    """Of a regular file; None if there is none."""
     checked_name(path)
-    if not path.name or path.name == "..":
+    if path.name in ("", ".."):
         raise InputError(f"{path}: is a folder, expected a file")
     try:
         status = path.stat()
-    except OSError:  # if it is more than that there is no file yet, writing it tells
+    except OSError as error:
         if path.is_symlink():
             raise InputError(f"{path}: is a link that leads nowhere, expected a file") from None
-        return None
-    _check_regular(path, status.st_mode)
-    return status
-
-
-def _check_regular(path: Path, mode: int) -> None:
-    if stat.S_ISDIR(mode):
+        if isinstance(error, FileNotFoundError | NotADirectoryError):
+            return None
+        raise InputError(f"{path}: cannot be used ({error.strerror})") from None
+    if stat.S_ISDIR(status.st_mode):
         raise InputError(f"{path}: is a folder, expected a file")
-    if not stat.S_ISREG(mode):  # reading a pipe waits for its writer, a device may never end
+    if not stat.S_ISREG(status.st_mode):  # a pipe waits for its writer, a device may never end
         raise InputError(f"{path}: is a device or pipe, expected a file")
+    return status
 
 
 def _separate(path: Path) -> Path:
     if _inputs is not None and _inputs & _outputs:
-        raise _is_read(path)
+        raise InputError(f"{path}: {_IS_READ}")
     return path
-
-
-def _is_read(path: Path) -> InputError:
-    return InputError(f"{path}: is read by this command, expected another file to write")
 
 
 def read_text(path: Path, most: int) -> str:
@@ -241,11 +203,10 @@ def read_text(path: Path, most: int) -> str:
     Raises:
         InputError: if it is no file, longer, or no UTF-8.
     """
-    checked_input(path)
+    size = checked_input(path).stat().st_size
+    if size > most:
+        raise InputError(f"{path}: {size} bytes, expected at most {most}")
     try:
-        size = path.stat().st_size
-        if size > most:
-            raise InputError(f"{path}: {size} bytes, expected at most {most}")
         return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read ({error})") from None
@@ -273,7 +234,7 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises:
         InputError: if `path` cannot be written, or must not be; see `keeping_inputs`.
     """
-    status = _checked_place(path)
+    status = _status(path)
     target = path.resolve() if path.is_symlink() else path
     # Of a name of its own: two processes may write the same file.
     partial = target.with_name(f".{secrets.token_hex(8)}.partial{path.suffix}")
@@ -293,8 +254,9 @@ def replacing(path: Path) -> Iterator[Path]:
 
 def _check_replaceable(path: Path, status: os.stat_result, new: Path) -> None:
     """Refuse to replace what was read, but by the same, and what begins otherwise."""
-    if (status.st_dev, status.st_ino) in _inputs and not filecmp.cmp(path, new, shallow=False):
-        raise _is_read(path)
+    is_input = _inputs is not None and (status.st_dev, status.st_ino) in _inputs
+    if is_input and not filecmp.cmp(path, new, shallow=False):
+        raise InputError(f"{path}: {_IS_READ}")
     if path.suffix == ".txt":  # prose, which may begin with anything
         return
     with path.open("rb") as old, new.open("rb") as file:

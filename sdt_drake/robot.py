@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -14,7 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, RevoluteJoint, RigidBody, WeldJoint
+from pydrake.multibody.tree import (
+    BodyIndex,
+    Joint,
+    JointActuator,
+    RevoluteJoint,
+    RigidBody,
+    WeldJoint,
+)
 
 from sdt_drake.errors import InputError, told_by
 from sdt_drake.resources import find_file
@@ -105,17 +112,14 @@ def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
     """
     file = find_file(path)
     robot = _checked_robot(file, read_robot_file(file))
-    massless = _massless(robot.plant)
+    plant = robot.plant
+    still = _welded_to(plant.world_body(), plant)
+    bodies = [plant.get_body(BodyIndex(k)) for k in range(plant.num_bodies())]
+    moving = [body for body in bodies if body.index() not in still]
+    massless = [body.name() for body in moving if body.default_mass() == 0]
     if massless:
         _say_once(f"{file}: accepted without mass: {', '.join(massless)}")
     return robot
-
-
-def _massless(plant: MultibodyPlant) -> list[str]:
-    """Names of the links without mass that can move."""
-    still = _welded_to(plant.world_body(), plant)
-    bodies = [plant.get_body(BodyIndex(k)) for k in range(plant.num_bodies())]
-    return [b.name() for b in bodies if b.default_mass() == 0 and b.index() not in still]
 
 
 @cache
@@ -146,21 +150,20 @@ def _checked_robot(file: Path, root: ET.Element) -> Robot:
     plant = _parse(file, text)
     joints = _chain(plant, file)
     actuators = _actuators(plant, joints, file)
-    effort_limit = np.array([a.effort_limit() for a in actuators])
-    rotor_inertia = np.array([a.default_rotor_inertia() for a in actuators])
-    gear_ratio = np.array([a.default_gear_ratio() for a in actuators])
+    effort_limit = [a.effort_limit() for a in actuators]
     _replace_actuators(plant, joints, actuators)
     plant.Finalize()
     _check_inertias_kept(plant, root, file)
     _check_dynamics(plant, joints, file)
+    motors = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
     return Robot(
         name=plant.GetModelInstanceName(joints[0].model_instance()),
         path=file,
         plant=plant,
         joint_names=tuple(j.name() for j in joints),
-        rotor_inertia=rotor_inertia,
-        gear_ratio=gear_ratio,
-        effort_limit=effort_limit,
+        rotor_inertia=np.array([m.default_rotor_inertia() for m in motors]),
+        gear_ratio=np.array([m.default_gear_ratio() for m in motors]),
+        effort_limit=np.array(effort_limit),
         velocity_limit=np.array([j.velocity_upper_limits()[0] for j in joints]),
         acceleration_limit=np.array([j.acceleration_upper_limits()[0] for j in joints]),
         position_lower=np.array([j.position_lower_limits()[0] for j in joints]),
@@ -199,16 +202,12 @@ def _chain(plant: MultibodyPlant, file: Path) -> list[RevoluteJoint]:
     chain: list[RevoluteJoint] = []
     reached = _welded_to(plant.world_body(), plant)
     n_reached = len(reached)
-    while True:
-        outboard = [
-            j for j in joints if isinstance(j, RevoluteJoint) and j.parent_body().index() in reached
-        ]
+    turning = [joint for joint in joints if isinstance(joint, RevoluteJoint)]
+    while outboard := [j for j in turning if j.parent_body().index() in reached]:
         if len(outboard) > 1:
             names = ", ".join(f"'{j.name()}'" for j in outboard)
             raise InputError(f"{file}: the chain branches at joints {names}, expected one chain")
-        if not outboard:
-            break
-        chain.append(outboard[0])
+        chain += outboard
         reached = _welded_to(outboard[0].child_body(), plant)
         n_reached += len(reached)
     if n_reached < plant.num_bodies():
@@ -225,30 +224,28 @@ def _welded_to(body: RigidBody, plant: MultibodyPlant) -> set[object]:
     return {b.index() for b in plant.GetBodiesWeldedTo(body)}
 
 
-def _actuators(plant: MultibodyPlant, joints: list[RevoluteJoint], file: Path) -> list:
+def _actuators(plant: MultibodyPlant, joints: Sequence[Joint], file: Path) -> list[JointActuator]:
     """The actuator of each joint, in the order of the joints, with sound motor data."""
-    by_joint = {}
-    for index in plant.GetJointActuatorIndices():
-        actuator = plant.get_joint_actuator(index)
-        by_joint[actuator.joint().index()] = actuator
+    found = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+    by_joint = {actuator.joint().index(): actuator for actuator in found}
     for joint in joints:
-        where = f"{file}: joint '{joint.name()}'"
         actuator = by_joint.get(joint.index())
-        limit = 0.0 if actuator is None else actuator.effort_limit()
-        if not 0 < limit < np.inf:
-            raise InputError(
-                f"{where}: actuator effort limit {limit:g} N m, expected <limit><effort> > 0"
-            )
-        if actuator.default_rotor_inertia() < 0:
-            raise InputError(
-                f"{where}: rotor inertia {actuator.default_rotor_inertia():g} kg m², expected >= 0"
-            )
-        if actuator.default_gear_ratio() <= 0:
-            raise InputError(f"{where}: gear ratio {actuator.default_gear_ratio():g}, expected > 0")
+        limit = actuator.effort_limit() if actuator else 0.0
+        rotor = actuator.default_rotor_inertia() if actuator else 0.0
+        ratio = actuator.default_gear_ratio() if actuator else 1.0
+        for good, text in (
+            (0 < limit < np.inf, f"actuator effort limit {limit:g} N m, expected <effort> > 0"),
+            (rotor >= 0, f"rotor inertia {rotor:g} kg m², expected >= 0"),
+            (ratio > 0, f"gear ratio {ratio:g}, expected > 0"),
+        ):
+            if not good:
+                raise InputError(f"{file}: joint '{joint.name()}': {text}")
     return [by_joint[joint.index()] for joint in joints]
 
 
-def _replace_actuators(plant: MultibodyPlant, joints: list[RevoluteJoint], old: list) -> None:
+def _replace_actuators(
+    plant: MultibodyPlant, joints: Sequence[Joint], old: list[JointActuator]
+) -> None:
     """Put the actuators in the order of the joints and take their effort limits away.
 
     A plant clamps its actuation by itself, silently; a loop has one limiter, its saturation block.
@@ -278,14 +275,9 @@ def _check_inertias_kept(plant: MultibodyPlant, root: ET.Element, file: Path) ->
     """Every link of the plant has the mass and the trace of inertia that the XML gives it."""
     for link in root.iter("link"):
         where = f"{file}: link '{link.get('name')}'"
-        central = plant.GetBodyByName(link.get("name", "")).default_spatial_inertia()
         mass, inertia = mass_and_inertia(link, where)
-        com = central.get_com()
-        about_origin = central.CalcRotationalInertia().CopyToFullMatrix3()
-        shift = central.get_mass() * 2 * (com @ com)  # trace of the parallel-axis term
-        if not np.allclose(
-            [central.get_mass(), np.trace(about_origin) - shift],
-            [mass, np.trace(inertia)],
-            rtol=1e-9,
-        ):
+        body = plant.GetBodyByName(link.get("name", "")).default_spatial_inertia()
+        central = body.Shift(body.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
+        kept = [body.get_mass(), np.trace(central)]
+        if not np.allclose(kept, [mass, np.trace(inertia)], rtol=1e-9, atol=1e-9 * mass):
             raise InputError(f"{where}: Drake replaced its mass or inertia; check <inertial>")

@@ -15,7 +15,7 @@ from pydrake.systems.framework import Diagram
 
 from sdt_drake.controllers import own_code
 from sdt_drake.design import Design, make_design
-from sdt_drake.errors import InputError, checked_number, checked_type
+from sdt_drake.errors import InputError, checked_number
 from sdt_drake.loops import Loop, make_loop
 from sdt_drake.motor_torque import Seen, knows_its_command, period_torque
 from sdt_drake.scenario import Scenario
@@ -182,7 +182,6 @@ def simulate(
         InputError: for a diagram without the design's loop; if the integrator makes no headway,
             with the time.
     """
-    checked_type(design, Design, "design")
     checked_number(realtime_rate, "realtime_rate", minimum=0)
     diagram = make_loop(design) if diagram is None else diagram
     loop = _loop_in(design, diagram)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.errors import checked_count
+from sdt_drake.errors import checked_number
 from sdt_drake.studies.table import ANSWERS, STATUSES, StudyTable, is_text, levels_of
 
 Array = NDArray[np.float64]
@@ -153,7 +153,7 @@ def worst_runs(table: StudyTable, outcome: str, count: int = 5) -> StudyTable:
     Raises:
         InputError: for an unknown outcome, or a count that is no whole number >= 1.
     """
-    count = checked_count(count, "count of the worst runs")
+    checked_number(count, "count of the worst runs", minimum=1)
     runs = table.select(usable(table, outcome))
     # Stable: of equal runs the one that comes first.
     return runs.select(np.argsort(-runs.outcome(outcome), kind="stable")[:count])

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from pebble import ProcessPool
 
-from sdt_drake.errors import InputError, checked_count
+from sdt_drake.errors import InputError
 from sdt_drake.studies.journal import Row
 
 if TYPE_CHECKING:
@@ -126,8 +126,9 @@ class Workers:
             InputError: if there are more processes than the machine bears.
         """
         most = _PER_PROCESSOR * (os.cpu_count() or 1)
-        if checked_count(count, "--workers") > most:
-            raise InputError(f"--workers: {count}, expected at most {most} on this machine")
+        if not 1 <= count <= most:
+            expected = f"expected a whole number >= 1, at most {most} on this machine"
+            raise InputError(f"--workers: {count}, {expected}")
         self._job, self._count = job, count
         self._stopping: Future = Future()
         self._threads: list[threading.Thread] = []
