@@ -15,7 +15,7 @@ from pathlib import Path
 from sdt_drake.analysis import plots, plots_pilot
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.design import make_design
-from sdt_drake.motion import load_training, shipped_motions
+from sdt_drake.motion import load_profile, shipped_motions
 from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import simulate
 from sdt_drake.viewer import record_html
@@ -27,7 +27,7 @@ def main(folder: Path, names: list[str], *, record: bool) -> None:
         scenario.motion = name
         design = make_design(scenario)
         run = simulate(design)
-        title = load_training(name).title
+        title = load_profile(name).title
         figure = plots_pilot.pilot(title, run.time, track_head(run, design.robot))
         plots.save(figure, folder / f"training_{name}_plot.png")
         if record:

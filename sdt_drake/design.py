@@ -40,11 +40,10 @@ from sdt_drake.errors import InputError, checked_choice, within
 from sdt_drake.fields import check
 from sdt_drake.motion import (
     PLANNERS,
-    CommandProfile,
+    Command,
     Motion,
     Plan,
-    Sampled,
-    check_motion,
+    checked_torque,
     find_motion,
     import_motion,
     load_command,
@@ -299,18 +298,12 @@ def load_plan(
         if file.suffix == ".csv":
             motion, loss = import_motion(file, period)
             if loss is None and planner == "limiter":
-                torque = check_motion(robot, motion, torque_margin=torque_margin)
+                torque = checked_torque(robot, motion, torque_margin=torque_margin)
                 return Plan(
                     motion, torque, np.zeros(motion.q.shape, dtype=bool), torque_margin, motion
                 )
-            return replace(plan(_as_command(motion, file.stem)), loss=loss)
+            return replace(plan(Command.of_motion(file.stem, motion)), loss=loss)
     raise InputError(f"{file}: expected a profile (.yaml) or a motion (.csv)")
-
-
-def _as_command(motion: Motion, name: str) -> CommandProfile:
-    """A motion as what is commanded."""
-    joints = [Sampled(motion.period, speeds.tolist()) for speeds in motion.v.T]
-    return CommandProfile(name, "", motion.duration, motion.q[0].tolist(), joints)
 
 
 def _check_reference(scenario: Scenario, motion: Motion) -> None:

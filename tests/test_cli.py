@@ -136,7 +136,7 @@ def test_wrong_usage(refuse, line, word):
         ("plan ../given/arm.sdf", ["arm.sdf", ".yaml", ".csv"]),
         (f"plan {SHORT_MOTION} --robot {SHORT_MOTION}", ["short.yaml", ".sdf"]),
         (f"plan {SHORT_MOTION} --envelope {RUN}", ["run.yaml: drive.n1 and drive.n0 missing"]),
-        ("plan --robot ../given/arm.sdf", ["4 joints", "two_links", "2"]),
+        ("plan --robot ../given/arm.sdf", ["reference.yaml: joints: 4 value(s)", "2"]),
         ("tune ../given/arm.yaml --robot ../given/arm.sdf", ["--omega-r: missing", "65.991"]),
         ("step --out x.csv", ["x.csv: unknown kind of file"]),
         (f"stability {AXIS} --out x.csv", ["x.csv: unknown kind of file"]),

@@ -13,8 +13,9 @@ from sdt_drake.deviation import Deviation
 from sdt_drake.device import DeviceChoice, Drive, Elasticity, Friction
 from sdt_drake.errors import InputError
 from sdt_drake.fields import check
-from sdt_drake.motion import Motion, load_profile
+from sdt_drake.motion import Motion, load_command
 from sdt_drake.resources import find_file, models_dir
+from sdt_drake.robot import load_robot
 from sdt_drake.scenario import (
     ControllerChoice,
     Disturbance,
@@ -142,7 +143,7 @@ def test_torque_margin_and_period_reach_the_planner():
     scenario.torque_margin, scenario.period = 0.9, 0.01
     motion = make_design(scenario).motion
     assert motion.period == 0.01
-    command = load_profile("package://sdt/motions/reference.yaml").speeds(motion.time)
+    command = load_command("reference", load_robot()).speeds(motion.time)
     np.testing.assert_array_equal(np.any(np.abs(motion.v - command) > 1e-3, axis=0), [0, 1, 0, 0])
 
 
@@ -428,10 +429,10 @@ def test_the_margin_holds_for_a_csv_too(design, robot, write_motion):
     "name, text, message",
     [
         ("still.txt", STILL, r"expected a profile \(\.yaml\) or a motion \(\.csv\)"),
-        ("still.yaml", STILL.replace("duration", "length"), "length: no such field"),
+        ("still.yaml", f"length: 1\n{STILL}", "length: no such field"),
         ("still.yml", STILL.replace("0], [1, 0", "0], [1, 9", 1), "joint 1 'planetary' at 0.000 s"),
         ("still.yaml", STILL.replace("1, 0]", "1, 9]", 4), "motion refused"),
-        ("still.yaml", STILL[: STILL.rindex("  -")], "3 joints, robot 'sdt' has 4"),
+        ("still.yaml", STILL[: STILL.rindex("  -")], r"joints: 3 value\(s\), expected 4"),
         ("still.csv", "time,q_1\n0,0\n1,0\n", "neither v_ref_1 nor q_ref_1"),
     ],
 )

@@ -17,7 +17,7 @@ _LONGEST = 3600  # s; what is computed while one waits
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "motion", nargs="?", metavar="NAME", help="a shipped motion, or a training profile .yaml"
+        "motion", nargs="?", metavar="NAME", help="a shipped motion, or a profile .yaml"
     )
     add_robot(parser)
 
@@ -33,16 +33,17 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _print_all(robot) -> None:
-    from sdt_drake.motion import load_training, shipped_motions
+    from sdt_drake.motion import command_of, load_profile, shipped_motions
 
     rows, sentences = [], []
     for name in shipped_motions():
-        profile = load_training(name)
+        profile = load_profile(name)
         try:
-            g, sentence = _largest_g(profile.command(robot), robot), profile.feels
+            g, sentence = _largest_g(command_of(profile, robot), robot), profile.feels
         except InputError as error:
             g, sentence = "-", f"not with '{robot.name}' ({error})"
-        rows.append((name, profile.title, f"{profile.duration:g}", _joints(profile), g))
+        joints = dict.fromkeys(joint for track in profile.tracks for joint in track.joints)
+        rows.append((name, profile.title, f"{profile.duration:g}", ", ".join(joints), g))
         sentences.append(f"{name}: {sentence}")
     print_table(("motion", "illusion", "duration [s]", "joints", "largest G"), rows)
     say("largest G: at the pilot's head, on the commanded motion")
@@ -54,25 +55,22 @@ def _print_all(robot) -> None:
 def _print_one(motion: str, robot) -> None:
     import numpy as np
 
-    from sdt_drake.motion import find_motion, load_training
-    from sdt_drake.resources import find_file
+    from sdt_drake.motion import load_command, load_profile
 
-    profile = load_training(motion)
-    file = find_file(find_motion(motion))
-    command = profile.command(robot, str(file))
-    with naming(str(file)):
+    profile, command = load_profile(motion), load_command(motion, robot)
+    with naming(motion):
         g = _largest_g(command, robot)
     say(f"{profile.title or profile.name}: {profile.duration:g} s, largest G at the head {g}")
-    _paragraph(f"feels: {profile.feels}")
+    if profile.feels or profile.description:
+        _paragraph(f"feels: {profile.feels}" if profile.feels else profile.description)
     say()
     print_table(
         ("segment", "from [s]", "to [s]"),
-        [(f"{s.track}: {s.text}", f"{s.start:.3f}", f"{s.end:.3f}") for s in
-         profile.timeline(robot)],
-    )  # fmt: skip
+        [(f"{s.track}: {s.text}", f"{s.start:.3f}", f"{s.end:.3f}") for s in command.timeline],
+    )
     turned = [
         f"{name} {angle:g} deg"
-        for name, angle in zip(robot.joint_names, np.degrees(command.start()), strict=True)
+        for name, angle in zip(robot.joint_names, np.degrees(command.q0), strict=True)
         if angle != 0
     ]
     say(f"starts at {', '.join(turned) or '0 deg'}; the speed in gaps is held")
@@ -85,27 +83,17 @@ def _largest_g(command, robot) -> str:
     """Largest resultant at the head, in G."""
     import numpy as np
 
-    from sdt_drake.motion import INTERPOLATION_PERIOD
-    from sdt_drake.motion.planner import commanded_motion
+    from sdt_drake.motion import INTERPOLATION_PERIOD, commanded_motion
     from sdt_drake.pilot import has_head, head_motion
 
     if command.duration > _LONGEST:
-        raise InputError(
-            f"motion '{command.name}': duration: {command.duration:g} s, expected at most "
-            f"{_LONGEST:g} s"
-        )
+        raise InputError(f"duration: {command.duration:g} s, expected at most {_LONGEST:g} s")
     if not has_head(robot):
         return "-"
     # The planner may be given another period; here any about as long, that divides the duration.
     period = command.duration / np.ceil(command.duration / INTERPOLATION_PERIOD)
-    motion = commanded_motion(robot, command, period, torque_margin=1.0)
+    motion = commanded_motion(robot, command, period)
     return f"{head_motion(robot, motion.q, motion.v, motion.vd).resultant_g.max():.2f}"
-
-
-def _joints(profile) -> str:
-    """The joints that move, each once."""
-    names = (name for track in profile.tracks for name in track.joints)
-    return ", ".join(dict.fromkeys(names))
 
 
 def _paragraph(text: str) -> None:

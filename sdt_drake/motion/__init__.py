@@ -1,26 +1,25 @@
 """From commanded joint speeds to a motion that the motors can do."""
 
-from sdt_drake.motion.command import Command
-from sdt_drake.motion.drive_table import ends_in_motion, write_drive_table
-from sdt_drake.motion.margins import Margins, Tightest, margins
-from sdt_drake.motion.planner import INTERPOLATION_PERIOD, Plan, check_motion, plan_motion
-from sdt_drake.motion.profile import (
-    CommandProfile,
-    Knots,
-    Oscillation,
-    Sampled,
-    load_profile,
+from sdt_drake.motion.command import Command, Course, command_of, load_command
+from sdt_drake.motion.limiter import plan_motion
+from sdt_drake.motion.margins import Margins, margins
+from sdt_drake.motion.plan import (
+    INTERPOLATION_PERIOD,
+    Plan,
+    checked_torque,
+    commanded_motion,
+    ends_in_motion,
+    write_drive_table,
 )
-from sdt_drake.motion.resampling import Loss, import_motion, resample
-from sdt_drake.motion.retiming import retime
-from sdt_drake.motion.training import (
-    TrainingProfile,
+from sdt_drake.motion.profile import (
+    MotionProfile,
     find_motion,
-    load_command,
-    load_training,
+    load_profile,
     motion_beside,
     shipped_motions,
 )
+from sdt_drake.motion.resampling import import_motion
+from sdt_drake.motion.retiming import retime
 from sdt_drake.motion.trajectory import Motion
 
 PLANNERS = {"limiter": plan_motion, "retiming": retime}
@@ -30,27 +29,22 @@ __all__ = [
     "INTERPOLATION_PERIOD",
     "PLANNERS",
     "Command",
-    "CommandProfile",
-    "Knots",
-    "Loss",
+    "Course",
     "Margins",
     "Motion",
-    "Oscillation",
+    "MotionProfile",
     "Plan",
-    "Sampled",
-    "Tightest",
-    "TrainingProfile",
-    "check_motion",
+    "checked_torque",
+    "command_of",
+    "commanded_motion",
     "ends_in_motion",
     "find_motion",
     "import_motion",
     "load_command",
     "load_profile",
-    "load_training",
     "margins",
     "motion_beside",
     "plan_motion",
-    "resample",
     "retime",
     "shipped_motions",
     "write_drive_table",

@@ -1,50 +1,78 @@
-"""Joint speeds that a training motion commands: courses in pieces, and a gondola aligned with G."""
+"""Joint speeds that a motion profile commands of a robot, as functions of time."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sdt_drake.errors import InputError
+from sdt_drake.fields import check
+from sdt_drake.motion.profile import (
+    Knots,
+    MotionProfile,
+    Oscillation,
+    Ramp,
+    Resultant,
+    Sampled,
+    Segment,
+    Track,
+    Turn,
+    find_motion,
+    load_profile,
+)
+from sdt_drake.motion.spin import SpinGeometry, spin_geometry
+from sdt_drake.motion.trajectory import Motion
+from sdt_drake.resources import find_file
 from sdt_drake.robot import Robot
 
 Array = NDArray[np.float64]
 
-_PARALLEL = 1e-6  # rad, m; how far an SDF with rounded angles may be off
+_SAME_TIME = 1e-9  # s; round-off of sums of durations
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A speed in m pieces, each linear or along half a cosine.
+    """A speed in m pieces, each linear or along half a cosine, and swings beside them.
 
     Attributes:
         times: [s], growing, shape (m + 1,).
         values: speed at these times [rad/s], shape (m + 1,).
         cosine: whether a piece is along a cosine, shape (m,).
+        swings: each with its start [s].
     """
 
     times: Array
     values: Array
     cosine: NDArray[np.bool_]
+    swings: tuple[tuple[float, Oscillation], ...] = ()
 
     @staticmethod
-    def at_rest(duration: float) -> Course:
-        """No speed for `duration` [s]."""
-        return Course(np.array([0.0, duration]), np.zeros(2), np.array([False]))
+    def linear(times: ArrayLike, values: ArrayLike) -> Course:
+        """Straight from point to point."""
+        return Course(np.array(times), np.array(values), np.zeros(len(times) - 1, dtype=bool))
 
     def speed(self, time: Array) -> Array:
         """[rad/s] at `time` [s], shape (N,)."""
         i, s, _ = self._piece(time)
-        share = np.where(self.cosine[i], (1 - np.cos(np.pi * s)) / 2, s)
-        return self.values[i] + np.diff(self.values)[i] * share
+        blended = self.values[i] + np.diff(self.values)[i] * (1 - np.cos(np.pi * s)) / 2
+        linear = np.interp(time, self.times, self.values)
+        speed = np.where(self.cosine[i], blended, linear)
+        return speed + sum(swing.speed(time - start) for start, swing in self.swings)
 
     def acceleration(self, time: Array) -> Array:
-        """[rad/s²] at `time` [s], shape (N,); where it jumps, that of the later piece."""
+        """Of the pieces, without swings [rad/s²], shape (N,); at a jump that of the later piece."""
         i, s, duration = self._piece(time)
         share = np.where(self.cosine[i], np.pi / 2 * np.sin(np.pi * s), 1.0)
         return np.diff(self.values)[i] / duration * share
+
+    def corners(self) -> Array:
+        """Times [s] between which the speed goes one way."""
+        swinging = [start + swing.corners() for start, swing in self.swings]
+        return np.concatenate([self.times, *swinging])
 
     def _piece(self, time: Array) -> tuple[NDArray[np.intp], Array, Array]:
         """Number of the piece, share of it that is over [-], and how long it is [s]."""
@@ -54,145 +82,206 @@ class Course:
         return i, np.clip((time - self.times[i]) / duration, 0, 1), duration
 
 
-@dataclass(frozen=True)
-class SpinGeometry:
-    """How a spin about the vertical makes a resultant.
+class TimedSegment(NamedTuple):
+    """What a track does from `start` to `end` [s], for people."""
 
-    Attributes:
-        radius: R, of the origin of the aligned joint (of the last joint if none is aligned) about
-            the axis of spin, at q = 0 [m]. Elsewhere in the gondola the resultant is another one.
-        gravity: g [m/s²].
-        fastest: speed limit of the spin joint [rad/s], inf where there is none.
-        sign: of the angle that turns 'up' onto the resultant about the aligned joint's axis; 0 if
-            none is aligned.
-    """
-
-    radius: float
-    gravity: float
-    fastest: float
-    sign: float
-
-    def speed(self, resultant_g: float) -> float:
-        """Spin speed [rad/s] that makes G: omega² R / g = sqrt(G² - 1)."""
-        ratio = np.sqrt(resultant_g - 1) * np.sqrt(resultant_g + 1)
-        return float(np.sqrt(ratio * self.gravity / self.radius))
-
-    @property
-    def largest_g(self) -> float:
-        """The G of the speed limit."""
-        return float(np.hypot(1, self.fastest**2 * self.radius / self.gravity))
-
-
-@dataclass(frozen=True, eq=False)
-class Alignment:
-    """Turns 'up' of what a joint carries onto gravity plus centripetal acceleration.
-
-    theta = sign atan(omega² R / g), so theta' = sign 2 omega omega' R / g / (1 + (omega² R / g)²)
-
-    Attributes:
-        joint: number of the joint, from 0.
-        spin: omega.
-        geometry: R, g and the sign.
-    """
-
-    joint: int
-    spin: Course
-    geometry: SpinGeometry
-
-    def speed(self, time: Array) -> Array:
-        """theta' [rad/s] at `time` [s], shape (N,)."""
-        R, g = self.geometry.radius, self.geometry.gravity
-        omega, omegad = self.spin.speed(time), self.spin.acceleration(time)
-        return self.geometry.sign * (2 * omega * omegad * R / g) / (1 + (omega**2 * R / g) ** 2)
+    track: str
+    start: float
+    end: float
+    text: str
 
 
 @dataclass(frozen=True, eq=False)
 class Command:
-    """Commanded joint speeds of a training motion.
+    """Commanded joint speeds.
 
     Attributes:
         name: of the motion.
         duration: [s].
         q0: joint angles at the start [rad], shape (n,).
         joints: speed of each joint, base to tip, without alignment.
-        alignment: what one joint does beside that; None for nothing.
+        alignment: joint number, spin and geometry of what turns 'up' onto the resultant beside
+            that; None for nothing.
+        timeline: every segment, track after track.
     """
 
     name: str
     duration: float
     q0: Array
     joints: tuple[Course, ...]
-    alignment: Alignment | None
+    alignment: tuple[int, Course, SpinGeometry] | None = None
+    timeline: tuple[TimedSegment, ...] = ()
 
-    def start(self) -> Array:
-        """Joint angles at time 0 [rad], shape (n,)."""
-        return self.q0.copy()
+    @staticmethod
+    def of_motion(name: str, motion: Motion) -> Command:
+        """A motion as what is commanded."""
+        joints = tuple(Course.linear(motion.time, v) for v in motion.v.T)
+        return Command(name, motion.duration, motion.q[0], joints)
 
     def corners(self) -> Array:
         """Times [s] between which every speed goes one way, growing."""
-        return np.unique(np.concatenate([course.times for course in self.joints]))
+        return np.unique(np.concatenate([course.corners() for course in self.joints]))
 
     def speeds(self, time: Array) -> Array:
         """Commanded joint speeds [rad/s] at `time` [s] of shape (N,), shape (N, n)."""
         v = np.stack([course.speed(time) for course in self.joints], axis=1)
         if self.alignment is not None:
-            v[:, self.alignment.joint] += self.alignment.speed(time)
+            k, spin, geometry = self.alignment
+            v[:, k] += geometry.alignment_speed(spin.speed(time), spin.acceleration(time))
         return v
 
 
-def spin_geometry(robot: Robot, spin: str, align: str | None, where: str) -> SpinGeometry:
-    """How a spin joint makes a resultant, from the plant at q = 0.
-
-    Args:
-        robot: has both joints.
-        spin: name of the joint that spins.
-        align: name of the joint that aligns what it carries; None if nothing is aligned.
-        where: named in errors.
+def load_command(path: str | Path, robot: Robot) -> Command:
+    """What a motion profile (YAML), or the shipped one of a name, commands of a robot.
 
     Raises:
-        InputError: naming `where`, if there is no gravity, the axis of spin is not vertical, or
-            the other joint is not carried around by it, or cannot align.
+        InputError: naming the file, the field, and what would be right.
     """
-    gravity = robot.plant.gravity_field().gravity_vector()
-    g = float(np.linalg.norm(gravity))
-    if g == 0:
-        raise InputError(f"{where}: no gravity in '{robot.name}', expected some")
-    up = -gravity / g
-    spin_axis, centre = _axis_and_origin(robot, spin)
-    if np.linalg.norm(np.cross(spin_axis, up)) > _PARALLEL:
-        raise InputError(
-            f"{where}.spin: the axis of '{spin}' is not vertical, "
-            "expected a joint with a vertical axis"
-        )
-    carried = align or robot.joint_names[-1]
-    axis, origin = _axis_and_origin(robot, carried)
-    arm = origin - centre
-    arm = arm - (arm @ up) * up
-    radius = float(np.linalg.norm(arm))
-    inboard = robot.joint_names.index(spin) < robot.joint_names.index(carried)
-    if not inboard or radius < _PARALLEL:
-        key = "align" if align else "spin"
-        raise InputError(
-            f"{where}.{key}: '{spin}' does not carry '{carried}' around, expected a joint on an arm"
-        )
-    sign = 0.0
-    if align is not None:
-        # Turned by theta about its axis, 'up' is cos(theta) up + sin(theta) axis x up.
-        towards_centre = np.cross(axis, up) @ (-arm / radius)
-        if 1 - abs(towards_centre) > _PARALLEL:
+    return command_of(load_profile(path), robot, str(find_file(find_motion(path))))
+
+
+def command_of(profile: MotionProfile, robot: Robot, where: str | None = None) -> Command:
+    """The joint speeds that a profile commands of a robot.
+
+    Args:
+        profile: what is wanted.
+        robot: has the joints that the tracks name.
+        where: named in errors; by default the motion.
+
+    Raises:
+        InputError: naming `where`, the track, the segment and what would be right: a number out of
+            range; a joint that the robot does not have, or two tracks for one; segments that
+            overlap or last longer than the motion; a joint that is not at rest at the end; an axis
+            of spin that is not vertical, or one that cannot align.
+    """
+    where = where or f"motion '{profile.name}'"
+    check(profile, where, robot.n)
+    tracks, q0 = _placed_tracks(profile, robot, where), _start(profile, robot)
+    joints = [Course.linear([0.0, profile.duration], [0.0, 0.0])] * robot.n
+    alignment, timeline = None, []
+    for place, track, places in tracks:
+        k, geometry = robot.joint_names.index(track.joints[0]), None
+        if track.resultant is not None:
+            geometry = _spin(track.resultant, profile, robot, f"{place}.resultant")
+        joints[k], spans = _course(track, places, geometry, q0[k], profile.duration)
+        timeline += spans
+        if geometry is not None and geometry.sign != 0:
+            aligned = robot.joint_names.index(track.resultant.align)
+            alignment = aligned, joints[k], geometry
+    return Command(profile.name, profile.duration, q0, tuple(joints), alignment, tuple(timeline))
+
+
+def _start(profile: MotionProfile, robot: Robot) -> Array:
+    if profile.start_deg is not None:
+        return np.radians(profile.start_deg)
+    return np.zeros(robot.n) if profile.q0 is None else np.array(profile.q0)
+
+
+def _placed_tracks(
+    profile: MotionProfile, robot: Robot, where: str
+) -> list[tuple[str, Track, list[str]]]:
+    """Each track with its place in the file, and those of its segments."""
+    placed = []
+    for i, track in enumerate(profile.tracks):
+        place = f"{where}: tracks[{i + 1}]"
+        segments = [f"{place}.segments[{j + 1}]" for j in range(len(track.segments))]
+        placed.append((place, track, segments))
+    for k, segment in enumerate(profile.joints):
+        place = f"{where}: joints[{k + 1}]"
+        placed.append((place, Track(joint=robot.joint_names[k], segments=[segment]), [place]))
+    moved: dict[str, str] = {}
+    for place, track, _ in placed:
+        names = {"joint": track.joint}
+        if track.resultant is not None:
+            names = {"resultant.spin": track.joints[0], "resultant.align": track.resultant.align}
+        for key, name in names.items():
+            if name is not None and name not in robot.joint_names:
+                raise InputError(
+                    f"{place}.{key}: '{name}', expected a joint of '{robot.name}': "
+                    f"{', '.join(robot.joint_names)}"
+                )
+        own = track.joints[0]
+        if own in moved:
+            raise InputError(f"{place}: joint '{own}' is moved by {moved[own]} already")
+        moved[own] = place.removeprefix(f"{where}: ")
+    return placed
+
+
+def _spin(resultant: Resultant, profile: MotionProfile, robot: Robot, where: str) -> SpinGeometry:
+    """Refuse what would carry the aligned joint elsewhere: nothing inboard turns, but the spin."""
+    joint = resultant.align or resultant.spin
+    q0, moved = _start(profile, robot), {track.joints[0] for track in profile.tracks}
+    for k in range(robot.joint_names.index(joint)):
+        name = robot.joint_names[k]
+        if name != resultant.spin and (name in moved or q0[k] != 0):
             raise InputError(
-                f"{where}.align: the axis of '{align}' is not along the path of the arm, "
-                "expected one that turns 'up' towards the axis of spin"
+                f"{where}: joint '{name}', which carries '{joint}', moves or starts turned; "
+                "expected it to stay at 0"
             )
-        sign = float(np.sign(towards_centre))
-    fastest = float(robot.velocity_limit[robot.joint_names.index(spin)])
-    return SpinGeometry(radius, g, fastest, sign)
+    return spin_geometry(robot, resultant.spin, resultant.align, where)
 
 
-def _axis_and_origin(robot: Robot, name: str) -> tuple[Array, Array]:
-    """Axis and origin [m] of a joint in the world at q = 0."""
-    context = robot.plant.CreateDefaultContext()
-    robot.plant.SetPositions(context, np.zeros(robot.n))
-    joint = robot.plant.GetJointByName(name)
-    pose = joint.frame_on_parent().CalcPoseInWorld(context)
-    return pose.rotation().matrix() @ joint.revolute_axis(), pose.translation()
+def _course(
+    track: Track, places: list[str], geometry: SpinGeometry | None, angle: float, duration: float
+) -> tuple[Course, list[TimedSegment]]:
+    """The speed of a track that starts at `angle` [rad], and its segments with their times."""
+    times, speeds, cosine, swings, timeline = [0.0], [0.0], [], [], []
+
+    def go_on(time: float, speed: float, *, along_cosine: bool = False) -> None:
+        nonlocal angle
+        angle += (speeds[-1] + speed) / 2 * (time - times[-1])
+        times.append(time)
+        speeds.append(speed)
+        cosine.append(along_cosine)
+
+    for place, segment in zip(places, track.segments, strict=True):
+        at = times[-1] if segment.at is None else segment.at
+        if at < times[-1] - _SAME_TIME:
+            raise InputError(
+                f"{place}.at: overlap, {at:.6g} s is before the segment before ends, at "
+                f"{times[-1]:.6g} s"
+            )
+        if at > times[-1] + _SAME_TIME:
+            go_on(at, speeds[-1])
+        start = times[-1]
+        if start == 0:
+            speeds[0] = segment.start_speed(0.0)
+        _check_fit(segment, geometry, speeds[-1], place)
+        steps = segment.steps(speeds[-1], angle, geometry)
+        if steps[-1][0] <= _SAME_TIME:
+            raise InputError(f"{place}: nothing changes, expected another target or a !Hold")
+        for time, speed in steps:
+            go_on(start + time, speed, along_cosine=segment.blend == "cosine")
+        if isinstance(segment, Oscillation):
+            swings.append((start, segment))
+            angle += segment.angle()
+        timeline.append(TimedSegment(" + ".join(track.joints), start, times[-1], segment.text()))
+    left, given = duration - times[-1], isinstance(segment, (Knots, Sampled))
+    if left < -_SAME_TIME or (given and left > _SAME_TIME):
+        raise InputError(
+            f"{place}: ends at {times[-1]:.9g} s, expected {'at' if given else 'by'} the end of "
+            f"the motion, duration {duration:g} s"
+        )
+    if speeds[-1] != 0 and not given:
+        raise InputError(
+            f"{place}: '{track.joints[0]}' ends at {np.degrees(speeds[-1]):.6g} deg/s, expected "
+            "rest at the end"
+        )
+    if left > _SAME_TIME:
+        go_on(duration, 0.0)
+    return Course(np.array(times), np.array(speeds), np.array(cosine), tuple(swings)), timeline
+
+
+def _check_fit(segment: Segment, geometry: SpinGeometry | None, speed: float, where: str) -> None:
+    """Refuse a segment that cannot begin at a speed, and a G that the spin cannot make."""
+    expected = 0.0 if isinstance(segment, (Turn, Oscillation)) else segment.start_speed(speed)
+    if speed != expected:
+        raise InputError(
+            f"{where}: !{type(segment).__name__} at a speed of {np.degrees(speed):g} deg/s, "
+            + (f"expected {np.degrees(expected):g} deg/s" if expected else "expected rest")
+        )
+    if geometry is not None and isinstance(segment, Ramp) and segment.to_g > geometry.largest_g:
+        raise InputError(
+            f"{where}.to_g: {segment.to_g:g} G, expected at most {geometry.largest_g:.3f} G, the "
+            "speed limit of the spin joint"
+        )

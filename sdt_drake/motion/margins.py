@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sdt_drake.dynamics import inverse_dynamics
-from sdt_drake.errors import InputError, checked_vector
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot import Robot
 
@@ -68,11 +67,6 @@ class Margins:
         """Largest |torque| [N m], shape (n,)."""
         return np.abs(self.torque).max(axis=0)
 
-    @property
-    def peak_torque_time(self) -> Array:
-        """When that is [s], shape (n,)."""
-        return self.time[np.abs(self.torque).argmax(axis=0)]
-
     def tightest(self, joint: int) -> Tightest:
         """Where joint number `joint`, from 0, has the smallest margin."""
         places = []
@@ -103,20 +97,17 @@ def margins(
         robot: the robot.
         motion: the motion; it may be beyond the limits.
         n1, n0: motor speeds up to which the full torque is available, and at which none is left to
-            drive with [rad/s], **motor side**, shape (n,); as of a scenario's drive. Torque against
-            the motion (braking) is not reduced. No envelope by default.
-
-    Raises:
-        InputError: if the motion has another number of joints, or n1 and n0 are not 0 < n1 < n0.
+            drive with [rad/s], **motor side**, shape (n,), 0 < n1 < n0; as of a scenario's drive.
+            Torque against the motion (braking) is not reduced. No envelope by default.
     """
-    if motion.n != robot.n:
-        raise InputError(f"motion: {motion.n} joints, robot '{robot.name}' has {robot.n}")
     torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
     limit = np.broadcast_to(robot.effort_limit, torque.shape)
     lowest, highest = -limit, limit
     share = {"torque": np.abs(torque) / limit}
-    if n1 is not None or n0 is not None:
-        left = _envelope(robot, motion, n1, n0)
+    if n1 is not None:
+        # What is left of each motor's torque to drive with at its speed.
+        motor_speed = robot.gear_ratio * np.abs(motion.v)
+        left = np.clip((n0 - motor_speed) / np.subtract(n0, n1), 0, 1)
         lowest = np.where(motion.v < 0, left, 1) * lowest
         highest = np.where(motion.v > 0, left, 1) * highest
         available = np.where(torque > 0, highest, -lowest)
@@ -143,20 +134,6 @@ def margins(
         to_stop=np.minimum(motion.q - lower, upper - motion.q).min(axis=0),
         share=share,
     )
-
-
-def _envelope(robot: Robot, motion: Motion, n1: ArrayLike | None, n0: ArrayLike | None) -> Array:
-    """What is left of each motor's torque to drive with at its speed [-], shape (N + 1, n)."""
-    if n1 is None or n0 is None:
-        raise InputError("envelope: n1 and n0 must be given together")
-    n1, n0 = (
-        checked_vector(values, robot.n, name, positive=True)
-        for name, values in (("n1", n1), ("n0", n0))
-    )
-    if np.any(n1 >= n0):
-        raise InputError(f"n0: {n0.tolist()}, expected more than n1, {n1.tolist()}, everywhere")
-    motor_speed = robot.gear_ratio * np.abs(motion.v)
-    return np.clip((n0 - motor_speed) / (n0 - n1), 0, 1)
 
 
 def _position_share(q: Array, lower: Array, upper: Array) -> Array:

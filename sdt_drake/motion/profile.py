@@ -1,97 +1,235 @@
-"""What the instructor wants: the commanded speed of each joint over time, from YAML."""
+"""Motion profiles: what the instructor wants of each joint, or of G, as segments in YAML.
+
+A segment is made of pieces from one speed to another, linear or along half a cosine; so an angle is
+the sum of (v_i + v_i+1) / 2 times the time of each piece, whatever its blend. Only a swing is not.
+"""
 
 # Drake's YAML loader reads the annotations here: they may not be postponed, and a union must be
 # spelled Optional[...] or Union[...].
+import difflib
 import itertools
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path, PurePath
 from typing import Optional, Union
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.errors import InputError, checked_number, checked_vector, whole_periods
+from sdt_drake.errors import InputError
+from sdt_drake.fields import beside, setting
+from sdt_drake.motion.spin import SpinGeometry
+from sdt_drake.resources import PACKAGE_PREFIX, models_dir
 from sdt_drake.yaml_files import load_yaml
 
 Array = NDArray[np.float64]
+Problems = Iterator[tuple[str, str]]  # field, and what is wrong
+Step = tuple[float, float]  # when, since its segment began [s], and the speed then [rad/s]
 
+BLENDS = ("cosine", "linear")
+# Largest acceleration of a ramp, over its mean one.
+_PEAK_ACCELERATION = {"cosine": np.pi / 2, "linear": 1.0}
+# Largest speed of a turn, over its mean one: up and down along cosines, or a trapezoid whose
+# thirds take equal times.
+_PEAK_SPEED = {"cosine": 2.0, "linear": 1.5}
 _MOST_SWINGS = 100_000  # what memory holds
 
 
-@dataclass
-class Knots:
+@dataclass(kw_only=True)
+class Segment:
+    """What a joint, or a wanted G, does for a while.
+
+    Attributes:
+        at: start [s]; right after the segment before if not given.
+    """
+
+    at: Optional[float] = setting(None, minimum=0, unit="s")
+
+    blend = "linear"  # of the speed
+
+    def start_speed(self, speed: float) -> float:
+        """Speed at the start [rad/s], after `speed`."""
+        return speed
+
+    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
+        """Pieces of the speed, by their ends.
+
+        Args:
+            speed: at the start [rad/s].
+            angle: of the joint at the start [rad], without its share of an alignment.
+            geometry: how the joint makes a G, in a track of a resultant.
+        """
+        raise NotImplementedError
+
+    def text(self) -> str:
+        """What it does, in a few words."""
+        return type(self).__name__.lower()
+
+
+@dataclass(kw_only=True)
+class Hold(Segment):
+    """The speed stays what it is.
+
+    Attributes:
+        duration: [s].
+    """
+
+    duration: float = setting(above=0, unit="s")
+
+    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
+        """One piece."""
+        return [(self.duration, speed)]
+
+
+@dataclass(kw_only=True)
+class Ramp(Segment):
+    """The speed goes from what it is to another one.
+
+    Attributes:
+        to_deg_s: joint speed at the end [deg/s]; in a track of a joint.
+        to_g: resultant of gravity and centripetal acceleration at the end [G]; in a track of the
+            resultant. The speed of the spin joint is what goes linearly or along a cosine:
+            d omega / d G is infinite at 1 G.
+        duration: [s], or
+        acceleration_deg_s2: the largest one [deg/s²], > 0.
+        blend: of the speed, "cosine" or "linear" (whose acceleration jumps).
+    """
+
+    to_deg_s: Optional[float] = setting(None, unit="deg/s")
+    to_g: Optional[float] = setting(None, minimum=1, unit="G")
+    duration: Optional[float] = setting(None, above=0, unit="s")
+    acceleration_deg_s2: Optional[float] = setting(None, above=0, unit="deg/s²")
+    blend: str = setting("cosine", choices=BLENDS)
+
+    def problems(self) -> Problems:
+        """Of two fields that say the same, one is given."""
+        yield from _either(self, "to_deg_s", "to_g")
+        yield from _either(self, "duration", "acceleration_deg_s2")
+
+    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
+        """One piece."""
+        if self.to_g is None:
+            target = float(np.radians(self.to_deg_s))
+        else:
+            target = geometry.speed(self.to_g)
+        if self.duration is not None:
+            return [(self.duration, target)]
+        mean = float(np.radians(self.acceleration_deg_s2)) / _PEAK_ACCELERATION[self.blend]
+        return [(abs(target - speed) / mean, target)]
+
+    def text(self) -> str:
+        """Where to, and how."""
+        target = f"{self.to_deg_s:g} deg/s" if self.to_g is None else f"{self.to_g:g} G"
+        return f"to {target}, {self.blend}"
+
+
+@dataclass(kw_only=True)
+class Turn(Segment):
+    """The joint turns from rest to rest.
+
+    Attributes:
+        by_deg: change of the angle [deg], or
+        to_deg: angle at the end [deg]; of the joint without its share of an alignment.
+        duration: [s], or
+        speed_deg_s: the largest speed [deg/s], > 0.
+        blend: of the speed: "cosine", (1 - cos) / 2 with a mean of half the largest, or "linear",
+            a trapezoid of three equal times with a mean of two thirds.
+    """
+
+    by_deg: Optional[float] = setting(None, unit="deg")
+    to_deg: Optional[float] = setting(None, unit="deg")
+    duration: Optional[float] = setting(None, above=0, unit="s")
+    speed_deg_s: Optional[float] = setting(None, above=0, unit="deg/s")
+    blend: str = setting("cosine", choices=BLENDS)
+
+    def problems(self) -> Problems:
+        """Of two fields that say the same, one is given."""
+        yield from _either(self, "by_deg", "to_deg")
+        yield from _either(self, "duration", "speed_deg_s")
+
+    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
+        """Two pieces along cosines, or three linear ones."""
+        if self.to_deg is None:
+            by = float(np.radians(self.by_deg))
+        else:
+            by = float(np.radians(self.to_deg)) - angle
+        factor = _PEAK_SPEED[self.blend]
+        duration = self.duration
+        if duration is None:
+            duration = factor * abs(by) / float(np.radians(self.speed_deg_s))
+        peak = factor * by / duration if duration > 0 else 0.0
+        speeds = (peak, 0.0) if self.blend == "cosine" else (peak, peak, 0.0)
+        return [((i + 1) * duration / len(speeds), v) for i, v in enumerate(speeds)]
+
+    def text(self) -> str:
+        """Where to, and how."""
+        turn = f"by {self.by_deg:g} deg" if self.to_deg is None else f"to {self.to_deg:g} deg"
+        return f"turn {turn}, {self.blend}"
+
+
+@dataclass(kw_only=True)
+class Knots(Segment):
     """Piecewise-linear speed.
 
     Attributes:
-        knots: pairs of time [s] and joint speed [rad/s]; times grow from 0 to the duration.
+        knots: pairs of time since the start of the segment [s], from 0 on, and speed [rad/s].
     """
 
-    knots: list[list[float]] = field(default_factory=list)
+    knots: list[list[float]] = setting()
 
-    def validate(self, duration: float, where: str) -> None:
-        """Raise InputError unless the knots cover 0..duration [s] in growing time."""
+    def problems(self) -> Problems:
+        """There are pairs in growing time from 0 on."""
         if len(self.knots) < 2 or any(len(knot) != 2 for knot in self.knots):
-            raise InputError(f"{where}.knots: expected at least two pairs [time s, speed rad/s]")
-        checked_vector(np.ravel(self.knots), 2 * len(self.knots), f"{where}.knots")
-        times = [knot[0] for knot in self.knots]
+            yield "knots", "expected at least two pairs [time s, speed rad/s]"
+            return
+        times = [time for time, _ in self.knots]
+        if times[0] != 0:
+            yield "knots", f"from {times[0]:.9g} s on, expected from 0 s on"
         for earlier, later in itertools.pairwise(times):
             if later <= earlier:
-                raise InputError(
-                    f"{where}.knots: time {later:g} s after {earlier:g} s, expected growing times"
-                )
-        if times[0] != 0 or times[-1] != duration:
-            raise InputError(
-                f"{where}.knots: from {times[0]:.9g} to {times[-1]:.9g} s, "
-                f"expected 0 to {duration:g} s"
-            )
+                yield "knots", f"time {later:g} s after {earlier:g} s, expected growing times"
 
-    def speed(self, time: Array) -> Array:
-        """Joint speed [rad/s] at `time` [s]."""
-        times, speeds = np.transpose(self.knots)
-        return np.interp(time, times, speeds)
+    def start_speed(self, speed: float) -> float:
+        """That of the first knot [rad/s]."""
+        return self.knots[0][1]
 
-    def corners(self) -> Array:
-        """Times of the knots [s]."""
-        return np.array(self.knots)[:, 0]
+    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
+        """A piece for each knot but the first."""
+        return [(time, v) for time, v in self.knots[1:]]
 
 
-@dataclass
-class Sampled:
+@dataclass(kw_only=True)
+class Sampled(Segment):
     """Speed given at equal steps, linear between them.
 
     Attributes:
         period: time between samples [s].
-        speeds: joint speed [rad/s] at 0, period, 2 period, ... up to the duration.
+        speeds: joint speed [rad/s] at 0, period, 2 period, ... since the start of the segment.
     """
 
-    period: float = 0.0
-    speeds: list[float] = field(default_factory=list)
+    period: float = setting(above=0, unit="s")
+    speeds: list[float] = setting(unit="rad/s")
 
-    def validate(self, duration: float, where: str) -> None:
-        """Raise InputError unless the samples cover 0..duration [s]."""
-        checked_number(self.period, f"{where}.period", minimum=0, exclusive=True)
-        count = whole_periods(duration, self.period, f"{where}: duration")
-        if len(self.speeds) != count + 1:
-            raise InputError(
-                f"{where}.speeds: {len(self.speeds)} samples, expected {count + 1} "
-                f"for {duration:g} s at {self.period:g} s"
-            )
-        checked_vector(self.speeds, count + 1, f"{where}.speeds")
+    def problems(self) -> Problems:
+        """There are samples to go between."""
+        if len(self.speeds) < 2:
+            yield "speeds", f"{len(self.speeds)} value(s), expected two or more"
 
-    def speed(self, time: Array) -> Array:
-        """Joint speed [rad/s] at `time` [s]."""
-        return np.interp(time, self.corners(), self.speeds)
+    def start_speed(self, speed: float) -> float:
+        """That of the first sample [rad/s]."""
+        return self.speeds[0]
 
-    def corners(self) -> Array:
-        """Times of the samples [s]."""
-        return self.period * np.arange(len(self.speeds))
+    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
+        """A piece for each sample but the first."""
+        return [(i * self.period, v) for i, v in enumerate(self.speeds) if i > 0]
 
 
-@dataclass
-class Oscillation:
+@dataclass(kw_only=True)
+class Oscillation(Segment):
     """Speed of a swing A sin(2 pi t / T) that is faded in and out.
 
-    v(t) = A (2 pi / T) cos(2 pi t / T) clip(t / fade, 0, 1) clip((end - t) / fade, 0, 1)
+    v(t) = A (2 pi / T) cos(2 pi t / T) clip(t / fade, 0, 1) clip((end - t) / fade, 0, 1),
+    t since the start of the segment.
 
     Attributes:
         amplitude: A, of the angle [rad].
@@ -100,87 +238,180 @@ class Oscillation:
         end: time of rest [s].
     """
 
-    amplitude: float = 0.0
-    period: float = 0.0
-    fade: float = 0.0
-    end: float = 0.0
+    amplitude: float = setting(unit="rad")
+    period: float = setting(above=0, unit="s")
+    fade: float = setting(above=0, unit="s")
+    end: float = setting(above=0, unit="s")
 
-    def validate(self, duration: float, where: str) -> None:
-        """Raise InputError unless the swing is finite and over by `duration` [s]."""
-        checked_number(self.amplitude, f"{where}.amplitude")
-        for name in ("period", "fade", "end"):
-            checked_number(getattr(self, name), f"{where}.{name}", minimum=0, exclusive=True)
-        shortest = self.end / _MOST_SWINGS
-        if self.period < shortest:
-            raise InputError(
-                f"{where}.period: {self.period:g} s, expected at least {shortest:g} s, "
-                f"for {_MOST_SWINGS} swings by {self.end:g} s"
+    def problems(self) -> Problems:
+        """The swings can be counted."""
+        least = self.end / _MOST_SWINGS
+        if self.period < least:
+            yield (
+                "period",
+                f"{self.period:g} s, expected at least {least:g} s, for {_MOST_SWINGS} swings",
             )
-        if self.end > duration:
-            raise InputError(f"{where}.end: {self.end:g} s, expected <= duration {duration:g} s")
+
+    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
+        """A rest, to which the swing is added."""
+        return [(self.end, 0.0)]
 
     def speed(self, time: Array) -> Array:
-        """Joint speed [rad/s] at `time` [s]."""
+        """Joint speed [rad/s] at `time` [s] since the start."""
         omega = 2 * np.pi / self.period
         fade_in = np.clip(time / self.fade, 0, 1)
         fade_out = np.clip((self.end - time) / self.fade, 0, 1)
         return self.amplitude * omega * np.cos(omega * time) * fade_in * fade_out
 
     def corners(self) -> Array:
-        """Times of the turns of the speed, and where the fading starts or ends [s]."""
+        """Times since the start between which the speed goes one way, or fades [s], growing."""
         turns = np.arange(0, self.end, self.period / 2)
         fading = np.array([self.fade, self.end - self.fade, self.end])
-        return np.concatenate([turns, np.clip(fading, 0, self.end)])
+        return np.unique(np.concatenate([turns, np.clip(fading, 0, self.end)]))
+
+    def angle(self) -> float:
+        """By how much it changes the angle of the joint [rad]."""
+        nodes, weights = np.polynomial.legendre.leggauss(8)
+        corners = self.corners()
+        half, middle = np.diff(corners) / 2, (corners[1:] + corners[:-1]) / 2
+        return float(half @ self.speed(middle[:, None] + half[:, None] * nodes) @ weights)
 
 
-@dataclass
-class CommandProfile:
-    """Commanded speeds of all joints.
+@dataclass(kw_only=True)
+class Resultant:
+    """Which joints make a wanted G.
 
     Attributes:
-        name: short name.
-        description: one sentence for lists and reports.
+        spin: the joint whose speed makes it; its axis must be vertical.
+        align: the joint that turns 'up' of what it carries onto the resultant of gravity and
+            centripetal acceleration; none if not given. The tangential acceleration of a changing
+            speed is **not** aligned: it is felt sideways to the arm. The acceleration of this
+            joint jumps a little where a ramp ends.
+    """
+
+    spin: str
+    align: Optional[str] = None
+
+
+@dataclass(kw_only=True)
+class Track:
+    """Segments, one after the other, of one joint or of a wanted G. Speeds in gaps are held.
+
+    Attributes:
+        joint: name of the joint, or
+        resultant: which joints make a wanted G.
+        segments: in their order in time.
+    """
+
+    joint: Optional[str] = None
+    resultant: Optional[Resultant] = None
+    segments: list[Union[Ramp, Hold, Turn, Knots, Sampled, Oscillation]] = setting()
+
+    def problems(self) -> Problems:
+        """The segments are those of a joint, or those of a resultant."""
+        yield from _either(self, "joint", "resultant")
+        for j, segment in enumerate(self.segments):
+            place, kind = f"segments[{j + 1}]", type(segment)
+            if self.resultant is None:
+                if kind is Ramp and segment.to_g is not None:
+                    yield f"{place}.to_g", "in a track of a joint, expected to_deg_s"
+            elif kind not in (Ramp, Hold):
+                yield place, f"!{kind.__name__} in a track of the resultant, expected !Ramp, !Hold"
+            elif kind is Ramp and segment.to_g is None:
+                yield f"{place}.to_deg_s", "in a track of the resultant, expected to_g"
+            elif kind is Ramp and segment.blend == "linear" and self.resultant.align is not None:
+                align = f"the aligned joint '{self.resultant.align}' would have to jump in speed"
+                yield f"{place}.blend", f"'linear', expected cosine: {align}"
+
+    @property
+    def joints(self) -> list[str]:
+        """The joint whose speed the segments give; of a resultant the aligned one too."""
+        if self.resultant is None:
+            return [self.joint]
+        return [j for j in (self.resultant.spin, self.resultant.align) if j is not None]
+
+
+@dataclass(kw_only=True)
+class MotionProfile:
+    """Commanded speeds of the joints.
+
+    Attributes:
+        name: short name; by default that of the file.
+        title: of the illusion that it makes.
+        description: one sentence.
+        feels: one sentence: what the pilot should feel.
+        notes: what is assumed, what a device cannot do, sources.
         duration: [s].
-        q0: joint angles at the start [rad]; all 0 if not given.
-        joints: the speed of each joint, base to tip.
+        start_deg: joint angles at the start [deg], base to tip; all 0 if not given.
+        q0: the same [rad].
+        tracks: what moves; other joints stay where they are.
+        joints: instead of tracks, one segment for each joint, base to tip.
     """
 
     name: str = ""
+    title: str = ""
     description: str = ""
-    duration: float = 0.0
-    q0: Optional[list[float]] = None
-    joints: list[Union[Knots, Sampled, Oscillation]] = field(default_factory=list)
+    feels: str = ""
+    notes: str = ""
+    duration: float = setting(above=0, unit="s")
+    start_deg: Optional[list[float]] = setting(None, per_joint=True, unit="deg")
+    q0: Optional[list[float]] = setting(None, per_joint=True, unit="rad")
+    tracks: list[Track] = setting([])
+    joints: list[Union[Knots, Sampled, Oscillation]] = setting([], per_joint=True)
 
-    def validate(self, where: str) -> None:
-        """Raise InputError, naming `where` and the field, unless every joint is sound."""
-        checked_number(self.duration, f"{where}: duration", minimum=0, exclusive=True)
-        if not self.joints:
-            raise InputError(f"{where}: joints: empty, expected one entry for each joint")
-        for k, joint in enumerate(self.joints):
-            joint.validate(self.duration, f"{where}: joints[{k + 1}]")
-        if self.q0 is not None:
-            checked_vector(self.q0, len(self.joints), f"{where}: q0")
-
-    def start(self) -> Array:
-        """Joint angles at time 0 [rad], shape (n,)."""
-        return np.zeros(len(self.joints)) if self.q0 is None else np.array(self.q0)
-
-    def speeds(self, time: Array) -> Array:
-        """Commanded joint speeds [rad/s] at `time` [s] of shape (N,), shape (N, n)."""
-        return np.stack([joint.speed(time) for joint in self.joints], axis=1)
-
-    def corners(self) -> Array:
-        """Times [s] between which every speed goes one way, growing."""
-        return np.unique(np.concatenate([joint.corners() for joint in self.joints]))
+    def problems(self) -> Problems:
+        """It is said once what moves and where it starts; there is one resultant."""
+        if bool(self.tracks) == bool(self.joints):
+            yield "tracks", "expected what moves, either here or in joints"
+        if self.start_deg is not None and self.q0 is not None:
+            yield "q0", "beside start_deg, expected one of both"
+        resultants = [i + 1 for i, track in enumerate(self.tracks) if track.resultant is not None]
+        for i in resultants[1:]:
+            yield f"tracks[{i}].resultant", f"tracks[{resultants[0]}] has one already"
 
 
-def load_profile(path: str | Path) -> CommandProfile:
-    """A command profile from YAML.
+def load_profile(path: str | Path) -> MotionProfile:
+    """A motion profile from YAML, or the shipped one of a name.
 
     Raises:
         InputError: naming the file, the field, and what would be right.
     """
-    profile, file = load_yaml(CommandProfile, path)
+    profile, file = load_yaml(MotionProfile, find_motion(path))
     profile.name = profile.name or file.stem
-    profile.validate(str(file))
     return profile
+
+
+def shipped_motions() -> list[str]:
+    """Names of the training motions that ship with the package: those that a pilot feels."""
+    names = (file.stem for file in sorted((models_dir() / "motions").glob("*.yaml")))
+    return [name for name in names if load_profile(name).feels]
+
+
+def motion_beside(name: str, folder: Path) -> str:
+    """What a YAML file in `folder` means by a motion: a shipped one by its name, or a file."""
+    return name if find_motion(name) != name else beside(name, folder)
+
+
+def find_motion(name_or_path: str | Path) -> str:
+    """The path of a motion: `graveyard_spin` is package://sdt/motions/graveyard_spin.yaml.
+
+    What has a suffix or a slash is a path already.
+
+    Raises:
+        InputError: if no motion of that name is shipped; it lists near ones.
+    """
+    text = str(name_or_path)
+    if not text or PurePath(text).suffix or PurePath(text).name != text:
+        return text
+    names = sorted(file.stem for file in (models_dir() / "motions").glob("*.yaml"))
+    if text not in names:
+        near = difflib.get_close_matches(text, names, n=3)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"shipped: {', '.join(names)}"
+        raise InputError(f"{text}: no such motion, {hint} (files end in .yaml or .csv)")
+    return f"{PACKAGE_PREFIX}motions/{text}.yaml"
+
+
+def _either(thing: object, one: str, other: str) -> Problems:
+    given = [name for name in (one, other) if getattr(thing, name) is not None]
+    if len(given) != 1:
+        yield "", f"{' and '.join(given) or 'neither'}, expected either {one} or {other}"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.trajectories import PiecewisePolynomial
 
-from sdt_drake.errors import InputError, checked_number, whole_periods
+from sdt_drake.errors import InputError, whole_periods
 from sdt_drake.motion.trajectory import COLUMNS, Motion
 from sdt_drake.tables import read_table
 
@@ -35,15 +35,6 @@ class Loss:
     speed_time: Array
     position: Array
     position_time: Array
-
-
-@dataclass(frozen=True, eq=False)
-class _Samples:
-    """What a file says: time [s] from 0, shape (N,); q [rad] and v [rad/s], shape (N, n)."""
-
-    time: Array
-    q: Array
-    v: Array
 
 
 def import_motion(path: str | Path, period: float) -> tuple[Motion, Loss | None]:
@@ -75,7 +66,6 @@ def resample(path: str | Path, period: float) -> tuple[Motion, Loss]:
             neither v_ref nor q_ref; a joint whose speeds or angles lose more than 1 % of their
             range and 1e-3 rad/s or rad.
     """
-    checked_number(period, "period", minimum=0, exclusive=True)
     time, columns = read_table(path, even=False)
     v, q = columns.get("v_ref"), columns.get("q_ref")
     if v is None and q is None:
@@ -86,23 +76,21 @@ def resample(path: str | Path, period: float) -> tuple[Motion, Loss]:
     last = np.ceil(time[-1] / period - 1e-6) * period
     t = np.arange(whole_periods(last, period, str(path)) + 1) * period
     if v is None:
-        samples, motion = _from_positions(time, q, t, period)
+        v, motion = _from_positions(time, q, t, period)
     else:
-        samples, motion = _from_speeds(time, v, q, t, period)
-    return motion, _checked_loss(path, samples, motion)
+        if q is None:
+            steps = np.diff(time)[:, None] * (v[1:] + v[:-1]) / 2
+            q = np.vstack([np.zeros_like(v[:1]), np.cumsum(steps, axis=0)])
+        motion = Motion.from_speeds(period, q[0], _interpolated(t, time, v))
+    return motion, _checked_loss(path, motion, time, q, v)
 
 
-def _from_speeds(
-    time: Array, v: Array, q: Array | None, t: Array, period: float
-) -> tuple[_Samples, Motion]:
-    if q is None:
-        steps = np.diff(time)[:, None] * (v[1:] + v[:-1]) / 2
-        q = np.vstack([np.zeros_like(v[:1]), np.cumsum(steps, axis=0)])
-    speeds = np.stack([np.interp(t, time, column) for column in v.T], axis=1)
-    return _Samples(time, q, v), Motion.from_speeds(period, q[0], speeds)
+def _interpolated(t: Array, time: Array, values: Array) -> Array:
+    return np.stack([np.interp(t, time, column) for column in values.T], axis=1)
 
 
-def _from_positions(time: Array, q: Array, t: Array, period: float) -> tuple[_Samples, Motion]:
+def _from_positions(time: Array, q: Array, t: Array, period: float) -> tuple[Array, Motion]:
+    """Speeds at the samples, and the motion."""
     if len(time) < 4:  # too few for a spline
         course = PiecewisePolynomial.FirstOrderHold(time, q.T)
     else:
@@ -112,19 +100,14 @@ def _from_positions(time: Array, q: Array, t: Array, period: float) -> tuple[_Sa
     positions = course.vector_values(within).T + (t - within)[:, None] * v[-1]
     # What gives the central differences the speeds of the course at its ends.
     before, after = positions[1] - 2 * period * v[0], positions[-2] + 2 * period * v[-1]
-    return _Samples(time, q, v), Motion.from_positions(
-        period, np.vstack([before, positions, after])
-    )
+    return v, Motion.from_positions(period, np.vstack([before, positions, after]))
 
 
-def _checked_loss(path: str | Path, samples: _Samples, motion: Motion) -> Loss:
-    time = samples.time
-    q = motion.trajectory.vector_values(time).T
-    v = np.stack([np.interp(time, motion.time, column) for column in motion.v.T], axis=1)
+def _checked_loss(path: str | Path, motion: Motion, time: Array, q: Array, v: Array) -> Loss:
     found = []
     for what, unit, given, got in (
-        ("speed", "rad/s", samples.v, v),
-        ("position", "rad", samples.q, q),
+        ("speed", "rad/s", v, _interpolated(time, motion.time, motion.v)),
+        ("position", "rad", q, motion.trajectory.vector_values(time).T),
     ):
         off = np.abs(got - given)
         size, at = off.max(axis=0), time[off.argmax(axis=0)]

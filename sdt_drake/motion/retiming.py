@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.trajectories import PiecewisePolynomial
@@ -11,17 +9,16 @@ from pydrake.trajectories import PiecewisePolynomial
 from sdt_drake.dynamics import inverse_dynamics
 from sdt_drake.errors import InputError
 from sdt_drake.motion.command import Command
-from sdt_drake.motion.planner import (
+from sdt_drake.motion.plan import (
     ACCELERATION_TOLERANCE,
     INTERPOLATION_PERIOD,
     SPEED_TOLERANCE,
     TORQUE_TOLERANCE,
     Plan,
-    check_motion,
     check_stops,
+    checked_torque,
     commanded_motion,
 )
-from sdt_drake.motion.profile import CommandProfile
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot import Robot
 
@@ -33,16 +30,19 @@ _GROWING = 1.25  # exponent; 0.97, 0.93, 0.89 ... 0.07 after 14 steps
 _CELLS = 2000  # of the grid along the path, beside its corners
 _CORNER = 0.02  # jump of a commanded acceleration, of its range
 _NEAR = 1e-4  # s; how near to a corner the grid goes
-_HEAVY = 0.5  # of its torque to stand still: gravity may be why there is no timing
 _NO_SHARE = 1e-6  # of s'' in a torque, over that of s'^2
 _ROUND_OFF = 1e-9  # of s'^2
 _LONGEST = 100  # times the commanded duration; beyond, a motion is not what was wanted
 _AS_COMMANDED = 1 - 1e-6  # path speed from which on a motion is not held back [-]
+# Of the limits: torque down and up, speed, acceleration.
+_SLACK = np.array(
+    [[TORQUE_TOLERANCE], [TORQUE_TOLERANCE], [SPEED_TOLERANCE], [ACCELERATION_TOLERANCE]]
+)
 
 
 def retime(
     robot: Robot,
-    command: Command | CommandProfile,
+    command: Command,
     *,
     period: float = INTERPOLATION_PERIOD,
     torque_margin: float = 1.0,
@@ -72,17 +72,15 @@ def retime(
             stops, or cannot be held against gravity: no timing helps there; if it starts or ends
             in motion too fast for the motors; if it would last 100 times as long as commanded.
     """
-    commanded = commanded_motion(robot, command, period, torque_margin)
+    commanded = commanded_motion(robot, command, period)
     check_stops(robot, commanded)
     torque = torque_margin * robot.effort_limit
-    limits = available = _Limits(-torque, torque, robot.velocity_limit, robot.acceleration_limit)
-    if not available.excess(robot, commanded).any():
+    limits = available = np.array([torque, torque, robot.velocity_limit, robot.acceleration_limit])
+    if not _excess(robot, commanded, available).any():
         unlimited = np.zeros(commanded.q.shape, dtype=bool)
-        torque = check_motion(robot, commanded, torque_margin=torque_margin)
+        torque = checked_torque(robot, commanded, torque_margin=torque_margin)
         return Plan(commanded, torque, unlimited, torque_margin, commanded)
     _check_gravity(robot, commanded, torque)
-    way = np.abs(np.diff(commanded.q, axis=0)).sum(axis=0)
-    _check_duration(command.name, commanded, (way / robot.velocity_limit).max())
     path = _Path(robot, commanded)
     # The path knows neither viscous friction nor what sampling adds between the points of its grid.
     # So each pass allows it less, by what the pass before was over. If that leaves too little to
@@ -90,57 +88,27 @@ def retime(
     left = _LONGEST * commanded.duration  # s of motion to try, in all passes
     s, slower = path.fastest(limits), 1.0
     for _ in range(_MOST_PASSES if s is not None else 0):
-        duration = s.end_time() / slower
-        _check_duration(command.name, commanded, duration)
-        left -= duration
+        left -= s.end_time() / slower
         if left < 0:
             break
         motion, path_speed = path.sampled(s, slower)
-        excess = available.excess(robot, motion)
+        excess = _excess(robot, motion, available)
         if not excess.any():
-            torque = check_motion(robot, motion, torque_margin=torque_margin)
+            torque = checked_torque(robot, motion, torque_margin=torque_margin)
             held_back = np.repeat(path_speed[:, None] < _AS_COMMANDED, robot.n, axis=1)
             return Plan(motion, torque, held_back, torque_margin, commanded)
-        limits = limits.lowered(excess)
+        limits = limits - 1.1 * excess  # a little more: the last bit would take many passes
         within = path.fastest(limits) if slower == 1 else None
         s, slower = (s, _SLOWER * slower**_GROWING) if within is None else (within, 1.0)
-    raise _refusal(robot, command, commanded, available)
+    raise _refusal(robot, command.name, commanded, torque)
 
 
-@dataclass(frozen=True, eq=False)
-class _Limits:
-    """What a motion may need.
-
-    Attributes:
-        lowest, highest: torque [N m], shape (n,).
-        speed, acceleration: largest sizes [rad/s, rad/s²], shape (n,).
-    """
-
-    lowest: Array
-    highest: Array
-    speed: Array
-    acceleration: Array
-
-    def excess(self, robot: Robot, motion: Motion) -> Array:
-        """By how much a motion is beyond each at most, (4, n); 0 where it is not."""
-        torque = np.vstack(torque_of_periods(robot, motion))
-        rows = (
-            (-torque.min(axis=0), -self.lowest, TORQUE_TOLERANCE),
-            (torque.max(axis=0), self.highest, TORQUE_TOLERANCE),
-            (np.abs(motion.v).max(axis=0), self.speed, SPEED_TOLERANCE),
-            (np.abs(motion.vd).max(axis=0), self.acceleration, ACCELERATION_TOLERANCE),
-        )
-        return np.array([np.where(x > limit + slack, x - limit, 0.0) for x, limit, slack in rows])
-
-    def lowered(self, excess: Array) -> _Limits:
-        """Less by `excess`, and a little more: the last bit would take many passes."""
-        lowest, highest, speed, acceleration = 1.1 * excess
-        return _Limits(
-            self.lowest + lowest,
-            self.highest - highest,
-            self.speed - speed,
-            self.acceleration - acceleration,
-        )
+def _excess(robot: Robot, motion: Motion, limits: Array) -> Array:
+    """By how much a motion is at most beyond each limit, (4, n); 0 where it is not."""
+    torque = np.vstack(torque_of_periods(robot, motion))
+    speed, acceleration = (np.abs(x).max(axis=0) for x in (motion.v, motion.vd))
+    used = np.array([-torque.min(axis=0), torque.max(axis=0), speed, acceleration])
+    return np.subtract(used, limits, out=np.zeros_like(used), where=used > limits + _SLACK)
 
 
 def torque_of_periods(robot: Robot, motion: Motion) -> tuple[Array, Array]:
@@ -183,9 +151,9 @@ class _Path:
         self._of_s2 = np.hstack([of_s2[:-1], at_end])
         self._of_x, self._fixed = (np.hstack([x[:-1], x[1:]]) for x in (of_x, fixed))
 
-    def fastest(self, limits: _Limits) -> PiecewisePolynomial | None:
+    def fastest(self, limits: Array) -> PiecewisePolynomial | None:
         """The fastest s(t) within the limits; None if there is none."""
-        if np.any(limits.lowest >= limits.highest) or np.any(limits.speed <= 0):
+        if np.any(-limits[0] >= limits[1]) or np.any(limits[2] <= 0):
             return None
         ratio, lowest, highest, most = self._bounds(limits)
         # From the end: the x at each point from which the x at the next one can be reached.
@@ -217,22 +185,16 @@ class _Path:
         time = np.concatenate([[0.0], np.cumsum(self._cell / pace)])
         return PiecewisePolynomial.CubicHermite(time, self._grid[None], speed[None])
 
-    def _bounds(self, limits: _Limits) -> tuple[Array, Array, Array, Array]:
+    def _bounds(self, limits: Array) -> tuple[Array, Array, Array, Array]:
         """lowest <= s'' + ratio x <= highest in each cell, (cells, 4n + 1), and the largest x.
 
         The last column is for the x at the end of the cell, to be filled in. Where s'' has no
         share in a torque (a motor holds a link against what only others move; two points before a
         joint comes to rest evenly), it limits x alone: its s'' would be round-off by round-off.
         """
-        sides = np.array(
-            [
-                np.tile(np.hstack(x), 2) - self._fixed
-                for x in (
-                    (limits.lowest, -limits.acceleration),
-                    (limits.highest, limits.acceleration),
-                )
-            ]
-        )
+        down, up, speed, acceleration = limits
+        both = np.hstack([-down, -acceleration]), np.hstack([up, acceleration])
+        sides = np.array([np.tile(side, 2) - self._fixed for side in both])
         alone = np.abs(self._of_s2) < _NO_SHARE * np.abs(self._of_x)
         shared = ~alone & (self._of_s2 != 0)
         none = np.broadcast_to([[[-np.inf]], [[np.inf]]], sides.shape).copy()
@@ -241,7 +203,7 @@ class _Path:
         lowest, highest, ratio = (np.pad(x, ((0, 0), (0, 1))) for x in (*bounds, ratio))
         ratio[:, -1] = 0.5 / self._cell
         x = np.divide(sides, self._of_x, out=np.full(sides.shape, np.inf), where=alone)
-        overspeed = np.max(np.abs(self._dq[:-1]) / limits.speed, axis=1)
+        overspeed = np.max(np.abs(self._dq[:-1]) / speed, axis=1)
         most = np.minimum(x.max(axis=0).min(axis=1), 1 / np.maximum(overspeed, 1.0) ** 2)
         return ratio, lowest, highest, most
 
@@ -296,52 +258,21 @@ def _check_gravity(robot: Robot, commanded: Motion, available: Array) -> None:
         )
 
 
-def _check_duration(name: str, commanded: Motion, duration: float) -> None:
-    """Refuse what would last much longer than commanded, `duration` [s] at least."""
-    if duration > _LONGEST * commanded.duration:
-        raise InputError(
-            f"motion '{name}' refused: it would last {duration:.4g} s or longer, expected at most "
-            f"{_LONGEST} times as long as commanded, {commanded.duration:g} s"
-        )
-
-
-def _overspeed(robot: Robot, commanded: Motion) -> Array:
-    """Largest commanded speed over the limit [-], shape (n,)."""
-    return np.abs(commanded.v).max(axis=0) / robot.velocity_limit
-
-
-def _refusal(
-    robot: Robot, command: Command | CommandProfile, commanded: Motion, available: _Limits
-) -> InputError:
+def _refusal(robot: Robot, name: str, commanded: Motion, available: Array) -> InputError:
     """What stands in the way of any timing, as far as it can be told."""
     starts, ends = torque_of_periods(robot, commanded)
     for v, torque, when in (
         (commanded.v[0], starts[0], "start"),
         (commanded.v[-1], ends[-1], "end"),
     ):
-        over = np.abs(torque) / available.highest
-        k = int(np.argmax(over))
-        if v.any() and over[k] > 1:
+        k = int(np.argmax(np.abs(torque) / available))
+        if v.any() and np.abs(torque[k]) > available[k]:
             return InputError(
-                f"motion '{command.name}' refused: its {when} is commanded in motion, there joint "
+                f"motion '{name}' refused: its {when} is commanded in motion, there joint "
                 f"{k + 1} '{robot.joint_names[k]}' needs torque {torque[k]:.6g} N m, available "
-                f"±{available.highest[k]:.6g} N m; a path can be slowed down from rest to rest"
+                f"±{available[k]:.6g} N m; a path can be slowed down from rest to rest"
             )
-    rest = np.zeros_like(commanded.q)
-    share = np.abs(inverse_dynamics(robot, commanded.q, rest, rest)) / available.highest
-    i, k = np.unravel_index(np.argmax(share), share.shape)
-    text = f"motion '{command.name}' refused: no timing of its path found that keeps the limits"
-    overspeed = _overspeed(robot, commanded)
-    if share[i, k] > _HEAVY:
-        text += (
-            f"; joint {k + 1} '{robot.joint_names[k]}', where it is commanded at "
-            f"{commanded.time[i]:.3f} s, needs {100 * share[i, k]:.4g} % of its torque to stand "
-            "still"
-        )
-    elif overspeed.max() > 1:
-        k = int(np.argmax(overspeed))
-        text += (
-            f"; joint {k + 1} '{robot.joint_names[k]}' is commanded {overspeed[k]:.4g} times its "
-            "largest speed"
-        )
-    return InputError(text)
+    return InputError(
+        f"motion '{name}' refused: no timing of its path keeps the limits and lasts at most "
+        f"{_LONGEST} times as long as commanded, {commanded.duration:g} s"
+    )

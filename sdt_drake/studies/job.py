@@ -108,7 +108,7 @@ def _joints(field: str, file: Path, base: Scenario) -> int | None:
         return None
     if file.suffix == ".csv":
         return import_motion(file, base.period)[0].n
-    return len(load_command(file, load_device(base)).start())
+    return len(load_command(file, load_device(base)).q0)
 
 
 def _references(study: Study, base: Scenario) -> Iterator[tuple[str, str]]:

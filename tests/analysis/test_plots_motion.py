@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from sdt_drake.analysis import plots, plots_motion
-from sdt_drake.motion import load_profile, margins, retime
+from sdt_drake.motion import load_command, margins, retime
 
 
 def test_the_figure_of_a_plan_shows_torques_speeds_limits_and_where_it_is_tightest(robot, tmp_path):
-    plan = retime(robot, load_profile("package://sdt/motions/reference.yaml"), torque_margin=0.8)
+    plan = retime(robot, load_command("reference", robot), torque_margin=0.8)
     report = margins(robot, plan.motion, n1=[80, 0.8, 1, 1], n0=[250, 3, 3, 3])
     figure = plots_motion.plan("a plan", robot, plan, report)
     assert len(figure.axes) == 2 * robot.n

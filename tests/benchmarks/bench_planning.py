@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sdt_drake.motion import CommandProfile, Sampled, load_profile, plan_motion, retime
+from sdt_drake.motion import Command, Motion, load_command, plan_motion, retime
 from sdt_drake.robot import load_robot
 
 TARGETS = {
@@ -28,14 +28,13 @@ TARGETS = {
 }
 
 
-def twice(planetary: float) -> CommandProfile:
+def twice(robot, planetary: float) -> Command:
     """60 s: the reference motion two times, with a planetary speed [rad/s]."""
-    once = load_profile("package://sdt/motions/reference.yaml")
+    once = load_command("reference", robot)
     v = once.speeds(0.005 * np.arange(6001))
     v[:, 0] *= planetary / v[:, 0].max()
     v = np.vstack([v, v[1:]])
-    joints = [Sampled(0.005, column.tolist()) for column in v.T]
-    return CommandProfile("twice", duration=60, joints=joints)
+    return Command.of_motion("twice", Motion.from_speeds(0.005, once.q0, v))
 
 
 def main() -> None:
@@ -45,7 +44,8 @@ def main() -> None:
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 
-    robot, reference, fast = load_robot(), twice(2.4), twice(2.95)
+    robot = load_robot()
+    reference, fast = twice(robot, 2.4), twice(robot, 2.95)
     runs: tuple[Callable[[], object], ...] = (
         lambda: plan_motion(robot, reference),
         lambda: plan_motion(robot, reference, torque_margin=0.9),

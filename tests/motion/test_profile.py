@@ -1,178 +1,460 @@
-"""Command profiles: each kind by hand, the shipped one, and what is refused."""
+"""Motion profiles: closed forms of the segments, G and alignment, the library, refusals."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from motions import sampled
+from pydrake.multibody.tree import JacobianWrtVariable
 
 from sdt_drake.errors import InputError
-from sdt_drake.motion import CommandProfile, Knots, Oscillation, Sampled, load_profile
+from sdt_drake.motion import (
+    MotionProfile,
+    command_of,
+    find_motion,
+    load_command,
+    load_profile,
+    shipped_motions,
+)
+from sdt_drake.motion.profile import Hold, Knots, Oscillation, Ramp, Sampled, Track, Turn
+from sdt_drake.resources import models_dir
+from sdt_drake.robot import edited, load_robot
 
-# A swing of 0.1 rad in 4 s: largest speed 0.1 pi / 2 = 0.157... rad/s.
-_SWING = 0.1 * np.pi / 2
-_HALF = np.sqrt(0.5)
+SPIN = "resultant: {spin: planetary}"
+ALIGNED = "resultant: {spin: planetary, align: roll}"
+ROLL, YAW, PLANETARY = "joint: roll", "joint: yaw", "joint: planetary"
+
+
+def profile_text(*tracks, duration=20, more=""):
+    """YAML of a profile with `tracks`, each what moves and its segments."""
+    text = f"name: test\nduration: {duration}\n{more}\ntracks:\n"
+    for what, *segments in tracks:
+        text += f"  - {what}\n    segments:\n" + "".join(f"      - {s}\n" for s in segments)
+    return text
+
+
+@pytest.fixture
+def loaded(tmp_path, robot):
+    """The command of a profile with `tracks`."""
+
+    def load(*tracks, robot=robot, **options):
+        path = tmp_path / "test.yaml"
+        path.write_text(profile_text(*tracks, **options), encoding="utf-8")
+        return load_command(path, robot)
+
+    return load
+
+
+def of_yaw(robot, *segments, duration=20.0, **fields):
+    """The command of a profile in which joint 4 moves."""
+    track = Track(joint="yaw", segments=list(segments))
+    return command_of(MotionProfile(duration=duration, tracks=[track], **fields), robot)
+
+
+def degrees(command, k, times):
+    """Speed of joint k [deg/s] at `times` [s]."""
+    return np.degrees(command.speeds(np.array(times, dtype=float))[:, k])
+
+
+# --- segments --------------------------------------------------------------------------------
+
+_SWING = 0.1 * np.pi / 2  # largest speed of 0.1 rad in 4 s
+_SPEEDS = {  # [rad/s] by time, from 1 s on
+    "knots": (
+        [Knots(at=1, knots=[[0, 0], [1, 2], [3, -2], [10, 5]])],
+        {0: 0, 1.5: 1, 2: 2, 2.5: 1, 3: 0, 4: -2, 7.5: 1.5, 11: 5},
+    ),
+    "samples": (
+        [Sampled(at=1, period=2.5, speeds=[0, 1, -1, 0, 4])],
+        {0: 0, 2.25: 0.5, 3.5: 1, 4.75: 0, 6: -1, 8.5: 0, 9.75: 2, 11: 4},
+    ),
+    "swing": (
+        [Oscillation(at=1, amplitude=0.1, period=4, fade=1, end=9)],
+        {0: 0, 1.5: _SWING * np.sqrt(0.5) / 2, 2: 0, 3: -_SWING, 5: _SWING, 9: _SWING,
+         9.5: _SWING * np.sqrt(0.5) / 2, 10: 0, 11: 0},
+    ),
+    "linear ramps": (
+        [Ramp(at=1, to_deg_s=10, duration=4, blend="linear"),
+         Ramp(at=7, to_deg_s=-6, acceleration_deg_s2=8, blend="linear"),
+         Ramp(at=10, to_deg_s=0, duration=1, blend="linear")],
+        {t: np.radians(v) for t, v in {0: 0, 1: 0, 2: 2.5, 5: 10, 6: 10, 7: 10, 8: 2, 9: -6,
+                                       9.5: -6, 10.5: -3, 11: 0}.items()},
+    ),
+    # 12 (1 - cos(pi t / 3)) / 2, then down by half a cosine in 2 s
+    "cosine ramps": (
+        [Ramp(to_deg_s=12, duration=3), Hold(duration=1), Ramp(to_deg_s=0, duration=2)],
+        {t: np.radians(v) for t, v in {0: 0, 1: 3, 1.5: 6, 2: 9, 3: 12, 4: 12,
+                                       4.5: 6 * (1 + np.sqrt(0.5)), 5: 6, 6: 0}.items()},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", _SPEEDS)
+def test_speeds_are_those_computed_by_hand(robot, kind):
+    segments, expected = _SPEEDS[kind]
+    command = of_yaw(robot, *segments, duration=11.0)
+    v = command.speeds(np.array(list(expected), dtype=float))
+    np.testing.assert_allclose(v[:, 3], list(expected.values()), atol=1e-14)
+    assert not v[:, :3].any()
+
+
+@pytest.mark.parametrize("blend, factor", [("linear", 1), ("cosine", np.pi / 2)])
+def test_an_acceleration_is_the_largest_one_and_a_cosine_has_no_jump_in_it(robot, blend, factor):
+    up = Ramp(to_deg_s=-30, acceleration_deg_s2=15, blend=blend)
+    ramp = of_yaw(robot, up, Ramp(at=10, to_deg_s=0, duration=5))
+    assert ramp.timeline[0].end == pytest.approx(factor * 30 / 15)
+    speed = degrees(ramp, 3, np.linspace(0, 5, 50001))
+    assert np.abs(np.diff(speed) / 1e-4).max() == pytest.approx(15, rel=1e-4)
+    jerk = np.abs(np.diff(speed, n=2)).max() / 1e-8
+    assert (jerk < 16) == (blend == "cosine")  # 15 deg/s² pi / duration = 15
+
+
+@pytest.mark.parametrize("blend, largest, at_quarter", [("cosine", 2, 0.5), ("linear", 1.5, 0.75)])
+def test_turns_from_rest_to_rest(robot, blend, largest, at_quarter):
+    """30 deg in 6 s are 5 deg/s in the mean; then to -10 deg; speed given, it lasts as it must."""
+    turn = of_yaw(
+        robot,
+        Turn(at=1, by_deg=30, duration=6, blend=blend),
+        Turn(to_deg=-10, speed_deg_s=20, blend=blend),
+        start_deg=[0, 0, 0, 5],
+    )
+    assert degrees(turn, 3, [2.5])[0] == pytest.approx(5 * largest * at_quarter, rel=1e-12)
+    speed = degrees(turn, 3, np.linspace(0, 20, 20001))
+    assert (speed.max(), speed.min()) == pytest.approx((5 * largest, -20), rel=1e-4)
+    assert turn.timeline[1][1:3] == pytest.approx((7, 7 + 45 * largest / 20))
+    angle = np.degrees(sampled(turn, 1e-3).q[:, 3])
+    assert angle[[0, 7000, -1]] == pytest.approx([5, 35, -10], abs=1e-5)
+
+
+def test_what_follows_a_swing_starts_from_the_angle_where_it_ends(robot):
+    swing = Oscillation(at=1, amplitude=0.3, period=3.3, fade=1.3, end=5)
+    command = of_yaw(robot, Hold(duration=1), swing, Turn(to_deg=20, duration=4))
+    motion = sampled(command, 1e-3)
+    assert abs(motion.q[6000, 3]) > 5e-3
+    assert np.degrees(motion.q[-1, 3]) == pytest.approx(20, abs=1e-5)
+
+
+def test_speeds_turn_at_the_corners(robot):
+    swing = Oscillation(at=1, amplitude=1, period=1, fade=0.3, end=2)
+    corners = of_yaw(robot, swing, Turn(at=5, by_deg=3, duration=2)).corners()
+    np.testing.assert_allclose(corners, [0, 1, 1.3, 1.5, 2, 2.5, 2.7, 3, 5, 6, 7, 20])
+
+
+def test_joints_are_one_segment_for_each_base_to_tip(robot):
+    still = Knots(knots=[[0, 0], [2, 0]])
+    joints = [Knots(knots=[[0, 0.5], [2, 2]]), Sampled(period=2, speeds=[1, 0]), still, still]
+    command = command_of(MotionProfile(duration=2, joints=joints, q0=[1, 2, 3, 4]), robot)
+    np.testing.assert_array_equal(command.speeds(np.array([0, 1]))[:, :2], [[0.5, 1], [1.25, 0.5]])
+    np.testing.assert_array_equal(command.q0, [1, 2, 3, 4])
+    assert [segment.track for segment in command.timeline] == list(robot.joint_names)
+
+
+# --- a wanted G --------------------------------------------------------------------------------
+
+
+def at_last_joint(robot, motion, i):
+    """Specific force [N/kg] at the last joint in the axes of the payload, at constant speed."""
+    plant, context = robot.plant, robot.plant.CreateDefaultContext()
+    plant.SetPositionsAndVelocities(context, np.concatenate([motion.q[i], motion.v[i]]))
+    body = plant.GetBodyByName("payload").body_frame()
+    acceleration = plant.CalcBiasSpatialAcceleration(
+        context, JacobianWrtVariable.kV, body, np.zeros(3), plant.world_frame(),
+        plant.world_frame(),
+    )  # fmt: skip
+    force = acceleration.translational() - plant.gravity_field().gravity_vector()
+    return body.CalcRotationMatrixInWorld(context).matrix().T @ force
+
+
+UP, BACK = "!Ramp {to_g: 1.5, duration: 6}", "!Ramp {at: 12, to_g: 1, duration: 6}"
+
+
+@pytest.mark.parametrize("g, how", [(1.05, "duration: 6"), (2.5, "acceleration_deg_s2: 40")])
+def test_the_wanted_g_is_reached_and_the_gondola_aligned(loaded, robot, g, how):
+    wanted = loaded((ALIGNED, f"!Ramp {{to_g: {g}, {how}}}", BACK))
+    motion = sampled(wanted)
+    # R = 2.6 m, g = 9.81 m/s²
+    assert np.hypot(1, motion.v[2000, 0] ** 2 * 2.6 / 9.81) == pytest.approx(g, rel=1e-9)
+    force = at_last_joint(robot, motion, 2000)
+    assert np.linalg.norm(force) / 9.81 == pytest.approx(g, rel=1e-9)
+    assert np.hypot(force[0], force[1]) / force[2] < 1e-6  # rad
+    assert motion.q[2000, 1] == pytest.approx(-np.arccos(1 / g), abs=1e-6)
+    assert motion.q[-1, 1] == pytest.approx(0, abs=2e-6)
+
+
+def test_without_alignment_g_is_felt_sideways_and_linear_is_linear_in_spin_speed(loaded, robot):
+    ramp = "!Ramp {to_g: 1.5, duration: 6, blend: linear}"
+    motion = sampled(loaded((SPIN, ramp, BACK)))
+    assert not motion.q[:, 1:].any()
+    assert motion.v[300, 0] == pytest.approx(motion.v[1200, 0] / 4, rel=1e-12)
+    force = at_last_joint(robot, motion, 1200)
+    np.testing.assert_allclose(force, 9.81 * np.array([-np.sqrt(1.25), 0, 1]), atol=1e-8)
+
+
+def test_a_track_of_the_aligned_joint_adds_to_the_alignment(loaded):
+    spin = (ALIGNED, UP, BACK)
+    turn = (ROLL, "!Turn {at: 4, to_deg: 15, duration: 4}", "!Turn {to_deg: 0, duration: 4}")
+    time = np.linspace(0, 20, 501)
+    both, *each = (
+        loaded(*tracks).speeds(time)[:, 1] for tracks in ((spin, turn), (spin,), (turn,))
+    )
+    np.testing.assert_allclose(both, sum(each), atol=1e-15)
+    assert np.abs(each[1]).max() > 0.1
+
+
+def changed(**replacements):
+    """The shipped device with other texts at places of its XML: path__tag=text."""
+
+    def edit(root):
+        for joint in root.iter("joint"):
+            for key, text in replacements.items():
+                name, tag = key.split("__")
+                if joint.get("name") == name:
+                    joint.find(f".//{tag}").text = text
+
+    return edited(load_robot(), edit)
+
+
+def test_sign_and_radius_come_from_the_robot(loaded):
+    """Roll axis the other way round: +atan; arm of 3.25 m: slower by sqrt(2.6 / 3.25)."""
+    other = changed(roll__xyz="0 -1 0", roll__pose="3.25 0 0.4 0 0 0", planetary__xyz="0 0 -1")
+    motion = sampled(loaded((ALIGNED, UP, BACK), robot=other))
+    assert motion.q[1200, 1] == pytest.approx(np.arccos(1 / 1.5), abs=1e-6)
+    omega = np.sqrt(9.81 / 3.25 * np.sqrt(1.25))
+    assert motion.v[1200, 0] == pytest.approx(omega, rel=1e-12)
+    force = at_last_joint(other, motion, 1200)
+    assert np.hypot(force[0], force[1]) / force[2] < 1e-6
 
 
 @pytest.mark.parametrize(
-    "joint, expected",
+    "change, message",
     [
-        (
-            Knots(knots=[[0, 0], [1, 2], [3, -2], [10, 5]]),
-            {0: 0, 0.5: 1, 1: 2, 1.5: 1, 2: 0, 3: -2, 6.5: 1.5, 10: 5},
-        ),
-        (
-            Sampled(period=2.5, speeds=[0, 1, -1, 0, 4]),
-            {0: 0, 1.25: 0.5, 2.5: 1, 3.75: 0, 5: -1, 7.5: 0, 8.75: 2, 10: 4},
-        ),
-        (
-            Oscillation(amplitude=0.1, period=4, fade=1, end=9),
-            {
-                0: 0,
-                0.5: _SWING * _HALF * 0.5,  # half faded in
-                1: 0,
-                2: -_SWING,
-                4: _SWING,
-                8: _SWING,
-                8.5: _SWING * _HALF * 0.5,  # half faded out
-                9: 0,
-                9.5: 0,
-                10: 0,
-            },
-        ),
+        ({"planetary__xyz": "0 0.1 1"}, "resultant.spin: the axis of 'planetary' is not vertical"),
+        ({"roll__xyz": "1 0 0"}, "resultant.align: the axis of 'roll' is not along the path"),
+        ({"roll__pose": "0 0 1 0 0 0"}, "resultant.align: 'planetary' does not carry 'roll' aro"),
     ],
-    ids=["Knots", "Sampled", "Oscillation"],
 )
-def test_speed_of_each_kind_is_the_one_computed_by_hand(joint, expected):
-    joint.validate(10, "here")
-    speed = joint.speed(np.array(list(expected), dtype=float))
-    np.testing.assert_allclose(speed, list(expected.values()), atol=1e-15)
+def test_robots_that_cannot_make_or_align_g_are_refused(loaded, change, message):
+    with pytest.raises(InputError, match=rf"test.yaml: tracks\[1\]\.{message}"):
+        loaded((ALIGNED, UP, BACK), robot=changed(**change))
 
 
-def test_the_angle_of_an_oscillation_is_its_amplitude():
-    swing = Oscillation(amplitude=0.3, period=2, fade=1e-9, end=10)
-    time = np.linspace(0, 0.5, 20001)
-    assert np.trapezoid(swing.speed(time), time) == pytest.approx(0.3, rel=1e-4)
-
-
-def test_speeds_and_start_have_a_column_for_each_joint():
-    profile = CommandProfile(
-        duration=2, joints=[Knots([[0, 0], [2, 2]]), Sampled(2, [1, 0]), Knots([[0, 5], [2, 5]])]
+def test_what_carries_the_aligned_joint_must_stay(loaded):
+    """With a second vertical axis on the arm: a spin about it is fine, unless the arm turns too."""
+    two = changed(
+        planetary__xyz="0 0 1", roll__xyz="0 0 1", pitch__pose="0 1.5 0 0 0 0", pitch__xyz="1 0 0"
     )
-    profile.validate("here")
-    np.testing.assert_array_equal(profile.speeds(np.array([0, 1])), [[0, 1, 5], [1, 0.5, 5]])
-    np.testing.assert_array_equal(profile.start(), [0, 0, 0])
-    profile.q0 = [1, 2, 3]
-    np.testing.assert_array_equal(profile.start(), [1, 2, 3])
+    spin = ("resultant: {spin: roll, align: pitch}", "!Ramp {to_g: 1.2, duration: 5}", BACK)
+    assert loaded(spin, robot=two).alignment is not None
+    for tracks, more in (
+        ([spin, (PLANETARY, "!Turn {by_deg: 5, duration: 5}")], ""),
+        ([spin], "start_deg: [5, 0, 0, 0]"),
+    ):
+        with pytest.raises(InputError, match="'planetary', which carries 'pitch', moves or starts"):
+            loaded(*tracks, more=more, robot=two)
 
 
-def reference_speeds(t: np.ndarray) -> np.ndarray:
-    """The reference motion as written in reference_design.md [rad/s], shape (N, 4)."""
-    planetary = np.interp(t, [0.5, 5.83333, 20, 25.33333], [0, 2.4, 2.4, 0])
-    roll = np.interp(
-        t, [2, 2.5, 9, 10, 16.7, 17.7, 26, 26.5], [0, 1.5, 1.5, -1.5, -1.5, 1.5, 1.5, 0]
-    )
+# --- what is refused ---------------------------------------------------------------------------
+
+END = "!Ramp {to_deg_s: 0, duration: 1}"
+GO = "!Ramp {to_deg_s: 5, duration: 1}"
+BAD = [
+    ([("joint: rol", END)], "tracks[1].joint: 'rol', expected a joint of 'sdt': planetary, roll,"),
+    ([("resultant: {spin: arm}", BACK)], "tracks[1].resultant.spin: 'arm', expected a joint"),
+    ([("resultant: {spin: planetary, align: bank}", BACK)], "resultant.align: 'bank', expected"),
+    ([("joint:", END)], "tracks[1]: neither, expected either joint or resultant"),
+    ([(ROLL,)], "tracks[1].segments: "),
+    ([(YAW, END), (ROLL, END), (YAW, END)], "tracks[3]: joint 'yaw' is moved by tracks[1] already"),
+    (
+        [(PLANETARY, "!Turn {by_deg: 5, duration: 5}"), (SPIN, BACK)],
+        "tracks[2]: joint 'planetary' is moved by tracks[1]",
+    ),
+    ([(SPIN, BACK), ("resultant: {spin: yaw}", BACK)], "tracks[2].resultant: tracks[1] has"),
+    ([("resultant: {spin: pitch}", BACK)], "resultant.spin: the axis of 'pitch' is not vertical"),
+    ([("resultant: {spin: yaw, align: roll}", BACK)], "align: 'yaw' does not carry 'roll'"),
+    ([("resultant: {spin: yaw}", BACK)], "resultant.spin: 'yaw' does not carry"),
+    ([("resultant: {spin: planetary, align: pitch}", BACK)], "align: the axis of 'pitch' is not"),
+    # When.
+    ([(YAW, "!Ramp {at: 1, to_deg_s: 5, duration: 4}", "!Hold {at: 3, duration: 1}")],
+     "tracks[1].segments[2].at: overlap, 3 s is before the segment before ends, at 5 s"),
+    ([(YAW, "!Hold {at: -1, duration: 1}")], "segments[1].at: -1, expected a number >= 0 [s]"),
+    ([(YAW, "!Hold {duration: 0}")], "segments[1].duration: 0, expected a number > 0 [s]"),
+    ([(YAW, "!Hold {duration: .inf}")], "segments[1].duration: inf, expected a finite"),
+    ([(YAW, "!Hold {at: 1}")], "segments[1].duration: missing, expected a number > 0"),
+    ([(YAW, "!Hold {at: 18, duration: 3}")], "segments[1]: ends at 21 s, expected by the end"),
+    # Ramps.
+    ([(YAW, "!Ramp {to_deg_s: 5, duration: -4}")], "tracks[1].segments[1].duration: -4"),
+    ([(YAW, "!Ramp {to_deg_s: 5, duration: 4, acceleration_deg_s2: 1}")],
+     "segments[1]: duration and acceleration_deg_s2, expected either duration or accel"),
+    ([(YAW, "!Ramp {to_deg_s: 5}")], "segments[1]: neither, expected either duration or a"),
+    ([(YAW, "!Ramp {to_deg_s: 5, acceleration_deg_s2: -3}")], "acceleration_deg_s2: -3, expect"),
+    ([(YAW, "!Ramp {to_deg_s: .nan, duration: 1}")], "segments[1].to_deg_s: nan"),
+    ([(YAW, "!Ramp {to_deg_s: 5, duration: 1, blend: cubic}")], "segments[1].blend: 'cubic', exp"),
+    ([(YAW, "!Jump {to_deg_s: 5}")], "segments[1]: unknown kind !Jump, expected !Ramp, "),
+    ([(YAW, "!Ramp {to_deg: 5}")], "segments[1].to_deg: no such field, did you mean 'to_deg_s'"),
+    ([(YAW, "!Ramp {duration: 5}")], "segments[1]: neither, expected either to_deg_s or to_g"),
+    ([(YAW, "!Ramp {to_g: 1.5, duration: 4}")], "segments[1].to_g: in a track of a joint, exp"),
+    ([(YAW, "!Ramp {to_deg_s: 0, acceleration_deg_s2: 5}")], "segments[1]: nothing changes"),
+    ([(YAW, GO)], "segments[1]: 'yaw' ends at 5 deg/s, expected rest at the end"),
+    # Turns.
+    ([(YAW, "!Turn {to_deg: 0, speed_deg_s: 5}")], "segments[1]: nothing changes"),
+    ([(YAW, "!Turn {by_deg: 3, to_deg: 4, duration: 5}")], "by_deg and to_deg, expected either by"),
+    ([(YAW, "!Turn {duration: 5}")], "segments[1]: neither, expected either by_deg or to_deg"),
+    ([(YAW, "!Turn {by_deg: .inf, duration: 5}")], "segments[1].by_deg: inf"),
+    ([(YAW, "!Turn {by_deg: 5, speed_deg_s: -5}")], "segments[1].speed_deg_s: -5, expected a"),
+    ([(YAW, GO, "!Turn {by_deg: 5, duration: 1}")],
+     "segments[2]: !Turn at a speed of 5 deg/s, expected rest"),
+    # G.
+    ([(SPIN, "!Ramp {to_g: 0.9, duration: 4}")], "segments[1].to_g: 0.9, expected a number >= 1"),
+    # hypot(1, 3.1167² 2.6 / 9.81)
+    ([(SPIN, "!Ramp {to_g: 3, duration: 4}", BACK)], "[1].to_g: 3 G, expected at most 2.762 G"),
+    ([(SPIN, "!Ramp {to_deg_s: 15, duration: 4}")], "segments[1].to_deg_s: in a track of the res"),
+    ([(SPIN, "!Turn {by_deg: 15, duration: 4}")], "segments[1]: !Turn in a track of the resultant"),
+    ([(ALIGNED, "!Ramp {to_g: 2, duration: 4, blend: linear}", BACK)],
+     "segments[1].blend: 'linear', expected cosine: the aligned joint 'roll' would"),
+    # Knots and samples.
+    ([(YAW, "!Knots {knots: [[0, 0]]}")], "segments[1].knots: expected at least two pairs"),
+    ([(YAW, "!Knots {knots: [[0, 0], [20, 0, 1]]}")], "segments[1].knots: expected at least two"),
+    ([(YAW, "!Knots {knots: [[0, 0], [20, .nan]]}")], "segments[1].knots[2][2]: nan, expected a"),
+    ([(YAW, "!Knots {knots: [[0, 0], [9, 1], [9, 2], [20, 0]]}")], "knots: time 9 s after 9 s"),
+    ([(YAW, "!Knots {knots: [[0.1, 0], [20, 0]]}")], "segments[1].knots: from 0.1 s on, expected"),
+    ([(YAW, "!Knots {knots: [[0, 0], [19, 0]]}")], "segments[1]: ends at 19 s, expected at the en"),
+    ([(YAW, "!Knots {knots: [[0, 0], [20.0000001, 0]]}")], "[1]: ends at 20.0000001 s, expected a"),
+    ([(YAW, GO, "!Knots {knots: [[0, 0], [19, 0]]}")], "!Knots at a speed of 5 deg/s, expected re"),
+    ([(YAW, "!Sampled {period: 0, speeds: [0, 1]}")], "segments[1].period: 0, expected a number"),
+    ([(YAW, "!Sampled {period: 1, speeds: [1]}")], "segments[1].speeds: 1 value(s), expected two"),
+    ([(YAW, "!Sampled {period: 20, speeds: [1, .nan]}")], "segments[1].speeds[2]: nan"),
+    # Swings.
+    ([(YAW, "!Oscillation {amplitude: .nan, period: 1, fade: 1, end: 3}")], "amplitude: nan"),
+    ([(YAW, "!Oscillation {amplitude: 1, period: .inf, fade: 1, end: 3}")], "period: inf"),
+    ([(YAW, "!Oscillation {amplitude: 1, period: 1, fade: 0, end: 3}")], "fade: 0, expected"),
+    ([(YAW, "!Oscillation {amplitude: 1, period: 1, fade: 1, end: 21}")], "[1]: ends at 21 s, exp"),
+    ([(YAW, "!Oscillation {amplitude: 1, period: 1e-9, fade: 1, end: 2}")],
+     "period: 1e-09 s, expected at least 2e-05 s"),
+    ([(YAW, GO, "!Oscillation {amplitude: 1, period: 1, fade: 1, end: 2}")],
+     "segments[2]: !Oscillation at a speed of 5 deg/s, expected rest"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("tracks, message", BAD, ids=[case[1] for case in BAD])
+def test_bad_tracks_are_refused(loaded, tmp_path, tracks, message):
+    with pytest.raises(InputError) as error:
+        loaded(*tracks)
+    told = str(error.value)
+    assert told.startswith(f"{tmp_path / 'test.yaml'}: ") and message in told and "\n" not in told
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("duration: -1\ntracks: []\n", "duration: -1, expected a number > 0 [s]"),
+        ("duration: .nan\ntracks: []\n", "duration: nan"),
+        ("duration: 3\ntracks: []\n", "tracks: expected what moves"),
+        ("duration: 3\nspeed: 3\n", "speed: no such field"),
+        (
+            "duration: 3\njoints: [!Knots {knots: [[0, 0], [3, 0]]}]\n",
+            "joints: 1 value(s), expected 4",
+        ),
+        (profile_text((YAW, END), more="start_deg: [0, 0]"), "start_deg: 2 value(s), expected 4"),
+        (profile_text((YAW, END), more="q0: [0, 0, 0, .nan]"), "q0[4]: nan"),
+    ],
+)
+def test_bad_heads_are_refused(tmp_path, robot, text, message):
+    (tmp_path / "bad.yaml").write_text(text)
+    with pytest.raises(InputError) as error:
+        load_command(tmp_path / "bad.yaml", robot)
+    assert f"bad.yaml: {message}" in str(error.value)
+
+
+# --- names and files ----------------------------------------------------------------------------
+
+
+def test_a_name_means_a_shipped_motion():
+    assert find_motion("leans") == "package://sdt/motions/leans.yaml"
+    for path in ("", "my.yaml", "folder/leans", "motion.csv", "package://sdt/motions/leans.yaml"):
+        assert find_motion(path) == path
+    with pytest.raises(InputError, match="graveyard_spn: no such motion, did you mean graveyard_"):
+        find_motion("graveyard_spn")
+    with pytest.raises(InputError, match=r"zzz: no such motion, shipped: coriolis, .*somatogravic"):
+        find_motion("zzz")
+
+
+def test_a_profile_without_a_name_has_that_of_its_file(tmp_path):
+    (tmp_path / "mine.yaml").write_text(profile_text((YAW, END)).replace("name: test\n", ""))
+    assert load_profile(tmp_path / "mine.yaml").name == "mine"
+
+
+# --- what ships ---------------------------------------------------------------------------------
+
+
+def test_the_reference_motion_is_as_it_is_published(robot):
+    command = load_command("reference", robot)
+    t = 0.005 * np.arange(6001)
+    roll = [0, 1.5, 1.5, -1.5, -1.5, 1.5, 1.5, 0]
     pitch = 0.1 * (2 * np.pi / 5) * np.cos(2 * np.pi * t / 5)
-    pitch *= np.clip(t / 2, 0, 1) * np.clip((29 - t) / 2, 0, 1)
-    # A square wave that flips every 2.5 s, with ramps of 0.5 s.
+    # Yaw: a square wave that flips every 2.5 s, with ramps of 0.5 s.
     times, speeds = [1.0], [0.0]
     for i in range(11):
         times += [max(1.5, 0.5 + 2.5 * i), 2.5 + 2.5 * i]
         speeds += [0.2093 * (-1) ** i] * 2
-    yaw = np.interp(t, [*times, 28], [*speeds, 0])
-    return np.stack([planetary, roll, pitch, yaw], axis=1)
+    expected = [
+        np.interp(t, [0.5, 5.83333, 20, 25.33333], [0, 2.4, 2.4, 0]),
+        np.interp(t, [2, 2.5, 9, 10, 16.7, 17.7, 26, 26.5], roll),
+        pitch * np.clip(t / 2, 0, 1) * np.clip((29 - t) / 2, 0, 1),
+        np.interp(t, [*times, 28], [*speeds, 0]),
+    ]
+    assert (command.name, command.duration, command.q0.tolist()) == ("reference", 30, [0] * 4)
+    np.testing.assert_allclose(command.speeds(t).T, expected, atol=1e-12)
 
 
-def test_the_corners_are_where_a_speed_turns(tmp_path):
-    swing = Oscillation(amplitude=1, period=1, fade=0.3, end=2)
-    np.testing.assert_allclose(np.unique(swing.corners()), [0, 0.3, 0.5, 1, 1.5, 1.7, 2])
-    assert Knots([[0, 0], [0.2, 1], [1, 0]]).corners().tolist() == [0, 0.2, 1]
-    assert Sampled(0.5, [0, 1, 0]).corners().tolist() == [0, 0.5, 1]
+LIBRARY = (
+    "coriolis", "g_excess", "graveyard_spin", "graveyard_spiral", "inversion", "leans",
+    "post_roll", "somatogravic",
+)  # fmt: skip
 
 
-def test_a_profile_without_a_name_has_that_of_its_file(tmp_path):
-    assert _load(tmp_path, PROFILE).name == "short"
-    assert _load(tmp_path, PROFILE.replace("name: short\n", "")).name == "profile"
+def test_the_library_is_shipped():
+    assert shipped_motions() == list(LIBRARY)
+    for name in LIBRARY:
+        profile = load_profile(name)
+        assert profile.name == name and profile.title and profile.feels.endswith(".")
+        assert "assumed" in profile.notes and profile.duration <= 90
+        assert "assumed" in (models_dir() / f"motions/{name}.yaml").read_text(encoding="utf-8")
 
 
-def test_the_shipped_profile_is_the_reference_motion():
-    profile = load_profile("package://sdt/motions/reference.yaml")
-    assert profile.name == "reference"
-    assert profile.duration == 30
-    np.testing.assert_array_equal(profile.start(), np.zeros(4))
-    time = 0.005 * np.arange(6001)
-    np.testing.assert_allclose(profile.speeds(time), reference_speeds(time), atol=1e-12)
+def test_leans_stay_below_mulders_threshold_until_the_correction(robot):
+    time = np.arange(0, 65, 0.01)
+    speed = degrees(load_command("leans", robot), 1, time)
+    assert speed[time < 35].max() < 2.5 and speed.min() < -10
+    assert np.abs(np.diff(speed[time < 35]) / 0.01).max() < 0.2501
 
 
-# --- what is refused -------------------------------------------------------------------------
-
-_KNOTS = "!Knots {knots: [[0, 0], [1, 1], [2, 0]]}"
-_SAMPLED = "!Sampled {period: 0.5, speeds: [0, 1, 2, 1, 0]}"
-_SWINGING = "!Oscillation {amplitude: 1, period: 1, fade: 0.5, end: 2}"
-PROFILE = f"""name: short
-duration: 2
-q0: [0, 0, 1]
-joints:
-  - {_KNOTS}
-  - {_SAMPLED}
-  - {_SWINGING}
-"""
+def test_the_seat_of_somatogravic_faces_the_axis(robot):
+    """Resultant: 1.15 G, towards the back of the seat by acos(1 / 1.15)."""
+    force = at_last_joint(robot, sampled(load_command("somatogravic", robot)), 4000) / 9.81
+    # The link's y is the pilot's forward direction; the seat pushes forwards.
+    np.testing.assert_allclose(force, [0, np.sqrt(1.15**2 - 1), 1], atol=1e-9)
 
 
-def _load(tmp_path, text):
-    path = tmp_path / "profile.yaml"
-    path.write_text(text, encoding="utf-8")
-    return load_profile(path)
+def test_spin_of_coriolis_is_earth_fixed_and_outside_of_the_tilt(robot):
+    """In the head, the tilt turns the spin by 40 deg: |change| = 2 W sin(20 deg) = 41 deg/s."""
+    motion = sampled(load_command("coriolis", robot))
+    plant, context = robot.plant, robot.plant.CreateDefaultContext()
+    head, spins = plant.GetFrameByName("head"), []
+    for i in (6400, 8000):
+        plant.SetPositionsAndVelocities(context, np.concatenate([motion.q[i], motion.v[i]]))
+        velocity = head.CalcSpatialVelocity(context, plant.world_frame(), head)
+        spins.append(np.degrees(velocity.rotational()))
+    assert np.linalg.norm(spins[1] - spins[0]) == pytest.approx(41.04, abs=0.01)
 
 
-def test_the_profile_of_the_refusals_is_sound_as_it_stands(tmp_path):
-    profile = _load(tmp_path, PROFILE)
-    assert [type(joint) for joint in profile.joints] == [Knots, Sampled, Oscillation]
-    np.testing.assert_array_equal(profile.speeds(np.array([0.5]))[0, :2], [0.5, 1])
+def test_post_roll_is_two_turns(robot):
+    motion = sampled(load_command("post_roll", robot))
+    assert np.degrees(motion.q[-1, 1]) == pytest.approx(720, abs=1e-6)
 
 
-BAD = [
-    ("duration: 2", "duration: 0", r"duration: 0\.0, expected a finite number > 0"),
-    ("duration: 2", "duration: -2", r"duration: -2\.0, "),
-    ("duration: 2", "duration: .nan", "duration: nan, "),
-    ("duration: 2", "duration: .inf", "duration: inf, "),
-    ("duration: 2\n", "", r"duration: 0\.0, "),
-    ("q0: [0, 0, 1]", "q0: [0, 1]", r"q0: 2 value\(s\), expected 3"),
-    ("q0: [0, 0, 1]", "q0: [0, 0, .nan]", "q0.*finite"),
-    (PROFILE[PROFILE.index("joints") :], "joints: []", "joints: empty"),
-    (PROFILE[PROFILE.index("joints") :], "", "joints: empty"),
-    # Knots.
-    ("[[0, 0], [1, 1], [2, 0]]", "[[0, 0]]", r"joints\[1\]\.knots: .*at least two pairs"),
-    ("[[0, 0], [1, 1], [2, 0]]", "[]", r"joints\[1\]\.knots: .*at least two pairs"),
-    ("[1, 1]", "[1]", r"joints\[1\]\.knots: .*pairs"),
-    ("[1, 1]", "[1, 1, 1]", r"joints\[1\]\.knots: .*pairs"),
-    ("[1, 1]", "[1, .nan]", r"joints\[1\]\.knots.*finite"),
-    ("[1, 1]", "[.inf, 1]", r"joints\[1\]\.knots.*finite"),
-    ("[1, 1]", "[0, 1]", r"joints\[1\]\.knots: time 0 s after 0 s"),
-    ("[1, 1]", "[2.5, 1]", r"joints\[1\]\.knots: time 2 s after 2\.5 s"),
-    ("[[0, 0], [1", "[[0.1, 0], [1", r"joints\[1\]\.knots: from 0\.1 to 2 s, expected 0 to 2"),
-    ("[2, 0]", "[1.9, 0]", r"joints\[1\]\.knots: from 0 to 1\.9 s, expected 0 to 2"),
-    ("[2, 0]", "[2.0000001, 0]", r"joints\[1\]\.knots: .*2\.0000001 s, expected 0 to 2 s"),
-    # Samples.
-    ("period: 0.5, s", "period: 0, s", r"joints\[2\]\.period: 0\.0, .* > 0"),
-    ("period: 0.5, s", "period: -0.5, s", r"joints\[2\]\.period: -0\.5, "),
-    ("period: 0.5, s", "period: .nan, s", r"joints\[2\]\.period: nan, "),
-    ("period: 0.5, s", "period: 0.3, s", r"joints\[2\].*2 s is not a whole multiple .*0\.3 s"),
-    ("period: 0.5, s", "period: 1e-310, s", r"joints\[2\]"),
-    ("[0, 1, 2, 1, 0]", "[0, 1, 0]", r"joints\[2\]\.speeds: 3 samples, expected 5"),
-    ("[0, 1, 2, 1, 0]", "[0, 1, .nan, 1, 0]", r"joints\[2\]\.speeds.*finite"),
-    # Oscillations.
-    ("amplitude: 1", "amplitude: .nan", r"joints\[3\]\.amplitude: nan"),
-    ("period: 1", "period: 0", r"joints\[3\]\.period: 0\.0"),
-    ("period: 1", "period: .inf", r"joints\[3\]\.period: inf"),
-    ("fade: 0.5", "fade: 0", r"joints\[3\]\.fade: 0\.0"),
-    ("end: 2", "end: 0", r"joints\[3\]\.end: 0\.0"),
-    ("period: 1", "period: 1e-9", r"joints\[3\]\.period: 1e-09 s, expected at least 2e-05 s"),
-    ("end: 2", "end: 2.1", r"joints\[3\]\.end: 2\.1 s, expected <= duration 2 s"),
-]
-
-
-@pytest.mark.parametrize("old, new, message", BAD, ids=[case[-1] for case in BAD])
-def test_a_bad_profile_is_refused_with_file_field_and_value(tmp_path, old, new, message):
-    assert old in PROFILE
-    with pytest.raises(InputError, match=rf"profile\.yaml: {message}"):
-        _load(tmp_path, PROFILE.replace(old, new, 1))
+def test_the_timeline_has_every_segment_with_its_times(robot):
+    spin, hold, back = load_command("graveyard_spiral", robot).timeline
+    assert spin == ("planetary + roll", 2, 12, "to 1.5 G, cosine")
+    assert hold == ("planetary + roll", 12, 54, "hold")
+    omega = np.degrees(np.sqrt(9.81 / 2.6 * np.sqrt(1.25)))
+    assert back.end - back.start == pytest.approx(np.pi / 2 * omega / 10)

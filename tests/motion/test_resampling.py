@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from motions import PERIOD, SHORT, sampled
 
 from sdt_drake.design import load_plan
 from sdt_drake.errors import InputError
-from sdt_drake.motion import Motion, import_motion, load_profile, resample
+from sdt_drake.motion import Motion, import_motion
+from sdt_drake.motion.resampling import resample
 from sdt_drake.tables import write_table
-
-PERIOD = 0.005
-REFERENCE = load_profile("package://sdt/motions/reference.yaml")
 
 
 def swing(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -92,11 +91,11 @@ def test_time_may_start_anywhere_and_the_end_is_rounded_up(write):
 
 
 def test_positions_alone_do_not_drift(write):
-    time = 0.001 * np.arange(60001)
+    time = 0.001 * np.arange(20001)
     q = np.stack([np.sin(time) ** 2, np.cos(3 * time)], axis=1)
     motion, loss = resample(write(time, q_ref=q), PERIOD)
     assert loss.position.max() < 9.0 * PERIOD**2 / 4 * 1.6  # a h² / 4, and a h² / 8 between samples
-    assert motion.duration == 60
+    assert motion.duration == 20
 
 
 def test_a_coarse_period_that_loses_a_swing_is_refused_with_joint_and_time(write):
@@ -141,22 +140,22 @@ def test_a_bad_file_is_refused_in_one_line(tmp_path, text, message):
 
 @pytest.mark.parametrize("planner", ["limiter", "retiming"])
 def test_a_csv_at_another_period_is_planned(robot, write, planner):
-    time = 0.0125 * np.arange(2401)
-    path = write(time, v_ref=REFERENCE.speeds(time))
+    time = 0.0125 * np.arange(321)
+    path = write(time, v_ref=SHORT.speeds(time))
     plan = load_plan(path, robot, period=PERIOD, planner=planner)
-    np.testing.assert_allclose(plan.motion.v, REFERENCE.speeds(plan.motion.time), atol=0.02)
+    np.testing.assert_allclose(plan.motion.v, SHORT.speeds(plan.motion.time), atol=0.02)
     assert plan.loss is not None and plan.loss.speed.max() < 0.02
     with pytest.raises(InputError, match=r"in\.csv: .*joint 2"):
-        load_plan(path, robot, period=PERIOD, torque_margin=0.3, planner=planner)
+        load_plan(path, robot, period=PERIOD, torque_margin=0.1, planner=planner)
 
 
-def test_a_motion_that_the_limiter_only_checks_is_retimed_by_the_other(robot, write, tmp_path):
-    time = PERIOD * np.arange(6001)
+def test_a_motion_that_the_limiter_only_checks_is_retimed_by_the_other(robot, tmp_path):
     path = tmp_path / "m.csv"
-    Motion.from_speeds(PERIOD, np.zeros(4), REFERENCE.speeds(time)).to_csv(path)
-    with pytest.raises(InputError, match=r"m\.csv: joint 2 'roll' at .* needs torque"):
-        load_plan(path, robot, period=PERIOD, torque_margin=0.9)
-    plan = load_plan(path, robot, period=PERIOD, torque_margin=0.9, planner="retiming")
+    sampled(SHORT).to_csv(path)
+    margin = 0.9 * load_plan(path, robot, period=PERIOD).peak_use(robot).max()
+    with pytest.raises(InputError, match=r"m\.csv: joint \d .* at .* needs torque"):
+        load_plan(path, robot, period=PERIOD, torque_margin=margin)
+    plan = load_plan(path, robot, period=PERIOD, torque_margin=margin, planner="retiming")
     assert plan.longer > 0 and plan.loss is None
     with pytest.raises(InputError, match="planner: 'fast', expected one of limiter, retiming"):
         load_plan(path, robot, period=PERIOD, planner="fast")

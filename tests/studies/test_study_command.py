@@ -58,7 +58,7 @@ def refuse(desk, capfd):
         (
             "[controller]\n  distribution: !Choice {values: [pi, p_pi+id]}",
             "[motion]\n  distribution: !Choice {values: [short.yaml, two.yaml]}",
-            "two.yaml: 2 joint(s), expected 4 as in the base",
+            "two.yaml: joints: 2 value(s), expected 4",
         ),
         (
             "[controller]\n  distribution: !Choice {values: [pi, p_pi+id]}",

@@ -1,0 +1,200 @@
+"""What every planner starts from, gives and checks; and a plan as a table for the drives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sdt_drake.dynamics import inverse_dynamics
+from sdt_drake.errors import InputError, whole_periods
+from sdt_drake.motion.command import Command
+from sdt_drake.motion.resampling import Loss
+from sdt_drake.motion.trajectory import Motion
+from sdt_drake.robot import Robot
+from sdt_drake.tables import write_table
+
+Array = NDArray[np.float64]
+
+INTERPOLATION_PERIOD = 0.005  # s, published
+TORQUE_TOLERANCE = 1e-6  # N m
+SPEED_TOLERANCE = 1e-9  # rad/s; round-off of a commanded speed
+ACCELERATION_TOLERANCE = 1e-6  # rad/s²; that of a speed, over a period
+_ANGLE_TOLERANCE = 1e-4  # rad, and of its range; what an angle may lose to sampling
+# Beyond any machine; what is near the largest numbers fails in the dynamics:
+_ANY_ANGLE = 1e6  # rad
+_ANY_SPEED = 1e4  # rad/s
+_ANY_ACCELERATION = 1e6  # rad/s²
+_REST = 1e-3  # rad/s; what is slower is at rest
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A motion that the motors can do, and how hard they work.
+
+    Attributes:
+        motion: the reference.
+        torque: joint torque with the motors' inertia at each sample, joint side [N m],
+            shape (N + 1, n).
+        limited: where the planner held a joint back, shape (N + 1, n).
+        torque_margin: share of the motors' torque that was allowed [-].
+        commanded: what was asked for, at the same period.
+        loss: of the resampling of a CSV; None if nothing was resampled.
+    """
+
+    motion: Motion
+    torque: Array
+    limited: NDArray[np.bool_]
+    torque_margin: float
+    commanded: Motion
+    loss: Loss | None = None
+
+    @property
+    def longer(self) -> float:
+        """How much longer than commanded the motion lasts [s]."""
+        return self.motion.duration - self.commanded.duration
+
+    @property
+    def angle_lost(self) -> Array:
+        """How far the joints end from where they are commanded [rad], shape (n,)."""
+        return np.abs(self.motion.q[-1] - self.commanded.q[-1])
+
+    def peak_use(self, robot: Robot) -> Array:
+        """Largest |torque| over the motor's limit [-], shape (n,)."""
+        return np.max(np.abs(self.torque), axis=0) / robot.effort_limit
+
+
+def commanded_motion(robot: Robot, command: Command, period: float) -> Motion:
+    """The command at the interpolation period, whether the robot can do it or not.
+
+    Raises:
+        InputError: if command, robot and period do not fit each other; if angles, speeds or
+            accelerations are beyond any machine; if a joint loses more than 1e-4 rad and 1e-4 of
+            the range of its angles, as something is too short for the period.
+    """
+    where = f"motion '{command.name}': "
+    if len(command.q0) != robot.n:
+        raise InputError(f"{where}{len(command.q0)} joints, robot '{robot.name}' has {robot.n}")
+    count = whole_periods(command.duration, period, f"{where}duration")
+    time = np.arange(count + 1) * period
+    with np.errstate(over="ignore", invalid="ignore"):
+        motion = Motion.from_speeds(period, command.q0, command.speeds(time))
+        for values, most, unit in (
+            (motion.v, _ANY_SPEED, "rad/s"),
+            (motion.q, _ANY_ANGLE, "rad"),
+            (motion.vd, _ANY_ACCELERATION, "rad/s²"),
+        ):
+            beyond = ~(np.abs(values) <= most)
+            if beyond.any():
+                i, k = np.argwhere(beyond)[0]
+                raise InputError(
+                    f"{where}{_place(robot, motion, i, k)}: commanded {values[i, k]:.4g} {unit}, "
+                    f"expected at most {most:g} {unit}, as of any machine"
+                )
+        _check_sampling(where, robot, command, motion)
+    return motion
+
+
+def _check_sampling(where: str, robot: Robot, command: Command, motion: Motion) -> None:
+    """Refuse what is too short for the period: angles by trapezoids, at the corners of speed too.
+
+    That is exact for a piece that is linear or along half a cosine, however short. The speed of an
+    alignment is 0 where a piece ends; half-way it is not.
+    """
+    corners = command.corners()
+    corners = np.union1d(corners, (corners[1:] + corners[:-1]) / 2)
+    time = np.union1d(motion.time, corners[(corners > 0) & (corners < motion.duration)])
+    v = command.speeds(time)
+    steps = np.diff(time)[:, None] * (v[1:] + v[:-1]) / 2
+    angle = motion.q[0] + np.vstack([np.zeros(motion.n), np.cumsum(steps, axis=0)])
+    lost = np.abs(angle[np.searchsorted(time, motion.time)] - motion.q)
+    beyond = ~(lost <= _ANGLE_TOLERANCE * (1 + np.ptp(angle, axis=0)))
+    if beyond.any():
+        i, k = np.argwhere(beyond)[0]
+        raise InputError(
+            f"{where}{_place(robot, motion, i, k)}: commanded for so short that a period of "
+            f"{motion.period:g} s loses {np.degrees(lost[:, k].max()):.3g} deg, expected a "
+            "shorter period, or segments and swings of several periods"
+        )
+
+
+def checked_torque(robot: Robot, motion: Motion, *, torque_margin: float = 1.0) -> Array:
+    """Joint torques that a motion needs, with the motors' inertia, joint side [N m], (N + 1, n).
+
+    The torques are those at the samples. Until the next one positions and speeds go on, with the
+    same acceleration; how far the torques then grow, `margins` tells.
+
+    Raises:
+        InputError: if the motion has another number of joints, or leaves the torque, speed,
+            acceleration or position limits: naming joint, time, what it needs and what there is.
+    """
+    if motion.n != robot.n:
+        raise InputError(f"motion: {motion.n} joints, robot '{robot.name}' has {robot.n}")
+    torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
+    for quantity, values, limit, slack in (
+        ("torque [N m]", torque, torque_margin * robot.effort_limit, TORQUE_TOLERANCE),
+        ("speed [rad/s]", motion.v, robot.velocity_limit, SPEED_TOLERANCE),
+        ("acceleration [rad/s²]", motion.vd, robot.acceleration_limit, ACCELERATION_TOLERANCE),
+    ):
+        _refuse_beyond(robot, motion, quantity, values, (-limit, limit), slack)
+    check_stops(robot, motion)
+    return torque
+
+
+def check_stops(robot: Robot, motion: Motion) -> None:
+    """Raise InputError if a joint leaves its position limits: naming joint, time and angle."""
+    stops = robot.position_lower, robot.position_upper
+    _refuse_beyond(robot, motion, "position [rad]", motion.q, stops, 1e-9)
+
+
+def _refuse_beyond(
+    robot: Robot,
+    motion: Motion,
+    quantity: str,
+    values: Array,
+    limits: tuple[Array, Array],
+    slack: float,
+) -> None:
+    lower, upper = limits
+    beyond = (values < lower - slack) | (values > upper + slack)
+    if beyond.any():
+        i, k = np.argwhere(beyond)[0]
+        name, unit = quantity.rstrip("]").split(" [")
+        raise InputError(
+            f"{_place(robot, motion, i, k)}: needs {name} {values[i, k]:.6g} {unit}, available "
+            f"{lower[k]:.6g} to {upper[k]:.6g} {unit}"
+        )
+
+
+def _place(robot: Robot, motion: Motion, i: int, k: int) -> str:
+    return f"joint {k + 1} '{robot.joint_names[k]}' at {motion.time[i]:.3f} s"
+
+
+def write_drive_table(path: str | Path, robot: Robot, plan: Plan) -> None:
+    """Write time [s], q_motor_k [rad], v_motor_k [rad/s], tau_motor_k [N m], all **motor side**.
+
+    q_motor = r q, v_motor = r v, tau_motor = tau / r, with tau the full inverse dynamics, the
+    motors' own inertia included. So tau_motor is the whole torque of a motor, for the additive
+    torque setpoint of its drive; a pre-control by acceleration times inertia in the drive has to be
+    off then. A row holds until the next one; the last row has no acceleration any more.
+
+    Raises:
+        InputError: if a joint starts or ends in motion, or the file cannot be written.
+    """
+    moving = ends_in_motion(robot, plan.motion)
+    if moving:
+        raise InputError(f"{path}: {moving[0]}, expected rest: no drive starts or ends in motion")
+    motion, r = plan.motion, robot.gear_ratio
+    columns = {"q_motor": r * motion.q, "v_motor": r * motion.v, "tau_motor": plan.torque / r}
+    write_table(path, motion.time, columns)
+
+
+def ends_in_motion(robot: Robot, motion: Motion) -> list[str]:
+    """For people: each joint that starts or ends in motion, and its speed."""
+    return [
+        f"joint {k + 1} '{robot.joint_names[k]}' {when} at {v[k]:.4g} rad/s"
+        for v, when in ((motion.v[0], "starts"), (motion.v[-1], "ends"))
+        for k in np.flatnonzero(np.abs(v) > _REST)
+    ]
