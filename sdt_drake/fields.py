@@ -289,7 +289,7 @@ def _expected(hint: Any, rule: Rule) -> str:
         return "a mapping"
     if typing.get_origin(schema) is list:
         item = typing.get_args(schema)[0]
-        plural = {float: f"numbers{rule.bounds()}", str: "texts"}.get(item, "values")
+        plural = {float: f"numbers{rule.bounds()}", str: "texts"}.get(item, "entries")
         return f"a list of {plural}" + (", one for each joint" if rule.per_joint else "")
     if schema in (int, float):
         return f"a {'whole ' if schema is int else ''}number{rule.bounds()}"

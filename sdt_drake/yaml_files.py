@@ -48,23 +48,29 @@ def read_yaml(file: Path) -> Any:
             data = _Reader(text).data()
         except InputError:
             raise
-        except RecursionError:
-            raise InputError(_TOO_LARGE) from None
         except (yaml.YAMLError, ValueError) as error:
             raise InputError(f"not valid YAML, {told_by(error)}") from None
     if not isinstance(data, dict):
         return data
-    return {key: value for key, value in data.items() if not key.startswith("_")}
+    return {key: data[key] for key in data if key == "_tag" or not key.startswith("_")}
 
 
 class _Reader(yaml.SafeLoader):
     """YAML that is small, and says everything once."""
 
     def data(self) -> Any:
-        self.n_values = 0
+        self.depth = self.n_values = 0
         self.read: dict[yaml.Node, tuple[Any, int]] = {}  # values, and how many are in them
         node = self.get_single_node()
         return None if node is None else self._value(node, "", 0)
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node:
+        self.depth += 1
+        if self.depth > _DEEPEST + 2:  # before Python itself gives up
+            raise InputError(_TOO_LARGE)
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
 
     def _value(self, node: yaml.Node, name: str, depth: int) -> Any:
         before = self.n_values
@@ -96,11 +102,12 @@ class _Reader(yaml.SafeLoader):
         own: dict[str, Any] = {}
         for key, inner in node.value:
             if key.tag not in (_TEXT, _MERGE):
+                told = key.value if isinstance(key, yaml.ScalarNode) else "of several values"
                 raise _wrong(
                     key,
                     name,
-                    f"the key {told_by(key.value)} is no text to YAML, which takes yes, no, on and "
-                    "off for truth values; expected the name of a field",
+                    f"the key {told} is no text to YAML, which takes yes, no, on and off for truth "
+                    "values; expected the name of a field",
                 )
             dotted = f"{name}.{key.value}".lstrip(".")
             value = self._value(inner, dotted, depth + 1)

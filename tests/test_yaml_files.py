@@ -40,6 +40,7 @@ BAD = {
     ),
     "off": ("off: 1\n", "line 1: the key off is no text"),
     "a number": ("1: 1\n", "line 1: the key 1 is no text"),
+    "a list": ("? [a]\n: 1\n", "line 1: the key of several values is no text"),
     "nothing": ("~: 1\n", "line 1: the key ~ is no text"),
 }
 
