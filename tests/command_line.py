@@ -12,7 +12,6 @@ import pytest
 
 from sdt_drake.analysis import stability
 from sdt_drake.cli import main
-from sdt_drake.commands.stability import SHOWN
 from sdt_drake.resources import models_dir
 
 MODELS = models_dir()
@@ -20,6 +19,21 @@ SDF = (MODELS / "sdt.sdf").read_text(encoding="utf-8")
 FIGURE = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
 JOINTS = ["1 planetary", "2 roll", "3 pitch", "4 yaw"]
 OMEGA_R = 65.991
+AXIS, RUN = "../given/short_axis.yaml", "../given/run.yaml"  # of 0.5 s
+SHORT_MOTION = "../given/short.yaml"
+WRITERS = {
+    "plan": ([SHORT_MOTION], "csv"),
+    "tune": ([SHORT_MOTION], "png"),
+    "step": ([], "png"),
+    "simulate": ([RUN], "csv"),
+    "compare": ([RUN, "--controllers", "pi"], "csv"),
+    "pilot": ([RUN], "csv"),
+    "budget": ([AXIS], "csv"),
+    "bode": ([AXIS], "csv"),
+    "stability": ([AXIS], "png"),
+    "diagram": ([RUN], "dot"),
+}
+"""Of every command that computes something for --out: what it is about, and a suffix of --out."""
 
 # 0.5 s of the four joints: joint 2 up to 0.5 rad/s and on, the others at rest.
 REST = "  - !Knots {knots: [[0, 0], [0.5, 0]]}\n"
@@ -130,9 +144,13 @@ def given(desk):
 
 @pytest.fixture
 def coarse(monkeypatch):
-    """Sweeps of stability over the ratios that are shown alone."""
-    sweep = functools.partial(stability.stability_sweep, ratios=SHOWN)
-    monkeypatch.setattr(stability, "stability_sweep", sweep)
+    """Makes sweeps of stability go over a few ratios alone."""
+
+    def sweep(*ratios) -> None:
+        few = functools.partial(stability.stability_sweep, ratios=ratios)
+        monkeypatch.setattr(stability, "stability_sweep", few)
+
+    return sweep
 
 
 @pytest.fixture

@@ -16,7 +16,19 @@ from pathlib import Path
 
 import command_line
 import pytest
-from command_line import SCENARIO, SDF, SHORT, Done, is_one_line, refused, snapshot
+from command_line import (
+    AXIS,
+    RUN,
+    SCENARIO,
+    SDF,
+    SHORT,
+    SHORT_MOTION,
+    WRITERS,
+    Done,
+    is_one_line,
+    refused,
+    snapshot,
+)
 
 import sdt_drake
 from sdt_drake import cli
@@ -29,21 +41,6 @@ given, refuse = command_line.given, command_line.refuse
 
 needs_graphviz = pytest.mark.skipif(shutil.which("dot") is None, reason="needs Graphviz")
 needs_proc = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /proc")
-
-AXIS, RUN, SHORT_MOTION = "../given/axis.yaml", "../given/run.yaml", "../given/short.yaml"
-# Of every command that computes something for --out: what it is about, and suffixes of its files.
-WRITERS = {
-    "plan": ([SHORT_MOTION], "csv"),
-    "tune": ([SHORT_MOTION], "png"),
-    "step": ([], "png"),
-    "simulate": ([RUN], "csv"),
-    "compare": ([RUN], "csv"),
-    "pilot": ([RUN], "csv"),
-    "budget": ([AXIS], "csv"),
-    "bode": ([RUN], "csv"),
-    "stability": ([AXIS], "png"),
-    "diagram": ([RUN], "dot"),
-}
 
 
 @pytest.fixture
@@ -113,23 +110,17 @@ def test_wrong_usage(refuse, line, word):
         (f"plan {SHORT_MOTION} --period nan", ["period", "nan"]),
         (f"plan {SHORT_MOTION} --period 0.007", ["0.007", "0.5"]),
         (f"plan {SHORT_MOTION} --torque-margin 1.01", ["margin", "1.01"]),
-        (f"plan {SHORT_MOTION} --torque-margin nan", ["margin", "nan"]),
         (f"tune {SHORT_MOTION} --omega-r 0", ["--omega-r", "> 0"]),
         (f"tune {SHORT_MOTION} --zeta 1 1 0 1", ["--zeta", "> 0"]),
         ("step --inertia 0", ["--inertia", "> 0"]),
-        ("step --inertia 1e308", ["inertia"]),
         ("step --zeta 1e9", ["zeta", "0.01 to 100"]),
         ("step --structure pid", ["--structure", "pid", "p_in_feedback"]),
         (f"diagram {RUN} --format pdf", ["--format", "pdf", "svg"]),
         (f"diagram {RUN} --depth 3000000000", ["--depth"]),
-        (f"bode {AXIS} --time 1.26", ["--time: 1.26 s", "1.25"]),
-        (f"bode {AXIS} --time=-0.1", ["--time"]),
+        (f"bode {AXIS} --time 0.51", ["--time: 0.51 s", "0.5"]),
         (f"stability {AXIS} --omega-r 0.05", ["--omega-r"]),
         (f"stability {AXIS} --damping=-0.1", ["--damping"]),
         (f"compare {AXIS} --controllers pi,pid", ["--controllers: 'pid'", "inverse_dynamics"]),
-        (f"compare {AXIS} --controllers p_pi+pd", ["feedforward of p_pi: 'pd'", "none, ctc, id"]),
-        (f"compare {AXIS} --controllers pi+id", ["'pi+id'", "has its own feedforward"]),
-        (f"compare {AXIS} --controllers ,", ["--controllers: none given"]),
         (f"compare {AXIS} --controllers pi,inverse_dynamics", ["plant.kind coupled"]),
         ("budget ../given/coupled.yaml", ["coupled.yaml", "plant.kind: coupled", "expected axis"]),
         ("plan package://sdt/motions/nowhere.yaml", ["nowhere.yaml", "reference.yaml"]),
@@ -159,7 +150,7 @@ def test_every_command_names_a_file_that_cannot_be_used(refuse, desk, given, nam
     refuse(name, "nowhere.yaml", saying=["nowhere.yaml"])
     (desk / "binary.yaml").write_bytes(bytes(range(256)) * 20)
     refuse(name, "binary.yaml", saying=["binary.yaml"])
-    if WRITERS[name][0] != [SHORT_MOTION]:
+    if SHORT_MOTION not in WRITERS[name][0]:
         bad = given("bad.yaml", f"{SCENARIO}drive: {{period: 0.002}}\n")
         refuse(name, bad, saying=["bad.yaml", "drive.period", "does not divide"])
 
@@ -386,15 +377,11 @@ def test_reproduce(good, refuse, desk, quick_study, monkeypatch, tmp_path):
         refuse("reproduce", "--out", place, saying=["out/report.md: is a file, expected a folder"])
 
 
-def _broken_pipe():
-    read, write = os.pipe()
-    os.close(read)  # like `| head -0`
-    return os.fdopen(write, "w")
-
-
 @pytest.mark.parametrize("arguments", [["reproduce"], ["--help"]])
 def test_a_reader_that_has_enough_costs_no_results(desk, monkeypatch, quick_study, arguments):
-    monkeypatch.setattr(sys, "stdout", _broken_pipe())
+    read, write = os.pipe()
+    os.close(read)  # like `| head -0`
+    monkeypatch.setattr(sys, "stdout", os.fdopen(write, "w"))
     assert cli.main(arguments) == 0
     assert Path("out/report.md").is_file() or arguments != ["reproduce"]
 

@@ -9,6 +9,7 @@ import command_line
 import numpy as np
 import pytest
 from command_line import (
+    AXIS,
     CONTROLLER,
     ENDS,
     FIGURE,
@@ -16,9 +17,11 @@ from command_line import (
     MODELS,
     OMEGA_R,
     REST,
+    RUN,
     SCENARIO,
     SDF,
     SHORT,
+    SHORT_MOTION,
     columns_of,
     numbers,
     read_csv,
@@ -39,7 +42,6 @@ from sdt_drake.tables import read_table
 call, good, desk = command_line.call, command_line.good, command_line.desk
 given, coarse = command_line.given, command_line.coarse
 
-RUN, SHORT_MOTION = "../given/run.yaml", "../given/short.yaml"
 FELT = ["felt [% of time]", "largest rotation", "rotation about", "largest force", "force along"]
 REAL = "package://sdt/scenarios/real_device.yaml"
 
@@ -294,7 +296,7 @@ def test_diagram_without_graphviz(call, good, desk, monkeypatch):
 
 @pytest.mark.parametrize("plant", ["axis", "coupled"])
 def test_compare_runs_all_that_the_plant_allows(good, desk, plant):
-    run = {"axis": "../given/short_axis.yaml", "coupled": RUN}[plant]
+    run = {"axis": AXIS, "coupled": RUN}[plant]
     results, felt, systems = tables(good("compare", run).out)
     allowed = {name for name, kind in CONTROLLERS.items() if plant in kind.plants}
     labels = [row[0] for row in systems[1:]]
@@ -305,7 +307,7 @@ def test_compare_runs_all_that_the_plant_allows(good, desk, plant):
     assert felt[0] == ["controller", *FELT] and [row[0] for row in felt[1:]] == labels
 
 
-def test_compare_prints_what_it_writes_and_agrees_with_simulate(good, desk):
+def test_compare_prints_what_it_writes(good, desk):
     controllers = ("--controllers", "pi, p_pi+id")
     out = good("compare", "../given/coupled.yaml", *controllers, "--out", "x/c.csv").out
     header, *rows = read_csv(desk / "x" / "c.csv")
@@ -327,9 +329,6 @@ def test_compare_prints_what_it_writes_and_agrees_with_simulate(good, desk):
             assert numbers([shown[i] for i in (0, 1, 3)]) == pytest.approx(
                 numbers([row[i] for i in (11, 12, 14)]), abs=0.051
             )
-    good("simulate", "../given/coupled.yaml", "--out", "run.csv")
-    error = read_table(desk / "run.csv")[1]["speed_error"]
-    assert numbers([row[2] for row in rows[:4]]) == pytest.approx(np.abs(error).max(axis=0), abs=0)
 
 
 def test_compare_of_the_real_device_and_of_a_robot_without_a_head(good, desk, given):
@@ -354,12 +353,12 @@ PARTS = ("whole", "reference_lag", "load", "disturbance", "saturation", "remaind
 
 
 def test_budget_prints_what_it_writes(good, desk):
-    out = good("budget", "../given/short_axis.yaml", "--out", "b.csv").out
+    out = good("budget", AXIS, "--out", "b.csv").out
     time, columns = read_table(desk / "b.csv")
     (header, *rows), *_ = tables(out)
     assert tuple(columns) == PARTS and header == ["part", *JOINTS]
     np.testing.assert_allclose(time, 0.005 * np.arange(101), atol=1e-12)
-    budget = error_budget(make_design(load_scenario("../given/short_axis.yaml")))
+    budget = error_budget(make_design(load_scenario(AXIS)))
     np.testing.assert_array_equal(columns["whole"], budget.whole)
     np.testing.assert_array_equal(columns["load"], budget.parts["load"])
     assert [row[0].replace(" ", "_") for row in rows] == list(PARTS)
@@ -414,6 +413,7 @@ def test_bode_says_what_does_not_count_and_what_there_is_not(good, given):
 
 
 def test_stability_shows_both_encoders_and_both_drives(good, desk, given, coarse):
+    coarse(0.1, 0.25, 0.5, 0.75, 1.0, 1.5)
     out = good("stability", given("d.yaml", SCENARIO + "drive: {period: 0.001}\n")).out
     titles = re.findall(r"^encoder on the (\w+), (.*): damping", out, re.M)
     drives = ("ideal drive", "the scenario's drive")
@@ -437,6 +437,7 @@ def test_stability_of_which_frequency_and_damping(call, good, desk, given, coars
     def border(out):
         return float(tables(out)[1][1][7])
 
+    coarse(0.25, 0.5, 1.0)
     plain = good("stability", "../given/axis.yaml").out
     assert plain.count("ideal drive") == 2 and "scenario's drive" not in plain
     damped = good("stability", "../given/axis.yaml", "--damping", "0.02").out
@@ -447,12 +448,10 @@ def test_stability_of_which_frequency_and_damping(call, good, desk, given, coars
     assert "damping ratio 0.02" in sprung and "whatever plant.elasticity says" in sprung
 
     soft = given("soft.yaml", SCENARIO.replace("65.991", "30"))
-    own, told = good("stability", soft).out, good("stability", soft, "--omega-r", "30").out
-    assert "omega_r = 30 rad/s (controller.omega_r)" in own
-    assert "omega_r = 30 rad/s (--omega-r)" in told and tables(own) == tables(told)
-    assert "own gains there: 0.500 0.500 0.500 0.500" in own
-    published = good("stability", soft, "--omega-r", "65.991").out
-    assert "own gains there: 0.227 0.227 0.227 0.227" in published
+    assert "omega_r = 30 rad/s (controller.omega_r)" in good("stability", soft).out
+    told = good("stability", soft, "--omega-r", "65.991").out
+    assert "omega_r = 65.991 rad/s (--omega-r)" in told and tables(told) == tables(plain)
+    assert "own gains there: 0.227 0.227 0.227 0.227" in told
 
     out = good("stability", given("d.yaml", SCENARIO + "device: {structure_scale: 0.8}\n")).out
     text = r"omega_r = (\S+) rad/s \(controller.omega_r, 65.991, times (\S+) for the device\)"
@@ -463,10 +462,6 @@ def test_stability_of_which_frequency_and_damping(call, good, desk, given, coars
     gains = "controller: {kind: pi, kp: [267, 6340, 52000, 15700], ki: [4640, 1e5, 8.7e5, 2.7e5]}\n"
     run = given("gains.yaml", SCENARIO.replace(f"{CONTROLLER}}}\n", gains))
     refused(call("stability", run), "--omega-r: missing", "kp")
-    light = re.sub(r"<drake:rotor_inertia>.*?</drake:rotor_inertia>", "", SDF)
-    given("light.sdf", light)
-    run = given("light.yaml", "robot: light.sdf\n" + SCENARIO)
-    refused(call("stability", run), "rotor inertia 0", "joint 1")
 
 
 def test_stability_says_whose_loops_it_sweeps(good, desk, given, coarse):
@@ -474,12 +469,13 @@ def test_stability_says_whose_loops_it_sweeps(good, desk, given, coarse):
     said = {
         "pi": ["pi, PI speed loops with structure p_in_feedback"],
         "pi_ctc": ["pi_ctc, ", "feedforward", "is left out"],
-        "pi_id": ["structure pi\n", ", 37 %", "feedforward"],
+        "pi_id": ["structure pi\n", "feedforward"],
         "p_pi": ["in position loops, K_V = [3.0, 4.0, 5.0, 6.0] 1/s", "position, sampled"],
         "pi_scheduled": ["their gains those at the largest inertia"],
         "inverse_dynamics": ["whole state every 0.005 s", "needs the coupled plant"],
     }
     assert said.keys() == CONTROLLERS.keys()
+    coarse(0.1)
     outs = set()
     for kind, parts in said.items():
         own = "p_pi, position_gain: [3, 4, 5, 6]" if kind == "p_pi" else kind

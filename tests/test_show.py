@@ -11,24 +11,13 @@ import command_line
 import matplotlib
 import matplotlib.pyplot as plt
 import pytest
-from command_line import FIGURE, Done, refused
+from command_line import AXIS, FIGURE, WRITERS, Done, refused
 from matplotlib.backend_bases import FigureManagerBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 call, good, desk, coarse = (getattr(command_line, n) for n in ("call", "good", "desk", "coarse"))
 
-AXIS, RUN, SHORT = "../given/short_axis.yaml", "../given/run.yaml", "../given/short.yaml"
-COMMANDS = {
-    "plan": [SHORT],
-    "tune": [SHORT],
-    "step": [],
-    "simulate": [RUN],
-    "compare": [RUN, "--controllers", "pi"],
-    "pilot": [RUN],
-    "bode": [AXIS],
-    "budget": [AXIS],
-    "stability": [AXIS],
-}
+FIGURES = {name: about for name, (about, _) in WRITERS.items() if name != "diagram"}
 
 
 @pytest.fixture
@@ -53,10 +42,11 @@ def screen(monkeypatch):
     matplotlib.use("Agg")
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", FIGURES)
 def test_every_command_shows_and_writes_its_figure(screen, good, desk, coarse, name):
+    coarse(0.5)
     suffix = {"tune": "pdf", "bode": "svg"}.get(name, "png")
-    out = good(name, *COMMANDS[name], "--show", "--out", f"new/figure.{suffix}").out
+    out = good(name, *FIGURES[name], "--show", "--out", f"new/figure.{suffix}").out
     assert out.splitlines()[-1] == f"new/figure.{suffix} written"
     content = (desk / "new" / f"figure.{suffix}").read_bytes()
     assert content.startswith(FIGURE[suffix]) and len(content) > 5_000
@@ -72,9 +62,9 @@ def test_show_beside_a_table(screen, good, desk):
     assert (desk / "bode.csv").read_text(encoding="utf-8").startswith("omega")
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", FIGURES)
 def test_without_a_screen_nothing_is_computed(call, desk, name):
-    done = call(name, *COMMANDS[name], "--show", "--out", "figure.png")
+    done = call(name, *FIGURES[name], "--show", "--out", "figure.png")
     refused(done, "sdt-drake: --show: no screen", "--out")
     assert list(desk.iterdir()) == []
 
