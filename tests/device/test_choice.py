@@ -15,6 +15,7 @@ from sdt_drake.device import DeviceChoice, chosen_robot, load_catalogue
 from sdt_drake.device.choice import with_point_mass
 from sdt_drake.dynamics import effective_inertia, torque_groups
 from sdt_drake.errors import InputError
+from sdt_drake.motion import Motion
 from sdt_drake.robot import edited, load_robot
 from sdt_drake.scenario import load_scenario
 
@@ -51,35 +52,34 @@ def points(robot, masses, q):
     return M
 
 
-def test_the_fitted_motors_are_the_sdf(robot):
-    same = chosen_robot(robot, DeviceChoice(motors=FITTED, fitted=FITTED))
-    np.testing.assert_allclose(same.effort_limit, robot.effort_limit, rtol=1e-15)
-    for name in ("rotor_inertia", "gear_ratio", "velocity_limit"):
-        np.testing.assert_array_equal(getattr(same, name), getattr(robot, name))
-    assert same.frequency_factor == 1
-    for q in Q:
-        np.testing.assert_array_equal(links(same, q), links(robot, q))
+@pytest.mark.parametrize(
+    "fields, torque, rotor_inertia, gear_ratio",
+    [
+        ({"motors": FITTED, "fitted": FITTED}, [203.2, 3950, 2150, 2150], None, [67.2, 1, 1, 1]),
+        (
+            {"motors": LIGHTER, "fitted": FITTED},
+            [150, 2860, 1430, 716],
+            [0.0953, 0.706, 0.353, 0.177],
+            [67.2, 1, 1, 1],
+        ),
+        ({"gear_ratio": [50, 1, 1, 2]}, [203.2, 3950, 2150, 2150], None, [50, 1, 1, 2]),
+    ],
+    ids=["fitted", "lighter", "gears alone"],
+)
+def test_limits_rotors_and_gears(robot, fields, torque, rotor_inertia, gear_ratio):
+    other = chosen_robot(robot, DeviceChoice(**fields))
+    np.testing.assert_allclose(other.effort_limit, np.multiply(torque, gear_ratio), rtol=1e-15)
+    np.testing.assert_array_equal(other.rotor_inertia, rotor_inertia or robot.rotor_inertia)
+    np.testing.assert_array_equal(other.gear_ratio, gear_ratio)
+    np.testing.assert_array_equal(other.velocity_limit, robot.velocity_limit)
+    if rotor_inertia is None:  # the motors of the SDF
+        assert other.frequency_factor == 1
+        np.testing.assert_array_equal(links(other, Q[0]), links(robot, Q[0]))
 
 
 def test_a_choice_of_nothing_is_the_robot_itself(robot):
     for choice in (DeviceChoice(), DeviceChoice(motors=[""] * 4), DeviceChoice(fitted=FITTED)):
         assert chosen_robot(robot, choice) is robot
-
-
-def test_motors_change_limits_rotors_and_gears(robot):
-    other = chosen_robot(robot, DeviceChoice(motors=LIGHTER, fitted=FITTED))
-    np.testing.assert_allclose(other.effort_limit, [150 * 67.2, 2860, 1430, 716], rtol=1e-15)
-    np.testing.assert_array_equal(other.rotor_inertia, [0.0953, 0.706, 0.353, 0.177])
-    np.testing.assert_array_equal(other.gear_ratio, [67.2, 1, 1, 1])
-    np.testing.assert_array_equal(robot.rotor_inertia, [0.1291, 1.73, 0.531, 0.531])
-
-
-def test_gear_ratio_alone_keeps_the_motors(robot):
-    other = chosen_robot(robot, DeviceChoice(gear_ratio=[50, 1, 1, 2]))
-    np.testing.assert_allclose(other.motor_torque_limit, robot.motor_torque_limit, rtol=1e-15)
-    np.testing.assert_allclose(other.effort_limit, [203.2 * 50, 3950, 2150, 4300], rtol=1e-15)
-    np.testing.assert_array_equal(other.rotor_inertia, robot.rotor_inertia)
-    assert total_mass(other) == total_mass(robot)
 
 
 def test_masses_of_the_motors_stand_on_the_inboard_side(robot):
@@ -97,8 +97,8 @@ def test_masses_of_the_motors_stand_on_the_inboard_side(robot):
     np.testing.assert_allclose(gravity, held, atol=1e-9)  # the axes meet where the masses are
 
 
-@pytest.mark.parametrize("motors", [LIGHTER, ["AC-270", "TM-5270", "TM-3950", "TM-2860"]])
-def test_masses_of_the_motors_stand_on_the_axes_of_any_chain(robot, tmp_path, motors):
+def test_masses_of_the_motors_stand_on_the_axes_of_any_chain(tmp_path):
+    motors = ["AC-270", "TM-2860", "TM-3950", "TM-2860"]
     path = tmp_path / "robot.sdf"
     path.write_text(chain_sdf(4, seed=7, base=True))  # skew axes, products of inertia
     chain = deviated(load_robot(path), Deviation(inertia_scale=1e5))  # heavy: all stay bodies
@@ -199,9 +199,18 @@ def with_device(**values):
     return scenario
 
 
-def test_planner_controller_and_plant_know_the_device(robot, design):
+@pytest.fixture
+def swing(tmp_path) -> str:
+    """A motion of 0.2 s in which all joints turn."""
+    path = tmp_path / "swing.csv"
+    v = 0.02 * np.sin(np.linspace(0, np.pi, 41))[:, None] * np.ones(4)
+    Motion.from_speeds(0.005, np.zeros(4), v).to_csv(path)
+    return str(path)
+
+
+def test_planner_controller_and_plant_know_the_device(robot, swing):
     scenario = with_device(motors=LIGHTER, structure_scale=0.8, fitted=FITTED)
-    scenario.motion = "leans"
+    scenario.motion = swing
     made = make_design(scenario)
     chosen = chosen_robot(robot, scenario.device)
     for known in (made.robot, made.nominal, made.model):
@@ -222,11 +231,11 @@ def test_a_robot_that_is_given_is_the_chosen_one(robot, design):
     assert made.variant(scenario).robot is chosen
 
 
-def test_given_gains_are_not_scaled(design):
+def test_given_gains_are_not_scaled(swing):
     scenario = with_device(structure_scale=0.8)
     scenario.controller.omega_r = scenario.controller.zeta = None
     scenario.controller.kp, scenario.controller.ki = [1.0] * 4, [2.0] * 4
-    scenario.motion = "leans"
+    scenario.motion = swing
     np.testing.assert_array_equal(make_design(scenario).gains.ki, 2.0)
 
 
