@@ -10,6 +10,7 @@ from pathlib import Path
 
 from sdt_drake.analysis import plots
 from sdt_drake.analysis.comparison import compare
+from sdt_drake.analysis.style import save
 from sdt_drake.design import make_design
 from sdt_drake.scenario import load_scenario
 
@@ -21,7 +22,7 @@ def main(folder: Path) -> None:
     figure = plots.comparison(
         "Controllers on the coupled MultibodyPlant, model known exactly", compare(design, LABELS)
     )
-    plots.save(figure, folder / "controllers_plot.png")
+    save(figure, folder / "controllers_plot.png")
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from sdt_drake.analysis import plots
 from sdt_drake.analysis.block_diagrams import write_block_diagram
+from sdt_drake.analysis.style import save
 from sdt_drake.design import make_design
 from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import simulate
@@ -18,19 +19,18 @@ from sdt_drake.simulate import simulate
 
 def main(folder: Path) -> None:
     runs = {}
-    for label, name in (("PI", "coupled_pi"), ("PI + CTC", "coupled_pi_ctc")):
-        design = make_design(load_scenario(f"package://sdt/scenarios/{name}.yaml"))
+    for label in ("pi", "pi_ctc"):
+        design = make_design(load_scenario(f"package://sdt/scenarios/coupled_{label}.yaml"))
         runs[label] = simulate(design)
     write_block_diagram("coupled_loop", design, folder)
 
     figure = plots.speed_errors(
         "Speed errors on the coupled MultibodyPlant",
-        design.motion.time,
-        plots.tracking_lines(runs, "speed_error"),
+        runs,
         design.robot.joint_names,
         design.motion,
     )
-    plots.save(figure, folder / "coupled_loop_plot.png")
+    save(figure, folder / "coupled_loop_plot.png")
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from sdt_drake.analysis import plots
 from sdt_drake.analysis.block_diagrams import write_block_diagram
+from sdt_drake.analysis.style import save
 from sdt_drake.design import make_design
 from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import simulate
@@ -27,7 +28,7 @@ def main(folder: Path) -> None:
         design.loads,
         design.robot,
     )
-    plots.save(figure, folder / "figure3_plot.png")
+    save(figure, folder / "figure3_plot.png")
 
 
 if __name__ == "__main__":

@@ -12,7 +12,8 @@ from pathlib import Path
 from sdt_drake import paper
 from sdt_drake.analysis import plots
 from sdt_drake.analysis.block_diagrams import write_block_diagram
-from sdt_drake.analysis.study import step_response
+from sdt_drake.analysis.reproduction import step_response
+from sdt_drake.analysis.style import save
 from sdt_drake.design import make_design
 from sdt_drake.scenario import load_scenario
 
@@ -27,7 +28,7 @@ def main(folder: Path) -> None:
         for structure, zeta in paper.FIGURE4_ZETA.items()
     }
     figure = plots.step_responses("Step responses, axis 1 at its largest inertia", steps)
-    plots.save(figure, folder / "figure4_plot.png")
+    save(figure, folder / "figure4_plot.png")
 
 
 if __name__ == "__main__":

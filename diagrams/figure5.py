@@ -12,7 +12,8 @@ from pathlib import Path
 from sdt_drake import paper
 from sdt_drake.analysis import plots
 from sdt_drake.analysis.block_diagrams import write_block_diagram
-from sdt_drake.analysis.study import step_response
+from sdt_drake.analysis.reproduction import step_response
+from sdt_drake.analysis.style import save
 from sdt_drake.design import make_design
 from sdt_drake.scenario import load_scenario
 
@@ -25,7 +26,7 @@ def main(folder: Path) -> None:
     step = step_response("p_in_feedback", zeta, i_eff, paper.OMEGA_R)
     title = "Step response, axis 1, P in the feedback path"
     figure = plots.step_responses(title, {step.structure: step})
-    plots.save(figure, folder / "figure5_plot.png")
+    save(figure, folder / "figure5_plot.png")
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from sdt_drake.analysis import plots
 from sdt_drake.analysis.block_diagrams import write_block_diagram
+from sdt_drake.analysis.style import save
 from sdt_drake.design import make_design
 from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import simulate
@@ -20,15 +21,13 @@ def main(folder: Path) -> None:
     design = make_design(load_scenario("package://sdt/scenarios/axis_pi_ctc.yaml"))
     write_block_diagram("figure6", design, folder)
 
-    lines = plots.tracking_lines({"PI + CTC": simulate(design)}, "speed_error")
     figure = plots.speed_errors(
         "Speed errors, PI + CTC on decoupled axes, load disturbed by 5 %",
-        design.motion.time,
-        lines,
+        {"pi_ctc": simulate(design)},
         design.robot.joint_names,
         design.motion,
     )
-    plots.save(figure, folder / "figure6_plot.png")
+    save(figure, folder / "figure6_plot.png")
 
 
 if __name__ == "__main__":

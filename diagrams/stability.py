@@ -11,6 +11,7 @@ from pathlib import Path
 
 from sdt_drake.analysis import plots
 from sdt_drake.analysis.stability import IDEAL, stability_sweep
+from sdt_drake.analysis.style import save
 from sdt_drake.design import make_design
 from sdt_drake.device import ENCODERS
 from sdt_drake.scenario import load_scenario
@@ -39,7 +40,7 @@ def main(folder: Path) -> None:
         sweeps,
         design.robot.joint_names,
     )
-    plots.save(figure, folder / "stability_plot.png")
+    save(figure, folder / "stability_plot.png")
 
 
 if __name__ == "__main__":

@@ -11,11 +11,11 @@ The studies take about a quarter of an hour each on two cores.
 import sys
 from pathlib import Path
 
-from sdt_drake.analysis.plots import save
+from sdt_drake.analysis.style import save
 from sdt_drake.studies.plots import distributions, sizing_front
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.sizing import load_sizing
-from sdt_drake.studies.verdicts import judge
+from sdt_drake.studies.verdicts import judge_candidates
 
 OUTCOMES = ("max_abs_speed_error", "max_abs_position_error")
 
@@ -25,7 +25,7 @@ def main(monte_carlo: Path, sizing: Path, folder: Path) -> None:
     title = "Devices that are not what their controllers know: share that stays below an error"
     save(distributions(title, table, OUTCOMES, "controller"), folder / "monte_carlo_plot.png")
     what, _ = load_sizing("package://sdt/studies/sizing.yaml")
-    verdicts = judge(what, read_study_table(sizing))
+    verdicts = judge_candidates(what, read_study_table(sizing))
     title = "Motor sets and structures, each in all motions"
     save(sizing_front(title, verdicts), folder / "sizing_plot.png")
 

@@ -12,7 +12,8 @@ the device in 3D, which plays in any browser.
 import argparse
 from pathlib import Path
 
-from sdt_drake.analysis import plots, plots_pilot
+from sdt_drake.analysis import plots_pilot
+from sdt_drake.analysis.style import save
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.design import make_design
 from sdt_drake.motion import load_profile, shipped_motions
@@ -29,7 +30,7 @@ def main(folder: Path, names: list[str], *, record: bool) -> None:
         run = simulate(design)
         title = load_profile(name).title
         figure = plots_pilot.pilot(title, run.time, track_head(run, design.robot))
-        plots.save(figure, folder / f"training_{name}_plot.png")
+        save(figure, folder / f"training_{name}_plot.png")
         if record:
             record_html(
                 design.robot, run.time, run.q, folder / f"training_{name}.html", title=title

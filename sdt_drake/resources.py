@@ -46,3 +46,8 @@ def find_file(reference: str | Path, base: Path | None = None) -> Path:
     if not there:
         raise InputError(f"{text}: no such file{hint}")
     return checked_input(path)
+
+
+def page_text(name: str) -> str:
+    """A text of `pages/`, which pages and reports are made of."""
+    return (_PACKAGE / "pages" / name).read_text(encoding="utf-8")

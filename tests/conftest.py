@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
+import io
+from pathlib import Path
+from typing import NamedTuple
 
 import matplotlib
 import numpy as np
@@ -12,6 +16,8 @@ import sharing  # before anybody imports what it replaces
 matplotlib.use("Agg")
 
 from sdt_drake import controllers
+from sdt_drake.analysis.reproduction import Reproduction, Stopwatch, reproduce
+from sdt_drake.cli import main
 from sdt_drake.design import Design, make_design
 from sdt_drake.motion import Motion
 from sdt_drake.robot import Robot, load_robot
@@ -112,3 +118,31 @@ def designed(_reference_design: Design):
         return made[key]
 
     return make
+
+
+class Reproduced(NamedTuple):
+    """What `sdt-drake reproduce` writes and prints."""
+
+    folder: Path
+    out: str
+
+
+@pytest.fixture(scope="session")
+def reproduced(_shared_runs) -> Reproduced:
+    """Of one run for all tests; do not change the files."""
+    folder = sharing.folder / "reproduced"
+    with sharing.computed_once("reproduced.txt") as file:
+        out = file.read().decode()
+        if not out:
+            printed = io.StringIO()
+            with contextlib.redirect_stdout(printed):
+                assert main(["reproduce", "--out", str(folder)]) == 0
+            out = printed.getvalue()
+            file.write(out.encode())
+    return Reproduced(folder, out)
+
+
+@pytest.fixture(scope="session")
+def reproduction(_shared_runs) -> Reproduction:
+    """The paper recomputed, in memory; do not change it."""
+    return reproduce(Stopwatch(lambda line: None))

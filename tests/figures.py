@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from sdt_drake.analysis.plots import NUMBERS
+from sdt_drake.analysis.style import NUMBERS
 
 
 def check_same_numbers(drawn: Path, committed: Path) -> None:

@@ -50,7 +50,7 @@ def idle(monkeypatch):
     def computed(*_, **__):
         raise AssertionError("computed in vain")
 
-    for name in ("design.make_design", "design.load_plan", "analysis.study.step_response"):
+    for name in ("design.make_design", "design.load_plan", "analysis.reproduction.step_response"):
         monkeypatch.setattr(f"sdt_drake.{name}", computed)
 
 
@@ -346,20 +346,13 @@ def quick_study(monkeypatch):
     """A study that is computed and written at once: one stage, one claim, one file."""
     from types import SimpleNamespace
 
-    def run_study(watch):
-        for name in ("first", "second"):
-            with watch.stage(name):
-                pass
-
-    def write_study(_, folder, watch):
-        (folder / "report.md").write_text("report")
+    def write_reproduction(results, folder, watch, announce):
+        with watch.stage("first"), watch.stage("second"):
+            (folder / "report.md").write_text("report")
         return [SimpleNamespace(id="a_claim", verdict="reproduced")]
 
-    monkeypatch.setattr("sdt_drake.analysis.study.run_study", run_study)
-    monkeypatch.setattr("sdt_drake.analysis.report.write_study", write_study)
-    monkeypatch.setattr(
-        "sdt_drake.analysis.page.write_study_page", lambda _, folder, *rest: folder / "report.html"
-    )
+    monkeypatch.setattr("sdt_drake.analysis.reproduction.reproduce", lambda watch: None)
+    monkeypatch.setattr("sdt_drake.analysis.files.write_reproduction", write_reproduction)
 
 
 def test_reproduce(good, refuse, desk, quick_study, monkeypatch, tmp_path):

@@ -21,7 +21,7 @@ from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.runs import Runner
 from sdt_drake.studies.sizing import load_sizing
 from sdt_drake.studies.study import load_study
-from sdt_drake.studies.verdicts import judge, recommend
+from sdt_drake.studies.verdicts import judge_candidates, recommend
 
 STUDY = "package://sdt/studies/monte_carlo.yaml"
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
@@ -182,7 +182,7 @@ def test_table_of_the_study_is_what_its_rows_say():
 
 def test_recommended_motors_are_those_of_the_rows():
     sizing, _ = load_sizing("package://sdt/studies/sizing.yaml")
-    verdicts = judge(sizing, read_study_table(STUDIES / "sizing"))
+    verdicts = judge_candidates(sizing, read_study_table(STUDIES / "sizing"))
     for labels, motors, scale, mass, _ in rows_of_table("controller | lightest motors"):
         for label in re.findall(r"`(.*?)`", labels):
             best = recommend(verdicts, label)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from figures import check_same_numbers
 
-from sdt_drake.analysis import plots, plots_pilot
+from sdt_drake.analysis import plots_pilot, style
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.design import load_plan, make_design
 from sdt_drake.dynamics import torque_groups
@@ -80,7 +80,7 @@ def test_every_joint_stays_within_a_fifth_of_a_degree(robot, plans, name, tmp_pa
     run = simulate(design)
     assert np.degrees(np.abs(run.position_error)).max() < 0.2
     figure = plots_pilot.pilot(name, run.time, track_head(run, robot))
-    drawn = plots.save(figure, tmp_path / "run.png")
+    drawn = style.save(figure, tmp_path / "run.png")
     check_same_numbers(drawn, FIGURES / f"training_{name}_plot.png")
 
 

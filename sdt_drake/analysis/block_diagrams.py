@@ -11,42 +11,45 @@ from sdt_drake import paper
 from sdt_drake.control import tune
 from sdt_drake.design import Design
 from sdt_drake.graphviz import has_graphviz, write_diagram
-from sdt_drake.loops import make_axis_loop, make_coupled_loop, make_step_loop
+from sdt_drake.loops import make_loop, make_step_loop
 from sdt_drake.scenario import load_scenario
 
 
-def figure3(base: Design) -> Diagram:
-    """Decoupling of the inverse dynamics: load and dynamic saturation around a PI controller."""
-    return make_axis_loop(_online(base, "axis_pi"))
+def _step_loop(structure: str) -> Callable[[Design], Diagram]:
+    def make(base: Design) -> Diagram:
+        i_eff = base.inertia.maximum[0]
+        gains = tune([i_eff], paper.OMEGA_R, [paper.FIGURE4_ZETA[structure]])
+        return make_step_loop(gains=gains, i_eff=i_eff, structure=structure)
+
+    return make
 
 
-def figure4(base: Design) -> Diagram:
-    """The loop of the red step response: both gains on the error."""
-    return _step_loop(base, "pi")
+def _loop(name: str, disturbance_amplitude: float | None = None) -> Callable[[Design], Diagram]:
+    def make(base: Design) -> Diagram:
+        scenario = load_scenario(f"package://sdt/scenarios/{name}.yaml")
+        scenario.inverse_dynamics = "online"
+        if disturbance_amplitude is not None:
+            scenario.disturbance.amplitude = disturbance_amplitude
+        return make_loop(base.variant(scenario))
 
-
-def figure5(base: Design) -> Diagram:
-    """The PI controller with its proportional gain in the feedback path, and its process."""
-    return _step_loop(base, "p_in_feedback")
-
-
-def figure6(base: Design) -> Diagram:
-    """Single joint CTC: the load torque fed forward, the true load disturbed."""
-    return make_axis_loop(_online(base, "axis_pi_ctc"))
-
-
-def coupled_loop(base: Design) -> Diagram:
-    """The MultibodyPlant under PI + CTC, with its load disturbed."""
-    design = _online(base, "coupled_pi_ctc", disturbance_amplitude=0.05)
-    return make_coupled_loop(design)
+    return make
 
 
 DIAGRAMS: dict[str, Callable[[Design], Diagram]] = {
-    "figure3": figure3,
-    "figure4": figure4,
-    "figure5": figure5,
-    "figure6": figure6,
-    "coupled_loop": coupled_loop,
+    "figure3": _loop("axis_pi"),
+    "figure4": _step_loop("pi"),
+    "figure5": _step_loop("p_in_feedback"),
+    "figure6": _loop("axis_pi_ctc"),
+    "coupled_loop": _loop("coupled_pi_ctc", disturbance_amplitude=0.05),
+}
+"""The diagrams by name, made from any design of the reference device and motion."""
+
+CAPTIONS = {
+    "figure3": "Decoupled axes with load torque and dynamic saturation (Figure 3).",
+    "figure4": "PI controller on the error (Figure 4).",
+    "figure5": "PI controller with its proportional gain in the feedback path (Figure 5).",
+    "figure6": "Single joint CTC: the load torque fed forward, the true load disturbed (Figure 6).",
+    "coupled_loop": "The MultibodyPlant under PI + CTC, with its load disturbed.",
 }
 
 
@@ -64,17 +67,3 @@ def write_block_diagram(name: str, base: Design, folder: str | Path) -> list[Pat
         write_diagram(diagram, Path(folder) / f"{name}.{format_}", format_=format_)
         for format_ in formats
     ]
-
-
-def _online(base: Design, name: str, disturbance_amplitude: float | None = None) -> Design:
-    scenario = load_scenario(f"package://sdt/scenarios/{name}.yaml")
-    scenario.inverse_dynamics = "online"
-    if disturbance_amplitude is not None:
-        scenario.disturbance.amplitude = disturbance_amplitude
-    return base.variant(scenario)
-
-
-def _step_loop(base: Design, structure: str) -> Diagram:
-    i_eff = base.inertia.maximum[0]
-    gains = tune([i_eff], paper.OMEGA_R, [paper.FIGURE4_ZETA[structure]])
-    return make_step_loop(gains=gains, i_eff=i_eff, structure=structure)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import copy
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sdt_drake.analysis.metrics import COMPARED, METRICS
 from sdt_drake.analysis.threads import threads
 from sdt_drake.analysis.tracking import (
     HeadTracking,
@@ -60,6 +61,14 @@ class Compared:
         """How well the pilot's head follows; None for a robot without one."""
         robot = self.design.robot
         return track_head(self.recording, robot) if has_head(robot) else None
+
+    @cached_property
+    def metrics(self) -> dict[str, Array]:
+        """Values of each joint by name of METRICS, in the units of computation, shape (n,)."""
+        return asdict(self.tracking) | {
+            "rms_torque_share": self.motors.rms_share,
+            "peak_torque_share": self.motors.peak_share,
+        }
 
 
 def compare(design: Design, labels: Sequence[str]) -> list[Compared]:
@@ -152,50 +161,41 @@ def run_of(label: str, design: Design, recording: Recording | None = None) -> Co
     )
 
 
-_COLUMNS = (
-    ("largest error [rad/s]", ".4f", lambda c: c.tracking.max_abs_speed_error),
-    ("RMS [rad/s]", ".5f", lambda c: c.tracking.rms_speed_error),
-    ("constant speed [rad/s]", ".4f", lambda c: c.tracking.constant_speed_error),
-    ("position [deg]", ".3f", lambda c: np.degrees(c.tracking.max_abs_position_error)),
-    ("torque RMS [%]", ".1f", lambda c: 100 * c.motors.rms_share),
-    ("torque peak [%]", ".1f", lambda c: 100 * c.motors.peak_share),
-    ("saturated [%]", ".2f", lambda c: 100 * c.tracking.saturated_fraction),
-)
-"""Of the table: header, format, and values of shape (n,) of one controller."""
+# --- tables ----------------------------------------------------------------------------------
 
-
-_FELT = (
-    ("felt [% of time]", ".1f", lambda felt: 100 * felt.share),
-    ("largest rotation", ".2f", lambda felt: felt.worst_rotation[1]),
-    ("rotation about", "", lambda felt: felt.worst_rotation[0]),
-    ("largest force", ".2f", lambda felt: felt.worst_force[1]),
-    ("force along", "", lambda felt: felt.worst_force[0]),
-)
-"""What the pilot could feel of the error: header, format, and value of one controller; the largest
-as multiples of what is just felt."""
-
-
-def felt_rows(compared: Sequence[Compared]) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of the second table, a row for each controller; none without a head."""
-    header = ["controller", *(name for name, _, _ in _FELT)]
-    rows = [
-        [c.label, *(format(value(c.head.felt), spec) for _, spec, value in _FELT)]
-        for c in compared
-        if c.head is not None
-    ]
-    return header, rows
+_HEADER = [METRICS[name].column for name in COMPARED]
+_FELT = [
+    METRICS["felt_share"].column,
+    "largest rotation", "rotation about", "largest force", "force along",
+]  # fmt: skip
 
 
 def comparison_rows(compared: Sequence[Compared]) -> tuple[list[str], list[list[str]]]:
     """Header and rows of the table: a row for each controller and joint."""
-    header = ["controller", "joint", *(name for name, _, _ in _COLUMNS)]
     rows = []
     for c in compared:
-        values = [(value(c), spec) for _, spec, value in _COLUMNS]
         for k, name in enumerate(c.design.robot.joint_names):
-            cells = [format(v[k], spec).replace("nan", "–") for v, spec in values]
+            cells = [METRICS[metric].text(c.metrics[metric][k]) for metric in COMPARED]
             rows.append([c.label if k == 0 else "", f"{k + 1} {name}", *cells])
-    return header, rows
+    return ["controller", "joint", *_HEADER], rows
+
+
+def felt_rows(compared: Sequence[Compared]) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of what the pilot could feel of the errors; the largest as multiples of what
+    is just felt, about and along the axes of the head. A row for each controller with a head."""
+    rows = []
+    for c in compared:
+        if c.head is not None:
+            share, rotation, about, force, along = _felt(c)
+            rows.append([c.label, f"{share:.1f}", f"{rotation:.2f}", about, f"{force:.2f}", along])
+    return ["controller", *_FELT], rows
+
+
+def _felt(compared: Compared) -> list[float | str]:
+    """One for each of _FELT."""
+    felt = compared.head.felt
+    (about, rotation), (along, force) = felt.worst_rotation, felt.worst_force
+    return [100 * felt.share, rotation, about, force, along]
 
 
 def write_comparison(compared: Sequence[Compared], path: str | Path) -> None:
@@ -204,15 +204,14 @@ def write_comparison(compared: Sequence[Compared], path: str | Path) -> None:
     Raises:
         InputError: if the file cannot be written.
     """
+    has_heads = all(c.head is not None for c in compared)
     with replacing(Path(path)) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
-        has_heads = all(c.head is not None for c in compared)
-        felt_columns = _FELT if has_heads else ()
-        header = ["controller", "joint", *(name for name, _, _ in _COLUMNS), "blocks", "needs"]
-        table.writerow([*header, *(name for name, _, _ in felt_columns)])
+        felt_header = _FELT if has_heads else []
+        table.writerow(["controller", "joint", *_HEADER, "blocks", "needs", *felt_header])
         for c in compared:
-            values = [value(c) for _, _, value in _COLUMNS]
-            felt = [value(c.head.felt) for _, _, value in felt_columns]
+            felt = _felt(c) if has_heads else []
             for k in range(c.design.robot.n):
-                cells = ["" if np.isnan(v[k]) else repr(float(v[k])) for v in values]
+                values = [METRICS[name].factor * c.metrics[name][k] for name in COMPARED]
+                cells = ["" if np.isnan(value) else repr(float(value)) for value in values]
                 table.writerow([c.label, k + 1, *cells, c.blocks, ", ".join(c.needs), *felt])

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
-from sdt_drake.analysis import plots
+from sdt_drake.analysis.style import PALETTE, finish, grid, plain_numbers, style
 from sdt_drake.analysis.tracking import HeadTracking
-from sdt_drake.pilot import CHANNELS, GRAVITY, canals
+from sdt_drake.pilot import CHANNELS, GRAVITY, HeadMotion, canals
 
 Array = NDArray[np.float64]
 
-REFERENCE, ACHIEVED, CANALS = plots.PALETTE[:3]
+REFERENCE, ACHIEVED, CANALS = PALETTE[:3]
 
-_ROTATION, _FORCE, _ANGLES = plots.PALETTE[3], plots.PALETTE[5], "0.55"
-
+_ROTATION, _FORCE, _ANGLES = PALETTE[3], PALETTE[5], "0.55"
 _SPAN = 500  # of the logarithmic scale of the error at most [-]
+_FORCE_TITLES = ("x, forward", "y, left", "z, up")
+_ROTATION_TITLES = ("x, roll right", "y, nose down", "z, turn left")
 
 
 def pilot(title: str, time: Array, head: HeadTracking) -> Figure:
@@ -29,61 +30,46 @@ def pilot(title: str, time: Array, head: HeadTracking) -> Figure:
         head: along the same N samples.
     """
     period = float(time[1] - time[0])
-    with plots.style():
-        figure = Figure(figsize=(11, 8.2))
-        axes = figure.subplots(3, 3, sharex=True, sharey="row")
-        figure.subplots_adjust(0.065, 0.115, 0.985, 0.9, wspace=0.08, hspace=0.2)
+
+    def in_g(motion: HeadMotion) -> Array:
+        return motion.specific_force / GRAVITY
+
+    def rate(motion: HeadMotion) -> Array:
+        return np.degrees(motion.angular_velocity)
+
+    with style():
+        figure, axes = grid(3, 3, panel=(3.25, 1.95), gaps=(0.45, 0.4), left=0.7, sharex=True)
+        for row in axes:
+            for ax in row[1:]:
+                ax.sharey(row[0])
+                ax.tick_params(labelleft=False)
         for axis, (force, rotation, error) in enumerate(axes.T):
-            _force(force, time, head, axis)
-            _rotation(rotation, time, period, head, axis)
+            _both(force, time, head, in_g, axis)
+            force.set_title(f"force along {_FORCE_TITLES[axis]}", loc="left", fontweight="bold")
+            _both(rotation, time, head, rate, axis)
+            told = np.degrees(canals(head.achieved.angular_velocity[:, axis], period))
+            rotation.plot(time, told, color=CANALS, label="what the canals tell (achieved)")
+            about = f"rotation about {_ROTATION_TITLES[axis]}"
+            rotation.set_title(about, loc="left", fontweight="bold")
             _error(error, time, head, axis)
-            error.set_xlabel("time [s]")
-            error.set_xlim(time[0], time[-1])
-            # A number at the right end would run into that at the left end of the next panel.
-            error.locator_params(axis="x", prune="upper")
-        for ax, label in zip(
-            axes[:, 0],
-            ("specific force [G]", "rate of turn [deg/s]", "error over what is just felt"),
-            strict=True,
-        ):
+        labels = ("specific force [G]", "rate of turn [deg/s]", "error over what is just felt")
+        for ax, label in zip(axes[:, 0], labels, strict=True):
             ax.set_ylabel(label)
         felt, angles = (100 * f.share for f in (head.felt, head.felt_from_angles))
-        figure.suptitle(
-            f"{title}\nThe error could be felt {felt:.1f} % of the time, "
-            f"by the joint angles alone {angles:.1f} %",
-            y=0.985,
+        subtitle = (
+            f"The error could be felt {felt:.1f} % of the time, "
+            f"by the joint angles alone {angles:.1f} %"
         )
-        handles = {}
-        for ax in axes[:, 0]:
-            handles |= dict(zip(*ax.get_legend_handles_labels()[::-1], strict=True))
-        figure.legend(handles.values(), handles.keys(), loc="lower center", ncols=4)
+        finish(figure, f"{title}\n{subtitle}")
     return figure
 
 
-def _force(ax, time: Array, head: HeadTracking, axis: int) -> None:
-    for label, colour, dashes, motion in _motions(head):
-        in_g = motion.specific_force[:, axis] / GRAVITY
-        ax.plot(time, in_g, dashes, color=colour, label=label)
-    along = ("x, forward", "y, left", "z, up")[axis]
-    ax.set_title(f"force along {along}", loc="left", fontweight="bold")
+def _both(ax: Axes, time: Array, head: HeadTracking, quantity, axis: int) -> None:
+    ax.plot(time, quantity(head.reference)[:, axis], color=REFERENCE, label="reference")
+    ax.plot(time, quantity(head.achieved)[:, axis], "--", color=ACHIEVED, label="achieved")
 
 
-def _rotation(ax, time: Array, period: float, head: HeadTracking, axis: int) -> None:
-    for label, colour, dashes, motion in _motions(head):
-        ax.plot(
-            time,
-            np.degrees(motion.angular_velocity[:, axis]),
-            dashes,
-            color=colour,
-            label=label,
-        )
-    told = np.degrees(canals(head.achieved.angular_velocity[:, axis], period))
-    ax.plot(time, told, color=CANALS, label="what the canals tell (achieved)")
-    about = ("x, roll right", "y, nose down", "z, turn left")[axis]
-    ax.set_title(f"rotation about {about}", loc="left", fontweight="bold")
-
-
-def _error(ax, time: Array, head: HeadTracking, axis: int) -> None:
+def _error(ax: Axes, time: Array, head: HeadTracking, axis: int) -> None:
     felt, angles = head.felt.multiples, head.felt_from_angles.multiples
     top = max(2.0, 1.5 * float(felt.max()))
     foot = min(0.1, max(float(felt.max()) / 20, top / _SPAN))
@@ -94,13 +80,9 @@ def _error(ax, time: Array, head: HeadTracking, axis: int) -> None:
     ax.plot(time, felt[:, 3 + axis], color=_FORCE, label="error of force")
     ax.set_yscale("log")
     ax.set_ylim(foot, top)
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.yaxis.set_minor_formatter(NullFormatter())
+    plain_numbers(ax.yaxis)
     ax.set_title(f"{CHANNELS[axis]}, {CHANNELS[3 + axis]}", loc="left", fontweight="bold")
-
-
-def _motions(head: HeadTracking):
-    return (
-        ("reference", REFERENCE, "-", head.reference),
-        ("achieved", ACHIEVED, "--", head.achieved),
-    )
+    ax.set_xlabel("time [s]")
+    ax.set_xlim(time[0], time[-1])
+    # A number at the right end would run into that at the left end of the next panel.
+    ax.locator_params(axis="x", prune="upper")

@@ -1,422 +1,410 @@
-"""The study as files: summary.json, table1.md, report.md, CSV, figures and block diagrams."""
+"""The report on the paper recomputed, made of summary.json and of the figures beside it.
+
+Its text stands in pages/report.md.
+"""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from sdt_drake import paper
-from sdt_drake.analysis import plots
-from sdt_drake.analysis.block_diagrams import DIAGRAMS, write_block_diagram
-from sdt_drake.analysis.claims import NOT_COMPARABLE, NOT_REPRODUCED, REPRODUCED, Claim, judge
-from sdt_drake.analysis.comparison import Compared
-from sdt_drake.analysis.study import Run, Stopwatch, Study, table1
-from sdt_drake.analysis.tracking import HeadTracking
-from sdt_drake.dynamics import TorqueGroups, effective_inertia
-from sdt_drake.errors import replacing
-from sdt_drake.graphviz import NO_GRAPHVIZ, has_graphviz
-from sdt_drake.pilot import CHANNELS, felt_difference
-from sdt_drake.tables import write_table
-from sdt_drake.versions import versions
-
-# Which run is behind which file: plant, process, algorithm, controller, disturbed.
-RECORDINGS = {
-    "axis_pi": ("axis", "i_eff_max", "printed", "pi", False),
-    "axis_pi_ctc": ("axis", "i_eff_max", "printed", "pi_ctc", True),
-    "coupled_pi": ("coupled", "multibody", "consistent", "pi", False),
-    "coupled_pi_ctc": ("coupled", "multibody", "consistent", "pi_ctc", False),
-}
-_COUPLED_PRINTED = ("coupled", "multibody", "printed", "pi_ctc", False)
-
-PROVENANCE = (
-    "The paper publishes motors, gear, payload and Table 1, but no geometry, no masses, no inertia "
-    "tensors and no data behind Figure 2. The device here is therefore ours: a physically valid "
-    "rigid chain, calibrated so that the largest effective inertias and the variation of joint 2 "
-    "come out of its mass matrix. Its motion is assumed, with what the text says of Figure 2, and "
-    "so is the frequency of the disturbance, 1 Hz."
+from sdt_drake.analysis.block_diagrams import CAPTIONS
+from sdt_drake.analysis.claims import VERDICTS
+from sdt_drake.analysis.document import (
+    Block,
+    Document,
+    EmbeddedPage,
+    Figure,
+    Inline,
+    Section,
+    Table,
+    Text,
+    Tiles,
+    from_template,
+    read_svg,
+    write_text,
 )
+from sdt_drake.analysis.metrics import METRICS
+from sdt_drake.errors import InputError, read_text
+from sdt_drake.graphviz import NO_GRAPHVIZ
+from sdt_drake.resources import page_text
+
+REPORT, RECORDING, SUMMARY = "report.html", "device.html", "summary.json"
+
+FIGURES = {
+    "figure2": "Reference motion: position, speed and acceleration of each joint (Figure 2).",
+    "figure4": "Step response of axis 1 with both structures of the PI controller (Figure 4).",
+    "figure7": "Joint speeds on the decoupled axes, Algorithm 1 as printed (Figure 7).",
+    "figure8": "Speed errors on the decoupled axes, Algorithm 1 as printed (Figure 8).",
+    "coupled_errors": "Speed errors on the coupled MultibodyPlant, with both signs of Algorithm 1.",
+    "controllers": "The paper's controllers and more on the coupled plant, model known exactly.",
+}
+"""The figures and their captions; others of the folder come last, with their names."""
+
+_MOST_BYTES = 100_000_000  # of a file
+_OTHER_FORM = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
+"""What comes of a summary that does not hold what the report shows."""
 
 
-def write_study(study: Study, folder: Path, watch: Stopwatch) -> list[Claim]:
-    """Write all files of the study into `folder`, each replaced whole; returns the claims."""
-    claims = judge(study)
-    with watch.stage("CSV files"):
-        write_reference(study, folder / "reference.csv")
-        for name, key in RECORDINGS.items():
-            study.run(*key).recording.to_csv(folder / f"{name}.csv")
-    with watch.stage("figures"):
-        _save_all(figures(study), folder)
-    with watch.stage("block diagrams"):
-        for name in DIAGRAMS:
-            write_block_diagram(name, study.design, folder / "diagrams")
-    with watch.stage("beyond the paper"):  # its runs have gone on meanwhile
-        _save_all({"controllers": controllers_figure(study)}, folder)
-    title = "Table 1, from the SDF and the reference motion"
-    _write(folder / "table1.md", f"# {title}\n\n{table1_markdown(study)} {PROVENANCE}\n")
-    _write(folder / "report.md", report_markdown(study, claims))
-    _write(folder / "summary.json", json.dumps(summary(study, claims), indent=1) + "\n")
-    return claims
+def write_report(
+    folder: Path,
+    announce: Callable[[str], None] = print,
+    chapters: Sequence[Section] = (),
+) -> Path:
+    """Write report.html, report.md and table1.md into a folder that `reproduce` has filled.
+
+    Args:
+        folder: with summary.json and the figures.
+        announce: called with a line for each further picture of the folder that is left out.
+        chapters: to put at the end.
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        InputError: naming the file that is missing or cannot be used; nothing is written.
+    """
+    with _advice(folder):
+        report = make_report(_read_summary(folder / SUMMARY), folder, announce)
+        report.sections += chapters
+        page = report.html()
+    of_table1 = [s for s in report.sections if s.title in ("Table 1", "Provenance")]
+    table1 = Document("Table 1, from the SDF and the reference motion", sections=of_table1)
+    write_text(folder / "table1.md", table1.markdown())
+    write_text(folder / "report.md", report.markdown())
+    return write_text(folder / REPORT, page)
 
 
-def write_reference(study: Study, path: Path) -> None:
-    """The motion with its torque groups (joint side) and loads (motor side)."""
-    design, motion = study.design, study.design.motion
-    groups: TorqueGroups = design.torques
-    columns = {
-        "q_ref": motion.q,
-        "v_ref": motion.v,
-        "vd_ref": motion.vd,
-        "tau_inertial": groups.inertial,
-        "tau_reaction": groups.reaction,
-        "tau_velocity": groups.velocity,
-        "tau_gravity": groups.gravity,
-        "tau_coupled": groups.coupled,
-        **design.loads._asdict(),
-        "i_eff": effective_inertia(design.robot, groups.d_kk),
+@contextmanager
+def _advice(folder: Path) -> Iterator[None]:
+    """Errors within say where the files come from, too."""
+    try:
+        yield
+    except InputError as error:
+        message = str(error)
+    except _OTHER_FORM as error:
+        reason = f"has no {error}" if isinstance(error, KeyError) else "has another form"
+        message = f"{folder / SUMMARY}: {reason}, it is of another version"
+    else:
+        return
+    raise InputError(f"{message}; run `sdt-drake reproduce --out {folder}` first")
+
+
+def _read_summary(path: Path) -> dict:
+    if not path.exists():
+        raise InputError(f"{path}: is missing")
+
+    def refuse(text: str) -> float:
+        raise InputError(f"{path}: holds {text}, expected finite numbers")
+
+    try:
+        return json.loads(read_text(path, _MOST_BYTES), parse_constant=refuse)
+    except json.JSONDecodeError:
+        raise InputError(f"{path}: is not JSON") from None
+
+
+def make_report(summary: Mapping, folder: Path, announce: Callable[[str], None]) -> Document:
+    """The report on what is in a folder; see `write_report`."""
+    blocks = _blocks(summary, folder, announce)
+    report = from_template(page_text("report.md"), blocks, _numbers(summary))
+    report.symbols = True
+    return report
+
+
+def _numbers(summary: Mapping) -> dict[str, object]:
+    """Those in the sentences of the report."""
+    runs = {
+        (run["algorithm"], run["controller"]): run
+        for run in summary["tracking"]
+        if run["plant"] == "coupled" and run["disturbance_amplitude"] == 0
     }
-    write_table(path, motion.time, columns)
-
-
-def figures(study: Study) -> dict[str, Figure]:
-    """The figures of the paper's runs by file name."""
-    motion, names = study.design.motion, study.design.robot.joint_names
-    axis = {
-        "PI": study.run(*RECORDINGS["axis_pi"]).recording,
-        "PI + CTC": study.run(*RECORDINGS["axis_pi_ctc"]).recording,
-    }
-    coupled = {
-        "PI": study.run(*RECORDINGS["coupled_pi"]).recording,
-        "PI + CTC": study.run(*RECORDINGS["coupled_pi_ctc"]).recording,
-        "PI + CTC, printed sign": study.run(*_COUPLED_PRINTED).recording,
-    }
-    time = motion.time
-    reference = ("reference", plots.REFERENCE, "-", motion.v)
-    return {
-        "figure2": plots.figure2(motion, names),
-        "figure4": plots.step_responses(
-            "Step responses, axis 1 at its largest inertia (Figure 4)", study.steps
-        ),
-        "figure7": plots.speeds(
-            "Trajectory tracking, decoupled axes, Algorithm 1 as printed (Figure 7)",
-            time,
-            [reference, *plots.tracking_lines(axis, "v")],
-            names,
-        ),
-        "figure8": plots.speed_errors(
-            "Speed errors, decoupled axes, Algorithm 1 as printed (Figure 8)",
-            time,
-            plots.tracking_lines(axis, "speed_error"),
-            names,
-            motion,
-        ),
-        "coupled_errors": plots.speed_errors(
-            "Speed errors on the coupled MultibodyPlant (beyond the paper)",
-            time,
-            plots.tracking_lines(coupled, "speed_error"),
-            names,
-            motion,
-        ),
-    }
-
-
-def controllers_figure(study: Study) -> Figure:
-    """The paper's controllers and more; waits for their runs."""
-    title = "Controllers on the coupled MultibodyPlant, model known exactly (beyond the paper)"
-    return plots.comparison(title, study.beyond)
-
-
-def _save_all(by_name: Mapping[str, Figure], folder: Path) -> None:
-    for name, figure in by_name.items():
-        for suffix in ("png", "svg"):
-            plots.save(figure, folder / f"{name}.{suffix}")
-
-
-def summary(study: Study, claims: Sequence[Claim]) -> dict[str, object]:
-    """The content of summary.json; a number that does not exist is null."""
-    steps = {
-        structure: {
-            name: getattr(step.metrics, name)
-            for name in ("rise_time", "settling_time", "overshoot_percent")
-        }
-        for structure, step in study.steps.items()
-    }
-    content = {
-        "table1": table1(study.design),
-        "step_response": {**steps, "published": paper.FIGURE4},
-        "tracking": [_tracking_entry(run) for run in study.runs],
-        "claims": [asdict(claim) for claim in claims],
-        "beyond": [_beyond_entry(compared) for compared in study.beyond],
-        "versions": versions(),
-        "wall_time_s": dict(study.wall_time_s),
-    }
-    return _plain(content)
-
-
-def table1_markdown(study: Study) -> str:
-    """Table 1, computed and published, side by side."""
-    header = (
-        "joint",
-        "I_eff,max [kg m²]",
-        "median",
-        "min",
-        "variation [%]",
-        "K_PS [N m s/rad]",
-        "K_IS [N m/rad]",
-        "ζ at max",
-        "median",
-        "min",
-    )
-    formats = ("d", ".2f", ".2f", ".2f", ".2f", ".4g", ".4g", ".3f", ".3f", ".3f")
-    rows = []
-    for row in table1(study.design):
-        published = row.pop("published")
-        rows.append([format(v, f) for v, f in zip(row.values(), formats, strict=True)])
-        k = row["joint"] - 1
-        rows.append(
-            ["*published*"]
-            + [
-                paper.TABLE1[name][k] if name in paper.TABLE1 else ""
-                for name in list(published)[1:]
-            ]
-        )
-    return f"{_table(header, rows)}\nInertias and gains are motor side."
-
-
-def report_markdown(study: Study, claims: Sequence[Claim]) -> str:
-    """The whole study in reading order."""
-    counts = ", ".join(
-        f"{sum(c.verdict == verdict for c in claims)} {verdict}"
-        for verdict in (REPRODUCED, NOT_REPRODUCED, NOT_COMPARABLE)
-    )
-    diagrams = "\n\n".join(
-        f"![{name}](diagrams/{name}.svg)" if has_graphviz() else f"`diagrams/{name}.dot`"
-        for name in DIAGRAMS
-    )
-    missing = "" if has_graphviz() else f"\nNo .svg of the block diagrams: {NO_GRAPHVIZ}.\n"
-    parts = [
-        "# Computed torque control for a spatial disorientation trainer, recomputed in Drake",
-        f"{len(claims)} claims: {counts}.",
-        PROVENANCE,
-        "## The motion\n\n![Figure 2](figure2.png)",
-        f"## Table 1, from the SDF and the motion\n\n{table1_markdown(study)}",
-        "## Step response\n\n![Figure 4](figure4.png)",
-        "## The models\n\nDrawn by the builders of the loops that are simulated, with the load "
-        "torque on line and the elements of the PI controller."
-        f"{missing}\n\n{diagrams}",
-        "## Tracking, decoupled axes (the paper's models)\n\n"
-        "![Figure 7](figure7.png)\n\n![Figure 8](figure8.png)",
-        "## Tracking, coupled MultibodyPlant\n\n"
-        "Here the joints move each other by their dynamics; the controllers are the same.\n\n"
-        "![errors on the coupled plant](coupled_errors.png)",
-        "## All runs\n\nLargest, RMS and constant-speed (from 1 s after the speed became constant) "
-        "error of the joint speeds, largest position error, share of time in saturation; joint "
-        f"side; joints 1 to {study.design.robot.n}. Process i_eff_min is the published I_eff,max "
-        "less the published variation, for joint 4 too. A is the amplitude of the disturbance."
-        f"\n\n{_runs_table(study.runs)}",
-        f"## Claims\n\n{_claims_table(claims)}",
-        _beyond_markdown(study),
-        "## Versions and wall time\n\n"
-        + _table(("", "version"), [[k, v] for k, v in versions().items()])
-        + "\n"
-        + _table(("stage", "s"), [[k, f"{v:.2f}"] for k, v in study.wall_time_s.items()]),
-    ]
-    return "\n\n".join(parts) + "\n"
-
-
-def _beyond_markdown(study: Study) -> str:
-    """The last chapter: what other controllers buy on the same motion."""
-    by_label = {compared.label: compared for compared in study.beyond}
-    pi, pi_id = by_label["pi"].tracking, by_label["pi_id"].tracking
-    gain = pi.rms_speed_error / pi_id.rms_speed_error
+    pi, ctc = runs["consistent", "pi"], runs["consistent", "pi_ctc"]
+    printed = runs["printed", "pi_ctc"]
+    largest, steady = "max_abs_speed_error", "constant_speed_error"
+    of = {entry["controller"]: entry for entry in summary["beyond"]}
+    rms_pi, rms_id = (np.array(of[label]["rms_speed_error"]) for label in ("pi", "pi_id"))
     drift, kept = (
-        np.degrees(by_label[label].tracking.max_abs_position_error) for label in ("pi", "p_pi+id")
+        math.degrees(max(of[label]["max_abs_position_error"])) for label in ("pi", "p_pi+id")
     )
-    header = (
-        "controller", "largest [rad/s]", "RMS [rad/s]", "constant speed [rad/s]",
-        "position [deg]", "torque RMS [%]", "torque peak [%]", "felt [% of time]",
-        "largest rotation", "largest force", "blocks", "needs to know",
-    )  # fmt: skip
-    rows = [
-        [
-            f"`{c.label}`",
-            _joined(c.tracking.max_abs_speed_error, ".4f"),
-            _joined(c.tracking.rms_speed_error, ".5f"),
-            _joined(c.tracking.constant_speed_error, ".4f"),
-            _joined(np.degrees(c.tracking.max_abs_position_error), ".3f"),
-            _joined(100 * c.motors.rms_share, ".1f"),
-            _joined(100 * c.motors.peak_share, ".1f"),
-            f"{100 * c.head.felt.share:.1f}",
-            _worst(c.head.felt.worst_rotation),
-            _worst(c.head.felt.worst_force),
-            str(c.blocks),
-            ", ".join(c.needs),
-        ]
-        for c in study.beyond
-    ]
-    return (
-        "## Beyond the paper: the same motion with other controllers\n\n"
-        "The coupled plant, an ideal drive, no friction, and a model that is exact. On this plant "
-        "most of the error of `pi` and `pi_ctc` is the lag of the loop behind its reference. "
-        "Feeding the whole inverse dynamics of the reference forward, and K_PS v_ref with it, "
-        f"takes that away: `pi_id` has {gain.min():.0f} to {gain.max():.0f} times less RMS speed "
-        "error than `pi`, with the same gains and no more torque. A speed loop alone loses the "
-        f"position, here up to {drift.max():.1f} deg; with a position loop around it and the same "
-        f"feedforward (`p_pi+id`) it is kept within {kept.max():.3f} deg. Scheduling the gains "
-        "with the inertia does not pay: where the inertia is small it makes the loop softer "
-        "against the load. `sdt-drake compare` runs this table on any scenario, with friction, "
-        "drives and a wrong model.\n\n"
-        f"{_noticed(by_label)}\n\n"
-        "![controllers on the coupled plant](controllers.png)\n\n"
-        f"{_table(header, rows)}\n"
-        "Joint side, joints 1 to n; torques as shares of the motor's largest; felt: share of "
-        "time in which the pilot could feel the error, and the largest rotation and force in "
-        "multiples of what is just felt, in the axes of the head; blocks: Drake systems in the "
-        "loop. The thresholds are those of attentive people in silence and dark, and are assumed "
-        "to hold for differences: what is said not to be felt is not, what could be felt need "
-        "not be."
-    )
+    apart = summary["pi_or_pi_ctc"]
+    numbers = {
+        **summary["versions"],
+        "claims_count": len(summary["claims"]),
+        "pi_error": pi[largest][1],
+        "ctc_error": ctc[largest][1],
+        "ctc_gain": pi[largest][1] / ctc[largest][1],
+        "steady_gain": pi[steady][1] / ctc[steady][1],
+        "printed_loss": printed[largest][1] / pi[largest][1],
+        "id_gain_min": min(rms_pi / rms_id),
+        "id_gain_max": max(rms_pi / rms_id),
+        "drift": drift,
+        "kept": kept,
+        "apart": 100 * apart["share"],
+        "apart_rotation": _worst(apart, slice(0, 3)),
+        "apart_force": _worst(apart, slice(3, 6)),
+    }
+    for label, entry in of.items():
+        name = label.replace("+", "_")
+        numbers[f"felt_{name}"] = 100 * entry["felt"]["share"]
+        numbers[f"angles_{name}"] = 100 * entry["felt"]["share_from_angles"]
+    return numbers
 
 
-def _noticed(by_label: Mapping[str, Compared]) -> str:
-    """Does the pilot notice that CTC is missing?"""
-    without, with_ctc = by_label["pi"].head, by_label["pi_ctc"].head
-    between = felt_difference(
-        with_ctc.achieved, without.achieved, by_label["pi"].design.motion.period
-    )
-    question = "**Does the pilot notice that CTC is missing?**"
-    apart = (
-        f"at most {_worst(between.worst_rotation)} and {_worst(between.worst_force)} times what "
-        "is just felt"
-    )
-    if between.share == 0:
-        return f"{question} No: the rides with and without it differ by {apart}."
-
-    def felt(label: str) -> str:
-        return f"{100 * by_label[label].head.felt.share:.1f} %"
-
-    gained = without.felt.share - with_ctc.felt.share
-    angles = [head.felt_from_angles.share for head in (without, with_ctc)]
-    because = (
-        ": both lose the position, and gravity and the centrifugal force then pull from another "
-        "side"
-        if min(angles) > 0.5 * with_ctc.felt.share
-        else ""
-    )
-    return (
-        f"{question} Who rode both could tell `pi` and `pi_ctc` apart {100 * between.share:.0f} % "
-        f"of the time ({apart}). As an error, against the motion that was asked for, "
-        f"{'much' if gained >= 0.1 else 'little'} is gained: it could be felt {felt('pi')} of the "
-        f"time without CTC and {felt('pi_ctc')} with it, by the wrong joint angles alone "
-        f"{100 * angles[0]:.1f} and {100 * angles[1]:.1f} %{because}. With a position loop around "
-        f"the speed loop it is {felt('p_pi')} without feedforward, {felt('p_pi+ctc')} with CTC and "
-        f"{felt('p_pi+id')} with the whole inverse dynamics."
-    )
-
-
-def _worst(channel: tuple[str, float]) -> str:
-    name, multiple = channel
+def _worst(felt: Mapping, channels: slice) -> str:
+    multiple, name = max(zip(felt["largest"][channels], felt["channels"][channels], strict=True))
     return f"{multiple:.2f} ({name})"
 
 
-def _runs_table(runs: Iterable[Run]) -> str:
-    header = (
-        "plant", "process", "algorithm", "controller", "A", "largest [rad/s]", "RMS [rad/s]",
-        "constant speed [rad/s]", "position [deg]", "saturated [%]",
-    )  # fmt: skip
-    rows = []
-    for run in runs:
-        s, t = run.scenario, run.tracking
-        rows.append([
-            s.plant.kind, run.process, s.algorithm, s.controller.kind,
-            f"{s.disturbance.amplitude:g}",
-            _joined(t.max_abs_speed_error, ".4f"), _joined(t.rms_speed_error, ".4f"),
-            _joined(t.constant_speed_error, ".4f"),
-            _joined(np.degrees(t.max_abs_position_error), ".2f"),
-            _joined(100 * t.saturated_fraction, ".1f"),
-        ])  # fmt: skip
-    return _table(header, rows)
-
-
-def _claims_table(claims: Iterable[Claim]) -> str:
-    rows = [
-        [c.id, c.statement, _text(c.published, 6), _text(c.computed), f"**{c.verdict}**", c.why]
-        for c in claims
+def _blocks(
+    summary: Mapping, folder: Path, announce: Callable[[str], None]
+) -> dict[str, Sequence[Block]]:
+    """The tables and figures of the report by their names in pages/report.md."""
+    beyond = [
+        {**e, "rms_torque_share": e["rms_share"], "peak_torque_share": e["peak_share"]}
+        for e in summary["beyond"]
     ]
-    return _table(("id", "the paper", "published", "computed", "verdict", "why"), rows)
-
-
-def _beyond_entry(compared: Compared) -> dict[str, object]:
-    return {
-        "controller": compared.label,
-        **asdict(compared.tracking),
-        **asdict(compared.motors),
-        "felt": None if compared.head is None else _felt_entry(compared.head),
-        "blocks": compared.blocks,
-        "needs": list(compared.needs),
+    runs, claims = summary["tracking"], summary["claims"]
+    counts = {verdict: sum(c["verdict"] == verdict for c in claims) for verdict in VERDICTS}
+    tiles = [(count, verdict, VERDICTS[verdict][0]) for verdict, count in counts.items()]
+    speeds = ("max_abs_speed_error", "rms_speed_error", "constant_speed_error")
+    position = "max_abs_position_error"
+    torques = (position, "rms_torque_share", "peak_torque_share")
+    figures = {
+        name: [Figure(text, folder / f"{name}.svg", folder)] for name, text in FIGURES.items()
+    }
+    return figures | {
+        "tiles": [Tiles(tiles)],
+        "claims": [Claims(claims, len(summary["table1"]))],
+        "table1": [_table1(summary["table1"])],
+        "steps": [_steps(summary["step_response"])],
+        "diagrams": _diagrams(folder),
+        "runs_speeds": [_by_joint(_RUN, map(_run, runs), runs, speeds)],
+        "runs_positions": [
+            _by_joint(_RUN, map(_run, runs), runs, (position, "saturated_fraction"))
+        ],
+        "beyond_speeds": [_by_joint(["controller"], map(_label, beyond), beyond, speeds)],
+        "beyond_torques": [_by_joint(["controller"], map(_label, beyond), beyond, torques)],
+        "felt": [_felt(beyond)],
+        "needs": [
+            Table(
+                ["controller", "blocks", "needs to know"],
+                [[*_label(e), str(e["blocks"]), ", ".join(e["needs"])] for e in beyond],
+                look="words",
+            )
+        ],
+        "more": _more(folder, announce),
+        "device": _device(folder / RECORDING),
+        "provenance": _provenance(summary),
     }
 
 
-def _felt_entry(head: HeadTracking) -> dict[str, object]:
-    return {
-        "share": head.felt.share,
-        "share_from_angles": head.felt_from_angles.share,
-        "channels": list(CHANNELS),
-        "largest": head.felt.largest,
-        "channel_share": head.felt.channel_share,
+def _by_joint(
+    labels: Sequence[str],
+    names: Iterable[Sequence[str]],
+    entries: Sequence[Mapping],
+    metrics: Sequence[str],
+) -> Table:
+    """A row for each entry, beginning with its names; of each metric a value for each joint."""
+    rows = [
+        [*own, *([METRICS[m].text(value) for value in entry[m]] for m in metrics)]
+        for own, entry in zip(names, entries, strict=True)
+    ]
+    return Table([*labels, *(METRICS[m].column for m in metrics)], rows)
+
+
+_RUN = ("plant", "process", "Algorithm 1", "controller", "A")
+
+
+def _run(run: Mapping) -> list[str]:
+    amplitude = f"{run['disturbance_amplitude']:g}"
+    return [run["plant"], run["process"], run["algorithm"], f"`{run['controller']}`", amplitude]
+
+
+def _label(entry: Mapping) -> list[str]:
+    return [f"`{entry['controller']}`"]
+
+
+def _table1(rows: Sequence[Mapping]) -> Table:
+    columns = {
+        "i_eff_max": ("I_eff,max [kg m²]", ".2f"),
+        "i_eff_median": ("median", ".2f"),
+        "i_eff_min": ("min", ".2f"),
+        "variation_percent": ("variation [%]", ".2f"),
+        "kp": ("K_PS [N m s/rad]", ".4g"),
+        "ki": ("K_IS [N m/rad]", ".4g"),
+        "zeta_max": ("zeta at max", ".3f"),
+        "zeta_median": ("at median", ".3f"),
+        "zeta_min": ("at min", ".3f"),
     }
+    cells = []
+    for k, row in enumerate(rows):
+        computed = [format(row[name], spec) for name, (_, spec) in columns.items()]
+        published = [paper.TABLE1[name][k] if name in paper.TABLE1 else "–" for name in columns]
+        cells += [[f"joint {k + 1}", *computed], ["*published*", *published]]
+    return Table(["", *(title for title, _ in columns.values())], cells, look="pairs")
 
 
-def _tracking_entry(run: Run) -> dict[str, object]:
-    scenario = run.scenario
-    return {
-        "plant": scenario.plant.kind,
-        "process": run.process,
-        "algorithm": scenario.algorithm,
-        "controller": scenario.controller.kind,
-        "disturbance_amplitude": scenario.disturbance.amplitude,
-        **asdict(run.tracking),
+def _steps(steps: Mapping) -> Table:
+    names = {"pi": "PI on the error", "p_in_feedback": "P in the feedback path"}
+    columns = {
+        "rise_time": ("rise, 10–90 % [s]", ".4f"),
+        "settling_time": ("settling, 2 % [s]", ".4f"),
+        "overshoot_percent": ("overshoot [%]", ".3f"),
     }
+    rows = []
+    for structure, name in names.items():
+        computed, published = steps[structure], steps["published"][structure]
+        rows.append([name, *(format(computed[key], f) for key, (_, f) in columns.items())])
+        rows.append(["*published*", *(f"{published[key]:g}" for key in columns)])
+    return Table(["", *(title for title, _ in columns.values())], rows, look="pairs")
 
 
-def _plain(value: object) -> object:
-    """Only what JSON knows."""
+def _felt(beyond: Sequence[Mapping]) -> Table:
+    rows = [
+        [
+            *_label(entry),
+            METRICS["felt_share"].text(entry["felt"]["share"]),
+            *(f"{value:.2f}" for value in entry["felt"]["largest"]),
+        ]
+        for entry in beyond
+    ]
+    header = ["controller", METRICS["felt_share"].column, *beyond[0]["felt"]["channels"]]
+    return Table(header, rows)
+
+
+def _diagrams(folder: Path) -> list[Block]:
+    blocks: list[Block] = []
+    for name, caption in CAPTIONS.items():
+        svg = folder / "diagrams" / f"{name}.svg"
+        dot = svg.with_suffix(".dot")
+        if svg.exists() or not dot.exists():
+            blocks.append(Figure(caption, svg, folder, "wide"))
+        else:  # there was no Graphviz
+            blocks.append(Text(f"{caption} `diagrams/{dot.name}`; no .svg: {NO_GRAPHVIZ}."))
+    return blocks
+
+
+def _more(folder: Path, announce: Callable[[str], None]) -> list[Block]:
+    """Pictures that are not of the study; the report can do without those that cannot be used."""
+    blocks: list[Block] = []
+    for path in sorted(folder.glob("*.svg")):
+        if path.stem in FIGURES:
+            continue
+        try:
+            read_svg(path)
+        except InputError as error:
+            announce(f"{error}, left out")
+        else:
+            blocks.append(Figure(f"{path.stem.replace('_', ' ').capitalize()}.", path, folder))
+    return blocks
+
+
+def _device(path: Path) -> list[Block]:
+    if not path.exists():
+        return []
+    text = Text("The reference motion in 3D; drag to look from elsewhere.")
+    return [text, EmbeddedPage("Load the 3D recording", path)]
+
+
+def _provenance(summary: Mapping) -> list[Block]:
+    seconds = summary["wall_time_s"]
+    times = {**seconds, "sum of the stages": sum(seconds.values())}
+    return [
+        Table(["", "version"], [[k, v] for k, v in summary["versions"].items()]),
+        Table(["", "wall time [s]"], [[k, f"{v:.2f}"] for k, v in times.items()]),
+    ]
+
+
+# --- claims ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Claims:
+    """The claims of summary.json: a table, and on a page cards that a filter chooses from."""
+
+    claims: Sequence[Mapping]
+    joints: int
+
+    def markdown(self) -> str:
+        rows = [
+            [
+                claim["id"],
+                claim["statement"],
+                _listed(claim["published"], 6),
+                _listed(claim["computed"], 4),
+                f"**{claim['verdict']}**",
+                claim["why"],
+            ]
+            for claim in self.claims
+        ]
+        header = ["id", "the paper", "published", "computed", "verdict", "why"]
+        return Table(header, rows).markdown()
+
+    def html(self, inline: Inline) -> str:
+        buttons = f'<button type="button" aria-pressed="true">all {len(self.claims)}</button>'
+        for verdict in VERDICTS:
+            count = sum(claim["verdict"] == verdict for claim in self.claims)
+            buttons += (
+                f'<button type="button" aria-pressed="false" data-verdict="{verdict}">'
+                f"{verdict} {count}</button>"
+            )
+        cards = "".join(self._card(claim, inline) for claim in self.claims)
+        return (
+            f'<div class="filter" role="group" aria-label="Claims shown" hidden>{buttons}</div>'
+            f'<p class="shown" role="status"></p>{cards}'
+        )
+
+    def _card(self, claim: Mapping, inline: Inline) -> str:
+        verdict = claim["verdict"]
+        look, sign = VERDICTS[verdict]
+        values = _value_table(claim["published"], claim["computed"], self.joints)
+        return (
+            f'<article class="claim" data-verdict="{verdict}" id="claim-{inline(claim["id"])}">'
+            f'<p class="verdict {look}"><span aria-hidden="true">{sign}</span> {verdict}</p>'
+            f"<h3>{inline(claim['statement'])}</h3>{values.html(inline)}"
+            f'<p class="why">{inline(claim["why"])}</p></article>'
+        )
+
+
+def _value_table(published: object, computed: object, joints: int) -> Table:
+    """Published above computed."""
+    if isinstance(published, dict):
+        header = ["", *(key.replace("_", " ") for key in published)]
+        of = (("published", published, 6), ("computed", computed, 4))
+        rows = [[label, *(_listed(v, digits) for v in x.values())] for label, x, digits in of]
+        return Table(header, rows)
+    rows = [*_value_rows("published", published, 6), *_value_rows("computed", computed, 4)]
+    of_joints = len(rows[-1]) == joints + 1
+    return Table(["", *(f"joint {k + 1}" for k in range(joints))] if of_joints else [], rows)
+
+
+def _value_rows(label: str, value: object, digits: int) -> list[list[str]]:
     if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+        return [
+            row
+            for key, item in value.items()
+            for row in _value_rows(f"{label}, {key.replace('_', ' ')}", item, digits)
+        ]
+    values = value if isinstance(value, list) else [value]
+    return [[label, *(_listed(item, digits) for item in values)]]
 
 
-def _text(value: object, digits: int = 4) -> str:
+def _listed(value: object, digits: int) -> str:
+    """A value of the summary in words."""
     if isinstance(value, dict):
-        items = ((key.replace("_", " "), _text(item, digits)) for key, item in value.items())
-        return "; ".join(f"{key} {text}" for key, text in items)
+        items = (f"{key.replace('_', ' ')} {_listed(v, digits)}" for key, v in value.items())
+        return "; ".join(items)
     if isinstance(value, list):
-        return ", ".join(_text(item, digits) for item in value)
-    if isinstance(value, bool) or not isinstance(value, float):
-        return str(value)
-    return f"{value:.{digits}g}"
-
-
-def _joined(values: Iterable[float], spec: str) -> str:
-    return " ".join("–" if math.isnan(v) else format(v, spec) for v in values)
-
-
-def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [header, ["---"] * len(header), *rows]
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
-
-
-def _write(path: Path, text: str) -> None:
-    with replacing(path) as partial:
-        partial.write_text(text, encoding="utf-8")
+        return ", ".join(_listed(item, digits) for item in value)
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)

@@ -138,12 +138,12 @@ def check_out(path: Path | None, *, csv: bool = False, show: bool = False) -> No
 
     None: nothing is written.
     """
-    from sdt_drake.analysis import plots
+    from sdt_drake.analysis import style
 
     if show:
-        plots.check_screen("--show")
+        style.check_screen("--show")
     if path is not None:
-        check_file(path, ((".csv",) if csv else ()) + plots.FIGURES)
+        check_file(path, ((".csv",) if csv else ()) + style.FIGURES)
 
 
 def check_file(path: Path, suffixes: Sequence[str]) -> None:
@@ -166,7 +166,7 @@ def deliver(
         figure: draws it; not called if nobody wants it.
         table: writes the CSV file.
     """
-    from sdt_drake.analysis import plots
+    from sdt_drake.analysis import style
 
     out: Path | None = options.out
     as_table = out is not None and table is not None and out.suffix == ".csv"
@@ -175,10 +175,10 @@ def deliver(
         if as_table:
             table(out)
         else:
-            plots.save(drawn, out)
+            style.save(drawn, out)
         say(f"{out} written")
     if options.show:
-        plots.show(drawn)
+        style.show(drawn)
 
 
 @contextmanager

@@ -18,9 +18,9 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.analysis.page import write_page
-    from sdt_drake.commands.study import study_chapter, write_study_page
+    from sdt_drake.analysis.report import write_report
     from sdt_drake.studies.folder import holds_study
+    from sdt_drake.studies.report import study_chapter, write_study_report
 
     folder: Path = options.folder
     check_folder(folder)
@@ -29,8 +29,8 @@ def run(options: argparse.Namespace) -> None:
             f"{folder}: no such folder; run `sdt-drake reproduce --out {folder}` first"
         )
     if holds_study(folder):
-        path = write_study_page(folder)
+        path, _ = write_study_report(folder)
     else:
         studies = [path for path in sorted(folder.iterdir()) if holds_study(path)]
-        path = write_page(folder, say, [study_chapter(study) for study in studies])
+        path = write_report(folder, say, [study_chapter(study) for study in studies])
     say(f"{path} written")

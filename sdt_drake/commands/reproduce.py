@@ -16,9 +16,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.analysis.page import write_study_page
-    from sdt_drake.analysis.report import write_study
-    from sdt_drake.analysis.study import Stopwatch, run_study
+    from sdt_drake.analysis.files import write_reproduction
+    from sdt_drake.analysis.reproduction import Stopwatch, reproduce
     from sdt_drake.graphviz import NO_GRAPHVIZ, has_graphviz
 
     start = time.perf_counter()
@@ -26,13 +25,11 @@ def run(options: argparse.Namespace) -> None:
     check_folder(folder)
     folder.mkdir(parents=True, exist_ok=True)
     watch = Stopwatch(say)
-    study = run_study(watch)
-    claims = write_study(study, folder, watch)
-    page = write_study_page(study, folder, watch, say)
+    claims = write_reproduction(reproduce(watch), folder, watch, say)
     say()
     for claim in claims:
         say(f"  {claim.id:29s} {claim.verdict}")
     if not has_graphviz():
         say(f"\nNo .svg of the block diagrams: {NO_GRAPHVIZ}")
     seconds = time.perf_counter() - start
-    say(f"\n{folder / 'report.md'} and {page.name} written, {seconds:.1f} s in all")
+    say(f"\n{folder / 'report.md'} and report.html written, {seconds:.1f} s in all")

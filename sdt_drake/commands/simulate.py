@@ -39,14 +39,11 @@ def run(options: argparse.Namespace) -> None:
     )
     for line in stops_passed(recording, design.robot.joint_names):
         common.say(f"note: {line}")
-    label = scenario.controller.label
-    label = {"pi": "PI", "pi_ctc": "PI + CTC"}.get(label, label)  # as in the paper
     common.deliver(
         options,
         lambda: plots.speed_errors(
             f"{scenario.name}: speed errors",
-            recording.time,
-            plots.tracking_lines({label: recording}, "speed_error"),
+            {scenario.controller.label: recording},
             design.robot.joint_names,
             design.motion,
         ),

@@ -19,18 +19,18 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.analysis import plots
+    from sdt_drake.analysis.style import save_both
     from sdt_drake.studies.plots import sizing_front
     from sdt_drake.studies.results import read_study_table
     from sdt_drake.studies.sizing import load_sizing
     from sdt_drake.studies.summary import failures
-    from sdt_drake.studies.verdicts import judge, sizing_lines, write_verdicts
+    from sdt_drake.studies.verdicts import judge_candidates, sizing_lines, write_verdicts
 
     sizing, base = load_sizing(options.sizing)
     folder = options.out or Path(sizing.name)
     run_into(folder, sizing.study(), base, options)
     table = read_study_table(folder)
-    verdicts = judge(sizing, table)
+    verdicts = judge_candidates(sizing, table)
     failed = failures(table)
     lines = [*filter(None, [failed]), *sizing_lines(sizing, verdicts)]
     for line in lines:
@@ -40,8 +40,7 @@ def run(options: argparse.Namespace) -> None:
         partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
     write_verdicts(verdicts, folder / "candidates.csv")
     figure = sizing_front(f"{sizing.name}: motors and tracking", verdicts)
-    for suffix in (".png", ".svg"):
-        plots.save(figure, folder / f"front{suffix}")
+    save_both(figure, folder / "front")
     say(f"sizing.txt, candidates.csv, front.png and front.svg written to {folder}")
     say(f"its runs: sdt-drake study show {shlex.quote(str(folder))}")
     if failed:

@@ -26,7 +26,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis import plots
-    from sdt_drake.analysis.study import step_response
+    from sdt_drake.analysis.reproduction import step_response
     from sdt_drake.control import STRUCTURES
 
     inertia, omega_r = options.inertia, options.omega_r

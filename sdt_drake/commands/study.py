@@ -185,37 +185,17 @@ def repeat(folder: Path, row: int | None, out: Path | None) -> None:
 
 
 def show(folder: Path) -> None:
+    from sdt_drake.analysis.document import Table
+    from sdt_drake.studies.report import write_study_report
     from sdt_drake.studies.results import read_study_table
-    from sdt_drake.studies.show import grouping, summary_tables
 
-    table = read_study_table(folder)
-    if say_failures(table):
+    if say_failures(read_study_table(folder)):
         say()
-    for title, header, rows in summary_tables(table, grouping(table)):
-        say(title)
-        print_table(header, rows)
-        say()
+    page, report = write_study_report(folder)
+    for block in (block for section in report.sections for block in section.blocks):
+        if isinstance(block, Table):
+            say(block.title)
+            print_table(block.header, block.rows)
+            say()
     say(f"a run once more, exactly: sdt-drake study repeat {shlex.quote(str(folder))} --row N")
-    say(f"{write_study_page(folder)} written")
-
-
-def write_study_page(folder: Path) -> Path:
-    """Figures and report.html of a study folder."""
-    from sdt_drake.studies.page import write_report
-
-    return write_report(*_shown(folder))
-
-
-def study_chapter(folder: Path) -> tuple[str, str, str]:
-    """Figures of a study folder, and a chapter on it: id, title and content."""
-    from sdt_drake.studies.page import chapter
-
-    return chapter(*_shown(folder))
-
-
-def _shown(folder: Path) -> tuple[StudyTable, Path, str | None]:
-    from sdt_drake.studies.results import read_study_table
-    from sdt_drake.studies.show import grouping
-
-    table = read_study_table(folder)
-    return table, folder, grouping(table)
+    say(f"{page} written")

@@ -44,7 +44,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.viewer import check_html, check_motion, check_port, check_rate, play, record_html
+    from sdt_drake.scene import check_angles
+    from sdt_drake.viewer import check_html, check_port, check_rate, play, record_html
 
     check_rate(options.rate, "--rate")
     check_port(options.port)
@@ -54,7 +55,7 @@ def run(options: argparse.Namespace) -> None:
         _check_live_options(options)
     title, robot, time, q = _motion(options)
     with naming(options.motion):
-        check_motion(robot, time, q)
+        check_angles(robot, time, q)
     if options.record is not None:
         record_html(robot, time, q, options.record, title=title, pilot=options.pilot)
         say(f"{options.record} written")
@@ -110,8 +111,8 @@ def _check(options: argparse.Namespace):
 
 def _simulated(options: argparse.Namespace):
     """The same of a scenario; one that is too long is not run in vain."""
+    from sdt_drake.scene import check_duration
     from sdt_drake.simulate import simulate
-    from sdt_drake.viewer import check_duration
 
     if options.robot is not None:
         raise InputError("--robot: the scenario names the robot")

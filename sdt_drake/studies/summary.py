@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.errors import checked_number
 from sdt_drake.studies.table import ANSWERS, STATUSES, StudyTable, is_text, levels_of
 
 Array = NDArray[np.float64]
@@ -115,9 +114,6 @@ def percentiles(table: StudyTable, outcome: str, percents: Sequence[float] = PER
 
     Returns:
         Shape (len(percents),); NaN without such runs.
-
-    Raises:
-        InputError: for an unknown outcome.
     """
     values = values_of(table, outcome)
     if not len(values):
@@ -126,20 +122,12 @@ def percentiles(table: StudyTable, outcome: str, percents: Sequence[float] = PER
 
 
 def usable(table: StudyTable, *outcomes: str) -> NDArray[np.bool_]:
-    """Which runs are ok and have a number for all of these outcomes, shape (N,).
-
-    Raises:
-        InputError: for an unknown outcome.
-    """
+    """Which runs are ok and have a number for all of these outcomes, shape (N,)."""
     return np.all([table.ok, *(np.isfinite(table.outcome(name)) for name in outcomes)], axis=0)
 
 
 def values_of(table: StudyTable, outcome: str) -> Array:
-    """An outcome of the runs that are ok and have it, in the unit of the table.
-
-    Raises:
-        InputError: for an unknown outcome.
-    """
+    """An outcome of the runs that are ok and have it, in the unit of the table."""
     return table.outcome(outcome)[usable(table, outcome)]
 
 
@@ -149,11 +137,7 @@ def worst_runs(table: StudyTable, outcome: str, count: int = 5) -> StudyTable:
     Args:
         table, outcome: as in `percentiles`.
         count: of the runs; fewer if there are not as many.
-
-    Raises:
-        InputError: for an unknown outcome, or a count that is no whole number >= 1.
     """
-    checked_number(count, "count of the worst runs", minimum=1)
     runs = table.select(usable(table, outcome))
     # Stable: of equal runs the one that comes first.
     return runs.select(np.argsort(-runs.outcome(outcome), kind="stable")[:count])
@@ -188,9 +172,6 @@ def sensitivity(table: StudyTable, outcome: str) -> dict[str, float]:
 
     Args:
         table, outcome: as in `percentiles`.
-
-    Raises:
-        InputError: for an unknown outcome.
     """
     y = values_of(table, outcome)
     inputs = _varied_inputs(table, usable(table, outcome))
@@ -269,9 +250,6 @@ def tornado(table: StudyTable, outcome: str) -> list[Swing]:
 
     Args:
         table, outcome: as in `percentiles`.
-
-    Raises:
-        InputError: for an unknown outcome.
     """
     y = values_of(table, outcome)
     inputs = _varied_inputs(table, usable(table, outcome))

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.errors import InputError
-from sdt_drake.studies.quantities import FAMILIES, family_of
+from sdt_drake.analysis.metrics import METRICS, family_of
 
 Array = NDArray[np.float64]
 
@@ -21,6 +19,8 @@ ANSWERS = ("ok", "infeasible")
 COLUMNS = ("row", "status", "reason", "duration")
 """Of every study; beside its inputs and its outcomes."""
 
+ALL_RUNS = "all runs"
+
 
 @dataclass(frozen=True, eq=False)
 class StudyTable:
@@ -31,14 +31,10 @@ class StudyTable:
         row: number of each run, shape (N,).
         inputs: by name of the variable: numbers or texts, shape (N,).
         outcomes: by name, joint k = 1..n at its end, shape (N,); NaN where a run has none. See
-            `quantities.FAMILIES` for the names and their units; in the table angles are in rad and
-            shares between 0 and 1.
+            `METRICS` for the names; angles are in rad and shares between 0 and 1.
         status: one of STATUSES, shape (N,).
         reason: why a run is not ok, "" where it is, shape (N,).
         duration: of the computation [s], shape (N,).
-
-    Raises:
-        InputError: naming the study and the column: for a wrong length, an unknown status.
     """
 
     name: str
@@ -49,27 +45,13 @@ class StudyTable:
     reason: NDArray
     duration: Array
 
-    def __post_init__(self) -> None:
-        columns = {"status": self.status, "reason": self.reason, "duration": self.duration}
-        for name, values in (columns | self.inputs | self.outcomes).items():
-            if np.shape(values) != (len(self),):
-                raise InputError(
-                    f"study '{self.name}': {name} has shape {np.shape(values)}, expected "
-                    f"({len(self)},), one for each run"
-                )
-        unknown = sorted(set(map(str, self.status)) - set(STATUSES))
-        if unknown:
-            raise InputError(
-                f"study '{self.name}': status '{unknown[0]}', expected one of {', '.join(STATUSES)}"
-            )
-
     def __len__(self) -> int:
         return len(self.row)
 
     @property
     def ok(self) -> NDArray[np.bool_]:
         """Which runs are ok, shape (N,)."""
-        return np.asarray(self.status) == "ok"
+        return self.status == "ok"
 
     @property
     def families(self) -> list[str]:
@@ -82,19 +64,10 @@ class StudyTable:
         return sorted(k for stem, k in both if stem == family and k is not None)
 
     def outcome(self, name: str) -> Array:
-        """An outcome, shape (N,); for the name of a family, that of each run's worst joint.
-
-        Raises:
-            InputError: for an unknown name.
-        """
-        if name in self.outcomes:
-            return self.outcomes[name]
+        """An outcome, shape (N,); for the name of a family, that of each run's worst joint."""
         joints = self.joints(name)
         if not joints:
-            raise InputError(
-                f"study '{self.name}': no outcome '{name}', expected one of "
-                f"{', '.join(self.families)}, or one joint of it as in rms_speed_error_2"
-            )
+            return self.outcomes[name]
         # fmax leaves NaN out, and gives NaN where no joint has a number.
         return np.fmax.reduce([self.outcomes[f"{name}_{k}"] for k in joints])
 
@@ -114,18 +87,6 @@ class StudyTable:
             return f"joint {joint}"
         return "worst joint" if self.joints(name) else ""
 
-    def checked_input(self, name: str) -> NDArray:
-        """An input, shape (N,).
-
-        Raises:
-            InputError: for an unknown name.
-        """
-        if name not in self.inputs:
-            raise InputError(
-                f"study '{self.name}': no input '{name}', expected one of {', '.join(self.inputs)}"
-            )
-        return self.inputs[name]
-
     def select(self, runs: NDArray) -> StudyTable:
         """The table of some runs: their mask, shape (N,), or their indices."""
         return StudyTable(
@@ -139,21 +100,11 @@ class StudyTable:
         )
 
     def split(self, by: str | None) -> dict[str, StudyTable]:
-        """A table for each level of a text input, by level; all under "all runs" for None.
-
-        Raises:
-            InputError: if there is no such input, or it is one of numbers.
-        """
+        """A table for each level of a text input, by level; all under ALL_RUNS for None."""
         if by is None:
             return {ALL_RUNS: self}
-        values = self.checked_input(by)
-        if not is_text(values):
-            raise InputError(
-                f"study '{self.name}': input '{by}' has numbers, expected one of texts"
-                f"{_listed(self.text_inputs)}"
-            )
-        texts = values.astype(str)
-        return {level: self.select(texts == level) for level in levels_of(values)}
+        texts = self.inputs[by].astype(str)
+        return {level: self.select(texts == level) for level in levels_of(texts)}
 
     @property
     def text_inputs(self) -> list[str]:
@@ -161,12 +112,9 @@ class StudyTable:
         return [name for name, values in self.inputs.items() if is_text(values)]
 
 
-ALL_RUNS = "all runs"
-
-
 def is_column(name: str) -> bool:
     """Whether a column of the results has this name, so that no input may."""
-    return name in COLUMNS or family_of(name)[0] in FAMILIES
+    return name in COLUMNS or family_of(name)[0] in METRICS
 
 
 def is_text(values: NDArray) -> bool:
@@ -177,8 +125,3 @@ def is_text(values: NDArray) -> bool:
 def levels_of(values: NDArray) -> list[str]:
     """The different texts of an input, in the order in which they come."""
     return list(dict.fromkeys(map(str, values.tolist())))
-
-
-def _listed(names: Iterable[str]) -> str:
-    text = ", ".join(names)
-    return f": {text}" if text else ", and there is none"

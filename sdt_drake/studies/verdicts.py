@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from sdt_drake.analysis.metrics import family_of, metric_of
 from sdt_drake.errors import replacing
 from sdt_drake.studies.pareto import pareto
-from sdt_drake.studies.quantities import family_of, quantity_of
 from sdt_drake.studies.sizing import Candidate, Sizing, candidates, short_name
 from sdt_drake.studies.table import ANSWERS, StudyTable
 
@@ -56,18 +56,15 @@ class Verdict:
         return max(own, key=own.__getitem__)
 
 
-def judge(sizing: Sizing, table: StudyTable) -> list[Verdict]:
+def judge_candidates(sizing: Sizing, table: StudyTable) -> list[Verdict]:
     """Hold every candidate with every controller against the requirements, over all motions.
 
     Args:
         sizing: as it was run.
         table: of `sizing.study()`; it need not be complete.
-
-    Raises:
-        InputError: if the table lacks an input or a required outcome.
     """
     columns = {
-        name: table.checked_input(name).tolist()
+        name: table.inputs[name].tolist()
         for name in (*_motor_names(sizing.n), "structure_scale", "motion", "controller")
     }
     rows: dict[tuple[Candidate, str], dict[str, int]] = {}
@@ -103,7 +100,8 @@ def _verdict(
             missed.append(f"{short_name(motion)} has not been run")
         elif table.status[rows[motion]] != "ok":
             i = rows[motion]
-            missed.append(f"{short_name(motion)} is {_said(table.status[i])}: {table.reason[i]}")
+            status = table.status[i].replace("_", " ")
+            missed.append(f"{short_name(motion)} is {status}: {table.reason[i]}")
     ran = {motion: i for motion, i in rows.items() if table.status[i] == "ok"}
     worst, used = {}, {}
     for name, limit in limits.items():
@@ -133,23 +131,13 @@ def _share(value: float, limit: float) -> float:
     return 0.0 if value <= 0 else math.inf
 
 
-def _said(status: str) -> str:
-    return status.replace("_", " ")
-
-
 def _missed(name: str, value: float, motion: str, limit: float) -> str:
-    quantity = quantity_of(name)
-    unit = f" {quantity.unit}" if quantity.unit else ""
+    metric, joint = metric_of(name), family_of(name)[1]
+    called = metric.title + (f" of joint {joint}" if joint else "")
     return (
-        f"{_called(name)} is {value * quantity.factor:.4g}{unit} in {motion}, at most "
-        f"{limit * quantity.factor:.4g} allowed"
+        f"{called} is {value * metric.factor:.4g} {metric.unit} in {motion}, at most "
+        f"{limit * metric.factor:.4g} allowed"
     )
-
-
-def _called(name: str) -> str:
-    """An outcome in words."""
-    joint = family_of(name)[1]
-    return quantity_of(name).title + (f" of joint {joint}" if joint else "")
 
 
 # --- recommendations -------------------------------------------------------------------------
@@ -231,7 +219,7 @@ def _margin_text(verdict: Verdict, joint: int) -> str:
     _, motion = verdict.worst[name]
     return (
         f"joint {joint} {verdict.candidate.motors[joint - 1]}: tightest is "
-        f"{quantity_of(name).title}, {100 * verdict.used[name]:.0f} % of what is allowed, "
+        f"{metric_of(name).title}, {100 * verdict.used[name]:.0f} % of what is allowed, "
         f"in {motion}"
     )
 

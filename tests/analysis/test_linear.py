@@ -13,7 +13,7 @@ from sdt_drake.analysis.linear import (
     linear_process,
     linearise,
 )
-from sdt_drake.analysis.study import step_response
+from sdt_drake.analysis.reproduction import step_response
 from sdt_drake.control import tune
 from sdt_drake.design import make_design
 from sdt_drake.device import Drive, Elasticity, Friction

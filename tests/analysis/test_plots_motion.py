@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sdt_drake.analysis import plots, plots_motion
+from sdt_drake.analysis import plots_motion, style
 from sdt_drake.motion import load_command, margins, retime
 
 
@@ -28,4 +28,4 @@ def test_the_figure_of_a_plan_shows_torques_speeds_limits_and_where_it_is_tighte
     (legend,) = figure.legends
     names = [text.get_text() for text in legend.get_texts()]
     assert len(names) == len(set(names)) and {"held back", "tightest"} <= set(names)
-    assert plots.save(figure, tmp_path / "plan.png").stat().st_size > 20_000
+    assert style.save(figure, tmp_path / "plan.png").stat().st_size > 20_000

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from synthetic import make_table, small_table
 
-from sdt_drake.errors import InputError
 from sdt_drake.studies.summary import (
     count_statuses,
     explained_share,
@@ -80,12 +79,6 @@ def test_worst_runs(table):
     assert list(worst.outcome("max_abs_speed_error")) == sorted(values[table.ok])[:-5:-1]
     assert set(worst.inputs["controller"]) == {"pi"}
     assert list(worst_runs(small_table([1, 2, 2, np.nan]), "y", 9).row) == [1, 2, 0]
-
-
-@pytest.mark.parametrize("count", [0, -3])
-def test_a_count_of_worst_runs_that_is_none(table, count):
-    with pytest.raises(InputError, match="count of the worst runs"):
-        worst_runs(table, "felt_share", count)
 
 
 # --- what matters ----------------------------------------------------------------------------

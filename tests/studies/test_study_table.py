@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from synthetic import CONTROLLERS, make_table, small_table
 
-from sdt_drake.errors import InputError
-from sdt_drake.studies.quantities import FAMILIES, family_of, quantity_of
+from sdt_drake.analysis.metrics import METRICS, family_of, metric_of
 from sdt_drake.studies.table import ALL_RUNS
 
 
@@ -55,36 +54,16 @@ def test_split_keeps_every_run_once_and_the_order_of_the_levels(table):
     assert table.split(None) == {ALL_RUNS: table}
 
 
-@pytest.mark.parametrize(
-    ("use", "said"),
-    [
-        (lambda t: t.outcome("speed"), "no outcome 'speed', expected one of max_abs_speed_error, "),
-        (lambda t: t.outcome("rms_torque_share_9"), "no outcome 'rms_torque_share_9'"),
-        (lambda t: t.checked_input("mass"), "no input 'mass', expected one of omega_r, payload, "),
-        (lambda t: t.split("mass"), "no input 'mass'"),
-        (lambda t: t.split("payload"), "'payload' has numbers, expected one of texts: motion, "),
-        (lambda t: dataclasses.replace(t, duration=t.duration[1:]), "duration has shape (149,), "),
-        (lambda t: dataclasses.replace(t, inputs={"a": t.row[:2]}), "a has shape (2,), expected"),
-        (lambda t: dataclasses.replace(t, status=np.full(150, "fine")), "status 'fine', expected"),
-    ],
-)  # fmt: skip
-def test_bad_input(table, use, said):
-    with pytest.raises(InputError) as raised:
-        use(table)
-    message = str(raised.value)
-    assert message.startswith("study 'gains': ") and said in message and "\n" not in message
-
-
 def test_every_family_has_title_and_unit():
-    for name, quantity in FAMILIES.items():
+    for name, quantity in METRICS.items():
         assert family_of(f"{name}_2") == (name, 2) and family_of(name) == (name, None)
-        assert quantity_of(f"{name}_12") is quantity
+        assert metric_of(f"{name}_12") is quantity
         assert quantity.label == f"{quantity.title} [{quantity.unit}]"
-    assert quantity_of("max_abs_position_error_1").factor == pytest.approx(180 / math.pi)
-    assert quantity_of("peak_torque_share_1").factor == 100
+    assert metric_of("max_abs_position_error_1").factor == pytest.approx(180 / math.pi)
+    assert metric_of("peak_torque_share_1").factor == 100
 
 
 def test_an_outcome_that_is_not_known_is_shown_as_it_is():
     assert family_of("overshoot_3") == ("overshoot_3", None)
-    assert quantity_of("overshoot_3") == ("overshoot_3", "", 1)
-    assert quantity_of("overshoot_3").label == "overshoot_3"
+    assert metric_of("overshoot_3")[:3] == ("overshoot_3", "", 1)
+    assert metric_of("overshoot_3").label == "overshoot_3"

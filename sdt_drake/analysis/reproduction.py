@@ -1,4 +1,4 @@
-"""The study of the paper, computed: Table 1, step responses, tracking runs."""
+"""The paper recomputed: Table 1, step responses, tracking runs."""
 
 from __future__ import annotations
 
@@ -78,8 +78,8 @@ class Run:
 
 
 @dataclass(eq=False)
-class Study:
-    """All results of the paper's study.
+class Reproduction:
+    """What the paper's claims are held against, computed.
 
     Attributes:
         design: the coupled PI + CTC run, whose inertia and gains come from the SDF.
@@ -128,7 +128,7 @@ class Stopwatch:
         self._tell(f"  {name:28s} {self.seconds[name]:6.2f} s")
 
 
-def run_study(watch: Stopwatch) -> Study:
+def reproduce(watch: Stopwatch) -> Reproduction:
     """Compute everything that the paper's claims are held against."""
     with watch.stage("robot, motion, loads"):
         design = make_design(load_scenario("package://sdt/scenarios/coupled_pi_ctc.yaml"))
@@ -145,7 +145,7 @@ def run_study(watch: Stopwatch) -> Study:
         more = [pool.submit(run_of, label, design_with(design, label)) for label in _BEYOND]
         # `more` may run while files are written.
         runs = [future.result() for future in (*axis, *coupled)]
-    return Study(design, steps, runs, more, watch.seconds)
+    return Reproduction(design, steps, runs, more, watch.seconds)
 
 
 def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> StepResponse:

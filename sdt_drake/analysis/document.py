@@ -1,0 +1,378 @@
+"""Documents of headings, texts, tables and figures; as Markdown, and as a page in one HTML file.
+
+Texts may hold `code`, **bold** and *emphasis*. What is not our own, such as names of users, needs
+no care: the writer of pages escapes everything.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import zip_longest
+from pathlib import Path
+from string import Template
+from typing import Protocol
+from xml.etree import ElementTree
+
+from sdt_drake.errors import InputError, read_text, replacing
+from sdt_drake.resources import page_text
+
+_MOST_BYTES = 100_000_000  # of a file
+
+Inline = Callable[[str], str]
+"""Text to HTML: escaped, with its marks."""
+
+
+class Block(Protocol):
+    """A part of a document."""
+
+    def markdown(self) -> str:
+        """Without a line break at the end."""
+
+    def html(self, inline: Inline) -> str:
+        """Its texts passed through `inline`."""
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph; `look` is a class of page.css."""
+
+    text: str
+    look: str = ""
+
+    def markdown(self) -> str:
+        return self.text
+
+    def html(self, inline: Inline) -> str:
+        return f"<p{_class(self.look)}>{inline(self.text)}</p>"
+
+
+@dataclass(frozen=True)
+class Heading:
+    """Within a section."""
+
+    text: str
+
+    def markdown(self) -> str:
+        return f"### {self.text}"
+
+    def html(self, inline: Inline) -> str:
+        return f"<h3>{inline(self.text)}</h3>"
+
+
+@dataclass(frozen=True)
+class Bullets:
+    """A list of texts."""
+
+    items: Sequence[str]
+
+    def markdown(self) -> str:
+        return "\n".join(f"- {item}" for item in self.items)
+
+    def html(self, inline: Inline) -> str:
+        items = "".join(f"<li>{inline(item)}</li>" for item in self.items)
+        return f'<ul class="findings">{items}</ul>'
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """Counts that stand out: number, what of, and a class of page.css."""
+
+    tiles: Sequence[tuple[int, str, str]]
+
+    def markdown(self) -> str:
+        return ", ".join(f"**{count}** {text}" for count, text, _ in self.tiles) + "."
+
+    def html(self, inline: Inline) -> str:
+        tiles = "".join(
+            f'<li class="{look}"><strong>{count}</strong> {inline(text)}</li>'
+            for count, text, look in self.tiles
+        )
+        return f'<ul class="tiles">{tiles}</ul>'
+
+
+Cell = str | Sequence[str]
+"""A text, or one for each joint."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells of texts; the first of each row names it.
+
+    A cell of a text for each joint spans as many columns on a page. `look` is a class of page.css.
+    """
+
+    header: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    title: str = ""
+    look: str = ""
+
+    def markdown(self) -> str:
+        lines = [self.header, ["---"] * len(self.header), *self.rows]
+        table = "\n".join(f"| {' | '.join(map(_plain, cells))} |" for cells in lines)
+        return f"**{self.title}**\n\n{table}" if self.title else table
+
+    def html(self, inline: Inline) -> str:
+        title = f"<h3>{inline(self.title)}</h3>" if self.title else ""
+        first = self.rows[0] if self.rows else self.header
+        spans = [0 if isinstance(cell, str) else len(cell) for cell in first]
+        joints = max(spans, default=0)
+        names, numbers = "", ""
+        for text, span in zip_longest(self.header, spans if self.header else [], fillvalue=0):
+            if span:
+                names += f'<th class="first" colspan="{span}">{inline(text)}, joint</th>'
+                numbers += "".join(f"<th{_first(k)}>{k + 1}</th>" for k in range(span))
+            elif text:
+                below = ' rowspan="2"' if joints else ""
+                names += f'<th scope="col"{below}>{inline(text)}</th>'
+            else:
+                names += "<td></td>"
+        head = f"<tr>{names}</tr>" if names else ""
+        head += f"<tr>{numbers}</tr>" if joints else ""
+        body = "".join(map(partial(_row, inline=inline), self.rows))
+        look = _class("joints" if joints else self.look)
+        return (
+            f'{title}<div class="scroll" tabindex="0"><table{look}><thead>{head}</thead>'
+            f"<tbody>{body}</tbody></table></div>"
+        )
+
+
+def _row(cells: Sequence[Cell], inline: Inline) -> str:
+    name, *others = cells
+    row = f'<th scope="row">{inline(name)}</th>'
+    among_joints = any(not isinstance(cell, str) for cell in others)
+    for cell in others:
+        if isinstance(cell, str):
+            row += f"<td{_class('word' if among_joints else '')}>{inline(cell)}</td>"
+        else:
+            row += "".join(f"<td{_first(k)}>{inline(text)}</td>" for k, text in enumerate(cell))
+    return f"<tr>{row}</tr>"
+
+
+def _plain(cell: Cell) -> str:
+    """In Markdown."""
+    return (cell if isinstance(cell, str) else " ".join(cell)).replace("|", "\\|")
+
+
+def _first(k: int) -> str:
+    """The first joint begins a group of columns."""
+    return "" if k else ' class="first"'
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture with its caption, which is its text for those who do not see it, too.
+
+    Attributes:
+        caption: in words.
+        svg: file of the picture; Markdown names the PNG beside it, where there is one.
+        folder: of the document.
+        look: a class of page.css: "wide" for pictures that a phone should not shrink.
+    """
+
+    caption: str
+    svg: Path
+    folder: Path
+    look: str = ""
+
+    def markdown(self) -> str:
+        png = self.svg.with_suffix(".png")
+        path = (png if png.is_file() else self.svg).relative_to(self.folder)
+        return f"![{self.caption}]({path.as_posix()})"
+
+    def html(self, inline: Inline) -> str:
+        data = base64.b64encode(read_svg(self.svg).encode()).decode()
+        return (
+            f'<figure><div class="canvas scroll {self.look}" tabindex="0">'
+            f'<img alt="{html.escape(self.caption)}" src="data:image/svg+xml;base64,{data}"></div>'
+            f"<figcaption>{inline(self.caption)}</figcaption></figure>"
+        )
+
+
+@dataclass(frozen=True)
+class Details:
+    """Blocks to unfold."""
+
+    summary: str
+    blocks: Sequence[Block]
+
+    def markdown(self) -> str:
+        blocks = "\n\n".join(block.markdown() for block in self.blocks)
+        return f"<details><summary>{self.summary}</summary>\n\n{blocks}\n\n</details>"
+
+    def html(self, inline: Inline) -> str:
+        blocks = "".join(block.html(inline) for block in self.blocks)
+        return f"<details><summary>{inline(self.summary)}</summary>{blocks}</details>"
+
+
+@dataclass(frozen=True)
+class EmbeddedPage:
+    """A whole page in a file, opened within this one when it is wanted."""
+
+    button: str
+    path: Path
+
+    def markdown(self) -> str:
+        return f"[{self.button}]({self.path.name})"
+
+    def html(self, inline: Inline) -> str:
+        text = read_text(self.path, _MOST_BYTES)
+        # In a script a text ends at "</script", and only there.
+        data = json.dumps(text).replace("<", "\\u003c")
+        return (
+            f'<div class="recording"><button type="button" hidden>{inline(self.button)} '
+            f"({len(text.encode()) / 1e6:.1f} MB, within this page)</button>"
+            "<noscript>It needs JavaScript.</noscript></div>"
+            f'<script type="application/json" id="recording-page">{data}</script>'
+        )
+
+
+@dataclass
+class Section:
+    """A chapter, with a link at the top of the page; one without blocks is left out."""
+
+    title: str
+    blocks: list[Block] = field(default_factory=list)
+
+
+@dataclass
+class Document:
+    """A title, a line below it, and sections.
+
+    Attributes:
+        symbols: whether pages show K_PS and tau_LD as in equations; not where inputs of users have
+            such names.
+    """
+
+    title: str
+    lead: str = ""
+    sections: list[Section] = field(default_factory=list)
+    symbols: bool = False
+
+    def markdown(self) -> str:
+        """The text of a Markdown file."""
+        parts = [f"# {self.title}", self.lead]
+        for section in self._shown():
+            parts += [f"## {section.title}", *(block.markdown() for block in section.blocks)]
+        return "\n\n".join(filter(None, parts)) + "\n"
+
+    def html(self) -> str:
+        """A page that needs nothing else.
+
+        Raises:
+            InputError: naming a picture that is missing or is none.
+        """
+        inline = partial(_inline, symbols=self.symbols)
+        body, links = "", ""
+        for number, section in enumerate(self._shown(), start=1):
+            title = inline(section.title)
+            blocks = "".join(block.html(inline) for block in section.blocks)
+            body += f'<section id="section-{number}"><h2>{title}</h2>{blocks}</section>'
+            links += f'<a href="#section-{number}">{title}</a>'
+        return Template(page_text("page.html")).substitute(
+            title=html.escape(self.title),
+            lead=f"<p>{inline(self.lead)}</p>" if self.lead else "",
+            links=links,
+            css=page_text("page.css"),
+            js=page_text("page.js"),
+            body=body,
+        )
+
+    def _shown(self) -> list[Section]:
+        return [section for section in self.sections if section.blocks]
+
+
+def from_template(
+    text: str, blocks: Mapping[str, Iterable[Block]], numbers: Mapping[str, object]
+) -> Document:
+    """A document from Markdown with headings and paragraphs.
+
+    Args:
+        text: a paragraph {name} stands for blocks; in others {name:.2f} for a number.
+        blocks, numbers: by these names.
+    """
+    document = Document("")
+    for part in text.strip().split("\n\n"):
+        part = " ".join(part.splitlines())
+        own = re.fullmatch(r"\{(\w+)\}", part)
+        if part.startswith("# "):
+            document.title = part[2:]
+        elif part.startswith("## "):
+            document.sections.append(Section(part[3:]))
+        elif not document.sections:
+            document.lead = part.format_map(numbers)
+        elif own and own[1] in blocks:
+            document.sections[-1].blocks += blocks[own[1]]
+        elif part.startswith("### "):
+            document.sections[-1].blocks.append(Heading(part[4:]))
+        else:
+            document.sections[-1].blocks.append(Text(part.format_map(numbers)))
+    return document
+
+
+def write_text(path: Path, text: str) -> Path:
+    """Write a text file, replaced whole.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    with replacing(path) as partial_path:
+        partial_path.write_text(text, encoding="utf-8")
+    return path
+
+
+def read_svg(path: Path) -> str:
+    """The text of a picture.
+
+    Raises:
+        InputError: if there is none, or it is no SVG.
+    """
+    if not path.exists():
+        raise InputError(f"{path}: is missing")
+    text = read_text(path, _MOST_BYTES)
+    try:
+        is_svg = ElementTree.fromstring(text).tag == "{http://www.w3.org/2000/svg}svg"
+    except (ElementTree.ParseError, ValueError):
+        is_svg = False
+    if not is_svg:
+        raise InputError(f"{path}: is not an SVG picture")
+    return text
+
+
+def _class(look: str) -> str:
+    return f' class="{look}"' if look else ""
+
+
+_GREEK = {"omega": "ω", "zeta": "ζ", "tau": "τ"}
+_SYMBOL = re.compile(
+    r"(?<![A-Za-z_])(?:(omega|zeta|tau|I|K|d)_([A-Za-z0-9]+(?:,(?:max|min|\d)(?![\w]))?)"
+    r"|(omega|zeta|tau)(?![A-Za-z_]))"
+)
+
+
+def _inline(text: str, *, symbols: bool) -> str:
+    """HTML of a text; code is taken as it is."""
+    words, *rest = re.split(r"`([^`]*)`", html.escape(text))
+    result = _marked(words, symbols)
+    for code, words in zip(rest[::2], rest[1::2], strict=True):
+        result += f"<code>{code}</code>{_marked(words, symbols)}"
+    return result
+
+
+def _marked(text: str, symbols: bool) -> str:
+    text = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", text)
+    text = re.sub(r"\*(\S[^*]*)\*", r"<i>\1</i>", text)
+    return _SYMBOL.sub(_symbol, text) if symbols else text
+
+
+def _symbol(match: re.Match[str]) -> str:
+    """As it is printed in an equation."""
+    letter, index, alone = match.groups()
+    if alone:
+        return _GREEK[alone]
+    return f"{_GREEK.get(letter, letter)}<sub>{index}</sub>"

@@ -1,0 +1,178 @@
+"""The paper recomputed as files: CSV, figures, block diagrams, summary.json, and the report."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sdt_drake import paper
+from sdt_drake.analysis import plots
+from sdt_drake.analysis.block_diagrams import DIAGRAMS, write_block_diagram
+from sdt_drake.analysis.claims import Claim, judge_claims
+from sdt_drake.analysis.comparison import Compared
+from sdt_drake.analysis.document import write_text
+from sdt_drake.analysis.report import RECORDING, SUMMARY, write_report
+from sdt_drake.analysis.reproduction import Reproduction, Run, Stopwatch, table1
+from sdt_drake.analysis.style import save_both
+from sdt_drake.dynamics import effective_inertia
+from sdt_drake.pilot import CHANNELS, FeltDifference, felt_difference
+from sdt_drake.tables import write_table
+from sdt_drake.versions import versions
+from sdt_drake.viewer import record_html
+
+# Which run is behind which file: plant, process, algorithm, controller, disturbed.
+RECORDINGS = {
+    "axis_pi": ("axis", "i_eff_max", "printed", "pi", False),
+    "axis_pi_ctc": ("axis", "i_eff_max", "printed", "pi_ctc", True),
+    "coupled_pi": ("coupled", "multibody", "consistent", "pi", False),
+    "coupled_pi_ctc": ("coupled", "multibody", "consistent", "pi_ctc", False),
+}
+_COUPLED_PRINTED = ("coupled", "multibody", "printed", "pi_ctc", False)
+
+
+def write_reproduction(
+    results: Reproduction,
+    folder: Path,
+    watch: Stopwatch,
+    announce: Callable[[str], None] = print,
+) -> list[Claim]:
+    """Write all files into `folder`, each replaced whole; returns the claims.
+
+    `announce` is called as by `write_report`.
+    """
+    claims = judge_claims(results)
+    with watch.stage("CSV files"):
+        write_reference(results, folder / "reference.csv")
+        for name, key in RECORDINGS.items():
+            results.run(*key).recording.to_csv(folder / f"{name}.csv")
+    with watch.stage("figures"):
+        for name, figure in figures(results).items():
+            save_both(figure, folder / name)
+    with watch.stage("block diagrams"):
+        for name in DIAGRAMS:
+            write_block_diagram(name, results.design, folder / "diagrams")
+    with watch.stage("beyond the paper"):  # its runs have gone on meanwhile
+        title = "Controllers on the coupled MultibodyPlant, model known exactly (beyond the paper)"
+        save_both(plots.comparison(title, results.beyond), folder / "controllers")
+    write_text(folder / SUMMARY, json.dumps(summary(results, claims), indent=1) + "\n")
+    with watch.stage("3D recording and report"):
+        robot, motion = results.design.robot, results.design.motion
+        record_html(robot, motion.time, motion.q, folder / RECORDING, title="Reference motion")
+        write_report(folder, announce)
+    return claims
+
+
+def write_reference(results: Reproduction, path: Path) -> None:
+    """The motion with its torque groups (joint side) and loads (motor side)."""
+    design, motion, groups = results.design, results.design.motion, results.design.torques
+    columns = {
+        "q_ref": motion.q,
+        "v_ref": motion.v,
+        "vd_ref": motion.vd,
+        "tau_inertial": groups.inertial,
+        "tau_reaction": groups.reaction,
+        "tau_velocity": groups.velocity,
+        "tau_gravity": groups.gravity,
+        "tau_coupled": groups.coupled,
+        **design.loads._asdict(),
+        "i_eff": effective_inertia(design.robot, groups.d_kk),
+    }
+    write_table(path, motion.time, columns)
+
+
+def figures(results: Reproduction) -> dict[str, Figure]:
+    """The figures of the paper's runs by file name."""
+    motion, names = results.design.motion, results.design.robot.joint_names
+    axis, coupled = (
+        {name: results.run(*RECORDINGS[f"{plant}_{name}"]).recording for name in ("pi", "pi_ctc")}
+        for plant in ("axis", "coupled")
+    )
+    coupled["pi_ctc, printed sign"] = results.run(*_COUPLED_PRINTED).recording
+    steps = "Step responses, axis 1 at its largest inertia (Figure 4)"
+    tracking = "Trajectory tracking, decoupled axes, Algorithm 1 as printed (Figure 7)"
+    errors = "Speed errors, decoupled axes, Algorithm 1 as printed (Figure 8)"
+    beyond = "Speed errors on the coupled MultibodyPlant (beyond the paper)"
+    return {
+        "figure2": plots.figure2(motion, names),
+        "figure4": plots.step_responses(steps, results.steps),
+        "figure7": plots.speeds(tracking, axis, names),
+        "figure8": plots.speed_errors(errors, axis, names, motion),
+        "coupled_errors": plots.speed_errors(beyond, coupled, names, motion),
+    }
+
+
+# --- summary.json ----------------------------------------------------------------------------
+
+
+def summary(results: Reproduction, claims: Sequence[Claim]) -> dict:
+    """The content of summary.json; a number that does not exist is null."""
+    steps = {
+        structure: {name: getattr(step.metrics, name) for name in paper.FIGURE4[structure]}
+        for structure, step in results.steps.items()
+    }
+    pi, pi_ctc = (next(c for c in results.beyond if c.label == x) for x in ("pi", "pi_ctc"))
+    period = results.design.motion.period
+    apart = felt_difference(pi_ctc.head.achieved, pi.head.achieved, period)
+    content = {
+        "table1": table1(results.design),
+        "step_response": {**steps, "published": paper.FIGURE4},
+        "tracking": [_tracking_entry(run) for run in results.runs],
+        "claims": [asdict(claim) for claim in claims],
+        "beyond": [_beyond_entry(compared) for compared in results.beyond],
+        "pi_or_pi_ctc": _felt_entry(apart),
+        "versions": versions(),
+        "wall_time_s": dict(results.wall_time_s),
+    }
+    return _plain(content)
+
+
+def _tracking_entry(run: Run) -> dict[str, object]:
+    scenario = run.scenario
+    return {
+        "plant": scenario.plant.kind,
+        "process": run.process,
+        "algorithm": scenario.algorithm,
+        "controller": scenario.controller.kind,
+        "disturbance_amplitude": scenario.disturbance.amplitude,
+        **asdict(run.tracking),
+    }
+
+
+def _beyond_entry(compared: Compared) -> dict[str, object]:
+    from_angles = compared.head.felt_from_angles.share
+    return {
+        "controller": compared.label,
+        **asdict(compared.tracking),
+        **asdict(compared.motors),
+        "felt": {**_felt_entry(compared.head.felt), "share_from_angles": from_angles},
+        "blocks": compared.blocks,
+        "needs": list(compared.needs),
+    }
+
+
+def _felt_entry(felt: FeltDifference) -> dict[str, object]:
+    return {
+        "share": felt.share,
+        "channels": list(CHANNELS),
+        "largest": felt.largest,
+        "channel_share": felt.channel_share,
+    }
+
+
+def _plain(value: object) -> object:
+    """Only what JSON knows."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

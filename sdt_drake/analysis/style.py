@@ -1,0 +1,242 @@
+"""The one look of all figures: colours, axes, titles, legends; and files and windows for them."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import matplotlib
+import numpy as np
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
+from numpy.typing import NDArray
+
+from sdt_drake.errors import InputError, replacing
+
+# Okabe and Ito, "Color universal design", 2008: colours that colour-blind people can tell apart.
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
+
+FIGURES = (".png", ".svg", ".pdf")
+NUMBERS = "Comment"
+"""Key of the text in a PNG that has its `numbers`, as JSON: what two pictures are compared by."""
+
+_STYLE = {
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "lines.linewidth": 1.1,
+    "text.parse_math": False,  # names are the user's, and no TeX
+    "svg.hashsalt": "sdt_drake",  # the same figure gives the same file
+}
+# matplotlib's backends that write files only.
+_PAPER = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
+
+
+class Look(NamedTuple):
+    """How a line, and the group that it belongs to, is drawn."""
+
+    colour: str
+    dashes: str = "-"
+    marker: str = "o"
+
+
+LOOKS = {
+    "reference": Look(PALETTE[0]),
+    "pi": Look(PALETTE[1]),
+    "pi_ctc": Look(PALETTE[2], "--", "s"),
+    "pi_ctc, printed sign": Look(PALETTE[3], ":", "*"),
+    "pi_id": Look(PALETTE[4], "-.", "^"),
+    "p_pi": Look(PALETTE[5], "-", "D"),
+    "p_pi+ctc": Look("#882255", "--", "v"),
+    "p_pi+id": Look(PALETTE[6], ":", "P"),
+    "pi_scheduled": Look(PALETTE[7], "-", "X"),
+    "pi_scheduled+ctc": Look("#999933", "--", "X"),
+    "pi_scheduled+id": Look("#AA4499", "-.", "X"),
+    "inverse_dynamics": Look("#332288", "-.", "*"),
+}
+"""Of the reference and of each controller, the same in all figures. What the paper draws in blue,
+red and green keeps these hues as far as the palette has them."""
+
+_DASHES = ("-", "--", "-.", ":")
+_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+
+
+def nth_look(i: int) -> Look:
+    """The look of group i, of groups that have no order of their own such as joints."""
+    return Look(PALETTE[i % len(PALETTE)], _DASHES[i % 4], _MARKERS[i % len(_MARKERS)])
+
+
+def looks_of(labels: Sequence[str]) -> list[Look]:
+    """A look for each label: that of its controller; for others, in their order."""
+    return [LOOKS.get(label, nth_look(i)) for i, label in enumerate(labels)]
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """The look of all figures of this package."""
+    with matplotlib.rc_context(_STYLE):
+        yield
+
+
+def grid(
+    rows: int,
+    columns: int,
+    *,
+    panel: tuple[float, float],
+    gaps: tuple[float, float] = (0.35, 0.35),
+    left: float = 0.8,
+    bottom: float = 0.85,
+    sharex: bool | str = True,
+) -> tuple[Figure, NDArray]:
+    """A figure and its axes, shape (rows, columns).
+
+    All sizes are fixed [inch]: computing them takes matplotlib a second.
+
+    Args:
+        rows, columns: of the panels.
+        panel: width and height of each.
+        gaps: between them, across and down.
+        left, bottom: margins of the figure.
+        sharex: as in `matplotlib.figure.Figure.subplots`.
+    """
+    right, top = 0.15, 0.65
+    width = left + columns * panel[0] + (columns - 1) * gaps[0] + right
+    height = top + rows * panel[1] + (rows - 1) * gaps[1] + bottom
+    figure = Figure(figsize=(max(width, 6.5), height))
+    axes = figure.subplots(
+        rows,
+        columns,
+        sharex=sharex,
+        squeeze=False,
+        gridspec_kw={
+            "left": left / width,
+            "right": 1 - right / width,
+            "top": 1 - top / height,
+            "bottom": bottom / height,
+            "wspace": gaps[0] / panel[0],
+            "hspace": gaps[1] / panel[1],
+        },
+    )
+    return figure, axes
+
+
+def finish(figure: Figure, title: str, handles: Sequence | None = None) -> None:
+    """Title above; legend below, by default of all lines and areas that have a label."""
+    figure.suptitle(title, y=1 - 0.12 / figure.get_figheight(), verticalalignment="top")
+    if handles is None:
+        by_label = {}
+        for ax in figure.axes:
+            for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+                by_label.setdefault(label, handle)
+        labels, handles = list(by_label), list(by_label.values())
+    else:
+        labels = [handle.get_label() for handle in handles]
+    if handles:
+        # About as wide as its entries are side by side [inch].
+        wide = sum(0.6 + 0.068 * len(label) for label in labels)
+        rows = math.ceil(wide / figure.get_figwidth())
+        columns = math.ceil(len(labels) / rows)
+        figure.legend(handles, labels, loc="lower center", ncols=columns)
+
+
+def joint_title(k: int, name: str) -> str:
+    """Of a panel or line of joint k, from 0."""
+    return f"joint {k + 1}, {name}"
+
+
+def plain_numbers(axis: Axis) -> None:
+    """Powers of ten as numbers: matplotlib would write them in TeX, which is off here."""
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+# --- files and windows -----------------------------------------------------------------------
+
+
+def save(figure: Figure, path: str | Path) -> Path:
+    """Write a figure; the suffix chooses the format. A file that exists is replaced whole.
+
+    Raises:
+        InputError: for another suffix than those of FIGURES.
+    """
+    path = Path(path)
+    if path.suffix not in FIGURES:
+        raise InputError(f"{path}: unknown kind of figure, expected {', '.join(FIGURES)}")
+    metadata = {".svg": {"Date": None}, ".png": {NUMBERS: json.dumps(numbers(figure))}}
+    whole = io.BytesIO()  # on a full disk matplotlib stumbles over what it could not write
+    with style():
+        figure.savefig(whole, format=path.suffix[1:], dpi=130, metadata=metadata.get(path.suffix))
+    with replacing(path) as partial:
+        partial.write_bytes(whole.getvalue())
+    return path
+
+
+def save_both(figure: Figure, path: Path) -> Path:
+    """Write a figure as .png, to look at, and as .svg, for pages; the path of the latter."""
+    save(figure, path.with_suffix(".png"))
+    return save(figure, path.with_suffix(".svg"))
+
+
+def numbers(figure: Figure) -> list[list[float]]:
+    """What a figure shows: x and y of every line, set of points or areas, and bar, in their order.
+
+    Of each at most 50 points, evenly among them, to 4 digits.
+    """
+    shown = []
+    for axes in figure.axes:
+        shown += [line.get_xydata() for line in axes.lines]
+        for points in axes.collections:
+            shown.append(
+                np.vstack([points.get_offsets(), *(p.vertices for p in points.get_paths())])
+            )
+        for patch in axes.patches:
+            shown.append(patch.get_patch_transform().transform(patch.get_path().vertices))
+    return [_thinned(np.asarray(points, dtype=float)) for points in shown]
+
+
+def _thinned(points: NDArray[np.float64]) -> list[float]:
+    few = points[np.linspace(0, len(points) - 1, min(len(points), 50)).round().astype(int)]
+    return [float(f"{value:.4g}") for value in few.ravel()]
+
+
+def check_screen(where: str) -> None:
+    """Refuse to show figures where there is no screen.
+
+    Raises:
+        InputError: naming `where`.
+    """
+    import matplotlib.pyplot as plt
+
+    backend = matplotlib.get_backend()  # the best there is, unless $MPLBACKEND says which
+    try:
+        plt.switch_backend(backend)
+        screen = backend.lower() not in _PAPER
+    except ImportError:
+        screen = False
+    if not screen:
+        raise InputError(
+            f"{where}: no screen to draw on (matplotlib's backend is {backend}); write the figure "
+            "to a file with --out"
+        )
+
+
+def show(figure: Figure) -> None:
+    """Open a figure in a window; returns when that is closed. See `check_screen`."""
+    import matplotlib.pyplot as plt
+
+    # Only pyplot has windows, and only figures of its own: ours takes the place of an empty one.
+    canvas = plt.figure(figsize=figure.get_size_inches()).canvas
+    canvas.figure = figure
+    figure.set_canvas(canvas)
+    plt.show(block=True)
+    plt.close("all")

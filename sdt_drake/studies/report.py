@@ -1,0 +1,385 @@
+"""The results of a study: tables and figures, on one page and on the command line."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from sdt_drake.analysis.document import (
+    Block,
+    Bullets,
+    Details,
+    Document,
+    Figure,
+    Heading,
+    Section,
+    Table,
+    Text,
+    Tiles,
+    write_text,
+)
+from sdt_drake.analysis.metrics import metric_of
+from sdt_drake.analysis.report import REPORT
+from sdt_drake.analysis.style import PALETTE, save_both
+from sdt_drake.studies import plots
+from sdt_drake.studies.results import read_study_table
+from sdt_drake.studies.summary import (
+    PERCENTS,
+    count_statuses,
+    failures,
+    percentiles,
+    sensitivity,
+    usable,
+    varied,
+    worst_runs,
+)
+from sdt_drake.studies.table import StudyTable, levels_of
+
+COST, ERROR = "peak_torque_share", "max_abs_speed_error"
+"""Of the Pareto front."""
+
+CAPTIONS = {
+    "distributions": "Share of the runs that stay below a value; marked: half of them, 95 % and "
+    "99 %.",
+    "tornado": "Mean over the runs in which an input is in its lowest or in its highest fifth; of "
+    "texts, the level with the lowest and the one with the highest mean.",
+    "scatter": "A point for each run, at most 2000 of them.",
+    "pareto": "The runs that no other one beats in both, and in grey the rest.",
+}
+"""Of the figures."""
+
+_HEADLINES = (
+    "max_abs_speed_error", "max_abs_position_error", "peak_torque_share", "winding_temperature",
+    "felt_share",
+)  # fmt: skip
+_LOOKS = {"ok": "good", "infeasible": "open"}  # of statuses; others are bad
+_NEAR_NOTHING = 0.05  # of the variance: not worth a sentence
+
+
+def write_study_report(folder: Path) -> tuple[Path, Document]:
+    """Write the figures and report.html into the folder of a study; each file replaced whole.
+
+    Returns:
+        The path of the page, and what it shows.
+
+    Raises:
+        InputError: if the folder holds no study with a run, or a file cannot be written.
+    """
+    table = read_study_table(folder)
+    document = make_study_report(table, folder)
+    return write_text(folder / REPORT, document.html()), document
+
+
+def study_chapter(folder: Path) -> Section:
+    """What matters most of a study, for a larger report; its figures are written.
+
+    Raises:
+        InputError: as `write_study_report`.
+    """
+    table = read_study_table(folder)
+    figures = _figures(table, folder, grouping(table))
+    blocks = [*_summary(table, grouping(table)), status_table(table)]
+    shown = (figures[name] for name in ("distributions", "tornado", "pareto") if name in figures)
+    return Section(f"Study {table.name}", [*blocks, *shown])
+
+
+def make_study_report(table: StudyTable, folder: Path) -> Document:
+    """The report on a study; its figures are written into the folder.
+
+    Args:
+        table: of the study.
+        folder: it is in; named in the command that repeats a run.
+    """
+    by, families = grouping(table), headlines(table)
+    figures = _figures(table, folder, by)
+
+    def figure(name: str) -> list[Block]:
+        return [figures[name]] if name in figures else []
+
+    distributions = [*figure("distributions"), *_percentiles(table, families, by)]
+    scatter, pareto = figure("scatter"), figure("pareto")
+    sections = [
+        Section("Summary", _summary(table, by)),
+        Section("Status", [status_table(table)]),
+        Section("Distributions", distributions if families else []),
+        Section("Worst runs", _worst(table, families, by, folder)),
+        Section("What matters", _matters(table, families, by, figure("tornado"))),
+        Section("All runs", scatter),
+        Section("Pareto front", pareto),
+    ]
+    return Document(f"Study {table.name}", sections=sections)
+
+
+def grouping(table: StudyTable) -> str | None:
+    """The text input whose levels are best told apart: the controller, or the first of few levels.
+
+    None if there is no such input.
+    """
+    names = [
+        name for name in table.text_inputs if 1 < len(levels_of(table.inputs[name])) <= len(PALETTE)
+    ]
+    return min(names, key=lambda name: not name.startswith("controller"), default=None)
+
+
+def families_there(table: StudyTable) -> list[str]:
+    """The families of outcomes that some run has."""
+    return [family for family in table.families if usable(table, family).any()]
+
+
+def headlines(table: StudyTable) -> list[str]:
+    """Of these the ones to look at first."""
+    there = families_there(table)
+    return [family for family in _HEADLINES if family in there] or there[: len(_HEADLINES)]
+
+
+def _figures(table: StudyTable, folder: Path, by: str | None) -> dict[str, Figure]:
+    """Those that there is something to draw for, written into the folder."""
+    names, count = headlines(table), int(table.ok.sum())
+    moved = [family for family in names if plots.influential(table, [family], by)]
+    drawn = {}
+    if names:
+        title = f"{table.name}: {count} runs, and what share of them stays below"
+        drawn["distributions"] = plots.distributions(title, table, names, by)
+    if moved:
+        family = ERROR if ERROR in moved else moved[0]
+        title = f"{table.name}: what moves the {metric_of(family).title}"
+        drawn["tornado"] = plots.tornado_figure(title, table, family, by)
+        title = f"{table.name}: outcomes over the inputs that explain most"
+        outcomes = list(dict.fromkeys([*names, *families_there(table)]))[: plots.MOST_PANELS]
+        inputs = plots.influential(table, names, by)
+        drawn["scatter"] = plots.scatter_matrix(title, table, inputs, outcomes, by)
+    if {COST, ERROR} <= set(table.families) and usable(table, COST, ERROR).any():
+        title = f"{table.name}: {metric_of(ERROR).title} over {metric_of(COST).title}"
+        drawn["pareto"] = plots.pareto_figure(title, table, COST, ERROR, by)
+    return {
+        name: Figure(
+            CAPTIONS[name],
+            save_both(figure, folder / name),
+            folder,
+            "" if name == "pareto" else "wide",  # of one panel, or of many
+        )
+        for name, figure in drawn.items()
+    }
+
+
+# --- tables ----------------------------------------------------------------------------------
+
+
+def status_table(table: StudyTable) -> Table:
+    """How many runs ended in which way; below each, the most frequent reasons."""
+    rows = []
+    for status, runs, reasons in count_statuses(table):
+        rows.append([status, str(runs), f"{100 * runs / len(table):.1f}", "", ""])
+        rows += [["", str(n), "", str(row), text] for text, n, row in reasons]
+    return Table(["status", "runs", "%", "first row", "reason"], rows, "Runs by status")
+
+
+def percentile_table(table: StudyTable, names: Sequence[str], by: str | None = None) -> Table:
+    """Percentiles of outcomes: a row for each, and for each level of `by`.
+
+    Args:
+        table: of the study.
+        names: of outcomes of one family, or of the family for the worst joint of it.
+        by: text input.
+    """
+    metric = metric_of(names[0])
+    rows = []
+    for level, part in table.split(by).items():
+        for name in names:
+            place = ", ".join(filter(None, [level, table.place(name)]))
+            rows.append([place, *map(_number, metric.factor * percentiles(part, name))])
+    header = [by or "", *(f"{percent} %" for percent in PERCENTS[:-1]), "largest"]
+    return Table(header, rows, f"Percentiles: {metric.label}")
+
+
+def worst_table(table: StudyTable, outcome: str, by: str | None = None, count: int = 3) -> Table:
+    """The worst runs of an outcome, for each level of `by`: row, value, joint, inputs.
+
+    Args:
+        table: of the study.
+        outcome: its name, or that of a family: of each run's worst joint.
+        by: text input.
+        count: of the runs for each level.
+    """
+    metric, has_joints = metric_of(outcome), bool(table.joints(outcome))
+    inputs = sorted(varied(table), key=lambda name: name != by)
+    rows = []
+    for part in table.split(by).values():
+        runs = worst_runs(part, outcome, count)
+        columns = [runs.row, runs.worst_joint(outcome)] if has_joints else [runs.row]
+        columns.append([_number(metric.factor * value) for value in runs.outcome(outcome)])
+        columns += [map(_cell, runs.inputs[name].tolist()) for name in inputs]
+        rows += [list(map(str, cells)) for cells in zip(*columns, strict=True)]
+    header = ["row", *(["joint"] if has_joints else []), metric.unit or "value", *inputs]
+    return Table(header, rows, f"Worst runs: {metric.title}")
+
+
+def sensitivity_tables(
+    table: StudyTable, names: Sequence[str], by: str | None = None
+) -> list[Table]:
+    """Share of the variance that each input explains alone [%]; a table for each level of `by`.
+
+    Args:
+        table: of the study.
+        names: of outcomes, a column each; a family for the worst joint of it.
+        by: text input.
+    """
+    tables = []
+    for level, part in table.split(by).items():
+        columns = [sensitivity(part, name) for name in names]
+        inputs = dict.fromkeys(key for shares in columns for key in shares)
+        whole = {key: _sum(shares.get(key) for shares in columns) for key in inputs}
+        rows = [
+            [key, *(_percent(shares.get(key, np.nan)) for shares in columns)]
+            for key in sorted(whole, key=lambda key: -np.nan_to_num(whole[key]))
+        ]
+        if rows:
+            rows.append(["sum", *(_percent(_sum(shares.values())) for shares in columns)])
+            header = ["input", *(_column(table, name, names) for name in names)]
+            tables.append(
+                Table(header, rows, f"Variance explained by each input alone [%], {level}")
+            )
+    return tables
+
+
+def _sum(shares: Iterable[float | None]) -> float:
+    """As the table shows them: what is below 0 is chance; NaN if there are none."""
+    known = [max(share, 0) for share in shares if share is not None and np.isfinite(share)]
+    return sum(known) if known else np.nan
+
+
+def _column(table: StudyTable, name: str, names: Sequence[str]) -> str:
+    """What tells the outcome from the others: its title, or its joint if all have one title."""
+    titles = {metric_of(other).title for other in names}
+    return metric_of(name).title if len(titles) == len(names) else table.place(name)
+
+
+def _percent(share: float) -> str:
+    return "–" if np.isnan(share) else f"{100 * max(share, 0):.1f}"
+
+
+def _number(value: float) -> str:
+    return "–" if np.isnan(value) else f"{value:.4g}"
+
+
+def _cell(value: float | str) -> str:
+    return _number(value) if isinstance(value, int | float) else str(value)
+
+
+# --- sections --------------------------------------------------------------------------------
+
+
+def _summary(table: StudyTable, by: str | None) -> list[Block]:
+    failed = failures(table)
+    names = ", ".join(f"`{name}`" for name in varied(table))
+    own = names or "inputs, which are all the same"
+    seconds = float(np.nansum(table.duration))
+    tiles = [
+        (runs, status.replace("_", " "), _LOOKS.get(status, "bad"))
+        for status, runs, _ in count_statuses(table)
+    ]
+    blocks = [
+        *([Text(f"{_capital(failed)}.", "bad")] if failed else []),
+        Text(
+            f"{len(table)} runs, each with its own {own}; {_time(seconds)} of computation in all."
+        ),
+        Tiles(tiles),
+    ]
+    if families := headlines(table):
+        blocks += [
+            Heading("What we found"),
+            Bullets([finding(table, family, by) for family in families]),
+            Text("In brackets: share of the variance that the input explains alone.", "soft"),
+        ]
+    return blocks
+
+
+def finding(table: StudyTable, family: str, by: str | None = None) -> str:
+    """How large an outcome gets, and what it comes of, in words.
+
+    Args:
+        table: of the study.
+        family: of the outcome.
+        by: text input whose levels are told apart.
+    """
+    label = ", ".join(filter(None, [metric_of(family).label, table.place(family)]))
+    limits, causes = [], {}
+    for level, part in table.split(by).items():
+        (value,) = metric_of(family).factor * percentiles(part, family, (95,))
+        if np.isnan(value):
+            continue
+        where = f" with `{level}`" if by else ""
+        limits.append(f"{value:.3g}{where}")
+        name, share = next(iter(sensitivity(part, family).items()), ("", np.nan))
+        if share > _NEAR_NOTHING:
+            causes.setdefault(name, []).append(f"{100 * share:.0f} %{where}")
+    text = f"**{_capital(label)}:** 95 % of the runs stay below {_listed(limits)}."
+    if not causes:
+        return text
+    most = [f"`{name}` ({', '.join(shares)})" for name, shares in causes.items()]
+    return f"{text} It varies most with {_listed(most)}."
+
+
+def _percentiles(table: StudyTable, families: Sequence[str], by: str | None) -> list[Block]:
+    about = "Over the runs that are ok; joint side, torques as shares of the motor's largest."
+    return [
+        Text(about),
+        *(percentile_table(table, [family], by) for family in families),
+        *_by_joint(table, lambda names: [percentile_table(table, names, by)]),
+    ]
+
+
+def _worst(table: StudyTable, families: Sequence[str], by: str | None, folder: Path) -> list[Block]:
+    if not families:
+        return []
+    command = f"sdt-drake study repeat {shlex.quote(str(folder))} --row N"
+    return [
+        *(worst_table(table, family, by) for family in families),
+        Text(f"A run once more, exactly: `{command}`"),
+    ]
+
+
+def _matters(
+    table: StudyTable, families: Sequence[str], by: str | None, figure: list[Block]
+) -> list[Block]:
+    overview = sensitivity_tables(table, families, by)
+    if not overview:
+        return []
+    about = (
+        "Share of the variance of an outcome that each input explains alone (first-order index, as "
+        "the correlation ratio less what chance gives; worst joint of each run). What is missing "
+        "from a sum of 100 % comes of inputs acting together."
+    )
+    by_joint = _by_joint(table, lambda names: sensitivity_tables(table, names, by))
+    return [Text(about), *overview, *figure, *by_joint]
+
+
+def _by_joint(table: StudyTable, tables: Callable[[list[str]], Sequence[Table]]) -> list[Block]:
+    """Each family with the tables of its worst joint and of each joint, to unfold."""
+    details = [
+        Details(
+            _capital(metric_of(family).title),
+            tables([family, *(f"{family}_{k}" for k in table.joints(family))]),
+        )
+        for family in families_there(table)
+    ]
+    return [Heading("Everything, by joint"), *details] if details else []
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _listed(texts: Sequence[str]) -> str:
+    """a, b and c"""
+    return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
+
+
+def _time(seconds: float) -> str:
+    for size, unit in ((3600, "h"), (60, "min")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.1f} {unit}"
+    return f"{seconds:.1f} s"

@@ -1,0 +1,209 @@
+"""What `sdt-drake study show` prints and draws, and report.html of a study."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic import CONTROLLERS, make_table, small_table
+
+from sdt_drake.analysis.document import Details, Section, Table
+from sdt_drake.studies import report
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from browser import open_page
+
+EVIL = '</script><b onload="x">&'
+
+
+@pytest.fixture(scope="module")
+def table():
+    return make_table(60, joints=2)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("study") / "my results"
+
+
+@pytest.fixture(scope="module")
+def document(table, folder):
+    """Its figures are in the folder; do not change it."""
+    return report.make_study_report(table, folder)
+
+
+def text_of(document):
+    parser, texts = HTMLParser(), []
+    parser.handle_data = texts.append
+    parser.feed(document.html())
+    return re.sub(r"\s+", " ", " ".join(texts))
+
+
+def tables_of(document):
+    return [b for s in document.sections for b in s.blocks if isinstance(b, Table)]
+
+
+# --- tables ----------------------------------------------------------------------------------
+
+
+def test_tables_are_rectangular_and_of_texts(document):
+    tables = tables_of(document)
+    assert [t.title for t in tables] == [
+        "Runs by status",
+        "Percentiles: largest speed error [rad/s]",
+        "Percentiles: largest position error [deg]",
+        "Percentiles: peak torque [% of the motor]",
+        "Percentiles: error that can be felt [% of time]",
+        "Worst runs: largest speed error",
+        "Worst runs: largest position error",
+        "Worst runs: peak torque",
+        "Worst runs: error that can be felt",
+        *(f"Variance explained by each input alone [%], {c}" for c in CONTROLLERS),
+    ]
+    for made in tables:
+        assert made.rows and {len(row) for row in made.rows} == {len(made.header)}
+        assert all(isinstance(cell, str) for row in (made.header, *made.rows) for cell in row)
+
+
+def test_status_table(table):
+    assert report.status_table(table).rows == [
+        ["ok", "176", "97.8", "", ""],
+        ["infeasible", "4", "2.2", "", ""],
+        ["", "4", "", "7", "joint 2 needs … N m, expected at most 90 N m"],
+    ]
+
+
+def test_percentile_table_is_in_the_unit_of_its_title(table):
+    names = ["max_abs_position_error", "max_abs_position_error_2"]
+    made = report.percentile_table(table, names, "controller")
+    assert made.title.endswith("[deg]")
+    assert made.header == ["controller", "5 %", "25 %", "50 %", "75 %", "95 %", "99 %", "largest"]
+    assert [row[0] for row in made.rows[:2]] == ["pi, worst joint", "pi, joint 2"]
+    part = table.split("controller")["pi"]
+    largest = np.degrees(np.nanmax(part.outcomes["max_abs_position_error_2"]))
+    assert made.rows[1][-1] == f"{largest:.4g}"
+
+
+def test_worst_table_names_run_joint_and_inputs(table):
+    made = report.worst_table(table, "max_abs_speed_error", "controller", count=2)
+    inputs = ["controller", "omega_r", "payload", "friction", "motion"]
+    assert made.header == ["row", "joint", "rad/s", *inputs]
+    labels = [row[3] for row in made.rows]
+    assert labels == ["pi", "pi", "pi_id", "pi_id", "p_pi+id", "p_pi+id"]
+    row, joint, value, _, omega_r, *_ = made.rows[0]
+    assert (joint, value) == ("2", f"{table.outcomes['max_abs_speed_error_2'][int(row)]:.4g}")
+    assert omega_r == f"{table.inputs['omega_r'][int(row)]:.4g}"
+    assert "joint" not in report.worst_table(table, "felt_share").header
+
+
+def test_sensitivity_table(table):
+    families = ["max_abs_speed_error", "saturated_fraction"]
+    made = report.sensitivity_tables(table, families, "controller")[0]
+    assert made.header == ["input", "largest speed error", "saturation"]
+    names = [row[0] for row in made.rows]
+    assert names[:2] == ["omega_r", "payload"] and names[-1] == "sum"
+    assert [row[2] for row in made.rows] == ["–"] * 5  # it is 0 in all runs
+    shares = [float(row[1]) for row in made.rows]
+    assert shares[-1] == pytest.approx(sum(shares[:-1]), abs=0.3) and min(shares) >= 0
+
+
+@pytest.mark.parametrize(
+    ("inputs", "by"),
+    [
+        ({"controller": ["pi", "p_pi"] * 5, "a": ["x", "y"] * 5}, "controller"),
+        ({"a": ["x", "y"] * 5, "controller": ["pi"] * 10}, "a"),
+        ({"a": [str(i) for i in range(10)], "b": np.arange(10.0)}, None),
+    ],
+)
+def test_the_controllers_are_told_apart_where_there_are_some(inputs, by):
+    assert report.grouping(small_table(np.arange(10.0), **inputs)) == by
+
+
+def test_a_finding_names_the_limit_and_the_cause(table):
+    text = report.finding(table, "max_abs_position_error", "controller")
+    pi = table.split("controller")["pi"]
+    limit = np.degrees(np.nanpercentile(pi.outcome("max_abs_position_error"), 95))
+    start = "**Largest position error [deg], worst joint:** 95 % of the runs stay below "
+    assert text.startswith(f"{start}{limit:.3g} with `pi`")
+    assert re.search(r"It varies most with `omega_r` \(\d+ % with `pi`", text)
+    alone = report.finding(small_table(np.arange(20.0)), "y")
+    assert alone == "**Y:** 95 % of the runs stay below 18.1."
+
+
+# --- page ------------------------------------------------------------------------------------
+
+
+def test_page_and_figures(document, folder):
+    assert {path.name for path in folder.iterdir()} == {
+        f"{name}.{suffix}" for name in report.CAPTIONS for suffix in ("png", "svg")
+    }
+    for path in folder.glob("*.svg"):
+        assert path.stat().st_size < 3e6
+    text = text_of(document)
+    assert "180 runs, each with its own omega_r" in text and "90.0 s of computation" in text
+    assert "176 ok 4 infeasible" in text
+    assert f"sdt-drake study repeat '{folder}' --row N" in text
+    for caption in report.CAPTIONS.values():
+        assert caption in text
+    details = [b for s in document.sections for b in s.blocks if isinstance(b, Details)]
+    (one,) = [d for d in details if d.summary == "Saturation" and len(d.blocks) == 1]
+    assert [row[0] for row in one.blocks[0].rows[:3]] == [
+        "pi, worst joint", "pi, joint 1", "pi, joint 2",
+    ]  # fmt: skip
+
+
+def test_the_page_is_the_same_each_time(tmp_path):
+    y = np.arange(30.0)
+    table = small_table(y, x=y, c=["a", "b"] * 15)
+    one, two = (report.make_study_report(table, tmp_path).html() for _ in range(2))
+    assert one == two
+
+
+def test_all_text_is_escaped(tmp_path):
+    y = np.arange(30.0)
+    table = small_table(y, status=["ok"] * 29 + ["failed"], **{EVIL: y, "c": [EVIL, "b"] * 15})
+    table = dataclasses.replace(
+        table, name=EVIL, outcomes={EVIL: y}, reason=np.array([""] * 29 + [EVIL], dtype=object)
+    )
+    made = report.make_study_report(table, tmp_path / "<b>").html()
+    assert EVIL not in made and "<b onload" not in made and made.count("</script>") == 1
+
+
+@pytest.mark.parametrize("status", ["ok", "failed"])
+def test_a_study_with_little_to_show(tmp_path, status):
+    table = small_table(np.full(3, np.nan), status=[status] * 3, x=np.arange(3.0))
+    document = report.make_study_report(table, tmp_path)
+    assert list(tmp_path.iterdir()) == [] and len(tables_of(document)) == 1
+    text = text_of(document)
+    assert "3 runs" in text and f"3 {status}" in text and "What we found" not in text
+    assert ("3 of 3 runs failed" in text) == (status == "failed")
+
+
+def test_nothing_varies_and_all_is_known(tmp_path):
+    document = report.make_study_report(small_table(np.arange(3.0)), tmp_path)
+    assert (tmp_path / "distributions.svg").exists() and not (tmp_path / "tornado.svg").exists()
+    assert "95 % of the runs stay below 1.9" in text_of(document)
+
+
+def test_a_chapter_has_what_matters_most(copied):
+    chapter = report.study_chapter(copied)
+    assert isinstance(chapter, Section) and chapter.title == "Study many"
+    assert [t.title for t in chapter.blocks if isinstance(t, Table)] == ["Runs by status"]
+    assert " runs, each" in chapter.blocks[0].text and (copied / "tornado.svg").exists()
+
+
+def test_in_a_browser(document, tmp_path):
+    path = tmp_path / "report.html"
+    path.write_text(document.html(), encoding="utf-8")
+    with open_page(path, width=390) as (tab, errors, requests):
+        assert tab.evaluate("document.documentElement.scrollWidth") == 390
+        assert tab.locator("figure img").count() == 4
+        tab.locator("details summary").first.click()
+        assert tab.locator("details table:visible").count() > 0
+        assert tab.evaluate("document.documentElement.scrollWidth") == 390
+        assert errors == [] and requests == []
