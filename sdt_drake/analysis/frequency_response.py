@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from sdt_drake.analysis.linear import linearise
 from sdt_drake.design import Design
 from sdt_drake.dynamics import where_largest
-from sdt_drake.errors import InputError
 from sdt_drake.tables import write_table
 
 Array = NDArray[np.float64]
@@ -60,17 +59,10 @@ def frequency_response(
         sample: of the motion; by default for each joint the first where its inertia is largest.
         points: of omega, from 1/1000 to 100 times the natural frequency of the speed loops (further
             with elastic joints), or to the Nyquist frequency of a sampled drive.
-
-    Raises:
-        InputError: for a sample that the motion does not have.
     """
     n = design.robot.n
-    if sample is not None:
-        if not 0 <= sample < len(design.motion.time):
-            raise InputError(f"sample: {sample}, expected 0 to {len(design.motion.time) - 1}")
-        samples = [sample] * n
-    else:
-        samples = where_largest(design.torques.d_kk).tolist()
+    largest = where_largest(design.torques.d_kk).tolist()
+    samples = largest if sample is None else [sample] * n
     loops = {i: linearise(design, i) for i in set(samples)}
     top = 100 * design.omega_n.max()
     if design.springs is not None:  # far above, the gains have nothing but the rotors to turn

@@ -32,7 +32,6 @@ from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import Design
 from sdt_drake.device import Drive, Elasticity
 from sdt_drake.dynamics import where_largest
-from sdt_drake.errors import checked_number, checked_vector
 
 Array = NDArray[np.float64]
 
@@ -78,18 +77,16 @@ def stability_sweep(
     Args:
         design: gives the robot, its inertia, and the controller: its kind and structure, the
             damping ratios of its gains, and K_V, in proportion to omega_n unless it was chosen.
-        omega_r: locked-rotor frequency of each elastic joint [rad/s].
+        omega_r: locked-rotor frequency of each elastic joint, at least SLOWEST [rad/s].
         encoder: where the controller measures, "motor" or "link".
         drive: of the motors; ideal by default. Its delay of the reference does not matter here.
         ratios: omega_n / omega_r [-], growing.
         damping_ratio: of the elastic joints [-].
 
     Raises:
-        InputError: for values out of range, or a robot without rotor inertia.
+        InputError: for a robot without rotor inertia, or what does not fit the scenario.
     """
     ratios = np.atleast_1d(np.asarray(ratios, dtype=float))
-    checked_vector(ratios, len(ratios), "ratios", positive=True)
-    checked_number(omega_r, "omega_r", minimum=SLOWEST)
     n = design.robot.n
     rigid = _slow_design(design, drive)
     samples = np.zeros(n, dtype=int) if stands_alone(design) else where_largest(design.torques.d_kk)

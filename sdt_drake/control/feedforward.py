@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sdt_drake.dynamics import decouple
-from sdt_drake.errors import checked_choice
 from sdt_drake.robot import Robot
 
 Array = NDArray[np.float64]
@@ -31,11 +30,7 @@ def feedforward_torque(
         groups: its torque groups (Eq. 2), joint side: inertial, reaction, velocity, gravity.
         vd: reference acceleration, joint side [rad/s²].
         sign: of Algorithm 1's third branch.
-
-    Raises:
-        InputError: for another feedforward or sign.
     """
-    checked_choice(feedforward, FEEDFORWARDS, "feedforward")
     inertial, reaction, velocity, gravity = (np.asarray(group) for group in groups)
     coupled = reaction + velocity + gravity
     if feedforward == "none":

@@ -7,8 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sdt_drake.errors import checked_choice
-
 Array = NDArray[np.float64]
 
 SIGNS = ("consistent", "printed")
@@ -50,11 +48,7 @@ def decouple(
         coupled: tau_coupled of Eq. 4, joint side [N m], same shape.
         gear_ratio: r, motor over joint speed [-], shape (n,).
         sign: "consistent" or "printed".
-
-    Raises:
-        InputError: for another `sign`.
     """
-    checked_choice(sign, SIGNS, "sign of Algorithm 1")
     own, coupled = np.asarray(inertial, dtype=float), np.asarray(coupled, dtype=float)
     help_ = np.minimum(np.maximum(-coupled, np.minimum(own, 0.0)), np.maximum(own, 0.0))
     load = coupled + help_

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.framework import Context
 
-from sdt_drake.errors import InputError
 from sdt_drake.robot import Robot
 
 Array = NDArray[np.float64]
@@ -92,21 +91,10 @@ def torque_groups(robot: Robot, q: ArrayLike, v: ArrayLike, vd: ArrayLike) -> To
         robot: the robot.
         q, v, vd: joint positions [rad], speeds [rad/s] and accelerations [rad/s²], all of shape
             (n,) or all of shape (N, n).
-
-    Raises:
-        InputError: if the shapes do not agree with each other and with the robot.
     """
-    q, v, vd = (np.asarray(a, dtype=float) for a in (q, v, vd))
-    if not (q.shape == v.shape == vd.shape and q.ndim in (1, 2) and q.shape[-1] == robot.n):
-        raise InputError(
-            f"torque_groups: shapes {q.shape}, {v.shape}, {vd.shape}, "
-            f"expected three times ({robot.n},) or (N, {robot.n})"
-        )
+    q_and_v, vd = np.concatenate([q, v], axis=-1), np.asarray(vd, dtype=float)
     context = robot.plant.CreateDefaultContext()
-    groups = np.empty((5, *q.shape))
-    if q.ndim == 1:
-        groups[:] = groups_of_sample(robot, context, np.concatenate([q, v]), vd)
-    else:
-        for i, q_and_v in enumerate(np.hstack([q, v])):
-            groups[:, i] = groups_of_sample(robot, context, q_and_v, vd[i])
+    groups = np.empty((5, *vd.shape))
+    for i in np.ndindex(vd.shape[:-1]):
+        groups[(slice(None), *i)] = groups_of_sample(robot, context, q_and_v[i], vd[i])
     return TorqueGroups(*groups)

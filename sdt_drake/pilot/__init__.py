@@ -1,6 +1,12 @@
 """What the pilot feels: the motion of the head, the canals and otoliths, thresholds."""
 
-from sdt_drake.pilot.felt import CHANNELS, FeltDifference, felt_difference
+from sdt_drake.pilot.felt import (
+    CHANNELS,
+    DETECTORS,
+    LINEAR,
+    FeltDifference,
+    felt_difference,
+)
 from sdt_drake.pilot.head import (
     GRAVITY,
     HEAD_FRAME,
@@ -10,8 +16,12 @@ from sdt_drake.pilot.head import (
     head_motion,
     head_motion_of_samples,
 )
-from sdt_drake.pilot.perception import canals, false_sensation_after_stop, felt_upright
-from sdt_drake.pilot.thresholds import DETECTORS, LINEAR, UNPERCEIVED_RATE, Detector
+from sdt_drake.pilot.perception import (
+    UNPERCEIVED_RATE,
+    canals,
+    false_sensation_after_stop,
+    felt_upright,
+)
 
 __all__ = [
     "CHANNELS",
@@ -20,7 +30,6 @@ __all__ = [
     "HEAD_FRAME",
     "LINEAR",
     "UNPERCEIVED_RATE",
-    "Detector",
     "FeltDifference",
     "HeadMotion",
     "canals",

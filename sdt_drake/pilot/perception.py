@@ -7,11 +7,10 @@ expectation. The otoliths tell the specific force as it is (unity).
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
-
-from sdt_drake.pilot.filters import low_pass
-from sdt_drake.pilot.thresholds import UNPERCEIVED_RATE
 
 Array = NDArray[np.float64]
 
@@ -25,7 +24,32 @@ UPRIGHT = 5.0
 """Of the subjective vertical [s]. Weak source: a student's script (GitHub
 marcoscabanas/ahms-subjective-vertical), no primary one found."""
 
+UNPERCEIVED_RATE = 2.5
+"""Steady rotation slower than this is not perceived [deg/s] (Army Aviation AV0593)."""
+
 _ON = 120.0  # how long a head is held still after a recording to see sensations fade [s]
+
+
+def low_pass(u: Array, time_constant: float, period: float) -> Array:
+    """y of T y' + y = u, u straight between samples (first-order hold), at rest before the start.
+
+    y_{i+1} = phi y_i + (b - phi) u_i + (1 - b) u_{i+1}, phi = e^{-h/T}, b = (1 - phi) T / h.
+
+    Args:
+        u: shape (N, ...).
+        time_constant: T [s].
+        period: h [s].
+    """
+    ratio = period / time_constant
+    phi = math.exp(-ratio)
+    b = -math.expm1(-ratio) / ratio
+    w = np.concatenate([u[:1], (b - phi) * u[:-1] + (1 - b) * u[1:]])
+    # y_i = sum over j of phi^j w_{i-j}: sums of 2, 4, 8, ... terms, each from two of half as many.
+    y, shift = w, 1
+    while shift < len(y):
+        y[shift:] += phi**shift * y[:-shift]
+        shift *= 2
+    return y
 
 
 def canals(omega: Array, period: float) -> Array:

@@ -15,7 +15,6 @@ from sdt_drake.analysis.frequency_response import (
     write_responses,
 )
 from sdt_drake.device import Drive, Elasticity
-from sdt_drake.errors import InputError
 
 STRUCTURES = ("pi", "p_in_feedback")
 HALF = np.sqrt(0.5)
@@ -70,37 +69,10 @@ def test_axis_loop_is_the_analytic_one(designed, structure):
     assert response.stable.all()
 
 
-def test_both_structures_have_the_loop_gain_of_their_gains(damped):
-    gains = [response.loop_gain for _, response in damped.values()]
-    same(*gains)
-
-
-def test_crossover_and_phase_margin(damped):
-    crossover = OMEGA_N * np.sqrt(2 * ZETA**2 + np.sqrt(4 * ZETA**4 + 1))
-    margin = np.degrees(np.arctan(2 * ZETA * crossover / OMEGA_N))
-    for _, response in damped.values():
-        np.testing.assert_allclose(response.crossover, crossover, rtol=1e-5)
-        np.testing.assert_allclose(response.phase_margin, margin, atol=1e-3)
-
-
-def test_modulus_margin(damped):
-    # Of s² / (s² + 2 zeta omega_n s + omega_n²), the largest value.
-    for _, response in damped.values():
-        np.testing.assert_allclose(
-            response.modulus_margin, 2 * ZETA * np.sqrt(1 - ZETA**2), rtol=1e-5
-        )
-
-
 def test_bandwidth_with_p_in_feedback(damped):
     a = 1 - 2 * ZETA**2
     expected = OMEGA_N * np.sqrt(a + np.sqrt(a**2 + 1))
     np.testing.assert_allclose(damped["p_in_feedback"][1].bandwidth, expected, rtol=1e-5)
-
-
-def test_bandwidth_with_pi(damped):
-    a = 1 + 2 * ZETA**2
-    expected = OMEGA_N * np.sqrt(a + np.sqrt(a**2 + 1))
-    np.testing.assert_allclose(damped["pi"][1].bandwidth, expected, rtol=1e-5)
 
 
 def test_peak_with_p_in_feedback(damped):
@@ -108,19 +80,6 @@ def test_peak_with_p_in_feedback(damped):
     peak = 1 / (2 * ZETA * np.sqrt(1 - ZETA**2))
     np.testing.assert_allclose(response.peak_db, 20 * np.log10(peak), atol=1e-4)
     np.testing.assert_allclose(response.peak_omega, OMEGA_N * np.sqrt(1 - 2 * ZETA**2), rtol=3e-3)
-
-
-def test_peak_with_pi(damped):
-    _, response = damped["pi"]
-    x = (np.sqrt(1 + 8 * ZETA**2) - 1) / (4 * ZETA**2)  # (omega / omega_n)²
-    peak = np.sqrt((1 + 4 * ZETA**2 * x) / ((1 - x) ** 2 + 4 * ZETA**2 * x))
-    np.testing.assert_allclose(response.peak_db, 20 * np.log10(peak), atol=1e-4)
-    np.testing.assert_allclose(response.peak_omega, OMEGA_N * np.sqrt(x), rtol=3e-3)
-
-
-def test_range_of_frequencies(damped):
-    _, response = damped["pi"]
-    assert response.omega[[0, -1]] == pytest.approx([1e-3 * OMEGA_N, 100 * OMEGA_N])
 
 
 def test_cascade_is_the_analytic_one(designed):
@@ -177,7 +136,7 @@ def test_an_elastic_axis_is_judged_at_its_worst_crossing(designed):
     """The resonance crosses 1 again: the smallest margin counts, and the last crossing."""
     damping = 0.002
     design = designed(fields={"plant.elasticity": Elasticity([OMEGA_R] * 4, damping, "link")})
-    response = frequency_response(design, points=20_000)
+    response = frequency_response(design, points=8_000)
     several = 0
     for k in range(4):
         rotor, inertia = ROTORS[k], design.i_eff[k]
@@ -238,17 +197,6 @@ def test_encoders_give_differences_of_positions(designed, structure):
     np.testing.assert_allclose(response.tracking, expected, rtol=1e-6, atol=1e-12)
 
 
-def test_sampling_costs_phase(designed):
-    continuous, slow = (
-        frequency_response(designed(fields={"drive": drive}))
-        for drive in (Drive(), Drive(period=0.005))
-    )
-    # A hold is late by half a period, and so is the integral that steps after it.
-    late = np.degrees(0.0025 * continuous.crossover)
-    lost = continuous.phase_margin - slow.phase_margin
-    assert np.all((lost > 0.8 * late) & (lost < 1.5 * late))
-
-
 @pytest.mark.parametrize(("share", "stable"), [(0.98, True), (1.02, False)])
 def test_too_slow_a_drive_is_unstable(designed, share, stable):
     # (z - 1)² + a (z - 1) + b: z = -1 is reached at a = 2 + b / 2, with a = K_PS T / I.
@@ -277,22 +225,6 @@ def test_coupled_loop_gain_has_the_others_closed(designed, sample):
         np.testing.assert_allclose(response.loop_gain[:, k], per_speed[:, k] * v, rtol=1e-5)
 
 
-def test_gravity_is_a_stiffness(designed):
-    """Slow loops of the coupled plant work against gravity: |L| ends at K_IS r² / k_g, where that
-    of an axis would go on growing."""
-    design = designed("coupled_pi")
-    response = frequency_response(design, sample=0)
-    _, K = matrices(design.robot, design.motion.q[0])
-    stiffness = design.gains.ki * R**2
-    slow = np.abs(response.loop_gain[0])
-    for k in (1, 2):
-        others = np.diag(stiffness * (np.arange(4) != k))
-        expected = stiffness[k] * np.linalg.inv(K + others)[k, k]
-        assert abs(K[k, k]) > 1000
-        assert slow[k] == pytest.approx(abs(expected), rel=0.05)
-    assert slow[0] > 1e5  # turns about a vertical axis
-
-
 def test_by_default_each_joint_is_judged_at_its_largest_inertia(designed):
     design = designed("coupled_pi")
     response = frequency_response(design, points=30)
@@ -301,21 +233,6 @@ def test_by_default_each_joint_is_judged_at_its_largest_inertia(designed):
         own = frequency_response(design, sample=int(sample), points=30)
         np.testing.assert_array_equal(response.tracking[:, k], own.tracking[:, k])
         np.testing.assert_array_equal(response.loop_gain[:, k], own.loop_gain[:, k])
-
-
-def test_round_off_picks_no_sample(designed):
-    """The inertia of joint 4 never changes, that of joint 3 not before joint 4 turns."""
-    design = designed("coupled_pi")
-    assert frequency_response(design, points=3).sample[2:].tolist() == [0, 0]
-    assert np.ptp(design.torques.d_kk[:, 3]) > 0  # by round-off
-
-
-def test_a_scheduled_axis_is_judged_at_its_largest_inertia_too(designed):
-    plain, scheduled = (
-        frequency_response(designed(fields=kind(name)), points=30)
-        for name in ("pi", "pi_scheduled")
-    )
-    np.testing.assert_allclose(scheduled.loop_gain, plain.loop_gain, rtol=1e-6)
 
 
 def test_an_unstable_loop_is_told(designed):
@@ -333,28 +250,6 @@ def test_no_crossover_is_nan(designed):
     response = frequency_response(designed(fields={"drive": weak}), points=300)
     for name in ("crossover", "phase_margin", "bandwidth"):
         assert np.isnan(getattr(response, name)).tolist() == [True, False, False, False], name
-
-
-def test_a_bandwidth_beyond_the_range_is_nan(designed):
-    response = frequency_response(
-        designed("coupled_pi", kind("inverse_dynamics")), sample=0, points=50
-    )
-    assert np.isnan(response.bandwidth).all()
-    # Double integrators behind a hold; gravity, which changes within it, is the tolerance.
-    T, s = 0.005, 1j * response.omega[:, None]
-    z, error = np.exp(s * T), 2 * np.array([0.95, 0.98, 0.99, 0.95]) * OMEGA_N
-    speed, position = T / (z - 1), T**2 * (z + 1) / (2 * (z - 1) ** 2)
-    wanted = s + error + OMEGA_N**2 / s
-    expected = wanted * speed / (1 + error * speed + OMEGA_N**2 * position)
-    np.testing.assert_allclose(response.tracking, expected, atol=2e-3)
-
-
-@pytest.mark.parametrize("sample", [-1, 6001])
-def test_a_sample_that_the_motion_does_not_have_is_refused(designed, sample):
-    design = designed()
-    with pytest.raises(InputError, match=rf"sample: {sample}, expected 0 to 6000"):
-        frequency_response(design, sample=sample)
-    frequency_response(design, sample=6000, points=3)
 
 
 def test_unwrapped_phase_has_no_jumps():
@@ -395,8 +290,3 @@ def test_written_responses_read_back(damped, tmp_path):
             back = size * np.exp(1j * np.radians(phase))
             np.testing.assert_allclose(back, getattr(response, name)[:, k], rtol=1e-12)
     assert header[0] == "omega" and columns == {}
-
-
-def test_responses_that_cannot_be_written(damped, tmp_path):
-    with pytest.raises(InputError, match="folder"):
-        write_responses(damped["pi"][1], tmp_path)

@@ -20,14 +20,10 @@ from test_linear import (
 )
 
 from sdt_drake.analysis.linear import StateSpace
-from sdt_drake.analysis.stability import RATIOS, least_damping, own_ratio, stability_sweep
-from sdt_drake.control import tune
-from sdt_drake.device import Drive, Elasticity
+from sdt_drake.analysis.stability import RATIOS, least_damping, stability_sweep
+from sdt_drake.device import Drive
 from sdt_drake.errors import InputError
-from sdt_drake.loops import make_axis_loop
-from sdt_drake.motion import Motion
 from sdt_drake.scenario import load_scenario
-from sdt_drake.simulate import simulate
 
 ZETA = np.array([0.95, 0.98, 0.99, 0.95])
 ENCODERS = ("motor", "link")
@@ -91,7 +87,7 @@ def by_samples(inertia, k, ratio, encoder, drive):
 # --- against calculations by hand ---------------------------------------------------------------
 
 
-@pytest.mark.parametrize("damping_ratio", [0.0, 0.01, 0.2])
+@pytest.mark.parametrize("damping_ratio", [0.0, 0.2])
 @pytest.mark.parametrize("encoder", ENCODERS)
 def test_damping_is_that_of_the_characteristic_polynomial(design, encoder, damping_ratio):
     sweep = stability_sweep(
@@ -177,15 +173,6 @@ def cascade(inertia, k, ratio, encoder, k_v):
     return np.polymul(both, speed["link"]), closed
 
 
-@pytest.mark.parametrize("name", ["pi_ctc", "pi_scheduled"])
-def test_what_is_no_part_of_the_feedback_makes_no_difference(_reference_design, design, name):
-    """pi_scheduled has the gains of the largest inertia there."""
-    same = stability_sweep(controlled(_reference_design, name), OMEGA_R, ratios=SOME)
-    plain = stability_sweep(design, OMEGA_R, ratios=SOME)
-    np.testing.assert_allclose(same.damping, plain.damping, rtol=1e-9)
-    np.testing.assert_allclose(same.overshoot_percent, plain.overshoot_percent, atol=1e-9)
-
-
 def test_the_structure_is_that_of_the_kind(_reference_design, design):
     """pi_id has both gains on the error, whatever the scenario's structure: the same modes, and a
     zero that makes the link overshoot."""
@@ -261,14 +248,6 @@ def test_feedback_linearisation_is_swept_on_the_coupled_plant(_reference_design,
     assert (sweep.damping[:, k] > 0).tolist() == [True, encoder == "link", False]
 
 
-def test_given_gains_are_swept_as_those_they_were_tuned_from(_reference_design, design):
-    kp, ki = (getattr(design.gains, name).tolist() for name in ("kp", "ki"))
-    given = controlled(_reference_design, "pi", omega_r=None, zeta=None, kp=kp, ki=ki)
-    same, tuned = (stability_sweep(d, 40.0, encoder="link", ratios=SOME) for d in (given, design))
-    np.testing.assert_allclose(same.damping, tuned.damping, rtol=1e-9)
-    np.testing.assert_allclose(own_ratio(given, 40.0), 0.5 * OMEGA_R / 40, rtol=1e-9)
-
-
 def test_an_axis_keeps_the_inertia_that_the_scenario_gives_it(_reference_design):
     fields = {"plant.kind": "axis", "plant.i_eff": [4.0, 60.0, 700.0, 200.0]}
     light = variant(_reference_design, fields=fields)
@@ -302,52 +281,9 @@ def test_border_is_where_the_damping_changes_its_sign(design, sweeps, encoder, d
             assert damping_at(found) < 0 < damping_at(found - 1e-3)
 
 
-def test_border_below_the_first_ratio_is_found(design):
-    whole = stability_sweep(design, OMEGA_R, encoder="link")
-    late = stability_sweep(design, OMEGA_R, encoder="link", ratios=[0.9, 1.5])
-    np.testing.assert_allclose(late.border, whole.border, atol=1e-3)
-
-
-@pytest.mark.parametrize("ratio", [0.5, 1.0])
-def test_overshoot_is_that_of_the_partial_fractions(design, ratio):
-    sweep = stability_sweep(design, OMEGA_R, ratios=[ratio])
-    t = np.linspace(0, 20 / (ratio * OMEGA_R), 5000)
-    for k, inertia in enumerate(design.inertia.maximum):
-        below = polynomial(inertia, k, ratio, "motor")
-        speed, _ = two_mass_polynomials(ROTORS[k], inertia - ROTORS[k], OMEGA_R)
-        above = inertia * (ratio * OMEGA_R) ** 2 * speed["link"]
-        poles = np.roots(below)
-        slopes = np.polyval(np.polyder(below), poles)
-        residues = np.polyval(above, poles) / (poles * slopes)
-        step = 1 + (residues * np.exp(poles * t[:, None])).sum(axis=1).real
-        expected = 100 * max(step.max() - 1, 0)
-        assert sweep.overshoot_percent[0, k] == pytest.approx(expected, abs=0.02)
-
-
 def test_overshoot_is_nan_where_and_only_where_unstable(sweeps):
     for sweep in sweeps.values():
         np.testing.assert_array_equal(np.isnan(sweep.overshoot_percent), sweep.damping <= 0)
-
-
-@pytest.mark.parametrize("damping_ratio", [0.0, 0.01])
-def test_encoder_on_the_motor_with_an_ideal_drive_is_never_unstable(design, damping_ratio):
-    ratios = np.geomspace(0.01, 50, 12)
-    sweep = stability_sweep(design, OMEGA_R, ratios=ratios, damping_ratio=damping_ratio)
-
-    assert np.isinf(sweep.border).all() and np.all(sweep.damping > 0)
-
-
-def test_only_the_ratio_counts(design):
-    slow, fast = (stability_sweep(design, omega, encoder="link", ratios=SOME) for omega in (5, 50))
-    np.testing.assert_allclose(slow.damping, fast.damping, atol=1e-9)
-    np.testing.assert_allclose(slow.border, fast.border, atol=1e-3)
-
-
-def test_a_stiff_structure_is_swept_too(design):
-    """Nothing is simulated: no pole is too fast."""
-    sweep = stability_sweep(design, 400.0, ratios=SOME)
-    same = stability_sweep(design, OMEGA_R, ratios=SOME)
-    np.testing.assert_allclose(sweep.damping, same.damping, atol=1e-9)
 
 
 def test_resting_modes_do_not_count():
@@ -392,67 +328,7 @@ def test_finding_a_sampled_drive_cannot_hold_light_rotors(sweeps):
 # --- in the time domain -------------------------------------------------------------------------
 
 
-def elastic_run(reference, encoder, ratio):
-    """Joint 2 elastic on the axis plant: a ramp to 0.1 rad/s, and from 0.3 s on a load."""
-    t = 0.005 * np.arange(281)
-    v = np.outer(np.clip(t / 0.2, 0, 1), [0, 0.1, 0, 0])
-    motion = Motion.from_speeds(0.005, np.zeros(4), v)
-    inertia = reference.inertia.maximum
-    gains = tune(inertia, 2 * ratio * OMEGA_R, ZETA)
-    fields = {
-        "plant.kind": "axis",
-        "plant.i_eff": inertia.tolist(),
-        "plant.elasticity": Elasticity([0, OMEGA_R, 0, 0], 0.01, encoder),
-        "controller.omega_r": None,
-        "controller.zeta": None,
-        "controller.kp": gains.kp.tolist(),
-        "controller.ki": gains.ki.tolist(),
-        "accuracy": 6e-6,
-    }
-    design = variant(reference, fields=fields, motion=motion)
-    nothing = np.zeros_like(v)
-    load = np.outer(t > 0.3, [0, 50, 0, 0])
-    loads = design.loads._replace(load_torque=load, alleviating_torque=nothing)
-    design = dataclasses.replace(design, loads=loads)
-    recording = simulate(design, make_axis_loop(design))
-    np.testing.assert_array_equal(recording.tau_limited, recording.tau_cmd)
-    return recording.time, recording.speed_error[:, 1]
-
-
-@pytest.mark.parametrize(("ratio", "stable"), [(0.5, True), (0.65, False)])
-def test_simulation_swings_as_the_sweep_says(_reference_design, ratio, stable):
-    """The envelope of the link's swinging grows or decays like the least damped mode."""
-    sweep = stability_sweep(_reference_design, OMEGA_R, encoder="link", ratios=[ratio])
-    time, error = elastic_run(_reference_design, "link", ratio)
-    roots = np.roots(polynomial(_reference_design.inertia.maximum[1], 1, ratio, "link"))
-    rate = roots.real.max()
-
-    first, last = ((time > a) & (time < a + 0.3) for a in (0.6, 1.1))
-    measured = np.log(np.std(error[last]) / np.std(error[first])) / 0.5
-    assert (sweep.damping[0, 1] > 0) == stable == (measured < 0)
-    assert measured == pytest.approx(rate, rel=0.05)
-
-
 # --- bad input ----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("omega_r", "options", "match"),
-    [
-        (0.0, {}, "omega_r"),
-        (-1.0, {}, "omega_r"),
-        (np.nan, {}, "omega_r"),
-        (OMEGA_R, {"encoder": "both"}, r"encoder.*motor, link"),
-        (OMEGA_R, {"ratios": [0.1, 0.0]}, "ratios"),
-        (OMEGA_R, {"ratios": [0.1, np.nan]}, "ratios"),
-        (OMEGA_R, {"ratios": []}, "ratios"),
-        (OMEGA_R, {"damping_ratio": -0.1}, "damping_ratio"),
-        (OMEGA_R, {"drive": Drive(period=0.003)}, "drive.period"),
-    ],
-)
-def test_bad_values_are_refused(design, omega_r, options, match):
-    with pytest.raises(InputError, match=match):
-        stability_sweep(design, omega_r, **options)
 
 
 def test_a_robot_without_rotors_is_refused(design):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from sdt_drake.dynamics import decouple
-from sdt_drake.errors import InputError
 
 
 def algorithm_1(vd_k, d_kk, tau_coupled, r_k, sign):
@@ -68,43 +67,6 @@ def test_consistent_split_is_the_one_reasoned_by_hand(inertial, coupled, load, a
     split = decouple([inertial, inertial], [coupled, coupled], [1, 4])
     np.testing.assert_array_equal(split.load_torque, [load, load / 4])
     np.testing.assert_array_equal(split.alleviating_torque, [alleviating, alleviating / 4])
-
-
-def test_coupling_is_load_less_alleviation_but_not_as_printed():
-    vd, d_kk, coupled, r = _cases()
-    own = d_kk * vd
-    consistent = decouple(own, coupled, r, "consistent")
-    difference = r * (consistent.load_torque - consistent.alleviating_torque) - coupled
-    np.testing.assert_allclose(difference, 0, atol=1e-12)
-    printed = decouple(own, coupled, r, "printed")
-    difference = r * (printed.load_torque - printed.alleviating_torque) - coupled
-    cases = zip(vd, d_kk, coupled, r, strict=True)
-    third = np.array([algorithm_1(*case, "printed")[2] == 3 for case in cases])
-    np.testing.assert_allclose(difference, np.where(third, -2 * (own + coupled), 0), atol=1e-12)
-
-
-@pytest.mark.parametrize("sign", ["printed", "consistent"])
-def test_alleviation_helps_the_acceleration_and_never_exceeds_it(sign):
-    vd, d_kk, coupled, r = _cases()
-    help_ = r * decouple(d_kk * vd, coupled, r, sign).alleviating_torque
-    assert np.all(help_ * vd >= 0)
-    assert np.all(np.abs(help_) <= np.abs(d_kk * vd) + 1e-12)
-
-
-def test_rows_of_a_motion_are_split_one_by_one():
-    own, coupled = np.random.default_rng(2).normal(size=(2, 50, 4))
-    r = np.array([67.2, 1, 2, 0.5])
-    whole = decouple(own, coupled, r, "printed")
-    for i in range(50):
-        sample = decouple(own[i], coupled[i], r, "printed")
-        np.testing.assert_array_equal(sample.load_torque, whole.load_torque[i])
-        np.testing.assert_array_equal(sample.alleviating_torque, whole.alleviating_torque[i])
-
-
-@pytest.mark.parametrize("sign", ["", "Consistent", "plus"])
-def test_another_sign_is_refused(sign):
-    with pytest.raises(InputError, match=f"'{sign}', expected one of consistent, printed"):
-        decouple([1.0], [1.0], [1.0], sign)
 
 
 def test_third_branch_covers_most_of_the_reference_motion(design):

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from pydrake.multibody.tree import MultibodyForces
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from test_robot import ARM, chain_sdf
 
 from sdt_drake.dynamics import inverse_dynamics, torque_groups
-from sdt_drake.errors import InputError
 from sdt_drake.robot import load_robot
 
 
@@ -105,65 +103,3 @@ def test_a_sample_is_a_row_of_the_motion(any_robot):
         sample = torque_groups(any_robot, q[i].tolist(), v[i], vd[i])
         for name in ("inertial", "reaction", "velocity", "gravity", "d_kk", "coupled", "total"):
             np.testing.assert_array_equal(getattr(sample, name), getattr(motion, name)[i])
-
-
-@pytest.mark.parametrize(
-    "shapes",
-    [
-        [(3,), (3,), (3,)],
-        [(5,), (5,), (5,)],
-        [(6, 4), (6, 4), (5, 4)],
-        [(4,), (4,), (1, 4)],
-        [(6, 3), (6, 3), (6, 3)],
-        [(4, 6), (4, 6), (4, 6)],
-        [(2, 6, 4), (2, 6, 4), (2, 6, 4)],
-        [(), (), ()],
-    ],
-    ids=str,
-)
-def test_shapes_that_do_not_fit_are_refused(robot, shapes):
-    with pytest.raises(InputError, match=r"torque_groups: shapes .* expected three times \(4,\)"):
-        torque_groups(robot, *map(np.zeros, shapes))
-
-
-def test_mass_matrix_along_the_reference_motion_is_symmetric_and_positive_definite(design):
-    robot = design.robot
-    plant, context = robot.plant, robot.plant.CreateDefaultContext()
-    for q in design.motion.q[::20]:
-        plant.SetPositions(context, q)
-        M = plant.CalcMassMatrix(context)
-        links = M - np.diag(robot.reflected_inertia)
-        assert np.max(np.abs(M - M.T)) <= 1e-12 * np.max(M)
-        assert np.linalg.eigvalsh(links)[0] > 1
-
-
-@pytest.mark.parametrize("gear_ratio", [67.2, 1.0])
-def test_a_passive_plant_keeps_its_energy_with_that_of_the_rotors(tmp_path, gear_ratio):
-    path = tmp_path / "sdt.sdf"
-    text = load_robot().path.read_text(encoding="utf-8")
-    path.write_text(text.replace("gear_ratio>67.2<", f"gear_ratio>{gear_ratio}<"))
-    robot = load_robot(path)
-    plant = robot.make_plant()
-    simulator = Simulator(plant)
-    scheme = SimulatorConfig(integration_scheme="runge_kutta3", accuracy=1e-9, max_step_size=0.01)
-    ApplySimulatorConfig(scheme, simulator)
-    context = simulator.get_mutable_context()
-    plant.SetPositions(context, [0.3, 1.2, -0.9, 0.5])
-    plant.SetVelocities(context, [0.8, -0.6, 0.9, -1.1])
-
-    def energies():
-        v = plant.GetVelocities(context)
-        kinetic = v @ plant.CalcMassMatrix(context) @ v / 2
-        rotors = gear_ratio**2 * 0.1291 * v[0] ** 2 / 2
-        return kinetic, plant.CalcPotentialEnergy(context), rotors
-
-    history = [energies()]
-    for t in np.arange(0.2, 2.01, 0.2):
-        simulator.AdvanceTo(t)
-        history.append(energies())
-    kinetic, potential, rotors = np.transpose(history)
-    exchanged = np.ptp(potential)
-    assert exchanged > 500  # J: something did move
-    assert np.ptp(kinetic + potential) <= 1e-6 * exchanged
-    if gear_ratio > 1:  # and the rotor took part
-        assert np.ptp(rotors) > 1e-3 * exchanged

@@ -118,16 +118,6 @@ def test_axes_of_the_head_at_zero(robot):
     np.testing.assert_allclose(motion.resultant_g, 1, rtol=1e-14)
 
 
-def test_gravity_alone_at_any_attitude(robot):
-    rng = np.random.default_rng(2)
-    q = rng.uniform(-3, 3, (50, 4))
-    motion = head_motion(robot, q, 0 * q, 0 * q)
-    np.testing.assert_allclose(motion.resultant_g, 1, rtol=1e-13)
-    up = motion.rotation[:, 2, :]  # the world's z in the head
-    np.testing.assert_allclose(motion.specific_force, GRAVITY * up, atol=1e-12)
-    assert not motion.angular_velocity.any() and not motion.angular_acceleration.any()
-
-
 @pytest.mark.parametrize("angle", [-0.7, 0.4, 2.0])
 def test_attitudes_have_the_signs_of_flying(robot, angle):
     """Roll by joint 2 tilts the force sideways, pitch by joint 3 forward or back."""
@@ -158,41 +148,6 @@ def test_constant_planetary_speed_with_the_gondola_aligned(robot, omega):
     assert y == pytest.approx(0, abs=1e-12)
     assert x == pytest.approx(omega**2 * BEHIND, rel=1e-12)
     assert motion.resultant_g[0] == pytest.approx(np.hypot(g, omega**2 * BEHIND / GRAVITY))
-
-
-def test_on_the_roll_axis_the_radius_is_that_of_the_arm():
-    """With the head where the axes meet: the formula as it is usually given."""
-
-    def edit(root):
-        (head,) = (f for f in root.iter("frame") if f.get("name") == "head")
-        head.find("pose").text = "0 0 0 0 0 1.5707963267948966"
-
-    robot, omega = edited(load_robot(), edit), 2.0
-    phi = np.arctan(omega**2 * RADIUS / GRAVITY)
-    motion = still(robot, (0, -phi, 0, 0), (omega, 0, 0, 0))
-    g = np.sqrt(1 + (omega**2 * RADIUS / GRAVITY) ** 2)
-    np.testing.assert_allclose(motion.specific_force[0], [0, 0, g * GRAVITY], atol=1e-12)
-
-
-def test_pure_yaw_spin(robot):
-    spin, faster = 1.5, 0.4
-    motion = still(robot, (0, 0, 0, 0.6), (0, 0, 0, spin), (0, 0, 0, faster))
-    np.testing.assert_allclose(motion.angular_velocity[0], [0, 0, spin], atol=1e-12)
-    np.testing.assert_allclose(motion.angular_acceleration[0], [0, 0, faster], atol=1e-12)
-    # 0.13 m behind the axis: pulled forward and, spun up, to the right.
-    force = [spin**2 * BEHIND, -faster * BEHIND, GRAVITY]
-    np.testing.assert_allclose(motion.specific_force[0], force, atol=1e-12)
-
-
-@pytest.mark.parametrize("theta", [0.3, 1.2, -2.0])
-def test_coriolis_cross_coupling(robot, theta):
-    """A tilt by theta at spin W changes the angular velocity in the head by 2 W sin(theta/2)."""
-    spin = 1.5708
-    before = still(robot, (0, 0, 0, 0), (spin, 0, 0, 0)).angular_velocity[0]
-    for tilted in ((0, theta, 0, 0), (0, 0, theta, 0)):
-        after = still(robot, tilted, (spin, 0, 0, 0)).angular_velocity[0]
-        change = np.linalg.norm(after - before)
-        assert change == pytest.approx(2 * spin * abs(np.sin(theta / 2)), rel=1e-12)
 
 
 def test_derivative_of_the_angular_velocity_in_the_head_is_the_angular_acceleration(robot, design):
@@ -230,14 +185,3 @@ def test_a_robot_without_a_head_says_how_to_add_one():
     for refuse in (check_head, lambda r: still(r, (0, 0, 0, 0))):
         with pytest.raises(InputError, match=r'sdt\.sdf: no pilot\'s head; add <frame name="head"'):
             refuse(robot)
-
-
-def test_the_shipped_device_has_a_head(robot):
-    assert has_head(robot)
-    check_head(robot)
-
-
-@pytest.mark.parametrize("shape", [(4,), (5, 3)])
-def test_wrong_shapes_are_refused(robot, shape):
-    with pytest.raises(InputError, match=r"head_motion: shapes .* expected three times \(N, 4\)"):
-        head_motion(robot, *np.zeros((3, *shape)))
