@@ -26,7 +26,7 @@ import typing
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import MISSING, dataclass
 from pathlib import Path
-from typing import Any, Optional, TypeVar
+from typing import Any, Optional, TypeVar, cast
 
 import numpy as np
 
@@ -124,7 +124,7 @@ def made(schema: type[T], data: Any, file: Path) -> T:
     walk = _Walk(None, file.resolve().parent)
     thing = walk.part([schema], data, "")
     walk.end(str(file))
-    return thing
+    return cast(T, thing)
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -140,7 +140,8 @@ class _Walk:
     """A way through plain data or objects that collects what is wrong."""
 
     def __init__(self, n: int | None, folder: Path | None):
-        self.n, self.folder, self.wrong = n, folder, []
+        self.n, self.folder = n, folder
+        self.wrong: list[str] = []
 
     def end(self, where: str) -> None:
         lines = [f"{where}: {line}" if where else line for line in self.wrong]
@@ -157,6 +158,7 @@ class _Walk:
 
     def part(self, options: list[type], given: Any, name: str) -> Any:
         """One of several dataclasses, from its fields by name; the first one without a tag."""
+        schema: type | None
         if type(given) in options:
             schema, data = type(given), {f.name: getattr(given, f.name) for f in _fields(given)}
         else:
@@ -208,7 +210,7 @@ class _Walk:
             self.say(name, f"unknown kind {tag}, expected {', '.join(by_tag)}")
         return by_tag.get(tag)
 
-    def field(self, hint: Any, field: dataclasses.Field, data: Any, name: str) -> Any:
+    def field(self, hint: Any, field: dataclasses.Field[Any], data: Any, name: str) -> Any:
         rule = _rule(field)
         data = _plain(data)
         default = field.default if field.default_factory is MISSING else field.default_factory()
@@ -296,8 +298,8 @@ def _expected(hint: Any, rule: Rule) -> str:
     return "true or false" if schema is bool else "a text"
 
 
-def _rule(field: dataclasses.Field) -> Rule:
-    return field.metadata.get("rule", Rule())
+def _rule(field: dataclasses.Field[Any]) -> Rule:
+    return cast(Rule, field.metadata.get("rule", Rule()))
 
 
 def _options(hint: Any) -> list[Any]:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
+import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.errors import InputError
+
+Array = NDArray[np.float64]
 
 
 def links_by_name(root: ET.Element) -> dict[str, ET.Element]:
@@ -27,27 +30,34 @@ def link_named(root: ET.Element, name: str, where: str) -> ET.Element:
     return links[name]
 
 
+def child(element: ET.Element, name: str) -> ET.Element:
+    """A child that every valid SDF has."""
+    found = element.find(name)
+    assert found is not None, name
+    return found
+
+
 def scale_link(link: ET.Element, factor: float) -> None:
     """Multiply a link's mass and inertia by `factor`."""
     for element in (*link.findall("inertial/mass"), *link.findall("inertial/inertia/*")):
-        element.text = repr(float(element.text) * float(factor))
+        element.text = repr(float(element.text or "") * float(factor))
 
 
 def shift_link(link: ET.Element, offset: Sequence[float]) -> None:
     """Move a link's centre of mass by `offset` [m], in the frame of the link."""
-    inertial = link.find("inertial")
+    inertial = child(link, "inertial")
     pose = inertial.find("pose")
     if pose is None:
         pose = ET.SubElement(inertial, "pose")
     if not (pose.text or "").strip():  # at the link's origin
         pose.attrib.clear()  # it might ask for a quaternion
         pose.text = "0 0 0 0 0 0"
-    values = pose.text.split()
+    values = (pose.text or "").split()
     position = [repr(float(x) + float(dx)) for x, dx in zip(values[:3], offset, strict=True)]
     pose.text = " ".join(position + values[3:])
 
 
-def set_inertia(link: ET.Element, mass: float, com: NDArray, central: NDArray) -> None:
+def set_inertia(link: ET.Element, mass: float, com: Array, central: Array) -> None:
     """Give a link another body.
 
     Args:
@@ -56,7 +66,7 @@ def set_inertia(link: ET.Element, mass: float, com: NDArray, central: NDArray) -
         com: centre of mass in the frame of the link [m], shape (3,).
         central: inertia about it, along the axes of that frame [kg m²], shape (3, 3).
     """
-    old = link.find("inertial")
+    old = child(link, "inertial")
     old.clear()
     ET.SubElement(old, "pose").text = " ".join([*(repr(float(x)) for x in com), "0 0 0"])
     ET.SubElement(old, "mass").text = repr(float(mass))

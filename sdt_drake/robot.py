@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,7 +88,7 @@ class Robot:
 
     def make_plant(self) -> MultibodyPlant:
         """A copy of the plant that a diagram can own."""
-        return self.plant.Clone()
+        return cast(MultibodyPlant, self.plant.Clone())
 
     def make_open_plant(self) -> MultibodyPlant:
         """A plant like `plant`, not finalized: bodies and joints can still be added."""

@@ -53,7 +53,7 @@ def parse_xml(data: bytes | str, file: Path) -> ET.Element:
         if not _SHAPES.intersection(path):
             builder.data(data)
 
-    def refuse(*_) -> None:
+    def refuse(*_: object) -> None:
         raise InputError(f"{file}: <!DOCTYPE> is not supported; remove it")
 
     reader.StartElementHandler, reader.EndElementHandler = start, end

@@ -67,7 +67,7 @@ def sdf_of_urdf(robot: ET.Element, file: Path) -> ET.Element:
     for link in links:
         where = f"{file}: link '{link.get('name')}'"
         if link.get("name") != "world":
-            _add_link(model, link, inboard.get(link.get("name")), where)
+            _add_link(model, link, inboard.get(link.get("name", "")), where)
         elif len(link):
             raise InputError(f"{where}: <inertial> would have no effect; remove it")
     if roots != ["world"]:
@@ -79,8 +79,8 @@ def sdf_of_urdf(robot: ET.Element, file: Path) -> ET.Element:
     for name in motors:
         raise InputError(f"{file}: <transmission> of joint '{name[:40]}', which is not there")
     for frame in robot.findall("frame"):
-        name, link = frame.get("name", ""), frame.get("link", "")
-        new = ET.SubElement(model, "frame", name=name, attached_to=link)
+        name = frame.get("name", "")
+        new = ET.SubElement(model, "frame", name=name, attached_to=frame.get("link", ""))
         new.append(_pose(frame, f"{file}: frame '{name}'"))
     return sdf
 
@@ -99,8 +99,8 @@ def _check(parent: str, element: ET.Element, where: str) -> None:
     for child in [child for child in element if child.tag in _IGNORED]:
         element.remove(child)
     names = [(child.tag, child.get("name")) for child in element]
-    for child, name in zip(element, names, strict=True):
-        if names.count(name) > 1:
+    for child, named in zip(element, names, strict=True):
+        if names.count(named) > 1:
             raise InputError(f"{where}: <{child.tag[:40]}> more than once in <{element.tag}>")
         _check(element.tag, child, where)
 
@@ -165,7 +165,8 @@ def _add_joint(model: ET.Element, old: ET.Element, motor: list[ET.Element], wher
     axis = ET.SubElement(joint, "axis")
     along = old.find("axis")
     axis.append(_leaf("xyz", "1 0 0" if along is None else along.get("xyz")))
-    given = {} if old.find("limit") is None else old.find("limit").attrib
+    limit = old.find("limit")
+    given = {} if limit is None else limit.attrib
     if {"lower", "upper"} & set(given) != ({"lower", "upper"} if kind == "revolute" else set()):
         raise InputError(
             f"{where}: expected <limit> with lower and upper, or type continuous and neither"

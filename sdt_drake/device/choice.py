@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sdt_drake.device.motors import DEFAULT_CATALOGUE, Motor, load_catalogue
 from sdt_drake.errors import InputError, within
 from sdt_drake.fields import beside, setting
-from sdt_drake.links import link_named, links_by_name, scale_link, set_inertia
+from sdt_drake.links import child, link_named, links_by_name, scale_link, set_inertia
 from sdt_drake.robot import Robot, edited
 from sdt_drake.sdf import DRAKE
 
@@ -99,11 +99,10 @@ def motors_in_use(choice: DeviceChoice, n: int) -> list[Motor]:
         InputError: for an unknown motor, or a joint that has neither.
     """
     in_use = [motor or old for motor, old in zip(*_motors(choice, n), strict=True)]
-    if None in in_use:
-        raise InputError(
-            f"device: joint {in_use.index(None) + 1} has no motor of the catalogue, expected one"
-        )
-    return in_use
+    for k, motor in enumerate(in_use):
+        if motor is None:
+            raise InputError(f"device: joint {k + 1} has no motor of the catalogue, expected one")
+    return [motor for motor in in_use if motor is not None]
 
 
 def _motors(choice: DeviceChoice, n: int) -> tuple[list[Motor | None], list[Motor | None]]:
@@ -134,7 +133,7 @@ def _fit(root: ET.Element, robot: Robot, choice: DeviceChoice, motors: list[Moto
             )
         peak = motor.peak_torque if motor else robot.motor_torque_limit[k]
         inertia = motor.rotor_inertia if motor else robot.rotor_inertia[k]
-        _set(_child(joints[name].find("axis"), "limit"), "effort", peak * ratio)
+        _set(_child(child(joints[name], "axis"), "limit"), "effort", peak * ratio)
         _set(joints[name], f"{DRAKE}rotor_inertia", inertia)
         _set(joints[name], f"{DRAKE}gear_ratio", ratio)
     if choice.structure_scale != 1:

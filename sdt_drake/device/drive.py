@@ -43,5 +43,5 @@ class Drive:
             yield "encoder_resolution", "needs period, to take the speed"
         if (self.n1 is None) != (self.n0 is None):
             yield "n1" if self.n1 is None else "n0", "missing, expected n1 and n0 or neither"
-        elif self.n1 is not None and any(a >= b for a, b in zip(self.n1, self.n0, strict=False)):
+        elif self.n1 and self.n0 and any(a >= b for a, b in zip(self.n1, self.n0, strict=False)):
             yield "n0", f"{self.n0}, expected more than n1, {self.n1}, everywhere"

@@ -4,7 +4,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from sdt_drake.errors import InputError
 from sdt_drake.fields import setting
@@ -51,7 +51,7 @@ class Springs:
     damping: Array
 
 
-def springs_of(elasticity: Elasticity, inertia: ArrayLike, gravity_stiffness: ArrayLike) -> Springs:
+def springs_of(elasticity: Elasticity, inertia: Array, gravity_stiffness: Array) -> Springs:
     """k = omega² d - k_g and c = 2 zeta omega d, so that (k + k_g) / d = omega².
 
     Args:
@@ -69,7 +69,7 @@ def springs_of(elasticity: Elasticity, inertia: ArrayLike, gravity_stiffness: Ar
         k = np.where(elastic, omega**2 * inertia - gravity_stiffness, 0.0)
         c = np.where(elastic, 2 * elasticity.damping_ratio * omega * inertia, 0.0)
     for j in np.flatnonzero(elastic & (k <= 0)):
-        alone = np.sqrt(np.asarray(gravity_stiffness)[j] / np.asarray(inertia)[j])
+        alone = np.sqrt(gravity_stiffness[j] / inertia[j])
         raise InputError(
             f"plant.elasticity.natural_frequency: {omega[j]:g} rad/s, but gravity alone makes "
             f"joint {j + 1} swing with {alone:.4g}; expected more"
