@@ -51,12 +51,6 @@ def rows_of(out):
     return {row[0]: row[1:] for row in rows if len(row) > 1}
 
 
-def test_help_has_an_example(good):
-    assert re.search(r"^\s+pilot\b", good("--help").out, re.M)
-    out = " ".join(good("pilot", "--help").out.split())
-    assert "example: sdt-drake pilot package://sdt/scenarios/" in out
-
-
 def test_prints_what_the_head_does(good, recording, robot):
     done = good("pilot", "run.csv")
     rows = rows_of(done.out)
@@ -118,7 +112,7 @@ def test_csv_holds_it_over_time(good, desk, recording, robot):
     np.testing.assert_allclose(columns["multiple"][:, :3], np.max(by_detector, axis=0), atol=1e-12)
 
 
-@pytest.mark.parametrize("suffix", FIGURE)
+@pytest.mark.parametrize("suffix", ["png"])
 def test_writes_a_figure(good, desk, recording, suffix):
     done = good("pilot", "run.csv", "--out", f"new/figure.{suffix}")
     assert done.out.splitlines()[-1] == f"new/figure.{suffix} written"
@@ -154,14 +148,6 @@ def test_a_robot_without_a_head_is_refused_before_anything_is_planned(
     view = ("view", "headless.yaml", "--pilot", "--record", "x.html")
     refused(call(*view), "headless.sdf: no pilot's head; add <frame")
     assert not (desk / "x.png").exists()
-
-
-def test_a_recording_without_positions_is_refused(call, desk, recording):
-    lines = (desk / "run.csv").read_text(encoding="utf-8").splitlines()
-    keep = [i for i, name in enumerate(lines[0].split(",")) if not name.startswith("q_ref")]
-    old = "\n".join(",".join(line.split(",")[i] for i in keep) for line in lines)
-    (desk / "old.csv").write_text(old, encoding="utf-8")
-    refused(call("pilot", "old.csv"), "old.csv: no column q_ref_1")
 
 
 def test_a_recording_of_another_number_of_joints_is_refused(call, desk, recording):

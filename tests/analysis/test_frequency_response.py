@@ -235,13 +235,6 @@ def test_by_default_each_joint_is_judged_at_its_largest_inertia(designed):
         np.testing.assert_array_equal(response.loop_gain[:, k], own.loop_gain[:, k])
 
 
-def test_an_unstable_loop_is_told(designed):
-    for encoder, stable in (("motor", True), ("link", False)):
-        elasticity = Elasticity([OMEGA_R, 0, 0, 0], 0.01, encoder)
-        response = frequency_response(designed(fields={"plant.elasticity": elasticity}), points=50)
-        assert response.stable[0] == stable, encoder
-
-
 # --- edges --------------------------------------------------------------------------------------
 
 

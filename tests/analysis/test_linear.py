@@ -145,12 +145,6 @@ def test_sampled_is_the_exponential_series(period):
     assert sampled.period == period
 
 
-def test_modes_of_samples_are_the_continuous_ones():
-    expected = np.roots([2, 1.2, 100])
-    same_modes(SWING.modes(), expected, 1e-12)
-    same_modes(SWING.sampled(0.01).modes(), expected, 1e-10)
-
-
 def test_step_of_a_swing():
     t, y = SWING.step(3.0, 300)
     decay, omega = 0.3, np.sqrt(50 - 0.09)
@@ -293,18 +287,6 @@ def test_the_cascade_follows_a_position_that_belongs_to_its_speed(designed):
         pi = design.gains.kp[k] + design.gains.ki[k] / s
         gain = pi * (1 + k_v[k] / s) / (design.i_eff[k] * s)
         same(loop.closed(k).response(OMEGA)[:, 0, 0], gain / (1 + gain))
-
-
-def test_a_sampled_cascade_follows_too(designed):
-    T = 0.001
-    fields = kind("p_pi", position_gain=[3.0] * 4) | {"drive": Drive(period=T)}
-    design = designed("axis_pi", fields)
-    loop, z = linearise(design), np.exp(1j * OMEGA * T)
-    speed, position = T / (z - 1), T**2 * (z + 1) / (2 * (z - 1) ** 2)
-    for k in range(4):
-        pi = (design.gains.kp[k] + design.gains.ki[k] * T / (z - 1)) / design.i_eff[k]
-        expected = pi * speed * (1 + 3 * T / (z - 1)) / (1 + pi * (speed + 3 * position))
-        same(loop.closed(k).response(OMEGA)[:, 0, 0], expected)
 
 
 @pytest.mark.parametrize("sample", [0, 2000])

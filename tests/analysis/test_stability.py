@@ -123,18 +123,6 @@ def test_damping_of_a_sampled_drive_is_that_of_its_map(design, encoder, drive):
     np.testing.assert_allclose(sweep.damping, expected, atol=1e-6)
 
 
-def test_a_lag_of_the_torque_adds_a_pole(design):
-    drive = Drive(torque_bandwidth=100.0)
-    sweep = stability_sweep(design, OMEGA_R, drive=drive, ratios=SOME)
-    lag = 1 / (2 * np.pi * 100)
-    for i, ratio in enumerate(SOME):
-        for k, inertia in enumerate(design.inertia.maximum):
-            _, below = two_mass_polynomials(ROTORS[k], inertia - ROTORS[k], OMEGA_R)
-            late = np.polymul([lag, 0], np.polymul([1, 0], below))
-            roots = np.roots(np.polyadd(late, polynomial(inertia, k, ratio, "motor")))
-            assert sweep.damping[i, k] == pytest.approx(damping_of(roots), abs=1e-6)
-
-
 def border_by_hand(damping_at, ratios=RATIOS):
     """Where the damping first changes its sign, found to 1e-9."""
     first = next((i for i, ratio in enumerate(ratios) if damping_at(ratio) < 0), None)
@@ -246,20 +234,6 @@ def test_feedback_linearisation_is_swept_on_the_coupled_plant(_reference_design,
         z = np.linalg.eigvals(A + B @ law).astype(complex)
         assert sweep.damping[i, k] == pytest.approx(damping_of(np.log(z) / T), abs=1e-4)
     assert (sweep.damping[:, k] > 0).tolist() == [True, encoder == "link", False]
-
-
-def test_an_axis_keeps_the_inertia_that_the_scenario_gives_it(_reference_design):
-    fields = {"plant.kind": "axis", "plant.i_eff": [4.0, 60.0, 700.0, 200.0]}
-    light = variant(_reference_design, fields=fields)
-    sweep = stability_sweep(light, OMEGA_R, encoder="link", ratios=[0.5])
-    heavy = _reference_design.inertia.maximum
-    for k, inertia in enumerate(light.i_eff):
-        speed, below = two_mass_polynomials(ROTORS[k], inertia - ROTORS[k], OMEGA_R)
-        omega_n = OMEGA_R / 2
-        zeta = ZETA[k] * np.sqrt(heavy[k] / inertia)  # of the scenario's gains
-        gains = inertia * np.array([2 * zeta * omega_n, omega_n**2])
-        closed = np.polyadd(np.polymul([1, 0], below), np.polymul(gains, speed["link"]))
-        assert sweep.damping[0, k] == pytest.approx(damping_of(np.roots(closed)), abs=1e-6)
 
 
 # --- border and overshoot -----------------------------------------------------------------------

@@ -18,7 +18,7 @@ from motions import (
     sampled,
     write_robot,
 )
-from test_robot import ARM, chain_sdf
+from test_robot import ARM
 
 from sdt_drake.dynamics import torque_groups
 from sdt_drake.errors import InputError
@@ -27,10 +27,8 @@ from sdt_drake.motion import (
     checked_torque,
     commanded_motion,
     ends_in_motion,
-    load_command,
     plan_motion,
     retime,
-    shipped_motions,
     write_drive_table,
 )
 from sdt_drake.motion.command import Course
@@ -146,18 +144,6 @@ def test_limited_accelerations_are_the_optimum(condition):
         seen |= set(pull)
         np.testing.assert_allclose(torque[pull != 0], (pull * available)[pull != 0], atol=1e-6)
     assert seen == {0, -1, 1}
-
-
-def test_a_chain_of_7_is_limited_on_many_joints_at_once(tmp_path):
-    robot = write_robot(tmp_path, chain_sdf(7, seed=2))
-    speeds = (1, 0.5, -1, 1, -1, 1, 0.5)
-    chain = command(*(knots([0, 0], [0.2, 0], [0.7, v], [1.5, -v], [2, 0]) for v in speeds))
-    strong = dataclasses.replace(robot, effort_limit=np.full(7, 1e9))
-    peak = np.max(np.abs(plan_motion(strong, chain).torque), axis=0)
-    robot = dataclasses.replace(robot, effort_limit=0.99 * peak)
-    plan = plan_motion(robot, chain)
-    assert np.sum(plan.limited.any(axis=0)) >= 5
-    assert np.all(np.abs(needed_torque(robot, plan.motion)) <= 0.99 * peak + 1e-6)
 
 
 def test_an_acceleration_limit_is_a_limit_of_the_limiter_too(robot):
@@ -300,11 +286,6 @@ def test_a_short_alignment_is_refused_though_its_speed_is_0_at_both_ends(robot):
     with pytest.raises(InputError, match=r"joint 2 'roll' .* loses"):
         whole = dataclasses.replace(alone(ramp), alignment=(1, ramp, geometry))
         commanded_motion(robot, whole, PERIOD)
-
-
-def test_every_shipped_motion_can_be_shown_by_a_long_period(robot):
-    for name in [*shipped_motions(), "reference"]:
-        commanded_motion(robot, load_command(name, robot), 0.1)
 
 
 @pytest.mark.parametrize(

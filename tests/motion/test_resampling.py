@@ -59,14 +59,6 @@ def test_any_sample_period_becomes_the_interpolation_period(write, time, given):
     assert np.all(loss.position < 1e-3) and loss.position_time.shape == (2,)
 
 
-def test_the_period_of_the_file_loses_nothing(write):
-    time = PERIOD * np.arange(801)
-    _, v = swing(time)
-    motion, loss = resample(write(time, v_ref=v), PERIOD)
-    np.testing.assert_allclose(motion.v, v, atol=1e-12)
-    np.testing.assert_allclose([loss.speed, loss.position], 0, atol=1e-12)
-
-
 def test_a_motion_of_to_csv_is_taken_as_it_is(tmp_path):
     time = PERIOD * np.arange(801)
     q, v = swing(time)
@@ -107,12 +99,6 @@ def test_a_coarse_period_that_loses_a_swing_is_refused_with_joint_and_time(write
         r"allowed are 0\.021 rad/s",
     ):
         resample(write(time, v_ref=v), PERIOD)
-
-
-def test_positions_that_are_not_those_of_the_speeds_are_refused(write):
-    time = 0.01 * np.arange(101)
-    with pytest.raises(InputError, match=r"joint 1 loses 1 rad of position at 1 s"):
-        resample(write(time, v_ref=np.ones((101, 1)), q_ref=np.zeros((101, 1))), PERIOD)
 
 
 @pytest.mark.parametrize(

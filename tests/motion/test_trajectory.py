@@ -38,13 +38,6 @@ def test_drake_trajectory_has_the_same_positions_speeds_and_accelerations():
     np.testing.assert_allclose(trajectory.value(motion.duration)[:, 0], motion.q[-1], atol=1e-12)
 
 
-@pytest.mark.parametrize("period", [0.005, 0.007, 1 / 3])
-def test_times_are_exactly_i_times_the_period(period):
-    motion = random_motion(period, count=400)
-    assert motion.time.tolist() == [i * period for i in range(401)]
-    assert motion.duration == 400 * period
-
-
 @pytest.mark.parametrize("period", [0.005, 0.001, 0.1, 1 / 3, 1 / 300])
 def test_a_motion_comes_back_from_its_csv_bit_by_bit(tmp_path, period):
     motion = random_motion(period)
