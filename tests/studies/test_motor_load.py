@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import copy
-
 import numpy as np
 import pytest
+from small_studies import MOTION
 
-from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.design import make_design
 from sdt_drake.device import DeviceChoice
 from sdt_drake.errors import InputError
-from sdt_drake.scenario import Scenario
+from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.simulate import simulate
 from sdt_drake.studies.motor_load import (
     has_motor_loads,
@@ -30,7 +28,7 @@ def test_rated_torque_gives_the_rated_temperature():
     np.testing.assert_allclose(peak, [1, 0.25, 4], rtol=1e-9)
 
 
-@pytest.mark.parametrize("T", [0.5, 5.0, 50.0])
+@pytest.mark.parametrize("T", [0.5, 50.0])
 def test_on_and_off_by_hand(T):
     """u (1 - exp(-t_c / T)) / (1 - exp(-(t_c + t_p) / T)), at the end of the load."""
     on, off = 6.0, 14.0
@@ -41,7 +39,7 @@ def test_on_and_off_by_hand(T):
     assert winding_temperature(with_rest**2, [T], PERIOD)[0] == pytest.approx(by_hand, rel=1e-9)
 
 
-@pytest.mark.parametrize("T", [0.3, 3.0, 30.0])
+@pytest.mark.parametrize("T", [0.3, 30.0])
 def test_a_cycle_that_goes_on_for_ever_is_many_cycles(T):
     share = np.random.default_rng(2).normal(size=(400, 2))
     theta, peak = np.zeros(2), np.zeros(2)
@@ -55,39 +53,27 @@ def test_a_cycle_that_goes_on_for_ever_is_many_cycles(T):
     np.testing.assert_allclose(found, peak, rtol=1e-9)
 
 
-def test_a_slow_winding_takes_the_mean():
-    share = np.random.default_rng(3).normal(size=(500, 1))
-    mean = np.mean(share**2) * 2.5 / (2.5 + 10)
-    assert winding_temperature(share**2, [1e6], PERIOD, 10.0)[0] == pytest.approx(mean, rel=1e-5)
+@pytest.fixture
+def run(desk):
+    """A design of half a second of joint 2 on motors of the catalogue, its run, what it takes."""
 
-
-@pytest.fixture(scope="module")
-def run():
-    """A design of a device and its run, by controller and motion, each once."""
-    done = {}
-
-    def run_(design, label, motion, **device):
-        key = label, motion, str(device)
-        if key not in done:
-            scenario = with_controller(design.scenario, label)
-            scenario.motion, scenario.planner = motion, "retiming"
-            scenario.device = DeviceChoice(fitted=FITTED, **device)
-            own = make_design(scenario)
-            done[key] = own, simulate(own)
-        return done[key]
+    def run_(knots: str, *motors: str):
+        text = MOTION.replace("[0.25, {speed}], [0.5, {speed}]", knots)
+        (desk / "short.yaml").write_text(text.format(speed=0.0))
+        scenario = load_scenario("coupled.yaml")
+        scenario.planner, scenario.controller.kind = "retiming", "pi_id"
+        scenario.device = DeviceChoice([*motors], fitted=[*FITTED])
+        own = make_design(scenario)
+        recording = simulate(own)
+        loads = [motor_loads(own, recording, 0.5, pause) for pause in (0.0, 120.0)]
+        return own, recording, *(dict(zip(motor_load_names(4), x, strict=True)) for x in loads)
 
     return run_
 
 
-def named_loads(design, recording, commanded, pause=0.0):
-    values = motor_loads(design, recording, commanded, pause)
-    return dict(zip(motor_load_names(design.robot.n), values, strict=True))
-
-
-def test_loads_of_a_run(design, run):
-    own, recording = run(design, "pi_id", "post_roll")
+def test_loads_of_a_run(run):
+    own, recording, loads, rested = run("[0.25, 1], [0.5, 1]")
     duration = own.motion.duration
-    loads, rested = (named_loads(own, recording, duration, pause) for pause in (0.0, 120.0))
     assert loads["used_torque_share_2"] == pytest.approx(recording.tau_peak[:, 1].max() / 3950)
     rms = np.sqrt(np.mean(recording.tau_rms[1:, 1] ** 2))
     assert loads["rated_torque_share_2"] == pytest.approx(rms / 1780)
@@ -95,40 +81,30 @@ def test_loads_of_a_run(design, run):
     assert rested["rated_torque_share_2"] == pytest.approx(less * rms / 1780)
     assert loads["winding_temperature_2"] > loads["rated_torque_share_2"] ** 2  # the peak of it
     assert rested["winding_temperature_2"] < loads["winding_temperature_2"]
-    # Slower than n1 = 45 rpm there is the peak torque.
-    limits = [loads[f"torque_at_speed_share_{k}"] for k in (1, 2)]
+    # Slower than n1 there is the peak torque.
     mean = recording.tau_rms[:, 1].max() / 3950
-    assert limits[1] == pytest.approx(mean, rel=0.01)
-    assert loads["used_torque_share_2"] > mean  # K_PS times a period's acceleration, at its start
+    assert loads["torque_at_speed_share_2"] == pytest.approx(mean, rel=0.02)
     assert loads["stretch"] == 0
 
 
-def test_a_weak_motor_stretches_the_motion(design, run):
-    own, recording = run(design, "pi_id", "inversion", motors=["AC-100", "", "", ""])
-    loads = named_loads(own, recording, 60.0)
-    assert loads["stretch"] == pytest.approx(own.motion.duration / 60.0 - 1)  # 60 s in its file
-    assert loads["stretch"] > 0.001
-    assert loads["used_torque_share_1"] == pytest.approx(1, abs=0.01)
-    assert loads["used_torque_share_1"] <= 1
+def test_a_weak_motor_stretches_the_motion(run):
+    own, _, loads, _ = run("[0.05, 1.5], [0.1, 0], [0.5, 0]", "", "TM-1430", "", "")
+    assert loads["stretch"] == pytest.approx(own.motion.duration / 0.5 - 1) and loads["stretch"] > 0
+    assert 0.9 < loads["used_torque_share_2"] <= 1
 
 
-def test_motors_of_no_catalogue_are_refused(design, run):
-    own, recording = run(design, "pi_id", "post_roll")
-    other = copy.copy(own)
-    scenario = copy.deepcopy(own.scenario)
-    object.__setattr__(other, "scenario", scenario)
-    scenario.device = DeviceChoice(fitted=[*FITTED[:3], ""])
-    with pytest.raises(InputError, match=r"^device: joint 4 has no motor of the catalogue"):
-        motor_loads(other, recording, 60.0)
-    assert not has_motor_loads(scenario)
-    scenario.device = DeviceChoice()
-    assert not has_motor_loads(scenario)
-    assert has_motor_loads(own.scenario)
+def test_motors_of_no_catalogue_are_refused(run):
+    own, recording, *_ = run("[0.25, 1], [0.5, 1]")
+    own.scenario.device.fitted[3] = ""
+    with pytest.raises(InputError, match=r"joint 4 has no motor of the catalogue"):
+        motor_loads(own, recording, 60.0)
+    assert not has_motor_loads(own.scenario)
 
 
-def test_a_robot_whose_masses_contain_no_motors_has_motor_loads():
-    """As long as each joint has one of the catalogue."""
-    scenario = Scenario(device=DeviceChoice(FITTED, fitted=[""] * 4))
+def test_what_has_motor_loads():
+    """A robot whose masses contain no motors, too, if each joint has one of the catalogue."""
+    scenario = Scenario(device=DeviceChoice([*FITTED], fitted=[""] * 4))
+    assert not has_motor_loads(scenario)  # an axis plant
     scenario.plant.kind = "coupled"
     assert has_motor_loads(scenario)
     scenario.device.motors[3] = ""

@@ -13,7 +13,6 @@ import pytest
 from sdt_drake.device import DeviceChoice
 from sdt_drake.errors import InputError
 from sdt_drake.resources import find_file
-from sdt_drake.studies.runs import Runner, outcome_names
 from sdt_drake.studies.sizing import Candidate, Requirements, Sizing, candidates, load_sizing
 from sdt_drake.studies.summary import failures
 from sdt_drake.studies.table import StudyTable
@@ -322,24 +321,3 @@ def test_errors_that_differ_by_less_than_their_accuracy_are_equal():
     verdicts = judge_candidates(SMALL, table_of(SMALL, noisy))
     front = [v.candidate.motors for v, on in zip(verdicts, front_of(verdicts), strict=True) if on]
     assert set(front) == {("AC-150", "TM-2860")}
-
-
-def test_a_real_run_ends_with_all_required_numbers():
-    sizing, base = load_sizing(SHIPPED)
-    sizing.motions, sizing.controllers = ["leans"], ["pi_id"]
-    sizing.motors = [[ids[-1]] for ids in sizing.motors]
-    sizing.structure_scales = [0.8]
-    study = sizing.study()
-    runner = Runner(study, sizing.base(base))
-    values, _ = runner.repeat(0)
-    outcomes = dict(zip(outcome_names(sizing.base(base), 4), values, strict=True))
-    assert set(sizing.requirements.limits(4)) <= set(outcomes)
-    assert all(np.isfinite(v) for k, v in outcomes.items() if not k.startswith("constant"))
-    table = StudyTable(
-        "one", np.arange(1), {k: np.array([v]) for k, v in study.inputs(0).items()},
-        {k: np.array([v]) for k, v in outcomes.items()},
-        np.array(["ok"]), np.array([""]), np.zeros(1),
-    )  # fmt: skip
-    (verdict,) = judge_candidates(sizing, table)
-    assert verdict.feasible
-    assert verdict.mass == 115 + 185 + 85 + 60
