@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -16,7 +15,6 @@ from small_studies import RUNS, rows
 from test_main import DRIVER
 
 from sdt_drake.cli import main
-from sdt_drake.studies.results import read_study_table
 
 pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /proc")
 
@@ -24,20 +22,17 @@ pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /
 class Running:
     """`sdt-drake study many.yaml` in a process of its own."""
 
-    def __init__(self, folder: Path, *command: str, **options) -> None:
+    def __init__(self, folder: Path, *arguments: str) -> None:
         self.journal, self.temporary = folder / "many" / "rows.jsonl", folder / "temporary"
         self.temporary.mkdir(exist_ok=True)
         self.process = subprocess.Popen(
-            [sys.executable, *command, "study", "many.yaml", "--workers", "2", "--resume"][
-                : None if (folder / "many").exists() else -1
-            ],
+            [sys.executable, *arguments],
             cwd=folder,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
             env={**os.environ, "TMPDIR": str(self.temporary)},
             start_new_session=True,
-            **options,
         )
 
     @property
@@ -74,7 +69,7 @@ def test_ended_again_and_again(desk, undisturbed, capfd):
     for name in ("random", "copy", "numpy", "argparse", "logging", "table"):
         (desk / f"{name}.py").write_text("raise RuntimeError('a wrong module')")
 
-    first = Running(desk, "-m", "sdt_drake")
+    first = Running(desk, "-m", "sdt_drake", "study", "many.yaml")
     first.wait_for(2)
     first.process.send_signal(signal.SIGSTOP)  # so that it is not done before we have looked
     assert main(["study", "many.yaml", "--resume"]) == 2
@@ -85,13 +80,13 @@ def test_ended_again_and_again(desk, undisturbed, capfd):
     there = first.rows
     assert 2 <= there < RUNS and not (desk / "many" / "results.parquet").exists()
 
-    second = Running(desk, "-m", "sdt_drake")
+    second = Running(desk, "-m", "sdt_drake", "study", "many.yaml", "--resume")
     second.wait_for(there + 2)
     second.process.kill()
     assert second.ended()[0] == -signal.SIGKILL
     there = second.rows
 
-    assert main(["study", "many.yaml", "--resume", "--workers", "2"]) == 0
+    assert main(["study", "many.yaml", "--resume"]) == 0
     assert capfd.readouterr().out.startswith(f"{there} of {RUNS} runs\n")
     assert second.rows == RUNS  # none was done again
     assert rows(desk / "many").equals(rows(undisturbed))
@@ -101,30 +96,14 @@ def test_ended_again_and_again(desk, undisturbed, capfd):
     ("event", "word"),
     [
         ("import", "sdt_drake.studies.execute"),
-        ("import", "pebble"),
         ("open", "rows.jsonl"),
         ("import", "multiprocessing.popen_spawn_posix"),
     ],
 )
 def test_interrupted_while_it_starts(desk, event, word):
-    running = Running(desk, "-c", DRIVER, str(int(signal.SIGINT)), event, word, "sdt-drake")
+    command = ("sdt-drake", "study", "many.yaml", "--workers", "2")
+    running = Running(desk, "-c", DRIVER, str(int(signal.SIGINT)), event, word, *command)
     assert running.ended() == (130, "") and (desk / "seen").exists()
-
-
-def _small_disk() -> None:
-    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (6_000, 6_000))
-
-
-def test_full_disk(desk, undisturbed):
-    running = Running(desk, "-m", "sdt_drake", preexec_fn=_small_disk)
-    code, err = running.ended()
-    there = len(read_study_table(desk / "many"))
-    assert 2 < there < RUNS and code == 2
-    assert err == (
-        f"sdt-drake: many/rows.jsonl: cannot be written (File too large); {there} of {RUNS} runs "
-        "are kept, --resume goes on from there\n"
-    )
 
 
 def test_full_disk_at_the_results(copied, files, monkeypatch, capfd):
