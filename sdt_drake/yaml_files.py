@@ -64,7 +64,7 @@ class _Reader(yaml.SafeLoader):
         node = self.get_single_node()
         return None if node is None else self._value(node, "", 0)
 
-    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node:
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         self.depth += 1
         if self.depth > _DEEPEST + 2:  # before Python itself gives up
             raise InputError(_TOO_LARGE)
