@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from pathlib import Path
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,20 +35,10 @@ from sdt_drake.dynamics import (
     torque_groups,
     where_largest,
 )
-from sdt_drake.errors import InputError, checked_choice, within
+from sdt_drake.errors import InputError, within
 from sdt_drake.fields import check
-from sdt_drake.motion import (
-    PLANNERS,
-    Command,
-    Motion,
-    Plan,
-    checked_torque,
-    find_motion,
-    import_motion,
-    load_command,
-)
+from sdt_drake.motion import Motion, load_plan
 from sdt_drake.poles import check_poles
-from sdt_drake.resources import find_file
 from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import Scenario
 
@@ -82,11 +71,8 @@ class Design:
         gains: of the PI speed controllers, motor side; tuned on the controller's model.
         omega_n: natural frequency of the speed loops at the model's largest inertia [rad/s], (n,).
         inertia_share: I_eff along the motion over its largest, of the model [-], shape (N + 1, n).
-        position_gain: K_V of a position loop [1/s], shape (n,).
         feedforward: torque feedforward of the controller; None where it has none.
         tau_ff: the same along the motion, motor side [N m], shape (N + 1, n).
-        steady_load, steady_ff: load torque and torque feedforward of who has gone on at the first
-            speed for long, motor side [N m], shape (n,): where a run starts.
     """
 
     scenario: Scenario
@@ -104,11 +90,14 @@ class Design:
     gains: SpeedGains
     omega_n: Array
     inertia_share: Array
-    position_gain: Array
     feedforward: Law | None
     tau_ff: Array | None
-    steady_load: Array
-    steady_ff: Array | float
+
+    @property
+    def position_gain(self) -> Array:
+        """K_V of a position loop [1/s], shape (n,)."""
+        k_v = self.scenario.controller.position_gain
+        return self.omega_n / 4 if k_v is None else np.array(k_v)
 
     @property
     def loaded_robot(self) -> Robot:
@@ -123,6 +112,26 @@ class Design:
         has_no_more = choice.feedforward_gain is None and not choice.friction_compensation
         is_ctc = choice.feedforward_in_use == "ctc"
         return is_ctc and has_no_more and self.model is self.loaded_robot
+
+    @cached_property
+    def steady_load(self) -> Array:
+        """Load torque of who has gone on at the first speed for long, motor side [N m], shape (n,):
+        where a run starts."""
+        torques = _along(self.loaded_robot, self._steady)
+        return _loads(self.scenario, self.robot, torques).load_torque[0]
+
+    @cached_property
+    def steady_ff(self) -> Array:
+        """Torque feedforward there, motor side [N m], shape (n,)."""
+        if self.feedforward is None:
+            return np.zeros(self.robot.n)
+        return _fed(self.feedforward, _along(self.model, self._steady), self._steady)[0]
+
+    @property
+    def _steady(self) -> Motion:
+        """One sample that goes on at the first speed."""
+        q, v = self.motion.q[:1], self.motion.v[:1]
+        return Motion(self.motion.period, q, v, np.zeros_like(v))
 
     @cached_property
     def reference(self) -> Motion:
@@ -210,12 +219,7 @@ def make_design(
         slowest = i_eff if scenario.plant.kind == "axis" else inertia.minimum
         check_poles(scenario, robot, gains, slowest, springs)
 
-    feedforward, steady = _feedforward(scenario, model), _steady(motion)
-    tau_ff, steady_ff = None, 0.0
-    if feedforward is not None:
-        tau_ff = _fed(feedforward, modelled, motion)
-        steady_ff = _fed(feedforward, _along(model, steady), steady)[0]
-    k_v = scenario.controller.position_gain
+    feedforward = _feedforward(scenario, model)
     return Design(
         scenario=scenario,
         nominal=nominal,
@@ -232,11 +236,8 @@ def make_design(
         gains=gains,
         omega_n=omega_n,
         inertia_share=i_eff_modelled / largest,
-        position_gain=omega_n / 4 if k_v is None else np.array(k_v),
         feedforward=feedforward,
-        tau_ff=tau_ff,
-        steady_load=_loads(scenario, robot, _along(loaded, steady)).load_torque[0],
-        steady_ff=steady_ff,
+        tau_ff=None if feedforward is None else _fed(feedforward, modelled, motion),
     )
 
 
@@ -273,39 +274,6 @@ def _planned(scenario: Scenario, robot: Robot) -> Motion:
     ).motion
 
 
-def load_plan(
-    path: str | Path,
-    robot: Robot,
-    *,
-    period: float,
-    torque_margin: float = 1.0,
-    planner: str = "limiter",
-) -> Plan:
-    """Plan the motion of a file, or the shipped one of a name.
-
-    A command (.yaml) is planned. So is a CSV, resampled if it has to be; but one that is a motion
-    at `period` already is planned only by the retiming planner, for the limiter just checked.
-
-    Raises:
-        InputError: if there is no such file, or `robot` cannot do the motion.
-    """
-    checked_choice(planner, tuple(PLANNERS), "planner")
-    file = find_file(find_motion(path))
-    plan = partial(PLANNERS[planner], robot, period=period, torque_margin=torque_margin)
-    with within(file):
-        if file.suffix in (".yaml", ".yml"):
-            return plan(load_command(file, robot))
-        if file.suffix == ".csv":
-            motion, loss = import_motion(file, period)
-            if loss is None and planner == "limiter":
-                torque = checked_torque(robot, motion, torque_margin=torque_margin)
-                return Plan(
-                    motion, torque, np.zeros(motion.q.shape, dtype=bool), torque_margin, motion
-                )
-            return replace(plan(Command.of_motion(file.stem, motion)), loss=loss)
-    raise InputError(f"{file}: expected a profile (.yaml) or a motion (.csv)")
-
-
 def _check_reference(scenario: Scenario, motion: Motion) -> None:
     """Refuse NaN, where Drake ends the process, and a reference that never arrives."""
     for name in ("q", "v", "vd"):
@@ -331,11 +299,6 @@ def _along(robot: Robot, motion: Motion) -> TorqueGroups:
 
 def _loads(scenario: Scenario, robot: Robot, torques: TorqueGroups) -> Loads:
     return decouple(torques.inertial, torques.coupled, robot.gear_ratio, scenario.algorithm)
-
-
-def _steady(motion: Motion) -> Motion:
-    """One sample that goes on at the first speed."""
-    return Motion(motion.period, motion.q[:1], motion.v[:1], np.zeros_like(motion.v[:1]))
 
 
 def _plant(

@@ -50,7 +50,7 @@ def idle(monkeypatch):
     def computed(*_, **__):
         raise AssertionError("computed in vain")
 
-    for name in ("design.make_design", "design.load_plan", "analysis.reproduction.step_response"):
+    for name in ("design.make_design", "motion.load_plan", "analysis.reproduction.step_response"):
         monkeypatch.setattr(f"sdt_drake.{name}", computed)
 
 

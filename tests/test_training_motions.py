@@ -10,10 +10,10 @@ from figures import check_same_numbers
 
 from sdt_drake.analysis import plots_pilot, style
 from sdt_drake.analysis.tracking import track_head
-from sdt_drake.design import load_plan, make_design
+from sdt_drake.design import make_design
 from sdt_drake.dynamics import torque_groups
 from sdt_drake.errors import InputError
-from sdt_drake.motion import PLANNERS, shipped_motions
+from sdt_drake.motion import PLANNERS, load_plan, shipped_motions
 from sdt_drake.pilot import canals, head_motion_of_samples
 from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import simulate

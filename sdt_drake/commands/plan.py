@@ -60,8 +60,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis import plots_motion
-    from sdt_drake.design import load_plan
-    from sdt_drake.motion import margins, write_drive_table
+    from sdt_drake.motion import load_plan, margins, write_drive_table
     from sdt_drake.robot import load_robot
 
     _check_outputs(options)

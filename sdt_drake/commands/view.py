@@ -86,7 +86,7 @@ def _check_live_options(options: argparse.Namespace) -> None:
 
 def _motion(options: argparse.Namespace):
     """Title, robot, time [s] and joint angles [rad] of what was asked for."""
-    from sdt_drake.design import load_plan
+    from sdt_drake.motion import load_plan
     from sdt_drake.robot import load_robot
 
     given = Path(options.motion)

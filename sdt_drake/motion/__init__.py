@@ -2,6 +2,7 @@
 
 from sdt_drake.motion.command import Command, Course, command_of, load_command
 from sdt_drake.motion.limiter import plan_motion
+from sdt_drake.motion.load import PLANNERS, load_plan
 from sdt_drake.motion.margins import Margins, margins
 from sdt_drake.motion.plan import (
     INTERPOLATION_PERIOD,
@@ -22,9 +23,6 @@ from sdt_drake.motion.resampling import import_motion
 from sdt_drake.motion.retiming import retime
 from sdt_drake.motion.trajectory import Motion
 
-PLANNERS = {"limiter": plan_motion, "retiming": retime}
-"""Each `(robot, command, *, period, torque_margin) -> Plan`."""
-
 __all__ = [
     "INTERPOLATION_PERIOD",
     "PLANNERS",
@@ -41,6 +39,7 @@ __all__ = [
     "find_motion",
     "import_motion",
     "load_command",
+    "load_plan",
     "load_profile",
     "margins",
     "motion_beside",

@@ -8,11 +8,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from sdt_drake.analysis.tracking import felt_of, motor_use, stops_passed, track
-from sdt_drake.design import Design, load_device, load_plan, make_design
+from sdt_drake.design import Design, load_device, make_design
 from sdt_drake.dynamics import TorqueGroups, torque_groups
 from sdt_drake.errors import InputError
 from sdt_drake.fields import check
-from sdt_drake.motion import Plan
+from sdt_drake.motion import Plan, load_plan
 from sdt_drake.pilot import has_head
 from sdt_drake.resources import PACKAGE_PREFIX, models_dir
 from sdt_drake.robot import Robot

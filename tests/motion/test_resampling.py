@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from motions import PERIOD, SHORT, sampled
 
-from sdt_drake.design import load_plan
 from sdt_drake.errors import InputError
-from sdt_drake.motion import Motion, import_motion
+from sdt_drake.motion import Motion, import_motion, load_plan
 from sdt_drake.motion.resampling import resample
 from sdt_drake.tables import write_table
 

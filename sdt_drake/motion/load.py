@@ -1,0 +1,61 @@
+"""From the file of a motion to its plan."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from sdt_drake.errors import InputError, checked_choice, within
+from sdt_drake.motion.command import Command, load_command
+from sdt_drake.motion.limiter import plan_motion
+from sdt_drake.motion.plan import Plan, checked_torque
+from sdt_drake.motion.profile import find_motion
+from sdt_drake.motion.resampling import import_motion
+from sdt_drake.motion.retiming import retime
+from sdt_drake.resources import find_file
+from sdt_drake.robot import Robot
+
+PLANNERS = {"limiter": plan_motion, "retiming": retime}
+"""Each `(robot, command, *, period, torque_margin) -> Plan`."""
+
+
+def load_plan(
+    path: str | Path,
+    robot: Robot,
+    *,
+    period: float,
+    torque_margin: float = 1.0,
+    planner: str = "limiter",
+) -> Plan:
+    """Plan the motion of a file, or the shipped one of a name.
+
+    A command (.yaml) is planned. So is a CSV, resampled if it has to be; but one that is a motion
+    at `period` already is planned only by the retiming planner, for the limiter just checked.
+
+    Args:
+        path: of the file, or the name of a shipped motion.
+        robot: that has to do it.
+        period: of the samples [s].
+        torque_margin: share of the motors' torque that the motion may take [-].
+        planner: one of PLANNERS.
+
+    Raises:
+        InputError: if there is no such file, or `robot` cannot do the motion.
+    """
+    checked_choice(planner, tuple(PLANNERS), "planner")
+    file = find_file(find_motion(path))
+    plan = partial(PLANNERS[planner], robot, period=period, torque_margin=torque_margin)
+    with within(file):
+        if file.suffix in (".yaml", ".yml"):
+            return plan(load_command(file, robot))
+        if file.suffix == ".csv":
+            motion, loss = import_motion(file, period)
+            if loss is None and planner == "limiter":
+                torque = checked_torque(robot, motion, torque_margin=torque_margin)
+                unlimited = np.zeros(motion.q.shape, dtype=np.bool_)
+                return Plan(motion, torque, unlimited, torque_margin, motion)
+            return replace(plan(Command.of_motion(file.stem, motion)), loss=loss)
+    raise InputError(f"{file}: expected a profile (.yaml) or a motion (.csv)")
