@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 _MOST_PERIODS = 1_000_000  # what is planned in a minute, and memory holds; 83 min of 5 ms
 
@@ -38,32 +37,6 @@ def told_by(error: object) -> str:
     """What an error of a library says, in one line that is not too long."""
     text = " ".join(str(error).split())
     return text if len(text) <= 300 else f"{text[:300]}..."
-
-
-def checked_vector(
-    values: ArrayLike,
-    n: int,
-    where: str,
-    *,
-    positive: bool = False,
-) -> NDArray[np.float64]:
-    """`values` as a finite array of shape (n,), all > 0 if `positive`.
-
-    Raises:
-        InputError: naming `where`, if length, finiteness or sign is wrong.
-    """
-    try:
-        array = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{where}: {values!r} is not a list of numbers") from None
-    if array.shape != (n,) or n < 1:
-        shape = "a single number" if array.ndim == 0 else f"{array.size} value(s)"
-        raise InputError(f"{where}: {shape}, expected {max(n, 1)}, one for each joint")
-    if not np.all(np.isfinite(array)):
-        raise InputError(f"{where}: {array.tolist()} contains a value that is not finite")
-    if positive and np.any(array <= 0):
-        raise InputError(f"{where}: {array.tolist()}, every value must be > 0")
-    return array
 
 
 def checked_number(

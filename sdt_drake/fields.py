@@ -71,7 +71,7 @@ class Rule:
     def takes(self, number: float) -> bool:
         """Whether a number is finite and within the bounds."""
         within = self.minimum <= number <= self.maximum and self.above < number < self.below
-        return within and math.isfinite(number)
+        return within and (isinstance(number, int) or math.isfinite(number))
 
     def bounds(self) -> str:
         """For people: " > 0 and <= 1 [s]"."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sdt_drake.errors import InputError, checked_number, checked_vector
+from sdt_drake.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -43,15 +43,9 @@ def tune(
         omega_ratio: omega_n / omega_r [-].
 
     Raises:
-        InputError: if any of them is not > 0, or `zeta` has another length than `i_eff_max`.
+        InputError: if the gains are too large or too small for numbers.
     """
-    n = np.size(i_eff_max)
-    i_eff_max = checked_vector(i_eff_max, n, "i_eff_max", positive=True)
-    zeta = checked_vector(
-        np.full(n, zeta) if np.ndim(zeta) == 0 else zeta, n, "zeta", positive=True
-    )
-    omega_r = checked_number(omega_r, "omega_r", minimum=0, exclusive=True)
-    omega_ratio = checked_number(omega_ratio, "omega_ratio", minimum=0, exclusive=True)
+    i_eff_max, zeta = np.asarray(i_eff_max, dtype=float), np.asarray(zeta, dtype=float)
     with np.errstate(over="ignore"):
         ki = np.square(omega_ratio * omega_r) * i_eff_max
         kp = 2 * zeta * np.sqrt(i_eff_max * ki)

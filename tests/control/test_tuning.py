@@ -81,15 +81,6 @@ def test_one_damping_for_all_and_gains_by_hand():
     assert damping_ratio(by_hand, [4.0]) == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.inf])
-@pytest.mark.parametrize("which", ["i_eff_max", "omega_r", "zeta"])
-def test_bad_values_are_refused_by_name(which, bad):
-    arguments = {"i_eff_max": [4.26, 98.01], "omega_r": OMEGA_R, "zeta": [0.95, 0.98]}
-    arguments[which] = bad if which == "omega_r" else [1.0, bad]
-    with pytest.raises(InputError, match=which):
-        tune(**arguments)
-
-
 def test_gains_that_are_no_numbers_are_refused():
     with pytest.raises(InputError, match="too small"):
         tune([1.0], 1e-170, 1.0)
@@ -97,20 +88,8 @@ def test_gains_that_are_no_numbers_are_refused():
         tune([1.0], 1e170, 1.0)
 
 
-@pytest.mark.parametrize("zeta", [[0.95, 0.98, 0.99], ["fast", "slow"]])
-def test_arrays_that_do_not_fit_are_refused(zeta):
-    with pytest.raises(InputError, match="zeta"):
-        tune([4.26, 98.01], OMEGA_R, zeta)
-
-
 def test_omega_ratio_is_omega_n_over_omega_r():
     for ratio in (0.1, 0.5, 1.3):
         gains = tune(I_EFF_MAX, OMEGA_R, ZETA, ratio)
         np.testing.assert_allclose(natural_frequency(gains, I_EFF_MAX), ratio * OMEGA_R, rtol=1e-12)
         np.testing.assert_allclose(damping_ratio(gains, I_EFF_MAX), ZETA, rtol=1e-12)
-
-
-@pytest.mark.parametrize("ratio", [0.0, -1.0, np.inf, np.nan])
-def test_an_omega_ratio_that_is_not_positive_is_refused(ratio):
-    with pytest.raises(InputError, match=r"^omega_ratio: .*expected a finite number > 0"):
-        tune(I_EFF_MAX, OMEGA_R, ZETA, ratio)
