@@ -77,6 +77,7 @@ def likeliest(tree: Path, file: Path, source: str, hint: str) -> list[str]:
             1000 * (str(path.relative_to(tree)) == hint)
             + 20 * (path.stem == f"test_{module.name}")
             + 8 * (module.name in path.stem)
+            + 8 * (module.parent.name in path.stem)
             + 5 * (path.parent.name == module.parent.name)
             + 6 * (f"{package}.{module.name}" in text or f"{package} import {module.name}" in text)
             + 4 * bool(re.search(rf"\b({names})\b", text))
@@ -87,10 +88,23 @@ def likeliest(tree: Path, file: Path, source: str, hint: str) -> list[str]:
     return [str(path.relative_to(tree)) for path in files]
 
 
-def first_failure(tree: Path, files: list[str], limit: float) -> str:
+def caught_by(fault: dict, tree: Path, hint: str, limit: float, most: int) -> str:
+    """The test that fails with a fault and not without; MISSED if there is none."""
+    failing: list[str] = []  # without it, too
+    while True:
+        path, text = seed(fault, tree)
+        files = likeliest(tree, path, text, hint)[:most]
+        result = first_failure(tree, files, limit, failing)
+        path.write_text(text, encoding="utf-8")
+        if "::" not in result or first_failure(tree, [result], limit, []) != result:
+            return result
+        failing.append(result)
+
+
+def first_failure(tree: Path, tests: list[str], limit: float, without: list[str]) -> str:
     """The first test that fails within a time limit [s]; MISSED if all pass, or ... after it."""
     ours, theirs = multiprocessing.Pipe()
-    process = multiprocessing.Process(target=_test, args=(tree, files, theirs))
+    process = multiprocessing.Process(target=_test, args=(tree, tests, without, theirs))
     process.start()
     theirs.close()
     try:
@@ -105,7 +119,7 @@ def first_failure(tree: Path, files: list[str], limit: float) -> str:
         process.join()
 
 
-def _test(tree: Path, files: list[str], connection) -> None:
+def _test(tree: Path, tests: list[str], without: list[str], connection) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     os.setsid()
     os.chdir(tree)
@@ -115,7 +129,8 @@ def _test(tree: Path, files: list[str], connection) -> None:
         os.dup2(nowhere.fileno(), 1)
         os.dup2(nowhere.fileno(), 2)
     options = ["-x", "-n", "0", "-p", "no:cacheprovider", f"--basetemp={tree.parent / 'pytest'}"]
-    pytest.main([*options, *files], plugins=[FirstFailure(connection)])
+    options += [f"--deselect={test}" for test in without]
+    pytest.main([*options, *tests], plugins=[FirstFailure(connection)])
 
 
 def read_results(path: Path) -> dict[str, str]:
@@ -157,13 +172,10 @@ def main() -> None:
             start = time.monotonic()
             hint = known.get(fault["id"], "").partition("::")[0]
             try:
-                path, text = seed(fault, tree)
+                result = caught_by(fault, tree, hint, options.limit, options.files)
             except LookupError as error:
                 print(error, flush=True)
                 continue
-            files = likeliest(tree, path, text, hint)[: options.files]
-            result = first_failure(tree, files, options.limit)
-            path.write_text(text, encoding="utf-8")
             caught += not result.startswith(MISSED)
             known = read_results(options.results) | {fault["id"]: result}  # another part writes too
             lines = (f"{id_:28s} {known[id_]}\n" for id_ in sorted(known))
