@@ -15,9 +15,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    import numpy as np
-
     from sdt_drake.analysis import plots
+    from sdt_drake.analysis.metrics import COMPARED, METRICS
     from sdt_drake.analysis.tracking import stops_passed, track
     from sdt_drake.simulate import simulate
 
@@ -27,16 +26,9 @@ def run(options: argparse.Namespace) -> None:
     recording = simulate(design)
     tracking = track(recording, design.motion)
     common.say(f"{scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant")
-    common.print_joints(
-        design.robot.joint_names,
-        [
-            ("largest error [rad/s]", ".4f", tracking.max_abs_speed_error),
-            ("RMS [rad/s]", ".4f", tracking.rms_speed_error),
-            ("constant speed [rad/s]", ".4f", tracking.constant_speed_error),
-            ("position [deg]", ".3f", np.degrees(tracking.max_abs_position_error)),
-            ("saturated [%]", ".2f", 100 * tracking.saturated_fraction),
-        ],
-    )
+    own = [(METRICS[x], getattr(tracking, x)) for x in COMPARED if hasattr(tracking, x)]
+    columns = [(metric.column, metric.format, metric.factor * values) for metric, values in own]
+    common.print_joints(design.robot.joint_names, columns)
     for line in stops_passed(recording, design.robot.joint_names):
         common.say(f"note: {line}")
     common.deliver(
