@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from sdt_drake.controllers import CONTROLLERS
-from sdt_drake.device import Drive
+from sdt_drake.device import Drive, Elasticity
 from sdt_drake.errors import InputError, within
 from sdt_drake.fields import beside, check, made, setting
 from sdt_drake.scenario import Scenario, load_scenario
@@ -211,7 +211,7 @@ def test_defaults():
     scenario = Scenario()
     assert (scenario.period, scenario.torque_margin, scenario.accuracy) == (0.005, 1.0, 1e-4)
     assert (scenario.disturbance.amplitude, scenario.disturbance.omega_d) == (0.0, 2 * np.pi)
-    assert (scenario.plant.elasticity.damping_ratio, scenario.drive) == (0.01, Drive())
+    assert (scenario.plant.elasticity, scenario.drive) == (Elasticity([], 0.01, "motor"), Drive())
     assert (scenario.plant.friction.stribeck_speed, scenario.plant.friction.presliding) == (
         0.02,
         1e-5,

@@ -6,7 +6,6 @@ import re
 
 import numpy as np
 import pytest
-from pydrake.systems.framework import DiagramBuilder
 
 from sdt_drake.errors import InputError
 from sdt_drake.robot import load_robot
@@ -166,22 +165,12 @@ def test_shipped_links_have_the_calibrated_inertia(robot, links, mass, com, mome
     np.testing.assert_allclose(central, np.diag(moments), atol=1e-9)
 
 
-def test_plant_passes_any_torque_on(robot):
+def test_plant_passes_any_torque_on_and_is_copied(robot):
+    assert robot.make_plant() is not robot.plant
     plant, context = robot.plant, robot.plant.CreateDefaultContext()
     torque = 50 * robot.effort_limit
     plant.get_actuation_input_port().FixValue(context, torque)
     np.testing.assert_array_equal(plant.get_net_actuation_output_port().Eval(context), torque)
-
-
-def test_diagrams_own_copies_of_the_plant(robot):
-    builder = DiagramBuilder()
-    plant = builder.AddSystem(robot.make_plant())
-    diagram = builder.Build()
-    assert plant is not robot.plant
-    M = plant.CalcMassMatrix(plant.GetMyContextFromRoot(diagram.CreateDefaultContext()))
-    del diagram, plant, builder
-    context = robot.plant.CreateDefaultContext()
-    np.testing.assert_array_equal(M, robot.plant.CalcMassMatrix(context))
 
 
 # --- any serial chain ------------------------------------------------------------------------
@@ -252,16 +241,12 @@ BAD = [
     # Masses and inertias that Drake would fill in or replace.
     ("<izz>0.6", "<izz>0.76", _UPPER + r".*triangle inequality.* 0\.25 \+ 0\.5 < 0\.76"),
     ("<ixx>0.1<", "<ixy>0.3</ixy><ixx>0.1<", _LOWER + r".*principal moment -0\.154"),
-    ("<ixx>0.25", "<ixx>-0.25", _UPPER + r".*principal moment -0\.25"),
     (_LOWER_INERTIAL, "", _LOWER + "no <mass>"),
     ("<mass>2</mass>", "", _LOWER + "no <mass>"),
     ("<ixx>0.1</ixx>", "", _LOWER + "no <ixx>"),
-    ("<izz>0.25</izz>", "", _LOWER + "no <izz>"),
     ("<mass>4", "<mass>0", _UPPER + "<inertia> without <mass>"),
     ("<mass>4", "<mass>-4", _UPPER + "<mass> -4 kg"),
     ("<mass>4", "<mass>NaN", _UPPER + "<mass> is 'NaN'"),
-    ("<mass>4", "<mass>inf", _UPPER + "<mass> is 'inf'"),
-    ("<mass>4", "<mass>four", _UPPER + "<mass> is 'four'"),
     ("<iyy>0.2<", "<iyy>nan<", _LOWER + "<iyy> is 'nan'"),
     # Numbers that Drake would take up to some letter, or of which it would take the first.
     ("<effort>40", "<effort>4_0", _ELBOW + "<effort> is '4_0', expected a number"),
@@ -288,10 +273,8 @@ BAD = [
     # Joints.
     ("<damping>", "<friction>0.2</friction><damping>", _SHOULDER + "<friction> 0.2"),
     ("<damping>", "<spring_stiffness>5</spring_stiffness><damping>", _SHOULDER + "<spring_stiff"),
-    ("<velocity>3", "<velocity>-1", _SHOULDER + "<velocity> -1, expected a number > 0"),
     ("<velocity>3", "<velocity>0", _SHOULDER + "<velocity> 0, expected a number > 0"),
     ('elbow" type="revolute"', 'elbow" type="prismatic"', "joint 'elbow' is prismatic"),
-    ('elbow" type="revolute"', 'elbow" type="screw"', "joint 'elbow' is screw"),
     (
         _END,
         _THIRD_LINK
@@ -320,10 +303,8 @@ BAD = [
     ("<drake:gear_ratio>", '<drake:controller_gains p="9" d="1"/><drake:gear_ratio>', _SHOULDER),
     # Motors.
     (_ELBOW_LIMIT, "", _ELBOW + "actuator effort limit inf"),
-    ("<effort>40</effort>", "", _ELBOW + "actuator effort limit inf"),
     ("<effort>40", "<effort>inf", _ELBOW + "actuator effort limit inf"),
     ("<effort>40", "<effort>0", _ELBOW + "actuator effort limit 0"),
-    ("<effort>40", "<effort>nan", "nan"),
     ("inertia>0.01", "inertia>-0.01", _SHOULDER + r"rotor inertia -0\.01"),
     ("ratio>10", "ratio>0", _SHOULDER + "gear ratio 0"),
     ("ratio>10", "ratio>nan", _SHOULDER + "<gear_ratio> is 'nan'"),
@@ -331,7 +312,6 @@ BAD = [
     ("drake:rotor_inertia", "rotor_inertia", "rotor_inertia"),
     # Files.
     (ARM, "robot", "not well-formed XML"),
-    (_END, "</modell>", "not well-formed XML"),
     (
         _END,
         "<include><uri>package://sdt/sdt.sdf</uri></include></model>",

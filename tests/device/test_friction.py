@@ -31,10 +31,8 @@ def test_law_by_hand():
     assert at(FRICTION, 2 * V_S)[0] == pytest.approx(300 + 66.9390480 + 2.4, rel=1e-9)
     # Joint 3 at v_s / 2: 10 / 2 exp(3 / 8) + 8 * 0.015.
     assert at(FRICTION, V_S / 2)[2] == pytest.approx(7.2749571 + 0.12, rel=1e-7)
-
-
-def test_nothing_at_rest():
     np.testing.assert_array_equal(at(FRICTION, 0.0), 0)
+    np.testing.assert_array_equal(at(FRICTION, -V_S), -at(FRICTION, V_S))
 
 
 def test_peak_at_the_stribeck_speed_is_breakaway():
@@ -45,11 +43,6 @@ def test_peak_at_the_stribeck_speed_is_breakaway():
     peak = v[friction.argmax(axis=0)]
     np.testing.assert_allclose(peak[[0, 2, 3]], V_S, rtol=2e-3)
     np.testing.assert_array_equal(friction[:, 1], 60)  # breakaway is coulomb: no peak
-
-
-def test_coulomb_and_viscous_far_above_the_stribeck_speed():
-    v = 10 * V_S
-    np.testing.assert_allclose(at(FRICTION, v), COULOMB + np.array(VISCOUS) * v, rtol=1e-12)
 
 
 def test_a_sample_or_a_whole_motion():
