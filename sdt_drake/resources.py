@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from sdt_drake.errors import InputError, checked_input, checked_name
@@ -28,22 +29,14 @@ def find_file(reference: str | Path, base: Path | None = None) -> Path:
     """
     text = str(reference)
     checked_name(text)
-    if text.startswith("package://") and not text.startswith(PACKAGE_PREFIX):
-        raise InputError(f"{text}: no such package, files of this one start with {PACKAGE_PREFIX}")
-    if not text:
-        raise InputError("'': no such file, expected a name")
     if text.startswith(PACKAGE_PREFIX):
         path = models_dir() / text.removeprefix(PACKAGE_PREFIX)
         choices = sorted(p.name for p in path.parent.glob(f"*{path.suffix}"))
         hint = f"; shipped: {', '.join(choices)}" if choices else ""
     else:
-        path = Path(text) if base is None else base / text
+        path = (base or Path()) / text
         hint = f"; files of the package start with {PACKAGE_PREFIX}"
-    try:
-        there = path.exists()
-    except OSError:
-        there = False
-    if not there:
+    if not os.path.exists(path):  # whatever the reason: names that are too long, too
         raise InputError(f"{text}: no such file{hint}")
     return checked_input(path)
 

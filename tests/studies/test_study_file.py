@@ -373,7 +373,7 @@ def test_survives_yaml(tmp_path):
         ("scenario: axis.yaml\n", "", "scenario: missing, expected the file of the base"),
         ("axis.yaml", "nowhere.yaml", "nowhere.yaml: no such file"),
         ("axis.yaml", "short.yaml", "short.yaml: "),
-        ("axis.yaml", "package://other/x.yaml", "no such package"),
+        ("axis.yaml", "package://other/x.yaml", "no such file"),
         ("draws: 3", "draws: many", "draws: 'many', expected a whole number"),
         ("draws: 3", "draws: 2.5", "draws: 2.5, expected a whole number"),
         ("draws: 3", "draw: 3", "draw: no such field, did you mean 'draws'"),
