@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from pydrake.systems.framework import LeafSystem
 
 from sdt_drake.analysis.comparison import compare, with_controller
+from sdt_drake.analysis.linear import linear_feedback
 from sdt_drake.control import FEEDFORWARDS, STRUCTURES
 from sdt_drake.controllers import CONTROLLERS, Controller, Pi, make_controller, register_controller
 from sdt_drake.errors import InputError
@@ -210,3 +212,13 @@ def test_what_a_controller_need_not_tell(designed):
     for name, kinds in sampled.items():  # at the reference's samples, and at the drive's
         for kind in kinds:
             assert make_controller(designed(name, {"controller.kind": kind}, end=0.1)).is_sampled
+
+
+def test_linear_gains_are_scheduled_with_the_inertia(designed):
+    plain = designed("coupled_pi", end=0.1)
+    share = np.array([0.5, 0.6, 0.7, 0.8])
+    design = designed("coupled_pi", {"controller.kind": "pi_scheduled"}, end=0.1)
+    design = replace(design, inertia_share=np.tile(share, (len(design.motion.q), 1)))
+    own, fixed = linear_feedback(design, 3), linear_feedback(plain, 3)
+    np.testing.assert_allclose(own.C, share[:, None] * fixed.C, rtol=1e-12)
+    np.testing.assert_allclose(own.D, share[:, None] * fixed.D, rtol=1e-12)

@@ -170,7 +170,7 @@ def main() -> None:
         shutil.copytree(options.tree, tree, ignore=ignored)
         for fault in chosen:
             start = time.monotonic()
-            hint = known.get(fault["id"], "").partition("::")[0]
+            hint = known.get(fault["id"], "").partition("::")[0].removeprefix(f"{MISSED} ")
             try:
                 result = caught_by(fault, tree, hint, options.limit, options.files)
             except LookupError as error:

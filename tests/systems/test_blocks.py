@@ -28,6 +28,7 @@ from alone import (
     made,
     outputs_of,
 )
+from command_line import ARM
 from pydrake.common.yaml import yaml_load
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, System
@@ -38,6 +39,7 @@ from sdt_drake import systems
 from sdt_drake.controllers import CONTROLLERS, Controller, make_controller
 from sdt_drake.deviation import Deviation, deviated
 from sdt_drake.device import sliding_friction
+from sdt_drake.robot import load_robot
 from sdt_drake.systems import hold_of
 from sdt_drake.systems.wiring import Wiring
 from sdt_drake.viewer import open_meshcat
@@ -299,6 +301,19 @@ def test_drawing_shows_the_links_where_they_are(robot):
             body = robot.plant.GetBodyByName(name)
             pose = robot.plant.EvalBodyPoseInWorld(context, body).GetAsMatrix4()
             np.testing.assert_allclose(np.reshape(drawn, (4, 4)).T, pose, atol=1e-12)
+
+
+def test_drawing_of_a_robot_without_shapes_has_rods_from_joint_to_joint(tmp_path):
+    (tmp_path / "arm.sdf").write_text(ARM, encoding="utf-8")
+    drawing = systems.RobotDrawing(robot=load_robot(tmp_path / "arm.sdf"), meshcat=open_meshcat())
+    inspector = drawing.scene_graph.model_inspector()
+    middles = {
+        inspector.GetName(part).rpartition("::")[2]: inspector.GetPoseInFrame(part).translation()
+        for part in inspector.GetAllGeometryIds()
+    }
+    assert middles.keys() == {"joint_0", "rod_0", "joint_1"}
+    np.testing.assert_allclose(middles["rod_0"], [0.5, 0, 0], atol=1e-12)  # of 1 m
+    np.testing.assert_allclose(middles["joint_1"], 0, atol=1e-12)
 
 
 # --- references ------------------------------------------------------------------------------
