@@ -13,8 +13,10 @@ import pyarrow.parquet
 import pytest
 from small_studies import RUNS, rows
 
+from sdt_drake.analysis.document import Document
 from sdt_drake.cli import main
 from sdt_drake.simulate import Recording
+from sdt_drake.studies import report
 from sdt_drake.studies.results import read_study_table
 
 
@@ -90,7 +92,7 @@ def test_bad_study(refuse, desk, old, new, message):
         ("nowhere.yaml", "nowhere.yaml: no such file"),
         ("axis.yaml", "no such field"),
         ("few.yaml --workers 0", "--workers: 0, expected a whole number >= 1"),
-        ("few.yaml --workers 1000000000", "--workers: 1000000000, expected at most "),
+        ("few.yaml --workers 1000000000", "--workers: 1000000000, expected a whole"),
         ("few.yaml --workers 2 --cluster tcp://a:1", "--cluster: not allowed with argument --wor"),
         ("few.yaml --cluster nonsense", "--cluster nonsense: cannot be reached"),
         ("few.yaml --cluster ftp://a:1", "unknown address scheme"),
@@ -277,6 +279,6 @@ def test_failed_runs_are_said_first(copied, files, capfd, monkeypatch, kept, cod
 
     assert main(["study", str(files / "many.yaml"), "--out", str(copied), "--resume"]) == code
     assert capfd.readouterr().out.splitlines()[1] == said
-    monkeypatch.setattr("sdt_drake.commands.study.write_study_page", lambda folder: folder / "it")
+    monkeypatch.setattr(report, "write_study_report", lambda folder: (folder / "it", Document("")))
     assert main(["study", "show", str(copied)]) == 0
     assert capfd.readouterr().out.startswith(said + "\n")
