@@ -17,7 +17,7 @@ FEEDFORWARDS = ("none", "ctc", "id")
 
 
 def feedforward_torque(
-    feedforward: str, model: Robot, groups: Sequence[ArrayLike], vd: ArrayLike, sign: str
+    feedforward: str, model: Robot, groups: Sequence[ArrayLike], vd: Array, sign: str
 ) -> Array:
     """What the model says that the motors need, **motor side** [N m], shape (n,) or (N, n).
 

@@ -44,7 +44,7 @@ class InertiaRange:
     minimum: Array
 
     @staticmethod
-    def of(i_eff: ArrayLike) -> InertiaRange:
+    def of(i_eff: Array) -> InertiaRange:
         """The range of I_eff of shape (N, n)."""
         return InertiaRange(
             maximum=np.max(i_eff, axis=0),

@@ -94,7 +94,6 @@ def torque_groups(robot: Robot, q: ArrayLike, v: ArrayLike, vd: ArrayLike) -> To
     """
     q_and_v, vd = np.concatenate([q, v], axis=-1), np.asarray(vd, dtype=float)
     context = robot.plant.CreateDefaultContext()
-    groups = np.empty((5, *vd.shape))
-    for i in np.ndindex(vd.shape[:-1]):
-        groups[(slice(None), *i)] = groups_of_sample(robot, context, q_and_v[i], vd[i])
-    return TorqueGroups(*groups)
+    rows = zip(q_and_v.reshape(-1, 2 * robot.n), vd.reshape(-1, robot.n), strict=True)
+    groups = np.array([groups_of_sample(robot, context, *row) for row in rows])
+    return TorqueGroups(*np.moveaxis(groups.reshape(*vd.shape[:-1], 5, robot.n), -2, 0))

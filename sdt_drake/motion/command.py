@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from sdt_drake.errors import InputError
 from sdt_drake.fields import check
@@ -51,9 +52,9 @@ class Course:
     swings: tuple[tuple[float, Oscillation], ...] = ()
 
     @staticmethod
-    def linear(times: ArrayLike, values: ArrayLike) -> Course:
+    def linear(times: Sequence[float] | Array, values: Sequence[float] | Array) -> Course:
         """Straight from point to point."""
-        return Course(np.array(times), np.array(values), np.zeros(len(times) - 1, dtype=bool))
+        return Course(np.array(times), np.array(values), np.zeros(len(times) - 1, dtype=np.bool_))
 
     def speed(self, time: Array) -> Array:
         """[rad/s] at `time` [s], shape (N,)."""
@@ -166,7 +167,7 @@ def command_of(profile: MotionProfile, robot: Robot, where: str | None = None) -
         joints[k], spans = _course(track, places, geometry, q0[k], profile.duration)
         timeline += spans
         if geometry is not None and geometry.sign != 0:
-            aligned = robot.joint_names.index(track.resultant.align)
+            aligned = robot.joint_names.index(track.joints[1])
             alignment = aligned, joints[k], geometry
     return Command(profile.name, profile.duration, q0, tuple(joints), alignment, tuple(timeline))
 
@@ -280,7 +281,11 @@ def _check_fit(segment: Segment, geometry: SpinGeometry | None, speed: float, wh
             f"{where}: !{type(segment).__name__} at a speed of {np.degrees(speed):g} deg/s, "
             + (f"expected {np.degrees(expected):g} deg/s" if expected else "expected rest")
         )
-    if geometry is not None and isinstance(segment, Ramp) and segment.to_g > geometry.largest_g:
+    if (
+        geometry is not None
+        and isinstance(segment, Ramp)
+        and (segment.to_g or 0) > geometry.largest_g
+    ):
         raise InputError(
             f"{where}.to_g: {segment.to_g:g} G, expected at most {geometry.largest_g:.3f} G, the "
             "speed limit of the spin joint"

@@ -82,7 +82,7 @@ def _limited_speeds(
             vd = commanded.vd[ahead]
             torque = inverse_dynamics(robot, shifted, command[ahead], vd)
             beyond = ((np.abs(torque) > available) | (np.abs(vd) > largest)).any(axis=1)
-            followed = int(np.argmax(beyond)) if beyond.any() else len(beyond)
+            followed = int(np.argmax(beyond)) if beyond.any() else beyond.size
             look = _SHORTEST_LOOK if beyond.any() else min(2 * look, _LONGEST_LOOK)
             q = q + (commanded.q[i + followed] - commanded.q[i])
             i, v = i + followed, command[i + followed]

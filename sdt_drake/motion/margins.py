@@ -107,7 +107,8 @@ def margins(
     if n1 is not None:
         # What is left of each motor's torque to drive with at its speed.
         motor_speed = robot.gear_ratio * np.abs(motion.v)
-        left = np.clip((n0 - motor_speed) / np.subtract(n0, n1), 0, 1)
+        rated, no_load = np.asarray(n1), np.asarray(n0)
+        left = np.clip((no_load - motor_speed) / (no_load - rated), 0, 1)
         lowest = np.where(motion.v < 0, left, 1) * lowest
         highest = np.where(motion.v > 0, left, 1) * highest
         available = np.where(torque > 0, highest, -lowest)

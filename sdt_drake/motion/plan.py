@@ -78,7 +78,7 @@ def commanded_motion(robot: Robot, command: Command, period: float) -> Motion:
     if len(command.q0) != robot.n:
         raise InputError(f"{where}{len(command.q0)} joints, robot '{robot.name}' has {robot.n}")
     count = whole_periods(command.duration, period, f"{where}duration")
-    time = np.arange(count + 1) * period
+    time = np.arange(count + 1.0) * period
     with np.errstate(over="ignore", invalid="ignore"):
         motion = Motion.from_speeds(period, command.q0, command.speeds(time))
         for values, most, unit in (

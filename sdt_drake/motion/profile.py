@@ -8,6 +8,7 @@ the sum of (v_i + v_i+1) / 2 times the time of each piece, whatever its blend. O
 # spelled Optional[...] or Union[...].
 import difflib
 import itertools
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePath
@@ -108,13 +109,12 @@ class Ramp(Segment):
 
     def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
         """One piece."""
-        if self.to_g is None:
-            target = float(np.radians(self.to_deg_s))
-        else:
+        target = math.radians(self.to_deg_s or 0)
+        if geometry is not None and self.to_g is not None:
             target = geometry.speed(self.to_g)
         if self.duration is not None:
             return [(self.duration, target)]
-        mean = float(np.radians(self.acceleration_deg_s2)) / _PEAK_ACCELERATION[self.blend]
+        mean = math.radians(self.acceleration_deg_s2 or 0) / _PEAK_ACCELERATION[self.blend]
         return [(abs(target - speed) / mean, target)]
 
     def text(self) -> str:
@@ -149,14 +149,13 @@ class Turn(Segment):
 
     def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
         """Two pieces along cosines, or three linear ones."""
-        if self.to_deg is None:
-            by = float(np.radians(self.by_deg))
-        else:
-            by = float(np.radians(self.to_deg)) - angle
+        by = math.radians(self.by_deg or 0)
+        if self.to_deg is not None:
+            by = math.radians(self.to_deg) - angle
         factor = _PEAK_SPEED[self.blend]
         duration = self.duration
         if duration is None:
-            duration = factor * abs(by) / float(np.radians(self.speed_deg_s))
+            duration = factor * abs(by) / math.radians(self.speed_deg_s or 0)
         peak = factor * by / duration if duration > 0 else 0.0
         speeds = (peak, 0.0) if self.blend == "cosine" else (peak, peak, 0.0)
         return [((i + 1) * duration / len(speeds), v) for i, v in enumerate(speeds)]
@@ -311,15 +310,17 @@ class Track:
         """The segments are those of a joint, or those of a resultant."""
         yield from _either(self, "joint", "resultant")
         for j, segment in enumerate(self.segments):
-            place, kind = f"segments[{j + 1}]", type(segment)
+            place, kind = f"segments[{j + 1}]", type(segment).__name__
             if self.resultant is None:
-                if kind is Ramp and segment.to_g is not None:
+                if isinstance(segment, Ramp) and segment.to_g is not None:
                     yield f"{place}.to_g", "in a track of a joint, expected to_deg_s"
-            elif kind not in (Ramp, Hold):
-                yield place, f"!{kind.__name__} in a track of the resultant, expected !Ramp, !Hold"
-            elif kind is Ramp and segment.to_g is None:
+            elif isinstance(segment, Hold):
+                continue
+            elif not isinstance(segment, Ramp):
+                yield place, f"!{kind} in a track of the resultant, expected !Ramp, !Hold"
+            elif segment.to_g is None:
                 yield f"{place}.to_deg_s", "in a track of the resultant, expected to_g"
-            elif kind is Ramp and segment.blend == "linear" and self.resultant.align is not None:
+            elif segment.blend == "linear" and self.resultant.align is not None:
                 align = f"the aligned joint '{self.resultant.align}' would have to jump in speed"
                 yield f"{place}.blend", f"'linear', expected cosine: {align}"
 
@@ -327,7 +328,7 @@ class Track:
     def joints(self) -> list[str]:
         """The joint whose speed the segments give; of a resultant the aligned one too."""
         if self.resultant is None:
-            return [self.joint]
+            return [self.joint or ""]
         return [j for j in (self.resultant.spin, self.resultant.align) if j is not None]
 
 

@@ -68,20 +68,20 @@ def resample(path: str | Path, period: float) -> tuple[Motion, Loss]:
     """
     time, columns = read_table(path, even=False)
     v, q = columns.get("v_ref"), columns.get("q_ref")
-    if v is None and q is None:
-        raise InputError(f"{path}: neither v_ref_1 nor q_ref_1, expected time and one for a joint")
     if v is not None and q is not None and v.shape != q.shape:
         raise InputError(f"{path}: q_ref and v_ref differ in their number of joints")
     time = time - time[0]
     last = np.ceil(time[-1] / period - 1e-6) * period
-    t = np.arange(whole_periods(last, period, str(path)) + 1) * period
-    if v is None:
-        v, motion = _from_positions(time, q, t, period)
-    else:
+    t = np.arange(whole_periods(last, period, str(path)) + 1.0) * period
+    if v is not None:
         if q is None:
             steps = np.diff(time)[:, None] * (v[1:] + v[:-1]) / 2
             q = np.vstack([np.zeros_like(v[:1]), np.cumsum(steps, axis=0)])
         motion = Motion.from_speeds(period, q[0], _interpolated(t, time, v))
+    elif q is not None:
+        v, motion = _from_positions(time, q, t, period)
+    else:
+        raise InputError(f"{path}: neither v_ref_1 nor q_ref_1, expected time and one for a joint")
     return motion, _checked_loss(path, motion, time, q, v)
 
 
@@ -107,7 +107,7 @@ def _checked_loss(path: str | Path, motion: Motion, time: Array, q: Array, v: Ar
     found = []
     for what, unit, given, got in (
         ("speed", "rad/s", v, _interpolated(time, motion.time, motion.v)),
-        ("position", "rad", q, motion.trajectory.vector_values(time).T),
+        ("position", "rad", q, motion.trajectory.vector_values(list(time)).T),
     ):
         off = np.abs(got - given)
         size, at = off.max(axis=0), time[off.argmax(axis=0)]

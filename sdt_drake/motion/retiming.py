@@ -87,9 +87,9 @@ def retime(
     # hold the links, the last timing is slowed down: beyond holding, all it needs gets less then.
     left = _LONGEST * commanded.duration  # s of motion to try, in all passes
     s, slower = path.fastest(limits), 1.0
-    for _ in range(_MOST_PASSES if s is not None else 0):
-        left -= s.end_time() / slower
-        if left < 0:
+    for _ in range(_MOST_PASSES):
+        left -= s.end_time() / slower if s is not None else np.inf
+        if s is None or left < 0:
             break
         motion, path_speed = path.sampled(s, slower)
         excess = _excess(robot, motion, available)

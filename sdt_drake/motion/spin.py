@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.multibody.tree import RevoluteJoint
 
 from sdt_drake.errors import InputError
 from sdt_drake.robot import Robot
@@ -110,4 +112,4 @@ def _axis_and_origin(robot: Robot, name: str) -> tuple[Array, Array]:
     robot.plant.SetPositions(context, np.zeros(robot.n))
     joint = robot.plant.GetJointByName(name)
     pose = joint.frame_on_parent().CalcPoseInWorld(context)
-    return pose.rotation().matrix() @ joint.revolute_axis(), pose.translation()
+    return pose.rotation().matrix() @ cast(RevoluteJoint, joint).revolute_axis(), pose.translation()

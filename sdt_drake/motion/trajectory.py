@@ -63,7 +63,7 @@ class Motion:
     @property
     def time(self) -> Array:
         """i * period [s], shape (N + 1,): the very numbers at which a Drake simulator samples."""
-        return np.arange(len(self.q)) * self.period
+        return np.arange(float(len(self.q))) * self.period
 
     @property
     def duration(self) -> float:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydrake.multibody.tree import UniformGravityFieldElement
+from pydrake.multibody.tree import RevoluteJoint, UniformGravityFieldElement
 
 from sdt_drake.errors import InputError
 from sdt_drake.robot import Robot
@@ -142,7 +143,9 @@ def _chain_at_zero(robot: Robot) -> tuple[Array, list[tuple[int, Array, Array]],
         joint = plant.GetJointByName(name)
         if head.body().index() in plant.GetBodiesKinematicallyAffectedBy([joint.index()]):
             pose = joint.frame_on_parent().CalcPoseInWorld(context)
-            joints.append((k, pose.rotation().matrix() @ joint.revolute_axis()))
+            joints.append(
+                (k, pose.rotation().matrix() @ cast(RevoluteJoint, joint).revolute_axis())
+            )
             origins.append(pose.translation())
     origins.append(head_pose.translation())
     steps = np.diff(origins, axis=0)
