@@ -73,6 +73,8 @@ class Design:
         inertia_share: I_eff along the motion over its largest, of the model [-], shape (N + 1, n).
         feedforward: torque feedforward of the controller; None where it has none.
         tau_ff: the same along the motion, motor side [N m], shape (N + 1, n).
+        steady_load, steady_ff: load torque and torque feedforward of who has gone on at the first
+            speed for long, motor side [N m], shape (n,): where a run starts.
     """
 
     scenario: Scenario
@@ -92,6 +94,8 @@ class Design:
     inertia_share: Array
     feedforward: Law | None
     tau_ff: Array | None
+    steady_load: Array
+    steady_ff: Array | float
 
     @property
     def position_gain(self) -> Array:
@@ -112,26 +116,6 @@ class Design:
         has_no_more = choice.feedforward_gain is None and not choice.friction_compensation
         is_ctc = choice.feedforward_in_use == "ctc"
         return is_ctc and has_no_more and self.model is self.loaded_robot
-
-    @cached_property
-    def steady_load(self) -> Array:
-        """Load torque of who has gone on at the first speed for long, motor side [N m], shape (n,):
-        where a run starts."""
-        torques = _along(self.loaded_robot, self._steady)
-        return _loads(self.scenario, self.robot, torques).load_torque[0]
-
-    @cached_property
-    def steady_ff(self) -> Array:
-        """Torque feedforward there, motor side [N m], shape (n,)."""
-        if self.feedforward is None:
-            return np.zeros(self.robot.n)
-        return _fed(self.feedforward, _along(self.model, self._steady), self._steady)[0]
-
-    @property
-    def _steady(self) -> Motion:
-        """One sample that goes on at the first speed."""
-        q, v = self.motion.q[:1], self.motion.v[:1]
-        return Motion(self.motion.period, q, v, np.zeros_like(v))
 
     @cached_property
     def reference(self) -> Motion:
@@ -194,14 +178,7 @@ def make_design(
     Raises:
         InputError: for any bad input on the way.
     """
-    if robot is None:
-        nominal = load_device(scenario)
-    else:
-        nominal = robot
-        check(scenario, _name(scenario), nominal.n)
-    with within(_name(scenario)):
-        robot = deviated(nominal, scenario.plant.deviation, "plant.deviation")
-        model = deviated(nominal, scenario.controller.model, "controller.model")
+    nominal, robot, model = _robots(scenario, robot)
     if motion is None:
         motion = _planned(scenario, nominal)
     with within(_name(scenario)):
@@ -220,6 +197,7 @@ def make_design(
         check_poles(scenario, robot, gains, slowest, springs)
 
     feedforward = _feedforward(scenario, model)
+    steady = Motion(motion.period, motion.q[:1], motion.v[:1], np.zeros_like(motion.v[:1]))
     return Design(
         scenario=scenario,
         nominal=nominal,
@@ -238,10 +216,26 @@ def make_design(
         inertia_share=i_eff_modelled / largest,
         feedforward=feedforward,
         tau_ff=None if feedforward is None else _fed(feedforward, modelled, motion),
+        steady_load=_loads(scenario, robot, _along(loaded, steady)).load_torque[0],
+        steady_ff=0 if feedforward is None else _fed(feedforward, _along(model, steady), steady)[0],
     )
 
 
 # --- device ----------------------------------------------------------------------------------
+
+
+def _robots(scenario: Scenario, nominal: Robot | None) -> tuple[Robot, Robot, Robot]:
+    """The nominal robot, what moves, and what the controller takes it for."""
+    if nominal is None:
+        nominal = load_device(scenario)
+    else:
+        check(scenario, _name(scenario), nominal.n)
+    with within(_name(scenario)):
+        return (
+            nominal,
+            deviated(nominal, scenario.plant.deviation, "plant.deviation"),
+            deviated(nominal, scenario.controller.model, "controller.model"),
+        )
 
 
 def load_device(scenario: Scenario) -> Robot:

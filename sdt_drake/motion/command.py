@@ -281,12 +281,9 @@ def _check_fit(segment: Segment, geometry: SpinGeometry | None, speed: float, wh
             f"{where}: !{type(segment).__name__} at a speed of {np.degrees(speed):g} deg/s, "
             + (f"expected {np.degrees(expected):g} deg/s" if expected else "expected rest")
         )
-    if (
-        geometry is not None
-        and isinstance(segment, Ramp)
-        and (segment.to_g or 0) > geometry.largest_g
-    ):
+    to_g = (segment.to_g or 0.0) if isinstance(segment, Ramp) else 0.0
+    if geometry is not None and to_g > geometry.largest_g:
         raise InputError(
-            f"{where}.to_g: {segment.to_g:g} G, expected at most {geometry.largest_g:.3f} G, the "
+            f"{where}.to_g: {to_g:g} G, expected at most {geometry.largest_g:.3f} G, the "
             "speed limit of the spin joint"
         )
