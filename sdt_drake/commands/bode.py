@@ -10,7 +10,7 @@ from sdt_drake.commands.common import (
     check_out,
     deliver,
     design_of,
-    print_table,
+    print_joints,
     say,
 )
 from sdt_drake.errors import InputError, checked_number
@@ -48,28 +48,18 @@ def run(options: argparse.Namespace) -> None:
     response = frequency_response(design, sample=sample)
     scenario = design.scenario
     say(f"{scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant")
-    print_table(
-        ("joint", "bandwidth [rad/s]", "peak [dB]", "at [rad/s]", "crossover [rad/s]",
-         "phase margin [deg]", "modulus margin", "stable"),
+    print_joints(
+        design.robot.joint_names,
         [
-            (
-                f"{k + 1} {design.robot.joint_names[k]}",
-                *(
-                    f"{values[k]:{spec}}".replace("nan", "–")
-                    for values, spec in (
-                        (response.bandwidth, ".2f"),
-                        (np.round(response.peak_db, 2) + 0.0, ".2f"),
-                        (response.peak_omega, ".2f"),
-                        (response.crossover, ".2f"),
-                        (response.phase_margin, ".1f"),
-                        (response.modulus_margin, ".3f"),
-                    )
-                ),
-                "yes" if response.stable[k] else "no",
-            )
-            for k in range(design.robot.n)
+            ("bandwidth [rad/s]", ".2f", response.bandwidth),
+            ("peak [dB]", ".2f", np.round(response.peak_db, 2) + 0.0),
+            ("at [rad/s]", ".2f", response.peak_omega),
+            ("crossover [rad/s]", ".2f", response.crossover),
+            ("phase margin [deg]", ".1f", response.phase_margin),
+            ("modulus margin", ".3f", response.modulus_margin),
+            ("stable", "", np.where(response.stable, "yes", "no")),
         ],
-    )  # fmt: skip
+    )
     say("speed of the link over its reference, without feedforward; the loop cut at the motor")
     times = " ".join(f"{t:.3f}" for t in design.motion.time[response.sample])
     say(f"linear around the motion at {times} s")

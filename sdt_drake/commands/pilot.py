@@ -99,17 +99,11 @@ def _motion_rows(head, period: float):
         ]
 
     axes = ("roll", "pitch", "yaw")
-    labels = [
-        "largest G",
-        "smallest G",
-        *(f"{axis} rate, largest [deg/s]" for axis in axes),
-        *(f"{axis} rate that the canals tell, largest [deg/s]" for axis in axes),
-        *(
-            f"{axis} told after the stop, above {UNPERCEIVED_RATE:g} deg/s, for [s]"
-            for axis in axes
-        ),
-        "felt upright, farthest from the head's z [deg]",
-    ]
+    labels = ["largest G", "smallest G", *(f"{axis} rate, largest [deg/s]" for axis in axes)]
+    labels += [f"{axis} rate that the canals tell, largest [deg/s]" for axis in axes]
+    after = f"told after the stop, above {UNPERCEIVED_RATE:g} deg/s, for [s]"
+    labels += [f"{axis} {after}" for axis in axes]
+    labels += ["felt upright, farthest from the head's z [deg]"]
     columns = (labels, values(head.reference), values(head.achieved))
     return ("", "reference", "achieved"), list(zip(*columns, strict=True))
 

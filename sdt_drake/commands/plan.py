@@ -14,7 +14,7 @@ from sdt_drake.commands.common import (
     check_out,
     deliver,
     naming,
-    print_table,
+    print_joints,
     say,
     some_path,
 )
@@ -119,8 +119,11 @@ def _duration(plan) -> str:
     return text if plan.longer <= 0 else f"{text}, {plan.longer:g} s longer than commanded"
 
 
-def _tenths(value: float) -> str:
-    return f"{round(float(value), 1) + 0.0:.1f}"  # never -0.0
+def _tenths(values):
+    """Rounded, never -0.0."""
+    import numpy as np
+
+    return np.round(values, 1) + 0.0
 
 
 def _print_ends(options: argparse.Namespace, robot, plan) -> None:
@@ -145,11 +148,8 @@ def _print_report(options: argparse.Namespace, robot, plan, report) -> None:
     import numpy as np
 
     motion = plan.motion
-    share = (
-        ""
-        if plan.torque_margin == 1
-        else f" with {100 * plan.torque_margin:.4g} % of the motors' torque"
-    )
+    is_whole = plan.torque_margin == 1
+    share = "" if is_whole else f" with {100 * plan.torque_margin:.4g} % of the motors' torque"
     say(f"{options.motion}: {_duration(plan)}, {len(motion.time)} samples, feasible{share}")
     _print_ends(options, robot, plan)
     if plan.loss is not None:
@@ -160,32 +160,36 @@ def _print_report(options: argparse.Namespace, robot, plan, report) -> None:
             f"{j + 1}, {loss.speed_time[j]:.3f} s) and {loss.position[k]:.3g} rad (joint {k + 1}, "
             f"{loss.position_time[k]:.3f} s)"
         )
+    angles, speed = np.degrees(motion.q), np.abs(motion.v).max(axis=0)
     tightest = [report.tightest(k) for k in range(robot.n)]
-    speed = np.abs(motion.v).max(axis=0)
-    print_table(
-        ("joint", "torque [N m]", "of motor [%]", "RMS [%]", "held [s]", "speed [rad/s]",
-         "of limit [%]", "from [deg]", "to [deg]", "tightest"),
+    print_joints(
+        robot.joint_names,
         [
+            ("torque [N m]", ".1f", report.peak_torque),
+            ("of motor [%]", ".1f", 100 * report.peak_torque / robot.effort_limit),
+            ("RMS [%]", ".1f", 100 * report.rms_torque / robot.effort_limit),
+            ("held [s]", ".3f", plan.limited.sum(axis=0) * motion.period),
+            ("speed [rad/s]", ".3f", speed),
+            ("of limit [%]", ".1f", 100 * speed / robot.velocity_limit),
+            ("from [deg]", ".1f", _tenths(angles.min(axis=0))),
+            ("to [deg]", ".1f", _tenths(angles.max(axis=0))),
             (
-                f"{k + 1} {robot.joint_names[k]}", f"{report.peak_torque[k]:.1f}",
-                f"{100 * report.peak_torque[k] / robot.effort_limit[k]:.1f}",
-                f"{100 * report.rms_torque[k] / robot.effort_limit[k]:.1f}",
-                f"{plan.limited[:, k].sum() * motion.period:.3f}",
-                f"{speed[k]:.3f}", f"{100 * speed[k] / robot.velocity_limit[k]:.1f}",
-                _tenths(np.degrees(motion.q[:, k].min())),
-                _tenths(np.degrees(motion.q[:, k].max())),
-                f"{place.quantity}, {_tenths(100 * place.share)} % at {place.time:.3f} s",
-            )
-            for k, place in enumerate(tightest)
+                "tightest",
+                "",
+                [
+                    f"{place.quantity}, {_tenths(100 * place.share):.1f} % at {place.time:.3f} s"
+                    for place in tightest
+                ],
+            ),
         ],
-    )  # fmt: skip
+    )
     for k in np.flatnonzero(np.isfinite(report.to_stop)):
         say(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
     place = report.smallest
     say(
-        f"smallest margin: {_tenths(100 * place.left)} %, {place.quantity} of joint "
+        f"smallest margin: {_tenths(100 * place.left):.1f} %, {place.quantity} of joint "
         f"{place.joint + 1} '{robot.joint_names[place.joint]}' at {place.time:.3f} s"
-        + ("" if plan.torque_margin == 1 else ", held against the whole limit")
+        + ("" if is_whole else ", held against the whole limit")
     )
     if place.quantity == "torque at speed" and place.left < 0:
         say(

@@ -13,7 +13,7 @@ from sdt_drake.commands.common import (
     check_out,
     deliver,
     design_of,
-    print_table,
+    print_joints,
     say,
 )
 from sdt_drake.errors import InputError, checked_number
@@ -109,22 +109,21 @@ def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
     import numpy as np
 
     shown = [int(np.argmin(np.abs(sweep.ratio - ratio))) for ratio in SHOWN]
-    print_table(
-        ("joint", *(f"{sweep.ratio[i]:g}" for i in shown), "unstable from"),
-        [
-            (
-                f"{k + 1} {name}",
-                *(
-                    f"{sweep.damping[i, k]:.2f}, {sweep.overshoot_percent[i, k]:.0f} %"
-                    if sweep.damping[i, k] > 0
-                    else "unstable"
-                    for i in shown
-                ),
-                "–" if np.isinf(sweep.border[k]) else f"{sweep.border[k]:.3f}",
-            )
-            for k, name in enumerate(joint_names)
-        ],
-    )
+    columns = [
+        (
+            f"{sweep.ratio[i]:g}",
+            "",
+            [
+                f"{damping:.2f}, {overshoot:.0f} %" if damping > 0 else "unstable"
+                for damping, overshoot in zip(
+                    sweep.damping[i], sweep.overshoot_percent[i], strict=True
+                )
+            ],
+        )
+        for i in shown
+    ]
+    border = np.where(np.isinf(sweep.border), np.nan, sweep.border)
+    print_joints(joint_names, [*columns, ("unstable from", ".3f", border)])
 
 
 def _notes(design: Design, omega_r: float) -> list[str]:

@@ -294,7 +294,7 @@ BAD = [
     ([(YAW, "!Ramp {duration: 5}")], "segments[1]: neither, expected either to_deg_s or to_g"),
     ([(YAW, "!Ramp {to_g: 1.5, duration: 4}")], "segments[1].to_g: in a track of a joint, exp"),
     ([(YAW, "!Ramp {to_deg_s: 0, acceleration_deg_s2: 5}")], "segments[1]: nothing changes"),
-    ([(YAW, GO)], "segments[1]: 'yaw' ends at 5 deg/s, expected rest at the end"),
+    ([(YAW, "!Ramp {to_deg_s: -5, duration: 1}")], "[1]: 'yaw' ends at -5 deg/s, expected rest"),
     # Turns.
     ([(YAW, "!Turn {to_deg: 0, speed_deg_s: 5}")], "segments[1]: nothing changes"),
     ([(YAW, "!Turn {by_deg: 3, to_deg: 4, duration: 5}")], "by_deg and to_deg, expected either by"),
