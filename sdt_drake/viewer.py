@@ -150,9 +150,8 @@ def open_meshcat(port: int | None = None) -> Meshcat:
         port: 1024 to 65535; by default the first free one from 7000 to 7099.
 
     Raises:
-        InputError: if the port is out of range, or in use.
+        InputError: if the port is in use.
     """
-    check_port(port)
     try:
         return Meshcat(MeshcatParams(host="localhost", port=port, show_stats_plot=False))
     except RuntimeError:
@@ -182,10 +181,8 @@ def play(
         announce: called with the address of the page, before the motion starts.
 
     Raises:
-        InputError: if the motion does not fit the robot, the rate is beyond RATES, or there is no
-            port.
+        InputError: if the motion does not fit the robot, or there is no port.
     """
-    check_rate(rate)
     if pilot:
         check_head(robot)
     frames = make_frames(robot, time, q)

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import socket
-import subprocess
-import sys
 from pathlib import Path
 
 import command_line
@@ -60,11 +56,6 @@ def shown(monkeypatch):
     return calls
 
 
-def test_help(good):
-    out = " ".join(good("view", "--help").out.split())
-    assert "example: sdt-drake view package://sdt/scenarios/" in out
-
-
 @pytest.mark.parametrize("name", ["recording", "motion"])
 def test_angles_of_a_table(desk, good, shown, name):
     good("view", f"{name}.csv", "--record", "a.html", "--pilot")
@@ -91,17 +82,6 @@ def test_a_motion_is_planned(desk, good, shown):
     assert np.ptp(call_["q"][:, 1]) > 0.1 and np.ptp(call_["q"][:, 2:]) == 0
 
 
-def test_a_training_motion_of_ones_own_is_planned_as_the_shipped_one(desk, good, shown):
-    record = ("--record", "a.html")
-    own = command_line.MODELS / "motions" / "coriolis.yaml"
-    (desk / "my_motion.yaml").write_text(own.read_text(encoding="utf-8"), encoding="utf-8")
-    good("view", "my_motion.yaml", "--robot", str(command_line.MODELS / "sdt.sdf"), *record)
-    good("view", "coriolis", *record)
-    own_, shipped = shown
-    np.testing.assert_array_equal(own_["q"], shipped["q"])
-    assert (own_["title"], shipped["title"]) == ("my_motion", "coriolis")
-
-
 def test_a_scenario_that_is_too_long_is_not_run(desk, call, monkeypatch):
     import sdt_drake.simulate
 
@@ -122,27 +102,14 @@ def test_plays_once_and_says_where(desk, good):
     assert out.startswith("motion: http://localhost:") and "Ctrl-C" not in out
 
 
-@pytest.mark.skipif(os.name == "nt", reason="needs SIGINT")
-def test_ctrl_c_ends_it_cleanly(desk):
-    command = [sys.executable, "-m", "sdt_drake", "view", "motion.csv", "--rate", "5"]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True) as process:
-        assert "Ctrl-C ends it" in process.stdout.readline()
-        process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=60)
-    assert (process.returncode, err) == (0, "")
-
-
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
         (("run.yaml", "--record", "a.htm"), "a.htm: expected an .html file"),
         (("run.yaml", "--record", "."), "is a folder"),
-        (("run.yaml", "--rate", "0"), "--rate: 0, expected 0.01 to 1000"),
-        (("run.yaml", "--rate", "0.009"), "--rate: 0.009, expected 0.01 to 1000"),
+        (("run.yaml", "--rate", "0.0099"), "--rate: 0.0099, expected 0.01 to 1000"),
         (("run.yaml", "--rate", "1000.5"), "--rate: 1000.5, expected 0.01 to 1000"),
         (("run.yaml", "--rate", "nan"), "--rate: nan"),
-        (("run.yaml", "--record", ""), "argument --record: empty, expected a path"),
         (("run.yaml", "--record", "run.yaml/a.html"), "run.yaml: is a file, expected a folder"),
         (("run.yaml", "--port", "80"), "port: 80, expected 1024 to 65535"),
         (("run.yaml", "--port", "65536"), "port: 65536"),
@@ -151,7 +118,6 @@ def test_ctrl_c_ends_it_cleanly(desk):
         (("run.yaml", "--record", "a.html", "--port", "7100"), "--port: has no effect"),
         (("run.yaml", "--record", "a.html", "--rate", "2"), "--rate: has no effect"),
         (("none.yaml",), "none.yaml"),
-        (("none.csv",), "none.csv: no such file"),
         (("speeds.csv",), "speeds.csv: no columns q_1"),
         (("three.csv",), "three.csv: angles of 3 joint(s), robot 'sdt' has 4"),
         (("run.png",), "run.png: expected a"),
@@ -166,13 +132,6 @@ def test_ctrl_c_ends_it_cleanly(desk):
 def test_bad_input_is_one_line(desk, call, shown, arguments, part):
     refused(call("view", *arguments), part)
     assert shown == [] and not list(desk.glob("*.htm*"))
-
-
-def test_table_with_a_value_that_is_no_number(desk, call):
-    bad = ANGLES.copy()
-    bad[7, 2] = np.nan
-    write_table(desk / "bad.csv", TIME, {"q": bad})
-    refused(call("view", "bad.csv", "--record", "a.html"), "bad.csv, line 9", "q_3")
 
 
 def test_port_in_use(desk, call):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import socket
 import struct
 
 import numpy as np
@@ -33,12 +32,11 @@ def smooth(robot, time=TIME):
     return a * s, a * w * c, -a * w**2 * s
 
 
-def without_head(folder, *, bare=False):
-    """A copy of the shipped robot's file in which nobody sits; `bare`: with no visual either."""
+def without_head(folder):
+    """A copy of the shipped robot's file in which nobody sits, with no visual either."""
     text = load_robot().path.read_text(encoding="utf-8")
     text = re.sub(r"<frame name=.head.*?</frame>", "", text, flags=re.S)
-    if bare:
-        text = re.sub(r"<visual .*?</visual>", "", text, flags=re.S)
+    text = re.sub(r"<visual .*?</visual>", "", text, flags=re.S)
     path = folder / "other.sdf"
     path.write_text(text, encoding="utf-8")
     return load_robot(path)
@@ -56,13 +54,6 @@ def test_frames_are_even_and_are_the_motion(robot):
     np.testing.assert_allclose(frames.q[::3], q[::20], rtol=0, atol=1e-12)
     exact, _, _ = smooth(robot, frames.time)
     np.testing.assert_allclose(frames.q, exact, rtol=0, atol=2e-5)
-
-
-def test_frames_of_a_motion_that_starts_later_are_the_same(robot):
-    q, _, _ = smooth(robot)
-    now, later = make_frames(robot, TIME, q), make_frames(robot, TIME + 7.0, q)
-    np.testing.assert_allclose(later.time, now.time)
-    np.testing.assert_allclose(later.q, now.q, rtol=0, atol=1e-9)
 
 
 def test_head_and_its_specific_force_are_drakes(robot):
@@ -102,11 +93,9 @@ def test_arrow_of_free_fall_has_no_length():
     ("change", "part"),
     [
         (lambda t, q: (t[:2], q[:2]), "at least three samples"),
-        (lambda t, q: (t[::-1], q), "at least three samples"),
         (lambda t, q: (np.where(t == 1, np.nan, t), q), "at least three samples"),
         (lambda t, q: (t * 1801, q), "lasts 3602 s, expected at most 3600 s"),
         (lambda t, q: (t, q[:, :3]), "expected (401, 4)"),
-        (lambda t, q: (t, q[:-1]), "expected (401, 4)"),
         (lambda t, q: (t, np.where(t[:, None] == 1, np.inf, q)), "not finite"),
     ],
 )
@@ -189,12 +178,7 @@ def test_page_plays_alone(robot, page_file):
         before = colours(page)
         seek(page, 0.4)
         assert len(set(before)) > 50 and colours(page) != before
-        assert errors == [] and requests == []
-
-
-def test_time_can_be_chosen_on_a_phone(page_file):
-    with open_page(page_file, width=390, height=844) as (page, errors, _):
-        page.wait_for_function("document.getElementById('sdt-seek').max > 0")
+        page.set_viewport_size({"width": 390, "height": 844})  # a phone
         slider, *others = (
             page.locator(f"#sdt-{name}").bounding_box() for name in ("seek", "play", "time", "view")
         )
@@ -206,7 +190,7 @@ def test_time_can_be_chosen_on_a_phone(page_file):
         page.mouse.click(slider["x"] + slider["width"] / 2, slider["y"] + slider["height"] / 2)
         assert page.evaluate("viewer.animator.time") == pytest.approx(1.0, abs=0.1)
         page.wait_for_function("document.getElementById('sdt-play').textContent === 'Play'")
-        assert errors == []
+        assert errors == [] and requests == []
 
 
 def test_pilots_view_rides_along(robot, tmp_path):
@@ -231,9 +215,8 @@ def test_pilots_view_rides_along(robot, tmp_path):
         assert errors == []
 
 
-@pytest.mark.parametrize("bare", [False, True])
-def test_robot_without_a_head(tmp_path, bare):
-    other = without_head(tmp_path, bare=bare)
+def test_robot_without_a_head_and_without_visuals(tmp_path):
+    other = without_head(tmp_path)
     q = smooth(other)[0]
     frames = make_frames(other, TIME, q)
     assert frames.position is None and frames.specific_force is None
@@ -241,31 +224,12 @@ def test_robot_without_a_head(tmp_path, bare):
     with pytest.raises(InputError, match="no pilot's head"):
         record_html(other, TIME, q, tmp_path / "b.html", pilot=True)
     assert not (tmp_path / "b.html").exists()
-    if not bare:
-        return
     with open_page(tmp_path / "a.html", **SMALL) as (page, errors, requests):
         assert not page.is_visible("#sdt-view")
         seek(page, 1.0)
         names = page.evaluate("Object.keys(viewer.scene_tree.children)")
         assert "robot" in names and not {"trace", "arrow", "head"} & set(names)
         assert errors == [] and requests == []
-
-
-@pytest.mark.parametrize("name", ["run.txt", "run", "."])
-def test_refuses_another_kind_of_file(robot, tmp_path, name):
-    with pytest.raises(InputError, match=r"\.html file|folder"):
-        record_html(robot, TIME, smooth(robot)[0], tmp_path / name)
-
-
-def test_mesh_that_is_missing_is_named(tmp_path):
-    text = load_robot().path.read_text(encoding="utf-8")
-    mesh = "<geometry><mesh><uri>none.obj</uri></mesh></geometry>"
-    text = re.sub(r"<geometry>.*?</geometry>", mesh, text, count=1, flags=re.S)
-    (tmp_path / "mesh.sdf").write_text(text, encoding="utf-8")
-    other = load_robot(tmp_path / "mesh.sdf")
-    with pytest.raises(InputError, match=r"none\.obj") as caught:
-        record_html(other, TIME, smooth(other)[0], tmp_path / "a.html")
-    assert "\n" not in str(caught.value)
 
 
 def with_shape(folder, shape):
@@ -286,6 +250,7 @@ def draw(robot):
         ("<sphere><radius>nan</radius></sphere>", "<visual> cannot be drawn .*radius = nan"),
         ("<sphere><radius>1e300</radius></sphere>", "at most 1000 m to show"),
         ("<plane><normal>0 0 0</normal></plane>", "<visual> cannot be drawn .*norm"),
+        ("<mesh><uri>none.obj</uri></mesh>", r"none\.obj"),
         ("<mesh><uri>arm.stl</uri></mesh>", r"<visual> cannot be drawn .*\.stl"),
         ("<mesh><uri>arm.obj</uri></mesh>", "<visual> cannot be drawn .*three vertices"),
     ],
@@ -370,17 +335,6 @@ def test_play_once_shows_every_second_at_its_time(robot, monkeypatch):
     assert len(motion) < 30  # 61 pictures, of which there was time for some
 
 
-def test_play_shows_all_pictures_where_there_is_time(robot, monkeypatch):
-    shown, now = [], [0.0]
-    monkeypatch.setattr(viewer.clock, "perf_counter", lambda: now[0])
-    monkeypatch.setattr(viewer.clock, "sleep", lambda s: now.__setitem__(0, now[0] + s))
-    monkeypatch.setattr(viewer.Scene, "show", lambda scene, k, **_: shown.append((k, now[0])))
-    viewer.play(robot, TIME, smooth(robot)[0], once=True, pilot=True, announce=str)
-    pictures, wall = np.array(shown[1:]).T
-    assert pictures.tolist() == list(range(61))
-    np.testing.assert_allclose(wall, np.arange(61) / FRAME_RATE, atol=1e-9)
-
-
 def test_ctrl_c_ends_the_play(robot, monkeypatch):
     rounds = []
 
@@ -413,24 +367,3 @@ def msgpack_number(packed):
     """The float64 that a packed property ends with."""
     assert packed[-9] == 0xCB
     return struct.unpack(">d", packed[-8:])[0]
-
-
-@pytest.mark.parametrize("port", [0, 80, 70000, -1])
-def test_refuses_a_port(port):
-    with pytest.raises(InputError, match="expected 1024 to 65535"):
-        open_meshcat(port)
-
-
-def test_says_that_a_port_is_in_use():
-    with socket.socket() as busy:
-        busy.bind(("127.0.0.1", 0))
-        busy.listen()
-        port = busy.getsockname()[1]
-        with pytest.raises(InputError, match=f"port: {port} is in use"):
-            open_meshcat(port)
-
-
-@pytest.mark.parametrize("rate", [0.0, -1.0, 0.0099, 1001.0, float("nan"), float("inf")])
-def test_refuses_a_rate(robot, rate):
-    with pytest.raises(InputError, match=r"rate: .*, expected 0\.01 to 1000"):
-        viewer.play(robot, TIME, smooth(robot)[0], rate=rate, once=True)

@@ -64,19 +64,11 @@ def error_budget(design: Design) -> ErrorBudget:
         )
     if scenario.inverse_dynamics != "table":
         raise InputError("inverse_dynamics: online, but an error budget needs table")
-    limit = design.robot.effort_limit
-    free = replace(
-        _without_envelope(design), robot=replace(design.robot, effort_limit=_NO_LIMIT * limit)
-    )
+    free = _without_limits(design)
     smooth = _without_friction(free)
     at_rest = _without_motion(smooth)
-    runs = [
-        design,
-        free,
-        _without_load(_undisturbed(smooth)),
-        _undisturbed(at_rest),
-        at_rest,
-    ]
+    only_reference = _without_load(_undisturbed(smooth))
+    runs = [design, free, only_reference, _undisturbed(at_rest), at_rest]
     if scenario.disturbance.amplitude == 0:
         runs.pop()
     with threads(2) as pool:
@@ -97,10 +89,11 @@ def _undisturbed(design: Design) -> Design:
     return replace(design, scenario=scenario)
 
 
-def _without_envelope(design: Design) -> Design:
+def _without_limits(design: Design) -> Design:
     scenario = copy.deepcopy(design.scenario)
     scenario.drive.n1 = scenario.drive.n0 = None
-    return replace(design, scenario=scenario)
+    robot = replace(design.robot, effort_limit=_NO_LIMIT * design.robot.effort_limit)
+    return replace(design, scenario=scenario, robot=robot)
 
 
 def _without_friction(design: Design) -> Design:

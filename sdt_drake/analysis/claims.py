@@ -5,7 +5,7 @@ What the claims say, and why they hold or not, stands in pages/claims.yaml.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 
@@ -13,6 +13,7 @@ import numpy as np
 import yaml  # of Drake itself
 
 from sdt_drake import paper
+from sdt_drake.analysis.document import Inline, Table
 from sdt_drake.analysis.reproduction import Reproduction, Run, table1
 from sdt_drake.control import natural_frequency, oscillation_frequency
 from sdt_drake.resources import page_text
@@ -289,3 +290,91 @@ def _jump_before_peak(run: Run, joint: int) -> tuple[float, float]:
     changes = np.abs(np.diff(run.recording.load_torque[start : peak + 1, joint]))
     i = int(np.argmax(changes))
     return float(changes[i]), (len(changes) - i) * period
+
+
+# --- in a report ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Claims:
+    """The claims of summary.json: a table, and on a page cards that a filter chooses from."""
+
+    claims: Sequence[Mapping]
+    joints: int
+
+    def markdown(self) -> str:
+        rows = [
+            [
+                claim["id"],
+                claim["statement"],
+                _listed(claim["published"], 6),
+                _listed(claim["computed"], 4),
+                f"**{claim['verdict']}**",
+                claim["why"],
+            ]
+            for claim in self.claims
+        ]
+        header = ["id", "the paper", "published", "computed", "verdict", "why"]
+        return Table(header, rows).markdown()
+
+    def html(self, inline: Inline) -> str:
+        buttons = f'<button type="button" aria-pressed="true">all {len(self.claims)}</button>'
+        for verdict in VERDICTS:
+            count = sum(claim["verdict"] == verdict for claim in self.claims)
+            buttons += (
+                f'<button type="button" aria-pressed="false" data-verdict="{verdict}">'
+                f"{verdict} {count}</button>"
+            )
+        cards = "".join(self._card(claim, inline) for claim in self.claims)
+        return (
+            f'<div class="filter" role="group" aria-label="Claims shown" hidden>{buttons}</div>'
+            f'<p class="shown" role="status"></p>{cards}'
+        )
+
+    def _card(self, claim: Mapping, inline: Inline) -> str:
+        verdict = claim["verdict"]
+        look, sign = VERDICTS[verdict]
+        values = _value_table(claim["published"], claim["computed"], self.joints)
+        return (
+            f'<article class="claim" data-verdict="{verdict}" id="claim-{inline(claim["id"])}">'
+            f'<p class="verdict {look}"><span aria-hidden="true">{sign}</span> {verdict}</p>'
+            f"<h3>{inline(claim['statement'])}</h3>{values.html(inline)}"
+            f'<p class="why">{inline(claim["why"])}</p></article>'
+        )
+
+
+def _value_table(published: object, computed: object, joints: int) -> Table:
+    """Published above computed."""
+    if isinstance(published, dict):
+        header = ["", *(key.replace("_", " ") for key in published)]
+        of = (("published", published, 6), ("computed", computed, 4))
+        rows = [[label, *(_listed(v, digits) for v in x.values())] for label, x, digits in of]
+        return Table(header, rows)
+    rows = [*_value_rows("published", published, 6), *_value_rows("computed", computed, 4)]
+    of_joints = len(rows[-1]) == joints + 1
+    return Table(["", *(f"joint {k + 1}" for k in range(joints))] if of_joints else [], rows)
+
+
+def _value_rows(label: str, value: object, digits: int) -> list[list[str]]:
+    if isinstance(value, dict):
+        return [
+            row
+            for key, item in value.items()
+            for row in _value_rows(f"{label}, {key.replace('_', ' ')}", item, digits)
+        ]
+    values = value if isinstance(value, list) else [value]
+    return [[label, *(_listed(item, digits) for item in values)]]
+
+
+def _listed(value: object, digits: int) -> str:
+    """A value of the summary in words."""
+    if isinstance(value, dict):
+        items = (f"{key.replace('_', ' ')} {_listed(v, digits)}" for key, v in value.items())
+        return "; ".join(items)
+    if isinstance(value, list):
+        return ", ".join(_listed(item, digits) for item in value)
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)

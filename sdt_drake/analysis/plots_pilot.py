@@ -38,7 +38,8 @@ def pilot(title: str, time: Array, head: HeadTracking) -> Figure:
         return np.degrees(motion.angular_velocity)
 
     with style():
-        figure, axes = grid(3, 3, panel=(3.25, 1.95), gaps=(0.45, 0.4), left=0.7, sharex=True)
+        size = {"panel": (3.25, 1.95), "gaps": (0.45, 0.4)}
+        figure, axes = grid(3, 3, left=0.7, bottom=1.0, top=0.85, **size)
         for row in axes:
             for ax in row[1:]:
                 ax.sharey(row[0])

@@ -9,20 +9,18 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from sdt_drake import paper
 from sdt_drake.analysis.block_diagrams import CAPTIONS
-from sdt_drake.analysis.claims import VERDICTS
+from sdt_drake.analysis.claims import VERDICTS, Claims
 from sdt_drake.analysis.document import (
     Block,
     Document,
     EmbeddedPage,
     Figure,
-    Inline,
     Section,
     Table,
     Text,
@@ -243,26 +241,36 @@ def _table1(rows: Sequence[Mapping]) -> Table:
         "zeta_median": ("at median", ".3f"),
         "zeta_min": ("at min", ".3f"),
     }
-    cells = []
-    for k, row in enumerate(rows):
-        computed = [format(row[name], spec) for name, (_, spec) in columns.items()]
-        published = [paper.TABLE1[name][k] if name in paper.TABLE1 else "–" for name in columns]
-        cells += [[f"joint {k + 1}", *computed], ["*published*", *published]]
-    return Table(["", *(title for title, _ in columns.values())], cells, look="pairs")
+    published = [
+        [paper.TABLE1[name][k] if name in paper.TABLE1 else "–" for name in columns]
+        for k in range(len(rows))
+    ]
+    names = [f"joint {k + 1}" for k in range(len(rows))]
+    return _pairs(columns, names, rows, published)
 
 
 def _steps(steps: Mapping) -> Table:
-    names = {"pi": "PI on the error", "p_in_feedback": "P in the feedback path"}
     columns = {
         "rise_time": ("rise, 10–90 % [s]", ".4f"),
         "settling_time": ("settling, 2 % [s]", ".4f"),
         "overshoot_percent": ("overshoot [%]", ".3f"),
     }
+    structures = {"pi": "PI on the error", "p_in_feedback": "P in the feedback path"}
+    published = [[f"{steps['published'][key][name]:g}" for name in columns] for key in structures]
+    return _pairs(columns, structures.values(), [steps[key] for key in structures], published)
+
+
+def _pairs(
+    columns: Mapping[str, tuple[str, str]],
+    names: Iterable[str],
+    computed: Sequence[Mapping],
+    published: Sequence[Sequence[str]],
+) -> Table:
+    """Two rows for each name; columns by key: title and format."""
     rows = []
-    for structure, name in names.items():
-        computed, published = steps[structure], steps["published"][structure]
-        rows.append([name, *(format(computed[key], f) for key, (_, f) in columns.items())])
-        rows.append(["*published*", *(f"{published[key]:g}" for key in columns)])
+    for name, values, printed in zip(names, computed, published, strict=True):
+        rows.append([name, *(format(values[key], spec) for key, (_, spec) in columns.items())])
+        rows.append(["*published*", *printed])
     return Table(["", *(title for title, _ in columns.values())], rows, look="pairs")
 
 
@@ -320,91 +328,3 @@ def _provenance(summary: Mapping) -> list[Block]:
         Table(["", "version"], [[k, v] for k, v in summary["versions"].items()]),
         Table(["", "wall time [s]"], [[k, f"{v:.2f}"] for k, v in times.items()]),
     ]
-
-
-# --- claims ----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Claims:
-    """The claims of summary.json: a table, and on a page cards that a filter chooses from."""
-
-    claims: Sequence[Mapping]
-    joints: int
-
-    def markdown(self) -> str:
-        rows = [
-            [
-                claim["id"],
-                claim["statement"],
-                _listed(claim["published"], 6),
-                _listed(claim["computed"], 4),
-                f"**{claim['verdict']}**",
-                claim["why"],
-            ]
-            for claim in self.claims
-        ]
-        header = ["id", "the paper", "published", "computed", "verdict", "why"]
-        return Table(header, rows).markdown()
-
-    def html(self, inline: Inline) -> str:
-        buttons = f'<button type="button" aria-pressed="true">all {len(self.claims)}</button>'
-        for verdict in VERDICTS:
-            count = sum(claim["verdict"] == verdict for claim in self.claims)
-            buttons += (
-                f'<button type="button" aria-pressed="false" data-verdict="{verdict}">'
-                f"{verdict} {count}</button>"
-            )
-        cards = "".join(self._card(claim, inline) for claim in self.claims)
-        return (
-            f'<div class="filter" role="group" aria-label="Claims shown" hidden>{buttons}</div>'
-            f'<p class="shown" role="status"></p>{cards}'
-        )
-
-    def _card(self, claim: Mapping, inline: Inline) -> str:
-        verdict = claim["verdict"]
-        look, sign = VERDICTS[verdict]
-        values = _value_table(claim["published"], claim["computed"], self.joints)
-        return (
-            f'<article class="claim" data-verdict="{verdict}" id="claim-{inline(claim["id"])}">'
-            f'<p class="verdict {look}"><span aria-hidden="true">{sign}</span> {verdict}</p>'
-            f"<h3>{inline(claim['statement'])}</h3>{values.html(inline)}"
-            f'<p class="why">{inline(claim["why"])}</p></article>'
-        )
-
-
-def _value_table(published: object, computed: object, joints: int) -> Table:
-    """Published above computed."""
-    if isinstance(published, dict):
-        header = ["", *(key.replace("_", " ") for key in published)]
-        of = (("published", published, 6), ("computed", computed, 4))
-        rows = [[label, *(_listed(v, digits) for v in x.values())] for label, x, digits in of]
-        return Table(header, rows)
-    rows = [*_value_rows("published", published, 6), *_value_rows("computed", computed, 4)]
-    of_joints = len(rows[-1]) == joints + 1
-    return Table(["", *(f"joint {k + 1}" for k in range(joints))] if of_joints else [], rows)
-
-
-def _value_rows(label: str, value: object, digits: int) -> list[list[str]]:
-    if isinstance(value, dict):
-        return [
-            row
-            for key, item in value.items()
-            for row in _value_rows(f"{label}, {key.replace('_', ' ')}", item, digits)
-        ]
-    values = value if isinstance(value, list) else [value]
-    return [[label, *(_listed(item, digits) for item in values)]]
-
-
-def _listed(value: object, digits: int) -> str:
-    """A value of the summary in words."""
-    if isinstance(value, dict):
-        items = (f"{key.replace('_', ' ')} {_listed(v, digits)}" for key, v in value.items())
-        return "; ".join(items)
-    if isinstance(value, list):
-        return ", ".join(_listed(item, digits) for item in value)
-    if value is None:
-        return "–"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)

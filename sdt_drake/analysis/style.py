@@ -96,6 +96,7 @@ def grid(
     gaps: tuple[float, float] = (0.35, 0.35),
     left: float = 0.8,
     bottom: float = 0.85,
+    top: float = 0.65,
     sharex: bool | str = True,
 ) -> tuple[Figure, NDArray]:
     """A figure and its axes, shape (rows, columns).
@@ -106,10 +107,10 @@ def grid(
         rows, columns: of the panels.
         panel: width and height of each.
         gaps: between them, across and down.
-        left, bottom: margins of the figure.
+        left, bottom, top: margins of the figure.
         sharex: as in `matplotlib.figure.Figure.subplots`.
     """
-    right, top = 0.15, 0.65
+    right = 0.15
     width = left + columns * panel[0] + (columns - 1) * gaps[0] + right
     height = top + rows * panel[1] + (rows - 1) * gaps[1] + bottom
     figure = Figure(figsize=(max(width, 6.5), height))

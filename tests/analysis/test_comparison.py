@@ -111,11 +111,6 @@ def test_everything_but_the_controller_stays(design, compared):
     assert design.scenario.controller.kind == "pi"
 
 
-def test_controllers_differ(compared):
-    rms = {c.label: c.tracking.rms_speed_error[1] for c in compared}
-    assert rms["pi"] > 5 * rms["p_pi+id"] > 5 * rms["inverse_dynamics"]
-
-
 def leaves_of(system):
     if not isinstance(system, Diagram):
         return [system]
@@ -218,11 +213,6 @@ def test_csv_holds_the_same_in_full(compared, tmp_path):
             assert float(row[FELT[0]]) == 100 * c.head.felt.share
             assert (row[FELT[2]], float(row[FELT[1]])) == c.head.felt.worst_rotation
             assert (row[FELT[4]], float(row[FELT[3]])) == c.head.felt.worst_force
-
-
-def test_csv_that_cannot_be_written(compared, tmp_path):
-    with pytest.raises(InputError, match="folder"):
-        write_comparison(compared, tmp_path)
 
 
 # --- labels -------------------------------------------------------------------------------------

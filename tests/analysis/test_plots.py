@@ -164,7 +164,6 @@ def figures(motion, runs, steps, compared, budget, response, sweeps):
 
 KINDS = ("figure2", "step_responses", "speeds", "speed_errors", "torques", "error_budget")
 PANELS = ("speeds", "speed_errors", "torques", "error_budget")
-ANALYSES = ("comparison", "error_budget", "bode", "stability")
 
 
 def line(ax, label):
@@ -199,16 +198,6 @@ def test_one_panel_for_each_joint_in_order_with_its_name(figures, kind):
     assert len(titles) == 3
     for k, (title, name) in enumerate(zip(titles, NAMES, strict=True), start=1):
         assert str(k) in title and name in title
-
-
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "figure2"])
-def test_legend_names_every_line_once(figures, kind):
-    texts = legend_texts(figures[kind])
-    labels = {line.get_label() for line in figures[kind].axes[0].get_lines()}
-
-    assert len(texts) == len(set(texts))
-    assert {label for label in labels if not label.startswith("_")} <= set(texts)
-    assert not [text for text in texts if text.startswith("_")]
 
 
 def test_colours_of_the_paper(figures):
@@ -332,15 +321,6 @@ def grid(figure):
     return np.reshape(figure.axes, (rows, columns))
 
 
-@pytest.mark.parametrize("kind", ANALYSES)
-def test_no_panel_is_empty(figures, kind):
-    for ax in figures[kind].axes:
-        low, high = ax.get_ylim()
-        heights = [bar.get_height() for bar in ax.patches]
-        values = [y for line in ax.lines for y in np.atleast_1d(line.get_ydata())]
-        assert any(low < y <= high for y in [*heights, *values]), ax.get_title(loc="left")
-
-
 def test_powers_of_ten_are_written_out(figures, tmp_path):
     def shown(axis, limits):
         return {
@@ -375,20 +355,6 @@ def test_comparison_has_a_bar_for_each_controller_and_joint(figures, compared):
                 assert abs(bar.get_x() + bar.get_width() / 2 - k) < 0.5
         edges = sorted((bar.get_x(), bar.get_x() + bar.get_width()) for bar in ax.patches)
         assert all(a[1] <= b[0] + 1e-9 for a, b in pairwise(edges))
-
-
-def test_comparison_names_joints_controllers_and_units(figures):
-    figure = figures["comparison"]
-    assert legend_texts(figure) == list(LABELS)
-    for ax in figure.axes:
-        assert ax.get_title(loc="left").endswith(
-            ("[rad/s]", "[deg]", "[% of the motor]", "[% of time]")
-        )
-    for ax in figure.axes[4:6]:
-        names = [label.get_text() for label in ax.get_xticklabels()]
-        assert names == ["1 base", "2 elbow", "3 wrist"]
-    colours = [bars[0].get_facecolor() for bars in figure.axes[0].containers]
-    assert len(set(colours)) == 3
 
 
 def test_comparison_of_errors_is_logarithmic_and_that_of_torques_starts_at_zero(figures):
@@ -474,11 +440,3 @@ def test_stability_shows_damping_and_overshoot(figures, sweeps):
                 np.testing.assert_array_equal(below.get_ydata(), sweep.overshoot_percent[:, k])
                 look = (shown.get_color(), shown.get_linestyle())
                 assert look == (below.get_color(), below.get_linestyle())
-
-
-def test_stability_tells_joints_by_colour_and_drives_by_dashes(figures):
-    lines = [x for x in figures["stability"].axes[0].get_lines() if x.get_label()[0] != "_"]
-    assert len(lines) == 6
-    assert len({x.get_color() for x in lines}) == 3 and len({x.get_linestyle() for x in lines}) == 2
-    texts = legend_texts(figures["stability"])
-    assert {x.get_label() for x in lines} == {f"{j}, {d}" for j in texts[:3] for d in texts[3:]}

@@ -59,7 +59,7 @@ def test_nine_panels_show_force_rotation_and_error(design, robot):
     assert f"{100 * head.felt.share:.1f} % of the time" in figure.get_suptitle()
 
 
-@pytest.mark.parametrize("scale", [1.0, 1 - 1e-6, 0.99, 0.0])
+@pytest.mark.parametrize("scale", [1.0, 0.99, 0.0])
 def test_the_threshold_and_the_largest_error_are_in_sight(design, robot, scale):
     rows = slice(0, 2001)
     motion = Motion(PERIOD, *(getattr(design.motion, name)[rows] for name in ("q", "v", "vd")))
