@@ -71,6 +71,7 @@ class Design:
         gains: of the PI speed controllers, motor side; tuned on the controller's model.
         omega_n: natural frequency of the speed loops at the model's largest inertia [rad/s], (n,).
         inertia_share: I_eff along the motion over its largest, of the model [-], shape (N + 1, n).
+        position_gain: K_V of a position loop [1/s], shape (n,).
         feedforward: torque feedforward of the controller; None where it has none.
         tau_ff: the same along the motion, motor side [N m], shape (N + 1, n).
         steady_load, steady_ff: load torque and torque feedforward of who has gone on at the first
@@ -92,16 +93,11 @@ class Design:
     gains: SpeedGains
     omega_n: Array
     inertia_share: Array
+    position_gain: Array
     feedforward: Law | None
     tau_ff: Array | None
     steady_load: Array
     steady_ff: Array | float
-
-    @property
-    def position_gain(self) -> Array:
-        """K_V of a position loop [1/s], shape (n,)."""
-        k_v = self.scenario.controller.position_gain
-        return self.omega_n / 4 if k_v is None else np.array(k_v)
 
     @property
     def loaded_robot(self) -> Robot:
@@ -196,7 +192,7 @@ def make_design(
         slowest = i_eff if scenario.plant.kind == "axis" else inertia.minimum
         check_poles(scenario, robot, gains, slowest, springs)
 
-    feedforward = _feedforward(scenario, model)
+    feedforward, k_v = _feedforward(scenario, model), scenario.controller.position_gain
     steady = Motion(motion.period, motion.q[:1], motion.v[:1], np.zeros_like(motion.v[:1]))
     return Design(
         scenario=scenario,
@@ -214,6 +210,7 @@ def make_design(
         gains=gains,
         omega_n=omega_n,
         inertia_share=i_eff_modelled / largest,
+        position_gain=omega_n / 4 if k_v is None else np.array(k_v),
         feedforward=feedforward,
         tau_ff=None if feedforward is None else _fed(feedforward, modelled, motion),
         steady_load=_loads(scenario, robot, _along(loaded, steady)).load_torque[0],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from sdt_drake.commands.common import (
     add_figure,
@@ -14,6 +15,9 @@ from sdt_drake.commands.common import (
     print_table,
     say,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 EXAMPLE = "sdt-drake compare package://sdt/scenarios/coupled_pi.yaml --controllers pi,pi_id,p_pi+id"
 
@@ -74,7 +78,7 @@ def run(options: argparse.Namespace) -> None:
         [(c.label, str(c.blocks), ", ".join(c.needs)) for c in compared],
     )
 
-    def figure():
+    def figure() -> Figure:
         from sdt_drake.analysis import plots
 
         return plots.comparison(f"{scenario.name}: controllers", compared)

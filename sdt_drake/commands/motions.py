@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import argparse
 import textwrap
+from typing import TYPE_CHECKING
 
 from sdt_drake.commands.common import add_robot, naming, print_table, say
 from sdt_drake.errors import InputError
+
+if TYPE_CHECKING:
+    from sdt_drake.motion import Command
+    from sdt_drake.robot import Robot
 
 EXAMPLE = "sdt-drake motions graveyard_spiral"
 
@@ -32,7 +37,7 @@ def run(options: argparse.Namespace) -> None:
         _print_one(options.motion, robot)
 
 
-def _print_all(robot) -> None:
+def _print_all(robot: Robot) -> None:
     from sdt_drake.motion import command_of, load_profile, shipped_motions
 
     rows, sentences = [], []
@@ -52,7 +57,7 @@ def _print_all(robot) -> None:
         _paragraph(sentence)
 
 
-def _print_one(motion: str, robot) -> None:
+def _print_one(motion: str, robot: Robot) -> None:
     import numpy as np
 
     from sdt_drake.motion import load_command, load_profile
@@ -79,7 +84,7 @@ def _print_one(motion: str, robot) -> None:
         _paragraph(f"notes: {profile.notes}")
 
 
-def _largest_g(command, robot) -> str:
+def _largest_g(command: Command, robot: Robot) -> str:
     """Largest resultant at the head, in G."""
     import numpy as np
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sdt_drake.commands.common import (
     ROBOT,
@@ -15,6 +17,14 @@ from sdt_drake.commands.common import (
     some_path,
 )
 from sdt_drake.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy import float64
+    from numpy.typing import NDArray
+
+    from sdt_drake.robot import Robot
+
+    Array = NDArray[float64]
 
 EXAMPLE = "sdt-drake view package://sdt/scenarios/coupled_pi_ctc.yaml --record run.html"
 
@@ -84,7 +94,7 @@ def _check_live_options(options: argparse.Namespace) -> None:
             raise InputError(f"{name}: has no effect with --record")
 
 
-def _motion(options: argparse.Namespace):
+def _motion(options: argparse.Namespace) -> tuple[str, Robot, Array, Array]:
     """Title, robot, time [s] and joint angles [rad] of what was asked for."""
     from sdt_drake.motion import load_plan
     from sdt_drake.robot import load_robot
@@ -102,14 +112,14 @@ def _motion(options: argparse.Namespace):
     return given.stem, robot, motion.time, motion.q
 
 
-def _check(options: argparse.Namespace):
+def _check(options: argparse.Namespace) -> Callable[[Robot], None]:
     """What has to be true of the robot, before anything is planned."""
     from sdt_drake.pilot import check_head
 
     return check_head if options.pilot else lambda robot: None
 
 
-def _simulated(options: argparse.Namespace):
+def _simulated(options: argparse.Namespace) -> tuple[str, Robot, Array, Array]:
     """The same of a scenario; one that is too long is not run in vain."""
     from sdt_drake.scene import check_duration
     from sdt_drake.simulate import simulate
@@ -123,7 +133,7 @@ def _simulated(options: argparse.Namespace):
     return design.scenario.name, design.robot, recording.time, recording.q
 
 
-def _angles(path: Path, robot):
+def _angles(path: Path, robot: Robot) -> tuple[Array, Array]:
     """Time [s] and joint angles [rad] of a table."""
     from sdt_drake.simulate import check_limits
     from sdt_drake.tables import read_table
