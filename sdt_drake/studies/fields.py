@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import functools
 import re
 import types
@@ -12,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from sdt_drake.errors import InputError
+from sdt_drake.fields import nearest
 from sdt_drake.scenario import ControllerChoice, Scenario
 
 Value = float | str
@@ -132,10 +132,6 @@ def _plain(hint: Any) -> Any:
 
 def _unknown(name: str) -> InputError:
     known = [*field_names(), "controller"]
-    bare = re.sub(r"\[\d*\]", "", name)
-    last = bare.rpartition(".")[2]
-    near = [n for n in known if n.rpartition(".")[2] == last]  # right, but at another place
-    near += [n for n in difflib.get_close_matches(bare, known, n=3) if n not in near]
-    meant = f"did you mean {' or '.join(near[:3])}?"
-    hint = meant if near else f"expected one of {', '.join(known)}"
-    return InputError(f"{name}: no field of a scenario, {hint}")
+    bare = re.sub(r"\[.*", "", name)
+    elsewhere = [field for field in known if field.rpartition(".")[2] == bare.rpartition(".")[2]]
+    return InputError(f"{name}: no field of a scenario, {nearest(bare, elsewhere or known)}")

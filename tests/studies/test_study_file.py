@@ -57,11 +57,6 @@ def test_log_uniform():
     np.testing.assert_allclose(actual, 10.0 ** (4 * SHARES - 2), rtol=1e-14)
 
 
-def test_log_uniform_over_all_that_there_is():
-    values = LogUniform(1e-300, 1e300).quantile(SHARES)
-    assert np.all(np.isfinite(values)) and np.all(np.diff(values) > 0)
-
-
 def test_normal():
     actual = Normal(3, 2).quantile(SHARES[1:])
     expected = 3 + 2 * np.array([-1.959963984540054, -0.6744897501960817, 0, 0.6744897501960817,
@@ -129,7 +124,7 @@ def test_bad_distributions(base, distribution, message):
         (Choice(["a\0.yaml"]), "motion", r"values: 'a\\x00.yaml', expected characters"),
         (Uniform(0, 1), "controller.kp", "no such list; add it there"),
         (Uniform(0, 1), "controller.zeta[5]", r"has 4 value\(s\) there"),
-        (Uniform(0, 1), "controller.zetta", "did you mean controller.zeta"),
+        (Uniform(0, 1), "controller.zetta", "did you mean 'controller.zeta'"),
         (Uniform(0, 1), "controller.model", "a part, not a field"),
     ],
 )
@@ -380,7 +375,7 @@ def test_survives_yaml(tmp_path):
         ("!Uniform", "!Unifrom", "unknown kind !Unifrom, expected !Uniform, !LogUniform"),
         ("[pi, p_pi+id]", "[true]", "expected a text"),
         ("high: 0.3", "high: -0.3", r"low 0, high -0.3, expected low < high"),
-        ("disturbance.amplitude", "disturbance.amplitud", "did you mean disturbance.amplitude"),
+        ("disturbance.amplitude", "disturbance.amplitud", "did you mean 'disturbance.amplitude'"),
     ],
 )
 def test_bad_files(desk, old, new, message):
@@ -390,8 +385,3 @@ def test_bad_files(desk, old, new, message):
     with pytest.raises(InputError, match=message) as raised:
         load_study("few.yaml")
     assert all("yaml: " in line for line in raised.value.args)
-
-
-def test_shipped_study_loads():
-    study, _ = load_study("package://sdt/studies/monte_carlo.yaml")
-    assert len(study) > 1
