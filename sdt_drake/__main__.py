@@ -13,6 +13,7 @@ import atexit
 import os
 import signal
 import time
+from types import FrameType
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _AGAIN = 0.02  # s
@@ -40,7 +41,7 @@ class _Stop:
         for number in (*_SIGNALS, signal.SIGALRM):
             signal.signal(number, signal.SIG_IGN)
 
-    def __call__(self, number: int, frame) -> None:
+    def __call__(self, number: int, frame: FrameType | None) -> None:
         if not self.working:
             os._exit(128 + number)
         if not self.number:
@@ -54,7 +55,7 @@ class _Stop:
         else:
             raise KeyboardInterrupt
 
-    def _lost(self, unraisable) -> None:
+    def _lost(self, unraisable: "sys.UnraisableHookArgs") -> None:
         """What was raised where nothing takes it, in a destructor for one."""
         if issubclass(unraisable.exc_type, KeyboardInterrupt):
             signal.setitimer(signal.ITIMER_REAL, _AGAIN)
@@ -62,7 +63,7 @@ class _Stop:
             sys.__unraisablehook__(unraisable)
 
 
-def _is_importing(frame) -> bool:
+def _is_importing(frame: FrameType | None) -> bool:
     while frame is not None and not frame.f_code.co_filename.startswith("<frozen importlib"):
         frame = frame.f_back
     return frame is not None

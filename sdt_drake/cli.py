@@ -40,7 +40,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     arguments = sys.argv[1:] if arguments is None else arguments
     _prepare_streams()
-    code, lines = 0, ()
+    code = 0
+    lines: Sequence[str] = ()
     try:
         code = _run(arguments)
     except KeyboardInterrupt:
@@ -75,7 +76,7 @@ def _run(arguments: Sequence[str]) -> int:
             _check_surroundings(options)
             options.command(options)
         except SystemExit as end:  # of --help with 0, of a study that failed with 1
-            code = end.code
+            code = int(end.code or 0)
         sys.stdout.flush()
     for warning in caught:  # of libraries; where something went wrong, the error says it better
         _print_error(f"warning: {warning.message}")
@@ -127,7 +128,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
     for name in COMMANDS:
         module = importlib.import_module(f"sdt_drake.commands.{name}")
-        does = " ".join(module.__doc__.split())
+        does = " ".join((module.__doc__ or "").split())
         command = commands.add_parser(
             name,
             help=f"{does[0].lower()}{does[1:].removesuffix('.')}",

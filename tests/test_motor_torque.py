@@ -1,6 +1,7 @@
 """What motors give within the periods, against a walk through the loop in small steps."""
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from sdt_drake.design import make_design
 from sdt_drake.device import Drive, Elasticity
 from sdt_drake.loops import make_loop
 from sdt_drake.motion import Motion
+from sdt_drake.motor_torque import _limits
 from sdt_drake.simulate import make_simulator, simulate
 
 PERIODS, STEPS = 30, 50  # 0.15 s of motion, in steps of 0.1 ms
@@ -173,3 +175,13 @@ def test_ends_of_the_periods_are_not_all(design):
     more = run.tau_peak[20:, 0] - np.abs(run.tau[20:, 0])
     jump = own.gains.kp[0] * own.robot.gear_ratio[0] * 0.45 * 0.005
     np.testing.assert_allclose(more, jump, rtol=0.35)
+
+
+def test_limits_of_an_axis_are_widened_on_the_side_on_which_the_others_help(design):
+    limit, periods = design.robot.motor_torque_limit, np.arange(2)
+    help_ = np.array([[3.0, -2, 0, 1], [-1, 5, 2, 0], [0, 0, 0, 0]])
+    axis = design_of(design, "pi", "axis", Drive())
+    axis = replace(axis, loads=axis.loads._replace(alleviating_torque=help_))
+    lower, upper = _limits(axis, periods, np.zeros((2, 1, 4)))
+    np.testing.assert_allclose(upper[:, 0] - limit, [[3, 0, 0, 1], [0, 5, 2, 0]], atol=1e-9)
+    np.testing.assert_allclose(lower[:, 0] + limit, [[0, -2, 0, 0], [-1, 0, 0, 0]], atol=1e-9)

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from sdt_drake.commands import common
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 EXAMPLE = "sdt-drake budget package://sdt/scenarios/axis_pi_ctc.yaml --out budget.png"
 
@@ -32,7 +37,7 @@ def run(options: argparse.Namespace) -> None:
     )
     common.say("largest. The parts add up to the whole at every instant; their sizes do not.")
 
-    def size(values, k: int) -> str:
+    def size(values: NDArray[np.float64], k: int) -> str:
         return f"{np.sqrt(np.mean(values[:, k] ** 2)):.2g} ({np.abs(values[:, k]).max():.2g})"
 
     common.print_table(

@@ -9,13 +9,14 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from sdt_drake.errors import InputError, checked_name, checked_output
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from sdt_drake.design import Design
     from sdt_drake.robot import Robot
 
 # The heavy imports stand in the functions that run: --help and --version answer at once.
@@ -80,7 +81,7 @@ def add_omega_r(parser: argparse.ArgumentParser, default: str) -> None:
     )
 
 
-def design_of(path: str, check: Callable[[Robot], None] = lambda robot: None):
+def design_of(path: str, check: Callable[[Robot], None] = lambda robot: None) -> Design:
     """The design of a scenario file; errors name the file.
 
     Args:
@@ -169,16 +170,14 @@ def deliver(
     from sdt_drake.analysis import style
 
     out: Path | None = options.out
-    as_table = out is not None and table is not None and out.suffix == ".csv"
-    drawn = figure() if options.show or (out and not as_table) else None
+    if out is not None and table is not None and out.suffix == ".csv":
+        table(out)
+    elif out is not None:
+        style.save(figure(), out)
     if out is not None:
-        if as_table:
-            table(out)
-        else:
-            style.save(drawn, out)
         say(f"{out} written")
     if options.show:
-        style.show(drawn)
+        style.show(figure())
 
 
 @contextmanager
@@ -216,7 +215,7 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         say("  ".join([first, *(c.rjust(w) for c, w in zip(cells[1:], widths[1:], strict=True))]))
 
 
-def print_joints(names: Sequence[str], columns: Sequence[tuple[str, str, Iterable]]) -> None:
+def print_joints(names: Sequence[str], columns: Sequence[tuple[str, str, Iterable[Any]]]) -> None:
     """Print a table with a row for each joint.
 
     Args:

@@ -101,12 +101,14 @@ def _as_option(line: str) -> str:
 
 
 def _print_gains(design: Design, omega_r: float) -> None:
+    import numpy as np
+
     from sdt_drake.control import damping_ratio, natural_frequency, oscillation_frequency
 
     inertia, gains = design.inertia, design.gains
     largest, median, smallest = inertia.maximum, inertia.median, inertia.minimum
-    ratios = (natural_frequency(gains, i_eff) / omega_r for i_eff in (largest, smallest))
-    ratios = [f"{slow:.3f} to {fast:.3f}" for slow, fast in zip(*ratios, strict=True)]
+    omega_n = np.array([natural_frequency(gains, i_eff) for i_eff in (largest, smallest)])
+    ratios = [f"{slow:.3f} to {fast:.3f}" for slow, fast in omega_n.T / omega_r]
     common.print_joints(
         design.robot.joint_names,
         [
