@@ -98,6 +98,14 @@ def test_speeds_are_those_computed_by_hand(robot, kind):
     assert not v[:, :3].any()
 
 
+def test_a_turn_to_an_angle_knows_how_far_ramps_have_turned(robot):
+    ramps = Ramp(to_deg_s=12, duration=4), Ramp(to_deg_s=0, duration=2)  # by 36 deg
+    turned = of_yaw(robot, *ramps, Turn(to_deg=0, duration=4), duration=10.0)
+    speed = degrees(turned, 3, np.linspace(0, 10, 10001))
+    assert np.sum(speed[:6001]) * 1e-3 == pytest.approx(36, abs=1e-3)
+    assert np.sum(speed) * 1e-3 == pytest.approx(0, abs=1e-3)
+
+
 @pytest.mark.parametrize("blend, factor", [("linear", 1), ("cosine", np.pi / 2)])
 def test_an_acceleration_is_the_largest_one_and_a_cosine_has_no_jump_in_it(robot, blend, factor):
     up = Ramp(to_deg_s=-30, acceleration_deg_s2=15, blend=blend)
