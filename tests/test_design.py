@@ -18,6 +18,7 @@ from sdt_drake.dynamics import decouple, torque_groups
 from sdt_drake.errors import InputError
 from sdt_drake.motion import Motion
 from sdt_drake.robot import edited, load_robot
+from sdt_drake.scenario import ControllerChoice
 
 R = np.array([67.2, 1, 1, 1])
 ROTORS = np.array([0.1291, 1.73, 0.531, 0.531])  # kg m², motor side
@@ -395,8 +396,12 @@ def test_bad_sizes_name_the_scenario(make):
             lambda s: setattr(s, "drive", Drive(n1=[1.0] * 4, n0=[1.0 + 1e-12] * 4)),
             r"drive: n0 so close to n1 gives joint \d a pole",
         ),
+        (  # at the smallest inertia of joint 2, 66.8 kg m², but not at its largest, 98
+            lambda s: setattr(s, "controller", ControllerChoice(kp=[1, 1.7e7, 1, 1], ki=[1.0] * 4)),
+            r"gains .* give joint 2 a pole at 2\.54e\+05",
+        ),
     ],
-    ids=["coulomb", "viscous", "stribeck", "damping", "torque loop", "envelope"],
+    ids=["coulomb", "viscous", "stribeck", "damping", "torque loop", "envelope", "gains"],
 )
 def test_device_that_would_make_the_simulation_crawl_is_refused(make_variant, change, message):
     with pytest.raises(InputError, match=rf"^scenario 'coupled_pi': {message}"):
