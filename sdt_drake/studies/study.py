@@ -118,31 +118,12 @@ class Grid:
         return np.linspace(self.start, self.stop, self.count).tolist()
 
 
-@dataclass(slots=True)
-class List:
-    """These numbers."""
-
-    values: list[float] = setting()
+class _Listed:
+    __slots__ = ()
 
     def problems(self) -> Problems:
-        yield from _level_problems(self.values)
-
-    @property
-    def size(self) -> int:
-        return len(self.values)
-
-    def levels(self) -> list[Value]:
-        return list(self.values)
-
-
-@dataclass(slots=True)
-class Choice:
-    """These texts: kinds, labels of controllers, names of motions or motors, true or false."""
-
-    values: list[str] = setting()
-
-    def problems(self) -> Problems:
-        yield from _level_problems(self.values)
+        if len(set(self.values)) < len(self.values):
+            yield "values", f"{self.values} has a value twice"
         for value in self.values:
             yield from _text_problems("values", value)
 
@@ -154,19 +135,28 @@ class Choice:
         return list(self.values)
 
 
+@dataclass(slots=True)
+class List(_Listed):
+    """These numbers."""
+
+    values: list[float] = setting()
+
+
+@dataclass(slots=True)
+class Choice(_Listed):
+    """These texts: kinds, labels of controllers, names of motions or motors, true or false."""
+
+    values: list[str] = setting()
+
+
 def _width_problems(low: float, high: float) -> Problems:
     if not low < high:
         yield "", f"low {low:g}, high {high:g}, expected low < high"
 
 
-def _level_problems(values: list) -> Problems:
-    if len(set(values)) < len(values):
-        yield "values", f"{values} has a value twice"
-
-
-def _text_problems(field: str, text: str) -> Problems:
+def _text_problems(field: str, text: Value) -> Problems:
     """Names and levels go into file names, tables and pages."""
-    if not text.isprintable() or text != text.strip():
+    if isinstance(text, str) and (not text.isprintable() or text != text.strip()):
         yield field, f"{text!r}, expected characters that are seen, no space at an end"
 
 
