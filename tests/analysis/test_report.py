@@ -193,6 +193,13 @@ def test_largest_errors(content, key):
         np.testing.assert_allclose(np.degrees(entry["max_abs_position_error"]), drift, atol=0.06)
 
 
+def test_the_smallest_inertia_is_the_published_one_less_its_variation(reproduction):
+    for sign, controller, disturbed in (("printed", "pi", False), ("consistent", "pi_ctc", True)):
+        design = reproduction.run("axis", "i_eff_min", sign, controller, disturbed).design
+        expected = [4.26 * 0.6005, 98.01 * 0.6818, 796.3 * 0.9271, 250.28 * 0.746]
+        np.testing.assert_allclose(design.i_eff, expected, rtol=1e-12)
+
+
 def test_what_is_felt_with_every_controller(reproduction, content):
     for entry, compared in zip(content["beyond"], reproduction.beyond, strict=True):
         felt, head = entry["felt"], compared.head
