@@ -144,16 +144,7 @@ def test_all_text_is_escaped(tmp_path):
 
 
 def test_a_template_takes_blocks_and_numbers():
-    parts = [
-        "# T",
-        "lead {x:.1f}",
-        "## S",
-        "some\nwords {x:.2f}",
-        "{table}",
-        "### H",
-        "## E",
-        "{no}",
-    ]
+    parts = ["# T", "lead {x:.1f}", "## S", "a\nb {x:.2f}", "{table}", "### H", "## E", "{no}"]
     text = "\n\n".join(parts) + "\n"
     document = from_template(text, {"table": [Text("t")], "no": []}, {"x": 1.234})
     assert (document.title, document.lead) == ("T", "lead 1.2")
