@@ -79,7 +79,8 @@ def test_loads_of_a_run(run):
     assert loads["rated_torque_share_2"] == pytest.approx(rms / 1780)
     less = np.sqrt(duration / (duration + 120))
     assert rested["rated_torque_share_2"] == pytest.approx(less * rms / 1780)
-    assert loads["winding_temperature_2"] > loads["rated_torque_share_2"] ** 2  # the peak of it
+    mean = loads["rated_torque_share_2"] ** 2
+    assert mean < loads["winding_temperature_2"] < 1.02 * mean  # the peak of a slow winding
     assert rested["winding_temperature_2"] < loads["winding_temperature_2"]
     # Slower than n1 there is the peak torque.
     mean = recording.tau_rms[:, 1].max() / 3950

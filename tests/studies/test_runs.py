@@ -59,6 +59,7 @@ def test_outcomes_are_those_of_a_run(base, robot):
             assert outcomes[f"rms_speed_error_{k + 1}"] == pytest.approx(expected, abs=1e-6)
         assert row.status == "ok" and row.reason == "" and row.duration > 0
         assert outcomes["rms_speed_error_2"] > 1e-3
+        assert outcomes["peak_torque_share_2"] > outcomes["rms_torque_share_2"] > 0
 
 
 def test_infeasible_rows(base, files):
@@ -104,6 +105,17 @@ def test_whatever_happens_in_a_row_becomes_a_row(base, monkeypatch):
 
     assert [row.status for row in rows] == ["failed", "ok"]
     assert rows[0].reason == "ZeroDivisionError: division by zero in package://sdt/sdt.sdf"
+
+
+def test_plans_are_those_of_their_own_torque_margin(base):
+    rows = run(base, of("torque_margin", List([0.001, 1.0])))
+    assert [row.status for row in rows] == ["infeasible", "ok"]
+
+
+def test_a_run_that_passes_a_stop_fails(base, monkeypatch):
+    monkeypatch.setattr("sdt_drake.studies.runs.stops_passed", lambda *_: ["roll, 2 deg", "yaw"])
+    [row] = run(base, of("controller", Choice(["p_pi"])))
+    assert (row.status, row.reason, row.outcomes) == ("failed", "roll, 2 deg; yaw", ())
 
 
 @pytest.mark.parametrize(("joint", "worst"), [(0, math.inf), (3, math.nan)])

@@ -9,6 +9,7 @@ import shutil
 
 import numpy as np
 import pytest
+import yaml
 
 from sdt_drake.device import DeviceChoice
 from sdt_drake.errors import InputError
@@ -73,6 +74,17 @@ def test_paths_start_from_the_folder_of_the_file(load, tmp_path):
     assert sizing.scenario == str(tmp_path / "coupled_pi.yaml")
     assert base.device.catalogue == str(tmp_path / "motors.yaml")
     assert sizing.motions[0] == "reference"
+
+
+def test_elastic_joints_are_refused(load, tmp_path):
+    name = "package://sdt/scenarios/coupled_pi.yaml"
+    text = find_file(name).read_text(encoding="utf-8")
+    assert "plant:" in text
+    scenario = yaml.safe_load(text)
+    scenario["plant"]["elasticity"] = {"natural_frequency": [60.0] * 4}
+    (tmp_path / "elastic.yaml").write_text(yaml.safe_dump(scenario))
+    with pytest.raises(InputError, match="plant.elasticity: expected rigid joints"):
+        load(TEXT.replace(name, "elastic.yaml"))
 
 
 BAD = [
