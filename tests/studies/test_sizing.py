@@ -83,7 +83,7 @@ def test_elastic_joints_are_refused(load, tmp_path):
     scenario = yaml.safe_load(text)
     scenario["plant"]["elasticity"] = {"natural_frequency": [60.0] * 4}
     (tmp_path / "elastic.yaml").write_text(yaml.safe_dump(scenario))
-    with pytest.raises(InputError, match="plant.elasticity: expected rigid joints"):
+    with pytest.raises(InputError, match=r"plant\.elasticity: expected rigid joints"):
         load(TEXT.replace(name, "elastic.yaml"))
 
 
