@@ -68,24 +68,19 @@ def error_budget(design: Design) -> ErrorBudget:
     smooth = _without_friction(free)
     at_rest = _without_motion(smooth)
     only_reference = _without_load(_undisturbed(smooth))
-    # Where a run starts follows from the load, and must not from a reference that is taken away.
-    loaded = {"steady_load": design.steady_load, "steady_ff": design.steady_ff}
-    unloaded = {name: np.zeros_like(torque) for name, torque in loaded.items()}
     runs = [design, free, only_reference, _undisturbed(at_rest), at_rest]
-    starts = [loaded, loaded, unloaded, loaded, loaded]
     if scenario.disturbance.amplitude == 0:
         runs.pop()
     with threads(2) as pool:
-        whole, unlimited, reference, load, *disturbed = pool.map(_speed_error, runs, starts)
+        whole, unlimited, reference, load, *disturbed = pool.map(_speed_error, runs)
     disturbance = disturbed[0] - load if disturbed else np.zeros_like(load)
     parts = dict(zip(PARTS, (reference, load, disturbance, whole - unlimited), strict=True))
     return ErrorBudget(design.motion.time, whole, parts, whole - sum(parts.values()))
 
 
-def _speed_error(design: Design, start: Mapping[str, Array]) -> Array:
-    run = replace(design, scenario=replace(design.scenario, accuracy=_ACCURACY))
-    vars(run).update(start)  # in place of what the design computes when it is asked for
-    return simulate(run).speed_error
+def _speed_error(design: Design) -> Array:
+    scenario = replace(design.scenario, accuracy=_ACCURACY)
+    return simulate(replace(design, scenario=scenario)).speed_error
 
 
 def _undisturbed(design: Design) -> Design:
@@ -112,7 +107,9 @@ def _without_load(design: Design) -> Design:
     nothing = np.zeros_like(design.loads.load_torque)
     tau_ff = None if design.tau_ff is None else design.tau_ff - _load_ff(design)
     loads = Loads(nothing, design.loads.alleviating_torque)
-    return replace(design, loads=loads, tau_ff=tau_ff)
+    return replace(
+        design, loads=loads, tau_ff=tau_ff, steady_load=0 * design.steady_load, steady_ff=0.0
+    )
 
 
 def _without_motion(design: Design) -> Design:
