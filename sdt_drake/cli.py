@@ -87,7 +87,7 @@ def _check_surroundings(options: argparse.Namespace) -> None:
     try:
         os.getcwd()
         if getattr(options, "show", False):
-            import matplotlib  # noqa: F401
+            import matplotlib
         else:
             os.environ["MPLBACKEND"] = "agg"  # whatever a notebook has set: no screen is needed
     except FileNotFoundError:
@@ -99,7 +99,7 @@ def _check_surroundings(options: argparse.Namespace) -> None:
 def _prepare_streams() -> None:
     for name in ("stdin", "stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by whoever called us
-            setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w"))  # noqa: SIM115
+            setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w"))
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # a terminal that lacks a letter is no error

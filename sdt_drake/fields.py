@@ -12,8 +12,8 @@ of all fields go by the same ones:
             if self.n1 is not None and self.period is None:
                 yield "n1", "needs period"
 
-Drake's typed YAML takes such a class, too; it needs real annotations (`from __future__ import
-annotations` must not be there) and Optional[...] or Union[...] in full.
+Drake's typed YAML takes such a class, too, if all fields have defaults; it needs real annotations
+(no `from __future__ import annotations`) and Optional[...] or Union[...] in full.
 """
 
 import contextlib

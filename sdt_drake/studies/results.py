@@ -25,8 +25,8 @@ _GROUP = 4096  # rows that are in memory together
 def require_packages() -> None:
     """Raise InputError if a package that studies need is not there, or cannot be loaded."""
     with needing("studies need pebble and pyarrow", "sdt_drake[study]"):
-        import pebble  # noqa: F401
-        import pyarrow.parquet  # noqa: F401
+        import pebble
+        import pyarrow.parquet
 
 
 def write_results(job: Job, rows: Iterable[Row], folder: Path) -> Path:
