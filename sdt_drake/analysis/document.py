@@ -13,7 +13,6 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import zip_longest
 from pathlib import Path
 from string import Template
 from typing import Protocol
@@ -123,7 +122,8 @@ class Table:
         spans = [0 if isinstance(cell, str) else len(cell) for cell in first]
         joints = max(spans, default=0)
         names, numbers = "", ""
-        for text, span in zip_longest(self.header, spans if self.header else [], fillvalue=0):
+        spans += [0] * (len(self.header) - len(spans))
+        for text, span in zip(self.header, spans, strict=False):
             if span:
                 names += f'<th class="first" colspan="{span}">{inline(text)}, joint</th>'
                 numbers += "".join(f"<th{_first(k)}>{k + 1}</th>" for k in range(span))
@@ -144,7 +144,7 @@ class Table:
 
 def _row(cells: Sequence[Cell], inline: Inline) -> str:
     name, *others = cells
-    row = f'<th scope="row">{inline(name)}</th>'
+    row = f'<th scope="row">{inline(str(name))}</th>'
     among_joints = any(not isinstance(cell, str) for cell in others)
     for cell in others:
         if isinstance(cell, str):

@@ -8,10 +8,11 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import matplotlib
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
@@ -26,7 +27,7 @@ FIGURES = (".png", ".svg", ".pdf")
 NUMBERS = "Comment"
 """Key of the text in a PNG that has its `numbers`, as JSON: what two pictures are compared by."""
 
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 9,
     "axes.grid": True,
@@ -97,8 +98,8 @@ def grid(
     left: float = 0.8,
     bottom: float = 0.85,
     top: float = 0.65,
-    sharex: bool | str = True,
-) -> tuple[Figure, NDArray]:
+    sharex: bool | Literal["col"] = True,
+) -> tuple[Figure, NDArray[np.object_]]:
     """A figure and its axes, shape (rows, columns).
 
     All sizes are fixed [inch]: computing them takes matplotlib a second.
@@ -131,17 +132,17 @@ def grid(
     return figure, axes
 
 
-def finish(figure: Figure, title: str, handles: Sequence | None = None) -> None:
+def finish(figure: Figure, title: str, handles: Sequence[Artist] | None = None) -> None:
     """Title above; legend below, by default of all lines and areas that have a label."""
     figure.suptitle(title, y=1 - 0.12 / figure.get_figheight(), verticalalignment="top")
     if handles is None:
-        by_label = {}
+        by_label: dict[str, Artist] = {}
         for ax in figure.axes:
             for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
                 by_label.setdefault(label, handle)
         labels, handles = list(by_label), list(by_label.values())
     else:
-        labels = [handle.get_label() for handle in handles]
+        labels = [str(handle.get_label()) for handle in handles]
     if handles:
         # About as wide as its entries are side by side [inch].
         wide = sum(0.6 + 0.068 * len(label) for label in labels)
