@@ -15,6 +15,7 @@ from motions import (
     command,
     faster,
     knots,
+    sampled,
     write_robot,
 )
 from scipy.optimize import linprog
@@ -24,6 +25,7 @@ from test_robot import ARM, chain_sdf
 from sdt_drake.dynamics import inverse_dynamics
 from sdt_drake.errors import InputError
 from sdt_drake.motion import Motion, commanded_motion, plan_motion, retime
+from sdt_drake.motion.retiming import _Path
 
 
 def torque_of(robot, q, v, vd) -> np.ndarray:
@@ -219,6 +221,16 @@ def test_viscous_friction_is_within_the_torques(tmp_path):
     assert np.abs(torque[:, 0]).max() > 0.8 * 45
     assert distance(plan.motion.q, dense_path(swing)) < 1e-4
     assert plan.longer > 0
+
+
+def test_the_path_leaves_friction_to_the_passes(tmp_path):
+    # It goes with s', neither with s'' nor with s'^2.
+    durations = []
+    for damping in ("0.7", "9"):
+        arm = write_robot(tmp_path, ARM, ("<damping>0.7", f"<damping>{damping}"))
+        limits = np.array([[50, 40], [50, 40], [9, 9], [99, 99]])
+        durations.append(_Path(arm, sampled(HEAVY)).fastest(limits).end_time())
+    assert durations[0] == pytest.approx(durations[1], rel=1e-9) and durations[0] > 2.02
 
 
 def test_a_chain_of_7_is_retimed(tmp_path):
