@@ -3,6 +3,7 @@
 import copy
 import dataclasses
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from sdt_drake.errors import InputError
 from sdt_drake.loops import make_loop
 from sdt_drake.motion import Motion
 from sdt_drake.scenario import ControllerChoice, PlantChoice, Scenario
-from sdt_drake.simulate import LIMITS, Recording, simulate, simulate_scenario
+from sdt_drake.simulate import LIMITS, Recording, _beyond_stop, simulate, simulate_scenario
 from sdt_drake.tables import write_table
 
 PLANTS = ("axis", "coupled")
@@ -362,3 +363,13 @@ def test_any_period_is_met_exactly(tmp_path, plant, period):
     recording = simulate(design)
     np.testing.assert_array_equal(recording.time, np.arange(301) * period)
     np.testing.assert_array_equal(recording.load_torque[1:], design.loads.load_torque[:-1])
+
+
+def test_how_far_a_joint_is_beyond_its_stop(designs):
+    """Stops do not act; the axis plant has none."""
+    q = np.array([[0.0, -1.5, 2.25, 2.0]])
+    for plant, expected in (("coupled", [0, 0.5, 0.25, 0]), ("axis", [0, 0, 0, 0])):
+        robot = designs[plant].robot
+        robot = replace(robot, position_lower=np.full(4, -1.0), position_upper=np.full(4, 2.0))
+        design = replace(designs[plant], robot=robot)
+        np.testing.assert_array_equal(_beyond_stop(design, q), [expected])

@@ -62,6 +62,15 @@ def test_outcomes_are_those_of_a_run(base, robot):
         assert outcomes["peak_torque_share_2"] > outcomes["rms_torque_share_2"] > 0
 
 
+def test_every_row_has_its_own_device(files):
+    """Of two with one motion; the plan of neither is taken for the other."""
+    base = load_scenario(files / "coupled.yaml")
+    heavy, light = run(base, of("device.structure_scale", List([1.0, 0.5])))
+    assert heavy.status == light.status == "ok"
+    peak = outcome_names(base, 4).index("peak_torque_share_2")
+    assert light.outcomes[peak] < 0.8 * heavy.outcomes[peak]
+
+
 def test_infeasible_rows(base, files):
     motions = Choice(["fast.yaml", "short.yaml"])
     study = Study("s", variables=[of("motion", motions)])
