@@ -388,3 +388,12 @@ def test_a_file_that_is_no_motion_of_the_robot_is_refused(robot, tmp_path, name,
     with pytest.raises(InputError, match=f"{name}: .*{message}") as error:
         load_plan(path, robot, period=0.005)
     assert str(error.value).count(name) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("omega_r", 60.0), ("omega_ratio", 0.4), ("zeta", [1.0] * 4)]
+)
+def test_gains_are_given_in_one_way(name, value):
+    gains = ControllerChoice(kp=[1.0] * 4, ki=[1.0] * 4, **{name: value})
+    with pytest.raises(InputError, match=rf"^controller\.{name}: kp and ki are given"):
+        check(Scenario(controller=gains))

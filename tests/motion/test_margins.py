@@ -56,6 +56,10 @@ def test_positions_are_held_against_both_stops_and_a_single_one(robot, motion):
     share = report.share["position"].max(axis=0)
     farthest = max(-4 - degrees[:, 2].min(), degrees[:, 2].max() + 4) / 8
     np.testing.assert_allclose(share, [0, 0, farthest, degrees[:, 3].max() / 20], rtol=1e-9)
+    lower[3], upper[3] = np.radians(-20), np.inf  # that alone, from the start
+    below = margins(dataclasses.replace(stopped, position_lower=lower), motion)
+    share = below.share["position"][:, 3].max()
+    assert share == pytest.approx(-degrees[:, 3].min() / 20, rel=1e-9)
     to_stop = min(degrees[:, 2].min() + 12, 4 - degrees[:, 2].max())
     np.testing.assert_allclose(np.degrees(report.to_stop[2:]), [to_stop, 20 - degrees[:, 3].max()])
 

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from sdt_drake.analysis.tracking import track
+from sdt_drake.analysis.tracking import motor_use, track
 from sdt_drake.design import make_design
 from sdt_drake.device import DeviceChoice
 from sdt_drake.errors import InputError
@@ -52,23 +52,27 @@ def test_outcomes_are_those_of_a_run(base, robot):
             disturbance=dataclasses.replace(base.disturbance, amplitude=amplitude),
         )
         design = make_design(scenario)
-        tracking = track(simulate(design), design.motion)
+        recording = simulate(design)
+        tracking, motors = track(recording, design.motion), motor_use(recording, robot)
         outcomes = dict(zip(outcome_names(base, robot.n), row.outcomes, strict=True))
         for k in range(robot.n):
             expected = tracking.rms_speed_error[k]
             assert outcomes[f"rms_speed_error_{k + 1}"] == pytest.approx(expected, abs=1e-6)
+            peak, rms = (outcomes[f"{name}_torque_share_{k + 1}"] for name in ("peak", "rms"))
+            assert peak == pytest.approx(motors.peak_share[k], rel=1e-4, abs=1e-9)
+            assert rms == pytest.approx(motors.rms_share[k], rel=1e-4, abs=1e-9)
         assert row.status == "ok" and row.reason == "" and row.duration > 0
         assert outcomes["rms_speed_error_2"] > 1e-3
         assert outcomes["peak_torque_share_2"] > outcomes["rms_torque_share_2"] > 0
 
 
-def test_every_row_has_its_own_device(files):
-    """Of two with one motion; the plan of neither is taken for the other."""
+def test_every_row_has_its_own_device_and_plan(files):
     base = load_scenario(files / "coupled.yaml")
     heavy, light = run(base, of("device.structure_scale", List([1.0, 0.5])))
-    assert heavy.status == light.status == "ok"
     peak = outcome_names(base, 4).index("peak_torque_share_2")
-    assert light.outcomes[peak] < 0.8 * heavy.outcomes[peak]
+    assert light.outcomes[peak] < 0.9 * heavy.outcomes[peak]
+    rows = run(base, of("torque_margin", List([1.0, 0.05])))
+    assert [row.status for row in rows] == ["ok", "infeasible"]
 
 
 def test_infeasible_rows(base, files):
