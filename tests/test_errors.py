@@ -7,6 +7,7 @@ import re
 
 import pytest
 
+from sdt_drake import errors
 from sdt_drake.errors import (
     InputError,
     checked_input,
@@ -126,3 +127,9 @@ def test_a_text_that_is_too_long(path):
     assert read_text(path, 3) == "old"
     with pytest.raises(InputError, match=re.escape(f"{path}: 3 bytes, expected at most 2")):
         read_text(path, 2)
+
+
+def test_a_duration_is_whole_periods_but_for_round_off():
+    assert errors.whole_periods(0.1 + 0.2, 0.005, "x") == 60
+    with pytest.raises(errors.InputError, match=r"x: 0\.3004 s is not a whole multiple"):
+        errors.whole_periods(0.3004, 0.005, "x")

@@ -397,3 +397,7 @@ def test_gains_are_given_in_one_way(name, value):
     gains = ControllerChoice(kp=[1.0] * 4, ki=[1.0] * 4, **{name: value})
     with pytest.raises(InputError, match=rf"^controller\.{name}: kp and ki are given"):
         check(Scenario(controller=gains))
+
+
+def test_speeds_are_good_to_a_tenth_of_a_millirad_by_default():
+    assert Scenario().accuracy == 1e-4
