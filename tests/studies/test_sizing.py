@@ -126,15 +126,6 @@ def test_a_bad_field_is_refused_with_the_file(load, tmp_path, old, new, message)
         load(TEXT.replace(old, new))
 
 
-def test_joints_must_be_rigid(load, tmp_path):
-    text = find_file("package://sdt/scenarios/coupled_pi.yaml").read_text(encoding="utf-8")
-    springs = "kind: coupled\n  elasticity: {natural_frequency: [9, 9, 9, 9]}\n"
-    elastic = text.replace("kind: coupled\n", springs)
-    (tmp_path / "elastic.yaml").write_text(elastic, encoding="utf-8")
-    with pytest.raises(InputError, match=r"plant\.elasticity: expected rigid joints"):
-        load(TEXT.replace("package://sdt/scenarios/coupled_pi.yaml", "elastic.yaml"))
-
-
 def test_limits_by_outcome():
     limits = Requirements([0.1, 0.2], [90.0], winding_temperature=0.8).limits(2)
     assert [limits[f"max_abs_speed_error_{k}"] for k in (1, 2)] == [0.1, 0.2]
