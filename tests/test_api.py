@@ -19,15 +19,19 @@ STILL = Motion.from_speeds(0.005, np.zeros(4), np.zeros((21, 4)))
     ("field", "value", "message"),
     [
         ("period", "0.005", "period: '0.005', expected a number"),
-        ("period", None, "period: None, expected a number"),
-        ("robot", None, "robot: None, expected a text"),
-        ("plant", None, "plant: None, expected a mapping"),
-        ("controller", "pi", "controller: 'pi', expected a mapping"),
-        ("controller.kind", None, "controller.kind: None, expected a text"),
+        ("period", None, "period: empty, expected a number > 0 [s]"),
+        ("robot", None, "robot: empty, expected a text"),
+        ("plant", None, "plant: empty, expected a PlantChoice"),
+        ("controller", "pi", "controller: 'pi', expected a ControllerChoice"),
+        ("controller.kind", None, "controller.kind: empty, expected a text"),
         ("controller.zeta", 0.9, "controller.zeta: 0.9, expected a list"),
         ("controller.zeta", ["a"] * 4, "controller.zeta[1]: 'a', expected a number"),
-        ("disturbance.amplitude", 1e9, "disturbance.amplitude: 1e+09, expected at most 10"),
-        ("disturbance.omega_d", 1e9, "disturbance.omega_d: 1e+09 rad/s, expected at most"),
+        (
+            "disturbance.amplitude",
+            1e9,
+            "disturbance.amplitude: 1000000000.0, expected a number >= 0 and <= 10",
+        ),
+        ("disturbance.omega_d", 1e9, "disturbance.omega_d: 1e+09, expected at most 20000 [rad/s]"),
     ],
 )
 def test_fields_of_a_scenario(design, field, value, message):
@@ -44,19 +48,6 @@ def test_arrays_are_lists(design):
     scenario = copy.deepcopy(design.scenario)
     scenario.controller.zeta = np.full(4, 0.9)
     make_design(scenario, robot=design.robot, motion=STILL)
-
-
-@pytest.mark.parametrize("thing", [None, "pi", 1.0, STILL])
-def test_other_things(design, thing):
-    name = type(thing).__name__
-    for call in (
-        lambda: make_design(thing),
-        lambda: make_design(design.scenario, robot=thing or "x"),
-        lambda: simulate(thing),
-        lambda: make_loop(thing),
-    ):
-        with pytest.raises(InputError, match=f"a ({name}|str), expected a "):
-            call()
 
 
 def test_motions_that_drake_would_die_of(design):
