@@ -14,6 +14,8 @@ from sdt_drake.studies.workers import Worker
 from sdt_drake.versions import other_versions, versions
 
 if TYPE_CHECKING:
+    from distributed import Future
+
     from sdt_drake.studies.job import Job
 
 _CONNECT = 10.0  # s
@@ -42,7 +44,7 @@ class Cluster:
         """
         with needing("--cluster needs Dask", "sdt_drake[cluster]"):
             from distributed import Client
-            from distributed.comm import get_address_host_port
+            from distributed.comm.addressing import get_address_host_port
         for name in [*logging.root.manager.loggerDict]:
             if name.split(".")[0] in ("distributed", "tornado"):  # our own errors say it
                 logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -77,7 +79,7 @@ class Cluster:
                 future = self._client.submit(run_row, job, number, pure=False)
                 future.add_done_callback(done)
 
-        def done(future) -> None:  # in a thread of Dask
+        def done(future: Future[Row]) -> None:  # in a thread of Dask
             if self._closed.is_set():
                 return
             try:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,10 @@ from sdt_drake.studies.folder import claim, save_study
 from sdt_drake.studies.job import Job
 from sdt_drake.studies.journal import Journal
 from sdt_drake.studies.results import require_packages, write_results
+
+if TYPE_CHECKING:
+    from sdt_drake.studies.cluster import Cluster
+    from sdt_drake.studies.workers import Workers
 
 Report = Callable[[int, int, int], None]
 """Called with the numbers of runs that are done now, were done before, and are wanted."""
@@ -32,7 +36,7 @@ class Inbox:
     """
 
     def __init__(self) -> None:
-        self._messages: SimpleQueue = SimpleQueue()
+        self._messages: SimpleQueue[object] = SimpleQueue()
         self._handlers: dict[int, Any] = {}
         self._number: int | None = None  # of the signal that came
         self.put = self._messages.put
@@ -120,7 +124,10 @@ def run_study(
 
 
 @contextmanager
-def _backend(job: Job, workers: int, cluster: str | None, inbox: Inbox) -> Iterator:
+def _backend(
+    job: Job, workers: int, cluster: str | None, inbox: Inbox
+) -> Iterator[Workers | Cluster]:
+    backend: Workers | Cluster
     if cluster is None:
         from sdt_drake.studies.workers import Workers
 

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from pydrake.common.yaml import yaml_dump_typed
 
@@ -104,7 +106,7 @@ def load_runner(folder: Path) -> tuple[Runner, str]:
     return Runner(study, base, places), other_versions(state["versions"], versions())
 
 
-def _state(folder: Path) -> dict:
+def _state(folder: Path) -> Mapping[str, Any]:
     path = folder / STATE
     if not path.is_file():
         raise InputError(f"{folder}: holds no study, expected the folder of `sdt-drake study`")

@@ -118,4 +118,4 @@ def _references(study: Study, base: Scenario) -> Iterator[tuple[str, str]]:
             yield field.name, name
         for variable in study.variables:
             if field in variable.targets:
-                yield from ((field.name, str(name)) for name in variable.distribution.levels())
+                yield from ((field.name, str(name)) for name in variable.examples)

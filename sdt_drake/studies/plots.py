@@ -10,7 +10,7 @@ import math
 import re
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -210,7 +210,7 @@ def scatter_matrix(
     return figure
 
 
-def _points(ax: Axes, values: NDArray, y: Array, colours: NDArray) -> None:
+def _points(ax: Axes, values: NDArray[Any], y: Array, colours: Array) -> None:
     levels = sorted(levels_of(values)) if is_text(values) else []
     x = values
     if levels:  # beside each other instead of on each other
@@ -287,7 +287,7 @@ def sizing_front(title: str, verdicts: Sequence[Verdict]) -> Figure:
             ax.set_xlabel("mass of all motors [kg]")
             ax.set_ylim(bottom=0)
         axes[0].set_ylabel(METRICS["max_abs_speed_error"].label)
-        dot = {"linestyle": "", "marker": "o"}
+        dot: dict[str, Any] = {"linestyle": "", "marker": "o"}
         handles = [
             Line2D([], [], color="0.2", label="keeps all requirements", **dot),
             Line2D([], [], color="0.65", markerfacecolor="none", label="misses one", **dot),
@@ -387,6 +387,8 @@ def _handles(groups: Iterable[str], *, lines: bool = True) -> list[Line2D]:
     labels = list(groups)
     handles = []
     for label, look in zip(labels, looks_of(labels), strict=True):
-        own = {"linestyle": look.dashes} if lines else {"linestyle": "", "marker": look.marker}
+        own: dict[str, Any] = {"linestyle": look.dashes}
+        if not lines:
+            own = {"linestyle": "", "marker": look.marker}
         handles.append(Line2D([], [], color=look.colour, label=label, **own))
     return handles

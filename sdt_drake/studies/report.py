@@ -209,7 +209,9 @@ def worst_table(table: StudyTable, outcome: str, by: str | None = None, count: i
     rows = []
     for part in table.split(by).values():
         runs = worst_runs(part, outcome, count)
-        columns = [runs.row, runs.worst_joint(outcome)] if has_joints else [runs.row]
+        columns: list[Iterable[object]] = [runs.row]
+        if has_joints:
+            columns.append(runs.worst_joint(outcome))
         columns.append([_number(metric.factor * value) for value in runs.outcome(outcome)])
         columns += [map(_cell, runs.inputs[name].tolist()) for name in inputs]
         rows += [list(map(str, cells)) for cells in zip(*columns, strict=True)]
@@ -281,7 +283,7 @@ def _summary(table: StudyTable, by: str | None) -> list[Block]:
         (runs, status.replace("_", " "), _LOOKS.get(status, "bad"))
         for status, runs, _ in count_statuses(table)
     ]
-    blocks = [
+    blocks: list[Block] = [
         *([Text(f"{_capital(failed)}.", "bad")] if failed else []),
         Text(
             f"{len(table)} runs, each with its own {own}; {_time(seconds)} of computation in all."
@@ -306,7 +308,8 @@ def finding(table: StudyTable, family: str, by: str | None = None) -> str:
         by: text input whose levels are told apart.
     """
     label = ", ".join(filter(None, [metric_of(family).label, table.place(family)]))
-    limits, causes = [], {}
+    limits: list[str] = []
+    causes: dict[str, list[str]] = {}
     for level, part in table.split(by).items():
         (value,) = metric_of(family).factor * percentiles(part, family, (95,))
         if np.isnan(value):
@@ -359,7 +362,7 @@ def _matters(
 
 def _by_joint(table: StudyTable, tables: Callable[[list[str]], Sequence[Table]]) -> list[Block]:
     """Each family with the tables of its worst joint and of each joint, to unfold."""
-    details = [
+    details: list[Block] = [
         Details(
             _capital(metric_of(family).title),
             tables([family, *(f"{family}_{k}" for k in table.joints(family))]),

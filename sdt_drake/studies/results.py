@@ -8,7 +8,7 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from sdt_drake.errors import InputError, needing, replacing
 from sdt_drake.studies.folder import load_folder
@@ -63,7 +63,7 @@ def write_results(job: Job, rows: Iterable[Row], folder: Path) -> Path:
     return path
 
 
-def _columns(study: Study, rows: list[Row], outcomes: Sequence[str]) -> dict[str, NDArray | list]:
+def _columns(study: Study, rows: list[Row], outcomes: Sequence[str]) -> dict[str, ArrayLike]:
     inputs = [study.inputs(row.number) for row in rows]
     nothing = (np.nan,) * len(outcomes)
     values = np.array([row.outcomes or nothing for row in rows])

@@ -33,6 +33,8 @@ _TRACKING = (
 _MOTORS = ("peak_torque_share", "rms_torque_share")
 _CACHED = 16  # planned motions, with their robots, that a process keeps
 
+_Planned = tuple[Robot, Plan, TorqueGroups]
+
 FILE_FIELDS = tuple(map(find_field, ("robot", "motion", "device.catalogue", "controller.file")))
 """Fields of a scenario that name a file."""
 
@@ -52,7 +54,7 @@ class Runner:
     ) -> None:
         """Of a study and its base scenario; places: where files are that go by other names."""
         self._study, self._base, self._places = study, base, dict(places or {})
-        self._plans: dict[tuple, tuple[Robot, Plan, TorqueGroups] | InfeasibleError] = {}
+        self._plans: dict[tuple[str | float, ...], _Planned | InfeasibleError] = {}
 
     def scenario(self, number: int) -> Scenario:
         """Of a row.
@@ -78,7 +80,7 @@ class Runner:
         robot, plan, torques = self._planned(scenario)
         return make_design(scenario, robot=robot, motion=plan.motion, torques=torques), plan
 
-    def _planned(self, scenario: Scenario) -> tuple[Robot, Plan, TorqueGroups]:
+    def _planned(self, scenario: Scenario) -> _Planned:
         """From the cache, which forgets the oldest."""
         how = (scenario.period, scenario.torque_margin, scenario.planner)
         key = (scenario.robot, str(scenario.device), scenario.motion, *how)
@@ -154,7 +156,7 @@ def outcomes_of(design: Design, recording: Recording) -> tuple[float, ...]:
     return tuple(np.concatenate([*parts, [felt]]).tolist())
 
 
-def _plan(scenario: Scenario) -> tuple[Robot, Plan, TorqueGroups] | InfeasibleError:
+def _plan(scenario: Scenario) -> _Planned | InfeasibleError:
     robot = load_device(scenario)
     try:
         plan = load_plan(

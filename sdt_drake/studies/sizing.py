@@ -227,4 +227,5 @@ class Candidate(NamedTuple):
 
 def candidates(sizing: Sizing) -> list[Candidate]:
     """All of them, in the order of the study."""
-    return [Candidate(c[:-1], c[-1]) for c in product(*sizing.motors, sizing.structure_scales)]
+    motor_sets = product(*sizing.motors)
+    return [Candidate(ids, scale) for ids in motor_sets for scale in sizing.structure_scales]

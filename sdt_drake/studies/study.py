@@ -4,7 +4,7 @@
 import copy
 import math
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -120,6 +120,7 @@ class Grid:
 
 class _Listed:
     __slots__ = ()
+    values: Sequence[Value]
 
     def problems(self) -> Problems:
         if len(set(self.values)) < len(self.values):
@@ -147,6 +148,9 @@ class Choice(_Listed):
     """These texts: kinds, labels of controllers, names of motions or motors, true or false."""
 
     values: list[str] = setting()
+
+
+Random = Uniform | LogUniform | Normal
 
 
 def _width_problems(low: float, high: float) -> Problems:
@@ -179,7 +183,7 @@ class Variable:
     name: str = ""
     fields: list[str] = setting([])
     apply: str = setting("value", choices=APPLY)
-    distribution: Union[Uniform, LogUniform, Normal, Grid, List, Choice] = setting(None)
+    distribution: Union[Random, Grid, List, Choice] = setting(None)
 
     def __post_init__(self) -> None:
         self.name = self.name or next(iter(self.fields), "")
@@ -203,7 +207,7 @@ class Variable:
     @property
     def random(self) -> bool:
         """Whether it is drawn; else all its levels are run."""
-        return hasattr(self.distribution, "quantile")
+        return isinstance(self.distribution, Random)
 
     @property
     def takes_texts(self) -> bool:
@@ -222,7 +226,7 @@ class Variable:
     @property
     def examples(self) -> list[Value]:
         """Some of its values; all if they are listed."""
-        if self.random:
+        if isinstance(self.distribution, Random):
             return self.distribution.quantile(np.array([0.5])).tolist()
         if isinstance(self.distribution, Grid):
             return [self.distribution.start]
@@ -301,7 +305,7 @@ class Study:
 
     def _field_problems(self) -> Problems:
         """Of two draws for a field the last would win, and the first still be in the results."""
-        owners: dict[tuple, dict[int | None, str]] = {}
+        owners: dict[tuple[str, ...], dict[int | None, str]] = {}
         for variable in self.variables:
             for target in (touched for name in variable.targets for touched in name.touched):
                 others = owners.setdefault(target.parts, {})
@@ -320,7 +324,7 @@ class Study:
         for i, variable in enumerate(self.variables):
             with within(f"variables[{i + 1}]"):
                 if any(target.type is ControllerChoice for target in variable.targets):
-                    check_labels(variable.examples, "distribution.values")
+                    check_labels([*map(str, variable.examples)], "distribution.values")
                 for value in variable.examples:
                     variable.put(copy.deepcopy(base), value)
 
@@ -330,23 +334,32 @@ class Study:
     @property
     def _count(self) -> int:
         """Of the runs; Python refuses a `len` of more than 63 bits."""
-        return self.draws * math.prod(v.distribution.size for v in self.variables if not v.random)
+        return self.draws * math.prod(one.size for one in self._not_random)
+
+    @property
+    def _not_random(self) -> list[Grid | List | Choice]:
+        every = (variable.distribution for variable in self.variables)
+        return [one for one in every if not isinstance(one, Random)]
 
     @cached_property
     def _levels(self) -> list[list[Value]]:
-        return [v.distribution.levels() for v in self.variables if not v.random]
+        return [one.levels() for one in self._not_random]
 
     @cached_property
     def _drawn(self) -> dict[str, Array]:
         """Draws of the random variables by name, each of shape (draws,)."""
-        return {v.name: self._draw(v) for v in self.variables if v.random}
+        return {
+            v.name: v.distribution.quantile(self._shares(v.name))
+            for v in self.variables
+            if isinstance(v.distribution, Random)
+        }
 
-    def _draw(self, variable: Variable) -> Array:
-        generator = np.random.default_rng([self.seed, zlib.crc32(variable.name.encode())])
+    def _shares(self, name: str) -> Array:
+        generator = np.random.default_rng([self.seed, zlib.crc32(name.encode())])
         share = generator.random(self.draws)
         if self.sampling == "latin_hypercube":
             share = (generator.permutation(self.draws) + share) / self.draws
-        return variable.distribution.quantile(share)
+        return share
 
     def inputs(self, row: int) -> dict[str, Value]:
         """Value of each variable in a run, numbered from 0: level by level, then draw by draw."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,12 +35,12 @@ class Reason(NamedTuple):
 
     Attributes:
         text: their reason; where they differ in numbers only, with an ellipsis for each number.
-        count: of the runs.
+        runs: how many.
         row: number of the first of them.
     """
 
     text: str
-    count: int
+    runs: int
     row: int
 
 
@@ -93,7 +93,7 @@ def _reasons(table: StudyTable) -> list[Reason]:
         for words, runs in alike.items()
         if any(words)
     ]
-    return sorted(reasons, key=lambda reason: -reason.count)
+    return sorted(reasons, key=lambda reason: -reason.runs)
 
 
 def _common(texts: Sequence[Sequence[str]]) -> str:
@@ -151,13 +151,13 @@ def varied(table: StudyTable) -> list[str]:
     return list(_varied_inputs(table, slice(None)))
 
 
-def _varied_inputs(table: StudyTable, runs: NDArray | slice) -> dict[str, NDArray]:
+def _varied_inputs(table: StudyTable, runs: NDArray[np.bool_] | slice) -> dict[str, NDArray[Any]]:
     """The inputs of some runs, by name; those that differ between them."""
     chosen = ((name, values[runs]) for name, values in table.inputs.items())
     return {name: values for name, values in chosen if _differ(values)}
 
 
-def _differ(values: NDArray) -> bool:
+def _differ(values: NDArray[Any]) -> bool:
     if is_text(values):
         return len(levels_of(values)) > 1
     finite = values[np.isfinite(values)]
@@ -179,7 +179,7 @@ def sensitivity(table: StudyTable, outcome: str) -> dict[str, float]:
     return dict(sorted(shares.items(), key=lambda item: -np.nan_to_num(item[1], nan=-np.inf)))
 
 
-def explained_share(x: NDArray, y: Array) -> float:
+def explained_share(x: NDArray[Any], y: Array) -> float:
     """First-order sensitivity index: Var(E(y | x)) / Var(y), as the correlation ratio.
 
     The runs are put into groups of equal x: by level for texts and for numbers of few values, in
@@ -211,7 +211,7 @@ def explained_share(x: NDArray, y: Array) -> float:
     return float(1 - within / total * (len(y) - 1) / (len(y) - count))
 
 
-def _groups(x: NDArray) -> tuple[NDArray[np.int64], int]:
+def _groups(x: NDArray[Any]) -> tuple[NDArray[np.int64], int]:
     """Number of the group of each run, shape (N,), and how many groups there are."""
     levels, group = np.unique(x.astype(str) if is_text(x) else x, return_inverse=True)
     bins = min(_MOST_BINS, round(np.sqrt(len(x))))
@@ -257,11 +257,11 @@ def tornado(table: StudyTable, outcome: str) -> list[Swing]:
     return sorted(swings, key=lambda swing: -swing.width)
 
 
-def _swing(name: str, x: NDArray, y: Array) -> Swing:
+def _swing(name: str, x: NDArray[Any], y: Array) -> Swing:
     if is_text(x):
         texts = x.astype(str)
         means = {level: float(y[texts == level].mean()) for level in levels_of(x)}
-        low, high = min(means, key=means.get), max(means, key=means.get)
+        low, high = min(means, key=means.__getitem__), max(means, key=means.__getitem__)
         return Swing(name, means[low], means[high], low, high)
     low, high = np.nanquantile(x, [_FIFTH, 1 - _FIFTH])
     return Swing(name, float(y[x <= low].mean()), float(y[x >= high].mean()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,10 +40,10 @@ class StudyTable:
 
     name: str
     row: NDArray[np.int64]
-    inputs: dict[str, NDArray]
+    inputs: dict[str, NDArray[Any]]
     outcomes: dict[str, Array]
     status: NDArray[np.str_]
-    reason: NDArray
+    reason: NDArray[Any]
     duration: Array
 
     def __len__(self) -> int:
@@ -87,7 +88,7 @@ class StudyTable:
             return f"joint {joint}"
         return "worst joint" if self.joints(name) else ""
 
-    def select(self, runs: NDArray) -> StudyTable:
+    def select(self, runs: NDArray[np.bool_] | NDArray[np.int64]) -> StudyTable:
         """The table of some runs: their mask, shape (N,), or their indices."""
         return StudyTable(
             name=self.name,
@@ -117,11 +118,11 @@ def is_column(name: str) -> bool:
     return name in COLUMNS or family_of(name)[0] in METRICS
 
 
-def is_text(values: NDArray) -> bool:
+def is_text(values: NDArray[Any]) -> bool:
     """Whether an input is one of texts; truth values count as such."""
     return values.dtype.kind not in "iuf"
 
 
-def levels_of(values: NDArray) -> list[str]:
+def levels_of(values: NDArray[Any]) -> list[str]:
     """The different texts of an input, in the order in which they come."""
     return list(dict.fromkeys(map(str, values.tolist())))

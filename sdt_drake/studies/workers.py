@@ -9,12 +9,12 @@ import shutil
 import signal
 import tempfile
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, TimeoutError, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import connection, util
+from multiprocessing import util
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pebble import ProcessPool
 
@@ -23,6 +23,7 @@ from sdt_drake.studies.journal import Row
 
 if TYPE_CHECKING:
     from sdt_drake.studies.job import Job
+    from sdt_drake.studies.runs import Runner
 
 _START = 120.0  # s; for a process to import all that it needs
 _IDLE = 60  # s; after which a process without rows ends
@@ -34,7 +35,7 @@ _TRIES = 2  # before a row that ends its process is given up, or a process that 
 class Worker:
     """Runs rows of a job in a process, one at a time; in a new one if that has died."""
 
-    def __init__(self, job: Job, stopping: Future | None = None) -> None:
+    def __init__(self, job: Job, stopping: Future[Any] | None = None) -> None:
         """For a job; `stopping`, once it is done, ends the waiting for a row."""
         self._job = job
         self._stopping = Future() if stopping is None else stopping
@@ -79,11 +80,11 @@ class Worker:
                 reason = f"the process that ran it ended {_TRIES} times{words}"
                 return Row(number, "crashed", reason, 0.0, ())
 
-    def _schedule(self, number: int, timeout: float) -> Future:
+    def _schedule(self, number: int, timeout: float) -> Future[Row]:
         if self._pool is None or not self._pool.active:
             self._end()
             # The workers of Dask may have no children; ours end with them.
-            multiprocessing.current_process()._config["daemon"] = False
+            multiprocessing.current_process().daemon = False
             self._pool = ProcessPool(
                 max_workers=1,
                 max_tasks=_MOST_ROWS,
@@ -130,7 +131,7 @@ class Workers:
             expected = f"expected a whole number >= 1, at most {most} on this machine"
             raise InputError(f"--workers: {count}, {expected}")
         self._job, self._count = job, count
-        self._stopping: Future = Future()
+        self._stopping: Future[Any] = Future()
         self._threads: list[threading.Thread] = []
 
     def start(self, numbers: Sequence[int], put: Callable[[object], None]) -> None:
@@ -141,7 +142,7 @@ class Workers:
             thread.start()
             self._threads.append(thread)
 
-    def _work(self, coming, put: Callable[[object], None]) -> None:
+    def _work(self, coming: Iterator[int], put: Callable[[object], None]) -> None:
         worker = Worker(self._job, self._stopping)
         try:
             for number in coming:
@@ -163,6 +164,8 @@ class Workers:
 
 # --- in the process --------------------------------------------------------------------------
 
+_runner: Runner
+
 
 def _begin(job: Job, folder: str) -> None:
     global _runner
@@ -180,7 +183,8 @@ def _log_in(folder: str) -> Path:
 
 
 def _end_with_parent(folder: str) -> None:
-    connection.wait([multiprocessing.parent_process().sentinel])
+    if parent := multiprocessing.parent_process():
+        parent.join()
     shutil.rmtree(folder, ignore_errors=True)
     os._exit(1)
 
