@@ -66,22 +66,19 @@ def period_torque(
     """What the motors give in each interpolation period, their limits and drives included.
 
     A log shows the ends of the periods. At their starts the reference jumps, and with it what the
-    controller asks for: with K_PS on the error by K_PS times a period's acceleration, which the
-    feedback takes back until the end. And while the reference is held, the integral of the error
-    swings out by its gain times a period's acceleration, an eighth of it times the period. So:
+    controller asks for; while it is held, the integral of the error swings out. So:
 
     - a sampled controller asks for one torque from sample to sample, that at its end;
     - a continuous one for  y + memoryless(t),  with y and v parabolas, through both ends and the
       way that q went: a third-order error;
     - of any other system it was looked at, at both ends and within.
 
-    Good to 0.3 % of the motor. Where the reference arrives within a period v has a corner there: to
-    2 %. Behind an elastic joint a light rotor answers a jolt faster than a parabola can: an
-    estimate. What arrives between two samples of a sampled controller counts from the next one on.
+    Good to 0.3 % of the motor; to 2 % where the reference arrives within a period. Behind an
+    elastic joint a light rotor answers a jolt faster than a parabola can: an estimate. What arrives
+    between two samples of a sampled controller counts from the next one on.
 
     Args:
-        design: of the loop.
-        controller: of the loop.
+        design, controller: of the loop.
         q, v: as measured, at the samples, joint side [rad, rad/s], shape (N + 1, n).
         tau_cmd, tau: just before each update of the controller, the first row just after it; motor
             side [N m], shape (N k + 1, n) with k samples of the controller per period.
@@ -91,12 +88,10 @@ def period_torque(
     samples = (len(tau_cmd) - 1) // (len(q) - 1)
     is_sampled = isinstance(controller, Controller) and controller.is_sampled
     whole, late = divmod(drive.reference_delay / design.motion.period + 1e-9, 1.0)
-    if seen is not None:
-        grid, late = seen.shares, 0.0
-    elif late < 1e-6 or is_sampled:
-        grid, late = _GRID, 0.0
-    else:
-        grid = np.sort([*_GRID, late, late])
+    if late < 1e-6 or is_sampled or seen is not None:
+        late = 0.0
+    grid = _GRID if seen is None else seen.shares
+    grid = np.sort([*grid, late, late]) if late else grid
     steps = np.diff(grid)
     peaks, squares, saturated = [], [], []
     rows = np.arange(len(tau_cmd) - 1)

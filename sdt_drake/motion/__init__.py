@@ -1,6 +1,7 @@
 """From commanded joint speeds to a motion that the motors can do."""
 
 from sdt_drake.motion.command import Command, Course, command_of, load_command
+from sdt_drake.motion.files import find_motion, load_profile, motion_beside, shipped_motions
 from sdt_drake.motion.limiter import plan_motion
 from sdt_drake.motion.load import PLANNERS, load_plan
 from sdt_drake.motion.margins import Margins, margins
@@ -12,13 +13,7 @@ from sdt_drake.motion.plan import (
     ends_in_motion,
     write_drive_table,
 )
-from sdt_drake.motion.profile import (
-    MotionProfile,
-    find_motion,
-    load_profile,
-    motion_beside,
-    shipped_motions,
-)
+from sdt_drake.motion.profile import MotionProfile
 from sdt_drake.motion.resampling import import_motion
 from sdt_drake.motion.retiming import retime
 from sdt_drake.motion.trajectory import Motion

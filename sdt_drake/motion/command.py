@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from sdt_drake.errors import InputError
 from sdt_drake.fields import check
+from sdt_drake.motion.files import find_motion, load_profile
 from sdt_drake.motion.profile import (
     Knots,
     MotionProfile,
@@ -22,8 +23,6 @@ from sdt_drake.motion.profile import (
     Segment,
     Track,
     Turn,
-    find_motion,
-    load_profile,
 )
 from sdt_drake.motion.spin import SpinGeometry, spin_geometry
 from sdt_drake.motion.trajectory import Motion

@@ -10,9 +10,9 @@ import numpy as np
 
 from sdt_drake.errors import InputError, checked_choice, within
 from sdt_drake.motion.command import Command, load_command
+from sdt_drake.motion.files import find_motion
 from sdt_drake.motion.limiter import plan_motion
 from sdt_drake.motion.plan import Plan, checked_torque
-from sdt_drake.motion.profile import find_motion
 from sdt_drake.motion.resampling import import_motion
 from sdt_drake.motion.retiming import retime
 from sdt_drake.resources import find_file

@@ -6,22 +6,17 @@ the sum of (v_i + v_i+1) / 2 times the time of each piece, whatever its blend. O
 
 # Drake's YAML loader reads the annotations here: they may not be postponed, and a union must be
 # spelled Optional[...] or Union[...].
-import difflib
 import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path, PurePath
 from typing import Optional, Union
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.errors import InputError
-from sdt_drake.fields import beside, setting
+from sdt_drake.fields import setting
 from sdt_drake.motion.spin import SpinGeometry
-from sdt_drake.resources import PACKAGE_PREFIX, models_dir
-from sdt_drake.yaml_files import load_yaml
 
 Array = NDArray[np.float64]
 Problems = Iterator[tuple[str, str]]  # field, and what is wrong
@@ -369,47 +364,6 @@ class MotionProfile:
         resultants = [i + 1 for i, track in enumerate(self.tracks) if track.resultant is not None]
         for i in resultants[1:]:
             yield f"tracks[{i}].resultant", f"tracks[{resultants[0]}] has one already"
-
-
-def load_profile(path: str | Path) -> MotionProfile:
-    """A motion profile from YAML, or the shipped one of a name.
-
-    Raises:
-        InputError: naming the file, the field, and what would be right.
-    """
-    profile, file = load_yaml(MotionProfile, find_motion(path))
-    profile.name = profile.name or file.stem
-    return profile
-
-
-def shipped_motions() -> list[str]:
-    """Names of the training motions that ship with the package: those that a pilot feels."""
-    names = (file.stem for file in sorted((models_dir() / "motions").glob("*.yaml")))
-    return [name for name in names if load_profile(name).feels]
-
-
-def motion_beside(name: str, folder: Path) -> str:
-    """What a YAML file in `folder` means by a motion: a shipped one by its name, or a file."""
-    return name if find_motion(name) != name else beside(name, folder)
-
-
-def find_motion(name_or_path: str | Path) -> str:
-    """The path of a motion: `graveyard_spin` is package://sdt/motions/graveyard_spin.yaml.
-
-    What has a suffix or a slash is a path already.
-
-    Raises:
-        InputError: if no motion of that name is shipped; it lists near ones.
-    """
-    text = str(name_or_path)
-    if not text or PurePath(text).suffix or PurePath(text).name != text:
-        return text
-    names = sorted(file.stem for file in (models_dir() / "motions").glob("*.yaml"))
-    if text not in names:
-        near = difflib.get_close_matches(text, names, n=3)
-        hint = f"did you mean {' or '.join(near)}?" if near else f"shipped: {', '.join(names)}"
-        raise InputError(f"{text}: no such motion, {hint} (files end in .yaml or .csv)")
-    return f"{PACKAGE_PREFIX}motions/{text}.yaml"
 
 
 def _either(thing: object, one: str, other: str) -> Problems:

@@ -50,16 +50,15 @@ def retime(
     """Plan a motion that keeps the commanded path; where a motor is too weak, all joints slow down.
 
     The path is q(s), s the commanded time; the result is the s(t) that arrives first with torques,
-    speeds and accelerations within their limits and s' <= 1: nothing gets faster than commanded
-    (time-optimal path parametrization by reachability analysis, Pham and Pham, IEEE T-RO 34(3)
-    2018). A command that is feasible as it is comes back as it is.
+    speeds and accelerations within their limits and s' <= 1 (time-optimal path parametrization by
+    reachability analysis, Pham and Pham, IEEE T-RO 34(3) 2018). What is feasible stays as it is.
 
     Drake's `Toppra` does the same by linear programs, but their solver fails where s'' has nothing
     but round-off in a torque at its limit, as where a motor holds against a centrifugal load. These
     programs have two unknowns; here they are solved in closed form.
 
-    Positions are off the path by up to a h² / 4, a the acceleration and h the period, and this
-    does not add up. The torques are within their limits at both ends of every period.
+    Positions are off the path by up to a h² / 4 (acceleration a, period h); this does not add up.
+    The torques are within their limits at both ends of every period.
 
     Args:
         robot: the robot.
@@ -69,8 +68,8 @@ def retime(
 
     Raises:
         InputError: if the command does not fit the robot or the period; if its path leaves the
-            stops, or cannot be held against gravity: no timing helps there; if it starts or ends
-            in motion too fast for the motors; if it would last 100 times as long as commanded.
+            stops or cannot be held against gravity; if it starts or ends in motion too fast for the
+            motors; if it would last 100 times as long as commanded.
     """
     commanded = commanded_motion(robot, command, period)
     check_stops(robot, commanded)
