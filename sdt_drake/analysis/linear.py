@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.analysis import DiscreteTimeApproximation
-from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.primitives import (
     AffineSystem,
     FirstOrderTaylorApproximation,
     LinearSystem,
 )
 
-from sdt_drake.controllers import CONTROLLERS
+from sdt_drake.controllers import CONTROLLERS, Controller
 from sdt_drake.design import Design
 from sdt_drake.loops import make_process
 
@@ -45,7 +45,8 @@ class StateSpace:
             return np.broadcast_to(self.D + 0j, (len(omega), *self.D.shape))
         s = np.exp(1j * omega * self.period) if self.period else 1j * omega
         resolvent = s[:, None, None] * np.eye(len(self.A)) - self.A
-        return self.C @ np.linalg.solve(resolvent, self.B + 0j) + self.D
+        moving: NDArray[np.complex128] = self.C @ np.linalg.solve(resolvent, self.B + 0j)
+        return moving + self.D
 
     def sampled(self, period: float) -> StateSpace:
         """The same behind zero-order holds, at the samples."""
@@ -86,7 +87,7 @@ class StateSpace:
             x_u = np.hstack([x_u, onwards @ x_u])
             onwards = onwards @ onwards
         y = np.hstack([system.C, system.D]) @ x_u[:, : count + 1]
-        return np.arange(count + 1) * every * system.period, y.T
+        return np.arange(count + 1, dtype=float) * every * system.period, y.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +231,8 @@ def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
         D=np.hstack([reference.D(), sum(part.D() for part in parts.values())]),
         period=reference.time_period(),
     )
-    if controller.is_sampled and not feedback.period:
+    is_sampled = isinstance(controller, Controller) and controller.is_sampled
+    if is_sampled and not feedback.period:
         return feedback.sampled(design.motion.period)  # its state is, with the reference
     return feedback
 
@@ -252,10 +254,10 @@ def _hold_still(diagram: Diagram, context: Context, first: int) -> None:
     port.FixValue(context, port.Eval(context) + change[others:])
 
 
-def _taylor(diagram: Diagram, context: Context, input_name: str, output_name: str) -> AffineSystem:
+def _taylor(system: System, context: Context, input_name: str, output_name: str) -> AffineSystem:
     return FirstOrderTaylorApproximation(
-        diagram,
+        system,
         context,
-        input_port_index=diagram.GetInputPort(input_name).get_index(),
-        output_port_index=diagram.GetOutputPort(output_name).get_index(),
+        input_port_index=system.GetInputPort(input_name).get_index(),
+        output_port_index=system.GetOutputPort(output_name).get_index(),
     )

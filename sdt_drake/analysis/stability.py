@@ -97,14 +97,15 @@ def stability_sweep(
 
     shape = len(ratios), n
     damping, overshoot, border = np.empty(shape), np.full(shape, np.nan), np.empty(n)
-    for k, sample in enumerate(samples.tolist()):
+
+    def sweep_joint(k: int, sample: int) -> None:
         frequencies = [omega_r if j == k else 0.0 for j in range(n)]
         process = _elastic_process(rigid, Elasticity(frequencies, damping_ratio, encoder), sample)
 
-        def loop(ratio: float, process=process, k=k, sample=sample) -> StateSpace:
+        def loop(ratio: float) -> StateSpace:
             return close(rigid, process, feedback(ratio * omega_r, sample)).closed(k)
 
-        def damping_at(ratio: float, loop=loop) -> float:
+        def damping_at(ratio: float) -> float:
             return least_damping(loop(ratio), ratio * omega_r)
 
         for i, ratio in enumerate(ratios.tolist()):
@@ -113,6 +114,9 @@ def stability_sweep(
                 _, speed = loop(ratio).step(_SHOWN / (ratio * omega_r), _STEPS)
                 overshoot[i, k] = 100 * max(speed.max() - 1, 0.0)
         border[k] = _border(damping_at, ratios, damping[:, k])
+
+    for k, sample in enumerate(samples.tolist()):
+        sweep_joint(k, sample)
     return StabilitySweep(ratios, damping, overshoot, border)
 
 

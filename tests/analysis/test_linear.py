@@ -6,12 +6,15 @@ import copy
 
 import numpy as np
 import pytest
+from pydrake.systems.framework import DiagramBuilder
 
 from sdt_drake.analysis.linear import (
     StateSpace,
+    linear_feedback,
     linear_process,
     linearise,
 )
+from sdt_drake.controllers import Pi
 from sdt_drake.design import make_design
 from sdt_drake.device import Drive, Elasticity
 from sdt_drake.scenario import load_scenario
@@ -337,3 +340,21 @@ def test_inverse_dynamics_decouples_the_coupled_plant(designed, sample):
     others = speed * (1 - np.eye(4))
     assert np.abs(others).max() < 1e-3  # gravity changes within a period
     assert loop.feedback.period == loop.process.period == T
+
+
+def test_a_linear_feedback_is_any_system_with_the_ports(designed, monkeypatch):
+    design = designed()
+    expected = linear_feedback(design)
+
+    def plain(cls, design, sample):
+        builder = DiagramBuilder()
+        pi = builder.AddSystem(cls(design, at=sample))
+        for name in ("reference", "state"):
+            builder.ExportInput(pi.GetInputPort(name), name)
+        builder.ExportOutput(pi.GetOutputPort("tau_cmd"), "tau_cmd")
+        return builder.Build()
+
+    monkeypatch.setattr(Pi, "linear", classmethod(plain))
+    found = linear_feedback(design)
+    for name in "ABCD":
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
