@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
 
 from sdt_drake.errors import InputError, told_by
-from sdt_drake.pilot import GRAVITY, has_head, head_motion
+from sdt_drake.pilot import GRAVITY, HeadMotion, has_head, head_motion
 from sdt_drake.robot import Robot
 from sdt_drake.systems import RobotDrawing
 
@@ -55,17 +56,12 @@ class Frames:
     Attributes:
         time: k / FRAME_RATE from the start of the motion [s], shape (F,).
         q: joint angles, joint side [rad], shape (F, n).
-        position: of the head in the world [m], shape (F, 3); None for a robot without a head frame.
-        rotation: head to world, shape (F, 3, 3); None likewise.
-        specific_force: a - g at the head, in the **world** frame [m/s²], shape (F, 3); None
-            likewise.
+        head: motion of the pilot's head; None for a robot without a head frame.
     """
 
     time: Array
     q: Array
-    position: Array | None = None
-    rotation: Array | None = None
-    specific_force: Array | None = None
+    head: HeadMotion | None = None
 
 
 def make_frames(robot: Robot, time: Array, q: Array) -> Frames:
@@ -90,8 +86,7 @@ def make_frames(robot: Robot, time: Array, q: Array) -> Frames:
     v = np.gradient(q, time, axis=0)
     vd = np.gradient(v, time, axis=0)
     head = head_motion(robot, sampled, _sample(time, v, at), _sample(time, vd, at))
-    in_world = np.einsum("fij,fj->fi", head.rotation, head.specific_force)
-    return Frames(at, sampled, head.position, head.rotation, in_world)
+    return Frames(at, sampled, head)
 
 
 def check_angles(robot: Robot, time: Array, q: Array) -> None:
@@ -151,8 +146,8 @@ class Scene:
             self._context = self._robot.CreateDefaultContext()
             low, high = _extent(robot, self._robot, frames.q)
         _draw_surroundings(meshcat, low, high)
-        if frames.position is not None:
-            _draw_head(meshcat, frames.position)
+        if frames.head is not None:
+            _draw_head(meshcat, frames.head.position)
         self.target = (low + high) / 2
         reach = float(np.linalg.norm(high - low)) / 2
         self.eye = self.target + 1.6 * reach * _FROM
@@ -160,17 +155,17 @@ class Scene:
 
     def show(self, k: int, *, record: bool = False) -> None:
         """Picture k; into the recording that is running, if `record`."""
-        frames = self.frames
+        frames, head = self.frames, self.frames.head
         at = frames.time[k] if record else None
         self._context.SetTime(frames.time[k])
         state = np.concatenate([frames.q[k], np.zeros_like(frames.q[k])])
         self._robot.get_input_port().FixValue(self._context, state)
         self._robot.ForcedPublish(self._context)
-        if frames.position is None:
+        if head is None:
             return
-        head = RigidTransform(RotationMatrix(frames.rotation[k]), frames.position[k])
-        self.meshcat.SetTransform(_HEAD_PATH, head, at)
-        arrow, length = arrow_pose(frames.position[k], frames.specific_force[k])
+        pose = RigidTransform(RotationMatrix(head.rotation[k]), head.position[k])
+        self.meshcat.SetTransform(_HEAD_PATH, pose, at)
+        arrow, length = arrow_pose(head.position[k], head.force_in_world[k])
         self.meshcat.SetTransform(_ARROW_PATH, arrow, at)
         self.meshcat.SetProperty(f"{_ARROW_PATH}/unit", "scale", [1.0, 1.0, length], at)
 
@@ -181,7 +176,9 @@ class Scene:
 
     def pilot_view(self, k: int) -> None:
         """The camera where the head is in picture k, looking forward, turning with it."""
-        eye, (x, _, z) = self.frames.position[k], self.frames.rotation[k].T
+        head = self.frames.head
+        assert head is not None, "for a robot with a head"
+        eye, (x, _, z) = head.position[k], head.rotation[k].T
         self.meshcat.SetCameraPose(eye, eye + x)
         # Meshcat keeps its camera upright, by a vector `up` with y upwards: that can roll it.
         values = {"fov": PILOT_FIELD, "near": PILOT_NEAR}
@@ -247,7 +244,7 @@ def _draw_surroundings(meshcat: Meshcat, low: Array, high: Array) -> None:
     radius = float(np.ceil(1.1 * np.abs([low[:2], high[:2]]).max()))
     _light(meshcat, radius)
     meshcat.SetObject("/floor", Cylinder(radius, _FLOOR), Rgba(0.86, 0.87, 0.88))
-    meshcat.SetTransform("/floor", RigidTransform([0.0, 0.0, low[2] - _FLOOR]))
+    meshcat.SetTransform("/floor", RigidTransform(np.array([0.0, 0.0, low[2] - _FLOOR])))
     at = np.arange(1 - radius, radius)
     half, z = np.sqrt(radius**2 - at**2), np.full(len(at), low[2] - 0.4 * _FLOOR)
     starts = np.hstack([[at, -half, z], [-half, at, z]])
@@ -260,8 +257,9 @@ def _light(meshcat: Meshcat, radius: float) -> None:
     for lamp in ("PointLightNegativeX", "PointLightPositiveX"):  # these stand within the device
         meshcat.SetProperty(f"/Lights/{lamp}", "visible", False)
     meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", 1.6)
-    values = {"intensity": 2.2, "position": [4.0, -7.0, 14.0], "castShadow": True}
-    values |= {"shadow.mapSize.x": 2048.0, "shadow.mapSize.y": 2048.0, "shadow.normalBias": 0.03}
+    values: dict[str, Any] = {"intensity": 2.2, "position": [4.0, -7.0, 14.0]}
+    values |= {"castShadow": True, "shadow.normalBias": 0.03}
+    values |= {"shadow.mapSize.x": 2048.0, "shadow.mapSize.y": 2048.0}
     for side, sign in {"left": -1, "right": 1, "bottom": -1, "top": 1}.items():
         values[f"shadow.camera.{side}"] = sign * radius
     for name, value in values.items():
@@ -273,8 +271,8 @@ def _draw_head(meshcat: Meshcat, position: Array) -> None:
     meshcat.SetLine("/trace", position.T, 3.0, Rgba(*TRACE))
     unit = f"{_ARROW_PATH}/unit"
     meshcat.SetObject(f"{unit}/shaft", Cylinder(_SHAFT_RADIUS, 1 - _TIP), Rgba(*ARROW))
-    meshcat.SetTransform(f"{unit}/shaft", RigidTransform([0.0, 0.0, (1 - _TIP) / 2]))
+    meshcat.SetTransform(f"{unit}/shaft", RigidTransform(np.array([0.0, 0.0, (1 - _TIP) / 2])))
     # A cone of Meshcat has its point at the origin and opens along +z.
     meshcat.SetObject(f"{unit}/tip", MeshcatCone(_TIP, _TIP_RADIUS, _TIP_RADIUS), Rgba(*ARROW))
     flip = RotationMatrix.MakeXRotation(np.pi)
-    meshcat.SetTransform(f"{unit}/tip", RigidTransform(flip, [0.0, 0.0, 1.0]))
+    meshcat.SetTransform(f"{unit}/tip", RigidTransform(flip, np.array([0.0, 0.0, 1.0])))

@@ -98,7 +98,7 @@ def _overlay(scene: Scene, title: str, pilot: bool) -> str:
         METRES=f"{METRES_PER_G:g}",
         ARROW=_css(ARROW),
         TRACE=_css(TRACE),
-        NO_HEAD="" if scene.frames.position is not None else "hidden",
+        NO_HEAD="" if scene.frames.head is not None else "hidden",
         EYE=_in_browser(scene.eye),
         TARGET=_in_browser(scene.target),
         OUTSIDE=f"{FIELD_OF_VIEW:g}",

@@ -59,6 +59,7 @@ def test_frames_are_even_and_are_the_motion(robot):
 def test_head_and_its_specific_force_are_drakes(robot):
     q, _, _ = smooth(robot)
     frames = make_frames(robot, TIME, q)
+    shown = frames.head
     exact_q, v, vd = smooth(robot, frames.time)
     plant = robot.plant
     context, head = plant.CreateDefaultContext(), plant.GetFrameByName("head")
@@ -66,14 +67,14 @@ def test_head_and_its_specific_force_are_drakes(robot):
     for k in range(2, len(frames.time) - 2, 7):
         plant.SetPositions(context, frames.q[k])
         pose = head.CalcPoseInWorld(context)
-        np.testing.assert_allclose(frames.position[k], pose.translation(), atol=1e-9)
-        np.testing.assert_allclose(frames.rotation[k], pose.rotation().matrix(), atol=1e-9)
+        np.testing.assert_allclose(shown.position[k], pose.translation(), atol=1e-9)
+        np.testing.assert_allclose(shown.rotation[k], pose.rotation().matrix(), atol=1e-9)
         plant.SetPositions(context, exact_q[k])
         plant.SetVelocities(context, v[k])
         where = (context, JacobianWrtVariable.kV, head, np.zeros(3), world, world)
         a = plant.CalcJacobianTranslationalVelocity(*where) @ vd[k]
         a += plant.CalcBiasTranslationalAcceleration(*where).ravel()
-        np.testing.assert_allclose(frames.specific_force[k], a - gravity, atol=0.01)
+        np.testing.assert_allclose(shown.force_in_world[k], a - gravity, atol=0.01)
 
 
 @pytest.mark.parametrize("force", [(0, 0, 9.81), (3, -4, 2), (0, 0, -19.62), (-9.81, 0, 0)])
@@ -169,12 +170,13 @@ def test_page_plays_alone(robot, page_file):
         page.wait_for_function("viewer.animator.time > 0.1")  # it plays by itself
         assert page.evaluate("viewer.animator.duration") == pytest.approx(2.0)
         frames = make_frames(robot, TIME, smooth(robot)[0])
+        head = frames.head
         for k in (0, 31, 60):
             seek(page, frames.time[k])
-            np.testing.assert_allclose(place_of(page, ["head"]), frames.position[k], atol=1e-4)
-            force = frames.specific_force[k] * METRES_PER_G / 9.80665
+            np.testing.assert_allclose(place_of(page, ["head"]), head.position[k], atol=1e-4)
+            force = head.force_in_world[k] * METRES_PER_G / 9.80665
             tip = place_of(page, ["arrow", "unit", "tip"])
-            np.testing.assert_allclose(tip - frames.position[k], force, atol=2e-3)
+            np.testing.assert_allclose(tip - head.position[k], force, atol=2e-3)
         before = colours(page)
         seek(page, 0.4)
         assert len(set(before)) > 50 and colours(page) != before
@@ -196,18 +198,19 @@ def test_page_plays_alone(robot, page_file):
 def test_pilots_view_rides_along(robot, tmp_path):
     q = smooth(robot)[0]
     frames = make_frames(robot, TIME, q)
+    head = frames.head
     record_html(robot, TIME, q, tmp_path / "a.html", pilot=True)
     camera = ["Cameras", "default", "rotated", "<object>"]
     with open_page(tmp_path / "a.html", **SMALL) as (page, errors, _):
         assert page.inner_text("#sdt-view") == "From outside"
         for k in (45, 10):
             seek(page, frames.time[k])
-            np.testing.assert_allclose(place_of(page, camera), frames.position[k], atol=1e-4)
+            np.testing.assert_allclose(place_of(page, camera), head.position[k], atol=1e-4)
             # The camera's y, up, and -z, forward, are the head's z and x.
             m = page.evaluate("viewer.camera.matrixWorld.elements")
             (ux, uy, uz), (bx, by, bz) = m[4:7], m[8:11]
-            np.testing.assert_allclose([ux, -uz, uy], frames.rotation[k][:, 2], atol=1e-3)
-            np.testing.assert_allclose([-bx, bz, -by], frames.rotation[k][:, 0], atol=1e-3)
+            np.testing.assert_allclose([ux, -uz, uy], head.rotation[k][:, 2], atol=1e-3)
+            np.testing.assert_allclose([-bx, bz, -by], head.rotation[k][:, 0], atol=1e-3)
         page.click("#sdt-view")
         assert page.inner_text("#sdt-view") == "Pilot's view"
         seek(page, 0.0)
@@ -220,7 +223,7 @@ def test_robot_without_a_head_and_without_visuals(tmp_path):
     other = without_head(tmp_path)
     q = smooth(other)[0]
     frames = make_frames(other, TIME, q)
-    assert frames.position is None and frames.specific_force is None
+    assert frames.head is None
     record_html(other, TIME, q, tmp_path / "a.html")
     with pytest.raises(InputError, match="no pilot's head"):
         record_html(other, TIME, q, tmp_path / "b.html", pilot=True)
@@ -354,8 +357,8 @@ def test_live_camera_of_the_pilot(robot, monkeypatch):
     frames = make_frames(robot, TIME, smooth(robot)[0])
     shown = Scene(robot, frames, open_meshcat())
     shown.pilot_view(20)
-    forward, _, up = frames.rotation[20].T
-    eye = frames.position[20]
+    forward, _, up = frames.head.rotation[20].T
+    eye = frames.head.position[20]
     kept = {
         name: msgpack_number(shown.meshcat._GetPackedProperty(scene._CAMERA, f"up.{name}"))
         for name in "xyz"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import cast
 
 import numpy as np
@@ -45,6 +46,11 @@ class HeadMotion:
     def resultant_g(self) -> Array:
         """|f| in units of gravity [-], shape (N,)."""
         return np.linalg.norm(self.specific_force, axis=1) / GRAVITY
+
+    @cached_property
+    def force_in_world(self) -> Array:
+        """R f = a - g, in the **world** [m/s²], shape (N, 3)."""
+        return np.einsum("fij,fj->fi", self.rotation, self.specific_force)
 
 
 def has_head(robot: Robot) -> bool:
