@@ -57,10 +57,13 @@ class Compared:
     needs: tuple[str, ...]
 
     @cached_property
-    def head(self) -> HeadTracking | None:
-        """How well the pilot's head follows; None for a robot without one."""
-        robot = self.design.robot
-        return track_head(self.recording, robot) if has_head(robot) else None
+    def head(self) -> HeadTracking:
+        """How well the pilot's head follows.
+
+        Raises:
+            InputError: if the robot has no head.
+        """
+        return track_head(self.recording, self.design.robot)
 
     @cached_property
     def metrics(self) -> dict[str, Array]:
@@ -185,17 +188,17 @@ def felt_rows(compared: Sequence[Compared]) -> tuple[list[str], list[list[str]]]
     is just felt, about and along the axes of the head. A row for each controller with a head."""
     rows = []
     for c in compared:
-        if c.head is not None:
+        if has_head(c.design.robot):
             share, rotation, about, force, along = _felt(c)
             rows.append([c.label, f"{share:.1f}", f"{rotation:.2f}", about, f"{force:.2f}", along])
     return ["controller", *_FELT], rows
 
 
-def _felt(compared: Compared) -> list[float | str]:
+def _felt(compared: Compared) -> tuple[float, float, str, float, str]:
     """One for each of _FELT."""
     felt = compared.head.felt
     (about, rotation), (along, force) = felt.worst_rotation, felt.worst_force
-    return [100 * felt.share, rotation, about, force, along]
+    return 100 * felt.share, rotation, about, force, along
 
 
 def write_comparison(compared: Sequence[Compared], path: str | Path) -> None:
@@ -204,13 +207,13 @@ def write_comparison(compared: Sequence[Compared], path: str | Path) -> None:
     Raises:
         InputError: if the file cannot be written.
     """
-    has_heads = all(c.head is not None for c in compared)
+    has_heads = all(has_head(c.design.robot) for c in compared)
     with replacing(Path(path)) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         felt_header = _FELT if has_heads else []
         table.writerow(["controller", "joint", *_HEADER, "blocks", "needs", *felt_header])
         for c in compared:
-            felt = _felt(c) if has_heads else []
+            felt = _felt(c) if has_heads else ()
             for k in range(c.design.robot.n):
                 values = [METRICS[name].factor * c.metrics[name][k] for name in COMPARED]
                 cells = ["" if np.isnan(value) else repr(float(value)) for value in values]

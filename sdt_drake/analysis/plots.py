@@ -31,6 +31,7 @@ from sdt_drake.analysis.style import (
 from sdt_drake.analysis.tracking import constant_speed_segments
 from sdt_drake.dynamics import InertiaRange, Loads
 from sdt_drake.motion import Motion
+from sdt_drake.pilot import has_head
 from sdt_drake.robot import Robot
 from sdt_drake.simulate import Recording
 
@@ -198,8 +199,9 @@ def error_budget(title: str, budget: ErrorBudget, joint_names: Sequence[str]) ->
 def shade(ax: Axes, time: Array, where: NDArray[np.bool_], label: str) -> None:
     """Grey where a condition holds, from bottom to top."""
     low, high = ax.get_ylim()
-    look = {"color": "0.5", "alpha": 0.16, "linewidth": 0, "zorder": 0}
-    ax.fill_between(time, low, high, where=where, label=label, **look)
+    ax.fill_between(
+        time, low, high, where=where, label=label, color="0.5", alpha=0.16, linewidth=0, zorder=0
+    )
     ax.set_ylim(low, high)
 
 
@@ -218,7 +220,7 @@ def _panels(
 
 def _draw_panels(
     ylabel: str, time: Array, lines: Sequence[Line], joint_names: Sequence[str]
-) -> tuple[Figure, NDArray]:
+) -> tuple[Figure, NDArray[np.object_]]:
     """Lines over time in a panel for each joint; still without title and legend."""
     figure, axes = grid(len(joint_names), 1, panel=_PANEL)
     for k, (ax, name) in enumerate(zip(axes[:, 0], joint_names, strict=True)):
@@ -237,7 +239,7 @@ def _draw_panels(
 def comparison(title: str, compared: Sequence[Compared]) -> Figure:
     """Controllers side by side: errors on a logarithmic scale, torques, and what could be felt."""
     names = [f"{k + 1} {name}" for k, name in enumerate(compared[0].design.robot.joint_names)]
-    has_heads = all(c.head is not None for c in compared)
+    has_heads = all(has_head(c.design.robot) for c in compared)
     looks = looks_of([c.label for c in compared])
     width, at = 0.8 / len(compared), np.arange(len(names))
     with style():

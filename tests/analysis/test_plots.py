@@ -82,15 +82,10 @@ SHARES = (1.0, 0.1, 0.004)
 CONSTANT = np.array([0.02, np.nan, 0.04])
 
 
-def headless_robot(names=NAMES):
-    return SimpleNamespace(
-        joint_names=names, plant=SimpleNamespace(HasFrameNamed=lambda name: False)
-    )
-
-
 def make_compared(labels, shares, *, head=True):
     """Controllers whose errors are these shares; the second joint has no constant speed."""
-    robot, made = headless_robot(), []
+    plant = SimpleNamespace(HasFrameNamed=lambda name: head)
+    robot, made = SimpleNamespace(joint_names=NAMES, plant=plant), []
     for label, share in zip(labels, shares, strict=True):
         row = share * np.array([0.1, 0.2, 0.3])
         tracking = Tracking(row, row / 3, share * CONSTANT, 0 * row, np.radians(row))
