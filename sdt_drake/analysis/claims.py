@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
+from typing import Any
 
 import numpy as np
 import yaml  # of Drake itself
@@ -32,6 +33,9 @@ VERDICTS = {
 STEP_TOLERANCE = 0.01
 """Relative difference at which a step metric still agrees with the printed one; at least half a
 unit of the last printed digit."""
+
+Json = Mapping[str, Any]
+"""A part of summary.json."""
 
 _UNPUBLISHED = (
     "the device's geometry, masses and the data of Figure 2 are not published; ours are calibrated "
@@ -124,9 +128,9 @@ def _table1(results: Reproduction) -> Iterator[_Found]:
         published = paper.table1(key)
         yield _Found(f"table1_{key}", computed, all(agree), published, {"agreeing": agreeing})
     for row, printed in zip(rows, paper.TABLE1["variation_percent"], strict=True):
-        computed = row["variation_percent"]
-        holds = agrees_as_printed(computed, printed)
-        yield _Found(f"variation_joint_{row['joint']}", computed, holds, float(printed))
+        variation = row["variation_percent"]
+        holds = agrees_as_printed(variation, printed)
+        yield _Found(f"variation_joint_{row['joint']}", variation, holds, float(printed))
 
 
 def _frequencies(results: Reproduction) -> Iterator[_Found]:
@@ -299,7 +303,7 @@ def _jump_before_peak(run: Run, joint: int) -> tuple[float, float]:
 class Claims:
     """The claims of summary.json: a table, and on a page cards that a filter chooses from."""
 
-    claims: Sequence[Mapping]
+    claims: Sequence[Json]
     joints: int
 
     def markdown(self) -> str:
@@ -331,7 +335,7 @@ class Claims:
             f'<p class="shown" role="status"></p>{cards}'
         )
 
-    def _card(self, claim: Mapping, inline: Inline) -> str:
+    def _card(self, claim: Json, inline: Inline) -> str:
         verdict = claim["verdict"]
         look, sign = VERDICTS[verdict]
         values = _value_table(claim["published"], claim["computed"], self.joints)
@@ -343,7 +347,7 @@ class Claims:
         )
 
 
-def _value_table(published: object, computed: object, joints: int) -> Table:
+def _value_table(published: Any, computed: Any, joints: int) -> Table:
     """Published above computed."""
     if isinstance(published, dict):
         header = ["", *(key.replace("_", " ") for key in published)]

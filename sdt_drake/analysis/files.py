@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -110,7 +111,7 @@ def figures(results: Reproduction) -> dict[str, Figure]:
 # --- summary.json ----------------------------------------------------------------------------
 
 
-def summary(results: Reproduction, claims: Sequence[Claim]) -> dict:
+def summary(results: Reproduction, claims: Sequence[Claim]) -> dict[str, Any]:
     """The content of summary.json; a number that does not exist is null."""
     steps = {
         structure: {name: getattr(step.metrics, name) for name in paper.FIGURE4[structure]}
@@ -129,7 +130,7 @@ def summary(results: Reproduction, claims: Sequence[Claim]) -> dict:
         "versions": versions(),
         "wall_time_s": dict(results.wall_time_s),
     }
-    return _plain(content)
+    return {name: _plain(part) for name, part in content.items()}
 
 
 def _tracking_entry(run: Run) -> dict[str, object]:

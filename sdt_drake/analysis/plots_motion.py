@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -80,7 +82,7 @@ def _mark_tightest(torque: Axes, speed: Axes, margins: Margins, planned: Plan, k
     """A ring where the joint is nearest to a limit, and in words which."""
     place = margins.tightest(k)
     i = int(np.argmin(np.abs(margins.time - place.time)))
-    ring = {"markerfacecolor": "none", "markeredgewidth": 1.6, "markersize": 9, "clip_on": False}
+    ring: dict[str, Any] = {"markerfacecolor": "none", "markeredgewidth": 1.6, "markersize": 9}
     where = {
         "speed": (speed, planned.motion.v[i, k]),
         "torque": (torque, margins.torque[i, k]),
@@ -88,7 +90,7 @@ def _mark_tightest(torque: Axes, speed: Axes, margins: Margins, planned: Plan, k
     }
     if place.quantity in where:
         ax, value = where[place.quantity]
-        ax.plot(place.time, value, "o", color=TIGHTEST, label="tightest", **ring)
+        ax.plot(place.time, value, "o", color=TIGHTEST, label="tightest", clip_on=False, **ring)
     speed.set_title(
         f"tightest: {place.quantity}, {100 * place.share:.1f} % of its limit at {place.time:.2f} s",
         loc="right",

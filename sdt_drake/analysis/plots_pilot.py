@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -38,8 +40,8 @@ def pilot(title: str, time: Array, head: HeadTracking) -> Figure:
         return np.degrees(motion.angular_velocity)
 
     with style():
-        size = {"panel": (3.25, 1.95), "gaps": (0.45, 0.4)}
-        figure, axes = grid(3, 3, left=0.7, bottom=1.0, top=0.85, **size)
+        panel, gaps = (3.25, 1.95), (0.45, 0.4)
+        figure, axes = grid(3, 3, panel=panel, gaps=gaps, left=0.7, bottom=1.0, top=0.85)
         for row in axes:
             for ax in row[1:]:
                 ax.sharey(row[0])
@@ -65,7 +67,9 @@ def pilot(title: str, time: Array, head: HeadTracking) -> Figure:
     return figure
 
 
-def _both(ax: Axes, time: Array, head: HeadTracking, quantity, axis: int) -> None:
+def _both(
+    ax: Axes, time: Array, head: HeadTracking, quantity: Callable[[HeadMotion], Array], axis: int
+) -> None:
     ax.plot(time, quantity(head.reference)[:, axis], color=REFERENCE, label="reference")
     ax.plot(time, quantity(head.achieved)[:, axis], "--", color=ACHIEVED, label="achieved")
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from sdt_drake import paper
 from sdt_drake.analysis.block_diagrams import CAPTIONS
-from sdt_drake.analysis.claims import VERDICTS, Claims
+from sdt_drake.analysis.claims import VERDICTS, Claims, Json
 from sdt_drake.analysis.document import (
     Block,
     Document,
@@ -95,7 +95,7 @@ def _advice(folder: Path) -> Iterator[None]:
     raise InputError(f"{message}; run `sdt-drake reproduce --out {folder}` first")
 
 
-def _read_summary(path: Path) -> dict:
+def _read_summary(path: Path) -> Json:
     if not path.exists():
         raise InputError(f"{path}: is missing")
 
@@ -108,7 +108,7 @@ def _read_summary(path: Path) -> dict:
         raise InputError(f"{path}: is not JSON") from None
 
 
-def make_report(summary: Mapping, folder: Path, announce: Callable[[str], None]) -> Document:
+def make_report(summary: Json, folder: Path, announce: Callable[[str], None]) -> Document:
     """The report on what is in a folder; see `write_report`."""
     blocks = _blocks(summary, folder, announce)
     report = from_template(page_text("report.md"), blocks, _numbers(summary))
@@ -116,7 +116,7 @@ def make_report(summary: Mapping, folder: Path, announce: Callable[[str], None])
     return report
 
 
-def _numbers(summary: Mapping) -> dict[str, object]:
+def _numbers(summary: Json) -> dict[str, object]:
     """Those in the sentences of the report."""
     runs = {
         (run["algorithm"], run["controller"]): run
@@ -155,13 +155,13 @@ def _numbers(summary: Mapping) -> dict[str, object]:
     return numbers
 
 
-def _worst(felt: Mapping, channels: slice) -> str:
+def _worst(felt: Json, channels: slice) -> str:
     multiple, name = max(zip(felt["largest"][channels], felt["channels"][channels], strict=True))
     return f"{multiple:.2f} ({name})"
 
 
 def _blocks(
-    summary: Mapping, folder: Path, announce: Callable[[str], None]
+    summary: Json, folder: Path, announce: Callable[[str], None]
 ) -> dict[str, Sequence[Block]]:
     """The tables and figures of the report by their names in pages/report.md."""
     beyond = [
@@ -206,7 +206,7 @@ def _blocks(
 def _by_joint(
     labels: Sequence[str],
     names: Iterable[Sequence[str]],
-    entries: Sequence[Mapping],
+    entries: Sequence[Json],
     metrics: Sequence[str],
 ) -> Table:
     """A row for each entry, beginning with its names; of each metric a value for each joint."""
@@ -220,16 +220,16 @@ def _by_joint(
 _RUN = ("plant", "process", "Algorithm 1", "controller", "A")
 
 
-def _run(run: Mapping) -> list[str]:
+def _run(run: Json) -> list[str]:
     amplitude = f"{run['disturbance_amplitude']:g}"
     return [run["plant"], run["process"], run["algorithm"], f"`{run['controller']}`", amplitude]
 
 
-def _label(entry: Mapping) -> list[str]:
+def _label(entry: Json) -> list[str]:
     return [f"`{entry['controller']}`"]
 
 
-def _table1(rows: Sequence[Mapping]) -> Table:
+def _table1(rows: Sequence[Json]) -> Table:
     columns = {
         "i_eff_max": ("I_eff,max [kg m²]", ".2f"),
         "i_eff_median": ("median", ".2f"),
@@ -249,7 +249,7 @@ def _table1(rows: Sequence[Mapping]) -> Table:
     return _pairs(columns, names, rows, published)
 
 
-def _steps(steps: Mapping) -> Table:
+def _steps(steps: Json) -> Table:
     columns = {
         "rise_time": ("rise, 10–90 % [s]", ".4f"),
         "settling_time": ("settling, 2 % [s]", ".4f"),
@@ -263,7 +263,7 @@ def _steps(steps: Mapping) -> Table:
 def _pairs(
     columns: Mapping[str, tuple[str, str]],
     names: Iterable[str],
-    computed: Sequence[Mapping],
+    computed: Sequence[Json],
     published: Sequence[Sequence[str]],
 ) -> Table:
     """Two rows for each name; columns by key: title and format."""
@@ -274,7 +274,7 @@ def _pairs(
     return Table(["", *(title for title, _ in columns.values())], rows, look="pairs")
 
 
-def _felt(beyond: Sequence[Mapping]) -> Table:
+def _felt(beyond: Sequence[Json]) -> Table:
     rows = [
         [
             *_label(entry),
@@ -321,7 +321,7 @@ def _device(path: Path) -> list[Block]:
     return [text, EmbeddedPage("Load the 3D recording", path)]
 
 
-def _provenance(summary: Mapping) -> list[Block]:
+def _provenance(summary: Json) -> list[Block]:
     seconds = summary["wall_time_s"]
     times = {**seconds, "sum of the stages": sum(seconds.values())}
     return [

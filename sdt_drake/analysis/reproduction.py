@@ -8,9 +8,11 @@ from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.systems.primitives import VectorLogSink
 
 from sdt_drake import paper
 from sdt_drake.analysis.comparison import Compared, design_with, run_of
@@ -169,12 +171,13 @@ def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> 
     simulator = make_simulator(loop, period=duration / 500, accuracy=_STEP_ACCURACY)
     simulator.Initialize()
     simulator.AdvanceTo(duration)
-    log = loop.GetSubsystemByName("log.state").FindLog(simulator.get_context())
+    sink = cast(VectorLogSink, loop.GetSubsystemByName("log.state"))
+    log = sink.FindLog(simulator.get_context())
     t, speed = log.sample_times(), log.data()[1]
     return StepResponse(structure, zeta, t, speed, step_metrics(t, speed, y0=0.0, y_final=1.0))
 
 
-def table1(design: Design) -> list[dict[str, object]]:
+def table1(design: Design) -> list[dict[str, Any]]:
     """Table 1 from the SDF and the motion; one row for each joint, with the published one."""
     gains, inertia = design.gains, design.inertia
     columns = {
@@ -190,7 +193,7 @@ def table1(design: Design) -> list[dict[str, object]]:
     }
     rows = []
     for k in range(design.robot.n):
-        row: dict[str, object] = {"joint": k + 1}
+        row: dict[str, Any] = {"joint": k + 1}
         row |= {name: float(values[k]) for name, values in columns.items()}
         row["published"] = {"joint": k + 1} | {
             name: paper.table1(name)[k] if name in paper.TABLE1 else None for name in columns

@@ -43,11 +43,14 @@ _STYLE: dict[Any, Any] = {
 _PAPER = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
 
 
+Dashes = Literal["-", "--", "-.", ":"]
+
+
 class Look(NamedTuple):
     """How a line, and the group that it belongs to, is drawn."""
 
     colour: str
-    dashes: str = "-"
+    dashes: Dashes = "-"
     marker: str = "o"
 
 
@@ -68,7 +71,7 @@ LOOKS = {
 """Of the reference and of each controller, the same in all figures. What the paper draws in blue,
 red and green keeps these hues as far as the palette has them."""
 
-_DASHES = ("-", "--", "-.", ":")
+_DASHES: tuple[Dashes, ...] = ("-", "--", "-.", ":")
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sdt_drake.commands.common import (
     ROBOT,
@@ -15,6 +17,18 @@ from sdt_drake.commands.common import (
     say,
 )
 from sdt_drake.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from sdt_drake.analysis.tracking import HeadTracking
+    from sdt_drake.pilot import HeadMotion
+    from sdt_drake.robot import Robot
+    from sdt_drake.simulate import Recording
+
+    Array = NDArray[np.float64]
+    Rows = tuple[Sequence[str], Sequence[Sequence[str]]]
 
 EXAMPLE = "sdt-drake pilot package://sdt/scenarios/coupled_pi.yaml --out pilot.png"
 
@@ -58,7 +72,7 @@ def run(options: argparse.Namespace) -> None:
     )
 
 
-def _recorded(options: argparse.Namespace):
+def _recorded(options: argparse.Namespace) -> tuple[str, Recording, Robot]:
     """Name, recording and robot of what was asked for."""
     from sdt_drake.pilot import check_head
     from sdt_drake.robot import load_robot
@@ -74,7 +88,7 @@ def _recorded(options: argparse.Namespace):
     return design.scenario.name, simulate(design), design.robot
 
 
-def _motion_rows(head, period: float):
+def _motion_rows(head: HeadTracking, period: float) -> Rows:
     """Header and rows: largest quantities of the reference and of what was achieved."""
     import numpy as np
 
@@ -85,7 +99,7 @@ def _motion_rows(head, period: float):
         felt_upright,
     )
 
-    def values(motion) -> list[str]:
+    def values(motion: HeadMotion) -> list[str]:
         omega = motion.angular_velocity
         up = felt_upright(motion.specific_force, period)[:, 2]
         after = false_sensation_after_stop(omega, period)
@@ -108,7 +122,7 @@ def _motion_rows(head, period: float):
     return ("", "reference", "achieved"), list(zip(*columns, strict=True))
 
 
-def _felt_rows(head, time):
+def _felt_rows(head: HeadTracking, time: Array) -> Rows:
     """Header and rows: the error in multiples of what is just felt, by channel."""
     from sdt_drake.pilot import CHANNELS
 
@@ -130,12 +144,12 @@ def _felt_rows(head, time):
     return header, rows
 
 
-def _write(path: Path, time, period: float, head) -> None:
+def _write(path: Path, time: Array, period: float, head: HeadTracking) -> None:
     """Columns name_k, k = 1, 2, 3 along x, y, z of the head; multiple_1..6 as in CHANNELS."""
     from sdt_drake.pilot import canals, felt_upright
     from sdt_drake.tables import write_table
 
-    columns = {}
+    columns: dict[str, Array] = {}
     for suffix, motion in (("_ref", head.reference), ("", head.achieved)):
         columns |= {
             f"specific_force{suffix}": motion.specific_force,

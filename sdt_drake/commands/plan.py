@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from sdt_drake.commands.common import (
     add_figure,
@@ -20,6 +21,10 @@ from sdt_drake.commands.common import (
 )
 from sdt_drake.errors import InputError
 from sdt_drake.fields import check
+
+if TYPE_CHECKING:
+    from sdt_drake.motion import Margins, Plan
+    from sdt_drake.robot import Robot
 
 EXAMPLE = "sdt-drake plan graveyard_spin --planner retiming --out motion.csv"
 
@@ -100,7 +105,7 @@ def _check_outputs(options: argparse.Namespace) -> None:
         raise InputError(f"--drive-table: {table} is the file of --out too, expected another one")
 
 
-def _envelope(path: str | None, n: int):
+def _envelope(path: str | None, n: int) -> tuple[list[float] | None, list[float] | None]:
     """n1 and n0 of a scenario's drive [rad/s], motor side; None without a scenario."""
     from sdt_drake.scenario import load_scenario
 
@@ -114,19 +119,19 @@ def _envelope(path: str | None, n: int):
     return drive.n1, drive.n0
 
 
-def _duration(plan) -> str:
+def _duration(plan: Plan) -> str:
     text = f"{plan.motion.duration:g} s"
     return text if plan.longer <= 0 else f"{text}, {plan.longer:g} s longer than commanded"
 
 
-def _tenths(values):
-    """Rounded, never -0.0."""
+def _tenths(values: Any) -> Any:
+    """An array or a number rounded, never -0.0."""
     import numpy as np
 
     return np.round(values, 1) + 0.0
 
 
-def _print_ends(options: argparse.Namespace, robot, plan) -> None:
+def _print_ends(options: argparse.Namespace, robot: Robot, plan: Plan) -> None:
     """Joints that do not end where they are commanded, or do not start and end at rest."""
     import numpy as np
 
@@ -144,7 +149,7 @@ def _print_ends(options: argparse.Namespace, robot, plan) -> None:
         say(f"not at rest: {', '.join(moving)}")
 
 
-def _print_report(options: argparse.Namespace, robot, plan, report) -> None:
+def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report: Margins) -> None:
     import numpy as np
 
     motion = plan.motion
@@ -183,7 +188,7 @@ def _print_report(options: argparse.Namespace, robot, plan, report) -> None:
             ),
         ],
     )
-    for k in np.flatnonzero(np.isfinite(report.to_stop)):
+    for k in np.flatnonzero(np.isfinite(report.to_stop)).tolist():
         say(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
     place = report.smallest
     say(
