@@ -205,11 +205,6 @@ class Variable:
                 yield "apply", f"{self.apply}, but {target.name} is no number"
 
     @property
-    def random(self) -> bool:
-        """Whether it is drawn; else all its levels are run."""
-        return isinstance(self.distribution, Random)
-
-    @property
     def takes_texts(self) -> bool:
         """Whether its values are texts rather than numbers."""
         return isinstance(self.distribution, Choice)
@@ -298,7 +293,7 @@ class Study:
         for name in {name for name in names if names.count(name) > 1}:
             yield "variables", f"two are named {name}"
         yield from self._field_problems()
-        if self.draws > 1 and not any(variable.random for variable in self.variables):
+        if self.draws > 1 and not any(isinstance(v.distribution, Random) for v in self.variables):
             yield "draws", f"{self.draws}, but no variable is random; remove"
         if self._count > MOST_RUNS:
             yield "variables", f"too many runs, expected at most {MOST_RUNS:,}"
@@ -367,7 +362,7 @@ class Study:
         indices = np.unravel_index(combination, [len(values) for values in self._levels])
         chosen = (values[i] for values, i in zip(self._levels, indices, strict=True))
         return {
-            v.name: float(self._drawn[v.name][draw]) if v.random else next(chosen)
+            v.name: float(self._drawn[v.name][draw]) if v.name in self._drawn else next(chosen)
             for v in self.variables
         }
 
