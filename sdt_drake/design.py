@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sdt_drake.arrays import Array
 from sdt_drake.control import (
     SpeedGains,
     feedforward_torque,
@@ -41,9 +41,6 @@ from sdt_drake.motion import Motion, load_plan
 from sdt_drake.poles import check_poles
 from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import Scenario
-
-Array = NDArray[np.float64]
-
 
 Law = Callable[[Sequence[Array], Array, Array], Array]
 """Torque of the motors, motor side [N m], from torque groups of a model, v_ref and vd_ref."""

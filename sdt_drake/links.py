@@ -5,12 +5,8 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 def links_by_name(root: ET.Element) -> dict[str, ET.Element]:

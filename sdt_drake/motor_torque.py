@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import System
 
+from sdt_drake.arrays import Array, Index
 from sdt_drake.controllers import Controller
 from sdt_drake.design import Design
 from sdt_drake.device import Drive
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 # Points within a period, as shares of it: denser at its start, where torque jumps and then falls.
 _GRID = (np.arange(17) / 16) ** 2

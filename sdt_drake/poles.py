@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sdt_drake.arrays import Array
 from sdt_drake.control import SpeedGains
 from sdt_drake.device import PRESLIDING_DAMPING_TIME, Springs, friction_parameters
 from sdt_drake.errors import InputError
 from sdt_drake.robot import Robot
 from sdt_drake.scenario import Scenario
-
-Array = NDArray[np.float64]
 
 _FASTEST = 1000.0  # rad per interpolation period; far beyond what a drive could do
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
@@ -24,11 +23,10 @@ from pydrake.multibody.tree import (
     WeldJoint,
 )
 
+from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, told_by
 from sdt_drake.resources import find_file
 from sdt_drake.sdf import check_sdf, mass_and_inertia, parse_xml, read_robot_file
-
-Vector = NDArray[np.float64]
 
 DEFAULT_ROBOT = "package://sdt/sdt.sdf"
 
@@ -60,14 +58,14 @@ class Robot:
     path: Path
     plant: MultibodyPlant
     joint_names: tuple[str, ...]
-    rotor_inertia: Vector
-    gear_ratio: Vector
-    effort_limit: Vector
-    velocity_limit: Vector
-    acceleration_limit: Vector
-    position_lower: Vector
-    position_upper: Vector
-    damping: Vector
+    rotor_inertia: Array
+    gear_ratio: Array
+    effort_limit: Array
+    velocity_limit: Array
+    acceleration_limit: Array
+    position_lower: Array
+    position_upper: Array
+    damping: Array
     sdf: str
     frequency_factor: float = 1.0
 
@@ -77,12 +75,12 @@ class Robot:
         return len(self.joint_names)
 
     @cached_property
-    def motor_torque_limit(self) -> Vector:
+    def motor_torque_limit(self) -> Array:
         """Largest torque of each motor, motor side [N m], shape (n,)."""
         return self.effort_limit / self.gear_ratio
 
     @cached_property
-    def reflected_inertia(self) -> Vector:
+    def reflected_inertia(self) -> Array:
         """r² I_m: what the motors add to the diagonal of the mass matrix [kg m²], shape (n,)."""
         return self.gear_ratio**2 * self.rotor_inertia
 

@@ -9,16 +9,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
 
+from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, told_by
 from sdt_drake.pilot import GRAVITY, HeadMotion, has_head, head_motion
 from sdt_drake.robot import Robot
 from sdt_drake.systems import RobotDrawing
-
-Array = NDArray[np.float64]
 
 FRAME_RATE = 30.0
 """Pictures per second of motion [1/s]; the browser interpolates between them."""

@@ -8,8 +8,8 @@ from pathlib import Path
 from xml.parsers import expat
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
 from sdt_drake.urdf import sdf_of_urdf
 
@@ -200,7 +200,7 @@ def _check_inertial(link: ET.Element, where: str) -> None:
         )
 
 
-def mass_and_inertia(link: ET.Element, where: str) -> tuple[float, NDArray[np.float64]]:
+def mass_and_inertia(link: ET.Element, where: str) -> tuple[float, Array]:
     """Mass [kg] and central inertia [kg m²], shape (3, 3), along the axes of <inertial>.
 
     Raises:

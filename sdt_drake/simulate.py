@@ -9,10 +9,10 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Diagram
 
+from sdt_drake.arrays import Array
 from sdt_drake.controllers import own_code
 from sdt_drake.design import Design, make_design
 from sdt_drake.errors import InputError, checked_number
@@ -20,8 +20,6 @@ from sdt_drake.loops import Loop, make_loop
 from sdt_drake.motor_torque import Seen, knows_its_command, period_torque
 from sdt_drake.scenario import Scenario
 from sdt_drake.tables import read_table, write_table
-
-Array = NDArray[np.float64]
 
 _HARDER = 20.0
 """How much harder the integrator tries on the axis plant: its motors saturate for seconds, and what

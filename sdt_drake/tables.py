@@ -7,11 +7,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, checked_input, replacing
-
-Array = NDArray[np.float64]
 
 MOST_BYTES = 1_000_000_000
 """Of a table that is read: a recording of an hour, and what memory holds several times."""

@@ -8,10 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from string import Template
 
-import numpy as np
-from numpy.typing import NDArray
 from pydrake.geometry import Meshcat, MeshcatParams
 
+from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, replacing
 from sdt_drake.pilot import check_head
 from sdt_drake.resources import page_text
@@ -28,8 +27,6 @@ from sdt_drake.scene import (
     Scene,
     make_frames,
 )
-
-Array = NDArray[np.float64]
 
 RATES = (0.01, 1000.0)
 """Slowest and fastest: 1 for real time, 2 for twice as fast [-]."""

@@ -39,7 +39,7 @@ def test_reproduce_ends_with_the_page_and_report_makes_the_same(folder, capsys):
 def test_studies_in_the_folder_become_chapters(folder):
     base = load_scenario("package://sdt/scenarios/axis_pi.yaml")
     inertia = Variable("inertia", ["plant.i_eff"], "factor", Uniform(0.8, 1.1))
-    study = Study("own", draws=12, variables=[inertia])
+    study = Study("own", draws=4, variables=[inertia])
     run_study(make_job(study, base), folder / "own")
     (folder / RECORDING).unlink()
 
@@ -49,7 +49,7 @@ def test_studies_in_the_folder_become_chapters(folder):
     with open_page(folder / REPORT) as (tab, errors, requests):
         tab.get_by_role("link", name="Study own").click()
         chapter = tab.locator("section", has=tab.get_by_role("heading", name="Study own"))
-        assert "12 runs" in chapter.inner_text() and chapter.locator("figure img").count() >= 2
+        assert "4 runs" in chapter.inner_text() and chapter.locator("figure img").count() >= 2
         assert (errors, requests) == ([], [])
 
 

@@ -7,17 +7,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sdt_drake.analysis.threads import threads
+from sdt_drake.arrays import Array
 from sdt_drake.design import Design
 from sdt_drake.device import Friction
 from sdt_drake.dynamics import Loads
 from sdt_drake.errors import InputError
 from sdt_drake.motion import Motion
 from sdt_drake.simulate import simulate
-
-Array = NDArray[np.float64]
 
 PARTS = ("reference lag", "load", "disturbance", "saturation")
 

@@ -10,7 +10,6 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sdt_drake.analysis.metrics import COMPARED, METRICS
 from sdt_drake.analysis.threads import threads
@@ -22,6 +21,7 @@ from sdt_drake.analysis.tracking import (
     track,
     track_head,
 )
+from sdt_drake.arrays import Array
 from sdt_drake.control import FEEDFORWARDS
 from sdt_drake.controllers import CONTROLLERS, Controller
 from sdt_drake.design import Design
@@ -30,8 +30,6 @@ from sdt_drake.loops import blocks_of, make_loop
 from sdt_drake.pilot import has_head
 from sdt_drake.scenario import ControllerChoice, Scenario
 from sdt_drake.simulate import Recording, simulate
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.analysis.linear import linearise
+from sdt_drake.arrays import Array
 from sdt_drake.design import Design
 from sdt_drake.dynamics import where_largest
 from sdt_drake.tables import write_table
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 

@@ -18,11 +18,10 @@ from pydrake.systems.primitives import (
     LinearSystem,
 )
 
+from sdt_drake.arrays import Array
 from sdt_drake.controllers import CONTROLLERS, Controller
 from sdt_drake.design import Design
 from sdt_drake.loops import make_process
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,13 +29,12 @@ from sdt_drake.analysis.style import (
     style,
 )
 from sdt_drake.analysis.tracking import constant_speed_segments
+from sdt_drake.arrays import Array
 from sdt_drake.dynamics import InertiaRange, Loads
 from sdt_drake.motion import Motion
 from sdt_drake.pilot import has_head
 from sdt_drake.robot import Robot
 from sdt_drake.simulate import Recording
-
-Array = NDArray[np.float64]
 
 Line = tuple[str, Look, Array]
 """Label, look, and samples of shape (N, n)."""

@@ -7,14 +7,12 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from sdt_drake.analysis.plots import shade
 from sdt_drake.analysis.style import PALETTE, finish, grid, joint_title, style
+from sdt_drake.arrays import Array
 from sdt_drake.motion import Margins, Plan
 from sdt_drake.robot import Robot
-
-Array = NDArray[np.float64]
 
 PLANNED, TIGHTEST, COMMANDED = PALETTE[0], PALETTE[1], PALETTE[4]
 

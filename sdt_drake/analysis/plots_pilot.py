@@ -7,13 +7,11 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from sdt_drake.analysis.style import PALETTE, finish, grid, plain_numbers, style
 from sdt_drake.analysis.tracking import HeadTracking
+from sdt_drake.arrays import Array
 from sdt_drake.pilot import CHANNELS, GRAVITY, HeadMotion, canals
-
-Array = NDArray[np.float64]
 
 REFERENCE, ACHIEVED, CANALS = PALETTE[:3]
 

@@ -11,13 +11,13 @@ from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.primitives import VectorLogSink
 
 from sdt_drake import paper
 from sdt_drake.analysis.comparison import Compared, design_with, run_of
 from sdt_drake.analysis.threads import threads
 from sdt_drake.analysis.tracking import Tracking, track
+from sdt_drake.arrays import Array
 from sdt_drake.control import (
     StepMetrics,
     damping_ratio,
@@ -30,7 +30,6 @@ from sdt_drake.loops import make_step_loop
 from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.simulate import Recording, make_simulator, simulate
 
-Array = NDArray[np.float64]
 Report = Callable[[str], None]
 
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.linear import (
     StateSpace,
@@ -27,13 +27,12 @@ from sdt_drake.analysis.linear import (
     linear_feedback,
     linear_process,
 )
+from sdt_drake.arrays import Array
 from sdt_drake.control import SpeedGains, natural_frequency
 from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import Design
 from sdt_drake.device import Drive, Elasticity
 from sdt_drake.dynamics import where_largest
-
-Array = NDArray[np.float64]
 
 SLOWEST = 0.1
 """Least omega_r of a sweep [rad/s]: slower than that is round-off of a sampled loop."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sdt_drake.arrays import Array
 from sdt_drake.motion import Motion
 from sdt_drake.pilot import (
     FeltDifference,
@@ -17,8 +18,6 @@ from sdt_drake.pilot import (
 )
 from sdt_drake.robot import Robot
 from sdt_drake.simulate import Recording
-
-Array = NDArray[np.float64]
 
 SETTLED_AFTER = 1.0
 """How long a joint must have had constant speed before its error counts as steady [s]."""

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from sdt_drake.arrays import Array
 from sdt_drake.dynamics import decouple
 from sdt_drake.robot import Robot
-
-Array = NDArray[np.float64]
 
 FEEDFORWARDS = ("none", "ctc", "id")
 """None, the load torque of Algorithm 1, or the whole inverse dynamics."""

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
-
-Array = NDArray[np.float64]
 
 STRUCTURES = ("pi", "p_in_feedback")
 """PI on the speed error, or with the proportional gain in the feedback path (Figure 5)."""

@@ -5,17 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, System
 
+from sdt_drake.arrays import Array, Index
 from sdt_drake.errors import InputError
 from sdt_drake.systems import CtcFeedforward, ReferenceTorque, SignalTable, Wiring
 
 if TYPE_CHECKING:
     from sdt_drake.design import Design
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _FEEDFORWARD_NEEDS = {
     "none": (),

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
-from sdt_drake.controllers.base import Index
+from sdt_drake.arrays import Array, Index
 from sdt_drake.controllers.pi import Pi
 from sdt_drake.systems import PositionLoop, Wiring
 
 if TYPE_CHECKING:
     from sdt_drake.design import Design
-
-Array = NDArray[np.float64]
 
 
 class PPi(Pi):

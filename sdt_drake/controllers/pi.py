@@ -5,17 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, Diagram, System
 
+from sdt_drake.arrays import Array, Index
 from sdt_drake.control import SpeedGains
-from sdt_drake.controllers.base import SIGNALS, Controller, Index, add_feedforward
+from sdt_drake.controllers.base import SIGNALS, Controller, add_feedforward
 from sdt_drake.systems import PiSpeedController, Wiring
 
 if TYPE_CHECKING:
     from sdt_drake.design import Design
-
-Array = NDArray[np.float64]
 
 
 class Pi(Diagram, Controller):

@@ -7,16 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Optional
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sdt_drake.arrays import Array
 from sdt_drake.device.motors import DEFAULT_CATALOGUE, Motor, load_catalogue
 from sdt_drake.errors import InputError, within
 from sdt_drake.fields import beside, setting
 from sdt_drake.links import child, link_named, links_by_name, scale_link, set_inertia
 from sdt_drake.robot import Robot, edited
 from sdt_drake.sdf import DRAKE
-
-Array = NDArray[np.float64]
 
 
 @dataclass(slots=True)

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
 from sdt_drake.fields import setting
-
-Array = NDArray[np.float64]
 
 ENCODERS = ("motor", "link")
 

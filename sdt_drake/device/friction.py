@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Optional
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from sdt_drake.arrays import Array
 from sdt_drake.fields import setting
-
-Array = NDArray[np.float64]
 
 OVERFLOW_RATE = 400.0
 """How fast a bristle stretched beyond its limit slips back [1/s]: far above the control loops,

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sdt_drake.arrays import Array
 from sdt_drake.robot import Robot
-
-Array = NDArray[np.float64]
 
 
 def effective_inertia(robot: Robot, d_kk: ArrayLike) -> Array:

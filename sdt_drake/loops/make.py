@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.primitives import ConstantVectorSource, VectorLogSink
 
+from sdt_drake.arrays import Array
 from sdt_drake.control import SpeedGains
 from sdt_drake.controllers import Controller, make_controller
 from sdt_drake.controllers.base import add_table
@@ -33,8 +33,6 @@ from sdt_drake.systems import (
     Wiring,
     hold_of,
 )
-
-Array = NDArray[np.float64]
 
 
 class Loop(Diagram):

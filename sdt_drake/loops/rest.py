@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.primitives import ZeroOrderHold
 
+from sdt_drake.arrays import Array
 from sdt_drake.design import Design
 from sdt_drake.device import sliding_friction
 from sdt_drake.dynamics import torque_groups
-
-Array = NDArray[np.float64]
 
 _ITERATIONS = 10  # of the angle by which gravity turns a link away from its motor
 

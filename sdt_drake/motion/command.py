@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
 from sdt_drake.fields import check
 from sdt_drake.motion.files import find_motion, load_profile
@@ -28,8 +29,6 @@ from sdt_drake.motion.spin import SpinGeometry, spin_geometry
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.resources import find_file
 from sdt_drake.robot import Robot
-
-Array = NDArray[np.float64]
 
 _SAME_TIME = 1e-9  # s; round-off of sums of durations
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from sdt_drake.arrays import Array
 from sdt_drake.dynamics import inverse_dynamics
 from sdt_drake.errors import InputError
 from sdt_drake.motion.command import Command
@@ -19,8 +20,6 @@ from sdt_drake.motion.plan import (
 )
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot import Robot
-
-Array = NDArray[np.float64]
 
 # What an overpowered joint may slip, while it is off its command, before the motion is lost:
 _SLIP = 0.01  # of the range of its commanded speeds, and

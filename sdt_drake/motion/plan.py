@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from sdt_drake.arrays import Array
 from sdt_drake.dynamics import inverse_dynamics
 from sdt_drake.errors import InputError, whole_periods
 from sdt_drake.motion.command import Command
@@ -15,8 +16,6 @@ from sdt_drake.motion.resampling import Loss
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot import Robot
 from sdt_drake.tables import write_table
-
-Array = NDArray[np.float64]
 
 INTERPOLATION_PERIOD = 0.005  # s, published
 TORQUE_TOLERANCE = 1e-6  # N m

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 from typing import Optional, Union
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sdt_drake.arrays import Array
 from sdt_drake.fields import setting
 from sdt_drake.motion.spin import SpinGeometry
 
-Array = NDArray[np.float64]
 Problems = Iterator[tuple[str, str]]  # field, and what is wrong
 Step = tuple[float, float]  # when, since its segment began [s], and the speed then [rad/s]
 

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.trajectories import PiecewisePolynomial
 
+from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, whole_periods
 from sdt_drake.motion.trajectory import COLUMNS, Motion
 from sdt_drake.tables import read_table
-
-Array = NDArray[np.float64]
 
 # What a joint may lose by resampling, of its speeds and of its angles:
 _LOSS = 0.01  # of their range, and

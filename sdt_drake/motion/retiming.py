@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.trajectories import PiecewisePolynomial
 
+from sdt_drake.arrays import Array
 from sdt_drake.dynamics import inverse_dynamics
 from sdt_drake.errors import InputError
 from sdt_drake.motion.command import Command
@@ -21,8 +21,6 @@ from sdt_drake.motion.plan import (
 )
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot import Robot
-
-Array = NDArray[np.float64]
 
 _MOST_PASSES = 30
 _SLOWER = 0.97  # first step of slowing a timing down

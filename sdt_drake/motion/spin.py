@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.multibody.tree import RevoluteJoint
 
+from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
 from sdt_drake.robot import Robot
-
-Array = NDArray[np.float64]
 
 _PARALLEL = 1e-6  # rad, m; how far an SDF with rounded angles may be off
 

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
+from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
 from sdt_drake.tables import read_table, write_table
-
-Array = NDArray[np.float64]
 
 COLUMNS = ("q_ref", "v_ref", "vd_ref")
 

@@ -16,12 +16,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sdt_drake.arrays import Array
 from sdt_drake.pilot.head import HeadMotion
 from sdt_drake.pilot.perception import low_pass
-
-Array = NDArray[np.float64]
 
 AXES = (2.04 / 1.58, 2.07 / 1.58, 1.0)
 """Thresholds of roll, pitch and yaw over that of yaw [-], by Benson, Hutt & Brown 1989 (cosine

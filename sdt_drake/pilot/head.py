@@ -7,13 +7,12 @@ from functools import cached_property
 from typing import cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydrake.multibody.tree import RevoluteJoint, UniformGravityFieldElement
 
+from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
 from sdt_drake.robot import Robot
-
-Array = NDArray[np.float64]
 
 HEAD_FRAME = "head"
 """The SDF frame between the pilot's ears: x forward, y left, z up."""

@@ -10,9 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from sdt_drake.arrays import Array
 
 CANAL = 5.7
 """tau: the cupula swings back [s] (Rader, Oman & Merfeld 2009, Table T4)."""

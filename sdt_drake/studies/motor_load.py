@@ -6,16 +6,15 @@ from collections.abc import Sequence
 from itertools import zip_longest
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.tracking import motor_use
+from sdt_drake.arrays import Array
 from sdt_drake.design import Design
 from sdt_drake.device import Motor, motors_in_use
 from sdt_drake.motion import margins
 from sdt_drake.scenario import Scenario
 from sdt_drake.simulate import Recording
-
-Array = NDArray[np.float64]
 
 LOADS = ("used_torque_share", "rated_torque_share", "winding_temperature", "torque_at_speed_share")
 """Of `motor_loads`, one for each joint."""

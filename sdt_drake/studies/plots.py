@@ -23,12 +23,11 @@ from numpy.typing import NDArray
 
 from sdt_drake.analysis.metrics import METRICS, metric_of
 from sdt_drake.analysis.style import PALETTE, Look, finish, grid, looks_of, plain_numbers, style
+from sdt_drake.arrays import Array
 from sdt_drake.studies.pareto import pareto
 from sdt_drake.studies.summary import Swing, sensitivity, tornado, usable, values_of
 from sdt_drake.studies.table import StudyTable, is_text, levels_of
 from sdt_drake.studies.verdicts import Verdict, front_of
-
-Array = NDArray[np.float64]
 
 WHOLE = "the whole device"
 LOW, HIGH = PALETTE[5], PALETTE[1]

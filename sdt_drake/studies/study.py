@@ -12,9 +12,9 @@ from statistics import NormalDist
 from typing import Optional, Union
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sdt_drake.analysis.comparison import check_labels, with_controller
+from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, within
 from sdt_drake.fields import beside, check, setting
 from sdt_drake.scenario import ControllerChoice, Scenario, load_scenario
@@ -22,7 +22,6 @@ from sdt_drake.studies.fields import Field, Value, find_field
 from sdt_drake.studies.table import is_column
 from sdt_drake.yaml_files import load_yaml
 
-Array = NDArray[np.float64]
 Problems = Iterator[tuple[str, str]]
 
 SAMPLINGS = ("random", "latin_hypercube")

@@ -15,9 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sdt_drake.arrays import Array
 from sdt_drake.studies.table import ANSWERS, STATUSES, StudyTable, is_text, levels_of
-
-Array = NDArray[np.float64]
 
 PERCENTS = (5, 25, 50, 75, 95, 99, 100)
 """Of the percentiles; the last is the largest."""

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.analysis.metrics import METRICS, family_of
-
-Array = NDArray[np.float64]
+from sdt_drake.arrays import Array
 
 STATUSES = ("ok", "infeasible", "failed", "timed_out", "crashed")
 

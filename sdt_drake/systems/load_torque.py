@@ -8,14 +8,12 @@ from functools import partial
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValueProducer
 
+from sdt_drake.arrays import Array
 from sdt_drake.dynamics import Loads, decouple, groups_of_sample
 from sdt_drake.robot import Robot
-
-Array = NDArray[np.float64]
 
 
 @dataclass

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.math import BsplineBasis
 from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import TrajectorySource, ZeroOrderHold
 from pydrake.trajectories import BsplineTrajectory
 
+from sdt_drake.arrays import Array
 from sdt_drake.motion import Motion
 from sdt_drake.systems.wiring import Wiring
-
-Array = NDArray[np.float64]
 
 
 class ReferenceSource(Diagram):

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pydrake.symbolic as sym
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import Saturation
 
+from sdt_drake.arrays import Array
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 from sdt_drake.systems.wiring import Wiring
-
-Array = NDArray[np.float64]
 
 _TINY = np.finfo(float).tiny
 
