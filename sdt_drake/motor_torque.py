@@ -108,7 +108,7 @@ def period_torque(
         start, end = given[:, :-1], given[:, 1:]
         peaks.append(np.abs(given).max(axis=1))
         squares.append(_mean(steps, (start**2 + start * end + end**2) / 3))
-        saturated.append(_mean(steps, _saturated(command, limited)))
+        saturated.append(_mean(steps, saturated_share(command, limited)))
     peak, square, share = (
         np.vstack(parts).reshape(-1, samples, n) for parts in (peaks, squares, saturated)
     )
@@ -193,8 +193,15 @@ def _given(drive: Drive, limited: Array, before: Array, steps: Array) -> Array:
     return np.stack(given, axis=1)
 
 
-def _saturated(command: Array, limited: Array) -> Array:
-    """Share of each part of a period in which the command is beyond its limit, linear within."""
+def saturated_share(command: Array, limited: Array) -> Array:
+    """Share of each part of a period in which a command is beyond its limit, linear within.
+
+    Args:
+        command, limited: before and after the saturation, at the ends of the parts, (M, G, n).
+
+    Returns:
+        [-], shape (M, G - 1, n).
+    """
     beyond = command - limited
     start, end = beyond[:, :-1], beyond[:, 1:]
     change = np.diff(command, axis=1)

@@ -18,6 +18,7 @@ from sdt_drake.studies.sizing import Candidate, Requirements, Sizing, candidates
 from sdt_drake.studies.summary import failures
 from sdt_drake.studies.table import StudyTable
 from sdt_drake.studies.verdicts import (
+    Verdict,
     front_of,
     judge_candidates,
     lightest_motor,
@@ -227,6 +228,16 @@ def test_the_lightest_that_keeps_all_is_recommended(verdicts):
     assert recommend(verdicts, "pi").candidate == Candidate(("AC-150", "TM-3950"), 0.8)
     assert recommend(verdicts, "pi_id").candidate == Candidate(("AC-150", "TM-2860"), 0.8)
     assert lightest_motor(SMALL, verdicts, "pi", 2) == "TM-3950"
+
+
+def test_light_motors_count_more_than_a_light_structure():
+    def verdict(mass, scale, error):
+        candidate = Candidate(("AC-150", "TM-2860"), scale)
+        return Verdict(candidate, "pi", mass, error, {}, {}, (), True)
+
+    light, slender, exact = verdict(180, 1.0, 0.1), verdict(190, 0.8, 0.1), verdict(180, 1.0, 0.05)
+    assert recommend([slender, light], "pi") is light
+    assert recommend([light, exact], "pi") is exact
 
 
 def test_the_lines_say_what_the_data_say(verdicts):
