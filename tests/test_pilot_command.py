@@ -67,6 +67,10 @@ def test_prints_what_the_head_does(good, recording, robot):
             assert float(rows[f"{axis} rate, largest [deg/s]"][column]) == pytest.approx(
                 rate, abs=0.051
             )
+        up = felt_upright(motion.specific_force, 0.005)[:, 2]
+        leans = np.degrees(np.arccos(up.min()))
+        (label,) = (label for label in rows if "upright" in label)
+        assert float(rows[label][column]) == pytest.approx(leans, abs=0.051)
     for k, channel in enumerate(CHANNELS):
         largest, at, share, alone, alone_share = map(float, rows[channel])
         assert largest == pytest.approx(head.felt.largest[k], abs=0.0051)
