@@ -8,6 +8,7 @@ the sum of (v_i + v_i+1) / 2 times the time of each piece, whatever its blend. O
 # spelled Optional[...] or Union[...].
 import itertools
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Optional, Union
@@ -31,7 +32,7 @@ _MOST_SWINGS = 100_000  # what memory holds
 
 
 @dataclass(kw_only=True)
-class Segment:
+class Segment(ABC):
     """What a joint, or a wanted G, does for a while.
 
     Attributes:
@@ -46,6 +47,7 @@ class Segment:
         """Speed at the start [rad/s], after `speed`."""
         return speed
 
+    @abstractmethod
     def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
         """Pieces of the speed, by their ends.
 
@@ -54,7 +56,6 @@ class Segment:
             angle: of the joint at the start [rad], without its share of an alignment.
             geometry: how the joint makes a G, in a track of a resultant.
         """
-        raise NotImplementedError
 
     def text(self) -> str:
         """What it does, in a few words."""

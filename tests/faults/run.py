@@ -5,7 +5,8 @@
     python tests/faults/run.py --tree ../other      # of another checkout, with its own tests
 
 Nothing in the checkout changes: faults are put into a temporary copy. A line for each fault goes to
-the screen and to --results, which a later run reads as its hint of where to look first.
+the screen and to --results, which a later run reads as its hint of where to look first. It needs
+Python 3.11.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ import time
 from pathlib import Path
 
 import matplotlib
-import pydrake.all  # noqa: F401  (here, so that it is loaded once and not for every fault)
+import pydrake.multibody.parsing
+import pydrake.systems.analysis  # noqa: F401  (Drake is loaded once and not for every fault)
 import pytest
 import tomllib
 
