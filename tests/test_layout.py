@@ -8,10 +8,9 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "sdt_drake"
 
-README = (PACKAGE.parent / "README.md").read_text(encoding="utf-8")
-
-# README's layout, which lists them from the bottom up.
-LISTED = re.findall(r"^      ((?:\w+(?:\.py|/)(?:, )?)+)", README, re.MULTILINE)
+# The layout lists them from the bottom up.
+PAGE = (PACKAGE.parent / "tests/benchmarks/README.md").read_text(encoding="utf-8")
+LISTED = re.findall(r"^      ((?:\w+(?:\.py|/)(?:, )?)+)", PAGE, re.MULTILINE)
 ORDER = [re.sub(r"\.py|/", "", name) for line in LISTED for name in line.split(", ")]
 
 

@@ -4,27 +4,16 @@ from __future__ import annotations
 
 import re
 import shlex
-from functools import cache
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from sdt_drake import design
-from sdt_drake.analysis.comparison import compare
-from sdt_drake.analysis.tracking import track
 from sdt_drake.cli import main
 from sdt_drake.motion import Motion
-from sdt_drake.scenario import load_scenario
-from sdt_drake.simulate import simulate
-from sdt_drake.studies.results import read_study_table
-from sdt_drake.studies.runs import Runner
-from sdt_drake.studies.sizing import load_sizing
-from sdt_drake.studies.study import load_study
-from sdt_drake.studies.verdicts import judge_candidates, recommend
 
-STUDY = "package://sdt/studies/monte_carlo.yaml"
-README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def blocks(language: str) -> list[str]:
@@ -60,30 +49,6 @@ def test_command_of_the_tour_runs(line, short, desk, monkeypatch, capsys):
         assert (desk / name).stat().st_size > 1000
 
 
-def test_long_commands_name_studies_that_are_there():
-    """They take a quarter of an hour each."""
-    lines = [shlex.split(line)[1:] for block in blocks("console") for line in block.splitlines()]
-    assert [line[0] for line in lines] == ["study", "study", "size"]
-    run, show, size = lines
-    assert (run[1], show[1:]) == (STUDY, ["show", run[-1]])
-    assert len(load_study(run[1])[0]) == 1000
-    assert len(load_sizing(size[1])[0].study()) == 864
-
-
-def test_row_47_runs_away_without_anti_windup():
-    """By its committed row; and with it, by a run."""
-    table = read_study_table(STUDIES / "monte_carlo")
-    assert table.inputs["controller"][47] == "p_pi+id"
-    errors = [table.outcomes[f"max_abs_position_error_{k}"][47] for k in (1, 2, 3, 4)]
-    assert np.degrees(np.max(errors)) > 360
-    runner = Runner(*load_study(STUDY))
-    scenario = runner.scenario(47)
-    scenario.controller.anti_windup = True
-    made, _ = runner.design(scenario)
-    largest = track(simulate(made), made.motion).max_abs_position_error.max()
-    assert np.degrees(largest) == pytest.approx(5.7, abs=0.3)
-
-
 def test_python_of_the_tour_runs(short, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for block in blocks("python"):
@@ -96,102 +61,20 @@ def test_there_is_one_command_to_reproduce_and_one_to_test():
     assert [line.rsplit("/", 1)[1].split()[0] for line in set_up] == ["sdt-drake", "pytest"]
 
 
-def test_links_and_pictures_exist():
-    root = Path(__file__).parents[1]
-    targets = re.findall(r"\]\(([^)#]+)\)", README)
-    local = [t for t in targets if not t.startswith("http")]
-    assert local
-    assert [t for t in local if not (root / t).exists()] == []
-
-
-def rows_of_table(header: str) -> list[list[str]]:
-    """Cells of the table whose header starts so, without the header."""
-    lines = README[README.index(f"\n| {header}") :].split("\n\n")[0].strip().splitlines()
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
-
-
-def labels_of(rows: list[list[str]]) -> list[str]:
-    return [re.match(r"`(.*?)`", row[0])[1] for row in rows]
-
-
-@pytest.fixture(scope="module")
-def compare_all(_reference_design):
-    """Every controller of the tables on a scenario, by label."""
-    tables = ("controller | position", "controller | share of time")
-    labels = list(dict.fromkeys(label for t in tables for label in labels_of(rows_of_table(t))))
-
-    @cache
-    def compare_all(scenario: str):
-        made = _reference_design.variant(load_scenario(f"package://sdt/scenarios/{scenario}.yaml"))
-        return dict(zip(labels, compare(made, labels), strict=True))
-
-    return compare_all
-
-
 @pytest.mark.parametrize(
-    ("scenario", "first"), [("coupled_pi", 1), ("wrong_model", 3)], ids=["exact", "wrong"]
+    "page", ["README.md", "diagrams/README.md", "models/README.md", "tests/benchmarks/README.md"]
 )
-def test_table_of_controllers_is_what_compare_finds(compare_all, scenario, first):
-    rows, compared = rows_of_table("controller | position"), compare_all(scenario)
-    for row, label in zip(rows, labels_of(rows), strict=True):
-        tracking = compared[label].tracking
-        position = np.rad2deg(tracking.max_abs_position_error)
-        np.testing.assert_allclose(
-            np.array(row[first].split(), dtype=float), position, atol=5.1e-4, err_msg=row[0]
-        )
-        assert float(row[first + 1]) == pytest.approx(tracking.rms_speed_error[1], abs=5.1e-6)
+def test_links_and_pictures_exist(page):
+    text = (ROOT / page).read_text(encoding="utf-8")
+    for target, heading in re.findall(r"\]\((?!http)([^)#]*)(#[^)]*)?\)", text):
+        file = (ROOT / page).parent / target if target else ROOT / page
+        assert file.exists(), target
+        if heading:
+            titles = re.findall(r"^#+ (.*)", file.read_text(encoding="utf-8"), re.MULTILINE)
+            assert heading[1:] in {
+                re.sub(r"[^\w -]", "", t).lower().replace(" ", "-") for t in titles
+            }
 
 
-def test_table_of_what_is_felt_is_what_compare_finds(compare_all):
-    rows, compared = rows_of_table("controller | share of time"), compare_all("coupled_pi")
-    for row, label in zip(rows, labels_of(rows), strict=True):
-        head = compared[label].head
-        shares = 100 * head.felt.share, 100 * head.felt_from_angles.share
-        assert [float(cell) for cell in row[1:]] == pytest.approx(shares, abs=0.051)
-
-
-# --- studies, from the rows that are committed ---------------------------------------------------
-
-STUDIES = Path(__file__).parents[1] / "diagrams" / "studies"
-
-
-def test_table_of_the_study_is_what_its_rows_say():
-    table = read_study_table(STUDIES / "monte_carlo")
-    assert set(table.status) == {"ok"}
-    assert f"{len(table.row)} runs of the reference motion" in README
-    assert f"Errors of {len(table.row) // 4} devices" in README
-
-    def worst(family):
-        return np.max([table.outcomes[f"{family}_{k}"] for k in (1, 2, 3, 4)], axis=0)
-
-    speed, angle = worst("max_abs_speed_error"), np.degrees(worst("max_abs_position_error"))
-    felt, saturated = 100 * table.outcomes["felt_share"], worst("saturated_fraction") > 0
-    for row in rows_of_table("controller | speed error: median"):
-        of = table.inputs["controller"] == row[0].strip("`")
-        expected = [
-            ", ".join(f"{value:.3f}" for value in np.percentile(speed[of], [50, 95])),
-            ", ".join(f"{value:.2f}" for value in np.percentile(angle[of], [50, 95])),
-            f"{np.median(felt[of]):.0f}",
-            f"{100 * saturated[of].mean():.0f} %",
-            f"{angle[of & ~saturated].max():.2f}",
-        ]
-        assert row[1:] == expected, row[0]
-    away = (angle > 360) & (table.inputs["controller"] == "p_pi+id")
-    assert (np.count_nonzero(angle > 360), np.count_nonzero(away)) == (5, 5)
-
-
-def test_recommended_motors_are_those_of_the_rows():
-    sizing, _ = load_sizing("package://sdt/studies/sizing.yaml")
-    verdicts = judge_candidates(sizing, read_study_table(STUDIES / "sizing"))
-    for labels, motors, scale, mass, _ in rows_of_table("controller | lightest motors"):
-        for label in re.findall(r"`(.*?)`", labels):
-            best = recommend(verdicts, label)
-            assert str(best.candidate) == f"{motors} at structure scale {scale}"
-            assert best.mass == float(mass)
-    missed = {v.controller: v.missed for v in verdicts if str(v.candidate) == SMALLER}
-    assert ["0.32 rad/s" in missed["pi"][0], len(missed["pi"])] == [True, 1]
-    for label, share in (("pi_id", "1.28 %"), ("p_pi+id", "1.285 %")):
-        assert [f"saturation of joint 2 is {share}" in text for text in missed[label]] == [True]
-
-
-SMALLER = "AC-150, TM-2860, TM-1430, TM-716 at structure scale 0.8"
+def test_readme_is_read_in_one_go():
+    assert len(README.splitlines()) <= 150
