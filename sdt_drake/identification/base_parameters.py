@@ -1,0 +1,117 @@
+"""Base parameters: the combinations of parameters that the torques of the joints can tell.
+
+Gautier and Khalil, "Direct calculation of minimum set of inertial parameters of serial robots",
+IEEE Trans. Robotics and Automation 6(3), 1990; by QR as in Gautier, "Numerical calculation of the
+base inertial parameters of robots", J. Robotic Systems 8(4), 1991.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from sdt_drake.arrays import Array, Index
+from sdt_drake.identification.regressor import PARAMETERS, Bodies, regressor
+from sdt_drake.robot import Robot
+
+_SAMPLES = 200
+_NOTHING = 1e-9
+"""Of a column that is scaled to one: what round-off leaves of it, and no recording could show."""
+
+
+@dataclass(frozen=True, eq=False)
+class BaseParameters:
+    """W phi = W[:, independent] beta with beta = combination @ phi, for every W of these columns.
+
+    Attributes:
+        names: of all p parameters.
+        independent: those that the r base parameters beta are named after, shape (r,).
+        combination: what beta is of all parameters, shape (r, p); 1 in the columns `independent`.
+    """
+
+    names: tuple[str, ...]
+    independent: Index
+    combination: Array
+
+    @cached_property
+    def words(self) -> list[str]:
+        """Each base parameter as the sum that it is: "Izz of arm + 6.76 m of gondola"."""
+        return [
+            self._sum(row, own) for row, own in zip(self.combination, self.independent, strict=True)
+        ]
+
+    def _sum(self, row: Array, own: int) -> str:
+        others = (k for k in np.flatnonzero(row) if k != own)
+        return " ".join([self.names[own], *(_term(row[k], self.names[k]) for k in others)])
+
+    @cached_property
+    def identifiable(self) -> list[str]:
+        """Of each parameter, shape (p,): "alone", "in combination" or "not at all"."""
+        # Its own part of its projection onto the row space: 1 where beta determines it.
+        own = np.diagonal(np.linalg.pinv(self.combination) @ self.combination)
+        said = {True: "alone", False: "in combination"}
+        return ["not at all" if x < 1e-6 else said[bool(x > 1 - 1e-6)] for x in own]
+
+
+def rigid_columns(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
+    """Columns of the torques of links and motors, joint side, shape (N, n, 11 n).
+
+    Those of `regressor`, and for each motor that of its reflected inertia r² I_m; see
+    `rigid_names` and `rigid_parameters`. Arguments as of `regressor`.
+    """
+    motors = vd[:, :, None] * np.eye(robot.n)
+    return np.concatenate([regressor(robot, q, v, vd), motors], axis=2)
+
+
+def rigid_names(robot: Robot) -> tuple[str, ...]:
+    """Of each of `rigid_columns`: "hx of gondola + payload", "motor inertia of roll"."""
+    links = [f"{name} of {body}" for body in Bodies.of(robot).names for name in PARAMETERS]
+    return (*links, *(f"motor inertia of {joint}" for joint in robot.joint_names))
+
+
+def rigid_parameters(robot: Robot) -> Array:
+    """Those of the robot's file, for `rigid_columns`, shape (11 n,)."""
+    return np.concatenate([Bodies.of(robot).parameters.ravel(), robot.reflected_inertia])
+
+
+def base_parameters(robot: Robot) -> BaseParameters:
+    """Base parameters of links and motors: of all motions, found by random ones."""
+    rng = np.random.default_rng(0)
+    q, v, vd = rng.uniform(-np.pi, np.pi, (3, _SAMPLES, robot.n))
+    columns = rigid_columns(robot, q, v, vd).reshape(-1, 11 * robot.n)
+    # Masses are last: they are what can be said by others; motors after them.
+    links = np.arange(10 * robot.n)
+    is_mass = links % 10 == 0
+    order = [*links[~is_mass], *links[is_mass], *range(10 * robot.n, 11 * robot.n)]
+    return base_parameters_of(columns, rigid_names(robot), np.array(order))
+
+
+def base_parameters_of(columns: Array, names: tuple[str, ...], order: Index) -> BaseParameters:
+    """Base parameters of any columns.
+
+    Args:
+        columns: W of torque = W phi, without noise, shape (rows, p), rows > p.
+        names: of the parameters.
+        order: in which parameters are taken for independent where they are, shape (p,).
+    """
+    size = np.linalg.norm(columns, axis=0)
+    scale = np.where(size > _NOTHING * size.max(), size, np.inf)  # the rest has no effect at all
+    scaled = columns / scale
+    # |R_ii| is what of a column those before it do not say.
+    is_free = np.abs(np.diagonal(np.linalg.qr(scaled[:, order], mode="r"))) > _NOTHING
+    free, tied = order[is_free], order[~is_free]
+    ties = np.linalg.lstsq(scaled[:, free], scaled[:, tied], rcond=None)[0]
+    ties *= size[tied] / size[free, None]
+    largest = np.abs(ties).max(initial=0.0)
+    combination = np.zeros((len(free), len(names)))
+    combination[:, free] = np.eye(len(free))
+    combination[:, tied] = np.where(np.abs(ties) > _NOTHING * max(1.0, largest), ties, 0.0)
+    by_name = np.argsort(free)
+    return BaseParameters(names, free[by_name], combination[by_name])
+
+
+def _term(factor: float, name: str) -> str:
+    size = "" if abs(abs(factor) - 1) < 1e-9 else f"{abs(factor):.4g} "
+    return f"{'-' if factor < 0 else '+'} {size}{name}"
