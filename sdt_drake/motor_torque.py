@@ -103,7 +103,7 @@ def period_torque(
             command = seen.command[at]
         elif isinstance(controller, Controller):
             command = _continuous(controller, (grid, late), (i, newest), design, q, v, tau_cmd)
-        limited = np.clip(command, *_limits(design, newest, speed))
+        limited = np.clip(command, *torque_limits(design, newest[:, None], speed))
         given = _given(drive, limited, tau[at], steps * design.motion.period / samples)
         start, end = given[:, :-1], given[:, 1:]
         peaks.append(np.abs(given).max(axis=1))
@@ -160,8 +160,24 @@ def _continuous(
     return np.stack(parts, axis=1)
 
 
-def _limits(design: Design, newest: Index, speed: Array) -> tuple[Array, Array]:
-    """Of the saturation with those samples of the reference, at joint speeds (M, points, n)."""
+def arrived(design: Design, count: int) -> Index:
+    """The sample of the reference that a loop has just before each of `count` updates."""
+    late = design.drive.reference_delay / design.reference.period
+    newest = np.ceil(np.arange(count) - late - 1e-9).astype(int) - 1
+    return np.maximum(newest, 0)
+
+
+def torque_limits(design: Design, newest: Index, speed: Array) -> tuple[Array, Array]:
+    """Least and largest torque that the saturation lets pass, motor side [N m].
+
+    Args:
+        design: of the loop.
+        newest: samples of the reference that have arrived, shape (...); see `arrived`.
+        speed: of the joints, on the motors' side of elastic ones, joint side [rad/s], (..., n).
+
+    Returns:
+        Both of shape (..., n), or (n,) where they are constant.
+    """
     limit = design.robot.motor_torque_limit
     down, up, drive = limit, limit, design.drive
     if drive.n1 is not None and drive.n0 is not None:
@@ -171,7 +187,7 @@ def _limits(design: Design, newest: Index, speed: Array) -> tuple[Array, Array]:
             limit * np.clip((n0 - w) / (n0 - n1), 0, 1) for w in (-motor_speed, motor_speed)
         )
     if design.scenario.plant.kind == "axis":  # which widens them by what the other motors help
-        help_ = design.loads.alleviating_torque[np.maximum(newest, 0)][:, None]
+        help_ = design.loads.alleviating_torque[np.maximum(newest, 0)]
         down, up = down - np.minimum(help_, 0), up + np.maximum(help_, 0)
     return -down, up
 

@@ -17,7 +17,7 @@ from sdt_drake.controllers import own_code
 from sdt_drake.design import Design, make_design
 from sdt_drake.errors import InputError, checked_number
 from sdt_drake.loops import Loop, make_loop
-from sdt_drake.motor_torque import Seen, knows_its_command, period_torque
+from sdt_drake.motor_torque import Seen, arrived, knows_its_command, period_torque
 from sdt_drake.scenario import Scenario
 from sdt_drake.tables import read_table, write_table
 
@@ -281,9 +281,7 @@ def _recording(
 
 def _held(design: Design, samples: Array) -> Array:
     """Samples that arrive with the reference, as a hold has them just before each update."""
-    late = design.drive.reference_delay / design.reference.period
-    newest = np.ceil(np.arange(len(samples)) - late - 1e-9).astype(int) - 1
-    return np.asarray(samples[np.maximum(newest, 0)])
+    return np.asarray(samples[arrived(design, len(samples))])
 
 
 def _beyond_stop(design: Design, q: Array) -> Array:

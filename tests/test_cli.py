@@ -133,6 +133,8 @@ def test_wrong_usage(refuse, line, word):
         (f"stability {AXIS} --out x.csv", ["x.csv: unknown kind of file"]),
         (f"plan {SHORT_MOTION} --out x.yaml", ["x.yaml: unknown kind of file"]),
         (f"simulate {SHORT_MOTION}", ["short.yaml: is a motion, expected a scenario"]),
+        (f"simulate {RUN} --joint 5 --out x.png", ["--joint: 5, expected 1 to 4"]),
+        (f"simulate {RUN} --joint 2 --out x.csv", ["--joint: has no effect without a figure"]),
     ],
 )
 def test_wrong_numbers_choices_and_files(refuse, line, words):

@@ -13,7 +13,7 @@ from sdt_drake.design import make_design
 from sdt_drake.device import Drive, Elasticity
 from sdt_drake.loops import make_loop
 from sdt_drake.motion import Motion
-from sdt_drake.motor_torque import _limits, saturated_share
+from sdt_drake.motor_torque import saturated_share, torque_limits
 from sdt_drake.simulate import make_simulator, simulate
 
 PERIODS, STEPS = 30, 50  # 0.15 s of motion, in steps of 0.1 ms
@@ -182,9 +182,9 @@ def test_limits_of_an_axis_are_widened_on_the_side_on_which_the_others_help(desi
     help_ = np.array([[3.0, -2, 0, 1], [-1, 5, 2, 0], [0, 0, 0, 0]])
     axis = design_of(design, "pi", "axis", Drive())
     axis = replace(axis, loads=axis.loads._replace(alleviating_torque=help_))
-    lower, upper = _limits(axis, periods, np.zeros((2, 1, 4)))
-    np.testing.assert_allclose(upper[:, 0] - limit, [[3, 0, 0, 1], [0, 5, 2, 0]], atol=1e-9)
-    np.testing.assert_allclose(lower[:, 0] + limit, [[0, -2, 0, 0], [-1, 0, 0, 0]], atol=1e-9)
+    lower, upper = torque_limits(axis, periods, np.zeros((2, 4)))
+    np.testing.assert_allclose(upper - limit, [[3, 0, 0, 1], [0, 5, 2, 0]], atol=1e-9)
+    np.testing.assert_allclose(lower + limit, [[0, -2, 0, 0], [-1, 0, 0, 0]], atol=1e-9)
 
 
 def test_share_of_a_period_in_saturation():

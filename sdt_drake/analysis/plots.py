@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
@@ -14,7 +13,9 @@ from sdt_drake.analysis.budget import ErrorBudget
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.frequency_response import FrequencyResponse, unwrapped_degrees
 from sdt_drake.analysis.metrics import COMPARED, METRICS
+from sdt_drake.analysis.panels import LIMIT, shade
 from sdt_drake.analysis.reproduction import StepResponse
+from sdt_drake.analysis.scope import scope as scope
 from sdt_drake.analysis.stability import StabilitySweep
 from sdt_drake.analysis.style import (
     LOOKS,
@@ -40,7 +41,6 @@ Line = tuple[str, Look, Array]
 """Label, look, and samples of shape (N, n)."""
 
 _PANEL = (9.05, 1.55)  # of a time plot, inch
-_LIMIT = Look("0.6")
 
 
 # --- over time -------------------------------------------------------------------------------
@@ -130,10 +130,10 @@ def torques(title: str, recording: Recording, loads: Loads, robot: Robot) -> Fig
     lines = [
         (
             "limits, widened by the alleviating torque",
-            _LIMIT,
+            LIMIT,
             limit + np.maximum(loads.alleviating_torque, 0),
         ),
-        ("_lower", _LIMIT, -limit + np.minimum(loads.alleviating_torque, 0)),
+        ("_lower", LIMIT, -limit + np.minimum(loads.alleviating_torque, 0)),
         ("load torque", Look(PALETTE[0]), recording.load_torque),
         ("motor torque", Look(PALETTE[1]), recording.tau),
     ]
@@ -193,15 +193,6 @@ def error_budget(title: str, budget: ErrorBudget, joint_names: Sequence[str]) ->
     for ax in figure.axes:
         ax.lines[0].set_linewidth(3.0)
     return figure
-
-
-def shade(ax: Axes, time: Array, where: NDArray[np.bool_], label: str) -> None:
-    """Grey where a condition holds, from bottom to top."""
-    low, high = ax.get_ylim()
-    ax.fill_between(
-        time, low, high, where=where, label=label, color="0.5", alpha=0.16, linewidth=0, zorder=0
-    )
-    ax.set_ylim(low, high)
 
 
 def _looks(runs: Mapping[str, Recording]) -> list[tuple[str, Look]]:

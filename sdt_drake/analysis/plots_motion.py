@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sdt_drake.analysis.plots import shade
+from sdt_drake.analysis.panels import shade
 from sdt_drake.analysis.style import PALETTE, finish, grid, joint_title, style
 from sdt_drake.arrays import Array
 from sdt_drake.motion import Margins, Plan

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from sdt_drake.commands import common
+from sdt_drake.errors import InputError
 
 EXAMPLE = "sdt-drake simulate package://sdt/scenarios/coupled_pi_ctc.yaml --out run.csv"
 
@@ -12,16 +13,26 @@ EXAMPLE = "sdt-drake simulate package://sdt/scenarios/coupled_pi_ctc.yaml --out 
 def add(parser: argparse.ArgumentParser) -> None:
     common.add_scenario(parser)
     common.add_figure(parser, "CSV file for the recording, or a figure of it (.png, .svg, .pdf)")
+    parser.add_argument(
+        "--joint", type=int, metavar="K", help="show joint K alone (1 is the base; default: all)"
+    )
 
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis import plots
     from sdt_drake.analysis.metrics import COMPARED, METRICS
+    from sdt_drake.analysis.scope import chosen_joints
     from sdt_drake.analysis.tracking import stops_passed, track
     from sdt_drake.simulate import simulate
 
     common.check_out(options.out, csv=True, show=options.show)
+    is_drawn = options.show or (options.out is not None and options.out.suffix != ".csv")
+    if options.joint is not None and not is_drawn:
+        raise InputError(
+            "--joint: has no effect without a figure, expected --out run.png or --show"
+        )
     design = common.design_of(options.scenario)
+    chosen_joints(options.joint, design.robot.n, "--joint")
     scenario = design.scenario
     recording = simulate(design)
     tracking = track(recording, design.motion)
@@ -33,11 +44,11 @@ def run(options: argparse.Namespace) -> None:
         common.say(f"note: {line}")
     common.deliver(
         options,
-        lambda: plots.speed_errors(
-            f"{scenario.name}: speed errors",
-            {scenario.controller.label: recording},
-            design.robot.joint_names,
-            design.motion,
+        lambda: plots.scope(
+            f"{scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant",
+            recording,
+            design,
+            options.joint,
         ),
         recording.to_csv,
     )

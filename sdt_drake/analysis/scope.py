@@ -1,0 +1,95 @@
+"""The scope: what each joint of a run was asked for, did, and took of its motor, over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sdt_drake.analysis.panels import LIMIT, Line, Panel, picture
+from sdt_drake.analysis.style import LOOKS, PALETTE, Look, joint_title
+from sdt_drake.arrays import Array
+from sdt_drake.design import Design
+from sdt_drake.errors import InputError
+from sdt_drake.motor_torque import arrived, torque_limits
+from sdt_drake.simulate import Recording
+
+ACHIEVED = Look(PALETTE[1], "--")
+_ERROR, _TORQUE = Look(PALETTE[2]), Look(PALETTE[6])
+
+
+def scope(
+    title: str, recording: Recording, design: Design | None = None, joint: int | None = None
+) -> Figure:
+    """Speed, speed error, position error and torque over time, a column for each joint.
+
+    Args:
+        title: of the figure.
+        recording: of a run.
+        design: of the same run; without it joints have no names, and torques no limits.
+        joint: 1..n, to show that one alone.
+
+    Raises:
+        InputError: if there is no such joint.
+    """
+    joints = chosen_joints(joint, recording.q.shape[1])
+    return picture(title, [joint_panels(recording, design, k) for k in joints])
+
+
+def chosen_joints(joint: int | None, n: int, where: str = "joint") -> Sequence[int]:
+    """All n joints, from 0, or that one of 1..n.
+
+    Raises:
+        InputError: naming `where`, if there is no such joint.
+    """
+    if joint is None:
+        return range(n)
+    if not 1 <= joint <= n:
+        raise InputError(f"{where}: {joint}, expected 1 to {n}")
+    return [joint - 1]
+
+
+def joint_panels(recording: Recording, design: Design | None, k: int) -> list[Panel]:
+    """Speed, speed error, position error and torque of joint k, from 0."""
+    run = recording
+    title = f"joint {k + 1}" if design is None else joint_title(k, design.robot.joint_names[k])
+    torque = [Line("motor torque", _TORQUE, run.tau[:, k])]
+    if design is not None:
+        lower, upper = (limit[:, k] for limit in limits_along(run, design))
+        torque += [Line("limits of the motor", LIMIT, upper), Line("_lower limit", LIMIT, lower)]
+
+    def panel(y_label: str, lines: Sequence[Line], title: str = "") -> Panel:
+        return Panel(
+            title, "time [s]", y_label, run.time, lines, run.saturated[:, k] > 0, SATURATED
+        )
+
+    return [
+        panel(
+            "speed [rad/s]",
+            [
+                Line("reference", LOOKS["reference"], run.v_ref[:, k]),
+                Line("achieved", ACHIEVED, run.v[:, k]),
+            ],
+            title,
+        ),
+        panel("speed error [rad/s]", [Line("error", _ERROR, run.speed_error[:, k])]),
+        panel(
+            "position error [deg]",
+            [Line("error", _ERROR, np.degrees(run.position_error[:, k]))],
+        ),
+        panel("motor torque [N m]", torque),
+    ]
+
+
+SATURATED = "saturated: the motor gives less than is asked"
+
+
+def limits_along(recording: Recording, design: Design) -> tuple[Array, Array]:
+    """Least and largest torque of the motors along a run, motor side [N m], each (N + 1, n).
+
+    With elastic joints the speed of a motor is taken for that of its link times the gear ratio.
+    """
+    newest = arrived(design, len(recording.time))
+    lower, upper = torque_limits(design, newest, recording.v)
+    return np.broadcast_to(lower, recording.v.shape), np.broadcast_to(upper, recording.v.shape)
