@@ -373,20 +373,21 @@ def test_budget_prints_what_it_writes(good, desk):
 @pytest.mark.parametrize("plant", ["axis", "coupled"])
 def test_bode_prints_the_margins(good, desk, plant):
     done = good("bode", f"../given/{plant}.yaml", "--time", "0.5", "--out", "b.csv")
-    (header, *rows), *_ = tables(done.out)
+    shown = columns_of(done.out)
     response = frequency_response(make_design(load_scenario(f"../given/{plant}.yaml")), sample=100)
-    assert [row[0] for row in rows] == JOINTS and len(header) == 8
+    assert shown["joint"] == JOINTS and shown["stable"] == ["yes"] * 4
     for column, name, rounding in (
-        (1, "bandwidth", 0.0051),
-        (2, "peak_db", 0.0051),
-        (3, "peak_omega", 0.0051),
-        (4, "crossover", 0.0051),
-        (5, "phase_margin", 0.051),
-        (6, "modulus_margin", 0.00051),
+        ("bandwidth [rad/s]", "bandwidth", 0.0051),
+        ("peak [dB]", "peak_db", 0.0051),
+        ("at [rad/s]", "peak_omega", 0.0051),
+        ("crossover [rad/s]", "crossover", 0.0051),
+        ("phase margin [deg]", "phase_margin", 0.051),
+        ("modulus margin", "modulus_margin", 0.00051),
+        ("damping ratio", "damping", 0.00051),
     ):
-        shown = numbers([row[column] for row in rows])
-        np.testing.assert_allclose(shown, getattr(response, name), atol=rounding, err_msg=name)
-    assert [row[7] for row in rows] == ["yes"] * 4
+        expected = getattr(response, name)
+        np.testing.assert_allclose(numbers(shown[column]), expected, atol=rounding, err_msg=name)
+    assert shown["gain margin [dB]"] == ["–"] * 4  # of a second-order loop
     header, *rows = read_csv(desk / "b.csv")
     groups = ("tracking_size", "tracking_phase", "loop_gain_size", "loop_gain_phase")
     assert header == ["omega", *(f"{name}_{k}" for name in groups for k in (1, 2, 3, 4))]

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.analysis.linear import linearise
+from sdt_drake.analysis.stability import least_damping
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
 from sdt_drake.dynamics import where_largest
@@ -30,7 +32,11 @@ class FrequencyResponse:
         peak_omega: where [rad/s].
         crossover: where |loop_gain| falls below 1 for the last time [rad/s]; NaN if nowhere.
         phase_margin: smallest angle of the loop gain to -180 deg where its size is 1 [deg].
+        gain_margin: how much of that joint's gain, the others' as they are, brings a mode to the
+            border of stability: the smallest factor above 1 [-]; inf if there is none in the range.
+        gain_reduction: the same, the largest factor below 1 [-]; 0 if there is none.
         modulus_margin: smallest distance of the loop gain to -1 [-].
+        damping: smallest damping ratio of the modes between v_ref and v, all loops closed [-].
         stable: whether every mode between v_ref and v decays (those at rest apart: positions).
         sample: of the motion, around which each joint's loop is linear.
     """
@@ -43,9 +49,30 @@ class FrequencyResponse:
     peak_omega: Array
     crossover: Array
     phase_margin: Array
+    gain_margin: Array
+    gain_reduction: Array
     modulus_margin: Array
+    damping: Array
     stable: NDArray[np.bool_]
     sample: NDArray[np.intp]
+
+    def columns(self) -> list[tuple[str, str, NDArray[Any]]]:
+        """For tables with a row for each joint: header, format, values; NaN where there is none."""
+        with np.errstate(divide="ignore"):
+            margins = 20 * np.log10([self.gain_margin, self.gain_reduction])
+        rise, fall = np.where(np.isinf(margins), np.nan, margins)
+        return [
+            ("bandwidth [rad/s]", ".2f", self.bandwidth),
+            ("peak [dB]", ".2f", np.round(self.peak_db, 2) + 0.0),
+            ("at [rad/s]", ".2f", self.peak_omega),
+            ("crossover [rad/s]", ".2f", self.crossover),
+            ("phase margin [deg]", ".1f", self.phase_margin),
+            ("gain margin [dB]", ".1f", rise),
+            ("downwards [dB]", ".1f", fall),
+            ("modulus margin", ".3f", self.modulus_margin),
+            ("damping ratio", ".3f", self.damping),
+            ("stable", "", np.where(self.stable, "yes", "no")),
+        ]
 
 
 def frequency_response(
@@ -58,7 +85,7 @@ def frequency_response(
             and friction have no frequency response.
         sample: of the motion; by default for each joint the first where its inertia is largest.
         points: of omega, from 1/1000 to 100 times the natural frequency of the speed loops (further
-            with elastic joints), or to the Nyquist frequency of a sampled drive.
+            with elastic joints); to the Nyquist frequency of a sampled drive.
     """
     n = design.robot.n
     largest = where_largest(design.torques.d_kk).tolist()
@@ -70,17 +97,20 @@ def frequency_response(
         top = max(top, 10 * np.max(design.gains.kp / rotors))
     period = loops[samples[0]].feedback.period
     if period:
-        top = min(top, np.pi / period)
+        top = np.pi / period
     omega = np.geomspace(1e-3 * design.omega_n.min(), top, points)
     tracking, gain = np.empty((2, points, n), dtype=complex)
-    stable = np.empty(n, dtype=bool)
+    stable, damping = np.empty(n, dtype=bool), np.empty(n)
     for i, loop in loops.items():
         mine = [k for k in range(n) if samples[k] == i]
         tracking[:, mine] = loop.tracking(omega)[:, mine]
         gain[:, mine] = loop.loop_gain(omega)[:, mine]
         for k in mine:
-            stable[k] = is_stable(loop.closed(k).modes(), design.omega_n[k])
+            closed = loop.closed(k)
+            stable[k] = is_stable(closed.modes(), design.omega_n[k])
+            damping[k] = least_damping(closed, design.omega_n[k])
     size = np.abs(tracking)
+    factors = [_border_gains(gain[:, k]) for k in range(n)]
     return FrequencyResponse(
         omega=omega,
         tracking=tracking,
@@ -90,7 +120,10 @@ def frequency_response(
         peak_omega=omega[size.argmax(axis=0)],
         crossover=np.array([_last_fall(omega, np.abs(gain[:, k]), 1.0) for k in range(n)]),
         phase_margin=np.array([_phase_margin(omega, gain[:, k]) for k in range(n)]),
+        gain_margin=np.array([min(f[f > 1], default=np.inf) for f in factors]),
+        gain_reduction=np.array([max(f[f < 1], default=0.0) for f in factors]),
         modulus_margin=np.abs(1 + gain).min(axis=0),
+        damping=damping,
         stable=stable,
         sample=np.array(samples),
     )
@@ -127,6 +160,20 @@ def _phase_margin(omega: Array, gain: Complex) -> float:
         angle = np.angle(gain[i]) + share * np.angle(gain[i + 1] / gain[i])
         margins.append(abs(np.degrees(np.angle(np.exp(1j * (angle + np.pi))))))
     return float(min(margins))
+
+
+def _border_gains(gain: Complex) -> Array:
+    """Factors that bring the loop gain to -1: one over its size where it is real and negative.
+
+    Between points angle and logarithm of the size are straight; the Nyquist frequency of a sampled
+    loop, where its gain is real, is the last point.
+    """
+    angle, size = np.angle(-gain), np.log(np.abs(gain))
+    i = np.flatnonzero((angle[:-1] * angle[1:] <= 0) & (np.abs(np.diff(angle)) < np.pi))
+    share = angle[i] / (angle[i] - angle[i + 1] + 1e-300)
+    crossed = size[i] + share * (size[i + 1] - size[i])
+    ends = size[-1:][np.abs(angle[-1:]) < 1e-6]
+    return np.exp(-np.append(crossed, ends))
 
 
 def write_responses(response: FrequencyResponse, path: str | Path) -> None:

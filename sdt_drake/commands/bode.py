@@ -48,18 +48,7 @@ def run(options: argparse.Namespace) -> None:
     response = frequency_response(design, sample=sample)
     scenario = design.scenario
     say(f"{scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant")
-    print_joints(
-        design.robot.joint_names,
-        [
-            ("bandwidth [rad/s]", ".2f", response.bandwidth),
-            ("peak [dB]", ".2f", np.round(response.peak_db, 2) + 0.0),
-            ("at [rad/s]", ".2f", response.peak_omega),
-            ("crossover [rad/s]", ".2f", response.crossover),
-            ("phase margin [deg]", ".1f", response.phase_margin),
-            ("modulus margin", ".3f", response.modulus_margin),
-            ("stable", "", np.where(response.stable, "yes", "no")),
-        ],
-    )
+    print_joints(design.robot.joint_names, response.columns())
     say("speed of the link over its reference, without feedforward; the loop cut at the motor")
     times = " ".join(f"{t:.3f}" for t in design.motion.time[response.sample])
     say(f"linear around the motion at {times} s")

@@ -14,6 +14,7 @@ from sdt_drake.analysis.frequency_response import (
     unwrapped_degrees,
     write_responses,
 )
+from sdt_drake.analysis.linear import linearise
 from sdt_drake.device import Drive, Elasticity
 
 STRUCTURES = ("pi", "p_in_feedback")
@@ -206,6 +207,43 @@ def test_too_slow_a_drive_is_unstable(designed, share, stable):
     fields = {"plant.i_eff": [inertia] * 4, "drive": Drive(period=T)} | kind("pi", **gains)
 
     assert frequency_response(designed(fields=fields)).stable.tolist() == [stable] * 4
+
+
+def fastest_growth(loop, k, factor):
+    """Of all modes of a loop, the gain of joint k changed: the largest |z| - 1, or real part."""
+    p, f, n = loop.process, loop.feedback, loop.n
+    B = p.B * np.where(np.arange(n) == k, factor, 1.0)
+    measured, into = p.C[: 2 * n], f.B[:, 3 * n :]
+    A = [[p.A + B @ f.D[:, 3 * n :] @ measured, B @ f.C], [into @ measured, f.A]]
+    modes = np.linalg.eigvals(np.block(A))
+    return np.abs(modes).max() - 1 if p.period else modes.real.max()
+
+
+@pytest.mark.parametrize(
+    ("fields", "shows"),
+    [
+        ({"drive": Drive(period=0.001, encoder_resolution=[2.0**22] * 4)}, "gain_margin"),
+        (kind("inverse_dynamics"), "gain_margin"),
+        (kind("p_pi"), "gain_reduction"),
+    ],
+)
+def test_gain_margins_are_where_a_mode_comes_to_the_border(designed, fields, shows):
+    design = designed("coupled_pi", fields)
+    response = frequency_response(design)
+    for k in range(4):
+        loop = linearise(design, int(response.sample[k]))
+        factor = getattr(response, shows)[k]
+        outwards = np.sign(factor - 1) * 0.002
+        assert fastest_growth(loop, k, factor * (1 - outwards)) < 1e-9
+        assert fastest_growth(loop, k, factor * (1 + outwards)) > 1e-4
+
+
+def test_damping_and_no_gain_margin_of_the_analytic_loop(damped):
+    """Of second order with the damping ratios it was tuned for; its phase never reaches -180."""
+    for structure in STRUCTURES:
+        response = damped[structure][1]
+        np.testing.assert_allclose(response.damping, ZETA, rtol=1e-6)
+        assert np.isinf(response.gain_margin).all() and (response.gain_reduction == 0).all()
 
 
 # --- the coupled plant --------------------------------------------------------------------------

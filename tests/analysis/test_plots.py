@@ -121,7 +121,7 @@ def response():
     omega = np.geomspace(0.01, 1000, 200)
     gain = np.array([5.0, 10.0, 20.0]) / (1j * omega[:, None])
     row = np.ones(3)
-    return FrequencyResponse(omega, gain / (1 + gain), gain, *(6 * [row]), row > 0, row)
+    return FrequencyResponse(omega, gain / (1 + gain), gain, *(9 * [row]), row > 0, row)
 
 
 @pytest.fixture(scope="module")
