@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -43,36 +44,87 @@ def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str,
             time column, no commas between the columns, something that is not a finite number, a
             row of another length, a time that does not grow as it must, more than MOST_BYTES.
     """
+    numbers = read_numbers(path)
+    path, names = numbers.path, numbers.names
+    if names[0] != "time":
+        raise InputError(f"{path}: the first column is '{names[0]}', expected 'time'")
+    groups = _groups(path, names)
+    numbers.check_finite([0, *(c for group in groups.values() for c in group)])
+    time = numbers.data[:, 0]
+    _check_time(numbers, even=even)
+    return time, {name: numbers.data[:, columns] for name, columns in groups.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """What a text file of columns holds.
+
+    Attributes:
+        path: of the file.
+        names: of the columns; "1", "2", ... where it has no header.
+        data: shape (rows, columns); there may be some that are not finite.
+        skip: lines before the first row that are not blank.
+    """
+
+    path: Path
+    names: list[str]
+    data: Array
+    skip: int = 1
+
+    def line(self, row: int) -> int:
+        """The number of the line with a row, from 0."""
+        return next(itertools.islice(_lines(self.path), row + self.skip, None))[0]
+
+    def check_finite(self, columns: Iterable[int]) -> None:
+        """Refuse what is not a finite number, naming line and column."""
+        for column in columns:
+            bad = np.flatnonzero(~np.isfinite(self.data[:, column]))
+            if len(bad):
+                raise InputError(
+                    f"{self.path}, line {self.line(bad[0])}: {self.names[column]} is "
+                    f"{self.data[bad[0], column]}, expected a finite number"
+                )
+
+
+def read_numbers(
+    path: str | Path, *, delimiter: str | None = ",", header: bool = True, skip: int = 0
+) -> Numbers:
+    """Read a rectangular table of numbers.
+
+    Args:
+        path: of the file.
+        delimiter: between the columns; None: spaces or tabs.
+        header: whether names of the columns come first, perhaps behind a #.
+        skip: how many lines before that say something else; blank ones do not count.
+
+    Raises:
+        InputError: naming the file, and the line where there is one: no such file, not UTF-8, no
+            such delimiter, a text for a number, a row of another length, more than MOST_BYTES.
+    """
     path = checked_input(Path(path))
     size = path.stat().st_size
     if size > MOST_BYTES:
         raise InputError(f"{path}: {size} bytes, expected at most {MOST_BYTES}")
-    lines = _lines(path)
-    start = list(itertools.islice(lines, 3))
-    if len(start) < 3:
+    lines = itertools.islice(_lines(path), skip, None)
+    start = list(itertools.islice(lines, 2 + header))
+    if len(start) < 2 + header:
         raise InputError(f"{path}: fewer than two rows")
-    header = [_unquoted(name) for name in start[0][1].split(",")]
-    if header[0] != "time":
-        raise _bad_header(path, start[0][1], header[0])
-    rows = (line for _, line in itertools.chain(start[1:], lines))
+    first = start[0][1].strip().lstrip("#") if header else start[0][1]
+    names = [_unquoted(name) for name in first.split(delimiter)]
+    if len(names) == 1:
+        _check_delimiter(path, first, delimiter)
+    rows = (line for _, line in itertools.chain(start[header:], lines))
     try:
-        data = np.loadtxt(rows, delimiter=",", ndmin=2, comments=None, quotechar='"')
-        if data.shape[1] != len(header):
+        data = np.loadtxt(rows, delimiter=delimiter, ndmin=2, comments=None, quotechar='"')
+        if data.shape[1] != len(names):
             raise ValueError
     except InputError:
         raise
     except ValueError:
-        raise _bad_line(path, len(header)) from None
-    groups = _groups(path, header)
-    for column in (0, *(c for group in groups.values() for c in group)):
-        bad = np.flatnonzero(~np.isfinite(data[:, column]))
-        if len(bad):
-            raise InputError(
-                f"{path}, line {_number(path, bad[0])}: {header[column]} is "
-                f"{data[bad[0], column]}, expected a finite number"
-            )
-    _check_time(path, data[:, 0], even=even)
-    return data[:, 0], {name: data[:, columns] for name, columns in groups.items()}
+        raise _bad_line(path, len(names), delimiter, skip + header) from None
+    if not header:
+        names = [str(k + 1) for k in range(data.shape[1])]
+    return Numbers(path, names, data, skip + header)
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -91,11 +143,6 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
 
 
-def _number(path: Path, row: int) -> int:
-    """Of the line with row `row` of the numbers, from 0."""
-    return next(itertools.islice(_lines(path), row + 1, None))[0]
-
-
 def _unquoted(field: str) -> str:
     return field.strip().strip('"').strip()
 
@@ -104,24 +151,27 @@ def _not_utf8(path: Path) -> InputError:
     return InputError(f"{path}: cannot be read as UTF-8, expected a CSV file saved as UTF-8")
 
 
-def _bad_header(path: Path, line: str, first: str) -> InputError:
-    """What is wrong with a header that does not start with `time` and a comma."""
-    for separator, name in ((";", "semicolons"), ("\t", "tabs"), (" ", "spaces")):
-        if _unquoted(line.split(separator)[0]) == "time":
-            return InputError(
-                f"{path}, line 1: {name} between the columns, expected commas, and points in the "
-                "numbers"
+_SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "spaces"}
+
+
+def _check_delimiter(path: Path, line: str, delimiter: str | None) -> None:
+    """Refuse a line with another separator than it should have."""
+    expected = _SEPARATORS[delimiter or " "]
+    for separator, name in _SEPARATORS.items():
+        if name != expected and len(line.strip().split(separator)) > 1:
+            raise InputError(
+                f"{path}, line {next(_lines(path))[0]}: {name} between the columns, expected "
+                f"{expected}, and points in the numbers"
             )
-    return InputError(f"{path}: the first column is '{first}', expected 'time'")
 
 
-def _bad_line(path: Path, width: int) -> InputError:
+def _bad_line(path: Path, width: int, delimiter: str | None, skip: int) -> InputError:
     """What is wrong with a file that does not read as a rectangular table of numbers."""
-    for number, line in itertools.islice(_lines(path), 1, None):
-        fields = line.split(",")
+    for number, line in itertools.islice(_lines(path), skip, None):
+        fields = line.strip().split(delimiter)
         if len(fields) != width:
             return InputError(
-                f"{path}, line {number}: {len(fields)} value(s), expected {width} as in line 1"
+                f"{path}, line {number}: {len(fields)} value(s), expected {width} as in the first"
             )
         for field in fields:
             try:
@@ -131,7 +181,8 @@ def _bad_line(path: Path, width: int) -> InputError:
     return InputError(f"{path}: not a table of numbers")
 
 
-def _check_time(path: Path, time: Array, *, even: bool) -> None:
+def _check_time(numbers: Numbers, *, even: bool) -> None:
+    time = numbers.data[:, 0]
     with np.errstate(over="ignore"):
         steps = np.diff(time)
     bad = steps <= 0
@@ -142,7 +193,7 @@ def _check_time(path: Path, time: Array, *, even: bool) -> None:
     if bad.any():
         row = int(np.argmax(bad)) + 1
         raise InputError(
-            f"{path}, line {_number(path, row)}: time goes from {time[row - 1]:g} to "
+            f"{numbers.path}, line {numbers.line(row)}: time goes from {time[row - 1]:g} to "
             f"{time[row]:g} s, expected {expected}"
         )
 
