@@ -1,0 +1,84 @@
+"""Recordings in files of others, and what is said of bad ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sdt_drake.errors import InputError
+from sdt_drake.fields import check
+from sdt_drake.identification.recordings import Columns, load_columns, read_recording
+
+N, DEG = 5, np.pi / 180
+
+
+@pytest.fixture
+def table():
+    """Time, q and tau of four joints, side by side."""
+    rng = np.random.default_rng(3)
+    return np.column_stack([0.01 * np.arange(N), rng.normal(size=(N, 8))])
+
+
+def write(folder, table, header="time,q_1,q_2,q_3,q_4,tau_1,tau_2,tau_3,tau_4", delimiter=","):
+    path = folder / "r.csv"
+    with path.open("w") as file:
+        file.write(f"{header}\n" if header else "")
+        np.savetxt(file, table, delimiter=delimiter, fmt="%.17g")
+    return path
+
+
+def test_a_text_without_header_of_motors_in_degrees(tmp_path, table, robot):
+    mapping = tmp_path / "columns.yaml"
+    mapping.write_text(
+        "header: false\ndelimiter: space\ntime: '1'\ntime_factor: 1.0e-3\n"
+        "q: ['2', '3', '4', '5']\ntau: ['6', '7', '8', '9']\nangle: deg\nside: motor\n"
+        "position_offset: [0, 0.5, 0, 0]\ndirection: [1, -1, 1, 1]\ntorque_factor: [2, 2, 2, 2]\n"
+    )
+    path = write(tmp_path, table, header="", delimiter="  ")
+    recorded = read_recording(path, robot, load_columns(mapping))
+    turned = [1, -1, 1, 1]
+    np.testing.assert_allclose(recorded.time, 1e-3 * table[:, 0], atol=1e-18)
+    np.testing.assert_allclose(
+        recorded.signals["q"], table[:, 1:5] * DEG * turned + [0, 0.5, 0, 0], rtol=1e-14
+    )
+    np.testing.assert_allclose(
+        recorded.signals["tau"], table[:, 5:] * 2 * robot.gear_ratio * turned, rtol=1e-14
+    )
+    assert set(recorded.signals) == {"q", "tau"}
+
+
+def test_side_of_own_recordings_is_known(tmp_path, table, robot):
+    own = "time,q_1,q_2,q_3,q_4,tau_1,tau_2,tau_3,tau_4,tau_cmd_1,tau_limited_1,load_torque_1"
+    path = write(tmp_path, np.column_stack([table, np.ones((N, 3))]), header=own)
+    recorded = read_recording(path, robot)
+    np.testing.assert_allclose(recorded.signals["tau"], table[:, 5:9] * robot.gear_ratio)
+
+
+HEADER = "time,q_1,q_2,q_3,q_4,tau_1,tau_2,tau_3,tau_4"
+BAD = [
+    ({"header": HEADER.replace("tau_1", "i_1")}, r"no column 'tau_1' \(tau\), there are time, q_1"),
+    ({"header": HEADER.replace("tau_4", "x")}, r"3 column\(s\) tau_k \(tau\), but the robot has 4"),
+    ({"header": HEADER.replace("tau_4", "q_5")}, r"5 or more column\(s\) q_k \(q\), but the robot"),
+    ({"header": HEADER.replace("time", "t")}, r"no column 'time' \(time\)"),
+    ({"row": (2, 0, 0.0)}, r"line 4: time goes from 0.01 to 0, expected a growing time"),
+    ({"row": (3, 6, np.nan)}, r"line 5: tau_2 is nan, expected a finite number"),
+    ({"delimiter": ";"}, r"line 2: 1 value\(s\), expected 9"),
+]
+
+
+@pytest.mark.parametrize("change, message", BAD, ids=[case[-1] for case in BAD])
+def test_bad_recordings_are_refused_in_one_line(tmp_path, table, robot, change, message):
+    if "row" in change:
+        row, column, value = change["row"]
+        table[row, column] = value
+    options = {key: change[key] for key in ("header", "delimiter") if key in change}
+    with pytest.raises(InputError, match=rf"r\.csv.*{message}") as error:
+        read_recording(write(tmp_path, table, **options), robot)
+    assert "\n" not in str(error.value)
+
+
+def test_bad_mappings_are_refused():
+    with pytest.raises(InputError, match="rate: missing"):
+        check(Columns(time=""))
+    with pytest.raises(InputError, match=r"direction: .*expected 1 and -1"):
+        check(Columns(direction=[1.0, 0.5]))
