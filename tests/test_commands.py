@@ -389,7 +389,7 @@ def test_bode_prints_the_margins(good, desk, plant):
         np.testing.assert_allclose(numbers(shown[column]), expected, atol=rounding, err_msg=name)
     assert shown["gain margin [dB]"] == ["–"] * 4  # of a second-order loop
     header, *rows = read_csv(desk / "b.csv")
-    groups = ("tracking_size", "tracking_phase", "loop_gain_size", "loop_gain_phase")
+    groups = ("tracking_magnitude", "tracking_phase", "loop_gain_magnitude", "loop_gain_phase")
     assert header == ["omega", *(f"{name}_{k}" for name in groups for k in (1, 2, 3, 4))]
     assert np.all(np.isfinite(np.array(rows, dtype=float))) and len(rows) == 4000
 

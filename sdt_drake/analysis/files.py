@@ -95,12 +95,13 @@ def figures(results: Reproduction) -> dict[str, Figure]:
         for plant in ("axis", "coupled")
     )
     coupled["pi_ctc, printed sign"] = results.run(*_COUPLED_PRINTED).recording
+    reference = "Reference trajectories of the joints (Figure 2)"
     steps = "Step responses, axis 1 at its largest inertia (Figure 4)"
     tracking = "Trajectory tracking, decoupled axes, Algorithm 1 as printed (Figure 7)"
     errors = "Speed errors, decoupled axes, Algorithm 1 as printed (Figure 8)"
     beyond = "Speed errors on the coupled MultibodyPlant (beyond the paper)"
     return {
-        "figure2": plots.figure2(motion, names),
+        "figure2": plots.trajectories(reference, motion, names),
         "figure4": plots.step_responses(steps, results.steps),
         "figure7": plots.speeds(tracking, axis, names),
         "figure8": plots.speed_errors(errors, axis, names, motion),

@@ -177,7 +177,7 @@ def _border_gains(gain: Complex) -> Array:
 
 
 def write_responses(response: FrequencyResponse, path: str | Path) -> None:
-    """Write omega and, for each joint, size [-] and phase [deg] of tracking and loop gain, as CSV.
+    """Write omega, and of each joint magnitude [-] and phase [deg] of both responses, as CSV.
 
     Raises:
         InputError: if the file cannot be written.
@@ -185,7 +185,7 @@ def write_responses(response: FrequencyResponse, path: str | Path) -> None:
     columns = {}
     for name in ("tracking", "loop_gain"):
         values = getattr(response, name)
-        columns[f"{name}_size"] = np.abs(values)
+        columns[f"{name}_magnitude"] = np.abs(values)
         columns[f"{name}_phase"] = unwrapped_degrees(values, at_crossover=name == "loop_gain")
     write_table(path, response.omega, columns, first="omega")
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from sdt_drake.analysis.budget import ErrorBudget
@@ -41,13 +43,14 @@ Line = tuple[str, Look, Array]
 """Label, look, and samples of shape (N, n)."""
 
 _PANEL = (9.05, 1.55)  # of a time plot, inch
+_STEADY = 0.005  # share of an inertia; a change that is smaller is not worth the whole panel
 
 
 # --- over time -------------------------------------------------------------------------------
 
 
-def figure2(motion: Motion, joint_names: Sequence[str]) -> Figure:
-    """Reference trajectories: a row for each joint, with position, speed and acceleration."""
+def trajectories(title: str, motion: Motion, joint_names: Sequence[str]) -> Figure:
+    """A motion: a row for each joint, with position, speed and acceleration."""
     columns = (
         ("position [deg]", np.degrees(motion.q)),
         ("speed [rad/s]", motion.v),
@@ -62,7 +65,7 @@ def figure2(motion: Motion, joint_names: Sequence[str]) -> Figure:
             axes[k, 0].set_title(joint_title(k, name), loc="left", fontweight="bold")
         for ax in axes[-1]:
             ax.set_xlabel("time [s]")
-        finish(figure, "Reference trajectories of the joints (Figure 2)")
+        finish(figure, title)
     return figure
 
 
@@ -165,8 +168,6 @@ def effective_inertia(
     if published_maximum is not None:
         label = "Table 1 (the paper's motion), largest"
         levels.append((label, PALETTE[6], ":", np.asarray(published_maximum)))
-    # One scale for all joints, relative to the largest: who varies little looks like it.
-    lowest = min(0.9, float(np.min(span.minimum / span.maximum))) - 0.05
     with style():
         lines = [("effective inertia", Look(PALETTE[0]), i_eff)]
         figure, axes = _draw_panels("inertia [kg m²]", time, lines, joint_names)
@@ -174,8 +175,10 @@ def effective_inertia(
             for label, colour, dashes, values in levels:
                 ax.axhline(values[k], color=colour, linestyle=dashes, label=label, linewidth=0.9)
             ax.set_title(f"variation {span.variation_percent[k]:.2f} %", loc="right")
-            top = max(values[k] for _, _, _, values in levels)
-            ax.set_ylim(lowest * span.maximum[k], 1.05 * top)
+            low, high = span.minimum[k], max(values[k] for _, _, _, values in levels)
+            room = max(0.1 * (high - low), _STEADY * high)  # round-off does not look like a change
+            ax.set_ylim(low - room, high + room)
+            ax.ticklabel_format(axis="y", useOffset=False)
         finish(figure, title)
     return figure
 
@@ -227,32 +230,56 @@ def _draw_panels(
 
 
 def comparison(title: str, compared: Sequence[Compared]) -> Figure:
-    """Controllers side by side: errors on a logarithmic scale, torques, and what could be felt."""
+    """Controllers side by side: errors as dots on a logarithmic scale, torques as bars, and what
+    could be felt."""
     names = [f"{k + 1} {name}" for k, name in enumerate(compared[0].design.robot.joint_names)]
     has_heads = all(has_head(c.design.robot) for c in compared)
     looks = looks_of([c.label for c in compared])
-    width, at = 0.8 / len(compared), np.arange(len(names))
     with style():
         bottom = 2.55 if has_heads else 0.85
         figure, axes = grid(3, 2, panel=(3.95, 1.55), gaps=(1.15, 0.35), bottom=bottom)
         for ax, metric in zip(axes.flat, COMPARED, strict=False):  # but for the saturation
-            heights = METRICS[metric].factor * np.array([c.metrics[metric] for c in compared])
-            for i, (c, look) in enumerate(zip(compared, looks, strict=True)):
-                shift = (i - (len(compared) - 1) / 2) * width
-                ax.bar(at + shift, heights[i], width, color=look.colour, label=c.label)
+            values = METRICS[metric].factor * np.array([c.metrics[metric] for c in compared])
+            _side_by_side(ax, values, compared, looks, dots=metric.endswith("_error"))
             ax.set_title(METRICS[metric].label, loc="left")
-            if not np.any(heights > 0):
-                ax.text(0.5, 0.5, "none", transform=ax.transAxes, horizontalalignment="center")
-                ax.set_yticks([])
-            elif metric.endswith("_error"):
-                ax.set_yscale("log")
-                plain_numbers(ax.yaxis)
-            ax.grid(axis="x", visible=False)
-            ax.set_xticks(at, names)
+            ax.set_xticks(np.arange(len(names)), names)
         if has_heads:
             _felt(figure, compared, looks)
         finish(figure, title)
     return figure
+
+
+def _side_by_side(
+    ax: Axes, values: Array, compared: Sequence[Compared], looks: Sequence[Look], *, dots: bool
+) -> None:
+    """Values of each controller, shape (m, n), around the place of each joint: dots, or bars.
+
+    The foot of a logarithmic axis means nothing, so nothing may stand on it.
+    """
+    m, n = values.shape
+    width, at = 0.8 / m, np.arange(n)
+    for i, (c, look) in enumerate(zip(compared, looks, strict=True)):
+        place = at + (i - (m - 1) / 2) * width
+        if dots:
+            above = np.where(values[i] > 0, values[i], np.nan)
+            ax.plot(place, above, look.marker, color=look.colour, markersize=5, label=c.label)
+        else:
+            ax.bar(place, values[i], width, color=look.colour, label=c.label)
+    for k in np.flatnonzero(~np.any(values > 0, axis=0)).tolist():
+        text = "not\napplicable" if np.isnan(values[:, k]).all() else "none"
+        ax.text(
+            k, 0.5, text, transform=ax.get_xaxis_transform(), color="0.35",
+            horizontalalignment="center", verticalalignment="center",
+        )  # fmt: skip
+    if not np.any(values > 0):
+        ax.set_yticks([])
+    elif dots:
+        ax.set_yscale("log")
+        plain_numbers(ax.yaxis)
+    ax.set_xlim(-0.5, n - 0.5)
+    ax.grid(axis="x", visible=False)
+    for k in at[1:]:
+        ax.axvline(k - 0.5, color="0.85", linewidth=0.8)
 
 
 def _felt(figure: Figure, compared: Sequence[Compared], looks: Sequence[Look]) -> None:
@@ -274,32 +301,64 @@ def _felt(figure: Figure, compared: Sequence[Compared], looks: Sequence[Look]) -
 
 
 def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) -> Figure:
-    """Size and phase of tracking and loop gain over frequency, a line for each joint."""
+    """Magnitude and phase of tracking and loop gain over frequency, a line for each joint.
+
+    Marked are where the tracking has fallen by 3 dB; where the loop gain last crosses 0 dB, with
+    its distance to -180 deg there: the phase margin, of a loop that crosses once; and the gain
+    margin, where there is one.
+    """
     columns = (
-        ("speed over its reference", response.tracking),
-        ("loop, cut at the motor", response.loop_gain),
+        ("speed over its reference", response.tracking, response.bandwidth, -3),
+        ("loop, cut at the motor", response.loop_gain, response.crossover, 0),
     )
     with style():
         figure, axes = grid(2, 2, panel=(3.95, 2.4), gaps=(1.15, 0.35))
-        for column, (label, values) in enumerate(columns):
-            size, phase = axes[:, column]
+        for column, (label, values, marked, level) in enumerate(columns):
+            magnitude, phase = axes[:, column]
             degrees = unwrapped_degrees(values, at_crossover=column == 1)
             for k, name in enumerate(joint_names):
                 look = {"color": nth_look(k).colour, "linestyle": nth_look(k).dashes}
                 decibel = 20 * np.log10(np.abs(values[:, k]))
-                size.semilogx(response.omega, decibel, label=joint_title(k, name), **look)
-                phase.semilogx(response.omega, degrees[:, k], **look)
-            size.set_title(label, loc="left", fontweight="bold")
-            size.set_ylabel("size [dB]")
-            size.set_ylim(-60, 60 if column else 20)
+                magnitude.semilogx(response.omega, decibel, label=joint_title(k, name), **look)
+                phase.semilogx(response.omega, degrees[:, k], label=joint_title(k, name), **look)
+                dot = nth_look(k)
+                magnitude.plot(marked[k], level, dot.marker, color=dot.colour, markersize=4)
+                if column == 1:
+                    at = np.interp(np.log(marked[k]), np.log(response.omega), degrees[:, k])
+                    phase.plot(marked[k], at, dot.marker, color=dot.colour, markersize=4)
+                    phase.vlines(marked[k], -180, at, color=dot.colour, linewidth=0.8)
+                    margin = response.gain_margin[k]
+                    if np.isfinite(margin):
+                        i = np.abs(1 + margin * values[:, k]).argmin()
+                        foot = -20 * np.log10(margin)
+                        magnitude.vlines(
+                            response.omega[i], foot, 0, color=dot.colour, linewidth=0.8
+                        )
+            magnitude.axhline(level, color="0.4", linewidth=0.8)
+            magnitude.set_title(label, loc="left", fontweight="bold")
+            magnitude.set_ylabel("magnitude [dB]")
+            magnitude.set_ylim(-60, 60 if column else 20)
             phase.set_ylabel("phase [deg]")
+            phase.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 1.5, 3, 4.5, 9, 10]))
             phase.set_xlabel("frequency [rad/s]")
             phase.margins(x=0)
             plain_numbers(phase.xaxis)
-        for level, ax in ((-3, axes[0, 0]), (0, axes[0, 1]), (-180, axes[1, 1])):
-            ax.axhline(level, color="0.4", linewidth=0.8)
+        told = {header: values for header, _, values in response.columns()}
+        for ax, name in (
+            (axes[0, 0], "bandwidth [rad/s]"),
+            (axes[0, 1], "gain margin [dB]"),
+            (axes[1, 1], "phase margin [deg]"),
+        ):
+            ax.set_title(_of_joints(name, told[name]), loc="right")
+        axes[1, 1].axhline(-180, color="0.4", linewidth=0.8)
         finish(figure, title)
     return figure
+
+
+def _of_joints(quantity: str, values: Array) -> str:
+    """A number for each joint; a dash where there is none."""
+    name, unit = quantity.rstrip("]").split(" [")
+    return f"{name} {', '.join(f'{value:.0f}'.replace('nan', '–') for value in values)} {unit}"
 
 
 def stability(

@@ -317,7 +317,10 @@ def test_written_responses_read_back(damped, tmp_path):
     np.testing.assert_array_equal(columns.pop("omega"), response.omega)
     for name in ("tracking", "loop_gain"):
         for k in range(4):
-            size, phase = columns.pop(f"{name}_size_{k + 1}"), columns.pop(f"{name}_phase_{k + 1}")
+            size, phase = (
+                columns.pop(f"{name}_magnitude_{k + 1}"),
+                columns.pop(f"{name}_phase_{k + 1}"),
+            )
             back = size * np.exp(1j * np.radians(phase))
             np.testing.assert_allclose(back, getattr(response, name)[:, k], rtol=1e-12)
     assert header[0] == "omega" and columns == {}

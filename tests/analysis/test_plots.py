@@ -79,6 +79,7 @@ def steps():
 
 LABELS = ("pi", "p_pi+id", "inverse_dynamics")
 SHARES = (1.0, 0.1, 0.004)
+TORQUES = ("rms_share", "peak_share")
 CONSTANT = np.array([0.02, np.nan, 0.04])
 
 
@@ -120,8 +121,10 @@ def response():
     """Loops omega_c / s of three joints."""
     omega = np.geomspace(0.01, 1000, 200)
     gain = np.array([5.0, 10.0, 20.0]) / (1j * omega[:, None])
-    row = np.ones(3)
-    return FrequencyResponse(omega, gain / (1 + gain), gain, *(9 * [row]), row > 0, row)
+    row, crossover = np.ones(3), np.array([5.0, 10.0, 20.0])
+    margins = (90 * row, np.array([np.inf, 2.0, np.inf]), 0 * row, row)
+    found = (crossover, row, row, crossover, *margins, row, row > 0, row)
+    return FrequencyResponse(omega, gain / (1 + gain), gain, *found)
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +148,7 @@ def figures(motion, runs, steps, compared, budget, response, sweeps):
     rows = np.ones_like(motion.v)
     loads = Loads(load_torque=rows, alleviating_torque=rows * [1.0, -2.0, 0.0])
     return {
-        "figure2": plots.figure2(motion, NAMES),
+        "trajectories": plots.trajectories("motion", motion, NAMES),
         "step_responses": plots.step_responses("steps", steps),
         "speeds": plots.speeds("speeds", runs, NAMES),
         "speed_errors": plots.speed_errors("errors", runs, NAMES, motion),
@@ -157,7 +160,7 @@ def figures(motion, runs, steps, compared, budget, response, sweeps):
     }
 
 
-KINDS = ("figure2", "step_responses", "speeds", "speed_errors", "torques", "error_budget")
+KINDS = ("trajectories", "step_responses", "speeds", "speed_errors", "torques", "error_budget")
 PANELS = ("speeds", "speed_errors", "torques", "error_budget")
 
 
@@ -182,7 +185,7 @@ def test_every_axis_has_a_label_with_a_unit(figures, kind):
     for ax in figure.axes:
         assert ax.get_ylabel().endswith("]") and "[" in ax.get_ylabel()
     # Panels of one column share their time axis; the lowest one is labelled.
-    last_row = figure.axes[-3:] if kind == "figure2" else figure.axes[-1:]
+    last_row = figure.axes[-3:] if kind == "trajectories" else figure.axes[-1:]
     assert [ax.get_xlabel() for ax in last_row] == ["time [s]"] * len(last_row)
 
 
@@ -205,7 +208,7 @@ def test_colours_of_the_paper(figures):
     for ax in figures["speed_errors"].axes:
         assert same_color(line(ax, "pi").get_color(), RED)
         assert same_color(line(ax, "pi_ctc").get_color(), GREEN)
-    for ax in figures["figure2"].axes:
+    for ax in figures["trajectories"].axes:
         assert same_color(ax.get_lines()[0].get_color(), BLUE)
 
 
@@ -225,18 +228,19 @@ def test_effective_inertia_shows_its_range_and_what_is_published(motion):
             assert line(ax, label).get_ydata()[0] == value
         low, high = ax.get_ylim()
         assert low < i_eff[:, k].min() and [5.5, 101, 8][k] < high
+        shown = max(i_eff[:, k].max(), [5.5, 101, 8][k]) - i_eff[:, k].min()
+        assert high - low < 1.3 * shown  # it fills the panel
         assert "kg m²" in ax.get_ylabel()
     assert "variation 30.00 %" in figure.axes[1].get_title(loc="right")  # (100 - 70) / 100
-    # One scale, relative to the largest: a joint that varies little looks like it.
-    assert len({round(ax.get_ylim()[0] / v, 6) for ax, v in zip(
-        figure.axes, i_eff.max(axis=0), strict=True)}) == 1  # fmt: skip
     assert "Table 1 (the paper's motion), largest" in legend_texts(figure)
     plain = plots.effective_inertia("inertia", motion.time, i_eff, NAMES)
+    low, high = plain.axes[2].get_ylim()
+    assert (low, high) == pytest.approx((0.995 * 7, 1.005 * 7))  # constant, and looks like it
     assert "Table 1 (the paper's motion), largest" not in legend_texts(plain)
 
 
-def test_figure2_shows_position_speed_and_acceleration(figures, motion):
-    axes = np.reshape(figures["figure2"].axes, (3, 3))
+def test_trajectories_show_position_speed_and_acceleration(figures, motion):
+    axes = np.reshape(figures["trajectories"].axes, (3, 3))
     columns = (np.degrees(motion.q), motion.v, motion.vd)
     labels = ("position [deg]", "speed [rad/s]", "acceleration [rad/s²]")
     for k in range(3):
@@ -332,24 +336,37 @@ def test_powers_of_ten_are_written_out(figures, tmp_path):
     assert {"0.1", "1", "10", "100"} <= shown(ax.xaxis, ax.get_xlim())
 
 
-def test_comparison_has_a_bar_for_each_controller_and_joint(figures, compared):
+def test_comparison_has_a_dot_or_a_bar_for_each_controller_and_joint(figures, compared):
     figure = figures["comparison"]
-    values = (
+    errors = (
         [c.tracking.max_abs_speed_error for c in compared],
         [c.tracking.rms_speed_error for c in compared],
         [c.tracking.constant_speed_error for c in compared],
         [np.degrees(c.tracking.max_abs_position_error) for c in compared],
-        [100 * c.motors.rms_share for c in compared],
-        [100 * c.motors.peak_share for c in compared],
     )
-    for ax, rows in zip(figure.axes[:6], values, strict=True):
+    torques = ([100 * getattr(c.motors, name) for c in compared] for name in TORQUES)
+    for ax, rows in zip(figure.axes[:4], errors, strict=True):
+        dots = [line(ax, label) for label in LABELS]
+        assert not ax.containers and [dot.get_linestyle() for dot in dots] == ["None"] * 3
+        for dot, expected in zip(dots, rows, strict=True):
+            np.testing.assert_allclose(dot.get_ydata(), expected)
+        places = np.array([dot.get_xdata() for dot in dots])
+        assert np.abs(places - np.arange(3)).max() < 0.5 and np.diff(places, axis=0).min() > 0
+    for ax, rows in zip(figure.axes[4:6], torques, strict=True):
         assert [c.get_label() for c in ax.containers] == list(LABELS)
         for bars, expected in zip(ax.containers, rows, strict=True):
             np.testing.assert_allclose([bar.get_height() for bar in bars], expected)
-            for k, bar in enumerate(bars):  # around the name of its joint
-                assert abs(bar.get_x() + bar.get_width() / 2 - k) < 0.5
         edges = sorted((bar.get_x(), bar.get_x() + bar.get_width()) for bar in ax.patches)
         assert all(a[1] <= b[0] + 1e-9 for a, b in pairwise(edges))
+
+
+def test_comparison_says_where_there_is_nothing_to_compare(figures):
+    """A joint without constant speed, and errors that are 0, have no dot."""
+    constant = figures["comparison"].axes[2]
+    assert [(t.get_position()[0], t.get_text()) for t in constant.texts] == [(1, "not\napplicable")]
+    none = plots.comparison("none", make_compared(LABELS, (0, 0, 0), head=False))
+    texts = [[t.get_text() for t in ax.texts] for ax in none.axes]
+    assert texts[0] == 3 * ["none"] and texts[2] == ["none", "not\napplicable", "none"]
 
 
 def test_comparison_of_errors_is_logarithmic_and_that_of_torques_starts_at_zero(figures):
@@ -365,8 +382,8 @@ def test_comparison_shows_what_could_be_felt(figures):
     assert [text.get_text() for text in ax.texts] == ["100.0", "10.0", "0.4"]
     names = [label.get_text().replace("\n", "") for label in ax.get_xticklabels()]
     assert names == list(LABELS)
-    for bar, same in zip(ax.patches, others[0].containers, strict=True):
-        assert same_color(bar.get_facecolor(), same[0].get_facecolor())
+    for bar, label in zip(ax.patches, LABELS, strict=True):
+        assert same_color(bar.get_facecolor(), line(others[0], label).get_color())
 
 
 def test_comparison_without_a_head_has_no_panel_for_it(compared, figures):
@@ -393,7 +410,7 @@ def test_budget_shows_the_whole_and_its_parts(figures, budget):
         assert len({line.get_color() for line in ax.lines}) == len(parts)
 
 
-def test_bode_shows_size_and_phase(figures, response):
+def test_bode_shows_magnitude_and_phase(figures, response):
     axes = grid(figures["bode"])
     assert axes.shape == (2, 2)
     angle = {0: -np.arctan(response.omega[:, None] / [5, 10, 20]), 1: np.full((200, 3), -np.pi / 2)}
@@ -402,14 +419,14 @@ def test_bode_shows_size_and_phase(figures, response):
             size = line(axes[0, column], f"joint {k + 1}, {name}")
             np.testing.assert_allclose(size.get_xdata(), response.omega)
             np.testing.assert_allclose(size.get_ydata(), 20 * np.log10(np.abs(values[:, k])))
-            phase = axes[1, column].get_lines()[k]
+            phase = line(axes[1, column], f"joint {k + 1}, {name}")
             np.testing.assert_allclose(phase.get_ydata(), np.degrees(angle[column][:, k]))
             assert phase.get_color() == size.get_color()
 
 
 def test_bode_has_labels_with_units(figures):
     axes = grid(figures["bode"])
-    assert {ax.get_ylabel() for ax in axes[0]} == {"size [dB]"}
+    assert {ax.get_ylabel() for ax in axes[0]} == {"magnitude [dB]"}
     assert {ax.get_ylabel() for ax in axes[1]} == {"phase [deg]"}
     assert {ax.get_xlabel() for ax in axes[1]} == {"frequency [rad/s]"}
     assert {ax.get_xscale() for ax in axes.flat} == {"log"}
@@ -418,6 +435,22 @@ def test_bode_has_labels_with_units(figures):
         "loop, cut at the motor",
     ]
     assert legend_texts(figures["bode"]) == ["joint 1, base", "joint 2, elbow", "joint 3, wrist"]
+
+
+def test_bode_marks_bandwidth_and_margins(figures):
+    """Of loops omega_c / s: fallen by 3 dB, and across 0 dB, at omega_c; 90 deg from -180."""
+    axes = grid(figures["bode"])
+    for ax, expected in ((axes[0, 0], -3), (axes[0, 1], 0), (axes[1, 1], -90)):
+        dots = [line for line in ax.lines if len(line.get_xdata()) == 1]
+        np.testing.assert_allclose([dot.get_xdata()[0] for dot in dots], [5, 10, 20])
+        np.testing.assert_allclose([dot.get_ydata()[0] for dot in dots], expected)
+    ends = [bar.get_segments()[0][:, 1] for bar in axes[1, 1].collections]
+    np.testing.assert_allclose(ends, [[-180, -90]] * 3)
+    (gain_margin,) = axes[0, 1].collections
+    assert gain_margin.get_segments()[0][:, 1] == pytest.approx([-6.02, 0], abs=0.01)
+    assert axes[0, 0].get_title(loc="right") == "bandwidth 5, 10, 20 rad/s"
+    assert axes[0, 1].get_title(loc="right") == "gain margin –, 6, – dB"
+    assert axes[1, 1].get_title(loc="right") == "phase margin 90, 90, 90 deg"
 
 
 def test_stability_shows_damping_and_overshoot(figures, sweeps):
