@@ -32,12 +32,13 @@ from sdt_drake.dynamics import (
     TorqueGroups,
     decouple,
     effective_inertia,
+    gravity_stiffness,
     torque_groups,
     where_largest,
 )
 from sdt_drake.errors import InputError, within
 from sdt_drake.fields import check
-from sdt_drake.motion import Motion, load_plan
+from sdt_drake.motion import LearnedReference, Motion, load_learned, load_plan
 from sdt_drake.poles import check_poles
 from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import Scenario
@@ -57,7 +58,8 @@ class Design:
         nominal: the robot as the SDF has it, of which planner and controller know.
         robot: what moves: `nominal` with the deviation of the plant.
         model: what the controller takes the robot for; `nominal` itself if it knows it exactly.
-        motion: planned, feasible for the nominal robot.
+        wanted: the planned motion, feasible for the nominal robot; errors are against it.
+        motion: the reference: `wanted` itself, or what flights of it have taught, feasible, too.
         nominal_torques: inverse dynamics of the nominal links along the motion, joint side.
         torques: the same of `loaded_robot`.
         loads: of each motor by Algorithm 1 with the scenario's sign, motor side.
@@ -70,7 +72,8 @@ class Design:
         inertia_share: I_eff along the motion over its largest, of the model [-], shape (N + 1, n).
         position_gain: K_V of a position loop [1/s], shape (n,).
         feedforward: torque feedforward of the controller; None where it has none.
-        tau_ff: the same along the motion, motor side [N m], shape (N + 1, n).
+        learned_torque: what flights have taught beside it, motor side [N m], shape (N + 1, n).
+        tau_ff: both along the motion, motor side [N m], shape (N + 1, n).
         steady_load, steady_ff: load torque and torque feedforward of who has gone on at the first
             speed for long, motor side [N m], shape (n,): where a run starts.
     """
@@ -79,6 +82,7 @@ class Design:
     nominal: Robot
     robot: Robot
     model: Robot
+    wanted: Motion
     motion: Motion
     nominal_torques: TorqueGroups
     torques: TorqueGroups
@@ -92,6 +96,7 @@ class Design:
     inertia_share: Array
     position_gain: Array
     feedforward: Law | None
+    learned_torque: Array | None
     tau_ff: Array | None
     steady_load: Array
     steady_ff: Array | float
@@ -107,6 +112,7 @@ class Design:
         """Whether the feedforward is just the load torque of the loop (Figure 6)."""
         choice = self.scenario.controller
         has_no_more = choice.feedforward_gain is None and not choice.friction_compensation
+        has_no_more &= self.learned_torque is None
         is_ctc = choice.feedforward_in_use == "ctc"
         return is_ctc and has_no_more and self.model is self.loaded_robot
 
@@ -143,14 +149,21 @@ class Design:
         return 1 if period is None else round(self.motion.period / period)
 
     def variant(self, scenario: Scenario) -> Design:
-        """The design of another scenario with the same SDF and motion.
+        """The design of another scenario with the same SDF and planned motion.
 
         Raises:
             InputError: for what does not fit them.
         """
-        return make_design(
-            scenario, robot=self.nominal, motion=self.motion, torques=self.nominal_torques
-        )
+        torques = self.nominal_torques if self.motion is self.wanted else None
+        return make_design(scenario, robot=self.nominal, motion=self.wanted, torques=torques)
+
+    def given(self, learned: LearnedReference) -> Design:
+        """The same with what flights have taught.
+
+        Raises:
+            InputError: for what was learned of another motion, or is beyond a limit.
+        """
+        return make_design(self.scenario, robot=self.nominal, motion=self.wanted, learned=learned)
 
 
 def make_design(
@@ -159,6 +172,7 @@ def make_design(
     robot: Robot | None = None,
     motion: Motion | None = None,
     torques: TorqueGroups | None = None,
+    learned: LearnedReference | None = None,
 ) -> Design:
     """Load, plan and tune what a scenario names: device, plan, model, gains, feedforward.
 
@@ -166,15 +180,18 @@ def make_design(
         scenario: checked here once more: it may be made or changed in Python.
         robot, motion, torques: of the SDF without any deviation; used instead of loading, planning
             and computing the scenario's own, to save time where many scenarios share them. `robot`
-            is the chosen device: `scenario.device` is not applied to it once more.
+            is the chosen device: `scenario.device` is not applied to it once more. `torques` are
+            those along the planned motion, and of no use with a learned reference.
+        learned: in place of that of the scenario.
 
     Raises:
         InputError: for any bad input on the way.
     """
     nominal, robot, model = _robots(scenario, robot)
-    if motion is None:
-        motion = _planned(scenario, nominal)
+    wanted = _planned(scenario, nominal) if motion is None else motion
     with within(_name(scenario)):
+        taught = _learned(scenario, nominal, wanted, learned)
+        motion, torques = (wanted, torques) if taught is None else (taught.motion, None)
         _check_reference(scenario, motion)
         loaded = robot if scenario.plant.kind == "axis" else nominal
         nominal_torques = torques or _along(nominal, motion)
@@ -190,12 +207,17 @@ def make_design(
         check_poles(scenario, robot, gains, slowest, springs)
 
     feedforward, k_v = _feedforward(scenario, model), scenario.controller.position_gain
+    learned_torque = None if taught is None else taught.torque
+    tau_ff = None if feedforward is None else _fed(feedforward, modelled, motion)
+    if learned_torque is not None:
+        tau_ff = learned_torque + (0.0 if tau_ff is None else tau_ff)
     steady = Motion(motion.period, motion.q[:1], motion.v[:1], np.zeros_like(motion.v[:1]))
     return Design(
         scenario=scenario,
         nominal=nominal,
         robot=robot,
         model=model,
+        wanted=wanted,
         motion=motion,
         nominal_torques=nominal_torques,
         torques=torques,
@@ -209,7 +231,8 @@ def make_design(
         inertia_share=i_eff_modelled / largest,
         position_gain=omega_n / 4 if k_v is None else np.array(k_v),
         feedforward=feedforward,
-        tau_ff=None if feedforward is None else _fed(feedforward, modelled, motion),
+        learned_torque=learned_torque,
+        tau_ff=tau_ff,
         steady_load=_loads(scenario, robot, _along(loaded, steady)).load_torque[0],
         steady_ff=0 if feedforward is None else _fed(feedforward, _along(model, steady), steady)[0],
     )
@@ -262,6 +285,21 @@ def _planned(scenario: Scenario, robot: Robot) -> Motion:
     ).motion
 
 
+def _learned(
+    scenario: Scenario, robot: Robot, wanted: Motion, given: LearnedReference | None
+) -> LearnedReference | None:
+    """What flights have taught: as given, or else of the scenario's file."""
+    margin = scenario.torque_margin
+    if given is not None:
+        given.check(wanted, robot, torque_margin=margin)
+    elif scenario.learned:
+        with within("learned"):
+            given = load_learned(scenario.learned, wanted, robot, torque_margin=margin)
+    if given is not None and given.torque is not None and scenario.inverse_dynamics != "table":
+        raise InputError("inverse_dynamics: online, but a learned torque needs table")
+    return given
+
+
 def _check_reference(scenario: Scenario, motion: Motion) -> None:
     """Refuse NaN, where Drake ends the process, and a reference that never arrives."""
     for name in ("q", "v", "vd"):
@@ -310,11 +348,11 @@ def _springs(
         return None
     if scenario.plant.kind == "axis":
         links = robot.gear_ratio**2 * (i_eff - robot.rotor_inertia)
-        gravity_stiffness = np.zeros(robot.n)
+        k_g = np.zeros(robot.n)
     else:
         links = torques.d_kk.max(axis=0)
         at = motion.q[where_largest(torques.d_kk)]  # a row for each joint
-        gravity_stiffness = np.array([_gravity_stiffness(robot, at[k], k) for k in range(robot.n)])
+        k_g = np.array([gravity_stiffness(robot, at[k])[k, k] for k in range(robot.n)])
     elastic = np.array(elasticity.natural_frequency) > 0
     for k in np.flatnonzero(elastic):
         if robot.rotor_inertia[k] <= 0 or links[k] <= 0:
@@ -323,18 +361,7 @@ def _springs(
                 f"kg m² (motor side) and the link inertia {links[k]:g} kg m² (joint side); an "
                 "elastic joint needs both > 0"
             )
-    return springs_of(elasticity, links, gravity_stiffness)
-
-
-def _gravity_stiffness(robot: Robot, q: Array, k: int) -> float:
-    """Change of the gravity torque of joint k with its angle, joint side [N m/rad]."""
-    step = 1e-5  # rad
-    around = np.array([q, q])
-    around[0, k] -= step
-    around[1, k] += step
-    rest = np.zeros_like(around)
-    low, high = torque_groups(robot, around, rest, rest).gravity[:, k]
-    return float((high - low) / (2 * step))
+    return springs_of(elasticity, links, k_g)
 
 
 # --- gains and feedforward -------------------------------------------------------------------

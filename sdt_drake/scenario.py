@@ -160,6 +160,9 @@ class Scenario:
         device: motors, gears and structure other than those of the SDF.
         motion: what is commanded (.yaml, will be planned) or a planned motion (.csv), likewise; or
             the name of a motion that ships with the package.
+        learned: CSV file of what flights of that motion have taught (`sdt-drake learn`): the
+            reference that the controller gets in its place. Errors are still those against the
+            motion. None by default.
         period: interpolation period of planner, hold and log [s].
         torque_margin: share of the motors' torque that the planner may use, in (0, 1].
         planner: "limiter", the paper's, which keeps the time where it can, or "retiming", which
@@ -177,6 +180,7 @@ class Scenario:
     robot: str = setting(DEFAULT_ROBOT, place=beside)
     device: DeviceChoice = setting(DeviceChoice)
     motion: str = setting("package://sdt/motions/reference.yaml", place=motion_beside)
+    learned: str = setting("", place=beside)
     period: float = setting(0.005, above=0, unit="s")
     torque_margin: float = setting(1.0, above=0, maximum=1)
     planner: str = setting("limiter", choices=tuple(PLANNERS))

@@ -53,7 +53,8 @@ class Recording:
 
     Attributes:
         time: [s], shape (N + 1,).
-        q_ref, v_ref: reference of the planner, joint side [rad, rad/s].
+        q_ref, v_ref: the planned motion, joint side [rad, rad/s]; also where the controller gets
+            another reference, as flights have taught it.
         q, v: of the plant, joint side [rad, rad/s].
         tau_cmd: torque that the controller asks for, motor side [N m].
         tau_limited: the same after saturation, motor side [N m].
@@ -255,7 +256,7 @@ def _loop_in(design: Design, diagram: Diagram) -> Loop:
 def _recording(
     design: Design, loop: Loop, signals: Mapping[str, Array], seen: Seen | None
 ) -> Recording:
-    motion = design.motion
+    motion = design.wanted
     q, v = np.hsplit(signals["state"], 2)
     q_seen, v_seen = np.hsplit(signals["measured"], 2)
     within = period_torque(

@@ -60,6 +60,8 @@ def error_budget(design: Design) -> ErrorBudget:
             "plant.kind: coupled, but an error budget adds responses up, which only the axis "
             "plant allows; expected axis"
         )
+    if scenario.learned:
+        raise InputError("learned: has no part in an error budget; remove")
     if scenario.inverse_dynamics != "table":
         raise InputError("inverse_dynamics: online, but an error budget needs table")
     free = _without_limits(design)
@@ -116,7 +118,7 @@ def _without_motion(design: Design) -> Design:
     nothing = np.zeros_like(motion.v)
     tau_ff = None if design.tau_ff is None else _load_ff(design)
     at_rest = Motion(motion.period, nothing, nothing, nothing)
-    return replace(design, motion=at_rest, tau_ff=tau_ff)
+    return replace(design, wanted=at_rest, motion=at_rest, tau_ff=tau_ff)
 
 
 def _load_ff(design: Design) -> Array:

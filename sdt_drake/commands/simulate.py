@@ -35,7 +35,7 @@ def run(options: argparse.Namespace) -> None:
     chosen_joints(options.joint, design.robot.n, "--joint")
     scenario = design.scenario
     recording = simulate(design)
-    tracking = track(recording, design.motion)
+    tracking = track(recording, design.wanted)
     common.say(f"{scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant")
     own = [(METRICS[x], getattr(tracking, x)) for x in COMPARED if hasattr(tracking, x)]
     columns = [(metric.column, metric.format, metric.factor * values) for metric, values in own]

@@ -101,13 +101,13 @@ SIGNALS = ("reference", "state", "sampled_state", "load_torque", "tau_limited")
 def add_feedforward(wiring: Wiring, design: Design, at: int | None) -> None:
     """From tau_fb to tau_cmd: the torque feedforward of a design, if it has one; none `at` a
     sample, where it stands still."""
-    if design.feedforward is None or at is not None:
+    if design.tau_ff is None or at is not None:
         wiring.same("tau_cmd", "tau_fb")
         return
     wiring.add("ctc_feedforward", CtcFeedforward(n=design.robot.n))
     if design.feeds_load_torque:
         wiring.same("tau_ff", "load_torque")
-    elif design.scenario.inverse_dynamics == "table" and design.tau_ff is not None:
+    elif design.feedforward is None or design.scenario.inverse_dynamics == "table":
         add_table(wiring, "feedforward_table", design, tau_ff=design.tau_ff)
     else:
         law = design.feedforward

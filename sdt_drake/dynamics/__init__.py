@@ -8,6 +8,7 @@ from sdt_drake.dynamics.effective_inertia import (
 )
 from sdt_drake.dynamics.inverse import (
     TorqueGroups,
+    gravity_stiffness,
     groups_of_sample,
     inverse_dynamics,
     torque_groups,
@@ -20,6 +21,7 @@ __all__ = [
     "TorqueGroups",
     "decouple",
     "effective_inertia",
+    "gravity_stiffness",
     "groups_of_sample",
     "inverse_dynamics",
     "torque_groups",

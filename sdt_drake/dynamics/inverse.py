@@ -96,3 +96,16 @@ def torque_groups(robot: Robot, q: ArrayLike, v: ArrayLike, vd: ArrayLike) -> To
     rows = zip(q_and_v.reshape(-1, 2 * robot.n), vd.reshape(-1, robot.n), strict=True)
     groups = np.array([groups_of_sample(robot, context, *row) for row in rows])
     return TorqueGroups(*np.moveaxis(groups.reshape(*vd.shape[:-1], 5, robot.n), -2, 0))
+
+
+def gravity_stiffness(robot: Robot, q: Array) -> Array:
+    """Change of the joints' gravity torques with their angles, joint side [N m/rad], (n, n).
+
+    Entry (j, k) is that of joint j with the angle of joint k; q [rad] has shape (n,).
+    """
+    step = 1e-5  # rad
+    turned = step * np.eye(robot.n)
+    around = q + np.vstack([-turned, turned])  # a row for each joint, turned back and on
+    rest = np.zeros_like(around)
+    low, high = np.split(torque_groups(robot, around, rest, rest).gravity, 2)
+    return (high - low).T / (2 * step)

@@ -2,6 +2,7 @@
 
 from sdt_drake.motion.command import Command, Course, command_of, load_command
 from sdt_drake.motion.files import find_motion, load_profile, motion_beside, shipped_motions
+from sdt_drake.motion.learned import LearnedReference, load_learned
 from sdt_drake.motion.limiter import plan_motion
 from sdt_drake.motion.load import PLANNERS, load_plan
 from sdt_drake.motion.margins import Margins, margins
@@ -23,6 +24,7 @@ __all__ = [
     "PLANNERS",
     "Command",
     "Course",
+    "LearnedReference",
     "Margins",
     "Motion",
     "MotionProfile",
@@ -34,6 +36,7 @@ __all__ = [
     "find_motion",
     "import_motion",
     "load_command",
+    "load_learned",
     "load_plan",
     "load_profile",
     "margins",

@@ -35,7 +35,9 @@ _CACHED = 16  # planned motions, with their robots, that a process keeps
 
 _Planned = tuple[Robot, Plan, TorqueGroups]
 
-FILE_FIELDS = tuple(map(find_field, ("robot", "motion", "device.catalogue", "controller.file")))
+FILE_FIELDS = tuple(
+    map(find_field, ("robot", "motion", "learned", "device.catalogue", "controller.file"))
+)
 """Fields of a scenario that name a file."""
 
 
@@ -146,7 +148,7 @@ class InfeasibleError(InputError):
 
 def outcomes_of(design: Design, recording: Recording) -> tuple[float, ...]:
     """The numbers of a run up to felt_share, as `outcome_names` names them."""
-    tracking = track(recording, design.motion)
+    tracking = track(recording, design.wanted)
     motors = motor_use(recording, design.robot)
     parts = [getattr(tracking, name) for name in _TRACKING]
     parts += [motors.peak_share, motors.rms_share]
