@@ -20,21 +20,21 @@ class Deviation:
 
     Attributes:
         payload: name of the link that payload_mass and payload_offset change.
-        payload_mass: [kg], added to the link's mass in the model; its inertia scales with the mass
-            (the same body, evenly heavier).
-        payload_offset: [m], added to the position of the link's centre of mass, in the frame in
-            which <inertial> is written: that of the link.
-        inertia_scale: factor on masses and inertias of all links [-], applied after the payload's
+        payload_mass: added to the link's mass; its inertia scales with the mass (the same body,
+            evenly heavier).
+        payload_offset: added to the position of the link's centre of mass, in the frame in which
+            <inertial> is written: that of the link.
+        inertia_scale: factor on masses and inertias of all links, applied after the payload's
             change. So the links' part of the mass matrix, the velocity torques and the gravity
             torques all scale with it; what the rotors add to the mass matrix does not.
-        link_scales: the same factor for each link on its own [-], in the order of the file.
+        link_scales: the same factor for each link on its own, in the order of the file.
     """
 
     payload: str = "payload"
     payload_mass: float = setting(0.0, unit="kg")
     payload_offset: list[float] = setting([0.0, 0.0, 0.0], count=3, unit="m")
-    inertia_scale: float = setting(1.0, above=0)
-    link_scales: Optional[list[float]] = setting(None, above=0)
+    inertia_scale: float = setting(1.0, above=0, unit="-")
+    link_scales: Optional[list[float]] = setting(None, above=0, unit="-")
 
     @property
     def exact(self) -> bool:

@@ -5,12 +5,19 @@ of all fields go by the same ones:
 
     @dataclass(slots=True)
     class Drive:
+        '''Attributes:
+            period: sampling period of the speed loop.
+        '''
+
         period: Optional[float] = setting(None, above=0, unit="s")
         n1: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="rad/s")
 
         def problems(self):  # rules between fields; only asked where each field is right
             if self.n1 is not None and self.period is None:
                 yield "n1", "needs period"
+
+What a field means stands in the docstring alone, its unit and side in `setting` alone;
+`schema` makes the reference and the JSON Schema of a file of both.
 
 Drake's typed YAML takes such a class, too, if all fields have defaults; it needs real annotations
 (no `from __future__ import annotations`) and Optional[...] or Union[...] in full.
@@ -48,11 +55,12 @@ class Rule:
     Attributes:
         above, minimum, maximum, below: bounds of numbers, without and with the bound itself.
         choices: texts, of which it takes one.
+        more_by: a field beside it; where that is given, it takes other texts, too.
         per_joint: a list with one value for each joint of the robot.
         count: how many values a list has.
         empty: "" or [] has a meaning; it always has where it is the default.
         place: of a text that names a file: (text, folder of the YAML file) to what it means.
-        unit: of numbers.
+        unit: of numbers; "-" for shares, factors and counts.
         side: "joint" or "motor", where that makes a difference.
     """
 
@@ -61,6 +69,7 @@ class Rule:
     maximum: float = math.inf
     below: float = math.inf
     choices: Collection[str] = ()
+    more_by: str = ""
     per_joint: bool = False
     count: Optional[int] = None
     empty: bool = False
@@ -77,7 +86,7 @@ class Rule:
         """For people: " > 0 and <= 1 [s]"."""
         limits = {">": self.above, ">=": self.minimum, "<=": self.maximum, "<": self.below}
         told = [f"{sign} {limit:.12g}" for sign, limit in limits.items() if math.isfinite(limit)]
-        unit = f" [{self.unit}]" if self.unit else ""
+        unit = f" [{self.unit}]" if self.unit not in ("", "-") else ""
         return (f" {' and '.join(told)}" if told else "") + unit
 
 
@@ -175,10 +184,10 @@ class _Walk:
         for key, field in known.items():
             dotted = f"{name}.{key}".lstrip(".")
             if key in data:
-                values[key] = self.field(_hints(schema)[key], field, data[key], dotted)
-            elif field.default is field.default_factory is MISSING:
+                values[key] = self.field(hints_of(schema)[key], field, data[key], dotted)
+            elif default_of(field) is MISSING:
                 self.say(
-                    dotted, f"missing, expected {_expected(_hints(schema)[key], _rule(field))}"
+                    dotted, f"missing, expected {expected(hints_of(schema)[key], rule_of(field))}"
                 )
         if len(self.wrong) > before:
             return None
@@ -211,11 +220,11 @@ class _Walk:
         return by_tag.get(tag)
 
     def field(self, hint: Any, field: dataclasses.Field[Any], data: Any, name: str) -> Any:
-        rule = _rule(field)
+        rule = rule_of(field)
         data = _plain(data)
-        default = field.default if field.default_factory is MISSING else field.default_factory()
+        default = default_of(field)
         if data in ("", []) and data != default and not rule.empty:
-            return self.refuse(name, data, _expected(hint, rule))
+            return self.refuse(name, data, expected(hint, rule))
         if isinstance(data, list) and data:
             joints = self.n if rule.per_joint else None
             count = rule.count or joints
@@ -225,7 +234,7 @@ class _Walk:
         return self.value(hint, rule, data, name)
 
     def value(self, hint: Any, rule: Rule, data: Any, name: str) -> Any:
-        options = _options(hint)
+        options = options_of(hint)
         if data is None and type(None) in options:
             return None
         if dataclasses.is_dataclass(options[0]):
@@ -233,13 +242,13 @@ class _Walk:
         data = _plain(data)
         if typing.get_origin(options[0]) is list:
             if not isinstance(data, list):
-                return self.refuse(name, data, _expected(hint, rule))
+                return self.refuse(name, data, expected(hint, rule))
             item = typing.get_args(options[0])[0]
             return [self.value(item, rule, x, f"{name}[{i + 1}]") for i, x in enumerate(data)]
         if options[0] is float:
             return self.number(rule, data, name)
         if type(data) is not options[0] or not _is_taken(rule, data):
-            self.refuse(name, data, _expected(hint, rule))
+            self.refuse(name, data, expected(hint, rule))
         if rule.place is not None and self.folder is not None and type(data) is str:
             try:
                 return rule.place(data, self.folder)
@@ -278,35 +287,54 @@ def _told(value: Any) -> str:
 
 def _is_taken(rule: Rule, data: int | bool | str) -> bool:
     if isinstance(data, str):
-        return not rule.choices or data in rule.choices
+        return not rule.choices or bool(rule.more_by) or data in rule.choices
     return isinstance(data, bool) or rule.takes(data)
 
 
-def _expected(hint: Any, rule: Rule) -> str:
-    """For people: what a field takes."""
-    schema = _options(hint)[0]
+def expected(hint: Any, rule: Rule) -> str:
+    """For people: what a field of a type takes."""
+    schema = options_of(hint)[0]
     if rule.choices:
         return f"one of {', '.join(rule.choices)}"
-    if dataclasses.is_dataclass(schema):
-        return "a mapping"
+    if kinds := _kinds(hint):
+        return kinds.replace("mappings", "a mapping")
     if typing.get_origin(schema) is list:
         item = typing.get_args(schema)[0]
-        plural = {float: f"numbers{rule.bounds()}", str: "texts"}.get(item, "entries")
+        plural = {float: f"numbers{rule.bounds()}", str: "texts"}.get(item, _kinds(item) or "lists")
         return f"a list of {plural}" + (", one for each joint" if rule.per_joint else "")
     if schema in (int, float):
         return f"a {'whole ' if schema is int else ''}number{rule.bounds()}"
     return "true or false" if schema is bool else "a text"
 
 
-def _rule(field: dataclasses.Field[Any]) -> Rule:
+def _kinds(hint: Any) -> str:
+    """The tags of several dataclasses."""
+    tags = [f"!{schema.__name__}" for schema in dataclasses_of(hint)]
+    return ", ".join(tags) if len(tags) > 1 else "mappings" * len(tags)
+
+
+def dataclasses_of(hint: Any) -> list[type]:
+    """The members of a union that are."""
+    return [o for o in options_of(hint) if isinstance(o, type) and dataclasses.is_dataclass(o)]
+
+
+def rule_of(field: dataclasses.Field[Any]) -> Rule:
+    """What a field takes."""
     return cast(Rule, field.metadata.get("rule", Rule()))
 
 
-def _options(hint: Any) -> list[Any]:
+def default_of(field: dataclasses.Field[Any]) -> Any:
+    """Of a field; MISSING where it must be given."""
+    return field.default if field.default_factory is MISSING else field.default_factory()
+
+
+def options_of(hint: Any) -> list[Any]:
     """The members of a union, what is not None first."""
     is_union = typing.get_origin(hint) in (typing.Union, types.UnionType)
     return sorted(typing.get_args(hint), key=lambda o: o is type(None)) if is_union else [hint]
 
 
-_hints = functools.cache(typing.get_type_hints)
+hints_of = functools.cache(typing.get_type_hints)
+"""Types of the fields of a dataclass, by name."""
+
 _fields = dataclasses.fields

@@ -30,10 +30,10 @@ class PlantChoice:
     Attributes:
         kind: "axis", each motor on its own with constant inertia and the load torque of the
             reference (the paper's models), or "coupled", the MultibodyPlant.
-        i_eff: for "axis": inertia of each motor, motor side [kg m²]; by default the largest along
-            the motion. The coupled plant has its own from the SDF.
+        i_eff: for "axis": inertia that each motor turns; by default the largest along the motion.
+            The coupled plant has its own from the SDF.
         friction: in the joints; none by default.
-        elasticity: of the joints; rigid by default.
+        elasticity: of the joints, which are rigid by default.
         deviation: what the real links have otherwise than the SDF says; planner and controller do
             not know it. Nothing by default.
     """
@@ -56,40 +56,41 @@ class ControllerChoice:
     """What drives it.
 
     Attributes:
-        kind: one of `sdt_drake.controllers.CONTROLLERS`.
+        kind: name of a controller; one of the package, or one that `file` registers.
         file: Python file that registers controllers of one's own, which is run; relative to the
             scenario's own folder. None by default.
         structure: of the PI controller: "p_in_feedback" (Figure 5) or "pi", both gains on the
             error. The kinds "pi_id" and "p_pi" always have both gains on the error.
-        omega_r: lowest natural frequency of the structure [rad/s], of the SDF as it is; a chosen
-            device scales it. The gains follow from it.
-        omega_ratio: omega_n / omega_r at the largest inertia [-].
-        zeta: damping ratio at the largest inertia [-], for each joint; 1 by default.
-        kp, ki: gains, motor side [N m s/rad, N m/rad], instead of omega_r, omega_ratio and zeta.
+        omega_r: lowest natural frequency of the structure, of the SDF as it is; a chosen device
+            scales it. The gains follow from it.
+        omega_ratio: omega_n / omega_r at the largest inertia.
+        zeta: damping ratio at the largest inertia; 1 by default.
+        kp: proportional gain K_PS; with ki instead of omega_r, omega_ratio and zeta.
+        ki: integral gain K_IS.
         anti_windup: whether the integral of the PI controller follows the torque that the motor
             can give (back-calculation).
         feedforward: torque feedforward of the kinds "p_pi" and "pi_scheduled", which leave it open:
             "none" (default), "ctc" or "id".
-        feedforward_gain: factor on the torque feedforward of each joint [-]; 1 by default.
+        feedforward_gain: factor on the torque feedforward; 1 by default.
         friction_compensation: whether the plant's friction, at the speed of the reference, is part
             of the feedforward.
-        position_gain: K_V of the kind "p_pi" [1/s], for each joint; omega_n / 4 by default.
+        position_gain: K_V of the kind "p_pi"; omega_n / 4 by default.
         model: what the controller's model of the robot gets wrong; nothing by default.
     """
 
-    kind: str = "pi"
+    kind: str = setting("pi", choices=CONTROLLERS, more_by="file")
     file: str = setting("", place=beside)
     structure: str = setting("p_in_feedback", choices=STRUCTURES)
     omega_r: Optional[float] = setting(None, above=0, unit="rad/s")
-    omega_ratio: float = setting(0.5, above=0)
-    zeta: Optional[list[float]] = setting(None, above=0, per_joint=True)
+    omega_ratio: float = setting(0.5, above=0, unit="-")
+    zeta: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="-")
     kp: Optional[list[float]] = setting(
         None, above=0, per_joint=True, unit="N m s/rad", side="motor"
     )
     ki: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="N m/rad", side="motor")
     anti_windup: bool = False
     feedforward: Optional[str] = setting(None, choices=FEEDFORWARDS)
-    feedforward_gain: Optional[list[float]] = setting(None, per_joint=True)
+    feedforward_gain: Optional[list[float]] = setting(None, per_joint=True, unit="-")
     friction_compensation: bool = False
     position_gain: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="1/s")
     model: Deviation = setting(Deviation)
@@ -142,11 +143,11 @@ class Disturbance:
     """Error of the load torque model: the true load is tau_LD (1 + A sin(omega_d t)).
 
     Attributes:
-        amplitude: A, share of the load torque [-].
-        omega_d: [rad/s], on every axis.
+        amplitude: A, share of the load torque.
+        omega_d: frequency of the error, the same on every axis.
     """
 
-    amplitude: float = setting(0.0, minimum=0, maximum=10)
+    amplitude: float = setting(0.0, minimum=0, maximum=10, unit="-")
     omega_d: float = setting(6.283185307179586, minimum=0, unit="rad/s")
 
 
@@ -155,21 +156,21 @@ class Scenario:
     """A run.
 
     Attributes:
-        name: short name.
-        robot: SDF file, relative to the scenario's own folder, or package://sdt/...
+        name: short name; that of the file by default.
+        robot: SDF or URDF file, relative to the scenario's own folder, or package://sdt/...
         device: motors, gears and structure other than those of the SDF.
         motion: what is commanded (.yaml, will be planned) or a planned motion (.csv), likewise; or
             the name of a motion that ships with the package.
         learned: CSV file of what flights of that motion have taught (`sdt-drake learn`): the
             reference that the controller gets in its place. Errors are still those against the
             motion. None by default.
-        period: interpolation period of planner, hold and log [s].
-        torque_margin: share of the motors' torque that the planner may use, in (0, 1].
+        period: interpolation period of planner, hold and log.
+        torque_margin: share of the motors' torque that the planner may use.
         planner: "limiter", the paper's, which keeps the time where it can, or "retiming", which
             keeps the path and slows down.
         algorithm: sign of Algorithm 1's third branch, "consistent" or "printed".
         inverse_dynamics: "table", load torques computed before the run, or "online", by a block.
-        accuracy: of the integrator: speeds are good to it [rad/s], positions to a tenth [rad].
+        accuracy: of the integrator: speeds are good to it, positions to a tenth of it in rad.
         plant: what moves.
         drive: of the motors; ideal by default.
         controller: what drives it.
@@ -182,7 +183,7 @@ class Scenario:
     motion: str = setting("package://sdt/motions/reference.yaml", place=motion_beside)
     learned: str = setting("", place=beside)
     period: float = setting(0.005, above=0, unit="s")
-    torque_margin: float = setting(1.0, above=0, maximum=1)
+    torque_margin: float = setting(1.0, above=0, maximum=1, unit="-")
     planner: str = setting("limiter", choices=tuple(PLANNERS))
     algorithm: str = setting("consistent", choices=SIGNS)
     inverse_dynamics: str = setting("table", choices=INVERSE_DYNAMICS)

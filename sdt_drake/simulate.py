@@ -16,6 +16,7 @@ from sdt_drake.arrays import Array
 from sdt_drake.controllers import own_code
 from sdt_drake.design import Design, make_design
 from sdt_drake.errors import InputError, checked_number
+from sdt_drake.fields import setting
 from sdt_drake.loops import Loop, make_loop
 from sdt_drake.motor_torque import Seen, arrived, knows_its_command, period_torque
 from sdt_drake.scenario import Scenario
@@ -45,41 +46,44 @@ COLUMNS = (
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What happened in a run, at the interpolation period; arrays of shape (N + 1, n).
+    """What happened in a run, at the interpolation period; arrays of shape (N + 1, n), the time
+    (N + 1,).
 
     Continuous signals are those at `time`; torques are those just before the update at `time`, so
     at the end of the period that ends there. The first row is just after its update. What motors
     give within the periods is in `tau_peak`, `tau_rms` and `saturated`.
 
     Attributes:
-        time: [s], shape (N + 1,).
-        q_ref, v_ref: the planned motion, joint side [rad, rad/s]; also where the controller gets
-            another reference, as flights have taught it.
-        q, v: of the plant, joint side [rad, rad/s].
-        tau_cmd: torque that the controller asks for, motor side [N m].
-        tau_limited: the same after saturation, motor side [N m].
-        tau: torque that the motors give: the same with an ideal drive, motor side [N m].
-        load_torque: tau_LD of Algorithm 1, motor side [N m].
-        tau_peak, tau_rms: largest and RMS torque that the motors give in the period that ends at
-            `time`, motor side [N m]; see `period_torque`.
-        saturated: share of that period in which a motor gives less than is asked [-].
+        time: since the start.
+        q_ref: positions of the planned motion; also where the controller gets another reference,
+            as flights have taught it.
+        v_ref: speeds of the planned motion, likewise.
+        q: position of the plant.
+        v: speed of the plant.
+        tau_cmd: torque that the controller asks for.
+        tau_limited: the same after saturation.
+        tau: torque that the motors give: the same with an ideal drive.
+        load_torque: tau_LD of Algorithm 1.
+        tau_peak: largest torque that the motors give in the period that ends at `time`.
+        tau_rms: RMS torque of that period.
+        saturated: share of that period in which a motor gives less than is asked.
         beyond_stop: how far the coupled plant's joints are beyond their stops, which do not act in
-            the simulation, joint side [rad]; 0 within them, and on the axis plant.
+            the simulation; 0 within them, and on the axis plant.
     """
 
-    time: Array
-    q_ref: Array
-    v_ref: Array
-    q: Array
-    v: Array
-    tau_cmd: Array
-    tau_limited: Array
-    tau: Array
-    load_torque: Array
-    tau_peak: Array
-    tau_rms: Array
-    saturated: Array
-    beyond_stop: Array
+    time: Array = setting(unit="s")
+    q_ref: Array = setting(unit="rad", side="joint")
+    v_ref: Array = setting(unit="rad/s", side="joint")
+    q: Array = setting(unit="rad", side="joint")
+    v: Array = setting(unit="rad/s", side="joint")
+    tau_cmd: Array = setting(unit="N m", side="motor")
+    tau_limited: Array = setting(unit="N m", side="motor")
+    tau: Array = setting(unit="N m", side="motor")
+    load_torque: Array = setting(unit="N m", side="motor")
+    tau_peak: Array = setting(unit="N m", side="motor")
+    tau_rms: Array = setting(unit="N m", side="motor")
+    saturated: Array = setting(unit="-", side="motor")
+    beyond_stop: Array = setting(unit="rad", side="joint")
 
     @property
     def speed_error(self) -> Array:

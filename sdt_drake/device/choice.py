@@ -27,22 +27,22 @@ class DeviceChoice:
 
     Attributes:
         motors: ids of the catalogue; "" keeps the motor of the SDF. All are kept by default.
-        gear_ratio: motor speed over joint speed [-]; by default that of the chosen motor, or of the
+        gear_ratio: motor speed over joint speed; by default that of the chosen motor, or of the
             SDF where the motor is kept.
-        structure_scale: s, factor on masses and inertias of all links but the payload [-]: the
+        structure_scale: s, factor on masses and inertias of all links but the payload: the
             thickness of their walls.
         payload: name of the link that is no structure; "" if all links are.
-        stiffness_exponent: p [-]; the structure is s^p times as stiff. 1 for walls of the same
-            outline (assumed).
+        stiffness_exponent: p; the structure is s^p times as stiff. 1 for walls of the same outline
+            (assumed).
         fitted: ids of the motors that the masses of the SDF contain; "" where they contain none.
         catalogue: file of the motors.
     """
 
     motors: list[str] = setting([], per_joint=True)
-    gear_ratio: Optional[list[float]] = setting(None, above=0, per_joint=True)
-    structure_scale: float = setting(1.0, above=0)
+    gear_ratio: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="-")
+    structure_scale: float = setting(1.0, above=0, unit="-")
     payload: str = setting("payload", empty=True)
-    stiffness_exponent: float = setting(1.0, minimum=0)
+    stiffness_exponent: float = setting(1.0, minimum=0, unit="-")
     fitted: list[str] = setting([], per_joint=True)
     catalogue: str = setting(DEFAULT_CATALOGUE, place=beside)
 

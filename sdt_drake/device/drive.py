@@ -17,22 +17,22 @@ class Drive:
     Everything is ideal unless given. Lists have one value for each joint.
 
     Attributes:
-        period: sampling period of the speed loop [s]; 125 µs to the interpolation period, which it
+        period: sampling period of the speed loop; 125 µs to the interpolation period, which it
             must divide. Continuous by default.
-        torque_bandwidth: -3 dB frequency of the torque loop, a first-order lag [Hz].
-        torque_error: the motors give (1 + torque_error) of the torque they should [-].
-        encoder_resolution: increments of each encoder per revolution **of the motor** [-]; speed is
+        torque_bandwidth: -3 dB frequency of the torque loop, a first-order lag.
+        torque_error: the motors give (1 + torque_error) of the torque they should.
+        encoder_resolution: increments of each encoder per revolution **of the motor**; speed is
             then the difference of positions over `period`.
-        n1: motor speed up to which the full torque is available [rad/s], motor side.
-        n0: motor speed at which none is left to accelerate any more [rad/s], motor side.
-        reference_delay: how late the reference and all that is computed from it arrives [s].
+        n1: motor speed up to which the full torque is available.
+        n0: motor speed at which none is left to accelerate any more.
+        reference_delay: how late the reference and all that is computed from it arrives.
     """
 
     period: Optional[float] = setting(None, minimum=SHORTEST_PERIOD, unit="s")
     torque_bandwidth: Optional[float] = setting(None, above=0, unit="Hz")
-    torque_error: Optional[list[float]] = setting(None, above=-1, below=1, per_joint=True)
+    torque_error: Optional[list[float]] = setting(None, above=-1, below=1, per_joint=True, unit="-")
     encoder_resolution: Optional[list[float]] = setting(
-        None, minimum=1, per_joint=True, side="motor"
+        None, minimum=1, per_joint=True, unit="1/rev", side="motor"
     )
     n1: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="rad/s", side="motor")
     n0: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="rad/s", side="motor")

@@ -19,14 +19,13 @@ class Elasticity:
 
     Attributes:
         natural_frequency: of each link against its motor at a standstill, the other joints held,
-            where the motion has its largest inertia [rad/s]; 0: this joint is rigid. By default
-            all are.
-        damping_ratio: of that oscillation [-].
-        encoder: where the controller measures, "motor" or "link".
+            where the motion has its largest inertia; 0: this joint is rigid. By default all are.
+        damping_ratio: of that oscillation.
+        encoder: where the controller measures.
     """
 
     natural_frequency: list[float] = setting([], minimum=0, per_joint=True, unit="rad/s")
-    damping_ratio: float = setting(0.01, minimum=0)
+    damping_ratio: float = setting(0.01, minimum=0, unit="-")
     encoder: str = setting("motor", choices=ENCODERS)
 
     @property

@@ -25,12 +25,12 @@ class Friction:
 
     Attributes:
         coulomb: F_c, friction of a sliding joint at any speed, and the load that a joint at rest
-            holds [N m]; 0 by default.
-        viscous: b [N m s/rad], beside the SDF's own damping; 0 by default.
-        breakaway: F_b, largest friction at low speed (Stribeck) [N m], at least `coulomb`, which
-            is the default.
-        stribeck_speed: v_s, at which friction has that peak [rad/s].
-        presliding: z_c, how far a joint gives way before it slides [rad].
+            holds; 0 by default.
+        viscous: b, beside the SDF's own damping; 0 by default.
+        breakaway: F_b, largest friction at low speed (Stribeck), at least `coulomb`, which is the
+            default.
+        stribeck_speed: v_s, at which friction has that peak.
+        presliding: z_c, how far a joint gives way before it slides.
     """
 
     coulomb: Optional[list[float]] = setting(

@@ -24,16 +24,16 @@ class Motor:
 
     Attributes:
         id: short name.
-        kind: one of MOTOR_KINDS.
-        peak_torque: largest torque [N m].
-        rated_torque: torque that it can give for ever (S1), at a standstill or low speed [N m].
-        rotor_inertia: of motor and gearbox [kg m²].
-        n1_rpm: speed up to which it gives its peak torque [rpm].
-        n0_rpm: speed at which none is left to drive with [rpm]; linear between the two.
-        mass: of motor and gearbox [kg].
-        gear_ratio: motor speed over joint speed [-]; of a geared motor by default, unless a device
+        kind: direct drive, or with a gearbox.
+        peak_torque: largest torque.
+        rated_torque: torque that it can give for ever (S1), at a standstill or low speed.
+        rotor_inertia: of motor and gearbox.
+        n1_rpm: speed up to which it gives its peak torque.
+        n0_rpm: speed at which none is left to drive with; linear between the two.
+        mass: of motor and gearbox.
+        gear_ratio: motor speed over joint speed; of a geared motor by default, unless a device
             chooses another.
-        thermal_time_constant: of the winding, first order [s].
+        thermal_time_constant: of the winding, first order.
         source: where the numbers are from.
     """
 
@@ -45,7 +45,7 @@ class Motor:
     n1_rpm: float = setting(above=0, unit="rpm", side="motor")
     n0_rpm: float = setting(above=0, unit="rpm", side="motor")
     mass: float = setting(above=0, unit="kg")
-    gear_ratio: float = setting(1.0, above=0)
+    gear_ratio: float = setting(1.0, above=0, unit="-")
     thermal_time_constant: float = setting(above=0, unit="s")
     source: str = setting()
 

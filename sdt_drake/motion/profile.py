@@ -36,7 +36,7 @@ class Segment(ABC):
     """What a joint, or a wanted G, does for a while.
 
     Attributes:
-        at: start [s]; right after the segment before if not given.
+        at: start; right after the segment before if not given.
     """
 
     at: Optional[float] = setting(None, minimum=0, unit="s")
@@ -67,7 +67,7 @@ class Hold(Segment):
     """The speed stays what it is.
 
     Attributes:
-        duration: [s].
+        duration: for how long.
     """
 
     duration: float = setting(above=0, unit="s")
@@ -82,19 +82,19 @@ class Ramp(Segment):
     """The speed goes from what it is to another one.
 
     Attributes:
-        to_deg_s: joint speed at the end [deg/s]; in a track of a joint.
-        to_g: resultant of gravity and centripetal acceleration at the end [G]; in a track of the
+        to_deg_s: joint speed at the end; in a track of a joint.
+        to_g: resultant of gravity and centripetal acceleration at the end; in a track of the
             resultant. The speed of the spin joint is what goes linearly or along a cosine:
             d omega / d G is infinite at 1 G.
-        duration: [s], or
-        acceleration_deg_s2: the largest one [deg/s²], > 0.
+        duration: how long it takes; or else acceleration_deg_s2.
+        acceleration_deg_s2: the largest one; or else duration.
         blend: of the speed, "cosine" or "linear" (whose acceleration jumps).
     """
 
-    to_deg_s: Optional[float] = setting(None, unit="deg/s")
+    to_deg_s: Optional[float] = setting(None, unit="deg/s", side="joint")
     to_g: Optional[float] = setting(None, minimum=1, unit="G")
     duration: Optional[float] = setting(None, above=0, unit="s")
-    acceleration_deg_s2: Optional[float] = setting(None, above=0, unit="deg/s²")
+    acceleration_deg_s2: Optional[float] = setting(None, above=0, unit="deg/s²", side="joint")
     blend: str = setting("cosine", choices=BLENDS)
 
     def problems(self) -> Problems:
@@ -123,18 +123,18 @@ class Turn(Segment):
     """The joint turns from rest to rest.
 
     Attributes:
-        by_deg: change of the angle [deg], or
-        to_deg: angle at the end [deg]; of the joint without its share of an alignment.
-        duration: [s], or
-        speed_deg_s: the largest speed [deg/s], > 0.
+        by_deg: change of the angle; or else to_deg.
+        to_deg: angle at the end, of the joint without its share of an alignment; or else by_deg.
+        duration: how long it takes; or else speed_deg_s.
+        speed_deg_s: the largest speed; or else duration.
         blend: of the speed: "cosine", (1 - cos) / 2 with a mean of half the largest, or "linear",
             a trapezoid of three equal times with a mean of two thirds.
     """
 
-    by_deg: Optional[float] = setting(None, unit="deg")
-    to_deg: Optional[float] = setting(None, unit="deg")
+    by_deg: Optional[float] = setting(None, unit="deg", side="joint")
+    to_deg: Optional[float] = setting(None, unit="deg", side="joint")
     duration: Optional[float] = setting(None, above=0, unit="s")
-    speed_deg_s: Optional[float] = setting(None, above=0, unit="deg/s")
+    speed_deg_s: Optional[float] = setting(None, above=0, unit="deg/s", side="joint")
     blend: str = setting("cosine", choices=BLENDS)
 
     def problems(self) -> Problems:
@@ -166,10 +166,10 @@ class Knots(Segment):
     """Piecewise-linear speed.
 
     Attributes:
-        knots: pairs of time since the start of the segment [s], from 0 on, and speed [rad/s].
+        knots: pairs of time since the start of the segment, from 0 on, and speed.
     """
 
-    knots: list[list[float]] = setting()
+    knots: list[list[float]] = setting(unit="s, rad/s", side="joint")
 
     def problems(self) -> Problems:
         """There are pairs in growing time from 0 on."""
@@ -197,12 +197,12 @@ class Sampled(Segment):
     """Speed given at equal steps, linear between them.
 
     Attributes:
-        period: time between samples [s].
-        speeds: joint speed [rad/s] at 0, period, 2 period, ... since the start of the segment.
+        period: time between samples.
+        speeds: joint speed at 0, period, 2 period, ... since the start of the segment.
     """
 
     period: float = setting(above=0, unit="s")
-    speeds: list[float] = setting(unit="rad/s")
+    speeds: list[float] = setting(unit="rad/s", side="joint")
 
     def problems(self) -> Problems:
         """There are samples to go between."""
@@ -226,13 +226,13 @@ class Oscillation(Segment):
     t since the start of the segment.
 
     Attributes:
-        amplitude: A, of the angle [rad].
-        period: T [s].
-        fade: time to full swing, and to rest [s].
-        end: time of rest [s].
+        amplitude: A, of the angle.
+        period: T, of a swing.
+        fade: time to full swing, and to rest.
+        end: when it is at rest again, since the start of the segment.
     """
 
-    amplitude: float = setting(unit="rad")
+    amplitude: float = setting(unit="rad", side="joint")
     period: float = setting(above=0, unit="s")
     fade: float = setting(above=0, unit="s")
     end: float = setting(above=0, unit="s")
@@ -292,8 +292,8 @@ class Track:
     """Segments, one after the other, of one joint or of a wanted G. Speeds in gaps are held.
 
     Attributes:
-        joint: name of the joint, or
-        resultant: which joints make a wanted G.
+        joint: name of the joint; or else resultant.
+        resultant: which joints make a wanted G; or else joint.
         segments: in their order in time.
     """
 
@@ -332,14 +332,14 @@ class MotionProfile:
     """Commanded speeds of the joints.
 
     Attributes:
-        name: short name; by default that of the file.
+        name: short name; that of the file by default.
         title: of the illusion that it makes.
         description: one sentence.
         feels: one sentence: what the pilot should feel.
         notes: what is assumed, what a device cannot do, sources.
-        duration: [s].
-        start_deg: joint angles at the start [deg], base to tip; all 0 if not given.
-        q0: the same [rad].
+        duration: of the whole motion.
+        start_deg: joint angles at the start, base to tip; all 0 if not given.
+        q0: the same in rad; one of both.
         tracks: what moves; other joints stay where they are.
         joints: instead of tracks, one segment for each joint, base to tip.
     """
@@ -350,8 +350,8 @@ class MotionProfile:
     feels: str = ""
     notes: str = ""
     duration: float = setting(above=0, unit="s")
-    start_deg: Optional[list[float]] = setting(None, per_joint=True, unit="deg")
-    q0: Optional[list[float]] = setting(None, per_joint=True, unit="rad")
+    start_deg: Optional[list[float]] = setting(None, per_joint=True, unit="deg", side="joint")
+    q0: Optional[list[float]] = setting(None, per_joint=True, unit="rad", side="joint")
     tracks: list[Track] = setting([])
     joints: list[Union[Knots, Sampled, Oscillation]] = setting([], per_joint=True)
 

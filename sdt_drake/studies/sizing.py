@@ -27,24 +27,24 @@ class Requirements:
     Lists have one value for all joints, or one for each.
 
     Attributes:
-        max_abs_speed_error: joint side [rad/s].
-        max_abs_position_error_deg: joint side [deg]; any by default.
-        used_torque_share: of the motor's peak torque [-].
-        torque_at_speed_share: of what the motor's envelope leaves at the planned speed [-].
-        winding_temperature: as a share of what the rated torque gives for ever [-].
-        saturated_fraction: of the time [-].
-        stretch: how much longer than commanded a motion may last [-].
+        max_abs_speed_error: largest speed error.
+        max_abs_position_error_deg: largest position error; any by default.
+        used_torque_share: largest share of the motor's peak torque.
+        torque_at_speed_share: of what the motor's envelope leaves at the planned speed.
+        winding_temperature: as a share of what the rated torque gives for ever.
+        saturated_fraction: share of the time at a limit.
+        stretch: how much longer than commanded a motion may last, as a share of its time.
     """
 
     max_abs_speed_error: list[float] = setting(above=0, unit="rad/s", side="joint")
     max_abs_position_error_deg: Optional[list[float]] = setting(
         None, above=0, unit="deg", side="joint"
     )
-    used_torque_share: float = setting(1.0, above=0)
-    torque_at_speed_share: float = setting(1.0, above=0)
-    winding_temperature: float = setting(1.0, above=0)
-    saturated_fraction: float = setting(0.0, minimum=0)
-    stretch: float = setting(0.0, minimum=0)
+    used_torque_share: float = setting(1.0, above=0, unit="-")
+    torque_at_speed_share: float = setting(1.0, above=0, unit="-")
+    winding_temperature: float = setting(1.0, above=0, unit="-")
+    saturated_fraction: float = setting(0.0, minimum=0, unit="-")
+    stretch: float = setting(0.0, minimum=0, unit="-")
 
     def limits(self, n: int) -> dict[str, float]:
         """Largest value of each outcome of a run by its name, what matters first; in its unit."""
@@ -69,33 +69,33 @@ class Sizing:
     """Candidates for the motors of a device, and what they must do.
 
     Attributes:
-        name: short name.
+        name: short name; that of the file by default.
         scenario: file of the base, with the coupled plant; relative to the file's own folder, or
             package://sdt/...
         device: what all candidates share: `fitted`, `catalogue`, `gear_ratio`, `payload`,
             `stiffness_exponent`. Its motors and its scale are those of the candidates.
         motors: ids for each joint, base to tip; every combination is a motor set.
-        structure_scales: every motor set is tried with each [-].
+        structure_scales: every motor set is tried with each.
         motions: names of shipped ones, or files; every candidate must do all of them.
         controllers: labels: "pi", "p_pi+id"; each gets its own recommendation.
         planner: of the motions; with "limiter" a motor set that is too weak for a motion is out,
             with "retiming" the motion takes longer, which `stretch` limits.
-        torque_margin: share of the motors' torque that the planner may use, in (0, 1].
-        pause: rest between two runs of a motion, for the temperature of the windings [s].
+        torque_margin: share of the motors' torque that the planner may use.
+        pause: rest between two runs of a motion, for the temperature of the windings.
         requirements: what every candidate must keep.
-        accuracy: of the integrator: speeds are good to half of it [rad/s].
-        timeout: what a run may take before it is given up [s].
+        accuracy: of the integrator: speeds are good to half of it.
+        timeout: what a run may take before it is given up.
     """
 
     name: str = ""
     scenario: str = setting(place=beside)
     device: DeviceChoice = setting(DeviceChoice)
     motors: list[list[str]] = setting()
-    structure_scales: list[float] = setting([1.0], above=0)
+    structure_scales: list[float] = setting([1.0], above=0, unit="-")
     motions: list[str] = setting(place=motion_beside)
     controllers: list[str] = setting()
     planner: str = setting("limiter", choices=tuple(PLANNERS))
-    torque_margin: float = setting(1.0, above=0, maximum=1)
+    torque_margin: float = setting(1.0, above=0, maximum=1, unit="-")
     pause: float = setting(0.0, minimum=0, unit="s")
     requirements: Requirements = setting()
     accuracy: float = setting(1e-3, minimum=1e-12, maximum=0.01, unit="rad/s")

@@ -28,6 +28,7 @@ SAMPLINGS = ("random", "latin_hypercube")
 APPLY = ("value", "factor", "offset")
 MOST_RUNS = 10_000_000
 _MOST = 2**64 - 1
+_ITS_OWN = "of the field"  # a unit
 
 
 # --- distributions ---------------------------------------------------------------------------
@@ -38,10 +39,15 @@ _MOST = 2**64 - 1
 
 @dataclass(slots=True)
 class Uniform:
-    """Evenly between low and high."""
+    """Evenly between low and high.
 
-    low: float = setting()
-    high: float = setting()
+    Attributes:
+        low: the least value.
+        high: the largest value.
+    """
+
+    low: float = setting(unit=_ITS_OWN)
+    high: float = setting(unit=_ITS_OWN)
 
     def problems(self) -> Problems:
         yield from _width_problems(self.low, self.high)
@@ -52,10 +58,15 @@ class Uniform:
 
 @dataclass(slots=True)
 class LogUniform:
-    """Evenly in the logarithm, between low and high, both > 0."""
+    """Evenly in the logarithm, between low and high.
 
-    low: float = setting(above=0)
-    high: float = setting(above=0)
+    Attributes:
+        low: the least value.
+        high: the largest value.
+    """
+
+    low: float = setting(above=0, unit=_ITS_OWN)
+    high: float = setting(above=0, unit=_ITS_OWN)
 
     def problems(self) -> Problems:
         yield from _width_problems(self.low, self.high)
@@ -66,12 +77,19 @@ class LogUniform:
 
 @dataclass(slots=True)
 class Normal:
-    """Gaussian; with low or high, what is beyond is cut off and the rest scaled up."""
+    """Gaussian; with low or high, what is beyond is cut off and the rest scaled up.
 
-    mean: float = setting()
-    std: float = setting(above=0)
-    low: Optional[float] = None
-    high: Optional[float] = None
+    Attributes:
+        mean: before anything is cut off.
+        std: standard deviation, before anything is cut off.
+        low: the least value; none by default.
+        high: the largest value; none by default.
+    """
+
+    mean: float = setting(unit=_ITS_OWN)
+    std: float = setting(above=0, unit=_ITS_OWN)
+    low: Optional[float] = setting(None, unit=_ITS_OWN)
+    high: Optional[float] = setting(None, unit=_ITS_OWN)
 
     def problems(self) -> Problems:
         yield from _width_problems(*self._range)
@@ -99,11 +117,17 @@ class Normal:
 
 @dataclass(slots=True)
 class Grid:
-    """count values from start to stop, equal steps apart, both ends included."""
+    """Values that are equal steps apart, all of which are run.
 
-    start: float = setting()
-    stop: float = setting()
-    count: int = setting(2, minimum=2, maximum=MOST_RUNS)
+    Attributes:
+        start: the first.
+        stop: the last, which is one of them.
+        count: how many.
+    """
+
+    start: float = setting(unit=_ITS_OWN)
+    stop: float = setting(unit=_ITS_OWN)
+    count: int = setting(2, minimum=2, maximum=MOST_RUNS, unit="-")
 
     def problems(self) -> Problems:
         if self.start == self.stop:
@@ -137,14 +161,22 @@ class _Listed:
 
 @dataclass(slots=True)
 class List(_Listed):
-    """These numbers."""
+    """These numbers, all of which are run.
 
-    values: list[float] = setting()
+    Attributes:
+        values: each once.
+    """
+
+    values: list[float] = setting(unit=_ITS_OWN)
 
 
 @dataclass(slots=True)
 class Choice(_Listed):
-    """These texts: kinds, labels of controllers, names of motions or motors, true or false."""
+    """These texts, all of which are run.
+
+    Attributes:
+        values: kinds, labels of controllers, names of motions or motors, true or false; each once.
+    """
 
     values: list[str] = setting()
 
@@ -176,7 +208,7 @@ class Variable:
             one entry of a list); they all get the same draw. "controller" takes labels: "p_pi+id".
         apply: the draw is the "value" of the field, a "factor" on what the base scenario has
             there, or an "offset" to it. A list gets it in every entry.
-        distribution: of the draws.
+        distribution: of the draws; must be given.
     """
 
     name: str = ""
@@ -253,19 +285,19 @@ class Study:
     """Many variants of a scenario.
 
     Attributes:
-        name: short name.
-        scenario: file of the base, relative to the study's own folder, or package://sdt/...
+        name: short name; that of the file by default.
+        scenario: file of the base, relative to the study's own folder, or package://sdt/...; must
+            be given.
         draws: how many times the random variables are drawn; each draw is run with every
             combination of the levels of the others, so that these can be compared in pairs.
         seed: of the draws. A variable has the same draws whatever the others are.
         sampling: "random", or "latin_hypercube": of each variable one draw in each of as many
             equally likely intervals as there are draws.
-        accuracy: of the integrator, instead of that of the scenario: speeds are good to half of it
-            [rad/s].
-        timeout: what a run may take before it is given up [s].
-        pause: rest between two runs of a motion, for the temperature of the windings [s]; of use
-            where the base scenario has motors of a catalogue.
-        variables: what varies.
+        accuracy: of the integrator, instead of that of the scenario: speeds are good to half of it.
+        timeout: what a run may take before it is given up.
+        pause: rest between two runs of a motion, for the temperature of the windings; of use where
+            the base scenario has motors of a catalogue.
+        variables: what varies; at least one.
         folder: that files named by variables start from; where the study was loaded from. Not in
             the YAML.
     """
@@ -274,8 +306,8 @@ class Study:
 
     name: str = ""
     scenario: str = setting("", place=beside)
-    draws: int = setting(1, minimum=1, maximum=_MOST)
-    seed: int = setting(0, minimum=0, maximum=_MOST)
+    draws: int = setting(1, minimum=1, maximum=_MOST, unit="-")
+    seed: int = setting(0, minimum=0, maximum=_MOST, unit="-")
     sampling: str = setting("random", choices=SAMPLINGS)
     accuracy: float = setting(1e-3, minimum=1e-12, maximum=0.01, unit="rad/s")
     timeout: float = setting(300.0, above=0, unit="s")
