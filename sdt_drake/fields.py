@@ -28,9 +28,10 @@ import dataclasses
 import difflib
 import functools
 import math
+import re
 import types
 import typing
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import MISSING, dataclass
 from pathlib import Path
 from typing import Any, Optional, TypeVar, cast
@@ -38,6 +39,7 @@ from typing import Any, Optional, TypeVar, cast
 import numpy as np
 
 from sdt_drake.errors import InputError
+from sdt_drake.resources import beside
 
 T = TypeVar("T")
 
@@ -59,7 +61,8 @@ class Rule:
         per_joint: a list with one value for each joint of the robot.
         count: how many values a list has.
         empty: "" or [] has a meaning; it always has where it is the default.
-        place: of a text that names a file: (text, folder of the YAML file) to what it means.
+        file: of a text that names a file: its kind, of `sdt_drake.resources.SHIPPED` where some
+            ship; relative paths start in the folder of the YAML file.
         unit: of numbers; "-" for shares, factors and counts.
         side: "joint" or "motor", where that makes a difference.
     """
@@ -73,7 +76,7 @@ class Rule:
     per_joint: bool = False
     count: Optional[int] = None
     empty: bool = False
-    place: Optional[Callable[[str, Path], str]] = None
+    file: str = ""
     unit: str = ""
     side: str = ""
 
@@ -100,11 +103,6 @@ def setting(default: Any = MISSING, **rule: Any) -> Any:
     return dataclasses.field(default=default, metadata=metadata)
 
 
-def beside(name: str, folder: Path) -> str:
-    """The file that a text in a YAML file names: package://..., or relative to its `folder`."""
-    return name if not name or name.startswith("package://") else str(folder / name)
-
-
 # --- the check -------------------------------------------------------------------------------
 
 
@@ -124,13 +122,20 @@ def check(thing: object, where: str = "", n: int | None = None) -> None:
     walk.end(where)
 
 
-def made(schema: type[T], data: Any, file: Path) -> T:
+def made(schema: type[T], data: Any, file: Path, changed: Collection[str] = ()) -> T:
     """The object of a dataclass that the content of a YAML file describes.
+
+    Args:
+        schema: the dataclass.
+        data: the content.
+        file: gives the folder that relative paths start from.
+        changed: dotted names of what does not stand in the file: relative paths there start from
+            the working directory.
 
     Raises:
         InputError: as `check`, and for fields that there are none of, or that are missing.
     """
-    walk = _Walk(None, file.resolve().parent)
+    walk = _Walk(None, file.resolve().parent, changed)
     thing = walk.part([schema], data, "")
     walk.end(str(file))
     return cast(T, thing)
@@ -148,8 +153,8 @@ def nearest(name: str, known: Iterable[str]) -> str:
 class _Walk:
     """A way through plain data or objects that collects what is wrong."""
 
-    def __init__(self, n: int | None, folder: Path | None):
-        self.n, self.folder = n, folder
+    def __init__(self, n: int | None, folder: Path | None, changed: Collection[str] = ()):
+        self.n, self.folder, self.changed = n, folder, changed
         self.wrong: list[str] = []
 
     def end(self, where: str) -> None:
@@ -249,9 +254,10 @@ class _Walk:
             return self.number(rule, data, name)
         if type(data) is not options[0] or not _is_taken(rule, data):
             self.refuse(name, data, expected(hint, rule))
-        if rule.place is not None and self.folder is not None and type(data) is str:
+        if rule.file and self.folder is not None and type(data) is str:
+            is_changed = any(re.match(rf"{re.escape(x)}(?![^.[])", name) for x in self.changed)
             try:
-                return rule.place(data, self.folder)
+                return beside(data, Path.cwd() if is_changed else self.folder, rule.file)
             except InputError as error:
                 self.say(name, str(error))
         return data

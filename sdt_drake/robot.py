@@ -104,12 +104,12 @@ def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
     that is said to have no mass is accepted, and logged, where its joint has others to move.
 
     Args:
-        path: an SDF or URDF file, or `package://sdt/...` for a robot that ships with the package.
+        path: an SDF or URDF file, or the short name of a robot that ships with the package.
 
     Raises:
         InputError: naming the file, the link or joint, and the number.
     """
-    file = find_file(path)
+    file = find_file(path, "robot")
     robot = _checked_robot(file, read_robot_file(file))
     plant = robot.plant
     still = _welded_to(plant.world_body(), plant)

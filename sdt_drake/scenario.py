@@ -1,10 +1,10 @@
 """A complete run as data: robot, motion, plant, controller, disturbance; YAML in and out."""
 
 # Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Optional
+from typing import Any, Optional
 
 from pydrake.common.yaml import yaml_dump_typed
 
@@ -14,8 +14,8 @@ from sdt_drake.deviation import Deviation
 from sdt_drake.device import DeviceChoice, Drive, Elasticity, Friction
 from sdt_drake.dynamics import SIGNS
 from sdt_drake.errors import InputError, replacing, whole_periods
-from sdt_drake.fields import beside, setting
-from sdt_drake.motion import PLANNERS, motion_beside
+from sdt_drake.fields import setting
+from sdt_drake.motion import PLANNERS
 from sdt_drake.robot import DEFAULT_ROBOT
 from sdt_drake.yaml_files import load_yaml
 
@@ -79,7 +79,7 @@ class ControllerChoice:
     """
 
     kind: str = setting("pi", choices=CONTROLLERS, more_by="file")
-    file: str = setting("", place=beside)
+    file: str = setting("", file="controllers")
     structure: str = setting("p_in_feedback", choices=STRUCTURES)
     omega_r: Optional[float] = setting(None, above=0, unit="rad/s")
     omega_ratio: float = setting(0.5, above=0, unit="-")
@@ -157,10 +157,10 @@ class Scenario:
 
     Attributes:
         name: short name; that of the file by default.
-        robot: SDF or URDF file, relative to the scenario's own folder, or package://sdt/...
+        robot: SDF or URDF file, relative to the scenario's own folder; or the name of one that
+            ships with the package.
         device: motors, gears and structure other than those of the SDF.
-        motion: what is commanded (.yaml, will be planned) or a planned motion (.csv), likewise; or
-            the name of a motion that ships with the package.
+        motion: what is commanded (.yaml, will be planned) or a planned motion (.csv), likewise.
         learned: CSV file of what flights of that motion have taught (`sdt-drake learn`): the
             reference that the controller gets in its place. Errors are still those against the
             motion. None by default.
@@ -178,10 +178,10 @@ class Scenario:
     """
 
     name: str = ""
-    robot: str = setting(DEFAULT_ROBOT, place=beside)
+    robot: str = setting(DEFAULT_ROBOT, file="robot")
     device: DeviceChoice = setting(DeviceChoice)
-    motion: str = setting("package://sdt/motions/reference.yaml", place=motion_beside)
-    learned: str = setting("", place=beside)
+    motion: str = setting("package://sdt/motions/reference.yaml", file="motion")
+    learned: str = setting("", file="learned")
     period: float = setting(0.005, above=0, unit="s")
     torque_margin: float = setting(1.0, above=0, maximum=1, unit="-")
     planner: str = setting("limiter", choices=tuple(PLANNERS))
@@ -213,13 +213,20 @@ class Scenario:
                 yield "drive.period", f"{text}, {self.period:g} [s]"
 
 
-def load_scenario(path: str | Path) -> Scenario:
-    """A scenario from YAML; relative paths in it start from its folder, and become absolute.
+def load_scenario(path: str | Path, changes: Optional[Mapping[str, Any]] = None) -> Scenario:
+    """A scenario from YAML, or the shipped one of a name; relative paths in the file start from its
+    folder, and become absolute.
+
+    Args:
+        path: name or file.
+        changes: values to be had instead of the file's, or besides, by their dotted names:
+            {"controller.kind": "p_pi", "controller.zeta[2]": 0.9}; checked as if they stood in the
+            file, but relative paths start from the working directory.
 
     Raises:
         InputError: with a line for each problem: file, field, and what would be right.
     """
-    scenario, file = load_yaml(Scenario, path)
+    scenario, file = load_yaml(Scenario, path, "scenario", changes or {})
     scenario.name = scenario.name or file.stem
     return scenario
 

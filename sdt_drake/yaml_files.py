@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,15 +23,64 @@ _TOO_LARGE = f"too large, expected at most {_MOST_VALUES} values and {_DEEPEST} 
 _TEXT, _MERGE = "tag:yaml.org,2002:str", "tag:yaml.org,2002:merge"
 
 
-def load_yaml(schema: type[T], path: str | Path) -> tuple[T, Path]:
-    """The object of dataclass `schema` that a YAML file describes, and the file's path.
+_PART = re.compile(r"(\w+)(?:\[([1-9]\d{0,5})\])?")  # of a dotted name; entries count from 1
+
+
+def load_yaml(
+    schema: type[T], path: str | Path, kind: str = "", changes: Mapping[str, Any] | None = None
+) -> tuple[T, Path]:
+    """The object of dataclass `schema` that a YAML file describes, and its path.
+
+    Args:
+        schema: a dataclass with the rules of its fields, see `sdt_drake.fields`.
+        path: of the file.
+        kind: of the file; those of SHIPPED in `sdt_drake.resources` have short names.
+        changes: values by dotted names, to be had instead of the file's, or besides.
 
     Raises:
         InputError: with a line for each problem: file, dotted name of the field, value, and what
             would be right.
     """
-    file = find_file(path)
-    return made(schema, read_yaml(file), file), file
+    file = find_file(path, kind)
+    data = read_yaml(file)
+    for name, value in (changes or {}).items():
+        _put(data, name, value)
+    return made(schema, data, file, changes or ()), file
+
+
+def _put(data: Any, name: str, value: Any) -> None:
+    """Give the field of a dotted name another value; mappings on the way are made."""
+    *parents, last = (_PART.fullmatch(part) for part in name.split("."))
+    for part in parents:
+        if part is None or part[2] is not None or not isinstance(data, dict):
+            raise InputError(f"{name}: expected the dotted name of a field, 'controller.kind'")
+        if data.get(part[1]) is None:
+            data[part[1]] = {}
+        data = data[part[1]]
+    if last is None or not isinstance(data, dict):
+        raise InputError(f"{name}: expected the dotted name of a field, 'controller.kind'")
+    if last[2] is None:
+        data[last[1]] = value
+        return
+    entries, k = data.get(last[1]), int(last[2])
+    if not isinstance(entries, list) or k > len(entries):
+        count = len(entries) if isinstance(entries, list) else "no"
+        raise InputError(f"{name}: the file has {count} entries there, expected the whole list")
+    data[last[1]] = [*entries[: k - 1], value, *entries[k:]]
+
+
+def parse_yaml(text: str) -> Any:
+    """What a text in YAML holds, as `read_yaml`.
+
+    Raises:
+        InputError: not YAML, too large, a key that is given twice.
+    """
+    try:
+        return _Reader(text).data()
+    except InputError:
+        raise
+    except (yaml.YAMLError, ValueError) as error:
+        raise InputError(f"not valid YAML, {told_by(error)}") from None
 
 
 def read_yaml(file: Path) -> Any:
@@ -44,12 +94,7 @@ def read_yaml(file: Path) -> Any:
     """
     text = read_text(file, _MOST_BYTES)
     with within(file):
-        try:
-            data = _Reader(text).data()
-        except InputError:
-            raise
-        except (yaml.YAMLError, ValueError) as error:
-            raise InputError(f"not valid YAML, {told_by(error)}") from None
+        data = parse_yaml(text)
     if not isinstance(data, dict):
         return data
     return {key: data[key] for key in data if key == "_tag" or not key.startswith("_")}

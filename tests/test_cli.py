@@ -33,8 +33,7 @@ from command_line import (
 import sdt_drake
 from sdt_drake import cli
 from sdt_drake.commands import COMMANDS
-from sdt_drake.motion import find_motion
-from sdt_drake.resources import PACKAGE_PREFIX, find_file
+from sdt_drake.resources import SHIPPED, find_file
 
 call, good, desk = command_line.call, command_line.good, command_line.desk
 given, refuse = command_line.given, command_line.refuse
@@ -71,11 +70,9 @@ def test_help_of_a_command_has_an_example_that_works(good, name):
     example = importlib.import_module(f"sdt_drake.commands.{name}").EXAMPLE
     assert out.endswith(f"example: {example}") and example.startswith(f"sdt-drake {name}")
     options = cli._parser().parse_args(shlex.split(example)[1:])
-    for value in vars(options).values():
-        if str(value).startswith(PACKAGE_PREFIX):
-            find_file(value)
-    if name in ("plan", "motions"):
-        find_file(find_motion(options.motion))
+    for argument in ("scenario", "motion", "sizing", "name"):
+        if hasattr(options, argument):
+            find_file(getattr(options, argument), *SHIPPED)
 
 
 def test_help_does_not_load_drake(tmp_path):

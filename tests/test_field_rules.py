@@ -13,7 +13,7 @@ import pytest
 from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.device import Drive, Elasticity
 from sdt_drake.errors import InputError, within
-from sdt_drake.fields import beside, check, made, setting
+from sdt_drake.fields import check, made, setting
 from sdt_drake.scenario import Scenario, load_scenario
 
 FILE = Path("/runs/file.yaml")
@@ -35,7 +35,7 @@ class Drawing:
     """Every kind of field."""
 
     name: str = ""
-    file: str = setting("package://sdt/a", place=beside)
+    file: str = setting("package://sdt/a", file="anything")
     size: float = setting(1.0, minimum=0, maximum=10)
     share: float = setting(0.5, above=0, below=1)
     count: int = setting(1, minimum=1)

@@ -283,8 +283,8 @@ def test_all_that_is_wrong_in_a_file_is_told(load, tmp_path):
         f"{tmp_path / 'run.yaml'}: {line}"
         for line in (
             "perod: no such field, did you mean 'period'?",
-            "motion: referense: no such motion, did you mean reference? (files end in .yaml or "
-            ".csv)",
+            f"motion: referense: no such motion, did you mean 'reference'? (looked in {tmp_path} "
+            "and among what ships)",
             "plant.kind: 'axes', expected one of axis, coupled",
             "controller.kp[1]: -267.1, expected a number > 0 [N m s/rad]",
         )
@@ -310,7 +310,7 @@ MISFIT = [
     (AXIS, "package://sdt/sdt.sdf", "none.sdf", r"none\.sdf: no such file"),
     (AXIS, "package://sdt/motions/reference", "none", r"none\.yaml: no such file"),
     (AXIS, "package://sdt/motions/reference.yaml", ".", "is a folder, expected a file"),
-    (AXIS, "package://sdt/motions/reference", "package://sdt/motions/x", r"shipped: .*referen"),
+    (AXIS, "package://sdt/motions/reference", "package://sdt/motions/x", r"shipped: .*reference"),
     (AXIS, "package://sdt/sdt.sdf", "package://other/a.sdf", "package://other/a.sdf: no such"),
 ]
 

@@ -15,7 +15,7 @@ from sdt_drake.commands.common import (
 )
 from sdt_drake.errors import InputError, checked_number
 
-EXAMPLE = "sdt-drake bode package://sdt/scenarios/coupled_pi.yaml --out bode.png"
+EXAMPLE = "sdt-drake bode coupled_pi --out bode.png"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.frequency_response import frequency_response, write_responses
 
     check_out(options.out, csv=True, show=options.show)
-    design = design_of(options.scenario)
+    design = design_of(options)
     sample = None
     if options.time is not None:
         checked_number(options.time, "--time", minimum=0)

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-EXAMPLE = "sdt-drake budget package://sdt/scenarios/axis_pi_ctc.yaml --out budget.png"
+EXAMPLE = "sdt-drake budget axis_pi_ctc --out budget.png"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +27,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.tables import write_table
 
     common.check_out(options.out, csv=True, show=options.show)
-    design = common.design_of(options.scenario)
+    design = common.design_of(options)
     with common.naming(options.scenario):
         budget = error_budget(design)
     signals = {"whole": budget.whole, **budget.parts, "remainder": budget.remainder}

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 # The heavy imports stand in the functions that run: --help and --version answer at once.
 
-MOTION = "package://sdt/motions/reference.yaml"
-ROBOT = "package://sdt/sdt.sdf"
+MOTION = "reference"
+ROBOT = "sdt"
 
 
 # --- options ---------------------------------------------------------------------------------
@@ -55,7 +55,12 @@ def add_figure(parser: argparse.ArgumentParser, help_: str) -> None:
 
 
 def add_motion(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("motion", nargs="?", default=MOTION, help="profile .yaml or motion .csv")
+    parser.add_argument(
+        "motion",
+        nargs="?",
+        default=MOTION,
+        help="name of one that ships, profile .yaml or motion .csv (default: %(default)s)",
+    )
 
 
 def add_robot(parser: argparse.ArgumentParser) -> None:
@@ -69,7 +74,39 @@ def add_period(parser: argparse.ArgumentParser) -> None:
 
 
 def add_scenario(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("scenario", metavar="SCENARIO.yaml")
+    parser.add_argument(
+        "scenario",
+        metavar="SCENARIO",
+        help="name of one that ships (`sdt-drake scenarios`), or .yaml file",
+    )
+    add_changes(parser)
+
+
+def add_changes(parser: argparse.ArgumentParser) -> None:
+    """--set, of every command that takes a scenario; see `load` and `naming_changes`."""
+    parser.add_argument(
+        "--set",
+        dest="changes",
+        type=_change,
+        action="append",
+        default=[],
+        metavar="FIELD=VALUE",
+        help="a field of the scenario, as if it stood in the file, any number of times: "
+        "--set controller.kind=p_pi --set plant.deviation.payload_mass=20",
+    )
+
+
+def _change(text: str) -> tuple[str, Any]:
+    """The type of an option: dotted name of a field, and its value."""
+    from sdt_drake.yaml_files import parse_yaml
+
+    name, equals, value = text.partition("=")
+    if not name or not equals:
+        raise argparse.ArgumentTypeError(f"'{text}', expected FIELD=VALUE, controller.kind=p_pi")
+    try:
+        return name.strip(), parse_yaml(value)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(f"{name}: {error}") from None
 
 
 def add_omega_r(parser: argparse.ArgumentParser, default: str) -> None:
@@ -81,39 +118,61 @@ def add_omega_r(parser: argparse.ArgumentParser, default: str) -> None:
     )
 
 
-def design_of(path: str, check: Callable[[Robot], None] = lambda robot: None) -> Design:
-    """The design of a scenario file; errors name the file.
+def refuse_changes(options: argparse.Namespace) -> None:
+    """Where no scenario is given that --set could change."""
+    if options.changes:
+        raise InputError(f"--set: changes a scenario, which {options.scenario} is not")
+
+
+def design_of(
+    options: argparse.Namespace, check: Callable[[Robot], None] = lambda robot: None
+) -> Design:
+    """The design of the scenario that `add_scenario` asked for; errors name it.
 
     Args:
-        path: of the file.
+        options: with `scenario`, name or file, and `changes`.
         check: of its robot, before anything is planned.
     """
     from sdt_drake.design import load_device, make_design
     from sdt_drake.scenario import load_scenario
 
+    path = options.scenario
     if is_motion(path):
         raise InputError(
             f"{path}: is a motion, expected a scenario, which names a motion and its controller"
         )
-    scenario = load_scenario(path)
+    with naming_changes(options):
+        scenario = load_scenario(path, dict(options.changes))
+        try:
+            robot = load_device(scenario)
+            check(robot)
+            return make_design(scenario, robot=robot)
+        except InputError as error:
+            own = f"scenario '{scenario.name}'"
+            lines = (f"{path}{x[len(own) :]}" if x.startswith(own) else x for x in error.args)
+            raise InputError(*lines) from None
+
+
+@contextmanager
+def naming_changes(options: argparse.Namespace) -> Iterator[None]:
+    """Errors within name the --set that they are about, or else all."""
     try:
-        robot = load_device(scenario)
-        check(robot)
-        return make_design(scenario, robot=robot)
+        yield
     except InputError as error:
-        own = f"scenario '{scenario.name}'"
-        lines = (f"{path}{x[len(own) :]}" if x.startswith(own) else x for x in error.args)
-        raise InputError(*lines) from None
+        names = [re.escape(name) for name, _ in options.changes]
+        own = re.compile(rf"(?:^|: )((?:{'|'.join(names)})(?=[:.[]).*)", re.DOTALL)
+        also = f" (with --set {', '.join(name for name, _ in options.changes)})" if names else ""
+        found = ((line, own.search(line) if names else None) for line in error.args)
+        raise InputError(*(f"--set {x[1]}" if x else line + also for line, x in found)) from None
 
 
 def is_motion(path: str) -> bool:
     """Whether this is a motion to plan: the name of a shipped one, or YAML that no scenario is."""
-    from sdt_drake.motion import find_motion
     from sdt_drake.resources import find_file
     from sdt_drake.yaml_files import read_yaml
 
     try:
-        data = read_yaml(find_file(find_motion(path)))
+        data = read_yaml(find_file(path, "scenario", "motion"))
     except InputError:  # whoever loads it says what is wrong
         return False
     return isinstance(data, dict) and ("tracks" in data or "joints" in data)

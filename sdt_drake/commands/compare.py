@@ -19,7 +19,7 @@ from sdt_drake.commands.common import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-EXAMPLE = "sdt-drake compare package://sdt/scenarios/coupled_pi.yaml --controllers pi,pi_id,p_pi+id"
+EXAMPLE = "sdt-drake compare coupled_pi --controllers pi,pi_id,p_pi+id"
 
 
 CONTROLLERS = {
@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.tracking import stops_passed
 
     check_out(options.out, csv=True, show=options.show)
-    design = design_of(options.scenario)
+    design = design_of(options)
     text = options.controllers
     if text is None:
         text = CONTROLLERS[design.scenario.plant.kind]

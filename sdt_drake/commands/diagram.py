@@ -9,7 +9,7 @@ from pathlib import Path
 from sdt_drake.commands import common
 from sdt_drake.errors import InputError, checked_choice
 
-EXAMPLE = "sdt-drake diagram package://sdt/scenarios/axis_pi_ctc.yaml --format svg --out loop.svg"
+EXAMPLE = "sdt-drake diagram axis_pi_ctc --format svg --out loop.svg"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -33,7 +33,7 @@ def run(options: argparse.Namespace) -> None:
         common.check_file(
             options.out, [f".{format_}"] if options.format else [f".{f}" for f in FORMATS]
         )
-    design = common.design_of(options.scenario)
+    design = common.design_of(options)
     name = re.sub(r"[^\w.-]+", "_", design.scenario.name).strip(".")
     path = options.out or Path(f"{name}.{format_}")
     loop = make_loop(design)

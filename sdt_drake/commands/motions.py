@@ -22,7 +22,7 @@ _LONGEST = 3600  # s; what is computed while one waits
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "motion", nargs="?", metavar="NAME", help="a shipped motion, or a profile .yaml"
+        "motion", nargs="?", metavar="NAME", help="a motion that ships, or a profile .yaml"
     )
     add_robot(parser)
 

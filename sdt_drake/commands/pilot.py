@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 
 from sdt_drake.commands.common import (
     ROBOT,
+    add_changes,
     add_figure,
     check_out,
     deliver,
     design_of,
     print_table,
+    refuse_changes,
     say,
 )
 from sdt_drake.errors import InputError
@@ -30,13 +32,16 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Rows = tuple[Sequence[str], Sequence[Sequence[str]]]
 
-EXAMPLE = "sdt-drake pilot package://sdt/scenarios/coupled_pi.yaml --out pilot.png"
+EXAMPLE = "sdt-drake pilot coupled_pi --out pilot.png"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "what", metavar="SCENARIO.yaml|RECORDING.csv", help="what to run, or what `simulate` wrote"
+        "scenario",
+        metavar="SCENARIO|RECORDING.csv",
+        help="what to run, or what `simulate` wrote",
     )
+    add_changes(parser)
     parser.add_argument(
         "--robot", help="SDF or URDF file of a recording's robot (default: the shipped device)"
     )
@@ -51,7 +56,7 @@ def run(options: argparse.Namespace) -> None:
     name, recording, robot = _recorded(options)
     if recording.q.shape[1] != robot.n:
         raise InputError(
-            f"{options.what}: recorded with {recording.q.shape[1]} joint(s), "
+            f"{options.scenario}: recorded with {recording.q.shape[1]} joint(s), "
             f"but {robot.name} has {robot.n}"
         )
     head = track_head(recording, robot)
@@ -78,13 +83,14 @@ def _recorded(options: argparse.Namespace) -> tuple[str, Recording, Robot]:
     from sdt_drake.robot import load_robot
     from sdt_drake.simulate import Recording, simulate
 
-    if Path(options.what).suffix == ".csv":
+    if Path(options.scenario).suffix == ".csv":
+        refuse_changes(options)
         robot = load_robot(options.robot or ROBOT)
         check_head(robot)
-        return Path(options.what).stem, Recording.from_csv(options.what), robot
+        return Path(options.scenario).stem, Recording.from_csv(options.scenario), robot
     if options.robot is not None:
-        raise InputError(f"--robot: for a recording only, {options.what} names its own robot")
-    design = design_of(options.what, check_head)
+        raise InputError(f"--robot: for a recording only, {options.scenario} names its own robot")
+    design = design_of(options, check_head)
     return design.scenario.name, simulate(design), design.robot
 
 

@@ -51,7 +51,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--envelope",
-        metavar="SCENARIO.yaml",
+        metavar="SCENARIO",
         help="scenario whose drive has the motors' torque-speed envelope (n1, n0); for the report",
     )
     parser.add_argument(

@@ -7,7 +7,7 @@ import argparse
 from sdt_drake.commands import common
 from sdt_drake.errors import InputError
 
-EXAMPLE = "sdt-drake simulate package://sdt/scenarios/coupled_pi_ctc.yaml --out run.csv"
+EXAMPLE = "sdt-drake simulate coupled_pi_ctc --out run.csv"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> None:
         raise InputError(
             "--joint: has no effect without a figure, expected --out run.png or --show"
         )
-    design = common.design_of(options.scenario)
+    design = common.design_of(options)
     chosen_joints(options.joint, design.robot.n, "--joint")
     scenario = design.scenario
     recording = simulate(design)

@@ -10,11 +10,11 @@ from sdt_drake.commands.common import say
 from sdt_drake.commands.study import FAILED, add_running, run_into
 from sdt_drake.errors import replacing
 
-EXAMPLE = "sdt-drake size package://sdt/studies/sizing.yaml --workers 2 --out sizing"
+EXAMPLE = "sdt-drake size sizing --workers 2 --out sizing"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("sizing", metavar="SIZING.yaml")
+    parser.add_argument("sizing", metavar="SIZING", help="name of one that ships, or .yaml file")
     add_running(parser)
 
 

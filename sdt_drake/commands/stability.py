@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from sdt_drake.analysis.stability import StabilitySweep
     from sdt_drake.design import Design
 
-EXAMPLE = "sdt-drake stability package://sdt/scenarios/coupled_pi.yaml --out stability.png"
+EXAMPLE = "sdt-drake stability coupled_pi --out stability.png"
 
 
 SHOWN = (0.1, 0.25, 0.5, 0.75, 1.0, 1.5)
@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> None:
     if options.damping is not None:
         checked_number(options.damping, "--damping", minimum=0)
     check_out(options.out, show=options.show)
-    design = design_of(options.scenario)
+    design = design_of(options)
     scenario, choice = design.scenario, design.scenario.controller
     omega_r, source = _omega_r(design, options)
     damping = options.damping

@@ -17,19 +17,19 @@ if TYPE_CHECKING:
     from sdt_drake.studies.study import Study
     from sdt_drake.studies.table import StudyTable
 
-EXAMPLE = "sdt-drake study package://sdt/studies/monte_carlo.yaml --workers 2 --out mc"
+EXAMPLE = "sdt-drake study monte_carlo --workers 2 --out mc"
 
 FAILED = 1
 """Exit code where runs have failed, so that there is no answer."""
 
-_USAGE = """sdt-drake study STUDY.yaml [--out DIR] [--workers N | --cluster ADDRESS] [--resume]
+_USAGE = """sdt-drake study STUDY [--out DIR] [--workers N | --cluster ADDRESS] [--resume]
        sdt-drake study show DIR
        sdt-drake study repeat DIR --row N [--out FILE.csv]"""
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.usage = _USAGE
-    parser.add_argument("what", nargs="+", metavar="STUDY.yaml | show DIR | repeat DIR")
+    parser.add_argument("what", nargs="+", metavar="STUDY | show DIR | repeat DIR")
     add_running(parser)
     parser.add_argument("--row", type=int, metavar="N", help="of the run to repeat")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from sdt_drake import paper
@@ -13,94 +14,147 @@ from sdt_drake.errors import InputError
 if TYPE_CHECKING:
     from sdt_drake.design import Design
 
-EXAMPLE = "sdt-drake tune --omega-r 65.991 --zeta 0.95 0.98 0.99 0.95"
+EXAMPLE = "sdt-drake tune coupled_pi --zeta 0.95 0.98 0.99 0.95"
 
 
 _PUBLISHED = "published for the shipped device"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    common.add_motion(parser)
+    parser.add_argument(
+        "scenario",
+        metavar="SCENARIO|MOTION",
+        nargs="?",
+        default=common.MOTION,
+        help="a scenario, or a motion and its robot: name of one that ships, or file "
+        "(default: %(default)s)",
+    )
+    common.add_changes(parser)
     common.add_robot(parser)
     common.add_period(parser)
-    common.add_omega_r(parser, f"{paper.OMEGA_R}, published, for the shipped device; else none")
+    parser.set_defaults(robot=None, period=None)  # a scenario has its own
+    common.add_omega_r(
+        parser, f"that of the scenario; {paper.OMEGA_R}, published, for the shipped device"
+    )
     parser.add_argument(
         "--zeta",
         type=float,
         nargs="+",
-        help="damping ratio at the largest inertia, each joint [-] (default: published, for the "
-        "shipped device; else 1)",
+        help="damping ratio at the largest inertia, each joint [-] (default: that of the scenario; "
+        "published, for the shipped device; else 1)",
     )
     common.add_figure(parser, "figure of the effective inertia along the motion (.png, .svg, .pdf)")
 
 
 def run(options: argparse.Namespace) -> None:
-    import numpy as np
-
     from sdt_drake.analysis import plots
-    from sdt_drake.control import natural_frequency
     from sdt_drake.dynamics import effective_inertia
     from sdt_drake.resources import find_file
 
     common.check_out(options.out, show=options.show)
-    shipped = find_file(options.robot).resolve() == find_file(common.ROBOT).resolve()
+    is_scenario = find_file(options.scenario, "scenario", "motion").suffix == ".yaml"
+    is_scenario = is_scenario and not common.is_motion(options.scenario)
+    try:
+        design = _of_scenario(options) if is_scenario else _of_motion(options)
+    except InputError as error:
+        raise InputError(*map(_as_option, error.args)) from None
+    _print_gains(design, _omega_r(design))
+    for line in _notes(options, design, is_scenario):
+        common.say(line)
+    common.deliver(
+        options,
+        lambda: plots.effective_inertia(
+            f"{options.scenario}: effective inertia, motor side",
+            design.motion.time,
+            effective_inertia(design.robot, design.torques.d_kk),
+            design.robot.joint_names,
+            paper.table1("i_eff_max") if _is_shipped(design.scenario.robot) else None,
+        ),
+    )
+
+
+def _of_scenario(options: argparse.Namespace) -> Design:
+    for name in ("robot", "period"):
+        if getattr(options, name) is not None:
+            raise InputError(f"--{name}: the scenario has it, expected --set {name}=...")
+    given = {f"controller.{name}": getattr(options, name) for name in ("omega_r", "zeta")}
+    options.changes += [(name, value) for name, value in given.items() if value is not None]
+    return common.design_of(options)
+
+
+def _of_motion(options: argparse.Namespace) -> Design:
+    from sdt_drake.design import make_design
+    from sdt_drake.scenario import ControllerChoice, Scenario
+
+    common.refuse_changes(options)
+    robot = options.robot or common.ROBOT
     omega_r, zeta = options.omega_r, options.zeta
-    if omega_r is None and not shipped:
+    if omega_r is None and not _is_shipped(robot):
         raise InputError(
-            f"--omega-r: missing; {options.robot} needs the lowest natural frequency of its own "
+            f"--omega-r: missing; {robot} needs the lowest natural frequency of its own "
             f"structure [rad/s], {paper.OMEGA_R} is that of the shipped device"
         )
-    whose_omega_r = "--omega-r" if omega_r is not None else _PUBLISHED
-    whose_zeta = "--zeta" if zeta is not None else _PUBLISHED if shipped else "default"
     if omega_r is None:
         omega_r = paper.OMEGA_R
-    if zeta is None and shipped:
+    if zeta is None and _is_shipped(robot):
         zeta = paper.table1("zeta_max")
-    design = _design(options, omega_r, zeta)
-    _print_gains(design, omega_r)
-    common.say(
-        f"omega_r = {omega_r:g} rad/s ({whose_omega_r}), zeta at the largest inertia ({whose_zeta})"
+    scenario = Scenario(
+        robot=robot,
+        motion=options.scenario,
+        period=0.005 if options.period is None else options.period,
+        controller=ControllerChoice(omega_r=omega_r, zeta=zeta),
+    )
+    return make_design(scenario)
+
+
+def _is_shipped(robot: str) -> bool:
+    from sdt_drake.resources import find_file
+
+    return find_file(robot, "robot").resolve() == find_file(common.ROBOT, "robot").resolve()
+
+
+def _as_option(line: str) -> str:
+    """What a line about a scenario is here, where some of its fields are options."""
+    option = re.compile(r"^(?:scenario: |--set )?(?:controller\.)?(zeta|omega_r|period)\b")
+    return option.sub(lambda match: f"--{match[1].replace('_', '-')}", line)
+
+
+def _omega_r(design: Design) -> float | None:
+    """Lowest natural frequency of the structure [rad/s]; None where the gains are given."""
+    omega_r = design.scenario.controller.omega_r
+    return None if omega_r is None else omega_r * design.nominal.frequency_factor
+
+
+def _notes(options: argparse.Namespace, design: Design, is_scenario: bool) -> Iterator[str]:
+    """Where the numbers are from, and where the rule for omega_n does not hold."""
+    import numpy as np
+
+    from sdt_drake.control import natural_frequency
+
+    omega_r, choice = _omega_r(design), design.scenario.controller
+    if omega_r is None:
+        yield "K_PS, K_IS: the scenario's kp and ki"
+        return
+    elsewhere = "the scenario's" if is_scenario else _PUBLISHED
+    whose = {
+        name: f"--{name}".replace("_", "-") if given else elsewhere if has else "default"
+        for name, given, has in (
+            ("omega_r", options.omega_r is not None, True),
+            ("zeta", options.zeta is not None, choice.zeta is not None),
+        )
+    }
+    yield (
+        f"omega_r = {omega_r:g} rad/s ({whose['omega_r']}), "
+        f"zeta at the largest inertia ({whose['zeta']})"
     )
     fastest = natural_frequency(design.gains, design.inertia.minimum)
     too_fast = np.flatnonzero(fastest > 0.5 * omega_r * (1 + 1e-9)) + 1
     if len(too_fast):
         joints = ", ".join(map(str, too_fast))
-        common.say(f"note: omega_n exceeds 0.5 omega_r where the inertia is small, joint {joints}")
-    common.deliver(
-        options,
-        lambda: plots.effective_inertia(
-            f"{options.motion}: effective inertia, motor side",
-            design.motion.time,
-            effective_inertia(design.robot, design.torques.d_kk),
-            design.robot.joint_names,
-            paper.table1("i_eff_max") if shipped else None,
-        ),
-    )
+        yield f"note: omega_n exceeds 0.5 omega_r where the inertia is small, joint {joints}"
 
 
-def _design(options: argparse.Namespace, omega_r: float, zeta: list[float] | None) -> Design:
-    from sdt_drake.design import make_design
-    from sdt_drake.scenario import ControllerChoice, Scenario
-
-    scenario = Scenario(
-        robot=options.robot,
-        motion=options.motion,
-        period=options.period,
-        controller=ControllerChoice(omega_r=omega_r, zeta=zeta),
-    )
-    try:
-        return make_design(scenario)
-    except InputError as error:
-        raise InputError(*map(_as_option, error.args)) from None
-
-
-def _as_option(line: str) -> str:
-    """What a line about a scenario is here, where its fields are options."""
-    line = re.sub(r"^scenario: (?:controller\.)?", "", line)
-    return re.sub(r"^(zeta|omega_r|period)\b", r"--\1", line).replace("--omega_r", "--omega-r")
-
-
-def _print_gains(design: Design, omega_r: float) -> None:
+def _print_gains(design: Design, omega_r: float | None) -> None:
     import numpy as np
 
     from sdt_drake.control import damping_ratio, natural_frequency, oscillation_frequency
@@ -108,7 +162,8 @@ def _print_gains(design: Design, omega_r: float) -> None:
     inertia, gains = design.inertia, design.gains
     largest, median, smallest = inertia.maximum, inertia.median, inertia.minimum
     omega_n = np.array([natural_frequency(gains, i_eff) for i_eff in (largest, smallest)])
-    ratios = [f"{slow:.3f} to {fast:.3f}" for slow, fast in omega_n.T / omega_r]
+    unit = "[rad/s]" if omega_r is None else "/omega_r"
+    ranges = [f"{slow:.3f} to {fast:.3f}" for slow, fast in omega_n.T / (omega_r or 1.0)]
     common.print_joints(
         design.robot.joint_names,
         [
@@ -122,7 +177,7 @@ def _print_gains(design: Design, omega_r: float) -> None:
             ("median", ".3f", damping_ratio(gains, median)),
             ("min", ".3f", damping_ratio(gains, smallest)),
             ("omega_0", ".2f", oscillation_frequency(gains, largest)),
-            ("omega_n/omega_r", "", ratios),
+            (f"omega_n {unit}" if omega_r is None else f"omega_n{unit}", "", ranges),
         ],
     )
     common.say(

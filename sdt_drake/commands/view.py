@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 
 from sdt_drake.commands.common import (
     ROBOT,
+    add_changes,
     check_file,
     design_of,
     is_motion,
     naming,
+    refuse_changes,
     say,
     some_path,
 )
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[float64]
 
-EXAMPLE = "sdt-drake view package://sdt/scenarios/coupled_pi_ctc.yaml --record run.html"
+EXAMPLE = "sdt-drake view coupled_pi_ctc --record run.html"
 
 
 PERIOD = 0.005  # of the paper's planner [s]
@@ -34,11 +36,12 @@ PERIOD = 0.005  # of the paper's planner [s]
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "motion",
-        metavar="FILE.yaml|FILE.csv|NAME",
+        "scenario",
+        metavar="SCENARIO|MOTION|FILE.csv",
         help="a scenario, which is simulated; a motion, which is planned; a recording or a planned "
-        "motion; a motion that ships",
+        "motion: .yaml or .csv file, or the name of a scenario or motion that ships",
     )
+    add_changes(parser)
     parser.add_argument(
         "--robot", help="SDF or URDF file (default: the shipped device, or the scenario's)"
     )
@@ -64,7 +67,7 @@ def run(options: argparse.Namespace) -> None:
         check_file(options.record, [".html"])
         _check_live_options(options)
     title, robot, time, q = _motion(options)
-    with naming(options.motion):
+    with naming(options.scenario):
         check_angles(robot, time, q)
     if options.record is not None:
         record_html(robot, time, q, options.record, title=title, pilot=options.pilot)
@@ -97,19 +100,22 @@ def _check_live_options(options: argparse.Namespace) -> None:
 def _motion(options: argparse.Namespace) -> tuple[str, Robot, Array, Array]:
     """Title, robot, time [s] and joint angles [rad] of what was asked for."""
     from sdt_drake.motion import load_plan
+    from sdt_drake.resources import find_file, named
     from sdt_drake.robot import load_robot
 
-    given = Path(options.motion)
-    if given.suffix == ".yaml" and not is_motion(options.motion):
+    kinds = ("scenario", "motion")
+    if Path(named(options.scenario, *kinds)).suffix not in ("", ".yaml", ".csv"):
+        raise InputError(f"{options.scenario}: expected a .yaml or .csv file, or a shipped name")
+    file = find_file(options.scenario, *kinds)
+    if file.suffix == ".yaml" and not is_motion(options.scenario):
         return _simulated(options)
-    if given.suffix not in ("", ".yaml", ".csv"):
-        raise InputError(f"{given}: expected a .yaml or .csv file, or the name of a motion")
+    refuse_changes(options)
     robot = load_robot(options.robot or ROBOT)
     _check(options)(robot)
-    if given.suffix == ".csv":
-        return given.stem, robot, *_angles(given, robot)
-    motion = load_plan(options.motion, robot, period=PERIOD, torque_margin=1.0).motion
-    return given.stem, robot, motion.time, motion.q
+    if file.suffix == ".csv":
+        return file.stem, robot, *_angles(file, robot)
+    motion = load_plan(file, robot, period=PERIOD, torque_margin=1.0).motion
+    return file.stem, robot, motion.time, motion.q
 
 
 def _check(options: argparse.Namespace) -> Callable[[Robot], None]:
@@ -126,8 +132,8 @@ def _simulated(options: argparse.Namespace) -> tuple[str, Robot, Array, Array]:
 
     if options.robot is not None:
         raise InputError("--robot: the scenario names the robot")
-    design = design_of(options.motion, _check(options))
-    with naming(options.motion):
+    design = design_of(options, _check(options))
+    with naming(options.scenario):
         check_duration(design.motion.duration)
     recording = simulate(design)
     return design.scenario.name, design.robot, recording.time, recording.q

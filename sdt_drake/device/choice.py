@@ -11,7 +11,7 @@ import numpy as np
 from sdt_drake.arrays import Array
 from sdt_drake.device.motors import DEFAULT_CATALOGUE, Motor, load_catalogue
 from sdt_drake.errors import InputError, within
-from sdt_drake.fields import beside, setting
+from sdt_drake.fields import setting
 from sdt_drake.links import child, link_named, links_by_name, scale_link, set_inertia
 from sdt_drake.robot import Robot, edited
 from sdt_drake.sdf import DRAKE
@@ -35,7 +35,8 @@ class DeviceChoice:
         stiffness_exponent: p; the structure is s^p times as stiff. 1 for walls of the same outline
             (assumed).
         fitted: ids of the motors that the masses of the SDF contain; "" where they contain none.
-        catalogue: file of the motors.
+        catalogue: file of the motors, relative to the scenario's own folder; or the name of one
+            that ships with the package.
     """
 
     motors: list[str] = setting([], per_joint=True)
@@ -44,7 +45,7 @@ class DeviceChoice:
     payload: str = setting("payload", empty=True)
     stiffness_exponent: float = setting(1.0, minimum=0, unit="-")
     fitted: list[str] = setting([], per_joint=True)
-    catalogue: str = setting(DEFAULT_CATALOGUE, place=beside)
+    catalogue: str = setting(DEFAULT_CATALOGUE, file="motors")
 
     @property
     def changes_nothing(self) -> bool:

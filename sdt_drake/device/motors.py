@@ -115,4 +115,4 @@ def load_catalogue(path: str | Path = DEFAULT_CATALOGUE) -> Catalogue:
     Raises:
         InputError: with a line for each problem: file, field, and what would be right.
     """
-    return load_yaml(Catalogue, path)[0]
+    return load_yaml(Catalogue, path, "motors")[0]

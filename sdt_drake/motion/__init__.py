@@ -1,7 +1,7 @@
 """From commanded joint speeds to a motion that the motors can do."""
 
 from sdt_drake.motion.command import Command, Course, command_of, load_command
-from sdt_drake.motion.files import find_motion, load_profile, motion_beside, shipped_motions
+from sdt_drake.motion.files import load_profile, shipped_motions
 from sdt_drake.motion.learned import LearnedReference, load_learned
 from sdt_drake.motion.limiter import plan_motion
 from sdt_drake.motion.load import PLANNERS, load_plan
@@ -33,14 +33,12 @@ __all__ = [
     "command_of",
     "commanded_motion",
     "ends_in_motion",
-    "find_motion",
     "import_motion",
     "load_command",
     "load_learned",
     "load_plan",
     "load_profile",
     "margins",
-    "motion_beside",
     "plan_motion",
     "retime",
     "shipped_motions",

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
 from sdt_drake.fields import check
-from sdt_drake.motion.files import find_motion, load_profile
+from sdt_drake.motion.files import load_profile
 from sdt_drake.motion.profile import (
     Knots,
     MotionProfile,
@@ -136,7 +136,7 @@ def load_command(path: str | Path, robot: Robot) -> Command:
     Raises:
         InputError: naming the file, the field, and what would be right.
     """
-    return command_of(load_profile(path), robot, str(find_file(find_motion(path))))
+    return command_of(load_profile(path), robot, str(find_file(path, "motion")))
 
 
 def command_of(profile: MotionProfile, robot: Robot, where: str | None = None) -> Command:

@@ -10,7 +10,6 @@ import numpy as np
 
 from sdt_drake.errors import InputError, checked_choice, within
 from sdt_drake.motion.command import Command, load_command
-from sdt_drake.motion.files import find_motion
 from sdt_drake.motion.limiter import plan_motion
 from sdt_drake.motion.plan import Plan, checked_torque
 from sdt_drake.motion.resampling import import_motion
@@ -46,7 +45,7 @@ def load_plan(
         InputError: if there is no such file, or `robot` cannot do the motion.
     """
     checked_choice(planner, tuple(PLANNERS), "planner")
-    file = find_file(find_motion(path))
+    file = find_file(path, "motion")
     plan = partial(PLANNERS[planner], robot, period=period, torque_margin=torque_margin)
     with within(file):
         if file.suffix in (".yaml", ".yml"):

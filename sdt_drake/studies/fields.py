@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from sdt_drake.errors import InputError
-from sdt_drake.fields import nearest
+from sdt_drake.fields import nearest, rule_of
 from sdt_drake.scenario import ControllerChoice, Scenario
 
 Value = float | str
@@ -30,6 +30,7 @@ class Field:
         type: of what a value must be: float, int, bool or str; ControllerChoice for the field
             "controller", whose values are labels of controllers ("p_pi+id").
         many: whether the field is a list, all of whose entries get the value.
+        file: kind of the file that it names; "" if it names none.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Field:
     entry: int | None
     type: type
     many: bool
+    file: str
 
     @property
     def touched(self) -> list[Field]:
@@ -88,7 +90,7 @@ def find_field(name: str) -> Field:
     """
     schema: Any = Scenario
     attributes: list[str] = []
-    entry, many = None, False
+    entry, many, file = None, False, ""
     for part in name.split("."):
         match = _PART.fullmatch(part)
         if match is None or not dataclasses.is_dataclass(schema) or entry is not None:
@@ -97,6 +99,7 @@ def find_field(name: str) -> Field:
         if match[1] not in hints:
             raise _unknown(name)
         attributes.append(match[1])
+        file = rule_of(schema.__dataclass_fields__[match[1]]).file
         schema = _plain(hints[match[1]])
         many = typing.get_origin(schema) is list
         if many:
@@ -108,7 +111,7 @@ def find_field(name: str) -> Field:
     if dataclasses.is_dataclass(schema) and schema is not ControllerChoice:
         fields = ", ".join(f"{name}.{field}" for field in typing.get_type_hints(schema))
         raise InputError(f"{name}: is a part, not a field, expected one of {fields}")
-    return Field(name, tuple(attributes), entry, schema, many)
+    return Field(name, tuple(attributes), entry, schema, many, file)
 
 
 def field_names(schema: Any = Scenario, prefix: str = "") -> list[str]:

@@ -14,10 +14,11 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from sdt_drake.design import load_device, make_design
 from sdt_drake.errors import InputError
-from sdt_drake.motion import find_motion, import_motion, load_command
-from sdt_drake.resources import PACKAGE_PREFIX, find_file
+from sdt_drake.motion import import_motion, load_command
+from sdt_drake.resources import PACKAGE_PREFIX, find_file, named
 from sdt_drake.robot import load_robot
 from sdt_drake.scenario import Scenario
+from sdt_drake.studies.fields import Field
 from sdt_drake.studies.runs import FILE_FIELDS, Runner, outcome_names
 from sdt_drake.studies.study import Study
 from sdt_drake.versions import versions
@@ -76,9 +77,9 @@ def make_job(study: Study, base: Scenario) -> Job:
     n = make_design(base).robot.n
     files, hashes = {}, []
     for field, name in _references(study, base):
-        reference = find_motion(name) if field == "motion" else name
-        file = find_file(reference, study.folder)
-        joints = _joints(field, file, base)
+        reference = named(name, field.file)
+        file = find_file(reference, field.file, base=study.folder)
+        joints = _joints(field.name, file, base)
         if joints not in (None, n):
             raise InputError(f"{name}: {joints} joint(s), expected {n} as in the base")
         content = file.read_bytes()
@@ -111,11 +112,11 @@ def _joints(field: str, file: Path, base: Scenario) -> int | None:
     return len(load_command(file, load_device(base)).q0)
 
 
-def _references(study: Study, base: Scenario) -> Iterator[tuple[str, str]]:
+def _references(study: Study, base: Scenario) -> Iterator[tuple[Field, str]]:
     """Field and name of the files of the base scenario and its variants."""
     for field in FILE_FIELDS:
         if name := field.get(base):
-            yield field.name, name
+            yield field, name
         for variable in study.variables:
             if field in variable.targets:
-                yield from ((field.name, str(name)) for name in variable.examples)
+                yield from ((field, str(name)) for name in variable.examples)

@@ -12,8 +12,8 @@ import numpy as np
 from sdt_drake.analysis.comparison import check_labels
 from sdt_drake.device import Catalogue, DeviceChoice, load_catalogue
 from sdt_drake.errors import InputError, within
-from sdt_drake.fields import beside, check, setting
-from sdt_drake.motion import PLANNERS, find_motion, motion_beside
+from sdt_drake.fields import check, setting
+from sdt_drake.motion import PLANNERS
 from sdt_drake.resources import find_file
 from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.studies.study import Choice, List, Study, Variable
@@ -71,7 +71,7 @@ class Sizing:
     Attributes:
         name: short name; that of the file by default.
         scenario: file of the base, with the coupled plant; relative to the file's own folder, or
-            package://sdt/...
+            the name of one that ships with the package.
         device: what all candidates share: `fitted`, `catalogue`, `gear_ratio`, `payload`,
             `stiffness_exponent`. Its motors and its scale are those of the candidates.
         motors: ids for each joint, base to tip; every combination is a motor set.
@@ -88,11 +88,11 @@ class Sizing:
     """
 
     name: str = ""
-    scenario: str = setting(place=beside)
+    scenario: str = setting(file="scenario")
     device: DeviceChoice = setting(DeviceChoice)
     motors: list[list[str]] = setting()
     structure_scales: list[float] = setting([1.0], above=0, unit="-")
-    motions: list[str] = setting(place=motion_beside)
+    motions: list[str] = setting(file="motion")
     controllers: list[str] = setting()
     planner: str = setting("limiter", choices=tuple(PLANNERS))
     torque_margin: float = setting(1.0, above=0, maximum=1, unit="-")
@@ -185,7 +185,7 @@ def load_sizing(path: str | Path) -> tuple[Sizing, Scenario]:
     Raises:
         InputError: with a line for each problem: file, field, and what would be right.
     """
-    sizing, file = load_yaml(Sizing, path)
+    sizing, file = load_yaml(Sizing, path, "study")
     sizing.name = sizing.name or file.stem
     scenario = load_scenario(sizing.scenario)
     with within(file):
@@ -198,7 +198,7 @@ def load_sizing(path: str | Path) -> tuple[Sizing, Scenario]:
             raise InputError("scenario: plant.elasticity: expected rigid joints, for their torques")
         check_labels(sizing.controllers)
         for motion in sizing.motions:
-            find_file(find_motion(motion))
+            find_file(motion, "motion")
         base = sizing.base(scenario)
         check(base, n=sizing.n)
         sizing.study().validate(base)

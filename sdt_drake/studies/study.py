@@ -16,7 +16,7 @@ import numpy as np
 from sdt_drake.analysis.comparison import check_labels, with_controller
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, within
-from sdt_drake.fields import beside, check, setting
+from sdt_drake.fields import check, setting
 from sdt_drake.scenario import ControllerChoice, Scenario, load_scenario
 from sdt_drake.studies.fields import Field, Value, find_field
 from sdt_drake.studies.table import is_column
@@ -286,8 +286,8 @@ class Study:
 
     Attributes:
         name: short name; that of the file by default.
-        scenario: file of the base, relative to the study's own folder, or package://sdt/...; must
-            be given.
+        scenario: file of the base, relative to the study's own folder, or the name of one that
+            ships with the package; must be given.
         draws: how many times the random variables are drawn; each draw is run with every
             combination of the levels of the others, so that these can be compared in pairs.
         seed: of the draws. A variable has the same draws whatever the others are.
@@ -305,7 +305,7 @@ class Study:
     folder = Path()  # without a type: so it is no field
 
     name: str = ""
-    scenario: str = setting("", place=beside)
+    scenario: str = setting("", file="scenario")
     draws: int = setting(1, minimum=1, maximum=_MOST, unit="-")
     seed: int = setting(0, minimum=0, maximum=_MOST, unit="-")
     sampling: str = setting("random", choices=SAMPLINGS)
@@ -416,7 +416,7 @@ def load_study(path: str | Path) -> tuple[Study, Scenario]:
     Raises:
         InputError: with a line for each problem: file, field, and what would be right.
     """
-    study, file = load_yaml(Study, path)
+    study, file = load_yaml(Study, path, "study")
     if not study.scenario:
         raise InputError(f"{file}: scenario: missing, expected the file of the base scenario")
     study.folder = file.resolve().parent

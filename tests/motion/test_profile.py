@@ -11,7 +11,6 @@ from sdt_drake.errors import InputError
 from sdt_drake.motion import (
     MotionProfile,
     command_of,
-    find_motion,
     load_command,
     load_profile,
     shipped_motions,
@@ -374,16 +373,6 @@ def test_bad_heads_are_refused(tmp_path, robot, text, message):
 
 
 # --- names and files ----------------------------------------------------------------------------
-
-
-def test_a_name_means_a_shipped_motion():
-    assert find_motion("leans") == "package://sdt/motions/leans.yaml"
-    for path in ("", "my.yaml", "folder/leans", "motion.csv", "package://sdt/motions/leans.yaml"):
-        assert find_motion(path) == path
-    with pytest.raises(InputError, match="graveyard_spn: no such motion, did you mean graveyard_"):
-        find_motion("graveyard_spn")
-    with pytest.raises(InputError, match=r"zzz: no such motion, shipped: coriolis, .*somatogravic"):
-        find_motion("zzz")
 
 
 def test_a_profile_without_a_name_has_that_of_its_file(tmp_path):

@@ -101,7 +101,7 @@ def test_bad_study(refuse, desk, old, new, message):
         ("show nowhere", "nowhere: holds no study"),
         ("repeat nowhere --row 1", "nowhere: holds no study"),
         ("repeat . --row 1", ".: holds no study"),
-        ("show", "study: 'show', expected sdt-drake study STUDY.yaml"),
+        ("show", "study: 'show', expected sdt-drake study STUDY [--out"),
         ("few.yaml more.yaml", "study: 'few.yaml more.yaml', expected"),
     ],
 )
