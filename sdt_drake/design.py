@@ -71,9 +71,10 @@ class Design:
         omega_n: natural frequency of the speed loops at the model's largest inertia [rad/s], (n,).
         inertia_share: I_eff along the motion over its largest, of the model [-], shape (N + 1, n).
         position_gain: K_V of a position loop [1/s], shape (n,).
-        feedforward: torque feedforward of the controller; None where it has none.
+        feedforward: torque feedforward of the controller; None where it has none, or one that was
+            recorded.
         learned_torque: what flights have taught beside it, motor side [N m], shape (N + 1, n).
-        tau_ff: both along the motion, motor side [N m], shape (N + 1, n).
+        tau_ff: all of it along the motion, motor side [N m], shape (N + 1, n); None for none.
         steady_load, steady_ff: load torque and torque feedforward of who has gone on at the first
             speed for long, motor side [N m], shape (n,): where a run starts.
     """
@@ -114,7 +115,8 @@ class Design:
         has_no_more = choice.feedforward_gain is None and not choice.friction_compensation
         has_no_more &= self.learned_torque is None
         is_ctc = choice.feedforward_in_use == "ctc"
-        return is_ctc and has_no_more and self.model is self.loaded_robot
+        is_exact = self.feedforward is not None and self.model is self.loaded_robot
+        return is_ctc and has_no_more and is_exact
 
     @cached_property
     def reference(self) -> Motion:
@@ -164,6 +166,21 @@ class Design:
             InputError: for what was learned of another motion, or is beyond a limit.
         """
         return make_design(self.scenario, robot=self.nominal, motion=self.wanted, learned=learned)
+
+    def with_feedforward(self, tau_ff: Array) -> Design:
+        """The same with this torque feedforward instead of the controller's own, motor side [N m],
+        shape (N + 1, n).
+
+        What it had been before is taken for the same without what the first acceleration takes: of
+        the controller's own, or of the nominal links and motors.
+        """
+        if self.tau_ff is not None:
+            jump = self.tau_ff[0] - self.steady_ff
+        else:
+            links = self.nominal_torques.inertial[0] + self.nominal_torques.reaction[0]
+            motors = self.nominal.reflected_inertia * self.motion.vd[0]
+            jump = (links + motors) / self.nominal.gear_ratio
+        return replace(self, feedforward=None, tau_ff=tau_ff, steady_ff=tau_ff[0] - jump)
 
 
 def make_design(

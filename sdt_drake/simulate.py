@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from itertools import pairwise
 from pathlib import Path
 
@@ -69,6 +69,9 @@ class Recording:
         saturated: share of that period in which a motor gives less than is asked.
         beyond_stop: how far the coupled plant's joints are beyond their stops, which do not act in
             the simulation; 0 within them, and on the axis plant.
+        q_measured: position of what the encoders are on, not of the links where joints are elastic;
+            not in files.
+        v_measured: speed of the same; not in files.
     """
 
     time: Array = setting(unit="s")
@@ -84,6 +87,8 @@ class Recording:
     tau_rms: Array = setting(unit="N m", side="motor")
     saturated: Array = setting(unit="-", side="motor")
     beyond_stop: Array = setting(unit="rad", side="joint")
+    q_measured: Array | None = setting(None, unit="rad", side="joint")
+    v_measured: Array | None = setting(None, unit="rad/s", side="joint")
 
     @property
     def speed_error(self) -> Array:
@@ -109,7 +114,7 @@ class Recording:
         """
         time, columns = read_table(path)
         check_limits(path, time, columns)
-        names = [field.name for field in fields(Recording) if field.name != "time"]
+        names = [x.name for x in fields(Recording) if x.name != "time" and x.default is MISSING]
         missing = [name for name in names if name not in columns]
         if missing:
             raise InputError(
@@ -280,6 +285,8 @@ def _recording(
         tau_rms=np.vstack([first, within.rms]),
         saturated=np.vstack([np.zeros_like(first), within.saturated]),
         beyond_stop=_beyond_stop(design, q),
+        q_measured=q_seen,
+        v_measured=v_seen,
         **torques,
     )
 

@@ -105,12 +105,12 @@ def add_feedforward(wiring: Wiring, design: Design, at: int | None) -> None:
         wiring.same("tau_cmd", "tau_fb")
         return
     wiring.add("ctc_feedforward", CtcFeedforward(n=design.robot.n))
+    law = design.feedforward
     if design.feeds_load_torque:
         wiring.same("tau_ff", "load_torque")
-    elif design.feedforward is None or design.scenario.inverse_dynamics == "table":
+    elif law is None or design.scenario.inverse_dynamics == "table":
         add_table(wiring, "feedforward_table", design, tau_ff=design.tau_ff)
     else:
-        law = design.feedforward
         torque = ReferenceTorque(
             robot=design.model, outputs=("tau_ff",), law=lambda *sample: [law(*sample)]
         )

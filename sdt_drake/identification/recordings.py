@@ -87,11 +87,14 @@ class Recorded:
         path: of the file.
         time: growing, not always in equal steps [s], shape (N,).
         signals: those of SIGNALS that there are [rad, rad/s, rad/s², N m], each of shape (N, n).
+        of_links: whether q and v are those of the links, as `simulate` writes them, and not of what
+            encoders are on.
     """
 
     path: Path
     time: Array
     signals: dict[str, Array]
+    of_links: bool = False
 
 
 def load_columns(path: str | Path) -> Columns:
@@ -142,7 +145,7 @@ def read_recording(
         if found:
             numbers.check_finite(found)
             signals[name] = numbers.data[:, found]
-    return Recorded(numbers.path, time, _converted(signals, robot, columns, side))
+    return Recorded(numbers.path, time, _converted(signals, robot, columns, side), own)
 
 
 def _time(numbers: Numbers, columns: Columns) -> Array:

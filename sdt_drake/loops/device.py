@@ -4,8 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 from pydrake.systems.framework import Diagram
-from pydrake.systems.primitives import Adder, ConstantVectorSource, PassThrough
+from pydrake.systems.primitives import (
+    Adder,
+    ConstantVectorSource,
+    PassThrough,
+    TrajectorySource,
+)
+from pydrake.trajectories import PiecewisePolynomial
 
+from sdt_drake.arrays import Array
 from sdt_drake.design import Design
 from sdt_drake.systems import (
     AxisProcess,
@@ -52,6 +59,16 @@ def add_device(wiring: Wiring, design: Design) -> None:
         wiring.add("torque_loop", torque_loop)
     else:
         wiring.same("tau", "tau_limited")
+
+
+def add_moved(wiring: Wiring, design: Design, q: Array, v: Array) -> None:
+    """The same without a plant: links and motors do what they are said to, whatever the torque."""
+    # A cubic between the samples: what integrates its speed gets its position.
+    moved = PiecewisePolynomial.CubicHermite(design.reference.time, q.T, v.T)
+    wiring.add("moved_joints", TrajectorySource(moved, output_derivative_order=1), "state")
+    wiring.same("motor_state", "state")
+    wiring.same("measured", "state")
+    wiring.same("tau", "tau_limited")
 
 
 def add_loads(wiring: Wiring, design: Design) -> None:

@@ -16,7 +16,7 @@ from sdt_drake.controllers import Controller, make_controller
 from sdt_drake.controllers.base import add_table
 from sdt_drake.design import Design
 from sdt_drake.errors import InputError
-from sdt_drake.loops.device import add_device, add_loads
+from sdt_drake.loops.device import add_device, add_loads, add_moved
 from sdt_drake.loops.rest import at_rest, fill_holds
 from sdt_drake.systems import (
     AxisProcess,
@@ -55,8 +55,14 @@ class Loop(Diagram):
         controller: System | None = None,
         meshcat: Meshcat | None = None,
         widened: bool,
+        moved: tuple[Array, Array] | None = None,
     ) -> None:
-        """Of a design, with limits that are widened by the alleviating torque, or not."""
+        """Of a design, with limits that are widened by the alleviating torque, or not.
+
+        moved: q [rad] and v [rad/s] at the samples of the motion, joint side, shape (N + 1, n):
+        what the joints do instead of what the motors make them do. So it is no loop, but shows what
+        the controller asks for then.
+        """
         super().__init__()
         robot, drive, motion = design.robot, design.drive, design.reference
         self.design = design
@@ -79,8 +85,11 @@ class Loop(Diagram):
             widened=widened,
         )
         wiring.add("dynamic_saturation", limits, tau="tau_limited", state="motor_state")
-        add_device(wiring, design)
-        add_loads(wiring, design)
+        if moved is None:
+            add_device(wiring, design)
+            add_loads(wiring, design)
+        else:
+            add_moved(wiring, design, *moved)
         _add_encoders(wiring, design, self.controller)
         if meshcat is not None:
             drawing = RobotDrawing(robot=robot, meshcat=meshcat, period=motion.period)

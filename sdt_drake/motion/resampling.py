@@ -66,24 +66,36 @@ def resample(path: str | Path, period: float) -> tuple[Motion, Loss]:
     """
     time, columns = read_table(path, even=False)
     v, q = columns.get("v_ref"), columns.get("q_ref")
+    return resampled(path, time, q, v, period)
+
+
+def resampled(
+    where: str | Path, time: Array, q: Array | None, v: Array | None, period: float
+) -> tuple[Motion, Loss]:
+    """The same of samples: q [rad] or v [rad/s] or both, shape (N, n), at growing times [s].
+
+    Raises:
+        InputError: as `resample`, naming `where`.
+    """
     if v is not None and q is not None and v.shape != q.shape:
-        raise InputError(f"{path}: q_ref and v_ref differ in their number of joints")
+        raise InputError(f"{where}: q_ref and v_ref differ in their number of joints")
     time = time - time[0]
     last = np.ceil(time[-1] / period - 1e-6) * period
-    t = np.arange(whole_periods(last, period, str(path)) + 1.0) * period
+    t = np.arange(whole_periods(last, period, str(where)) + 1.0) * period
     if v is not None:
         if q is None:
             steps = np.diff(time)[:, None] * (v[1:] + v[:-1]) / 2
             q = np.vstack([np.zeros_like(v[:1]), np.cumsum(steps, axis=0)])
-        motion = Motion.from_speeds(period, q[0], _interpolated(t, time, v))
+        motion = Motion.from_speeds(period, q[0], interpolated(t, time, v))
     elif q is not None:
         v, motion = _from_positions(time, q, t, period)
     else:
-        raise InputError(f"{path}: neither v_ref_1 nor q_ref_1, expected time and one for a joint")
-    return motion, _checked_loss(path, motion, time, q, v)
+        raise InputError(f"{where}: neither v_ref_1 nor q_ref_1, expected time and one for a joint")
+    return motion, _checked_loss(where, motion, time, q, v)
 
 
-def _interpolated(t: Array, time: Array, values: Array) -> Array:
+def interpolated(t: Array, time: Array, values: Array) -> Array:
+    """Columns of samples at `time`, shape (N, n), linearly at `t`, shape (M,): shape (M, n)."""
     return np.stack([np.interp(t, time, column) for column in values.T], axis=1)
 
 
@@ -101,10 +113,10 @@ def _from_positions(time: Array, q: Array, t: Array, period: float) -> tuple[Arr
     return v, Motion.from_positions(period, np.vstack([before, positions, after]))
 
 
-def _checked_loss(path: str | Path, motion: Motion, time: Array, q: Array, v: Array) -> Loss:
+def _checked_loss(where: str | Path, motion: Motion, time: Array, q: Array, v: Array) -> Loss:
     found = []
     for what, unit, given, got in (
-        ("speed", "rad/s", v, _interpolated(time, motion.time, motion.v)),
+        ("speed", "rad/s", v, interpolated(time, motion.time, motion.v)),
         ("position", "rad", q, motion.trajectory.vector_values(list(time)).T),
     ):
         off = np.abs(got - given)
@@ -113,7 +125,7 @@ def _checked_loss(path: str | Path, motion: Motion, time: Array, q: Array, v: Ar
         if np.any(size > allowed):
             k = int(np.argmax(size / allowed))
             raise InputError(
-                f"{path}: resampled at {motion.period:g} s joint {k + 1} loses {size[k]:.3g} "
+                f"{where}: resampled at {motion.period:g} s joint {k + 1} loses {size[k]:.3g} "
                 f"{unit} of {what} at {at[k]:.6g} s, allowed are {allowed[k]:.3g} {unit} (1 % of "
                 f"its range + {_LOSS_SIZE:g}); expected a smoother motion or a shorter period"
             )

@@ -35,7 +35,7 @@ from sdt_drake.systems.inverse_dynamics import InverseDynamicsController
 from sdt_drake.systems.load_torque import LoadTorque, ReferenceTorque
 from sdt_drake.systems.pi import PiSpeedController
 from sdt_drake.systems.position_loop import PositionLoop
-from sdt_drake.systems.reference import ReferenceSource, SignalTable, hold_of
+from sdt_drake.systems.reference import ReferenceSource, SignalTable, hold_of, sample_source
 from sdt_drake.systems.robot_drawing import RobotDrawing
 from sdt_drake.systems.robot_plant import RobotPlant
 from sdt_drake.systems.saturation import DynamicSaturation
@@ -65,4 +65,5 @@ __all__ = [
     "TorqueLoop",
     "Wiring",
     "hold_of",
+    "sample_source",
 ]

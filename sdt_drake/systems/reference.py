@@ -35,7 +35,7 @@ class ReferenceSource(Diagram):
         super().__init__()
         samples = np.hstack([motion.q, motion.v, motion.vd])
         wiring = Wiring()
-        wiring.add("samples", _table(motion, samples, delay), "reference")
+        wiring.add("samples", sample_source(motion.time + delay, samples), "reference")
         wiring.build_into(self, (), ("reference",))
 
 
@@ -60,7 +60,7 @@ class SignalTable(Diagram):
         wiring = Wiring()
         for name, samples in signals.items():
             hold = hold_of(motion, samples.shape[1], delay=delay)
-            wiring.add(name, _table(motion, samples, delay), f"{name} of now")
+            wiring.add(name, sample_source(motion.time + delay, samples), f"{name} of now")
             wiring.add(f"{name}_hold", hold, f"{name} of now", name)
         wiring.build_into(self, (), tuple(signals))
 
@@ -77,10 +77,10 @@ def hold_of(motion: Motion, size: int, *, delay: float = 0.0) -> ZeroOrderHold:
     return ZeroOrderHold(period, size, 0.0 if exact else late)
 
 
-def _table(motion: Motion, samples: Array, delay: float) -> TrajectorySource:
-    time = motion.time + delay
-    # Linear, although only the samples matter: a piecewise constant trajectory, sampled exactly
-    # at its breaks, may return the segment before. As a B-spline of order 2 it is there in a
-    # twentieth of the time that PiecewisePolynomial.FirstOrderHold takes.
+def sample_source(time: Array, samples: Array) -> TrajectorySource:
+    """Samples of shape (N, size) at `time` [s], linear in between."""
+    # Linear, although often only the samples matter: a piecewise constant trajectory, sampled
+    # exactly at its breaks, may return the segment before. As a B-spline of order 2 it is there in
+    # a twentieth of the time that PiecewisePolynomial.FirstOrderHold takes.
     basis = BsplineBasis(2, [time[0], *time, time[-1]])
     return TrajectorySource(BsplineTrajectory(basis, list(samples[:, :, np.newaxis])))
