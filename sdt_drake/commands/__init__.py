@@ -5,6 +5,7 @@ Its docstring says what it does, EXAMPLE shows it; `add` declares its options, `
 
 COMMANDS = (
     "reproduce", "report", "scenarios", "motions", "plan", "tune", "step", "simulate", "compare",
-    "pilot", "view", "budget", "bode", "stability", "study", "size", "diagram", "reference",
+    "pilot", "replay", "view", "budget", "bode", "stability", "study", "size", "diagram",
+    "reference",
 )  # fmt: skip
 """In the order of --help."""

@@ -1,0 +1,149 @@
+"""A replay in words, tables and a figure; as a page, and on the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sdt_drake.analysis import document as doc
+from sdt_drake.analysis.metrics import Metric
+from sdt_drake.analysis.panels import Line, Panel, picture
+from sdt_drake.analysis.replay import ALONE, FED, QUANTITIES, WHOLE, Replay
+from sdt_drake.analysis.report import REPORT
+from sdt_drake.analysis.style import PALETTE, Look, joint_title, save_both
+from sdt_drake.arrays import Array
+
+RECORDED, SIMULATED = Look(PALETTE[0]), Look(PALETTE[1], "--")
+FIGURE, TABLE = "replay", "replay.csv"
+
+_SHARE = Metric("explained", "%", 100, ".1f")
+
+_READING = f"""Position error is q - q_ref and speed error v - v_ref, joint side; torques are those
+of the motors, motor side. Positions are counted from the first sample of each. "Explained" is
+1 - (RMS of the difference / RMS of the recording)²: 100 % is a perfect simulation, 0 % no better
+than none. A row of the tables changes one thing and says how far simulation and recording are apart
+then: what makes that larger is there in the machine, too, and its model is right as far as it goes.
+"{FED}" loads the motors with recorded less simulated torque, mean over 0.1 s: whatever links,
+friction and payload really are. What that removes is due to the model of the plant; what stays in
+positions and speeds is due to controller and drives. "{ALONE}" has no plant: it is the torque that
+the scenario's controller would ask for on the way that the joints really went, but for a constant.
+Where it is far from the recorded one, the law or the gains of the machine are others."""
+
+
+def replay_figure(replay: Replay) -> Figure:
+    """Recorded and simulated errors and torques, a row for each joint."""
+    time, names = replay.design.motion.time, replay.design.robot.joint_names
+    columns = []
+    for i, (name, measured) in enumerate(replay.measured.items()):
+        metric, simulated = QUANTITIES[name], replay.courses[WHOLE][name]
+        columns.append(
+            [
+                Panel(
+                    joint_title(k, joint) if i == 0 else "",
+                    "time [s]",
+                    metric.label,
+                    time,
+                    [
+                        Line("recorded", RECORDED, metric.factor * measured[:, k]),
+                        Line("simulated", SIMULATED, metric.factor * simulated[:, k]),
+                    ],
+                )
+                for k, joint in enumerate(names)
+            ]
+        )
+    return picture(f"{title(replay)}: recorded and simulated", columns)
+
+
+def title(replay: Replay) -> str:
+    """What is replayed in what."""
+    return f"{replay.recorded.path.name} in {replay.design.scenario.name}"
+
+
+def tables(replay: Replay) -> list[doc.Table]:
+    """What the simulation explains, and for each quantity how far it is off, by what is changed."""
+    rows = [(QUANTITIES[x].title, _texts(_SHARE, replay.explained(x))) for x in replay.measured]
+    due = replay.due_to_model
+    if due is not None:
+        rows += [
+            ("of the difference, the plant's model [%]", _texts(_SHARE, due)),
+            ("of the difference, controller and drives [%]", _texts(_SHARE, 1 - due)),
+        ]
+    made = [doc.Table(("of the mean square", _SHARE.label), rows)]
+    for name in replay.measured:
+        metric = QUANTITIES[name]
+        rows = [("recorded", _texts(metric, replay.recorded_rms(name)))]
+        rows += [
+            (f"difference {case}", _texts(metric, replay.difference(name, case)))
+            for case, course in replay.courses.items()
+            if name in course
+        ]
+        made.append(doc.Table(("RMS", metric.label), rows))
+    return made
+
+
+def findings(replay: Replay) -> list[str]:
+    """What the numbers say, a sentence each."""
+    design, said = replay.design, []
+    scenario, motion = design.scenario, design.motion
+    said.append(
+        f"{motion.duration:g} s of reference, every {1e3 * motion.period:g} ms, on the "
+        f"{scenario.plant.kind} plant with `{scenario.controller.label}`"
+        + (
+            ", and the recorded torque feedforward in place of its own."
+            if design.tau_ff is not None and design.feedforward is None
+            else "."
+        )
+    )
+    if np.abs(replay.start).max() > 1e-6:
+        offsets = " ".join(f"{x:.4f}" for x in np.degrees(replay.start))
+        said.append(f"The recording starts {offsets} deg beside its reference; that is left out.")
+    for name in replay.measured:
+        shares = " ".join(_texts(_SHARE, replay.explained(name)))
+        said.append(f"Of the {QUANTITIES[name].title} the simulation explains {shares} %.")
+    if ALONE in replay.courses:
+        off = replay.difference("torque", ALONE) / replay.recorded_rms("torque")
+        wrong = [str(k + 1) for k in np.flatnonzero(off > 1)]
+        if wrong:
+            said.append(
+                f"On the recorded motion the controller would ask joint {', '.join(wrong)} for a "
+                "torque that is off by more than all that was recorded: its law or its gains are "
+                "not those of the machine."
+            )
+    return said
+
+
+def make_report(replay: Replay, folder: Path) -> doc.Document:
+    """The report; its figure has to be in the folder."""
+    explained, *differences = tables(replay)
+    caption = "Recorded and simulated: errors joint side, torques motor side."
+    figure = doc.Figure(caption, folder / f"{FIGURE}.svg", folder, "wide")
+    return doc.Document(
+        f"Replay of {title(replay)}",
+        "A recorded reference through the simulated loop.",
+        [
+            doc.Section("In short", [doc.Bullets(findings(replay)), explained]),
+            doc.Section("Side by side", [figure]),
+            doc.Section("Where the difference comes from", list(differences)),
+            doc.Section("How to read it", [doc.Text(_READING.replace("\n", " "))]),
+        ],
+    )
+
+
+def write_replay(replay: Replay, folder: Path) -> Path:
+    """Write figure, table and report into a folder, each replaced whole; the path of the page.
+
+    Raises:
+        InputError: if a file cannot be written.
+    """
+    save_both(replay_figure(replay), folder / FIGURE)
+    replay.to_csv(folder / TABLE)
+    report = make_report(replay, folder)
+    doc.write_text(folder / "report.md", report.markdown())
+    return doc.write_text(folder / REPORT, report.html())
+
+
+def _texts(metric: Metric, values: Array) -> Sequence[str]:
+    return [metric.text(x) for x in values.tolist()]

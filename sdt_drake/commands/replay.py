@@ -1,0 +1,66 @@
+"""Run a recorded reference through the simulated loop, and tell where the two differ and why."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from sdt_drake.commands import common
+
+EXAMPLE = "sdt-drake replay run.csv coupled_pi_ctc --out replay"
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "recording",
+        metavar="RECORDING",
+        help="CSV file with the reference (q_ref_k or v_ref_k) and what was measured (some of q_k, "
+        "v_k, tau_k; joint k), or a recording of `simulate`; a torque feedforward in it (tau_ff_k) "
+        "takes the place of the controller's own",
+    )
+    common.add_scenario(parser)
+    parser.add_argument(
+        "--columns", metavar="FILE", help="YAML file that says what the columns are called"
+    )
+    parser.add_argument(
+        "--side",
+        choices=("joint", "motor"),
+        help="of the torques (default: of the motor in a recording of `simulate`, else of the "
+        "joint)",
+    )
+    common.add_figure(
+        parser,
+        "folder for report, figure and table; or the figure alone (.png, .svg, .pdf), or the table "
+        "(.csv)",
+    )
+
+
+def run(options: argparse.Namespace) -> None:
+    from sdt_drake.analysis.replay import replay
+    from sdt_drake.analysis.replay_report import findings, replay_figure, tables, write_replay
+    from sdt_drake.design import load_device
+    from sdt_drake.identification.recordings import load_columns, read_recording
+    from sdt_drake.scenario import load_scenario
+
+    folder: Path | None = None
+    if options.out is not None and not options.out.suffix:
+        folder, options.out = options.out, None
+        common.check_folder(folder)
+    common.check_out(options.out, csv=True, show=options.show)
+    with common.naming_changes(options):
+        scenario = load_scenario(options.scenario, dict(options.changes))
+        robot = load_device(scenario)
+        columns = None if options.columns is None else load_columns(options.columns)
+        recorded = read_recording(options.recording, robot, columns, needs=(), side=options.side)
+        replayed = replay(scenario, recorded, robot)
+    for line in findings(replayed):
+        common.say(line.replace("`", ""))
+    for table in tables(replayed):
+        common.say()
+        joints = [f"{k + 1} {name}" for k, name in enumerate(robot.joint_names)]
+        common.print_table(
+            (", ".join(table.header), *joints), [(str(row[0]), *row[1]) for row in table.rows]
+        )
+    if folder is not None:
+        common.say(f"\n{write_replay(replayed, folder)} written")
+    common.deliver(options, lambda: replay_figure(replayed), replayed.to_csv)

@@ -1,0 +1,163 @@
+"""Recordings replayed: of runs, whose differences are known, and of a real robot."""
+
+import copy
+
+import dh
+import numpy as np
+import pytest
+
+from sdt_drake.analysis.replay import ALONE, FED, UNFED, WHOLE, replay
+from sdt_drake.analysis.replay_report import findings
+from sdt_drake.cli import main
+from sdt_drake.errors import InputError
+from sdt_drake.identification.recordings import Recorded, read_recording
+from sdt_drake.scenario import (
+    ControllerChoice,
+    Drive,
+    Friction,
+    PlantChoice,
+    Scenario,
+    save_scenario,
+)
+from sdt_drake.simulate import simulate
+
+CASCADE = {
+    "controller.kind": "p_pi",
+    "controller.structure": "p_in_feedback",
+    "controller.feedforward": "id",
+}
+SPRINGS = {
+    "plant.elasticity.natural_frequency": [60.0, 0.0, 0.0, 0.0],
+    "drive": Drive(period=0.0025),
+}
+
+
+def recorded_run(made, tmp_path, **more):
+    """A run as a file, and read again; `more` columns beside it."""
+    path = tmp_path / "run.csv"
+    simulate(made).to_csv(path)
+    recorded = read_recording(path, made.robot)
+    assert recorded.of_links
+    return Recorded(recorded.path, recorded.time, recorded.signals | more, of_links=True)
+
+
+def replayed(made, recorded, change=lambda scenario: None):
+    scenario = copy.deepcopy(made.scenario)
+    change(scenario)
+    return replay(scenario, recorded, made.nominal)
+
+
+def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(designed, tmp_path):
+    fields = {**CASCADE, **SPRINGS}
+    made = designed("real_device", fields, start=1.0, end=2.0, rest=100)
+    result = replayed(made, recorded_run(made, tmp_path))
+    assert list(result.measured) == ["speed_error", "position_error", "torque"]
+    for name, tolerance in (("speed_error", 1e-9), ("position_error", 1e-9), ("torque", 1e-6)):
+        assert result.recorded_rms(name).min() > 1e3 * tolerance
+        assert result.difference(name).max() < tolerance
+    for case in ("without friction", "with rigid joints", "with ideal drives"):
+        assert result.difference("position_error", case)[0] > 1e-7
+    assert "with the nominal links" not in result.courses and UNFED not in result.courses
+    assert np.isnan(result.due_to_model).all()
+
+
+def test_a_wrong_payload_is_told_from_a_wrong_gain(designed, tmp_path):
+    """By the load that is fed in: it makes good what the plant lacks, and no other gain."""
+    made = designed("coupled_pi", CASCADE, start=1.0, end=4.0)
+    recorded = recorded_run(made, tmp_path)
+
+    def heavier(scenario):
+        scenario.plant.deviation.payload_mass = 60
+
+    def softer(scenario):
+        scenario.controller.position_gain = list(made.position_gain / 3)
+
+    wrong_plant, wrong_gain = replayed(made, recorded, heavier), replayed(made, recorded, softer)
+    assert wrong_plant.difference("position_error", "with the nominal links").max() < 1e-6
+    assert wrong_plant.due_to_model[1] > 0.9
+    assert wrong_gain.due_to_model.max() < 0.1
+    off = wrong_plant.difference("torque", ALONE), wrong_gain.difference("torque", ALONE)
+    assert np.all(off[0] < 0.05 * off[1])
+
+
+def test_the_recorded_feedforward_is_used(designed, tmp_path):
+    made = designed("coupled_pi", CASCADE, start=0.0, end=1.0)
+    fed = made.tau_ff * made.robot.gear_ratio
+    recorded = recorded_run(made, tmp_path, tau_ff=fed)
+
+    def without(scenario):
+        scenario.controller.feedforward = None
+
+    result = replayed(made, recorded, without)
+    assert result.difference("torque", WHOLE).max() < 1e-6
+    assert np.all(result.difference("torque", UNFED) > 0.1)
+    assert "recorded torque feedforward" in findings(result)[0]
+
+
+def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
+    """K_P r (v_ref - v) + K_I r (integral of v_ref - q), with the reference held."""
+    fields = {"controller.structure": "pi"}
+    made = designed("coupled_pi", fields, start=1.0, end=1.5)
+    motion, ratio = made.motion, made.robot.gear_ratio
+    q = motion.q - 0.02 * (1 - np.cos(8 * motion.time))[:, None]
+    v = motion.v - 0.02 * 8 * np.sin(8 * motion.time)[:, None]
+    signals = {"v_ref": motion.v, "q_ref": motion.q, "q": q, "v": v, "tau": 0 * v}
+    result = replayed(made, Recorded("run.csv", motion.time, signals))
+    held = np.vstack([motion.v[:1], motion.v[:-1]])
+    integral = np.vstack([0 * v[:1], np.cumsum(motion.v[:-1], axis=0) * motion.period])
+    gone = integral - (q - q[0])
+    asked = ratio * (made.gains.kp * (held - v) + made.gains.ki * gone)
+    expected = (asked - asked.mean(axis=0))[1:]
+    found = result.courses[ALONE]["torque"][1:]
+    assert found == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
+
+
+def test_bad_recordings_are_refused(design):
+    time, rest = np.array([0.0, 0.005, 0.01]), np.zeros((3, 4))
+    for signals, said in (
+        ({"q": rest, "tau": rest}, "neither q_ref nor v_ref"),
+        ({"v_ref": rest}, "none of q, v and tau"),
+    ):
+        with pytest.raises(InputError, match=f"a.csv: {said}"):
+            replay(design.scenario, Recorded("a.csv", time, signals), design.robot)
+
+
+@dh.needs_data
+def test_the_kuka_under_the_gains_of_its_data_set(tmp_path, capsys):
+    """Their law is a PI speed loop with both gains on the error. Torques agree by and large; the
+    wrist's errors are far larger than these gains leave, and the controller alone tells why."""
+    table = dh.KUKA_KR300
+    ratio = np.array(table.gear_ratio)
+    speed_gain = np.array([1046.4, 1137.6, 1073.4, 63.12, 68.44, 44.08])
+    friction = Friction(
+        coulomb=list(ratio * [1.6, 2.1, 2.0, 0.62, 0.41, 0.67]),
+        viscous=list(ratio * [7.0, 6.9, 5.3, 0.75, 2.4, 2.5]),
+    )
+    scenario = Scenario(
+        robot=str(table.write(tmp_path)),
+        period=0.004,
+        plant=PlantChoice(kind="coupled", friction=friction),
+        controller=ControllerChoice(
+            structure="pi", kp=list(speed_gain / ratio), ki=list(572.96 / ratio)
+        ),
+    )
+    save_scenario(scenario, tmp_path / "kuka.yaml")
+    (tmp_path / "columns.yaml").write_text(
+        "q: ['q_motor_{k}']\ntau: ['motor_torque_{k}']\ntau_ff: ['motor_feedforward_{k}']\n"
+        "side: motor\n"
+    )
+    lines = (dh.DATA / "kuka_kr300/recording_B.csv").read_text().splitlines()[:801]
+    (tmp_path / "b.csv").write_text("\n".join(lines))
+    arguments = [str(tmp_path / name) for name in ("b.csv", "kuka.yaml")]
+    columns = ["--columns", str(tmp_path / "columns.yaml")]
+    out = tmp_path / "out"
+    assert main(["replay", *arguments, *columns, "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "the recorded torque feedforward in place of its own" in said
+    assert "would ask joint 4, 5, 6 for a torque that is off" in said
+    assert {path.name for path in out.iterdir()} == {
+        "report.html", "report.md", "replay.csv", "replay.png", "replay.svg",
+    }  # fmt: skip
+    rows = {row.split("  ")[0]: row.split()[-6:] for row in said.splitlines()}
+    assert all(float(share) > 40 for share in rows["motor torque"])
+    assert FED in (out / "report.md").read_text()
