@@ -12,7 +12,8 @@ import sys
 from pathlib import Path
 
 from sdt_drake.analysis.style import save
-from sdt_drake.studies.plots import distributions, sizing_front
+from sdt_drake.studies.plots import distributions
+from sdt_drake.studies.plots_front import sizing_front
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.sizing import load_sizing
 from sdt_drake.studies.verdicts import judge_candidates

@@ -20,7 +20,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.style import save_both
-    from sdt_drake.studies.plots import sizing_front
+    from sdt_drake.studies.plots_front import sizing_front
     from sdt_drake.studies.results import read_study_table
     from sdt_drake.studies.sizing import load_sizing
     from sdt_drake.studies.summary import failures

@@ -6,7 +6,6 @@ style, the same in all figures.
 
 from __future__ import annotations
 
-import math
 import re
 import textwrap
 from collections.abc import Iterable, Sequence
@@ -21,13 +20,11 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator
 from numpy.typing import NDArray
 
-from sdt_drake.analysis.metrics import METRICS, metric_of
-from sdt_drake.analysis.style import PALETTE, Look, finish, grid, looks_of, plain_numbers, style
+from sdt_drake.analysis.metrics import metric_of
+from sdt_drake.analysis.style import PALETTE, finish, grid, looks_of, plain_numbers, style
 from sdt_drake.arrays import Array
-from sdt_drake.studies.pareto import pareto
-from sdt_drake.studies.summary import Swing, sensitivity, tornado, usable, values_of
+from sdt_drake.studies.summary import Swing, sensitivity, tornado, values_of
 from sdt_drake.studies.table import StudyTable, is_text, levels_of
-from sdt_drake.studies.verdicts import Verdict, front_of
 
 WHOLE = "the whole device"
 LOW, HIGH = PALETTE[5], PALETTE[1]
@@ -37,8 +34,10 @@ MOST_PANELS, MOST_POINTS = 6, 2000
 
 _MOST_BARS = 6
 _MARKED = ((50, "o"), (95, "^"), (99, "s"))
+_FEW = 10  # values of an input, which are levels then
 _WIDE = 30  # largest over smallest value, from which on the axis is logarithmic
-_BOTTOM = 0.95  # of figures, inch
+BOTTOM = 0.95
+"""Of figures [inch]."""
 
 
 def distributions(
@@ -58,14 +57,14 @@ def distributions(
     with style():
         figure, axes = grid(
             len(families), columns, panel=(2.35, 1.75), gaps=(0.35, 0.75), left=0.85,
-            bottom=_BOTTOM, sharex=False,
+            bottom=BOTTOM, sharex=False,
         )  # fmt: skip
         for row, family, members in zip(axes, families, names, strict=True):
             for ax, name in zip(row, members, strict=False):
                 _distribution(ax, parts, name)
                 ax.set_title(table.place(name) or WHOLE, loc="left")
                 ax.set_xlabel(metric_of(family).label)
-                _scale(ax, "x", _shown(table, name))
+                scale(ax, "x", _shown(table, name))
             for ax in row[len(members) :]:
                 ax.set_axis_off()
             row[0].set_ylabel("runs below [%]")
@@ -73,7 +72,7 @@ def distributions(
             Line2D([], [], color="0.3", linestyle="", marker=marker, label=f"{percent} %")
             for percent, marker in _MARKED
         ]
-        finish(figure, title, _handles(parts) + marks)
+        finish(figure, title, group_handles(parts) + marks)
     return figure
 
 
@@ -108,8 +107,8 @@ def tornado_figure(title: str, table: StudyTable, family: str, by: str | None = 
     left = 0.35 + 0.068 * max(map(len, table.inputs))
     with style():
         figure, axes = grid(
-            len(rows), len(names), panel=(2.35, 0.35 + 0.22 * bars), gaps=(0.2, 0.55), left=left,
-            bottom=_BOTTOM, sharex=False,
+            len(rows), len(names), panel=(2.35, 0.35 + 0.22 * bars), gaps=(0.45, 0.55), left=left,
+            bottom=BOTTOM, sharex=False,
         )  # fmt: skip
         for row, (level, swings) in zip(axes, rows.items(), strict=True):
             order = _ordered(swings)[:bars]
@@ -175,7 +174,7 @@ def scatter_matrix(
     outcomes: Sequence[str],
     by: str | None = None,
 ) -> Figure:
-    """Outcomes over inputs, a point for each run.
+    """Outcomes over inputs, a point for each run, the smaller the more there are.
 
     Of more than MOST_POINTS runs some are left out, always the same ones of a table.
 
@@ -201,111 +200,46 @@ def scatter_matrix(
             for ax, name in zip(row, inputs, strict=True):
                 _points(ax, runs.inputs[name], y, colours[groups])
                 ax.tick_params(labelleft=ax is row[0])
-            row[0].set_ylabel(_broken(_label(table, outcome)), fontsize=8)
+            row[0].set_ylabel(_broken(outcome_label(table, outcome)), fontsize=8)
         for ax, name in zip(axes[-1], inputs, strict=True):
             ax.set_xlabel(_at_dots(name), fontsize=8)
         figure.align_ylabels(axes[:, 0])
-        finish(figure, title, _handles(levels, lines=False) if by else [])
+        handles = group_handles(levels, lines=False) if by else []
+        for handle in handles:
+            handle.set_marker("o")  # as all points are
+        finish(figure, title, handles)
     return figure
+
+
+def _spread(values: Array) -> float:
+    """Third over first quartile: 3 where values are even from 0 on, more where logarithms are."""
+    first, third = np.quantile(values, [0.25, 0.75])
+    return float(third / first)
 
 
 def _points(ax: Axes, values: NDArray[Any], y: Array, colours: Array) -> None:
     levels = sorted(levels_of(values)) if is_text(values) else []
-    x = values
-    if levels:  # beside each other instead of on each other
-        apart = np.random.default_rng(0).uniform(-0.3, 0.3, len(values))
-        x = np.array([levels.index(str(text)) for text in values]) + apart
+    x = np.array([levels.index(str(text)) for text in values]) if levels else values
+    places = np.unique(x[np.isfinite(x)])
+    if levels or 1 < len(places) <= _FEW:  # beside each other instead of on each other
+        gap = np.diff(places).min(initial=1) if levels else np.diff(places).min()
+        x = x + np.random.default_rng(0).uniform(-0.25, 0.25, len(values)) * gap
+    size = float(np.clip(200 / np.sqrt(max(len(y), 1)), 4, 30))
     # Pixels: as drawings, thousands of points would make a page that no one can scroll.
-    ax.scatter(x, y, s=4, c=colours, alpha=0.5, linewidths=0, rasterized=True)
-    _scale(ax, "y", y[np.isfinite(y)])
+    ax.scatter(
+        x, y, s=size, c=colours, alpha=0.5 if size < 10 else 0.8, linewidths=0, rasterized=True
+    )
+    scale(ax, "y", y[np.isfinite(y)])
     if levels:
         ax.set_xticks(range(len(levels)), levels, rotation=30, ha="right", fontsize=7)
         ax.set_xlim(-0.5, len(levels) - 0.5)
     else:
-        ax.locator_params(axis="x", nbins=4)
+        if len(places) > _FEW and places[0] > 0 and _spread(places) > 5:
+            ax.set_xscale("log")
+            plain_numbers(ax.xaxis)
+        else:
+            ax.locator_params(axis="x", nbins=4)
         ax.tick_params(axis="x", labelsize=8)
-
-
-def pareto_figure(
-    title: str, table: StudyTable, cost: str, error: str, by: str | None = None
-) -> Figure:
-    """Error over cost: the runs that no other beats in both, and the rest in grey.
-
-    Args:
-        title, table: as in `distributions`.
-        cost, error: outcomes that some run has; a family for the worst joint of it.
-        by: text input; a colour and a marker for each of its levels.
-    """
-    runs = table.select(usable(table, cost, error))
-    x, y = (metric_of(name).factor * runs.outcome(name) for name in (cost, error))
-    front = pareto(x, y)
-    levels = list(table.split(by))
-    groups = runs.inputs[by].astype(str) if by else np.full(len(runs), levels[0])
-    with style():
-        figure, ((ax,),) = grid(1, 1, panel=(7.2, 4.2), left=0.85, bottom=_BOTTOM)
-        line = front.nonzero()[0][np.argsort(x[front], kind="stable")]
-        ax.plot(x[line], y[line], color="0.2", linewidth=1, zorder=2)
-        grey = {"color": "0.75", "s": 12, "linewidths": 0, "rasterized": True, "zorder": 1}
-        bold = {"edgecolors": "0.2", "s": 34, "linewidths": 0.5, "zorder": 3}
-        for level, look in zip(levels, looks_of(levels), strict=True):
-            mine = groups == level
-            rest, best = mine & ~front, mine & front
-            ax.scatter(x[rest], y[rest], marker=look.marker, **grey)
-            ax.scatter(x[best], y[best], marker=look.marker, color=look.colour, **bold)
-        _scale(ax, "x", x)
-        _scale(ax, "y", y)
-        ax.set_xlabel(_label(table, cost))
-        ax.set_ylabel(_label(table, error))
-        handles = _handles(levels, lines=False) if by else []
-        handles += [
-            Line2D([], [], color="0.2", label="no other run is better in both"),
-            Line2D([], [], color="0.75", linestyle="", marker="o", label="another one is"),
-        ]
-        finish(figure, title, handles)
-    return figure
-
-
-def sizing_front(title: str, verdicts: Sequence[Verdict]) -> Figure:
-    """Speed error over motor mass: a panel for each controller, candidates that keep all
-    requirements filled, and the Pareto front of each as a line.
-
-    Args:
-        title: of the figure.
-        verdicts: of `verdicts.judge_candidates`.
-    """
-    labels = list(dict.fromkeys(verdict.controller for verdict in verdicts))
-    with style():
-        figure, (axes,) = grid(
-            1, len(labels), panel=(2.6, 2.6), gaps=(0.6, 0), left=0.85, bottom=_BOTTOM,
-            sharex=False,
-        )  # fmt: skip
-        for ax, label, look in zip(axes, labels, looks_of(labels), strict=True):
-            own = [v for v in verdicts if v.controller == label and not math.isnan(v.error)]
-            _candidates(ax, own, look)
-            ax.set_title(label, loc="left")
-            ax.set_xlabel("mass of all motors [kg]")
-            ax.set_ylim(bottom=0)
-        axes[0].set_ylabel(METRICS["max_abs_speed_error"].label)
-        dot: dict[str, Any] = {"linestyle": "", "marker": "o"}
-        handles = [
-            Line2D([], [], color="0.2", label="keeps all requirements", **dot),
-            Line2D([], [], color="0.65", markerfacecolor="none", label="misses one", **dot),
-            Line2D([], [], color="0.2", label="no other is lighter and better"),
-        ]
-        finish(figure, title, handles)
-    return figure
-
-
-def _candidates(ax: Axes, verdicts: Sequence[Verdict], look: Look) -> None:
-    for keeps, face, edge in ((False, "none", "0.65"), (True, look.colour, look.colour)):
-        some = [v for v in verdicts if v.feasible == keeps]
-        ax.scatter(
-            [v.mass for v in some], [v.error for v in some], marker=look.marker, s=22,
-            facecolors=face, edgecolors=edge, linewidths=0.8,
-        )  # fmt: skip
-    front = [v for v, best in zip(verdicts, front_of(verdicts), strict=True) if best]
-    front.sort(key=lambda v: (v.mass, -v.error))
-    ax.plot([v.mass for v in front], [v.error for v in front], color="0.2", linewidth=1)
 
 
 def influential(
@@ -322,7 +256,7 @@ def influential(
     for outcome in outcomes:
         for part in table.split(by).values():
             for name, share in sensitivity(part, outcome).items():
-                best[name] = max(best.get(name, 0), np.nan_to_num(share))
+                best[name] = max(best.get(name, 0), np.nan_to_num(share.value))
     return sorted(best, key=lambda name: -best[name])[:most]
 
 
@@ -339,7 +273,7 @@ def _shown(table: StudyTable, name: str) -> Array:
     return metric_of(name).factor * values_of(table, name)
 
 
-def _label(table: StudyTable, name: str) -> str:
+def outcome_label(table: StudyTable, name: str) -> str:
     """The label of an outcome's axis, which says which joint."""
     metric = metric_of(name)
     title = ", ".join(filter(None, [metric.title, table.place(name)]))
@@ -363,7 +297,7 @@ def _at_dots(name: str) -> str:
     return "\n".join(lines)
 
 
-def _scale(ax: Axes, axis: Literal["x", "y"], values: Array) -> None:
+def scale(ax: Axes, axis: Literal["x", "y"], values: Array) -> None:
     """A logarithmic axis where the values need one."""
     if len(values) and values.min() > 0 and values.max() > _WIDE * values.min():
         getattr(ax, f"set_{axis}scale")("log")
@@ -376,12 +310,12 @@ def _scale(ax: Axes, axis: Literal["x", "y"], values: Array) -> None:
 
 
 def _few_ticks(ax: Axes) -> None:
-    """Room for numbers of many digits."""
-    ax.locator_params(axis="x", nbins=3)
+    """Room for numbers of many digits, and for those of the panels beside it."""
+    ax.locator_params(axis="x", nbins=4, prune="both")
     ax.ticklabel_format(axis="x", useOffset=False)
 
 
-def _handles(groups: Iterable[str], *, lines: bool = True) -> list[Line2D]:
+def group_handles(groups: Iterable[str], *, lines: bool = True) -> list[Line2D]:
     """Of the legend, as lines or as markers."""
     labels = list(groups)
     handles = []

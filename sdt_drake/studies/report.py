@@ -24,10 +24,11 @@ from sdt_drake.analysis.document import (
 from sdt_drake.analysis.metrics import metric_of
 from sdt_drake.analysis.report import REPORT
 from sdt_drake.analysis.style import PALETTE, save_both
-from sdt_drake.studies import plots
+from sdt_drake.studies import plots, plots_front
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.summary import (
     PERCENTS,
+    Share,
     count_statuses,
     failures,
     percentiles,
@@ -47,7 +48,7 @@ CAPTIONS = {
     "tornado": "Mean over the runs in which an input is in its lowest or in its highest fifth; of "
     "texts, the level with the lowest and the one with the highest mean.",
     "scatter": "A point for each run, at most 2000 of them.",
-    "pareto": "The runs that no other one beats in both, and in grey the rest.",
+    "pareto": "Designs that can do all runs, by the worst of them; in grey: another beats it.",
 }
 """Of the figures."""
 
@@ -57,6 +58,7 @@ _HEADLINES = (
 )  # fmt: skip
 _LOOKS = {"ok": "good", "infeasible": "open"}  # of statuses; others are bad
 _NEAR_NOTHING = 0.05  # of the variance: not worth a sentence
+_BRACKETS = "In brackets: share of the variance that the input explains alone, and standard error."
 
 
 def write_study_report(folder: Path) -> tuple[Path, Document]:
@@ -151,9 +153,13 @@ def _figures(table: StudyTable, folder: Path, by: str | None) -> dict[str, Figur
         outcomes = list(dict.fromkeys([*names, *families_there(table)]))[: plots.MOST_PANELS]
         inputs = plots.influential(table, names, by)
         drawn["scatter"] = plots.scatter_matrix(title, table, inputs, outcomes, by)
-    if {COST, ERROR} <= set(table.families) and usable(table, COST, ERROR).any():
+    if (
+        {COST, ERROR} <= set(table.families)
+        and table.choices
+        and len(table.designs(COST, ERROR)[0])
+    ):
         title = f"{table.name}: {metric_of(ERROR).title} over {metric_of(COST).title}"
-        drawn["pareto"] = plots.pareto_figure(title, table, COST, ERROR, by)
+        drawn["pareto"] = plots_front.pareto_figure(title, table, COST, ERROR, by)
     return {
         name: Figure(
             CAPTIONS[name],
@@ -222,7 +228,8 @@ def worst_table(table: StudyTable, outcome: str, by: str | None = None, count: i
 def sensitivity_tables(
     table: StudyTable, names: Sequence[str], by: str | None = None
 ) -> list[Table]:
-    """Share of the variance that each input explains alone [%]; a table for each level of `by`.
+    """Share of the variance that each input explains alone [%], with its standard error; a table
+    for each level of `by` in which more than one input varies.
 
     Args:
         table: of the study.
@@ -235,11 +242,12 @@ def sensitivity_tables(
         inputs = dict.fromkeys(key for shares in columns for key in shares)
         whole = {key: _sum(shares.get(key) for shares in columns) for key in inputs}
         rows = [
-            [key, *(_percent(shares.get(key, np.nan)) for shares in columns)]
+            [key, *(_percent(shares.get(key)) for shares in columns)]
             for key in sorted(whole, key=lambda key: -np.nan_to_num(whole[key]))
         ]
-        if rows:
-            rows.append(["sum", *(_percent(_sum(shares.values())) for shares in columns)])
+        if len(rows) > 1:
+            sums = (_sum(shares.values()) for shares in columns)
+            rows.append(["sum", *("–" if np.isnan(x) else f"{100 * x:.0f}" for x in sums)])
             header = ["input", *(_column(table, name, names) for name in names)]
             tables.append(
                 Table(header, rows, f"Variance explained by each input alone [%], {level}")
@@ -247,9 +255,9 @@ def sensitivity_tables(
     return tables
 
 
-def _sum(shares: Iterable[float | None]) -> float:
+def _sum(shares: Iterable[Share | None]) -> float:
     """As the table shows them: what is below 0 is chance; NaN if there are none."""
-    known = [max(share, 0) for share in shares if share is not None and np.isfinite(share)]
+    known = [max(share.value, 0) for share in shares if share and np.isfinite(share.value)]
     return sum(known) if known else np.nan
 
 
@@ -259,8 +267,10 @@ def _column(table: StudyTable, name: str, names: Sequence[str]) -> str:
     return metric_of(name).title if len(titles) == len(names) else table.place(name)
 
 
-def _percent(share: float) -> str:
-    return "–" if np.isnan(share) else f"{100 * max(share, 0):.1f}"
+def _percent(share: Share | None) -> str:
+    if share is None or np.isnan(share.value):
+        return "–"
+    return f"{100 * max(share.value, 0):.0f} ± {100 * share.error:.0f}"
 
 
 def _number(value: float) -> str:
@@ -290,11 +300,11 @@ def _summary(table: StudyTable, by: str | None) -> list[Block]:
         ),
         Tiles(tiles),
     ]
-    if families := headlines(table):
+    if found := [finding(table, family, by) for family in headlines(table)]:
         blocks += [
             Heading("What we found"),
-            Bullets([finding(table, family, by) for family in families]),
-            Text("In brackets: share of the variance that the input explains alone.", "soft"),
+            Bullets(found),
+            *([Text(_BRACKETS, "soft")] if any(" ± " in text for text in found) else []),
         ]
     return blocks
 
@@ -316,9 +326,10 @@ def finding(table: StudyTable, family: str, by: str | None = None) -> str:
             continue
         where = f" with `{level}`" if by else ""
         limits.append(f"{value:.3g}{where}")
-        name, share = next(iter(sensitivity(part, family).items()), ("", np.nan))
-        if share > _NEAR_NOTHING:
-            causes.setdefault(name, []).append(f"{100 * share:.0f} %{where}")
+        shares = sensitivity(part, family)
+        name, share = next(iter(shares.items()), ("", Share(0, 0)))
+        if len(shares) > 1 and share.value > max(_NEAR_NOTHING, 2 * share.error):
+            causes.setdefault(name, []).append(f"{_percent(share)} %{where}")
     text = f"**{_capital(label)}:** 95 % of the runs stay below {_listed(limits)}."
     if not causes:
         return text
@@ -350,11 +361,12 @@ def _matters(
 ) -> list[Block]:
     overview = sensitivity_tables(table, families, by)
     if not overview:
-        return []
+        return figure
     about = (
         "Share of the variance of an outcome that each input explains alone (first-order index, as "
-        "the correlation ratio less what chance gives; worst joint of each run). What is missing "
-        "from a sum of 100 % comes of inputs acting together."
+        "the correlation ratio less what chance gives; worst joint of each run), and its standard "
+        "error. What a sum lacks to 100 %, beyond these errors, comes of inputs acting together, "
+        "or is too fine for the bins of so many runs."
     )
     by_joint = _by_joint(table, lambda names: sensitivity_tables(table, names, by))
     return [Text(about), *overview, *figure, *by_joint]

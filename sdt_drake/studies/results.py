@@ -14,11 +14,12 @@ from sdt_drake.errors import InputError, needing, replacing
 from sdt_drake.studies.folder import load_folder
 from sdt_drake.studies.job import Job
 from sdt_drake.studies.journal import Row, read_rows
-from sdt_drake.studies.study import Study
+from sdt_drake.studies.study import Random, Study
 from sdt_drake.studies.table import StudyTable
 
 RESULTS = "results.parquet"
 _ABOUT = "sdt_drake"  # key of the metadata
+_MET = ("motion", "plant", "disturbance")  # parts of a scenario that designs have to stand
 _GROUP = 4096  # rows that are in memory together
 
 
@@ -98,4 +99,13 @@ def read_study_table(folder: Path) -> StudyTable:
         status=arrays["status"],
         reason=arrays["reason"],
         duration=arrays["duration"],
+        choices=_choices(study),
     )
+
+
+def _choices(study: Study) -> tuple[str, ...] | None:
+    """See `StudyTable`."""
+    met = [v for v in study.variables if any(name.split(".")[0] in _MET for name in v.fields)]
+    if any(isinstance(variable.distribution, Random) for variable in met):
+        return None
+    return tuple(variable.name for variable in study.variables if variable not in met)

@@ -7,6 +7,7 @@ be compared line by line.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ PERCENTS = (5, 25, 50, 75, 95, 99, 100)
 _MOST_BINS = 50
 _FEWEST_RUNS = 10
 _FIFTH = 0.2
+_BLOCKS = 20  # of the jackknife
 
 
 # --- counts ----------------------------------------------------------------------------------
@@ -163,11 +165,19 @@ def _differ(values: NDArray[Any]) -> bool:
     return len(finite) > 0 and np.ptp(finite) > 0
 
 
-def sensitivity(table: StudyTable, outcome: str) -> dict[str, float]:
+class Share(NamedTuple):
+    """A share of variance [-], and its standard error; NaN where nothing can be said."""
+
+    value: float
+    error: float
+
+
+def sensitivity(table: StudyTable, outcome: str) -> dict[str, Share]:
     """How much of the variance of an outcome each input explains alone, the most first.
 
-    See `explained_share`; inputs that do not differ are left out. What is missing from a sum of 1
-    comes of inputs acting together, and of what is no input.
+    See `explained_share`; inputs that do not differ are left out. One that differs alone explains
+    all: runs have no chance in them but that of their inputs. What is missing from a sum of 1 comes
+    of inputs acting together, and of bins that are too wide.
 
     Args:
         table, outcome: as in `percentiles`.
@@ -175,10 +185,12 @@ def sensitivity(table: StudyTable, outcome: str) -> dict[str, float]:
     y = values_of(table, outcome)
     inputs = _varied_inputs(table, usable(table, outcome))
     shares = {name: explained_share(x, y) for name, x in inputs.items()}
-    return dict(sorted(shares.items(), key=lambda item: -np.nan_to_num(item[1], nan=-np.inf)))
+    if len(shares) == 1 and _varies(y):
+        return dict.fromkeys(shares, Share(1.0, 0.0))
+    return dict(sorted(shares.items(), key=lambda item: -np.nan_to_num(item[1].value, nan=-np.inf)))
 
 
-def explained_share(x: NDArray[Any], y: Array) -> float:
+def explained_share(x: NDArray[Any], y: Array) -> Share:
     """First-order sensitivity index: Var(E(y | x)) / Var(y), as the correlation ratio.
 
     The runs are put into groups of equal x: by level for texts and for numbers of few values, in
@@ -188,26 +200,44 @@ def explained_share(x: NDArray[Any], y: Array) -> float:
 
         (SS_between - (groups - 1) MS_within) / SS_total
 
+    Its standard error is that of the jackknife, with twenty blocks of runs left out in turn
+    (Miller, Biometrika 61, 1974, p. 1).
+
     Args:
         x: the input, numbers or texts, shape (N,); runs without a finite number are left out.
         y: the outcome, finite, shape (N,).
 
     Returns:
-        At most 1; NaN for fewer than 10 runs, or where y does not vary.
+        At most 1; NaN for fewer than 10 runs, where y does not vary, or each run has its own group.
     """
     if not is_text(x):
         finite = np.isfinite(x)
         x, y = x[finite], y[finite]
-    if len(y) < _FEWEST_RUNS:
-        return np.nan
     group, count = _groups(x)
-    total = np.sum((y - y.mean()) ** 2)
-    # Rounding leaves something of the variance of equal numbers.
-    if count == len(y) or total <= len(y) * (1e-12 * np.abs(y).max()) ** 2:
-        return np.nan
-    mean = np.bincount(group, y) / np.bincount(group)
-    within = np.sum((y - mean[group]) ** 2)
-    return float(1 - within / total * (len(y) - 1) / (len(y) - count))
+    if len(y) < _FEWEST_RUNS or count == len(y) or not _varies(y):
+        return Share(np.nan, np.nan)
+    # Sums of each group, a row, over all runs but those of a block, a column; of none in the first.
+    block = 1 + np.random.default_rng(0).permutation(len(y)) % _BLOCKS
+    y, size = y - y.mean(), (count, 1 + _BLOCKS)
+    cell = np.ravel_multi_index((group, block), size)
+    parts = (np.bincount(cell, of, math.prod(size)).reshape(size) for of in (y**0, y, y**2))
+    whole, *others = _ratio(*(part.sum(axis=1, keepdims=True) - part for part in parts)).tolist()
+    return Share(whole, math.sqrt((_BLOCKS - 1) * np.var(others)))
+
+
+def _ratio(runs: Array, sums: Array, squares: Array) -> Array:
+    """Epsilon squared, of each column of numbers, sums and sums of squares of the groups."""
+    n, groups = runs.sum(axis=0), (runs > 0).sum(axis=0)
+    total = squares.sum(axis=0) - sums.sum(axis=0) ** 2 / n
+    means = np.divide(sums, runs, out=np.zeros_like(sums), where=runs > 0)
+    within = squares.sum(axis=0) - (sums * means).sum(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return 1 - within / total * (n - 1) / (n - groups)
+
+
+def _varies(y: Array) -> bool:
+    """Rounding leaves something of the variance of equal numbers."""
+    return len(y) > 0 and bool(np.var(y) > (1e-12 * np.abs(y).max()) ** 2)
 
 
 def _groups(x: NDArray[Any]) -> tuple[NDArray[np.int64], int]:

@@ -35,6 +35,8 @@ class StudyTable:
         status: one of STATUSES, shape (N,).
         reason: why a run is not ok, "" where it is, shape (N,).
         duration: of the computation [s], shape (N,).
+        choices: names of the inputs that a designer chooses; the others are what designs have to
+            stand. None if these are drawn at random: then designs have met different things.
     """
 
     name: str
@@ -44,6 +46,7 @@ class StudyTable:
     status: NDArray[np.str_]
     reason: NDArray[Any]
     duration: Array
+    choices: tuple[str, ...] | None = None
 
     def __len__(self) -> int:
         return len(self.row)
@@ -97,6 +100,7 @@ class StudyTable:
             status=self.status[runs],
             reason=self.reason[runs],
             duration=self.duration[runs],
+            choices=self.choices,
         )
 
     def split(self, by: str | None) -> dict[str, StudyTable]:
@@ -105,6 +109,24 @@ class StudyTable:
             return {ALL_RUNS: self}
         texts = self.inputs[by].astype(str)
         return {level: self.select(texts == level) for level in levels_of(texts)}
+
+    def designs(self, *outcomes: str) -> tuple[NDArray[np.int64], list[Array]]:
+        """Each design by its first run, and the largest of each outcome over its runs, shape (D,).
+
+        Accepted designs only: all of their runs are ok, and have these outcomes.
+
+        Args:
+            outcomes: names; of a family for that of the worst joint.
+        """
+        runs: dict[tuple[Any, ...], list[int]] = {}
+        columns = [self.inputs[name].tolist() for name in self.choices or ()]
+        for i, choice in enumerate(zip(*columns, strict=True)):
+            runs.setdefault(choice, []).append(i)
+        values = [np.where(self.ok, self.outcome(name), np.nan) for name in outcomes]
+        worst = [np.array([one[own].max() for own in runs.values()]) for one in values]
+        accepted = np.isfinite(worst).all(axis=0)
+        first = np.array([own[0] for own in runs.values()], dtype=np.int64)
+        return first[accepted], [one[accepted] for one in worst]
 
     @property
     def text_inputs(self) -> list[str]:

@@ -146,9 +146,11 @@ def _missed(name: str, value: float, motion: str, limit: float) -> str:
 def front_of(verdicts: Sequence[Verdict]) -> NDArray[np.bool_]:
     """Which verdicts are on the Pareto front of motor mass against speed error, shape (N,).
 
-    Errors are compared as exactly as they are known.
+    Of candidates that keep all requirements, that is; errors are compared as exactly as they are
+    known.
     """
-    return pareto([v.mass for v in verdicts], np.round([v.error for v in verdicts], _DECIMALS))
+    errors = [v.error if v.feasible else math.nan for v in verdicts]
+    return pareto([v.mass for v in verdicts], np.round(errors, _DECIMALS))
 
 
 def recommend(verdicts: Sequence[Verdict], controller: str) -> Verdict | None:

@@ -51,6 +51,7 @@ def make_table(draws: int = 200, joints: int = 4) -> StudyTable:
         status=status,
         reason=reason,
         duration=np.full(n, 0.5),
+        choices=("omega_r", "controller"),
     )
 
 

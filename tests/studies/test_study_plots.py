@@ -13,7 +13,7 @@ from matplotlib.colors import same_color, to_hex
 from synthetic import CONTROLLERS, make_table, small_table
 
 from sdt_drake.analysis.style import LOOKS, PALETTE
-from sdt_drake.studies import plots
+from sdt_drake.studies import plots, plots_front
 
 FAMILIES = ("max_abs_speed_error", "max_abs_position_error", "peak_torque_share", "felt_share")
 INPUTS = ("omega_r", "payload", "friction", "motion")
@@ -30,7 +30,7 @@ def figures(table):
         "distributions": plots.distributions("title", table, FAMILIES, "controller"),
         "tornado": plots.tornado_figure("title", table, "max_abs_position_error", "controller"),
         "scatter": plots.scatter_matrix("title", table, INPUTS, FAMILIES, "controller"),
-        "pareto": plots.pareto_figure(
+        "pareto": plots_front.pareto_figure(
             "title", table, "rms_torque_share", "max_abs_position_error", "controller"
         ),
     }
@@ -138,12 +138,22 @@ def test_scatter_matrix_of_many_runs_shows_some_always_the_same_of_each_group():
 
 
 def test_pareto_front_is_a_line_and_the_rest_is_grey():
+    """Of designs by the worst of their motions; one that cannot do a motion is out."""
     y = np.array([4.0, 2.0, 3.0, 1.0, 9.0])
+    y = np.concatenate([y, 0.5 * y, [0.1, 0.1]])
+    cost = [1.0, 2.0, 2.5, 3.0, np.nan]
     table = dataclasses.replace(
-        small_table(y, kind=list("ababa")),
-        outcomes={"cost": np.array([1.0, 2.0, 2.5, 3.0, np.nan]), "error": y},
+        small_table(
+            y,
+            status=11 * ["ok"] + ["infeasible"],
+            kind=list("ababa") * 2 + ["a", "a"],
+            size=[*range(5), *range(5), 6, 6],
+            motion=5 * ["far"] + 5 * ["near"] + ["far", "near"],
+        ),
+        outcomes={"cost": np.array([*cost, *cost, 0.1, 0.1]), "error": y},
+        choices=("kind", "size"),
     )
-    figure = plots.pareto_figure("title", table, "cost", "error", "kind")
+    figure = plots_front.pareto_figure("title", table, "cost", "error", "kind")
     (ax,) = figure.axes
     np.testing.assert_array_equal(ax.lines[0].get_xydata(), [[1, 4], [2, 2], [3, 1]])
     rest_a, best_a, rest_b, best_b = ax.collections
@@ -168,7 +178,7 @@ def test_without_groups(table):
         plots.distributions("t", table, ["felt_share"]),
         plots.tornado_figure("t", table, "felt_share"),
         plots.scatter_matrix("t", table, ["controller"], ["felt_share"]),
-        plots.pareto_figure("t", table, "rms_torque_share_1", "felt_share"),
+        plots_front.pareto_figure("t", table, "rms_torque_share_1", "felt_share"),
     ):
         assert len(figure.axes) == 1
     assert "joint 1" in figure.axes[0].get_xlabel()

@@ -108,8 +108,12 @@ def test_sensitivity_table(table):
     names = [row[0] for row in made.rows]
     assert names[:2] == ["omega_r", "payload"] and names[-1] == "sum"
     assert [row[2] for row in made.rows] == ["–"] * 5  # it is 0 in all runs
-    shares = [float(row[1]) for row in made.rows]
-    assert shares[-1] == pytest.approx(sum(shares[:-1]), abs=0.3) and min(shares) >= 0
+    shares, errors = np.array([row[1].split(" ± ") for row in made.rows[:-1]], dtype=float).T
+    assert float(made.rows[-1][1]) == pytest.approx(sum(shares), abs=3) and min(shares) >= 0
+    assert np.all((errors > 0) & (errors < 25))
+    one = small_table(np.arange(20.0) ** 2, x=np.arange(20.0), c=["a", "b"] * 10)
+    assert report.sensitivity_tables(one, ["y"], "c") == []  # there is nothing to apportion
+    assert "varies most" not in report.finding(one, "y", "c")
 
 
 @pytest.mark.parametrize(
@@ -130,7 +134,7 @@ def test_a_finding_names_the_limit_and_the_cause(table):
     limit = np.degrees(np.nanpercentile(pi.outcome("max_abs_position_error"), 95))
     start = "**Largest position error [deg], worst joint:** 95 % of the runs stay below "
     assert text.startswith(f"{start}{limit:.3g} with `pi`")
-    assert re.search(r"It varies most with `omega_r` \(\d+ % with `pi`", text)
+    assert re.search(r"It varies most with `omega_r` \(\d+ ± \d+ % with `pi`", text)
     alone = report.finding(small_table(np.arange(20.0)), "y")
     assert alone == "**Y:** 95 % of the runs stay below 18.1."
 

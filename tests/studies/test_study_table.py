@@ -10,6 +10,9 @@ import pytest
 from synthetic import CONTROLLERS, make_table, small_table
 
 from sdt_drake.analysis.metrics import METRICS, family_of, metric_of
+from sdt_drake.studies import results
+from sdt_drake.studies.sizing import load_sizing
+from sdt_drake.studies.study import load_study
 from sdt_drake.studies.table import ALL_RUNS
 
 
@@ -67,3 +70,12 @@ def test_an_outcome_that_is_not_known_is_shown_as_it_is():
     assert family_of("overshoot_3") == ("overshoot_3", None)
     assert metric_of("overshoot_3")[:3] == ("overshoot_3", "", 1)
     assert metric_of("overshoot_3").label == "overshoot_3"
+
+
+def test_what_a_designer_chooses():
+    """Devices at random are not designs; motions are what designs have to stand."""
+    monte_carlo, _ = load_study("package://sdt/studies/monte_carlo.yaml")
+    assert results._choices(monte_carlo) is None
+    sizing, _ = load_sizing("package://sdt/studies/sizing.yaml")
+    motors = [f"motor_{k}" for k in (1, 2, 3, 4)]
+    assert results._choices(sizing.study()) == (*motors, "structure_scale", "controller")
