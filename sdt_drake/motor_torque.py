@@ -178,17 +178,21 @@ def torque_limits(design: Design, newest: Index, speed: Array) -> tuple[Array, A
     Returns:
         Both of shape (..., n), or (n,) where they are constant.
     """
-    limit = design.robot.motor_torque_limit
-    down, up, drive = limit, limit, design.drive
-    if drive.n1 is not None and drive.n0 is not None:
-        n1, n0 = np.array(drive.n1), np.array(drive.n0)
-        motor_speed = design.robot.gear_ratio * speed
-        down, up = (
-            limit * np.clip((n0 - w) / (n0 - n1), 0, 1) for w in (-motor_speed, motor_speed)
-        )
+    lower, upper = envelope(design, speed)
     if design.scenario.plant.kind == "axis":  # which widens them by what the other motors help
         help_ = design.loads.alleviating_torque[np.maximum(newest, 0)]
-        down, up = down - np.minimum(help_, 0), up + np.maximum(help_, 0)
+        lower, upper = lower + np.minimum(help_, 0), upper + np.maximum(help_, 0)
+    return lower, upper
+
+
+def envelope(design: Design, speed: Array) -> tuple[Array, Array]:
+    """Least and largest torque of the motors alone, motor side [N m]; see `torque_limits`."""
+    limit, drive = design.robot.motor_torque_limit, design.drive
+    if drive.n1 is None or drive.n0 is None:
+        return -limit, limit
+    n1, n0 = np.array(drive.n1), np.array(drive.n0)
+    motor_speed = design.robot.gear_ratio * speed
+    down, up = (limit * np.clip((n0 - w) / (n0 - n1), 0, 1) for w in (-motor_speed, motor_speed))
     return -down, up
 
 

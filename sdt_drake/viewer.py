@@ -23,7 +23,6 @@ from sdt_drake.scene import (
     PILOT_FIELD,
     PILOT_NEAR,
     TRACE,
-    Frames,
     Scene,
     make_frames,
 )
@@ -58,7 +57,7 @@ def record_html(
     check_html(path)
     if pilot:
         check_head(robot)
-    page = _page(robot, make_frames(robot, time, q), title or robot.name, pilot)
+    page = recorded_page(robot, time, q, title=title, pilot=pilot)
     with replacing(path) as partial:
         partial.write_text(page, encoding="utf-8")
 
@@ -75,7 +74,11 @@ def check_html(path: Path) -> None:
         raise InputError(f"{path}: expected an .html file")
 
 
-def _page(robot: Robot, frames: Frames, title: str, pilot: bool) -> str:
+def recorded_page(
+    robot: Robot, time: Array, q: Array, *, title: str = "", pilot: bool = False
+) -> str:
+    """The text of that page; see `record_html`."""
+    frames = make_frames(robot, time, q)
     meshcat = open_meshcat()
     scene = Scene(robot, frames, meshcat)
     meshcat.StartRecording(FRAME_RATE, set_visualizations_while_recording=False)
@@ -83,7 +86,7 @@ def _page(robot: Robot, frames: Frames, title: str, pilot: bool) -> str:
         scene.show(k, record=True)
     meshcat.StopRecording()
     meshcat.PublishRecording()
-    title = html.escape(title)
+    title = html.escape(title or robot.name)
     page = meshcat.StaticHtml().replace("<title>Drake MeshCat</title>", f"<title>{title}</title>")
     body, end, rest = page.rpartition("</body>")
     return body + _overlay(scene, title, pilot) + end + rest

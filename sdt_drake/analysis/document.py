@@ -18,6 +18,7 @@ from string import Template
 from typing import Protocol
 from xml.etree import ElementTree
 
+from sdt_drake.analysis.marks import marked
 from sdt_drake.errors import InputError, read_text, replacing
 from sdt_drake.resources import page_text
 
@@ -211,25 +212,42 @@ class Details:
 
 
 @dataclass(frozen=True)
+class Code:
+    """A text as it is."""
+
+    text: str
+
+    def markdown(self) -> str:
+        return f"```\n{self.text}\n```"
+
+    def html(self, inline: Inline) -> str:
+        return f"<pre>{html.escape(self.text)}</pre>"
+
+
+@dataclass(frozen=True)
 class EmbeddedPage:
-    """A whole page in a file, opened within this one when it is wanted."""
+    """A whole page, opened within this one when it is wanted; read from its file without `text`."""
 
     button: str
     path: Path
+    text: str | None = None
 
     def markdown(self) -> str:
         return f"[{self.button}]({self.path.name})"
 
     def html(self, inline: Inline) -> str:
-        text = read_text(self.path, _MOST_BYTES)
-        # In a script a text ends at "</script", and only there.
-        data = json.dumps(text).replace("<", "\\u003c")
+        text = read_text(self.path, _MOST_BYTES) if self.text is None else self.text
         return (
             f'<div class="recording"><button type="button" hidden>{inline(self.button)} '
             f"({len(text.encode()) / 1e6:.1f} MB, within this page)</button>"
             "<noscript>It needs JavaScript.</noscript></div>"
-            f'<script type="application/json" id="recording-page">{data}</script>'
+            f'<script type="application/json" id="recording-page">{json_in_page(text)}</script>'
         )
+
+
+def json_in_page(value: object) -> str:
+    """For a script of data, where a text ends at "</script", and only there."""
+    return json.dumps(value).replace("<", "\\u003c")
 
 
 @dataclass
@@ -267,24 +285,31 @@ class Document:
         Raises:
             InputError: naming a picture that is missing or is none.
         """
-        inline = partial(_inline, symbols=self.symbols)
+        inline = partial(marked, symbols=self.symbols)
         body, links = "", ""
         for number, section in enumerate(self._shown(), start=1):
             title = inline(section.title)
             blocks = "".join(block.html(inline) for block in section.blocks)
             body += f'<section id="section-{number}"><h2>{title}</h2>{blocks}</section>'
             links += f'<a href="#section-{number}">{title}</a>'
+        has_plots = '<div class="plots">' in body
         return Template(page_text("page.html")).substitute(
             title=html.escape(self.title),
             lead=f"<p>{inline(self.lead)}</p>" if self.lead else "",
             links=links,
-            css=page_text("page.css"),
-            js=page_text("page.js"),
+            css=page_text("page.css") + has_plots * page_text("uplot/uPlot.min.css"),
+            js=page_text("page.js") + has_plots * _plots_js(),
             body=body,
         )
 
     def _shown(self) -> list[Section]:
         return [section for section in self.sections if section.blocks]
+
+
+def _plots_js() -> str:
+    """What draws plots, with its licence."""
+    own = map(page_text, ("uplot/LICENSE", "uplot/uPlot.iife.min.js", "plots.js"))
+    return "/*! {} */\n{}\n{}".format(*own)
 
 
 def from_template(
@@ -346,33 +371,3 @@ def read_svg(path: Path) -> str:
 
 def _class(look: str) -> str:
     return f' class="{look}"' if look else ""
-
-
-_GREEK = {"omega": "ω", "zeta": "ζ", "tau": "τ"}
-_SYMBOL = re.compile(
-    r"(?<![A-Za-z_])(?:(omega|zeta|tau|I|K|d)_([A-Za-z0-9]+(?:,(?:max|min|\d)(?![\w]))?)"
-    r"|(omega|zeta|tau)(?![A-Za-z_]))"
-)
-
-
-def _inline(text: str, *, symbols: bool) -> str:
-    """HTML of a text; code is taken as it is."""
-    words, *rest = re.split(r"`([^`]*)`", html.escape(text))
-    result = _marked(words, symbols)
-    for code, words in zip(rest[::2], rest[1::2], strict=True):
-        result += f"<code>{code}</code>{_marked(words, symbols)}"
-    return result
-
-
-def _marked(text: str, symbols: bool) -> str:
-    text = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", text)
-    text = re.sub(r"\*(\S[^*]*)\*", r"<i>\1</i>", text)
-    return _SYMBOL.sub(_symbol, text) if symbols else text
-
-
-def _symbol(match: re.Match[str]) -> str:
-    """As it is printed in an equation."""
-    letter, index, alone = match.groups()
-    if alone:
-        return _GREEK[alone]
-    return f"{_GREEK.get(letter, letter)}<sub>{index}</sub>"

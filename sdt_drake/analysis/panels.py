@@ -1,17 +1,24 @@
-"""Panels of lines over a common axis, and their picture."""
+"""Panels of lines over a common axis: as a picture, and on a page as plots to zoom and read off."""
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sdt_drake.analysis.style import Look, finish, grid, style
-from sdt_drake.arrays import Array
+from sdt_drake.analysis.document import Inline, json_in_page
+from sdt_drake.analysis.style import Look, finish, grid, save, style
+from sdt_drake.arrays import Array, Index
+
+MOST = 10_000
+"""Samples of a panel on a page."""
 
 LIMIT = Look("0.6")
 """Of lines that may not be crossed."""
@@ -46,6 +53,27 @@ class Panel:
     lines: Sequence[Line]
     marked: NDArray[np.bool_] | None = None
     marked_label: str = ""
+
+    def kept(self) -> Index:
+        """Rows that a page gets: all; of more than MOST, of each run of rows those where any line
+        is least or largest. So no peak is lost, and every point is a sample."""
+        n = len(self.x)
+        if n <= MOST:
+            return np.arange(n)
+        per_run = -(-n * (2 * len(self.lines) + 1) // MOST)
+        starts = np.arange(0, n, per_run)
+        rows = [starts, np.array([n - 1])]
+        for line in self.lines:
+            runs = np.pad(line.values, (0, -n % per_run), mode="edge").reshape(-1, per_run)
+            rows += [starts + runs.argmin(axis=1), starts + runs.argmax(axis=1)]
+        return np.unique(np.minimum(np.concatenate(rows), n - 1))
+
+    def spans(self) -> list[tuple[float, float]]:
+        """Where x is marked: ends of each stretch."""
+        if self.marked is None:
+            return []
+        turns = np.flatnonzero(np.diff(np.concatenate([[False], self.marked, [False]])))
+        return [(float(self.x[i]), float(self.x[j - 1])) for i, j in turns.reshape(-1, 2)]
 
 
 def picture(title: str, columns: Sequence[Sequence[Panel]]) -> Figure:
@@ -88,3 +116,62 @@ def shade(ax: Axes, x: Array, where: NDArray[np.bool_], label: str) -> None:
         x, low, high, where=where, label=label, color="0.5", alpha=0.16, linewidth=0, zorder=0
     )
     ax.set_ylim(low, high)
+
+
+@dataclass(frozen=True, eq=False)
+class Plots:
+    """A block of a document: panels to zoom and read off; in Markdown their picture.
+
+    Attributes:
+        caption: in words.
+        columns: of as many panels each; pages show them in this order, as wide as there is room.
+        png: file of the picture, beside the document; see `save_picture`.
+    """
+
+    caption: str
+    columns: Sequence[Sequence[Panel]]
+    png: Path
+
+    def save_picture(self) -> None:
+        """Write what Markdown shows."""
+        save(picture("", self.columns), self.png)
+
+    def markdown(self) -> str:
+        return f"![{self.caption}]({self.png.name})"
+
+    def html(self, inline: Inline) -> str:
+        arrays: dict[str, int] = {}  # each is sent once, however many panels show it
+
+        def number(values: Array) -> int:
+            text = base64.b64encode(values.astype("<f4").tobytes()).decode()
+            return arrays.setdefault(text, len(arrays))
+
+        panels = []
+        for panel in (panel for column in self.columns for panel in column):
+            rows = panel.kept()
+            lines = [
+                {
+                    "label": line.label.removeprefix("_"),
+                    "colour": to_hex(line.look.colour),
+                    "dash": line.look.dashes,
+                    "dots": line.dots,
+                    "values": number(line.values[rows]),
+                }
+                for line in panel.lines
+            ]
+            panels.append(
+                {
+                    "title": panel.title,
+                    "x_label": panel.x_label,
+                    "y_label": panel.y_label,
+                    "x": number(panel.x[rows]),
+                    "lines": lines,
+                    "marked": panel.spans(),
+                }
+            )
+        data = json_in_page({"arrays": list(arrays), "panels": panels})
+        return (
+            f'<figure><div class="plots"><script type="application/json">{data}</script>'
+            "<noscript>Plots need JavaScript.</noscript></div>"
+            f"<figcaption>{inline(self.caption)}</figcaption></figure>"
+        )

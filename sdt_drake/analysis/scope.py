@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,7 +13,7 @@ from sdt_drake.analysis.style import LOOKS, PALETTE, Look, joint_title
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
 from sdt_drake.errors import InputError
-from sdt_drake.motor_torque import arrived, torque_limits
+from sdt_drake.motor_torque import arrived, envelope, torque_limits
 from sdt_drake.simulate import Recording
 
 ACHIEVED = Look(PALETTE[1], "--")
@@ -34,7 +35,14 @@ def scope(
         InputError: if there is no such joint.
     """
     joints = chosen_joints(joint, recording.q.shape[1])
-    return picture(title, [joint_panels(recording, design, k) for k in joints])
+    columns = [joint_panels(recording, design, k) for k in joints]
+    for k, column in zip(joints, columns, strict=True):
+        column[0] = replace(column[0], title=_name(design, k))
+    return picture(title, columns)
+
+
+def _name(design: Design | None, k: int) -> str:
+    return f"joint {k + 1}" if design is None else joint_title(k, design.robot.joint_names[k])
 
 
 def chosen_joints(joint: int | None, n: int, where: str = "joint") -> Sequence[int]:
@@ -51,35 +59,38 @@ def chosen_joints(joint: int | None, n: int, where: str = "joint") -> Sequence[i
 
 
 def joint_panels(recording: Recording, design: Design | None, k: int) -> list[Panel]:
-    """Speed, speed error, position error and torque of joint k, from 0."""
+    """Speed, speed error, position error and torque of joint k, from 0, over time."""
     run = recording
-    title = f"joint {k + 1}" if design is None else joint_title(k, design.robot.joint_names[k])
     torque = [Line("motor torque", _TORQUE, run.tau[:, k])]
     if design is not None:
         lower, upper = (limit[:, k] for limit in limits_along(run, design))
         torque += [Line("limits of the motor", LIMIT, upper), Line("_lower limit", LIMIT, lower)]
 
-    def panel(y_label: str, lines: Sequence[Line], title: str = "") -> Panel:
-        return Panel(
-            title, "time [s]", y_label, run.time, lines, run.saturated[:, k] > 0, SATURATED
-        )
+    saturated = run.saturated[:, k] > 0  # in the period that ends there
+    saturated[:-1] |= saturated[1:]
+
+    def panel(y_label: str, *lines: Line) -> Panel:
+        return Panel("", "time [s]", y_label, run.time, lines, saturated, SATURATED)
 
     return [
         panel(
             "speed [rad/s]",
-            [
-                Line("reference", LOOKS["reference"], run.v_ref[:, k]),
-                Line("achieved", ACHIEVED, run.v[:, k]),
-            ],
-            title,
+            Line("reference", LOOKS["reference"], run.v_ref[:, k]),
+            Line("achieved", ACHIEVED, run.v[:, k]),
         ),
-        panel("speed error [rad/s]", [Line("error", _ERROR, run.speed_error[:, k])]),
-        panel(
-            "position error [deg]",
-            [Line("error", _ERROR, np.degrees(run.position_error[:, k]))],
-        ),
-        panel("motor torque [N m]", torque),
+        panel("speed error [rad/s]", Line("error", _ERROR, run.speed_error[:, k])),
+        panel("position error [deg]", Line("error", _ERROR, np.degrees(run.position_error[:, k]))),
+        panel("motor torque [N m]", *torque),
     ]
+
+
+def position_panel(recording: Recording, k: int) -> Panel:
+    """Reference and achieved angle of joint k, from 0, over time."""
+    lines = [
+        Line("reference", LOOKS["reference"], np.degrees(recording.q_ref[:, k])),
+        Line("achieved", ACHIEVED, np.degrees(recording.q[:, k])),
+    ]
+    return Panel("", "time [s]", "position [deg]", recording.time, lines)
 
 
 SATURATED = "saturated: the motor gives less than is asked"
@@ -93,3 +104,30 @@ def limits_along(recording: Recording, design: Design) -> tuple[Array, Array]:
     newest = arrived(design, len(recording.time))
     lower, upper = torque_limits(design, newest, recording.v)
     return np.broadcast_to(lower, recording.v.shape), np.broadcast_to(upper, recording.v.shape)
+
+
+def torque_over_speed(recording: Recording, design: Design, k: int) -> Panel:
+    """Torque of the motor of joint k, from 0, over its speed, in the envelope of motor and drive.
+
+    Motor side. The envelope goes on to the speeds n1 and n0 of the drive, where there are any.
+    """
+    ratio, n = design.robot.gear_ratio[k], design.robot.n
+    corners: list[float] = []
+    if design.drive.n1 is not None and design.drive.n0 is not None:
+        corners = [sign * w[k] for w in (design.drive.n1, design.drive.n0) for sign in (-1, 1)]
+    speed = np.concatenate([ratio * recording.v[:, k], corners])
+    torque = np.concatenate([recording.tau[:, k], np.full(len(corners), np.nan)])
+    order = np.argsort(speed, kind="stable")
+    at = np.repeat(speed[order, None], n, axis=1) / design.robot.gear_ratio
+    lower, upper = (np.broadcast_to(limit, at.shape)[:, k] for limit in envelope(design, at))
+    return Panel(
+        joint_title(k, design.robot.joint_names[k]),
+        "motor speed [rad/s]",
+        "motor torque [N m]",
+        speed[order],
+        [
+            Line("motor torque", _TORQUE, torque[order], dots=True),
+            Line("limits of the motor", LIMIT, upper),
+            Line("_lower limit", LIMIT, lower),
+        ],
+    )

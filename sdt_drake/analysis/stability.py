@@ -140,7 +140,7 @@ def least_damping(loop: StateSpace, omega_n: float) -> float:
     """
     modes = loop.modes()
     moving = modes[np.abs(modes) > 1e-4 * omega_n]
-    return float(np.min(-moving.real / np.abs(moving)))
+    return float(np.min(-moving.real / np.abs(moving), initial=1.0))  # 1, where nothing moves
 
 
 def _slow_design(design: Design, drive: Drive) -> Design:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 MOTION = "reference"
 ROBOT = "sdt"
+REPORTS = (".html", ".md")
 
 
 # --- options ---------------------------------------------------------------------------------
@@ -193,7 +194,9 @@ def check_folder(folder: Path) -> None:
             raise InputError(f"{place}: is a file, expected a folder")
 
 
-def check_out(path: Path | None, *, csv: bool = False, show: bool = False) -> None:
+def check_out(
+    path: Path | None, *, csv: bool = False, report: bool = False, show: bool = False
+) -> None:
     """Refuse what could not be written or shown, before anything is computed.
 
     None: nothing is written.
@@ -203,7 +206,7 @@ def check_out(path: Path | None, *, csv: bool = False, show: bool = False) -> No
     if show:
         style.check_screen("--show")
     if path is not None:
-        check_file(path, ((".csv",) if csv else ()) + style.FIGURES)
+        check_file(path, csv * (".csv",) + style.FIGURES + report * REPORTS)
 
 
 def check_file(path: Path, suffixes: Sequence[str]) -> None:
@@ -218,6 +221,7 @@ def deliver(
     options: argparse.Namespace,
     figure: Callable[[], Figure],
     table: Callable[[Path], object] | None = None,
+    report: Callable[[Path], object] | None = None,
 ) -> None:
     """Do what --out and --show ask for.
 
@@ -225,12 +229,15 @@ def deliver(
         options: with `out` (checked by `check_out`) and `show`.
         figure: draws it; not called if nobody wants it.
         table: writes the CSV file.
+        report: writes a report.
     """
     from sdt_drake.analysis import style
 
     out: Path | None = options.out
     if out is not None and table is not None and out.suffix == ".csv":
         table(out)
+    elif out is not None and report is not None and out.suffix in REPORTS:
+        report(out)
     elif out is not None:
         style.save(figure(), out)
     if out is not None:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from sdt_drake.commands import common
 from sdt_drake.errors import InputError
 
-EXAMPLE = "sdt-drake simulate coupled_pi_ctc --out run.csv"
+EXAMPLE = "sdt-drake simulate coupled_pi_ctc --out report.html"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     common.add_scenario(parser)
-    common.add_figure(parser, "CSV file for the recording, or a figure of it (.png, .svg, .pdf)")
+    common.add_figure(
+        parser,
+        "CSV file for the recording, a figure of it (.png, .svg, .pdf), or a report to hand on, "
+        "with plots to zoom and the run in 3D: one page (.html), or Markdown (.md)",
+    )
     parser.add_argument(
         "--joint", type=int, metavar="K", help="show joint K alone (1 is the base; default: all)"
     )
@@ -25,30 +30,35 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.tracking import stops_passed, track
     from sdt_drake.simulate import simulate
 
-    common.check_out(options.out, csv=True, show=options.show)
+    common.check_out(options.out, csv=True, report=True, show=options.show)
     is_drawn = options.show or (options.out is not None and options.out.suffix != ".csv")
     if options.joint is not None and not is_drawn:
         raise InputError(
             "--joint: has no effect without a figure, expected --out run.png or --show"
         )
     design = common.design_of(options)
-    chosen_joints(options.joint, design.robot.n, "--joint")
+    joints = chosen_joints(options.joint, design.robot.n, "--joint")
     scenario = design.scenario
     recording = simulate(design)
     tracking = track(recording, design.wanted)
-    common.say(f"{scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant")
+    title = f"{scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant"
+    common.say(title)
     own = [(METRICS[x], getattr(tracking, x)) for x in COMPARED if hasattr(tracking, x)]
     columns = [(metric.column, metric.format, metric.factor * values) for metric, values in own]
     common.print_joints(design.robot.joint_names, columns)
     for line in stops_passed(recording, design.robot.joint_names):
         common.say(f"note: {line}")
+
+    def report(path: Path) -> None:
+        from sdt_drake.analysis.run_report import write_run_report
+
+        write_run_report(design, recording, path, joints)
+        if path.suffix == ".html":
+            common.say(f"{path}: {path.stat().st_size / 1e6:.1f} MB, all in one file")
+
     common.deliver(
         options,
-        lambda: plots.scope(
-            f"{scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant",
-            recording,
-            design,
-            options.joint,
-        ),
+        lambda: plots.scope(title, recording, design, options.joint),
         recording.to_csv,
+        report,
     )

@@ -1,0 +1,362 @@
+"""The report of one run, to hand to whoever asked for it: the answer first, then all of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.yaml import yaml_dump_typed
+
+from sdt_drake.analysis.document import (
+    Block,
+    Bullets,
+    Code,
+    Details,
+    Document,
+    EmbeddedPage,
+    Heading,
+    Section,
+    Table,
+    Text,
+    write_text,
+)
+from sdt_drake.analysis.frequency_response import FrequencyResponse, frequency_response
+from sdt_drake.analysis.metrics import COMPARED, METRICS
+from sdt_drake.analysis.panels import MOST, Line, Panel, Plots
+from sdt_drake.analysis.scope import (
+    ACHIEVED,
+    joint_panels,
+    position_panel,
+    torque_over_speed,
+)
+from sdt_drake.analysis.style import LOOKS, PALETTE, Look, joint_title
+from sdt_drake.analysis.tracking import (
+    HeadTracking,
+    Tracking,
+    motor_use,
+    stops_passed,
+    track,
+    track_head,
+)
+from sdt_drake.arrays import Array
+from sdt_drake.controllers import CONTROLLERS
+from sdt_drake.design import Design
+from sdt_drake.errors import InputError
+from sdt_drake.pilot import CHANNELS, GRAVITY, HeadMotion, has_head
+from sdt_drake.scenario import Scenario
+from sdt_drake.simulate import Recording
+from sdt_drake.versions import versions
+from sdt_drake.viewer import recorded_page
+
+
+def write_run_report(
+    design: Design, recording: Recording, path: Path, joints: Sequence[int]
+) -> None:
+    """Write the report of a run: one page (.html), or Markdown with what it shows beside it (.md).
+
+    Args:
+        design: of the run.
+        recording: of all its joints.
+        path: ends in .html or .md.
+        joints: those to show over time, from 0.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    report = run_report(design, recording, path, joints)
+    if path.suffix == ".html":
+        write_text(path, report.html())
+        return
+    write_text(path, report.markdown())
+    for block in (block for section in report.sections for block in section.blocks):
+        if isinstance(block, Plots):
+            block.save_picture()
+        elif isinstance(block, EmbeddedPage):
+            write_text(block.path, block.text or "")
+
+
+def run_report(design: Design, recording: Recording, path: Path, joints: Sequence[int]) -> Document:
+    """The report of a run; arguments as in `write_run_report`."""
+    scenario = design.scenario
+    tracking = track(recording, design.wanted)
+    response = _response(design)
+    head = track_head(recording, design.robot) if has_head(design.robot) else None
+    sections = [
+        Section("In short", [Bullets(_answer(design, recording, tracking, response, head))]),
+        Section("What was run", _setup(design)),
+        Section("Loops", _loops(design, response)),
+        Section("Tracking", _tracking(design, recording, tracking)),
+        Section("Over time", _over_time(design, recording, path, joints)),
+        Section("Torque over speed", _over_speed(design, recording, path, joints)),
+        Section("What the pilot feels", _felt(recording.time, head, path) if head else []),
+        Section("In 3D", _in_3d(design, recording, path)),
+        Section("Scenario and versions", _provenance(scenario)),
+    ]
+    title = f"Run {scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant"
+    lead = f"{design.robot.name} on {Path(scenario.motion).stem}, {design.wanted.duration:g} s."
+    return Document(title, lead, sections)
+
+
+# --- in short --------------------------------------------------------------------------------
+
+
+def _answer(
+    design: Design,
+    recording: Recording,
+    tracking: Tracking,
+    response: FrequencyResponse | InputError,
+    head: HeadTracking | None,
+) -> list[str]:
+    names, time = design.robot.joint_names, recording.time
+
+    def worst(values: Array) -> tuple[int, str]:
+        k = int(np.nanargmax(values))
+        return k, joint_title(k, names[k])
+
+    k, name = worst(tracking.max_abs_speed_error)
+    error, largest = tracking.max_abs_speed_error[k], np.abs(recording.v_ref[:, k]).max()
+    when = time[np.abs(recording.speed_error[:, k]).argmax()]
+    share = f", {100 * error / largest:.1f} % of its largest speed" if largest > 0 else ""
+    lines = [f"**Speed:** {name}, strays most, by {error:.4g} rad/s at {when:.3f} s{share}."]
+
+    k, name = worst(tracking.max_abs_position_error)
+    lost = np.degrees(tracking.max_abs_position_error[k])
+    when = time[np.abs(recording.position_error[:, k]).argmax()]
+    lines.append(f"**Position:** {name}, strays most, by {lost:.4g} deg at {when:.3f} s.")
+
+    use, saturated = motor_use(recording, design.robot), 100 * tracking.saturated_fraction
+    k, name = worst(use.peak_share)
+    at_limit = [
+        f"joint {i} for {share:.2g} % of the time" for i, share in enumerate(saturated, 1) if share
+    ]
+    lines.append(
+        f"**Motors:** that of {name}, is used most, up to {100 * use.peak_share[k]:.1f} % of its "
+        f"torque. Saturated: {', '.join(at_limit) or 'none at any time'}."
+    )
+    if head is not None:
+        felt, angles = (100 * f.share for f in (head.felt, head.felt_from_angles))
+        lines.append(
+            f"**Pilot:** the error could be felt {felt:.1f} % of the time, by the wrong joint "
+            f"angles alone {angles:.1f} %."
+        )
+    if isinstance(response, FrequencyResponse):
+        unstable = [joint_title(k, name) for k, name in enumerate(names) if not response.stable[k]]
+        k, name = worst(-response.damping)
+        lines.append(
+            f"**Loops:** unstable in linear analysis: {'; '.join(unstable)}."
+            if unstable
+            else f"**Loops:** all are stable. The least damped is that of {name}, with a damping "
+            f"ratio of {response.damping[k]:.2f}."
+        )
+    return lines + [f"**Note:** {line}." for line in stops_passed(recording, names)]
+
+
+# --- what was run ----------------------------------------------------------------------------
+
+
+def _setup(design: Design) -> list[Block]:
+    scenario, motion, choice = design.scenario, design.wanted, design.scenario.controller
+    exact = "exact" if design.model is design.robot else "differs from the plant"
+    rows = [
+        ("robot", f"{design.robot.name}, {design.robot.n} joints (`{Path(scenario.robot).name}`)"),
+        ("motion", f"`{Path(scenario.motion).name}`, {motion.duration:g} s at {motion.period:g} s"),
+        ("controller", f"`{choice.label}`: {CONTROLLERS[choice.kind].in_words(design)}"),
+        ("torque feedforward", choice.feedforward_in_use),
+        ("its model of the robot", exact),
+        ("plant", _plant(design)),
+        ("drives", _drives(design)),
+    ]
+    columns = [
+        ("effective inertia [kg m²]", ".4g", design.inertia.maximum),
+        ("K_PS [N m s/rad]", ".6g", design.gains.kp),
+        ("K_IS [N m/rad]", ".6g", design.gains.ki),
+        ("ω_n [rad/s]", ".4g", design.omega_n),
+        ("largest torque [N m]", ".4g", design.robot.motor_torque_limit),
+        ("gear ratio", ".4g", design.robot.gear_ratio),
+    ]
+    if "position_gain" in CONTROLLERS[choice.kind].options:
+        columns.insert(3, ("K_V [1/s]", ".4g", design.position_gain))
+    return [
+        Table(["", ""], rows, look="words"),
+        _by_joint(design, columns, "Joints, motor side; inertia at its largest, gains there"),
+    ]
+
+
+def _plant(design: Design) -> str:
+    plant = design.scenario.plant
+    parts = {
+        "friction": not plant.friction.is_none,
+        "elastic joints": not plant.elasticity.is_rigid,
+        "masses other than planned with": design.robot is not design.nominal,
+        "a disturbance": design.scenario.disturbance.amplitude != 0,
+    }
+    joints = {
+        "coupled": "all joints at once, by Drake's MultibodyPlant",
+        "axis": "each axis alone, loaded as the reference motion loads it",
+    }
+    also = [f"with {part}" for part, is_there in parts.items() if is_there]
+    return "; ".join([joints[plant.kind], *also])
+
+
+def _drives(design: Design) -> str:
+    drive = design.scenario.drive
+    parts = {
+        f"speed loop every {1e3 * (drive.period or 0):g} ms": drive.period is not None,
+        "encoders with increments": drive.encoder_resolution is not None,
+        f"torque loop of {drive.torque_bandwidth or 0:g} Hz": drive.torque_bandwidth is not None,
+        "wrong torques": drive.torque_error is not None,
+        "torque that falls with speed": drive.n1 is not None,
+        f"reference {1e3 * drive.reference_delay:g} ms late": drive.reference_delay > 0,
+    }
+    return "; ".join(part for part, is_there in parts.items() if is_there) or "ideal"
+
+
+def _by_joint(
+    design: Design, columns: Sequence[tuple[str, str, NDArray[Any]]], title: str = ""
+) -> Table:
+    """A row for each joint; header, format and values of each column, NaN a dash."""
+    cells = [[format(x, spec).replace("nan", "–") for x in values] for _, spec, values in columns]
+    names = [f"{k + 1} {name}" for k, name in enumerate(design.robot.joint_names)]
+    rows = [list(row) for row in zip(names, *cells, strict=True)]
+    return Table(["joint", *(header for header, _, _ in columns)], rows, title, "wrapped")
+
+
+# --- loops -----------------------------------------------------------------------------------
+
+
+def _response(design: Design) -> FrequencyResponse | InputError:
+    try:
+        return frequency_response(design)
+    except InputError as error:  # a controller of one's own that Drake cannot linearise
+        return error
+
+
+def _loops(design: Design, response: FrequencyResponse | InputError) -> list[Block]:
+    if isinstance(response, InputError):
+        return [Text(f"There is no linear analysis: {response}.")]
+    notes = [
+        "Speed of the link over its reference, without feedforward; the loop cut at the motor, the "
+        "others closed. Gain margins: how much more, or less, of its gain that joint could have; a "
+        "dash where no amount matters. Each joint where its inertia is largest, at rest.",
+    ]
+    if not design.scenario.plant.friction.is_none:
+        notes.append("Friction has no frequency response and is left out.")
+    if not response.stable.all():
+        notes.append("The margins of an unstable loop say nothing.")
+    return [_by_joint(design, response.columns()), Text(" ".join(notes), "soft")]
+
+
+# --- the run ---------------------------------------------------------------------------------
+
+
+def _tracking(design: Design, recording: Recording, tracking: Tracking) -> list[Block]:
+    use = motor_use(recording, design.robot)
+    values = {name: getattr(tracking, name) for name in COMPARED if hasattr(tracking, name)}
+    values |= {"rms_torque_share": use.rms_share, "peak_torque_share": use.peak_share}
+    columns = [(METRICS[x].label, METRICS[x].format, METRICS[x].factor * values[x]) for x in values]
+    return [_by_joint(design, columns)]
+
+
+def _over_time(
+    design: Design, recording: Recording, path: Path, joints: Sequence[int]
+) -> list[Block]:
+    n = len(recording.time)
+    shown = (
+        f"Of {n} samples those are shown at which a line is least or largest."
+        if n > MOST
+        else f"All {n} samples are shown."
+    )
+    blocks: list[Block] = [Text(shown, "soft")]
+    for k in joints:
+        title = joint_title(k, design.robot.joint_names[k])
+        panels = [position_panel(recording, k), *joint_panels(recording, design, k)]
+        marked = (
+            " On grey ground the motor gives less than is asked."
+            if np.any(recording.saturated[:, k] > 0)
+            else ""
+        )
+        caption = f"{title.capitalize()}: torques are motor side, all else joint side.{marked}"
+        blocks += [Heading(title.capitalize()), _plots(caption, [panels], path, f"joint_{k + 1}")]
+    return blocks
+
+
+def _over_speed(
+    design: Design, recording: Recording, path: Path, joints: Sequence[int]
+) -> list[Block]:
+    caption = "Torque of the motors over their speed, motor side, at the ends of the periods."
+    if design.scenario.plant.kind == "axis":
+        caption += " On this plant the other motors' help widens the limits, which is not drawn."
+    columns = [[torque_over_speed(recording, design, k)] for k in joints]
+    return [_plots(caption, columns, path, "torque")]
+
+
+def _plots(caption: str, columns: Sequence[Sequence[Panel]], path: Path, name: str) -> Plots:
+    return Plots(caption, columns, path.with_name(f"{path.stem}_{name}.png"))
+
+
+# --- the pilot and the device ----------------------------------------------------------------
+
+
+def _felt(time: Array, head: HeadTracking, path: Path) -> list[Block]:
+    def panel(label: str, *lines: Line) -> Panel:
+        return Panel("", "time [s]", label, time, lines)
+
+    def both(of: HeadMotion) -> tuple[Array, Array]:
+        return of.specific_force / GRAVITY, np.degrees(of.angular_velocity)
+
+    reference, achieved, felt = both(head.reference), both(head.achieved), head.felt.multiples
+    just = Line("just felt", Look("0.2"), np.ones_like(time))
+    blocks: list[Block] = []
+    for axis, (force, rotation) in enumerate(zip(_FORCES, _ROTATIONS, strict=True)):
+        panels = [
+            panel(
+                label,
+                Line("reference", LOOKS["reference"], one[:, axis]),
+                Line("achieved", ACHIEVED, other[:, axis]),
+            )
+            for label, one, other in zip(
+                (f"force {force} [G]", f"{rotation} [deg/s]"), reference, achieved, strict=True
+            )
+        ]
+        turn, push = CHANNELS[axis], CHANNELS[3 + axis]
+        error = panel(
+            "error / just felt",
+            Line(f"error of {turn}", Look(PALETTE[3]), felt[:, axis]),
+            Line(f"error of {push} force", Look(PALETTE[5]), felt[:, 3 + axis]),
+            just,
+        )
+        caption = f"{push.capitalize()} force and {turn} of the head, in its own axes."
+        blocks.append(_plots(caption, [[*panels, error]], path, f"pilot_{turn}"))
+    text = (
+        "The last plot of each is the error in multiples of what attentive people in silence and "
+        "dark just feel: below 1 it is not felt."
+    )
+    return [Text(text, "soft"), *blocks]
+
+
+_FORCES = ("forward", "to the left", "upwards")
+_ROTATIONS = ("roll right", "nose down", "turn left")
+
+
+def _in_3d(design: Design, recording: Recording, path: Path) -> list[Block]:
+    run = recording
+    try:
+        page = recorded_page(design.robot, run.time, run.q, title=design.scenario.name)
+    except InputError as error:
+        return [Text(f"It is not shown: {error}.")]
+    page_path = path.with_name(f"{path.stem}_3d.html")
+    return [
+        Text("The run in 3D; drag to look from elsewhere."),
+        EmbeddedPage("Play", page_path, page),
+    ]
+
+
+def _provenance(scenario: Scenario) -> list[Block]:
+    text = yaml_dump_typed(scenario, schema=Scenario).rstrip()
+    return [
+        Details("The scenario, every field of it, as YAML", [Code(text)]),
+        Table(["", "version"], [[name, version] for name, version in versions().items()]),
+    ]

@@ -1,0 +1,95 @@
+// Plots that can be zoomed and read off, by uPlot. Those with the same ends of x go together.
+{
+  const dashes = { "-": [], "--": [8, 4], "-.": [8, 3, 2, 3], ":": [2, 3] };
+  const short = (value) => (value == null ? "–" : String(Number(value.toPrecision(5))));
+  const numbers = (text) => Array.from(
+    new Float32Array(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer),
+    (value) => (Number.isNaN(value) ? null : value));
+  const together = new Map(); // charts by the ends of x
+  const all = [];
+
+  const follow = (chart, scale) => {
+    if (scale !== "x") return;
+    const { min, max } = chart.scales.x;
+    for (const other of together.get(chart.ends)) {
+      const { min: low, max: high } = other.scales.x;
+      if (low !== min || high !== max) other.setScale("x", { min, max });
+    }
+  };
+  const zoom = (chart, factor, shift) => {
+    const { min, max } = chart.scales.x;
+    const [first, last] = chart.ends.split(" ").map(Number);
+    const width = Math.min(last - first, (max - min) * factor);
+    const middle = (min + max) / 2 + shift * (max - min);
+    const from = Math.max(first, Math.min(last - width, middle - width / 2));
+    chart.setScale("x", { min: from, max: from + width });
+  };
+  const mark = (spans) => ({ ctx, bbox, valToPos }) => {
+    ctx.fillStyle = "rgb(0 0 0 / 0.12)";
+    for (const span of spans) {
+      const [from, to] = span.map((x) => Math.max(bbox.left, Math.min(bbox.left + bbox.width, valToPos(x, "x", true))));
+      if (to > from) ctx.fillRect(from, bbox.top, Math.max(to - from, 1), bbox.height);
+    }
+  };
+  const width = (place) => Math.floor(place.clientWidth);
+
+  const draw = (place, panel, arrays) => {
+    const title = place.appendChild(document.createElement("h4"));
+    title.textContent = panel.title;
+    const x = arrays[panel.x];
+    const ends = `${x[0]} ${x[x.length - 1]}`;
+    const value = (_, number) => short(number);
+    const axis = { font: "12px system-ui", labelFont: "12px system-ui", labelSize: 18, values: (_, ticks) => ticks.map(short) };
+    const chart = new uPlot({
+      width: width(place),
+      height: 230,
+      scales: { x: { time: false } },
+      axes: [{ ...axis, label: panel.x_label, size: 32 }, { ...axis, label: panel.y_label, size: 62 }],
+      series: [
+        { label: panel.x_label, value },
+        ...panel.lines.map(({ label, colour, dash, dots }) => ({
+          label,
+          value,
+          stroke: colour,
+          width: 1.5,
+          dash: dashes[dash],
+          paths: dots ? () => null : undefined,
+          points: { show: dots, size: 3, fill: colour },
+        })),
+      ],
+      cursor: {
+        drag: { x: true, y: false },
+        sync: { key: ends, scales: ["x", null], filters: { pub: (type) => type.startsWith("mousem") || type === "mouseleave" } },
+      },
+      hooks: { setScale: [follow], drawClear: [mark(panel.marked)] },
+    }, [x, ...panel.lines.map((line) => arrays[line.values])], place);
+    chart.ends = ends;
+    together.set(ends, [...(together.get(ends) ?? []), chart]);
+    all.push([place, chart]);
+    return chart;
+  };
+
+  for (const figure of document.querySelectorAll(".plots")) {
+    const { arrays: texts, panels } = JSON.parse(figure.querySelector("script").textContent);
+    const arrays = texts.map(numbers);
+    const bar = figure.appendChild(document.createElement("div"));
+    const grid = figure.appendChild(document.createElement("div"));
+    bar.className = "bar";
+    bar.appendChild(document.createElement("span")).textContent = "draw across a plot to zoom, click twice for all";
+    grid.className = "grid";
+    const charts = panels.map((panel) => draw(grid.appendChild(document.createElement("div")), panel, arrays));
+    for (const [text, factor, shift] of [["+", 0.5, 0], ["−", 2, 0], ["◀", 1, -0.25], ["▶", 1, 0.25], ["all", Infinity, 0]]) {
+      const button = bar.appendChild(document.createElement("button"));
+      button.type = "button";
+      button.textContent = text;
+      button.title = { "+": "zoom in", "−": "zoom out", "◀": "earlier", "▶": "later", all: "show all" }[text];
+      button.addEventListener("click", () => {
+        for (const ends of new Set(charts.map((chart) => chart.ends))) zoom(charts.find((chart) => chart.ends === ends), factor, shift);
+      });
+    }
+  }
+  const fit = () => { for (const [place, chart] of all) chart.setSize({ width: width(place), height: 230 }); };
+  addEventListener("resize", fit);
+  addEventListener("beforeprint", () => { for (const [, chart] of all) chart.setSize({ width: 330, height: 180 }); });
+  addEventListener("afterprint", fit);
+}

@@ -1,0 +1,162 @@
+"""The report of a run: what it says, and its plots in a browser."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import command_line
+import numpy as np
+import pytest
+from browser import open_page
+from command_line import RUN
+
+from sdt_drake.analysis.panels import MOST, Line, Panel
+from sdt_drake.analysis.run_report import run_report
+from sdt_drake.analysis.scope import torque_over_speed
+from sdt_drake.analysis.style import Look
+from sdt_drake.scenario import load_scenario
+from sdt_drake.simulate import Recording, simulate
+
+call, good, desk, given = (getattr(command_line, n) for n in ("call", "good", "desk", "given"))
+
+WAIT = 60_000  # ms at most, on a busy machine
+
+
+@pytest.fixture(scope="module")
+def run(designed):
+    """Of joints that are asked to move at once, and saturate: design and recording."""
+    drive = {"drive.n1": [150.0, 0.5, 0.05, 0.05], "drive.n0": [300.0, 4.0, 0.5, 0.5]}
+    design = designed("axis_pi", drive, start=8.9, end=9.5, rest=20)
+    return design, simulate(design)
+
+
+def test_the_answer_comes_first_and_is_that_of_the_recording(run, tmp_path):
+    design, recording = run
+    text = run_report(design, recording, Path("x.html"), range(4)).markdown()
+    answer = text[text.index("## In short") : text.index("## What was run")]
+    speed = np.abs(recording.v - recording.v_ref)
+    lost = np.degrees(np.abs(recording.q - recording.q_ref))
+    i, k = np.unravel_index(speed.argmax(), speed.shape)
+    assert f"by {speed.max():.4g} rad/s at {recording.time[i]:.3f} s" in answer
+    assert f"Speed:** joint {k + 1}" in answer and f"by {lost.max():.4g} deg" in answer
+    shares = recording.tau_peak.max(axis=0) / (design.robot.effort_limit / design.robot.gear_ratio)
+    assert f"up to {100 * shares.max():.1f} %" in answer
+    for k in range(4):
+        share = 100 * recording.saturated[1:, k].mean()
+        assert (f"joint {k + 1} for {share:.2g} % of the time" in answer) == (share > 0)
+    assert "could be felt" in answer and "Loops:** all are stable" in answer
+    (tmp_path / "again.yaml").write_text(re.search(r"```\n(.*?)```", text, re.DOTALL)[1])
+    assert load_scenario(tmp_path / "again.yaml") == design.scenario
+
+
+def test_torque_over_speed_lies_in_the_envelope_of_the_drive(run):
+    design, recording = run
+    panel = torque_over_speed(recording, design, 2)
+    torque, upper, lower = (line.values for line in panel.lines)
+    there = np.isfinite(torque)
+    assert there.sum() == len(recording.time) and np.all(np.diff(panel.x) >= 0)
+    order = np.argsort(recording.v[:, 2], kind="stable")
+    np.testing.assert_allclose(torque[there], recording.tau[order, 2])
+    left = np.clip((0.5 - panel.x) / (0.5 - 0.05), 0, 1)  # driving forwards
+    np.testing.assert_allclose(upper, 2150 * left, atol=1e-6)
+    np.testing.assert_allclose(lower, -2150 * np.clip((0.5 + panel.x) / 0.45, 0, 1), atol=1e-6)
+    assert {-0.5, -0.05, 0.05, 0.5} <= set(panel.x)
+
+
+def test_a_page_gets_every_sample_or_every_peak():
+    n = 30 * MOST
+    time, noise = np.arange(n) / 200, np.random.default_rng(1).normal(size=(2, n))
+    noise[0, 12_345], noise[1, 234_567] = 50, -40
+    lines = [Line(str(i), Look("k"), values) for i, values in enumerate(noise)]
+    rows = Panel("", "x", "y", time, lines).kept()
+    assert len(rows) <= MOST and {0, 12_345, 234_567, n - 1} <= set(rows)
+    # Of what a screen of 300 columns shows, from the least to the largest, nothing is missing.
+    column = np.arange(n) // (n // 300)
+    for values in noise:
+        for extreme in (np.maximum, np.minimum):
+            whole, shown = np.zeros(300), np.zeros(300)
+            extreme.at(whole, column, values)
+            extreme.at(shown, column[rows], values[rows])
+            assert np.mean(np.abs(whole - shown) < 1e-12) > 0.8
+    few = Panel("", "x", "y", time[:MOST], [Line("", Look("k"), noise[0, :MOST])])
+    assert len(few.kept()) == MOST
+    marked = Panel("", "x", "y", time[:5], [], np.array([True, False, True, True, True]))
+    assert marked.spans() == [(0, 0), (0.01, 0.02)]
+
+
+def test_plots_of_the_page_are_zoomed_and_read_off(good, desk):
+    said = good("simulate", RUN, "--out", "report.html").out
+    good("simulate", RUN, "--out", "run.csv")
+    recording = Recording.from_csv("run.csv")
+    assert re.search(r"report.html: \d\.\d MB, all in one file\nreport.html written\n$", said)
+    with open_page(desk / "report.html", width=1400) as (page, errors, requests):
+        speed, torque, over_speed = (
+            page.locator(".plots").nth(figure).locator(".uplot").nth(panel)
+            for figure, panel in ((1, 1), (3, 4), (4, 1))
+        )
+
+        def read(plot):
+            cells = (
+                plot.locator(f".u-series .u-{x}").all_inner_texts() for x in ("label", "value")
+            )
+            return dict(zip(*cells, strict=True))
+
+        def point(plot, share):
+            plot.scroll_into_view_if_needed()
+            box = plot.locator(".u-over").bounding_box()
+            page.mouse.move(box["x"] + share * box["width"], box["y"] + box["height"] / 2)
+
+        def shows(plot, time):  # at the cursor
+            near = "([cell, time]) => Math.abs(cell.innerText - time) < 0.011"
+            cell = plot.locator(".u-value").first.element_handle()
+            page.wait_for_function(near, arg=[cell, time], timeout=WAIT)
+
+        point(speed, 0.5)
+        shows(speed, 0.25)
+        shown = read(speed)
+        i = round(float(shown["time [s]"]) / 0.005)
+        assert shown["reference"] == f"{recording.v_ref[i, 1]:.5g}"
+        assert float(shown["achieved"]) == pytest.approx(recording.v[i, 1], rel=1e-4)
+        shows(torque, 0.25)  # of another joint, too
+        there = read(torque)
+        assert there["time [s]"] == shown["time [s]"]
+        assert float(there["motor torque"]) == pytest.approx(recording.tau[i, 3], rel=1e-4)
+        assert float(there["limits of the motor"]) == 2150
+
+        point(speed, 0.25)
+        page.mouse.down()
+        point(speed, 0.5)
+        page.mouse.up()
+        for share, time in ((0.01, 0.125), (0.5, 0.1875), (0.99, 0.25)):
+            point(speed, share)
+            shows(speed, time)
+            shows(torque, time)
+        page.locator(".plots").nth(1).get_by_role("button", name="all").click()
+        point(torque, 0.99)
+        shows(torque, 0.5)
+
+        point(over_speed, 0.5)
+        cell = over_speed.locator(".u-value").first
+        page.wait_for_function("cell => cell.innerText !== '–'", arg=cell.element_handle())
+        at = {name: float(value) for name, value in read(over_speed).items()}
+        near = np.abs(recording.v[:, 1] - at["motor speed [rad/s]"]) < 1e-4
+        assert np.abs(recording.tau[near, 1] - at["motor torque"]).min() < 0.1
+        page.set_viewport_size({"width": 400, "height": 800})
+        page.wait_for_function("document.querySelector('.uplot').offsetWidth < 400", timeout=WAIT)
+        assert page.evaluate("document.documentElement.scrollWidth") == 400
+        assert (errors, requests) == ([], [])
+
+
+def test_a_report_of_what_cannot_be_linearised_and_has_no_pilot(good, desk, given):
+    shutil.copy(Path(__file__).with_name("own_controllers.py"), desk.parent / "given" / "own.py")
+    controller = "{kind: proportional, file: own.py, omega_r: 66}"
+    text = f"robot: arm.sdf\nmotion: arm.yaml\nplant: {{kind: coupled}}\ncontroller: {controller}\n"
+    good("simulate", given("own.yaml", text), "--joint", "2", "--out", "new/own.md")
+    written = (desk / "new" / "own.md").read_text(encoding="utf-8")
+    assert "There is no linear analysis: controller.kind proportional" in written
+    assert "pilot" not in written.lower().replace("the pilot's", "")
+    shown = re.findall(r"\]\((own_\w+\.(?:png|html))\)", written)
+    assert shown == ["own_joint_2.png", "own_torque.png", "own_3d.html"]
+    assert {path.name for path in (desk / "new").iterdir()} == {"own.md", *shown}
