@@ -14,17 +14,8 @@ from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
 from sdt_drake.fields import check
 from sdt_drake.motion.files import load_profile
-from sdt_drake.motion.profile import (
-    Knots,
-    MotionProfile,
-    Oscillation,
-    Ramp,
-    Resultant,
-    Sampled,
-    Segment,
-    Track,
-    Turn,
-)
+from sdt_drake.motion.profile import MotionProfile, Resultant, Track
+from sdt_drake.motion.segments import Knots, Ramp, Sampled, Segment, Swing, Turn
 from sdt_drake.motion.spin import SpinGeometry, spin_geometry
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.resources import find_file
@@ -47,7 +38,7 @@ class Course:
     times: Array
     values: Array
     cosine: NDArray[np.bool_]
-    swings: tuple[tuple[float, Oscillation], ...] = ()
+    swings: tuple[tuple[float, Swing], ...] = ()
 
     @staticmethod
     def linear(times: Sequence[float] | Array, values: Sequence[float] | Array) -> Course:
@@ -251,7 +242,7 @@ def _course(
             raise InputError(f"{place}: nothing changes, expected another target or a !Hold")
         for time, speed in steps:
             go_on(start + time, speed, along_cosine=segment.blend == "cosine")
-        if isinstance(segment, Oscillation):
+        if isinstance(segment, Swing):
             swings.append((start, segment))
             angle += segment.angle()
         timeline.append(TimedSegment(" + ".join(track.joints), start, times[-1], segment.text()))
@@ -273,7 +264,7 @@ def _course(
 
 def _check_fit(segment: Segment, geometry: SpinGeometry | None, speed: float, where: str) -> None:
     """Refuse a segment that cannot begin at a speed, and a G that the spin cannot make."""
-    expected = 0.0 if isinstance(segment, (Turn, Oscillation)) else segment.start_speed(speed)
+    expected = 0.0 if isinstance(segment, (Turn, Swing)) else segment.start_speed(speed)
     if speed != expected:
         raise InputError(
             f"{where}: !{type(segment).__name__} at a speed of {np.degrees(speed):g} deg/s, "

@@ -33,7 +33,7 @@ from sdt_drake.motion import (
 )
 from sdt_drake.motion.command import Course
 from sdt_drake.motion.limiter import limit_accelerations
-from sdt_drake.motion.profile import Oscillation
+from sdt_drake.motion.segments import Oscillation
 from sdt_drake.motion.spin import spin_geometry
 from sdt_drake.tables import read_table
 

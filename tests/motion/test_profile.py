@@ -15,7 +15,16 @@ from sdt_drake.motion import (
     load_profile,
     shipped_motions,
 )
-from sdt_drake.motion.profile import Hold, Knots, Oscillation, Ramp, Sampled, Track, Turn
+from sdt_drake.motion.profile import Track
+from sdt_drake.motion.segments import (
+    Fourier,
+    Hold,
+    Knots,
+    Oscillation,
+    Ramp,
+    Sampled,
+    Turn,
+)
 from sdt_drake.resources import models_dir
 from sdt_drake.robot import edited, load_robot
 
@@ -138,6 +147,18 @@ def test_what_follows_a_swing_starts_from_the_angle_where_it_ends(robot):
     command = of_yaw(robot, Hold(duration=1), swing, Turn(to_deg=20, duration=4))
     motion = sampled(command, 1e-3)
     assert abs(motion.q[6000, 3]) > 5e-3
+    assert np.degrees(motion.q[-1, 3]) == pytest.approx(20, abs=1e-5)
+
+
+def test_a_fourier_motion_is_its_sum_and_comes_back_to_rest(robot):
+    series = Fourier(at=1, period=4, sine=[0.3, -0.15], cosine=[0.1, 0.2], end=8)
+    command = of_yaw(robot, Hold(duration=1), series, Turn(to_deg=20, duration=4))
+    motion = sampled(command, 1e-3)
+    t = 2 * np.pi / 4 * np.array([0.7, 2.9, 6.1])
+    expected = 0.3 * np.sin(t) - 0.15 * np.sin(2 * t) + 0.1 * (np.cos(t) - 1)
+    expected += 0.2 * (np.cos(2 * t) - 1)
+    assert motion.q[[1700, 3900, 7100], 3] == pytest.approx(expected, abs=1e-6)
+    assert motion.v[[1000, 9000], 3] == pytest.approx([0, 0], abs=1e-9)
     assert np.degrees(motion.q[-1, 3]) == pytest.approx(20, abs=1e-5)
 
 
@@ -335,6 +356,9 @@ BAD = [
     ([(YAW, "!Oscillation {amplitude: 1, period: .inf, fade: 1, end: 3}")], "period: inf"),
     ([(YAW, "!Oscillation {amplitude: 1, period: 1, fade: 0, end: 3}")], "fade: 0, expected"),
     ([(YAW, "!Oscillation {amplitude: 1, period: 1, fade: 1, end: 21}")], "[1]: ends at 21 s, exp"),
+    ([(YAW, "!Fourier {period: 2, sine: [1, -0.5], cosine: [0, 1], end: 3}")], "end: 3 s"),
+    ([(YAW, "!Fourier {period: 2, sine: [1, 0.5], cosine: [0, 1], end: 4}")], "starts at"),
+    ([(YAW, "!Fourier {period: 2, sine: [1, -0.5], cosine: [0], end: 4}")], "1 value(s)"),
     ([(YAW, "!Oscillation {amplitude: 1, period: 1e-9, fade: 1, end: 2}")],
      "period: 1e-09 s, expected at least 2e-05 s"),
     ([(YAW, GO, "!Oscillation {amplitude: 1, period: 1, fade: 1, end: 2}")],
