@@ -1,9 +1,87 @@
 """Motion control of spatial disorientation trainers, as Drake systems diagrams.
 
+What one needs every day is here, and loaded when it is asked for:
+
+    import sdt_drake as sdt
+
+    design = sdt.design(sdt.load("package://sdt/scenarios/coupled_pi_ctc.yaml"))
+    run = sdt.simulate(design)
+    print(sdt.track(run, design.motion).max_abs_speed_error)  # [rad/s], joint side
+
 The way of the data, each step a module: `robot` (SDF), `motion` (profile, planner), `dynamics`
 (torque groups, loads, effective inertia), `control` (tuning, step metrics), `scenario` and `design`
 (a run as data, and resolved), `systems` and `loops` (Drake blocks and diagrams), `simulate`
 (recordings), `analysis` (metrics, figures, claims, report).
 """
 
+import sys
+import types
+
+TYPE_CHECKING = False  # as `typing` has it, whose import would take half of ours
+if TYPE_CHECKING:
+    from sdt_drake.analysis import plots, plots_motion
+    from sdt_drake.analysis.comparison import compare
+    from sdt_drake.analysis.linear import linear
+    from sdt_drake.analysis.tracking import track
+    from sdt_drake.controllers import Controller, register_controller
+    from sdt_drake.design import make_design as design
+    from sdt_drake.errors import InputError
+    from sdt_drake.loops import make_loop as loop
+    from sdt_drake.motion import Motion
+    from sdt_drake.motion import load_plan as plan
+    from sdt_drake.robot import load_robot
+    from sdt_drake.scenario import Scenario
+    from sdt_drake.scenario import load_scenario as load
+    from sdt_drake.scenario import save_scenario as save
+    from sdt_drake.simulate import Recording, simulate
+
 __version__ = "0.2.0"
+
+_PLACES = {
+    "load": "scenario:load_scenario",
+    "save": "scenario:save_scenario",
+    "load_robot": "robot:load_robot",
+    "plan": "motion:load_plan",
+    "design": "design:make_design",
+    "loop": "loops:make_loop",
+    "simulate": "simulate:simulate",
+    "track": "analysis.tracking:track",
+    "compare": "analysis.comparison:compare",
+    "linear": "analysis.linear:linear",
+    "plots": "analysis.plots:",
+    "plots_motion": "analysis.plots_motion:",
+    "Scenario": "scenario:Scenario",
+    "Motion": "motion:Motion",
+    "Recording": "simulate:Recording",
+    "Controller": "controllers:Controller",
+    "register_controller": "controllers:register_controller",
+    "InputError": "errors:InputError",
+}
+__all__ = [
+    "Controller", "InputError", "Motion", "Recording", "Scenario", "compare", "design", "linear",
+    "load", "load_robot", "loop", "plan", "plots", "plots_motion", "register_controller", "save",
+    "simulate", "track",
+]  # fmt: skip
+
+
+def __getattr__(name: str) -> object:
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    import pkgutil
+
+    return pkgutil.resolve_name(f"{__name__}.{_PLACES[name]}")
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *_PLACES]
+
+
+class _Package(types.ModuleType):
+    """`sdt_drake.simulate` is the function, whoever imports the module of that name."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name not in _PLACES or not isinstance(value, types.ModuleType):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

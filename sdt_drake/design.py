@@ -6,16 +6,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+import sdt_drake
 from sdt_drake.arrays import Array
-from sdt_drake.control import (
-    SpeedGains,
-    feedforward_torque,
-    natural_frequency,
-    tune,
-)
+from sdt_drake.control import SpeedGains, feedforward_torque, natural_frequency, tune
 from sdt_drake.deviation import deviated
 from sdt_drake.device import (
     Drive,
@@ -24,7 +21,6 @@ from sdt_drake.device import (
     chosen_robot,
     friction_parameters,
     sliding_friction,
-    springs_of,
 )
 from sdt_drake.dynamics import (
     InertiaRange,
@@ -32,16 +28,21 @@ from sdt_drake.dynamics import (
     TorqueGroups,
     decouple,
     effective_inertia,
-    gravity_stiffness,
     torque_groups,
-    where_largest,
 )
 from sdt_drake.errors import InputError, within
 from sdt_drake.fields import check
 from sdt_drake.motion import LearnedReference, Motion, load_learned, load_plan
+from sdt_drake.plant import plant_along
 from sdt_drake.poles import check_poles
 from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import Scenario
+from sdt_drake.shown import Shown, Summary, of_joints
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from sdt_drake.analysis.linear import LinearModel
 
 Law = Callable[[Sequence[Array], Array, Array], Array]
 """Torque of the motors, motor side [N m], from torque groups of a model, v_ref and vd_ref."""
@@ -49,8 +50,8 @@ Law = Callable[[Sequence[Array], Array, Array], Array]
 _BITS = 31  # of a period: 2^22 multiples of it are exact, and it is off by 5e-10 of itself at most
 
 
-@dataclass(frozen=True, eq=False)
-class Design:
+@dataclass(frozen=True, eq=False, repr=False)
+class Design(Shown):
     """A scenario, resolved.
 
     Attributes:
@@ -101,6 +102,26 @@ class Design:
     tau_ff: Array | None
     steady_load: Array
     steady_ff: Array | float
+
+    def summary(self) -> Summary:
+        columns = {
+            "I_eff [kg m²]": (".5g", self.inertia.maximum),
+            "K_PS [N m s/rad]": (".4g", self.gains.kp),
+            "K_IS [N m/rad]": (".4g", self.gains.ki),
+            "omega_n [rad/s]": (".4g", self.omega_n),
+        }
+        title = f"{self.scenario.summary().title}; {self.motion.in_time}; motor side"
+        return of_joints(title, columns, self.robot.joint_names)
+
+    def plot(self) -> Figure:
+        """Effective inertia along the motion, motor side."""
+        i_eff = effective_inertia(self.robot, self.torques.d_kk)
+        title, names = f"{self.scenario.name}: effective inertia", self.robot.joint_names
+        return sdt_drake.plots.effective_inertia(title, self.motion.time, i_eff, names)
+
+    def linear(self, sample: int = 0) -> LinearModel:
+        """The closed loop around a sample of the motion, at rest there; see `sdt_drake.linear`."""
+        return sdt_drake.linear(self, sample)
 
     @property
     def loaded_robot(self) -> Robot:
@@ -213,7 +234,7 @@ def make_design(
         loaded = robot if scenario.plant.kind == "axis" else nominal
         nominal_torques = torques or _along(nominal, motion)
         torques = nominal_torques if loaded is nominal else _along(loaded, motion)
-        inertia, i_eff, springs, friction = _plant(scenario, robot, motion, torques)
+        inertia, i_eff, springs, friction = plant_along(scenario, robot, motion, torques)
 
         modelled = nominal_torques if model is nominal else _along(model, motion)
         i_eff_modelled = effective_inertia(model, modelled.d_kk)
@@ -342,43 +363,6 @@ def _along(robot: Robot, motion: Motion) -> TorqueGroups:
 
 def _loads(scenario: Scenario, robot: Robot, torques: TorqueGroups) -> Loads:
     return decouple(torques.inertial, torques.coupled, robot.gear_ratio, scenario.algorithm)
-
-
-def _plant(
-    scenario: Scenario, robot: Robot, motion: Motion, torques: TorqueGroups
-) -> tuple[InertiaRange, Array, Springs | None, FrictionParameters | None]:
-    """Inertia along the motion, that of the axis process, springs and friction of the joints."""
-    plant = scenario.plant
-    inertia = InertiaRange.of(effective_inertia(robot, torques.d_kk))
-    i_eff = inertia.maximum if plant.i_eff is None else np.array(plant.i_eff)
-    springs = _springs(scenario, robot, motion, torques, i_eff)
-    friction = None if plant.friction.is_none else friction_parameters(plant.friction, robot.n)
-    return inertia, i_eff, springs, friction
-
-
-def _springs(
-    scenario: Scenario, robot: Robot, motion: Motion, torques: TorqueGroups, i_eff: Array
-) -> Springs | None:
-    """The springs, from the inertia that each sees where it is largest along the motion."""
-    elasticity = scenario.plant.elasticity
-    if elasticity.is_rigid:
-        return None
-    if scenario.plant.kind == "axis":
-        links = robot.gear_ratio**2 * (i_eff - robot.rotor_inertia)
-        k_g = np.zeros(robot.n)
-    else:
-        links = torques.d_kk.max(axis=0)
-        at = motion.q[where_largest(torques.d_kk)]  # a row for each joint
-        k_g = np.array([gravity_stiffness(robot, at[k])[k, k] for k in range(robot.n)])
-    elastic = np.array(elasticity.natural_frequency) > 0
-    for k in np.flatnonzero(elastic):
-        if robot.rotor_inertia[k] <= 0 or links[k] <= 0:
-            raise InputError(
-                f"plant.elasticity: joint {k + 1} has the rotor inertia {robot.rotor_inertia[k]:g} "
-                f"kg m² (motor side) and the link inertia {links[k]:g} kg m² (joint side); an "
-                "elastic joint needs both > 0"
-            )
-    return springs_of(elasticity, links, k_g)
 
 
 # --- gains and feedforward -------------------------------------------------------------------

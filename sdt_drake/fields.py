@@ -31,7 +31,7 @@ import math
 import re
 import types
 import typing
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import MISSING, dataclass
 from pathlib import Path
 from typing import Any, Optional, TypeVar, cast
@@ -139,6 +139,16 @@ def made(schema: type[T], data: Any, file: Path, changed: Collection[str] = ()) 
     thing = walk.part([schema], data, "")
     walk.end(str(file))
     return cast(T, thing)
+
+
+def given(thing: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted names and values of all fields of an object that are not as by default."""
+    for field in _fields(thing):
+        value = _plain(getattr(thing, field.name))
+        if dataclasses.is_dataclass(value):
+            yield from given(value, f"{prefix}{field.name}.")
+        elif value != default_of(field):
+            yield prefix + field.name, value
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -14,9 +14,10 @@ from sdt_drake.deviation import Deviation
 from sdt_drake.device import DeviceChoice, Drive, Elasticity, Friction
 from sdt_drake.dynamics import SIGNS
 from sdt_drake.errors import InputError, replacing, whole_periods
-from sdt_drake.fields import setting
+from sdt_drake.fields import given, setting
 from sdt_drake.motion import PLANNERS
 from sdt_drake.robot import DEFAULT_ROBOT
+from sdt_drake.shown import Shown, Summary
 from sdt_drake.yaml_files import load_yaml
 
 PLANTS = ("axis", "coupled")
@@ -151,8 +152,8 @@ class Disturbance:
     omega_d: float = setting(6.283185307179586, minimum=0, unit="rad/s")
 
 
-@dataclass(slots=True)
-class Scenario:
+@dataclass(slots=True, repr=False)
+class Scenario(Shown):
     """A run.
 
     Attributes:
@@ -211,6 +212,11 @@ class Scenario:
             except InputError:
                 text = f"{self.drive.period:g}, does not divide the interpolation period"
                 yield "drive.period", f"{text}, {self.period:g} [s]"
+
+    def summary(self) -> Summary:
+        title = f"{self.name}: {self.controller.label} on the {self.plant.kind} plant"
+        rows = [(name, f"{value}") for name, value in given(self) if name != "name"]
+        return Summary(title, ("field", "value"), rows)
 
 
 def load_scenario(path: str | Path, changes: Optional[Mapping[str, Any]] = None) -> Scenario:

@@ -7,11 +7,13 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from itertools import pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Diagram
 
+import sdt_drake
 from sdt_drake.arrays import Array
 from sdt_drake.controllers import own_code
 from sdt_drake.design import Design, make_design
@@ -20,7 +22,12 @@ from sdt_drake.fields import setting
 from sdt_drake.loops import Loop, make_loop
 from sdt_drake.motor_torque import Seen, arrived, knows_its_command, period_torque
 from sdt_drake.scenario import Scenario
+from sdt_drake.shown import Shown, Summary, data_frame, of_joints
 from sdt_drake.tables import read_table, write_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 _HARDER = 20.0
 """How much harder the integrator tries on the axis plant: its motors saturate for seconds, and what
@@ -44,8 +51,8 @@ COLUMNS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording(Shown):
     """What happened in a run, at the interpolation period; arrays of shape (N + 1, n), the time
     (N + 1,).
 
@@ -100,9 +107,45 @@ class Recording:
         """q - q_ref, joint side [rad]."""
         return self.q - self.q_ref
 
+    def summary(self) -> Summary:
+        columns = {
+            "speed error [rad/s]": (".4f", np.abs(self.speed_error).max(axis=0)),
+            "position error [deg]": (".3f", np.degrees(np.abs(self.position_error).max(axis=0))),
+            "motor torque [N m]": (".1f", self.tau_peak.max(axis=0)),
+            "saturated [%]": (".2f", 100 * self.saturated[1:].mean(axis=0)),
+        }
+        step, end = self.time[1] - self.time[0], self.time[-1]
+        title = f"of {self.q.shape[1]} joints: {end:.9g} s in steps of {1000 * step:.6g} ms"
+        return of_joints(title, columns)
+
+    def plot(self, design: Design | None = None, joint: int | None = None) -> Figure:
+        """A scope: speed and its reference, errors, torque; with a design, names and limits.
+
+        Args:
+            design: of the run.
+            joint: 1..n, to show that one alone.
+
+        Raises:
+            InputError: if there is no such joint.
+        """
+        title = "Recording" if design is None else design.scenario.summary().title
+        return sdt_drake.plots.scope(title, self, design, joint)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A table of COLUMNS for each joint, its index the time.
+
+        Raises:
+            InputError: where pandas is not installed.
+        """
+        return data_frame(self.time, self._columns)
+
+    @property
+    def _columns(self) -> dict[str, Array]:
+        return {name: getattr(self, name) for name in COLUMNS}
+
     def to_csv(self, path: str | Path) -> None:
         """Write time and, for each joint, COLUMNS, exactly."""
-        write_table(path, self.time, {name: getattr(self, name) for name in COLUMNS})
+        write_table(path, self.time, self._columns)
 
     @staticmethod
     def from_csv(path: str | Path) -> Recording:

@@ -15,7 +15,7 @@ import sharing  # before anybody imports what it replaces
 
 matplotlib.use("Agg")
 
-from sdt_drake import controllers
+from sdt_drake import controllers, shown
 from sdt_drake.analysis.reproduction import Reproduction, Stopwatch, reproduce
 from sdt_drake.cli import main
 from sdt_drake.design import Design, make_design
@@ -31,6 +31,12 @@ def _clean_figures_and_seed():
     import matplotlib.pyplot as plt
 
     plt.close("all")
+
+
+@pytest.fixture(autouse=True)
+def _wide_terminal(monkeypatch):
+    """Tables are printed in one piece, so that tests can read them."""
+    monkeypatch.setattr(shown, "terminal_width", lambda: 1000)
 
 
 @pytest.fixture(autouse=True)

@@ -7,15 +7,16 @@ import hashlib
 import pickle
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
+from importlib import import_module
 
 import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
 
-from sdt_drake import simulate as module
 from sdt_drake.loops import Loop, blocks_of, make_loop
 from sdt_drake.scenario import Scenario
 
 LONG = 1000  # samples
+module = import_module("sdt_drake.simulate")  # the name in the package is the function
 folder = None  # for the results; without one, every run is a new one
 _simulate = module.simulate
 

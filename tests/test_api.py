@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ STILL = Motion.from_speeds(0.005, np.zeros(4), np.zeros((21, 4)))
         ("robot", None, "robot: empty, expected a text"),
         ("plant", None, "plant: empty, expected a PlantChoice"),
         ("controller", "pi", "controller: 'pi', expected a ControllerChoice"),
-        ("controller.kind", None, "controller.kind: empty, expected a text"),
+        ("controller.kind", None, "controller.kind: empty, expected one of pi, pi_ctc, "),
         ("controller.zeta", 0.9, "controller.zeta: 0.9, expected a list"),
         ("controller.zeta", ["a"] * 4, "controller.zeta[1]: 'a', expected a number"),
         (
@@ -66,6 +67,6 @@ def test_an_integrator_that_makes_no_headway_says_when(design, monkeypatch):
     """With the least step far above what the loop needs."""
     scenario = dataclasses.replace(design.scenario, accuracy=1e-12)
     own = make_design(scenario, robot=design.robot, motion=design.motion)
-    monkeypatch.setattr("sdt_drake.simulate._MOST_STEPS", 2)
+    monkeypatch.setattr(import_module("sdt_drake.simulate"), "_MOST_STEPS", 2)
     with pytest.raises(InputError, match=r"stuck at \d.* s \("):
         simulate(own)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
+from importlib import import_module
 
 import command_line
 import numpy as np
 import pytest
 from command_line import ENDS, FIGURE, read_csv, refused
 
-from sdt_drake import design
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.pilot import CHANNELS, DETECTORS, LINEAR, canals, felt_upright
 from sdt_drake.robot import load_robot
@@ -141,7 +141,7 @@ def test_another_robot(good, desk, recording):
 def test_a_robot_without_a_head_is_refused_before_anything_is_planned(
     call, desk, recording, monkeypatch
 ):
-    monkeypatch.setattr(design, "load_plan", None)
+    monkeypatch.setattr(import_module("sdt_drake.design"), "load_plan", None)
     headless(desk)
     text = ENDS["coupled"].replace("motion.yaml", "../given/motion.yaml")
     (desk / "headless.yaml").write_text(text + "robot: headless.sdf\n", encoding="utf-8")

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import re
 import shlex
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
-from sdt_drake import design
 from sdt_drake.cli import main
 from sdt_drake.motion import Motion
 
+design = import_module("sdt_drake.design")  # the name in the package is the function
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+from importlib import import_module
 from pathlib import Path
 
 import command_line
@@ -83,12 +84,10 @@ def test_a_motion_is_planned(desk, good, shown):
 
 
 def test_a_scenario_that_is_too_long_is_not_run(desk, call, monkeypatch):
-    import sdt_drake.simulate
-
     def simulate(design):
         raise AssertionError("computed in vain")
 
-    monkeypatch.setattr(sdt_drake.simulate, "simulate", simulate)
+    monkeypatch.setattr(import_module("sdt_drake.simulate"), "simulate", simulate)
     refused(call("view", "long.yaml", "--record", "a.html"), "long.yaml: lasts 3601 s")
 
 

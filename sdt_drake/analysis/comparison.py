@@ -8,9 +8,11 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+import sdt_drake
 from sdt_drake.analysis.metrics import COMPARED, METRICS
 from sdt_drake.analysis.threads import threads
 from sdt_drake.analysis.tracking import (
@@ -25,11 +27,16 @@ from sdt_drake.arrays import Array
 from sdt_drake.control import FEEDFORWARDS
 from sdt_drake.controllers import CONTROLLERS, Controller
 from sdt_drake.design import Design
-from sdt_drake.errors import InputError, checked_choice, replacing
+from sdt_drake.errors import InputError, checked_choice, needing, replacing
 from sdt_drake.loops import blocks_of, make_loop
 from sdt_drake.pilot import has_head
 from sdt_drake.scenario import ControllerChoice, Scenario
+from sdt_drake.shown import Shown, Summary
 from sdt_drake.simulate import Recording, simulate
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +79,36 @@ class Compared:
         }
 
 
-def compare(design: Design, labels: Sequence[str]) -> list[Compared]:
+class Comparison(list[Compared], Shown):
+    """Controllers side by side on one scenario, in their order."""
+
+    def summary(self) -> Summary:
+        scenario = self[0].design.scenario
+        return Summary(
+            f"of {len(self)} controllers on {scenario.name}, {scenario.plant.kind} plant",
+            *comparison_rows(self),
+            keys=2,
+        )
+
+    __repr__ = Shown.__repr__  # not that of a list
+
+    def plot(self) -> Figure:
+        """Errors and torques of all, side by side."""
+        return sdt_drake.plots.comparison(self.summary().title, self)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """METRICS in their computed units (SI), a row for each controller and joint.
+
+        Raises:
+            InputError: where pandas is not installed.
+        """
+        with needing("tables of pandas need it", "sdt_drake[exchange]"):
+            import pandas as pd
+        frames = {c.label: pd.DataFrame(c.metrics, index=c.design.robot.joint_names) for c in self}
+        return pd.concat(frames, names=["controller", "joint"])
+
+
+def compare(design: Design, labels: Sequence[str]) -> Comparison:
     """Run the scenario of a design with other controllers; everything else stays.
 
     Args:
@@ -88,7 +124,7 @@ def compare(design: Design, labels: Sequence[str]) -> list[Compared]:
     # One at a time where Python runs in the loop: two would wait for each other.
     online = design.scenario.inverse_dynamics == "online"
     with threads(1 if online else 2) as pool:
-        return list(pool.map(run_of, labels, designs))
+        return Comparison(pool.map(run_of, labels, designs))
 
 
 def design_with(design: Design, label: str) -> Design:

@@ -6,7 +6,9 @@ process then has the zero-order-hold map of its period.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +23,12 @@ from pydrake.systems.primitives import (
 from sdt_drake.arrays import Array
 from sdt_drake.controllers import CONTROLLERS, Controller
 from sdt_drake.design import Design
+from sdt_drake.errors import InputError, needing
 from sdt_drake.loops import make_process
+from sdt_drake.shown import Shown, Summary
+
+if TYPE_CHECKING:
+    import control
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,25 +137,119 @@ class LinearLoop:
         v = P[:, 3 * n :] @ tau
         return np.einsum("ikk->ik", v)
 
+    def whole(self) -> StateSpace:
+        """From [reference (3n), tau_ff (n)] to [state (2n), tau_cmd (n)], all loops closed.
+
+        tau_ff is added to the feedback, motor side [N m]. The states are those of the process,
+        then those of the feedback.
+        """
+        p, f, n = self.process, self.feedback, self.n
+        by_reference, by_measured = np.hsplit(f.B, [3 * n])
+        at_once, from_measured = np.hsplit(f.D, [3 * n])
+        measured, state = p.C[: 2 * n], p.C[2 * n :]  # tau reaches neither at once: D is 0 there
+        fed_back = from_measured @ measured
+        return StateSpace(
+            A=np.block([[p.A + p.B @ fed_back, p.B @ f.C], [by_measured @ measured, f.A]]),
+            B=np.block([[p.B @ at_once, p.B], [by_reference, np.zeros((len(f.A), n))]]),
+            C=np.block([[state, np.zeros((2 * n, len(f.A)))], [fed_back, f.C]]),
+            D=np.block([[np.zeros((2 * n, 4 * n))], [at_once, np.eye(n)]]),
+            period=p.period,
+        )
+
     def closed(self, k: int) -> StateSpace:
         """From v_ref of joint k to v of its link, all loops closed; q_ref is the integral of v_ref.
 
         vd_ref is 0: a step has none. Of the states only those that come between: on decoupled axes
         those of joint k.
         """
-        p, f, n = self.process, self.feedback, self.n
-        from_measured = f.B[:, 3 * n :]
-        measured = p.C[: 2 * n]  # tau does not reach the encoders at once: D is 0 there
-        q_ref, v_ref = (np.vstack([p.B @ f.D[:, [i]], f.B[:, [i]]]) for i in (k, n + k))
-        rest = float(p.period > 0)  # what keeps q_ref: x+ = x, or x' = 0
-        A = np.block([
-            [p.A + p.B @ f.D[:, 3 * n :] @ measured, p.B @ f.C, q_ref[: len(p.A)]],
-            [from_measured @ measured, f.A, q_ref[len(p.A) :]],
-            [np.zeros((1, len(p.A) + len(f.A))), np.full((1, 1), rest)],
-        ])  # fmt: skip
-        B = np.vstack([v_ref, np.full((1, 1), p.period or 1.0)])
-        C = np.hstack([p.C[[3 * n + k]], np.zeros((1, len(f.A) + 1))])
-        return StateSpace(A, B, C, np.zeros((1, 1)), p.period).between()
+        loop, n = self.whole(), self.n
+        q_ref, v_ref = loop.B[:, [k]], loop.B[:, [n + k]]
+        rest = float(loop.period > 0)  # what keeps q_ref: x+ = x, or x' = 0
+        A = np.block([[loop.A, q_ref], [np.zeros((1, len(loop.A))), np.full((1, 1), rest)]])
+        B = np.vstack([v_ref, np.full((1, 1), loop.period or 1.0)])
+        C = np.append(loop.C[[n + k]], [[0.0]], axis=1)
+        return StateSpace(A, B, C, np.zeros((1, 1)), loop.period).between()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LinearModel(Shown, StateSpace):
+    """The same with names; speeds, angles and their references joint side, torques motor side.
+
+    Attributes:
+        states, inputs, outputs: names, `name_k` for joint k.
+    """
+
+    states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+
+    def summary(self) -> Summary:
+        kind = f"sampled every {1000 * self.period:.6g} ms" if self.period else "continuous"
+        rows = []
+        for part in ("states", "inputs", "outputs"):
+            names = getattr(self, part)
+            stems = dict.fromkeys(f"{name.rpartition('_')[0]}_k" for name in names)
+            rows.append((part, f"{len(names)}", ", ".join(stems)))
+        return Summary(kind, ("", "number", "names"), rows)
+
+    def to_control(self) -> control.StateSpace:
+        """The same for python-control.
+
+        Raises:
+            InputError: where that is not installed.
+        """
+        with needing("to_control needs python-control", "sdt_drake[exchange]"):
+            import control
+        names = {name: list(getattr(self, name)) for name in ("states", "inputs", "outputs")}
+        return control.ss(self.A, self.B, self.C, self.D, self.period, **names)
+
+
+def linear(design: Design, sample: int = 0) -> LinearModel:
+    """The closed loop of a design around a sample of its motion, at rest there, with names.
+
+    Inputs are q_ref, v_ref, vd_ref and tau_ff, a torque that is added to the feedback's; outputs
+    q, v and tau_cmd. What counts and what does not, `linearise` says.
+
+    Raises:
+        InputError: for a sample that the motion does not have, or a controller that cannot be
+            linearised.
+    """
+    last = len(design.motion.v) - 1
+    if not 0 <= sample <= last:
+        raise InputError(f"sample: {sample}, expected 0 to {last}")
+    loop = linearise(design, sample).whole()
+    n, kind = design.robot.n, design.scenario.controller.kind
+    process, feedback = make_process(design), CONTROLLERS[kind].linear(design, sample)
+    states = [*_of_joints(n, "q", "v"), *_state_names(process)[2 * n :]]
+    late = len(loop.A) - len(states) - len(_state_names(feedback))  # positions one period before
+    states += [f"q_before_{k + 1}" for k in range(late)] + _state_names(feedback)
+    inputs = _of_joints(n, "q_ref", "v_ref", "vd_ref", "tau_ff")
+    outputs = _of_joints(n, "q", "v", "tau_cmd")
+    named = (tuple(states), tuple(inputs), tuple(outputs))
+    return LinearModel(loop.A, loop.B, loop.C, loop.D, loop.period, *named)
+
+
+def _of_joints(n: int, *names: str) -> list[str]:
+    return [f"{name}_{k + 1}" for name in names for k in range(n)]
+
+
+def _state_names(system: System) -> list[str]:
+    """Of the continuous state, or else the discrete one, by the names of the blocks."""
+    names = []
+    for block in _leaves(system):
+        context = block.CreateDefaultContext()
+        size = context.num_continuous_states() or context.num_total_states()
+        names += _of_joints(size, block.get_name())
+    return names
+
+
+def _leaves(system: System) -> Iterator[System]:
+    """The blocks in the order of their states."""
+    if isinstance(system, Diagram):
+        for inner in system.GetSystems():
+            yield from _leaves(inner)
+    else:
+        yield system
 
 
 def linearise(design: Design, sample: int = 0) -> LinearLoop:

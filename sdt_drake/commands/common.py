@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from sdt_drake.errors import InputError, checked_name, checked_output
+from sdt_drake.shown import aligned
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -273,12 +274,10 @@ def stop_printing(stream: TextIO) -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def print_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print aligned columns: the first to the left, the others to the right."""
-    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
-    for cells in (header, *rows):
-        first = cells[0].ljust(widths[0])
-        say("  ".join([first, *(c.rjust(w) for c, w in zip(cells[1:], widths[1:], strict=True))]))
+def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], keys: int = 1) -> None:
+    """Print aligned columns within 80 characters; see `aligned`."""
+    for line in aligned(header, rows, keys):
+        say(line)
 
 
 def print_joints(names: Sequence[str], columns: Sequence[tuple[str, str, Iterable[Any]]]) -> None:

@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> None:
     count = f"{len(compared)} controller{'s' if len(compared) > 1 else ''}"
     say(f"{scenario.name}: {count} on the {scenario.plant.kind} plant")
     header, rows = comparison_rows(compared)
-    print_table(header, rows)
+    print_table(header, rows, keys=2)
     say("speeds and positions are joint side, torques motor side, % of the motor's largest")
     for c in compared:
         for line in stops_passed(c.recording, c.design.robot.joint_names):

@@ -11,11 +11,11 @@ import numpy as np
 from sdt_drake.errors import InputError, checked_choice, within
 from sdt_drake.motion.command import Command, load_command
 from sdt_drake.motion.limiter import plan_motion
-from sdt_drake.motion.plan import Plan, checked_torque
+from sdt_drake.motion.plan import INTERPOLATION_PERIOD, Plan, checked_torque
 from sdt_drake.motion.resampling import import_motion
 from sdt_drake.motion.retiming import retime
 from sdt_drake.resources import find_file
-from sdt_drake.robot import Robot
+from sdt_drake.robot import Robot, load_robot
 
 PLANNERS = {"limiter": plan_motion, "retiming": retime}
 """Each `(robot, command, *, period, torque_margin) -> Plan`."""
@@ -23,9 +23,9 @@ PLANNERS = {"limiter": plan_motion, "retiming": retime}
 
 def load_plan(
     path: str | Path,
-    robot: Robot,
+    robot: Robot | None = None,
     *,
-    period: float,
+    period: float = INTERPOLATION_PERIOD,
     torque_margin: float = 1.0,
     planner: str = "limiter",
 ) -> Plan:
@@ -36,7 +36,7 @@ def load_plan(
 
     Args:
         path: of the file, or the name of a shipped motion.
-        robot: that has to do it.
+        robot: that has to do it; the shipped one by default.
         period: of the samples [s].
         torque_margin: share of the motors' torque that the motion may take [-].
         planner: one of PLANNERS.
@@ -45,6 +45,7 @@ def load_plan(
         InputError: if there is no such file, or `robot` cannot do the motion.
     """
     checked_choice(planner, tuple(PLANNERS), "planner")
+    robot = load_robot() if robot is None else robot
     file = find_file(path, "motion")
     plan = partial(PLANNERS[planner], robot, period=period, torque_margin=torque_margin)
     with within(file):

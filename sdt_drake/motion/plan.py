@@ -4,18 +4,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+import sdt_drake
 from sdt_drake.arrays import Array
 from sdt_drake.dynamics import inverse_dynamics
 from sdt_drake.errors import InputError, whole_periods
 from sdt_drake.motion.command import Command
+from sdt_drake.motion.margins import margins
 from sdt_drake.motion.resampling import Loss
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot import Robot
+from sdt_drake.shown import Shown, Summary, of_joints
 from sdt_drake.tables import write_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 INTERPOLATION_PERIOD = 0.005  # s, published
 TORQUE_TOLERANCE = 1e-6  # N m
@@ -29,8 +36,8 @@ _ANY_ACCELERATION = 1e6  # rad/s²
 _REST = 1e-3  # rad/s; what is slower is at rest
 
 
-@dataclass(frozen=True, eq=False)
-class Plan:
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan(Shown):
     """A motion that the motors can do, and how hard they work.
 
     Attributes:
@@ -59,6 +66,21 @@ class Plan:
     def angle_lost(self) -> Array:
         """How far the joints end from where they are commanded [rad], shape (n,)."""
         return np.abs(self.motion.q[-1] - self.commanded.q[-1])
+
+    def summary(self) -> Summary:
+        title = f"of {self.motion.n} joints: {self.motion.in_time}"
+        if self.longer > 0:
+            title += f", {self.longer:.6g} s longer than commanded"
+        columns = {
+            "torque [N m]": (".1f", np.abs(self.torque).max(axis=0)),
+            "held back [s]": (".3f", self.limited.sum(axis=0) * self.motion.period),
+            "ends off by [deg]": (".2f", np.degrees(self.angle_lost)),
+        }
+        return of_joints(title, columns)
+
+    def plot(self, robot: Robot) -> Figure:
+        """Torques and speeds of its robot, with their limits."""
+        return sdt_drake.plots_motion.plan("Plan", robot, self, margins(robot, self.motion))
 
     def peak_use(self, robot: Robot) -> Array:
         """Largest |torque| over the motor's limit [-], shape (n,)."""

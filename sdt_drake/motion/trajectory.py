@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
+import sdt_drake
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
+from sdt_drake.shown import Shown, Summary, data_frame, of_joints
 from sdt_drake.tables import read_table, write_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 COLUMNS = ("q_ref", "v_ref", "vd_ref")
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
+@dataclass(frozen=True, eq=False, repr=False)
+class Motion(Shown):
     """Joint positions, speeds and accelerations at time i * period, i = 0..N; joint side.
 
     The acceleration of sample i holds until sample i + 1, so speeds are piecewise linear and
@@ -76,9 +84,41 @@ class Motion:
         """
         return PiecewisePolynomial.CubicHermite(self.time, self.q.T, self.v.T)
 
+    def summary(self) -> Summary:
+        degrees = np.degrees(self.q)
+        columns = {
+            "from [deg]": (".1f", degrees.min(axis=0)),
+            "to [deg]": (".1f", degrees.max(axis=0)),
+            "speed [rad/s]": (".4g", np.abs(self.v).max(axis=0)),
+            "acceleration [rad/s²]": (".4g", np.abs(self.vd).max(axis=0)),
+        }
+        return of_joints(f"of {self.n} joints: {self.in_time}", columns)
+
+    @property
+    def in_time(self) -> str:
+        """Its time in words."""
+        return f"{self.duration:.9g} s in steps of {1000 * self.period:.6g} ms"
+
+    def plot(self, joint_names: Sequence[str] = ()) -> Figure:
+        """Positions, speeds and accelerations over time."""
+        names = joint_names or [f"{k + 1}" for k in range(self.n)]
+        return sdt_drake.plots.trajectories("Motion", self, names)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A table of q_ref_k, v_ref_k, vd_ref_k, its index the time.
+
+        Raises:
+            InputError: where pandas is not installed.
+        """
+        return data_frame(self.time, self._columns)
+
+    @property
+    def _columns(self) -> dict[str, Array]:
+        return dict(zip(COLUMNS, (self.q, self.v, self.vd), strict=True))
+
     def to_csv(self, path: str | Path) -> None:
         """Write time, q_ref_k, v_ref_k, vd_ref_k, exactly."""
-        write_table(path, self.time, dict(zip(COLUMNS, (self.q, self.v, self.vd), strict=True)))
+        write_table(path, self.time, self._columns)
 
     @staticmethod
     def from_csv(path: str | Path) -> Motion:

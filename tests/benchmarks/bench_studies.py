@@ -19,12 +19,12 @@ import sys
 import tempfile
 import time
 from contextlib import closing, contextmanager
+from importlib import import_module
 from pathlib import Path
 from queue import SimpleQueue
 
 import numpy as np
 
-from sdt_drake import simulate as simulate_module
 from sdt_drake.scenario import load_scenario
 from sdt_drake.studies.cluster import Cluster
 from sdt_drake.studies.execute import run_study
@@ -48,6 +48,7 @@ def job_of(rows: int) -> Job:
 def overhead(rows: int) -> None:
     job = job_of(rows)
     runner, stepping = Runner(job.study, job.base), []
+    simulate_module = import_module("sdt_drake.simulate")
     make_simulator = simulate_module.make_simulator
 
     class Timed:

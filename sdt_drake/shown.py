@@ -1,0 +1,144 @@
+"""How objects show themselves: in a line, printed as a small table, in a notebook as a page's."""
+
+from __future__ import annotations
+
+import html
+import re
+import shutil
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from sdt_drake.arrays import Array
+from sdt_drake.errors import needing
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+_LEAST = 80  # characters of a line
+_MOST_LINES = 5  # of a header
+
+
+class Summary(NamedTuple):
+    """The gist of an object: a line, and a table whose first `keys` columns name the rows."""
+
+    title: str
+    header: Sequence[str] = ()
+    rows: Sequence[Sequence[str]] = ()
+    keys: int = 1
+
+
+class Shown:
+    """An object that shows its `summary`; to derive from."""
+
+    __slots__ = ()
+
+    def summary(self) -> Summary:
+        """What it is, in a line, and its numbers."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.summary().title}>"
+
+    def __str__(self) -> str:
+        summary = self.summary()
+        title = f"{type(self).__name__} {summary.title}"
+        return "\n".join([title, *aligned(*summary[1:])])
+
+    def _repr_html_(self) -> str:
+        """For notebooks."""
+        title, header, rows, _ = self.summary()
+        told = f"<b>{type(self).__name__}</b> {html.escape(title)}"
+        lines = [[f"<th>{html.escape(name)}</th>" for name in header]]
+        lines += [[f"<td>{html.escape(cell)}</td>" for cell in row] for row in rows]
+        table = "".join(f"<tr>{''.join(cells)}</tr>" for cells in lines)
+        return f"<p>{told}</p><table>{table}</table>" if rows else f"<p>{told}</p>"
+
+
+def aligned(
+    header: Sequence[str], rows: Sequence[Sequence[str]], keys: int = 1, width: int = 0
+) -> list[str]:
+    """Lines of a table: the first column to the left, the others to the right.
+
+    One that is wider than `width`, by default the terminal, or 80 characters, has its headers on
+    several lines; if that is not enough, its columns stand below each other in blocks, each with
+    the first `keys` columns again.
+    """
+    if not header:
+        return []
+    columns = [list(column) for column in zip(header, *rows, strict=True)]
+    blocks, width = [columns], width or terminal_width()
+    if _width(columns) > width:
+        columns = [_stacked(column) for column in columns]
+        blocks = _blocks(columns[:keys], columns[keys:], width)
+    lines: list[str] = []
+    for block in blocks:
+        lines += [""] * bool(lines) + _lines(block)
+    return lines
+
+
+def terminal_width() -> int:
+    """Of the terminal, where there is one, or $COLUMNS [characters]; at least 80."""
+    return max(_LEAST, shutil.get_terminal_size().columns)
+
+
+def _width(columns: Sequence[Sequence[str]]) -> int:
+    return sum(max(map(len, column)) + 2 for column in columns) - 2
+
+
+def _stacked(column: Sequence[str]) -> list[str]:
+    """A column whose header is on as many lines as its words need, of _MOST_LINES."""
+    header, *cells = column
+    # A unit like [N m s/rad] is one word.
+    text = re.sub(r"\[.*\]", lambda unit: unit[0].replace(" ", "\xa0"), header)
+    longest = max(map(len, [*cells, *text.split(" ")]))
+    lines = textwrap.wrap(text, max(longest, 1), break_long_words=False) or [""]
+    return [*[""] * (_MOST_LINES - len(lines)), *(x.replace("\xa0", " ") for x in lines), *cells]
+
+
+def _blocks(keys: list[list[str]], columns: list[list[str]], width: int) -> list[list[list[str]]]:
+    blocks = [list(keys)]
+    for column in columns:
+        if len(blocks[-1]) > len(keys) and _width([*blocks[-1], column]) > width:
+            blocks.append(list(keys))
+        blocks[-1].append(column)
+    return blocks
+
+
+def _lines(columns: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(map(len, column)) for column in columns]
+    lines = []
+    for first, *others in zip(*columns, strict=True):
+        right = [cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True)]
+        lines.append("  ".join([first.ljust(widths[0]), *right]).rstrip())
+    return list(filter(None, lines))  # headers that are shorter than others'
+
+
+def of_joints(
+    title: str, columns: Mapping[str, tuple[str, Array]], names: Sequence[str] = ()
+) -> Summary:
+    """A table with a row for each joint: by header, a format and the values, shape (n,)."""
+    n = len(next(iter(columns.values()))[1])
+    joints = [f"{k + 1} {name}" for k, name in enumerate(names or [""] * n)]
+    rows = [
+        [joint.strip(), *(format(values[k], spec) for spec, values in columns.values())]
+        for k, joint in enumerate(joints)
+    ]
+    return Summary(title, ("joint", *columns), rows)
+
+
+def data_frame(time: Array, columns: Mapping[str, Array]) -> pd.DataFrame:
+    """A table of pandas: time [s] as index, and `name_k` for joint k, of values of shape (N, n).
+
+    Raises:
+        InputError: where pandas is not installed.
+    """
+    with needing("tables of pandas need it", "sdt_drake[exchange]"):
+        import pandas as pd
+    flat = {
+        f"{name}_{k + 1}": column
+        for name, values in columns.items()
+        for k, column in enumerate(values.T)
+    }
+    return pd.DataFrame(flat, index=pd.Index(time, name="time"))

@@ -1,0 +1,171 @@
+"""`import sdt_drake as sdt`: names of daily use; objects in a line, as tables, as figures."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import sdt_drake as sdt
+from sdt_drake.analysis.comparison import Comparison, run_of
+from sdt_drake.analysis.linear import LinearModel
+from sdt_drake.controllers import CONTROLLERS
+from sdt_drake.shown import aligned
+from sdt_drake.simulate import Recording, simulate
+
+SOURCE = Path(sdt.__file__)
+
+
+@pytest.fixture(scope="module")
+def short(designed):
+    return designed("coupled_pi_ctc", end=0.5)
+
+
+@pytest.fixture(scope="module")
+def run(short):
+    return simulate(short)
+
+
+def test_names_are_what_the_type_checker_takes_them_for():
+    tree = ast.parse(SOURCE.read_text(encoding="utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    imported = {}
+    for line in block.body:
+        for name in line.names:
+            place = f"{line.module}.{name.name}" in sys.modules or line.module.endswith("analysis")
+            one = import_module(f"{line.module}.{name.name}") if place else None
+            own = name.asname or name.name
+            imported[own] = one or getattr(import_module(line.module), name.name)
+    assert {name: getattr(sdt, name) for name in sdt.__all__} == imported
+    assert set(sdt.__all__) == set(sdt._PLACES) <= set(dir(sdt))
+    with pytest.raises(AttributeError, match="no attribute 'simulat'"):
+        sdt.simulat  # noqa: B018
+
+
+def test_functions_stay_whoever_imports_the_modules_of_their_names():
+    """And nothing is loaded before it is asked for."""
+    code = (
+        "import sys, sdt_drake as sdt\n"
+        "assert [m for m in sys.modules if m.startswith('sdt_drake')] == ['sdt_drake']\n"
+        "assert not {'numpy', 'pydrake', 'typing', 'pkgutil'} & {*sys.modules} - BEFORE\n"
+        "from sdt_drake.simulate import simulate\n"
+        "import sdt_drake.design\n"
+        "from sdt_drake.design import make_design\n"
+        "assert sdt.simulate is simulate and sdt.design is make_design\n"
+        "assert sys.modules['sdt_drake.simulate'].simulate is simulate\n"
+    )
+    code = "import sys; BEFORE = {*sys.modules}\n" + code
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_objects_show_themselves_shortly(robot, short, run):
+    shown = {
+        "Scenario": short.scenario,
+        "Design": short,
+        "Motion": short.motion,
+        "Plan": sdt.plan("leans", robot),
+        "Recording": run,
+        "Comparison": Comparison([run_of("pi_ctc", short, run)]),
+        "LinearModel": short.linear(),
+    }
+    for name, thing in shown.items():
+        line, text, page = repr(thing), str(thing), thing._repr_html_()
+        narrow = aligned(*thing.summary()[1:], width=80)
+        assert line.startswith(f"<{name} ") and len(line) <= 100 and "\n" not in line
+        assert text.startswith(f"{name} ") and 3 <= len(text.splitlines()) <= 8
+        assert max(map(len, narrow)) <= 80
+        assert page.count("<tr>") == len(text.splitlines()) - 1 and f"<b>{name}</b>" in page
+    # The numbers are those of the arrays.
+    largest = np.abs(run.speed_error).max(axis=0)
+    assert [line.split()[1] for line in str(run).splitlines()[2:]] == [f"{x:.4f}" for x in largest]
+    assert f"{short.gains.ki[2]:.4g}" in str(short).splitlines()[4]
+    scenario = sdt.load("package://sdt/scenarios/coupled_pi.yaml")
+    scenario.name = "<b>"
+    assert "&lt;b&gt;: pi on the coupled plant" in scenario._repr_html_()
+
+
+def test_wide_tables_fit_and_lose_nothing():
+    header = ["controller", "joint", *(f"some quantity {i} [N m s/rad]" for i in range(9))]
+    rows = [[c, k, *(f"{c}{k}{i}" for i in range(9))] for c in "ab" for k in "12"]
+    assert len(aligned(header, rows, 2, 400)) == 5
+    narrow = aligned(header, rows, 2, 60)
+    assert max(map(len, narrow)) <= 60
+    blocks = [block.splitlines() for block in "\n".join(narrow).split("\n\n")]
+    assert len(blocks) == 3 and all("[N m s/rad]" in block[-5] for block in blocks)
+    for k, row in enumerate(rows):
+        cells = [block[-4 + k].split() for block in blocks]
+        assert {tuple(part[:2]) for part in cells} == {tuple(row[:2])}
+        assert [cell for part in cells for cell in part[2:]] == row[2:]
+
+
+def test_objects_plot_themselves(robot, short, run):
+    plan = sdt.plan("leans", robot)
+    figures = [
+        *(run.plot(short, joint=2), short.plot(), short.motion.plot()),
+        *(plan.plot(robot), Comparison([run_of("pi_ctc", short, run)]).plot()),
+    ]
+    assert all(isinstance(figure, Figure) for figure in figures)
+
+
+def test_tables_of_pandas(short, run):
+    pytest.importorskip("pandas")
+    table = run.to_pandas()
+    assert table.index.name == "time" and np.array_equal(table.index, run.time)
+    assert np.array_equal(table["tau_cmd_2"], run.tau_cmd[:, 1])
+    assert np.array_equal(short.motion.to_pandas()["vd_ref_4"], short.motion.vd[:, 3])
+    compared = Comparison([run_of("pi_ctc", short, run)]).to_pandas()
+    assert compared.loc[("pi_ctc", "roll"), "max_abs_speed_error"] == pytest.approx(
+        np.abs(run.speed_error[:, 1]).max()
+    )
+
+
+def test_poles_of_the_axis_loop_are_those_of_the_papers_transfer_function(designed):
+    """v / v_ref = K_IS / (I s² + K_PS s + K_IS), Section 3.3 with P in the feedback path."""
+    pytest.importorskip("control")
+    design = designed("axis_pi", end=0.5)
+    model = design.linear()
+    system = model.to_control()
+    for k in range(4):
+        kp, ki, inertia = design.gains.kp[k], design.gains.ki[k], design.i_eff[k]
+        poles = np.roots([inertia, kp, ki])
+        for pole in poles:
+            assert np.abs(system.poles() - pole).min() < 1e-9 * abs(pole)
+        s = 10j
+        gain = system(s)[model.outputs.index(f"v_{k + 1}"), model.inputs.index(f"v_ref_{k + 1}")]
+        assert gain == pytest.approx(ki / (inertia * s**2 + kp * s + ki), rel=1e-9)
+        # The load torque acts on the motor: v = s / (I s² + ...) tau / r.
+        load = system(s)[model.outputs.index(f"v_{k + 1}"), model.inputs.index(f"tau_ff_{k + 1}")]
+        r = design.robot.gear_ratio[k]
+        assert load == pytest.approx(s / (inertia * s**2 + kp * s + ki) / r, rel=1e-9)
+    assert list(system.state_labels) == list(model.states)
+    assert np.count_nonzero(np.abs(model.A[:4, 4:8] - np.eye(4)) > 1e-12) == 0  # q' = v
+
+
+SAMPLED = {"drive.period": 0.001, "drive.encoder_resolution": [1e6] * 4}
+
+
+@pytest.mark.parametrize("fields", [{}, SAMPLED], ids=["continuous", "sampled"])
+@pytest.mark.parametrize("kind", CONTROLLERS)
+def test_every_state_has_a_name(designed, kind, fields):
+    model = designed("coupled_pi", {"controller.kind": kind, **fields}, end=0.5).linear(20)
+    assert isinstance(model, LinearModel)
+    assert model.A.shape == (len(model.states),) * 2
+    assert model.B.shape[1], model.C.shape[0] == (len(model.inputs), len(model.outputs))
+    assert len(set(model.states)) == len(model.states)
+    rest = {name.rpartition("_")[0] for name in model.states[8:]}
+    assert rest <= {"q_before", "integral", "pid"}, rest  # of Drake's inverse dynamics
+
+
+def test_a_sample_that_is_not_there(short):
+    with pytest.raises(sdt.InputError, match="sample: 101, expected 0 to 100"):
+        short.linear(101)
+
+
+def test_recording_is_the_class_of_daily_use():
+    assert sdt.Recording is Recording
