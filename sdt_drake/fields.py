@@ -311,7 +311,8 @@ def expected(hint: Any, rule: Rule) -> str:
     """For people: what a field of a type takes."""
     schema = options_of(hint)[0]
     if rule.choices:
-        return f"one of {', '.join(rule.choices)}"
+        few = "some" if typing.get_origin(schema) is list else "one"
+        return f"{few} of {', '.join(rule.choices)}"
     if kinds := _kinds(hint):
         return kinds.replace("mappings", "a mapping")
     if typing.get_origin(schema) is list:

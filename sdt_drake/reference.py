@@ -13,6 +13,7 @@ from typing import NamedTuple
 from sdt_drake.analysis.document import Block, Heading, Table, Text, write_text
 from sdt_drake.controllers import CONTROLLERS, Controller
 from sdt_drake.device import Catalogue
+from sdt_drake.drive_files import Drives
 from sdt_drake.errors import InputError
 from sdt_drake.motion import MotionProfile
 from sdt_drake.scenario import Scenario
@@ -25,6 +26,7 @@ FILES: Mapping[str, type] = {
     "scenario": Scenario,
     "motion": MotionProfile,
     "motors": Catalogue,
+    "drives": Drives,
     "study": Study,
     "sizing": Sizing,
 }
@@ -199,6 +201,7 @@ TOPICS: Mapping[str, Callable[[], Chapter]] = {
     "recording": _recording,
     "robot": _robot,
     "motors": _file("motors", "Motors"),
+    "drives": _file("drives", "Drives"),
     "study": _file("study", "Studies"),
     "sizing": _file("sizing", "Sizings"),
 }

@@ -19,6 +19,7 @@ SHIPPED = {
     "study": "studies/*.yaml",
     "robot": "*.sdf",
     "motors": "motors*.yaml",
+    "drives": "drives*.yaml",
 }
 """By kind, the files below `models/` that ship with the package; their short names are unique."""
 

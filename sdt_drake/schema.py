@@ -106,7 +106,7 @@ def _told(hint: Any, default: Any) -> str:
     if default in (None, "", []):
         return "none"
     if isinstance(default, list):
-        return f"[{', '.join(f'{x:.12g}' for x in default)}]"
+        return f"[{', '.join(x if isinstance(x, str) else f'{x:.12g}' for x in default)}]"
     if isinstance(default, bool):
         return "true" if default else "false"
     return f"{default:.12g}" if isinstance(default, float) else str(default)

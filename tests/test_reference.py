@@ -14,8 +14,9 @@ from test_field_rules import BAD, Drawing
 
 from sdt_drake import sdf
 from sdt_drake.cli import main
+from sdt_drake.drive_files import Samples, write_drive_table
 from sdt_drake.errors import InputError
-from sdt_drake.motion import Motion, Plan, write_drive_table
+from sdt_drake.motion import Motion
 from sdt_drake.reference import ELEMENTS, FILES, SCHEMAS, TOPICS, schema_text, with_reference
 from sdt_drake.resources import models_dir
 from sdt_drake.schema import json_schema, parts
@@ -141,9 +142,9 @@ def test_columns_of_tables_are_those_of_the_files(robot, tmp_path):
     still = Motion.from_speeds(0.005, np.zeros(n), np.zeros((3, n)))
     values = {f.name: np.zeros((3, n)) for f in dataclasses.fields(Recording)}
     recording = Recording(**{**values, "time": still.time})
-    plan = Plan(still, still.q, still.q > 0, 1.0, still)
+    samples = Samples(still.period, still.q, still.v, still.q)
     sheets = [*TOPICS["recording"]().sheets, *TOPICS["tables"]().sheets]
-    writers = (recording.to_csv, still.to_csv, lambda path: write_drive_table(path, robot, plan))
+    writers = (recording.to_csv, still.to_csv, lambda path: write_drive_table(path, robot, samples))
     for sheet, write in zip(sheets, writers, strict=True):
         write(file)
         names = [name.replace("_k", f"_{k}") for name, *_ in sheet.rows for k in range(1, n + 1)]

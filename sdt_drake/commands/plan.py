@@ -19,7 +19,7 @@ from sdt_drake.commands.common import (
     say,
     some_path,
 )
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, within
 from sdt_drake.fields import check
 
 if TYPE_CHECKING:
@@ -58,14 +58,16 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--drive-table",
         type=some_path,
         metavar="FILE.csv",
-        help="positions, speeds and torque pre-control of the motors, motor side",
+        help="positions, speeds and torque pre-control of the motors, motor side, in SI units; "
+        "`export` writes what drives read",
     )
     add_figure(parser, "the motion (.csv), or a figure of torques and speeds (.png, .svg, .pdf)")
 
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis import plots_motion
-    from sdt_drake.motion import load_plan, margins, write_drive_table
+    from sdt_drake.drive_files import samples_of, write_drive_table
+    from sdt_drake.motion import load_plan, margins
     from sdt_drake.robot import load_robot
 
     _check_outputs(options)
@@ -82,7 +84,9 @@ def run(options: argparse.Namespace) -> None:
     )
     report = margins(robot, plan.motion, n1=n1, n0=n0)
     if options.drive_table:
-        write_drive_table(options.drive_table, robot, plan)
+        with within(options.drive_table):
+            samples = samples_of(robot, plan.motion, plan.motion.period)
+        write_drive_table(options.drive_table, robot, samples)
     _print_report(options, robot, plan, report)
     if options.drive_table:
         say(f"{options.drive_table} written")

@@ -12,7 +12,6 @@ from sdt_drake.motion.plan import (
     checked_torque,
     commanded_motion,
     ends_in_motion,
-    write_drive_table,
 )
 from sdt_drake.motion.profile import MotionProfile
 from sdt_drake.motion.resampling import import_motion
@@ -42,5 +41,4 @@ __all__ = [
     "plan_motion",
     "retime",
     "shipped_motions",
-    "write_drive_table",
 ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +18,6 @@ from sdt_drake.motion.resampling import Loss
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot import Robot
 from sdt_drake.shown import Shown, Summary, of_joints
-from sdt_drake.tables import write_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -191,25 +189,6 @@ def _refuse_beyond(
 
 def _place(robot: Robot, motion: Motion, i: int, k: int) -> str:
     return f"joint {k + 1} '{robot.joint_names[k]}' at {motion.time[i]:.3f} s"
-
-
-def write_drive_table(path: str | Path, robot: Robot, plan: Plan) -> None:
-    """Write time [s], q_motor_k [rad], v_motor_k [rad/s], tau_motor_k [N m], all **motor side**.
-
-    q_motor = r q, v_motor = r v, tau_motor = tau / r, with tau the full inverse dynamics, the
-    motors' own inertia included. So tau_motor is the whole torque of a motor, for the additive
-    torque setpoint of its drive; a pre-control by acceleration times inertia in the drive has to be
-    off then. A row holds until the next one; the last row has no acceleration any more.
-
-    Raises:
-        InputError: if a joint starts or ends in motion, or the file cannot be written.
-    """
-    moving = ends_in_motion(robot, plan.motion)
-    if moving:
-        raise InputError(f"{path}: {moving[0]}, expected rest: no drive starts or ends in motion")
-    motion, r = plan.motion, robot.gear_ratio
-    columns = {"q_motor": r * motion.q, "v_motor": r * motion.v, "tau_motor": plan.torque / r}
-    write_table(path, motion.time, columns)
 
 
 def ends_in_motion(robot: Robot, motion: Motion) -> list[str]:

@@ -26,16 +26,13 @@ from sdt_drake.motion import (
     Motion,
     checked_torque,
     commanded_motion,
-    ends_in_motion,
     plan_motion,
     retime,
-    write_drive_table,
 )
 from sdt_drake.motion.command import Course
 from sdt_drake.motion.limiter import limit_accelerations
 from sdt_drake.motion.segments import Oscillation
 from sdt_drake.motion.spin import spin_geometry
-from sdt_drake.tables import read_table
 
 
 @pytest.fixture(scope="module")
@@ -301,34 +298,3 @@ def test_a_short_alignment_is_refused_though_its_speed_is_0_at_both_ends(robot):
 def test_a_command_beyond_any_machine_is_refused(robot, joint, told):
     with pytest.raises(InputError, match=rf"'alone': joint 2 'roll' at .* commanded .*{told}"):
         commanded_motion(robot, alone(joint, 2), PERIOD)
-
-
-# --- a table for the drives ------------------------------------------------------------------
-
-
-def test_a_drive_table_is_motor_side_with_the_whole_torque(robot, plan, tmp_path):
-    path = tmp_path / "drives.csv"
-    write_drive_table(path, robot, plan)
-    time, columns = read_table(path)
-    motion, r = plan.motion, np.array([67.2, 1, 1, 1])
-    assert list(columns) == ["q_motor", "v_motor", "tau_motor"]
-    np.testing.assert_array_equal(time, motion.time)
-    np.testing.assert_allclose(columns["q_motor"], r * motion.q)
-    np.testing.assert_allclose(columns["v_motor"], r * motion.v)
-    # Eq. 3: a motor turns its own inertia at r times the acceleration, and the links over its gear.
-    links = torque_groups(robot, motion.q, motion.v, motion.vd).total
-    own = np.array([0.1291, 1.73, 0.531, 0.531]) * r * motion.vd
-    np.testing.assert_allclose(columns["tau_motor"], links / r + own, atol=1e-8)
-
-
-@pytest.mark.parametrize(
-    "first, last, outcome", [(0.1, 0, "starts at 0.1 rad/s"), (0, -0.1, "ends at -0.1 rad/s")]
-)
-def test_no_drive_table_of_a_motion_that_is_not_from_rest_to_rest(
-    robot, tmp_path, first, last, outcome
-):
-    plan = plan_motion(robot, alone(knots([0, first], [1, last]), 2))
-    assert ends_in_motion(robot, plan.motion) == [f"joint 2 'roll' {outcome}"]
-    with pytest.raises(InputError, match=rf"drives\.csv: joint 2 'roll' {outcome}, expected rest"):
-        write_drive_table(tmp_path / "drives.csv", robot, plan)
-    assert not list(tmp_path.iterdir())

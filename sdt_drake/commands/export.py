@@ -1,0 +1,74 @@
+"""Write a motion as the files that drives and robot controllers read."""
+
+from __future__ import annotations
+
+import argparse
+
+from sdt_drake.commands import common
+from sdt_drake.errors import InputError
+
+EXAMPLE = "sdt-drake export graveyard_spin --drive drives --out exported"
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    common.add_motion(parser)
+    parser.add_argument(
+        "--drive",
+        required=True,
+        metavar="DRIVE.yaml",
+        help="encoders, signs, rated torques, units, cycle of the drives; `drives` is an example",
+    )
+    common.add_out(parser, "folder for the files", default="exported")
+    parser.add_argument(
+        "--scenario",
+        default="training",
+        metavar="SCENARIO",
+        help="its robot, its planner, and the loop that is fed from the files read back (default: "
+        "%(default)s: the shipped device, position loops, torque feedforward)",
+    )
+    common.add_changes(parser)
+    parser.add_argument(
+        "--cam-points", type=int, default=1000, help="most points of the cam table (default: 1000)"
+    )
+
+
+def run(options: argparse.Namespace) -> None:
+    from sdt_drake.design import make_design
+    from sdt_drake.drive_files import export, load_drives, read_back, write_read_back
+    from sdt_drake.scenario import load_scenario
+
+    if options.cam_points < 2:
+        raise InputError(f"--cam-points: {options.cam_points}, expected at least 2")
+    common.check_folder(options.out)
+    changes = {**dict(options.changes), "motion": options.motion}
+    with common.naming_changes(options):
+        design = make_design(load_scenario(options.scenario, changes))
+    scenario, robot = design.scenario, design.nominal
+    drives = load_drives(options.drive, robot.n)
+    with common.naming(options.drive):
+        export(design, drives, options.out, title=options.motion, cam_points=options.cam_points)
+    period, cycle = design.motion.period, drives.cycle_time
+    common.say(
+        f"{options.motion}: {design.motion.duration:g} s for drives with a cycle of "
+        f"{1e3 * cycle:g} ms, written into {options.out}"
+    )
+    if abs(period / cycle - round(period / cycle)) > 1e-6:
+        common.say(
+            f"note: the cycle is no whole part of the motion's period, {1e3 * period:g} ms: "
+            "resampled, its speeds linear in between"
+        )
+    fed = read_back(design, drives, options.out)
+    write_read_back(options.out / "read_back.csv", fed)
+    common.say(
+        f"read back, and fed to {scenario.controller.label} on the {scenario.plant.kind} plant: "
+        "largest position error"
+    )
+    joints = [f"{k + 1} {name} [deg]" for k, name in enumerate(robot.joint_names)]
+    common.print_table(
+        ("from", *joints),
+        [(x.source, *(f"{degrees:.2g}" for degrees in x.position_error_deg)) for x in fed],
+    )
+    common.say(
+        f"cam.csv: up to {options.cam_points} points, cubics between them are at most "
+        f"{max(fed[-1].position_off_deg):.2g} deg from the motion; it has no torques"
+    )

@@ -1,0 +1,146 @@
+"""Exporting a motion in all formats, and what a loop makes of each, read back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from sdt_drake.analysis.threads import threads
+from sdt_drake.arrays import Array
+from sdt_drake.design import Design
+from sdt_drake.drive_files import formats
+from sdt_drake.drive_files.drives import Drives
+from sdt_drake.drive_files.set_points import Samples, samples_from, samples_of, set_points
+from sdt_drake.errors import InputError, replacing
+from sdt_drake.motion import Motion
+from sdt_drake.simulate import simulate
+
+CSV, ST, CAM, TRAJECTORY = "set_points.csv", "set_points.st", "cam.csv", "trajectory.yaml"
+
+
+@dataclass(frozen=True, eq=False)
+class Fed:
+    """A loop that is fed from a file, judged by the motion itself; joint side, shape (n,) each.
+
+    Attributes:
+        source: the file, or the motion.
+        has_torque: whether a torque is fed forward.
+        position_off: how far its positions are from the motion [rad].
+        position_error: largest of the run [rad].
+        speed_error: RMS of the run [rad/s].
+    """
+
+    source: str
+    has_torque: bool
+    position_off: Array
+    position_error: Array
+    speed_error: Array
+
+    @property
+    def position_off_deg(self) -> list[float]:
+        """`position_off` in degrees."""
+        return np.degrees(self.position_off).tolist()
+
+    @property
+    def position_error_deg(self) -> list[float]:
+        """`position_error` in degrees."""
+        return np.degrees(self.position_error).tolist()
+
+
+def export(design: Design, drives: Drives, folder: Path, *, cam_points: int, title: str) -> None:
+    """Write the motion of a design for its drives: CSV, ST, CAM and TRAJECTORY.
+
+    Args:
+        design: whose motion it is, and whose robot's inverse dynamics are the torques.
+        drives: of its joints.
+        folder: for the files.
+        cam_points: the most points of the cam table.
+        title: of the function block.
+
+    Raises:
+        InputError: for a motion from or to motion, or numbers beyond what a drive takes; nothing
+            is written then.
+    """
+    robot, motion = design.nominal, design.motion
+    samples = samples_of(robot, motion, drives.cycle_time)
+    points = set_points(robot, drives, samples)
+    formats.write_csv(folder / CSV, drives, points)
+    formats.write_st(folder / ST, drives, points, title)
+    formats.write_cam(folder / CAM, robot, drives, samples, cam_points)
+    own = samples_of(robot, motion, motion.period)
+    formats.write_trajectory(folder / TRAJECTORY, robot, own, motion.vd)
+
+
+def read_back(design: Design, drives: Drives, folder: Path) -> list[Fed]:
+    """Feed the scenario's loop from the motion and from each file that `export` wrote.
+
+    The loop runs at the multiple of the drives' cycle that is nearest to the scenario's period,
+    with the mean of the speeds in between; from TRAJECTORY at the period of the motion.
+
+    Raises:
+        InputError: for a file that cannot be used, or has another number of rows.
+    """
+    robot, motion = design.nominal, design.motion
+    whole, m = samples_of(robot, motion, drives.cycle_time), _cycles(design, drives)
+    exact = samples_of(robot, motion, m * drives.cycle_time)
+    points = [formats.read_csv(folder / CSV, drives), formats.read_st(folder / ST, drives)]
+    files = dict(zip((CSV, ST), (samples_from(robot, drives, x) for x in points), strict=True))
+    files[CAM] = formats.read_cam(folder / CAM, robot, drives)
+    for name, samples in files.items():
+        if len(samples.q) != len(whole.q):
+            raise InputError(
+                f"{folder / name}: {len(samples.q)} cycles, the motion has {len(whole.q)}"
+            )
+    sources = [
+        ("motion", exact, exact),
+        *((name, files[name].every(m), exact) for name in (CSV, ST)),
+        (TRAJECTORY, formats.read_trajectory(folder / TRAJECTORY, robot), None),
+        ("motion, no torque", replace(exact, tau=np.zeros_like(exact.tau)), exact),
+        (CAM, files[CAM].every(m), exact),
+    ]
+    own = samples_of(robot, motion, motion.period)
+    with threads(2) as pool:
+        return list(pool.map(lambda x: _fed(design, x[0], x[1], x[2] or own), sources))
+
+
+def _cycles(design: Design, drives: Drives) -> int:
+    return max(1, round(design.motion.period / drives.cycle_time))
+
+
+def _fed(design: Design, source: str, samples: Samples, like: Samples) -> Fed:
+    if samples.q.shape != like.q.shape:
+        raise InputError(f"{source}: {len(samples.q)} points, the motion has {len(like.q)}")
+    recording = simulate(_fed_with(design, samples))
+    return Fed(
+        source,
+        bool(np.any(samples.tau)),
+        np.abs(samples.q - like.q).max(axis=0),
+        np.abs(recording.q - like.q).max(axis=0),
+        np.sqrt(np.mean((recording.v - like.v) ** 2, axis=0)),
+    )
+
+
+def _fed_with(design: Design, samples: Samples) -> Design:
+    """The design with another reference and torque feedforward."""
+    period, v = samples.period, samples.v
+    vd = np.vstack([np.diff(v, axis=0) / period, np.zeros_like(v[:1])])
+    tau_ff = samples.tau / design.robot.gear_ratio
+    made = design.variant(design.scenario)
+    return replace(
+        made, motion=Motion(period, samples.q, v, vd), tau_ff=tau_ff, steady_ff=tau_ff[0]
+    )
+
+
+def write_read_back(path: Path, fed: Sequence[Fed]) -> None:
+    """Write what `read_back` found as CSV: a row for each source and joint, joint side, exactly."""
+    header = "source,torque,joint,position_off_rad,position_error_rad,rms_speed_error_rad_s"
+    with replacing(path) as partial, partial.open("w", encoding="utf-8") as file:
+        file.write(header + "\n")
+        for x in fed:
+            rows = zip(x.position_off, x.position_error, x.speed_error, strict=True)
+            for k, row in enumerate(rows):
+                values = ",".join(repr(float(value)) for value in row)
+                file.write(f'"{x.source}",{int(x.has_torque)},{k + 1},{values}\n')
