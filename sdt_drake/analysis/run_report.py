@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -181,7 +182,9 @@ def _setup(design: Design) -> list[Block]:
         columns.insert(3, ("K_V [1/s]", ".4g", design.position_gain))
     return [
         Table(["", ""], rows, look="words"),
-        _by_joint(design, columns, "Joints, motor side; inertia at its largest, gains there"),
+        _by_joint(
+            design, columns, "Motor side: the largest inertia along the motion, and the gains"
+        ),
     ]
 
 
@@ -221,7 +224,13 @@ def _by_joint(
     cells = [[format(x, spec).replace("nan", "–") for x in values] for _, spec, values in columns]
     names = [f"{k + 1} {name}" for k, name in enumerate(design.robot.joint_names)]
     rows = [list(row) for row in zip(names, *cells, strict=True)]
-    return Table(["joint", *(header for header, _, _ in columns)], rows, title, "wrapped")
+    headers = [_whole_units(header) for header, _, _ in columns]
+    return Table(["joint", *headers], rows, title, "wrapped")
+
+
+def _whole_units(header: str) -> str:
+    """With units that no line breaks."""
+    return re.sub(r"\[.*?\]", lambda unit: unit[0].replace(" ", "\u00a0"), header)
 
 
 # --- loops -----------------------------------------------------------------------------------
@@ -242,6 +251,8 @@ def _loops(design: Design, response: FrequencyResponse | InputError) -> list[Blo
         "others closed. Gain margins: how much more, or less, of its gain that joint could have; a "
         "dash where no amount matters. Each joint where its inertia is largest, at rest.",
     ]
+    if "position_gain" in CONTROLLERS[design.scenario.controller.kind].options:
+        notes.append("The samples of the position loop are taken for continuous.")
     if not design.scenario.plant.friction.is_none:
         notes.append("Friction has no frequency response and is left out.")
     if not response.stable.all():

@@ -31,6 +31,7 @@
       if (to > from) ctx.fillRect(from, bbox.top, Math.max(to - from, 1), bbox.height);
     }
   };
+  const range = (_, low, high) => (low === high ? [low - 1, high + 1] : uPlot.rangeNum(low, high, 0.1, true));
   const width = (place) => Math.floor(place.clientWidth);
 
   const draw = (place, panel, arrays) => {
@@ -43,8 +44,8 @@
     const chart = new uPlot({
       width: width(place),
       height: 230,
-      scales: { x: { time: false } },
-      axes: [{ ...axis, label: panel.x_label, size: 32 }, { ...axis, label: panel.y_label, size: 62 }],
+      scales: { x: { time: false }, y: { range } },
+      axes: [{ ...axis, label: panel.x_label, size: 32, space: 80 }, { ...axis, label: panel.y_label, size: 62 }],
       series: [
         { label: panel.x_label, value },
         ...panel.lines.map(({ label, colour, dash, dots }) => ({
@@ -82,7 +83,7 @@
       const button = bar.appendChild(document.createElement("button"));
       button.type = "button";
       button.textContent = text;
-      button.title = { "+": "zoom in", "−": "zoom out", "◀": "earlier", "▶": "later", all: "show all" }[text];
+      button.title = { "+": "zoom in", "−": "zoom out", "◀": "to the left", "▶": "to the right", all: "show all" }[text];
       button.addEventListener("click", () => {
         for (const ends of new Set(charts.map((chart) => chart.ends))) zoom(charts.find((chart) => chart.ends === ends), factor, shift);
       });

@@ -225,6 +225,7 @@ def fastest_growth(loop, k, factor):
         ({"drive": Drive(period=0.001, encoder_resolution=[2.0**22] * 4)}, "gain_margin"),
         (kind("inverse_dynamics"), "gain_margin"),
         (kind("p_pi"), "gain_reduction"),
+        ({"plant.elasticity": Elasticity([300.0] * 4, 0.05, "link")}, "gain_margin"),
     ],
 )
 def test_gain_margins_are_where_a_mode_comes_to_the_border(designed, fields, shows):
@@ -233,6 +234,9 @@ def test_gain_margins_are_where_a_mode_comes_to_the_border(designed, fields, sho
     for k in range(4):
         loop = linearise(design, int(response.sample[k]))
         factor = getattr(response, shows)[k]
+        if np.isinf(factor):  # of the springs alone, joints 3 and 4
+            assert "plant.elasticity" in fields and k >= 2
+            continue
         outwards = np.sign(factor - 1) * 0.002
         assert fastest_growth(loop, k, factor * (1 - outwards)) < 1e-9
         assert fastest_growth(loop, k, factor * (1 + outwards)) > 1e-4

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sdt_drake.analysis.plots import scope
-from sdt_drake.analysis.scope import limits_along
+from sdt_drake.analysis.scope import joint_panels, limits_along
 from sdt_drake.errors import InputError
 from sdt_drake.simulate import simulate
 
@@ -61,3 +63,11 @@ def test_limits_are_those_of_the_saturation_in_the_loop(run):
     assert np.sum(asked > given + 1) > 100 and np.sum(asked < given - 1) > 100
     np.testing.assert_allclose(np.clip(asked, lower, upper), given, rtol=1e-9, atol=1e-6)
     assert np.ptp(upper, axis=0).max() > 1000
+
+
+def test_a_single_period_in_saturation_is_seen(run):
+    design, recording = run
+    once = np.zeros_like(recording.saturated)
+    once[5, 1] = 0.1  # in the period that ends there
+    speed, *_ = joint_panels(replace(recording, saturated=once), design, 1)
+    assert speed.spans() == [(recording.time[4], recording.time[5])]
