@@ -265,12 +265,17 @@ def linearise(design: Design, sample: int = 0) -> LinearLoop:
 
 def close(design: Design, process: StateSpace, feedback: StateSpace) -> LinearLoop:
     """A loop of both; the process at the feedback's samples if that is sampled."""
-    n = design.robot.n
     if feedback.period:
-        process = process.sampled(feedback.period)
-        if design.drive.encoder_resolution is not None:
-            process = _with_differences(process, n)
-    return LinearLoop(process, feedback, n)
+        process = sampled_process(design, process, feedback.period)
+    return LinearLoop(process, feedback, design.robot.n)
+
+
+def sampled_process(design: Design, process: StateSpace, period: float) -> StateSpace:
+    """A process at samples of a drive, with the speeds that its encoders give."""
+    process = process.sampled(period)
+    if design.drive.encoder_resolution is None:
+        return process
+    return _with_differences(process, design.robot.n)
 
 
 def _with_differences(process: StateSpace, n: int) -> StateSpace:
@@ -314,15 +319,8 @@ def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
     Raises:
         InputError: for a controller that cannot be linearised.
     """
-    n, kind = design.robot.n, design.scenario.controller.kind
-    controller = CONTROLLERS[kind].linear(design, sample)
-    at = np.concatenate([design.motion.q[sample], np.zeros(n)])
-    context = controller.CreateDefaultContext()
-    resting = {"reference": np.concatenate([at, np.zeros(n)]), "state": at, "sampled_state": at}
-    ports = [controller.get_input_port(i) for i in range(controller.num_input_ports())]
-    for port in ports:
-        port.FixValue(context, resting[port.get_name()])
-    parts = {p.get_name(): _taylor(controller, context, p.get_name(), "tau_cmd") for p in ports}
+    controller = CONTROLLERS[design.scenario.controller.kind].linear(design, sample)
+    parts = feedback_parts(design, sample, controller)
     reference = parts.pop("reference")
     feedback = StateSpace(
         A=reference.A(),
@@ -335,6 +333,24 @@ def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
     if is_sampled and not feedback.period:
         return feedback.sampled(design.motion.period)  # its state is, with the reference
     return feedback
+
+
+def feedback_parts(design: Design, sample: int, controller: System) -> dict[str, AffineSystem]:
+    """From each input of a controller, by its name, to tau_fb (n): all have the same state.
+
+    `controller` is the feedback of the design's, as `Controller.linear` makes it.
+    """
+    at = np.concatenate([design.motion.q[sample], np.zeros(design.robot.n)])
+    context = controller.CreateDefaultContext()
+    resting = {
+        "reference": np.append(at, np.zeros(design.robot.n)),
+        "state": at,
+        "sampled_state": at,
+    }
+    ports = [controller.get_input_port(i) for i in range(controller.num_input_ports())]
+    for port in ports:
+        port.FixValue(context, resting[port.get_name()])
+    return {p.get_name(): _taylor(controller, context, p.get_name(), "tau_cmd") for p in ports}
 
 
 def _hold_still(diagram: Diagram, context: Context, first: int) -> None:

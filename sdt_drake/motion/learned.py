@@ -78,6 +78,15 @@ class LearnedReference:
                 f"{wanted.time[i]:.3f} s, expected what was learned of that motion"
             )
         checked_torque(robot, own, torque_margin=torque_margin)
+        if self.torque is not None:
+            limit = torque_margin * robot.motor_torque_limit
+            beyond = np.abs(self.torque) > limit
+            if beyond.any():
+                i, k = np.argwhere(beyond)[0]
+                raise InputError(
+                    f"joint {k + 1} at {own.time[i]:.3f} s: feeds {self.torque[i, k]:.6g} N m "
+                    f"forward, motor side, available {limit[k]:.6g} N m"
+                )
 
 
 def load_learned(
