@@ -192,6 +192,12 @@ def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report:
             ),
         ],
     )
+    _print_margins(robot, report, is_whole)
+
+
+def _print_margins(robot: Robot, report: Margins, is_whole: bool) -> None:
+    import numpy as np
+
     for k in np.flatnonzero(np.isfinite(report.to_stop)).tolist():
         say(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
     place = report.smallest
