@@ -49,8 +49,9 @@ def idle(monkeypatch):
     def computed(*_, **__):
         raise AssertionError("computed in vain")
 
-    for name in ("design.make_design", "motion.load_plan", "analysis.reproduction.step_response"):
-        monkeypatch.setattr(f"sdt_drake.{name}", computed)
+    for place in ("design:make_design", "motion:load_plan", "analysis.reproduction:step_response"):
+        module, name = place.split(":")
+        monkeypatch.setattr(importlib.import_module(f"sdt_drake.{module}"), name, computed)
 
 
 # --- help, version, usage -------------------------------------------------------------------------
