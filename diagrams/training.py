@@ -16,7 +16,7 @@ from sdt_drake.analysis import plots_pilot
 from sdt_drake.analysis.style import save
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.design import make_design
-from sdt_drake.motion import load_profile, shipped_motions
+from sdt_drake.motion import shipped_motions, story_of
 from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import simulate
 from sdt_drake.viewer import record_html
@@ -28,12 +28,13 @@ def main(folder: Path, names: list[str], *, record: bool) -> None:
         scenario.motion = name
         design = make_design(scenario)
         run = simulate(design)
-        title = load_profile(name).title
-        figure = plots_pilot.pilot(title, run.time, track_head(run, design.robot))
+        story = story_of(name, design.robot, design.motion)
+        head = track_head(run, design.robot)
+        figure = plots_pilot.pilot(name, run.time, head, story)
         save(figure, folder / f"training_{name}_plot.png")
         if record:
             record_html(
-                design.robot, run.time, run.q, folder / f"training_{name}.html", title=title
+                design.robot, run.time, run.q, folder / f"training_{name}.html", title=story.title
             )
 
 

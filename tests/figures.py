@@ -1,20 +1,33 @@
-"""What figures show, compared by their numbers."""
+"""What figures show, compared by their numbers and texts."""
 
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-from sdt_drake.analysis.style import NUMBERS
+from sdt_drake.analysis.style import CONTENT
 
 
-def check_same_numbers(drawn: Path, committed: Path) -> None:
-    """Two PNG show the same, to 0.2 % of the largest number of each line."""
-    shown, expected = (json.loads(Image.open(path).text[NUMBERS]) for path in (drawn, committed))
-    assert list(map(len, shown)) == list(map(len, expected)), f"draw {committed.name} again"
+def content_of(png: Path) -> dict:
+    """Its `numbers` and `texts`."""
+    return json.loads(Image.open(png).text[CONTENT])
+
+
+def check_same(drawn: Path, committed: Path) -> None:
+    """Two PNG say the same but for numbers, and show the same: see `check_same_numbers`."""
+    shown, expected = map(content_of, (drawn, committed))
+    for one, other in zip(shown["texts"], expected["texts"], strict=True):
+        assert re.sub(r"\d[\d.]*", "#", one) == re.sub(r"\d[\d.]*", "#", other), committed.name
+    check_same_numbers(shown["numbers"], expected["numbers"], committed.name)
+
+
+def check_same_numbers(shown: list, expected: list, name: str) -> None:
+    """To 0.2 % of the largest number of each line."""
+    assert list(map(len, shown)) == list(map(len, expected)), f"draw {name} again"
     for one, other in zip(shown, expected, strict=True):
         size = np.nanmax(np.abs(other), initial=1e-9)
-        np.testing.assert_allclose(one, other, rtol=0, atol=2e-3 * size, err_msg=committed.name)
+        np.testing.assert_allclose(one, other, rtol=0, atol=2e-3 * size, err_msg=name)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sharing
-from figures import check_same_numbers
+from figures import check_same
 
 from sdt_drake.analysis.block_diagrams import DIAGRAMS
 from sdt_drake.graphviz import fingerprint, has_graphviz
@@ -24,10 +24,7 @@ from sdt_drake.studies.results import read_study_table
 FOLDER = Path(__file__).resolve().parents[1] / "diagrams"
 ROWS = FOLDER / "studies"
 STUDIES = ("monte_carlo", "sizing")
-ARGUMENTS = {  # of a script before the folder that it writes into; training: one of its motions
-    "studies": [ROWS / name for name in STUDIES],
-    "training": ["--only", "post_roll", "--record"],
-}
+REDRAW = runpy.run_path(str(FOLDER / "redraw.py"))
 WRITTEN = {
     **{name: [f"{name}.dot", f"{name}_plot.png"] for name in DIAGRAMS},
     "controllers": ["controllers_plot.png"],
@@ -58,9 +55,9 @@ def ran(tmp_path_factory):
 
     def run(name):
         script, folder = FOLDER / f"{name}.py", sharing.folder / f"diagrams_{name}" / "new"
-        arguments = [*ARGUMENTS.get(name, []), folder]
+        arguments = [*REDRAW["BEFORE"].get(name, []), folder]
         if name == "training":
-            arguments = [folder, *ARGUMENTS[name]]
+            arguments += ["--only", "post_roll", "--record"]
         with sharing.computed_once(f"{name}.done") as done:
             if not done.read():
                 if name == "device":  # it is rendered, not in this process
@@ -78,7 +75,7 @@ def ran(tmp_path_factory):
 
 
 def test_every_script_is_tried_and_nothing_else_is_committed():
-    scripts = {f"{name}.py" for name in WRITTEN}
+    scripts = {f"{name}.py" for name in (*WRITTEN, "redraw")}
     written = {name for names in WRITTEN.values() for name in names if not name.endswith(".html")}
     written |= {f"{name}.svg" for name in DIAGRAMS}
     written |= {f"training_{name}_plot.png" for name in shipped_motions()}
@@ -129,8 +126,16 @@ def test_what_is_committed_is_what_a_script_writes_today(ran, name):
         committed = FOLDER / file.name
         if file.suffix == ".dot":
             assert file.read_bytes() == committed.read_bytes(), f"run diagrams/{name}.py again"
-        elif name not in ("device", "training") and file.suffix == ".png":
-            check_same_numbers(file, committed)
+        elif name != "device" and file.suffix == ".png":
+            check_same(file, committed)
+
+
+def test_one_command_runs_them_all(monkeypatch, tmp_path):
+    commands = []
+    monkeypatch.setattr(subprocess, "run", lambda command, check: commands.append(command))
+    REDRAW["main"](tmp_path)
+    assert [Path(command[1]).stem for command in commands] == sorted(WRITTEN)
+    assert {command[-1] for command in commands} == {tmp_path}
 
 
 def test_without_a_folder_and_graphviz_a_script_writes_the_rest_beside_itself(

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from figures import check_same_numbers
+from figures import check_same_numbers, content_of
 
 from sdt_drake.analysis import plots_pilot, style
-from sdt_drake.analysis.tracking import track_head
+from sdt_drake.analysis.tracking import HeadTracking
 from sdt_drake.design import make_design
 from sdt_drake.dynamics import torque_groups
 from sdt_drake.errors import InputError
-from sdt_drake.motion import PLANNERS, load_plan, shipped_motions
-from sdt_drake.pilot import canals, head_motion_of_samples
+from sdt_drake.motion import PLANNERS, load_plan, shipped_motions, story_of
+from sdt_drake.pilot import canals, felt_difference, head_motion_of_samples
 from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import simulate
 
@@ -48,17 +49,30 @@ def test_weaker_motors_make_it_slower_unless_gravity_takes_their_torque(robot, n
     assert np.all(np.abs(slower.torque) <= share * robot.effort_limit + 1e-6)
 
 
-def test_every_joint_stays_within_a_fifth_of_a_degree(robot, tmp_path):
-    """In the shortest one; and the committed figure of it is that of today."""
+def test_every_joint_stays_within_a_fifth_of_a_degree(robot):
+    """In the shortest one."""
     scenario = load_scenario("package://sdt/scenarios/training.yaml")
     assert scenario.plant.kind == "coupled"
     assert (scenario.controller.kind, scenario.controller.feedforward_in_use) == ("p_pi", "id")
     motion = load_plan("post_roll", robot, period=PERIOD).motion
     run = simulate(make_design(scenario, robot=robot, motion=motion))
     assert np.degrees(np.abs(run.position_error)).max() < 0.2
-    figure = plots_pilot.pilot("post_roll", run.time, track_head(run, robot))
-    drawn = style.save(figure, tmp_path / "run.png")
-    check_same_numbers(drawn, FIGURES / "training_post_roll_plot.png")
+
+
+@pytest.mark.parametrize("name", shipped_motions())
+def test_committed_figures_show_the_motions_of_today(robot, name):
+    """All but the small errors of the run, for which it would have to be simulated."""
+    motion = load_plan(name, robot, period=PERIOD).motion
+    head = head_motion_of_samples(robot, PERIOD, motion.q, motion.v)
+    felt = felt_difference(head, head, PERIOD)
+    story = story_of(name, robot, motion)
+    figure = plots_pilot.pilot(name, motion.time, HeadTracking(head, head, felt, felt), story)
+    *panels, error, band = figure.axes
+    count = sum(len(ax.lines) for ax in panels)
+    committed = content_of(FIGURES / f"training_{name}_plot.png")
+    check_same_numbers(style.numbers(figure)[:count], committed["numbers"][:count], name)
+    own = [text for text in style.texts(figure) if text != error.get_title(loc="right")]
+    assert set(own) <= set(committed["texts"]) and len(band.texts) == len(story.segments)
 
 
 def test_inversion_is_told_as_a_tumble_backwards(robot):
@@ -70,3 +84,17 @@ def test_inversion_is_told_as_a_tumble_backwards(robot):
     assert pitch[push].min() < -40 and pitch[push].max() < 0
     forwards = head.specific_force[push, 0]
     assert forwards.max() > 1.2 and forwards.min() > 0
+
+
+def test_a_story_has_segments_where_their_times_are_known(robot):
+    """Of a motion that its planner has made longer, of a CSV, and from end to end, they are not."""
+
+    motion = load_plan("graveyard_spin", robot, period=PERIOD).motion
+    spin = story_of("graveyard_spin", robot, motion)
+    assert spin.title.startswith("Graveyard spin") and spin.feels
+    (start, end), *_ = [(segment.start, segment.end) for segment in spin.segments]
+    assert (start, end) == pytest.approx((2, 2 + np.pi / 2 * 90 / 15), abs=0.01)
+    longer = replace(motion, period=1.2 * PERIOD)
+    assert story_of("graveyard_spin", robot, longer).segments == ()
+    whole = load_plan("reference", robot, period=PERIOD).motion
+    assert story_of("reference", robot, whole).segments == ()

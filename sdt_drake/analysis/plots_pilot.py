@@ -2,90 +2,162 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import textwrap
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from sdt_drake.analysis.style import PALETTE, finish, grid, plain_numbers, style
 from sdt_drake.analysis.tracking import HeadTracking
 from sdt_drake.arrays import Array
+from sdt_drake.motion import Story, TimedSegment
 from sdt_drake.pilot import CHANNELS, GRAVITY, HeadMotion, canals
 
 REFERENCE, ACHIEVED, CANALS = PALETTE[:3]
+_CHANNEL_COLOURS = (*PALETTE[3:6], "#882255", "#999933", "#332288")
 
-_ROTATION, _FORCE, _ANGLES = PALETTE[3], PALETTE[5], "0.55"
 _SPAN = 500  # of the logarithmic scale of the error at most [-]
-_FORCE_TITLES = ("x, forward", "y, left", "z, up")
-_ROTATION_TITLES = ("x, roll right", "y, nose down", "z, turn left")
+_SOMETHING = 0.05  # of the largest change of its kind; less is nothing to look at
+_FORCES = ("force along x, forward", "force along y, left", "force along z, up")
+_ROTATIONS = ("rotation about x, roll right", "rotation about y, nose down",
+              "rotation about z, turn left")  # fmt: skip
+_PANEL, _LEFT = (9.05, 1.2), 1.1  # inch
+_LINE = 110  # letters of the title
+_BAND, _LETTER = 0.2, 0.052  # height of a track's names, width of a letter in them [inch]
 
 
-def pilot(title: str, time: Array, head: HeadTracking) -> Figure:
-    """A column for each axis of the head; rows: specific force, rotation, and the felt error.
+def pilot(title: str, time: Array, head: HeadTracking, story: Story | None = None) -> Figure:
+    """What changes of specific force and rotation of the head, and the error that could be felt.
+
+    A panel for each axis of the head along or about which something changes, one below the other.
 
     Args:
-        title: of the figure.
+        title: of the figure, unless the story has one.
         time: [s], shape (N,).
         head: along the same N samples.
+        story: what the motion is for, and its segments, which are named above.
     """
-    period = float(time[1] - time[0])
-
-    def in_g(motion: HeadMotion) -> Array:
-        return motion.specific_force / GRAVITY
-
-    def rate(motion: HeadMotion) -> Array:
-        return np.degrees(motion.angular_velocity)
-
+    story = story or Story()
+    force, rate = _in_g(head.reference), _rates(head.reference)
+    shown = [(_draw_force, k) for k in _with_something(force, _in_g(head.achieved))]
+    shown += [(_draw_rotation, k) for k in _with_something(rate, _rates(head.achieved))]
+    lines = [story.title or title]
+    if story.feels:
+        lines += textwrap.wrap(f"To be felt: {story.feels}", _LINE)
+    still = [name for k, name in enumerate(_FORCES) if (_draw_force, k) not in shown]
+    still += [name for k, name in enumerate(_ROTATIONS) if (_draw_rotation, k) not in shown]
+    if still:
+        lines += textwrap.wrap(f"Hardly anything changes: {'; '.join(still)}.", _LINE)
+    tracks = list(dict.fromkeys(segment.track for segment in story.segments))
+    above = 0.45 + 0.17 * len(lines)
     with style():
-        panel, gaps = (3.25, 1.95), (0.45, 0.4)
-        figure, axes = grid(3, 3, panel=panel, gaps=gaps, left=0.7, bottom=1.0, top=0.85)
-        for row in axes:
-            for ax in row[1:]:
-                ax.sharey(row[0])
-                ax.tick_params(labelleft=False)
-        for axis, (force, rotation, error) in enumerate(axes.T):
-            _both(force, time, head, in_g, axis)
-            force.set_title(f"force along {_FORCE_TITLES[axis]}", loc="left", fontweight="bold")
-            _both(rotation, time, head, rate, axis)
-            told = np.degrees(canals(head.achieved.angular_velocity[:, axis], period))
-            rotation.plot(time, told, color=CANALS, label="what the canals tell (achieved)")
-            about = f"rotation about {_ROTATION_TITLES[axis]}"
-            rotation.set_title(about, loc="left", fontweight="bold")
-            _error(error, time, head, axis)
-        labels = ("specific force [G]", "rate of turn [deg/s]", "error over what is just felt")
-        for ax, label in zip(axes[:, 0], labels, strict=True):
-            ax.set_ylabel(label)
-        felt, angles = (100 * f.share for f in (head.felt, head.felt_from_angles))
-        subtitle = (
-            f"The error could be felt {felt:.1f} % of the time, "
-            f"by the joint angles alone {angles:.1f} %"
-        )
-        finish(figure, f"{title}\n{subtitle}")
+        figure, axes = grid(
+            len(shown) + 1, 1, panel=_PANEL, left=_LEFT, bottom=1.0,
+            top=above + _BAND * len(tracks) + 0.3 * bool(tracks),
+        )  # fmt: skip
+        for (draw, k), ax in zip(shown, axes[:, 0], strict=False):
+            draw(ax, time, head, k)
+        _error(axes[-1, 0], time, head)
+        axes[-1, 0].set_xlabel("time [s]")
+        axes[-1, 0].set_xlim(time[0], time[-1])
+        if tracks:
+            _name_segments(figure, axes[:, 0], story.segments, tracks, above)
+        finish(figure, "\n".join(lines))
     return figure
 
 
-def _both(
-    ax: Axes, time: Array, head: HeadTracking, quantity: Callable[[HeadMotion], Array], axis: int
-) -> None:
-    ax.plot(time, quantity(head.reference)[:, axis], color=REFERENCE, label="reference")
-    ax.plot(time, quantity(head.achieved)[:, axis], "--", color=ACHIEVED, label="achieved")
+def _in_g(motion: HeadMotion) -> Array:
+    return motion.specific_force / GRAVITY
 
 
-def _error(ax: Axes, time: Array, head: HeadTracking, axis: int) -> None:
-    felt, angles = head.felt.multiples, head.felt_from_angles.multiples
-    top = max(2.0, 1.5 * float(felt.max()))
-    foot = min(0.1, max(float(felt.max()) / 20, top / _SPAN))
+def _rates(motion: HeadMotion) -> Array:
+    return np.degrees(motion.angular_velocity)
+
+
+def _with_something(*motions: Array) -> list[int]:
+    """Axes of the head whose quantity changes; at least the one that does so most."""
+    change = np.max([np.ptp(values, axis=0) for values in motions], axis=0)
+    return np.flatnonzero(change >= _SOMETHING * change.max()).tolist()
+
+
+def _draw_force(ax: Axes, time: Array, head: HeadTracking, k: int) -> None:
+    _draw_both(ax, time, _in_g(head.reference)[:, k], _in_g(head.achieved)[:, k])
+    ax.set_title(_FORCES[k], loc="left", fontweight="bold")
+    ax.set_ylabel("force [G]")
+
+
+def _draw_rotation(ax: Axes, time: Array, head: HeadTracking, k: int) -> None:
+    _draw_both(ax, time, _rates(head.reference)[:, k], _rates(head.achieved)[:, k])
+    told = np.degrees(canals(head.achieved.angular_velocity[:, k], float(time[1] - time[0])))
+    ax.plot(time, told, color=CANALS, label="what the canals tell (achieved)")
+    ax.set_title(_ROTATIONS[k], loc="left", fontweight="bold")
+    ax.set_ylabel("rate [deg/s]")
+
+
+def _draw_both(ax: Axes, time: Array, reference: Array, achieved: Array) -> None:
+    ax.plot(time, reference, color=REFERENCE, label="reference")
+    ax.plot(time, achieved, "--", color=ACHIEVED, label="achieved")
+    ax.ticklabel_format(axis="y", useOffset=False)
+
+
+def _error(ax: Axes, time: Array, head: HeadTracking) -> None:
+    """The channels that are nearest to being felt, on a logarithmic axis."""
+    felt, angles = head.felt.multiples, head.felt_from_angles.multiples.max(axis=1)
+    largest = float(felt.max())
+    top = max(2.0, 1.5 * largest)
+    foot = min(0.1, max(largest / 20, top / _SPAN))
     ax.axhspan(foot, 1, color="0.93", linewidth=0)
     ax.axhline(1, color="0.2", linewidth=0.9, label="just felt")
-    ax.plot(time, angles[:, 3 + axis], ":", color=_ANGLES, label="force, by joint angles alone")
-    ax.plot(time, felt[:, axis], color=_ROTATION, label="error of rotation")
-    ax.plot(time, felt[:, 3 + axis], color=_FORCE, label="error of force")
+    if angles.max() > foot:
+        ax.plot(time, angles, ":", color="0.55", label="error by joint angles alone, largest")
+    for k in np.flatnonzero(head.felt.largest >= max(0.1 * largest, foot)).tolist():
+        ax.plot(time, felt[:, k], color=_CHANNEL_COLOURS[k], label=f"error, {CHANNELS[k]}")
     ax.set_yscale("log")
     ax.set_ylim(foot, top)
     plain_numbers(ax.yaxis)
-    ax.set_title(f"{CHANNELS[axis]}, {CHANNELS[3 + axis]}", loc="left", fontweight="bold")
-    ax.set_xlabel("time [s]")
-    ax.set_xlim(time[0], time[-1])
-    # A number at the right end would run into that at the left end of the next panel.
-    ax.locator_params(axis="x", prune="upper")
+    ax.set_title("error over what is just felt", loc="left", fontweight="bold")
+    ax.set_ylabel("multiple [-]")
+    ax.set_title(_felt_in_words(head), loc="right")
+
+
+def _felt_in_words(head: HeadTracking) -> str:
+    if head.felt.share == 0:
+        return f"never felt: at most {head.felt.largest.max():.2g} of what is just felt"
+    felt, angles = (100 * own.share for own in (head.felt, head.felt_from_angles))
+    return f"could be felt {felt:.1f} % of the time, by the joint angles alone {angles:.1f} %"
+
+
+def _name_segments(
+    figure: Figure,
+    axes: NDArray[np.object_],
+    segments: Sequence[TimedSegment],
+    tracks: Sequence[str],
+    above: float,
+) -> None:
+    """A band for each track above the panels, and a line in them where a segment begins or ends."""
+    inch, box = 1 / figure.get_figheight(), axes[0].get_position()
+    height = _BAND * len(tracks) * inch
+    band = figure.add_axes((box.x0, 1 - above * inch - height, box.width, height), sharex=axes[0])
+    low, high = axes[0].get_xlim()
+    for row, track in enumerate(tracks):
+        own = [segment for segment in segments if segment.track == track]
+        ends = [segment.start for segment in own[1:]] + [high]
+        for segment, end in zip(own, ends, strict=True):
+            length = segment.end - segment.start
+            band.broken_barh([(segment.start, length)], (row, 0.9), color="0.88", edgecolor="0.6")
+            fitting = int((end - segment.start) / (high - low) * _PANEL[0] / _LETTER) - 1
+            name = segment.text.partition(",")[0]
+            text = name if len(name) <= fitting else name[: max(fitting - 1, 0)] + "…"
+            band.text(segment.start, row + 0.42, f" {text}", fontsize=7.5, va="center")
+            for ax in axes:
+                for at in (segment.start, segment.end):
+                    ax.axvline(at, color="0.75", linewidth=0.6, zorder=0.5)
+    band.set_ylim(len(tracks), 0)
+    band.set_yticks(np.arange(len(tracks)) + 0.45, tracks, fontsize=7.5)
+    band.tick_params(length=0, labelbottom=False)
+    band.grid(visible=False)
+    for spine in band.spines.values():
+        spine.set_visible(False)

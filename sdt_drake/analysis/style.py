@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
@@ -24,8 +25,9 @@ from sdt_drake.errors import InputError, replacing
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
 
 FIGURES = (".png", ".svg", ".pdf")
-NUMBERS = "Comment"
-"""Key of the text in a PNG that has its `numbers`, as JSON: what two pictures are compared by."""
+CONTENT = "Comment"
+"""Key of the text in a PNG that has its `numbers` and `texts`, as JSON: by them two pictures are
+compared, as pixels depend on versions and fonts."""
 
 _STYLE: dict[Any, Any] = {
     "font.size": 9,
@@ -177,7 +179,8 @@ def save(figure: Figure, path: str | Path) -> Path:
     path = Path(path)
     if path.suffix not in FIGURES:
         raise InputError(f"{path}: unknown kind of figure, expected {', '.join(FIGURES)}")
-    metadata = {".svg": {"Date": None}, ".png": {NUMBERS: json.dumps(numbers(figure))}}
+    content = {"numbers": numbers(figure), "texts": texts(figure)}
+    metadata = {".svg": {"Date": None}, ".png": {CONTENT: json.dumps(content)}}
     whole = io.BytesIO()  # on a full disk matplotlib stumbles over what it could not write
     with style():
         figure.savefig(whole, format=path.suffix[1:], dpi=130, metadata=metadata.get(path.suffix))
@@ -207,6 +210,18 @@ def numbers(figure: Figure) -> list[list[float]]:
         for patch in axes.patches:
             shown.append(patch.get_patch_transform().transform(patch.get_path().vertices))
     return [_thinned(np.asarray(points, dtype=float)) for points in shown]
+
+
+def texts(figure: Figure) -> list[str]:
+    """What a figure says: its title, titles and labels of its axes, words in them, and legends."""
+    said: list[str | Text] = [figure.get_suptitle()]
+    for axes in figure.axes:
+        said += [axes.get_title(loc) for loc in ("left", "center", "right")]
+        said += [axes.get_xlabel(), axes.get_ylabel(), *axes.texts]
+    for legend in (*figure.legends, *(axes.get_legend() for axes in figure.axes)):
+        said += legend.get_texts() if legend else []
+    words = (one if isinstance(one, str) else one.get_text() for one in said)
+    return [text for text in words if text]
 
 
 def _thinned(points: NDArray[np.float64]) -> list[float]:

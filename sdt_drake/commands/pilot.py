@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from sdt_drake.analysis.tracking import HeadTracking
+    from sdt_drake.motion import Story
     from sdt_drake.pilot import HeadMotion
     from sdt_drake.robot import Robot
     from sdt_drake.simulate import Recording
@@ -53,7 +54,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.tracking import track_head
 
     check_out(options.out, csv=True, show=options.show)
-    name, recording, robot = _recorded(options)
+    name, recording, robot, story = _recorded(options)
     if recording.q.shape[1] != robot.n:
         raise InputError(
             f"{options.scenario}: recorded with {recording.q.shape[1]} joint(s), "
@@ -72,13 +73,14 @@ def run(options: argparse.Namespace) -> None:
     )
     deliver(
         options,
-        lambda: plots_pilot.pilot(f"{name}: what the pilot feels", recording.time, head),
+        lambda: plots_pilot.pilot(f"{name}: what the pilot feels", recording.time, head, story),
         lambda path: _write(path, recording.time, period, head),
     )
 
 
-def _recorded(options: argparse.Namespace) -> tuple[str, Recording, Robot]:
-    """Name, recording and robot of what was asked for."""
+def _recorded(options: argparse.Namespace) -> tuple[str, Recording, Robot, Story]:
+    """Name, recording, robot and story of what was asked for."""
+    from sdt_drake.motion import Story, story_of
     from sdt_drake.pilot import check_head
     from sdt_drake.robot import load_robot
     from sdt_drake.simulate import Recording, simulate
@@ -87,11 +89,12 @@ def _recorded(options: argparse.Namespace) -> tuple[str, Recording, Robot]:
         refuse_changes(options)
         robot = load_robot(options.robot or ROBOT)
         check_head(robot)
-        return Path(options.scenario).stem, Recording.from_csv(options.scenario), robot
+        return Path(options.scenario).stem, Recording.from_csv(options.scenario), robot, Story()
     if options.robot is not None:
         raise InputError(f"--robot: for a recording only, {options.scenario} names its own robot")
     design = design_of(options, check_head)
-    return design.scenario.name, simulate(design), design.robot
+    story = story_of(design.scenario.motion, design.robot, design.motion)
+    return design.scenario.name, simulate(design), design.robot, story
 
 
 def _motion_rows(head: HeadTracking, period: float) -> Rows:

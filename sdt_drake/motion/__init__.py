@@ -1,10 +1,10 @@
 """From commanded joint speeds to a motion that the motors can do."""
 
-from sdt_drake.motion.command import Command, Course, command_of, load_command
+from sdt_drake.motion.command import Command, Course, TimedSegment, command_of, load_command
 from sdt_drake.motion.files import load_profile, shipped_motions
 from sdt_drake.motion.learned import LearnedReference, load_learned
 from sdt_drake.motion.limiter import plan_motion
-from sdt_drake.motion.load import PLANNERS, load_plan
+from sdt_drake.motion.load import PLANNERS, Story, load_plan, story_of
 from sdt_drake.motion.margins import Margins, margins
 from sdt_drake.motion.plan import (
     INTERPOLATION_PERIOD,
@@ -28,6 +28,8 @@ __all__ = [
     "Motion",
     "MotionProfile",
     "Plan",
+    "Story",
+    "TimedSegment",
     "checked_torque",
     "command_of",
     "commanded_motion",
@@ -41,4 +43,5 @@ __all__ = [
     "plan_motion",
     "retime",
     "shipped_motions",
+    "story_of",
 ]

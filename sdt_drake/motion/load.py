@@ -5,17 +5,59 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from sdt_drake.errors import InputError, checked_choice, within
-from sdt_drake.motion.command import Command, load_command
+from sdt_drake.motion.command import Command, TimedSegment, load_command
+from sdt_drake.motion.files import load_profile
 from sdt_drake.motion.limiter import plan_motion
 from sdt_drake.motion.plan import INTERPOLATION_PERIOD, Plan, checked_torque
 from sdt_drake.motion.resampling import import_motion
 from sdt_drake.motion.retiming import retime
+from sdt_drake.motion.trajectory import Motion
 from sdt_drake.resources import find_file
 from sdt_drake.robot import Robot, load_robot
+
+
+class Story(NamedTuple):
+    """What a motion is for, for people.
+
+    Attributes:
+        title: of the illusion; "" for none.
+        feels: what the pilot should feel; "" where nobody says.
+        segments: with their times in the planned motion, track after track.
+    """
+
+    title: str = ""
+    feels: str = ""
+    segments: tuple[TimedSegment, ...] = ()
+
+
+def story_of(path: str | Path, robot: Robot, motion: Motion) -> Story:
+    """What the file of a motion, or the shipped one of a name, says beside its numbers.
+
+    Without segments where their times are not known: of a CSV, and of a motion that the planner has
+    made longer; nor are there those that last for nearly all of it.
+
+    Args:
+        path: as of `load_plan`.
+        robot: that does it.
+        motion: as planned.
+
+    Raises:
+        InputError: if there is no such file, or it does not fit the robot.
+    """
+    if find_file(path, "motion").suffix not in (".yaml", ".yml"):
+        return Story()
+    profile, command = load_profile(path), load_command(path, robot)
+    timeline = command.timeline
+    if abs(command.duration - motion.duration) > motion.period / 2:
+        timeline = ()
+    segments = tuple(one for one in timeline if one.end - one.start < 0.9 * command.duration)
+    return Story(profile.title, profile.feels, segments)
+
 
 PLANNERS = {"limiter": plan_motion, "retiming": retime}
 """Each `(robot, command, *, period, torque_margin) -> Plan`."""
