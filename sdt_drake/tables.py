@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import csv
 import itertools
+import json
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, checked_input, replacing
@@ -32,6 +36,60 @@ def write_table(
         file.write(",".join(header) + "\n")
         # repr of a float is its shortest exact text, and quicker than a format of fixed width.
         file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """Numbers of a design, to be written as .csv, the columns alone, or as .json.
+
+    Attributes:
+        about: what holds for all rows, by name: texts, numbers, arrays, or mappings of them.
+        columns: by name: texts or numbers of shape (N,), or numbers of shape (N, n), of which
+            column k is called name_k.
+        units: of both, by name.
+    """
+
+    about: Mapping[str, object]
+    columns: Mapping[str, ArrayLike]
+    units: Mapping[str, str]
+
+    def write(self, path: Path) -> None:
+        """Write them exactly, as the suffix says; what is not finite is null in .json.
+
+        Raises:
+            InputError: if the file cannot be written.
+        """
+        flat: dict[str, list[object]] = {}
+        for name, values in self.columns.items():
+            own = np.asarray(values)
+            parts = {f"{name}_{k + 1}": part for k, part in enumerate(own.T)}
+            flat |= {
+                key: part.tolist() for key, part in (parts if own.ndim > 1 else {name: own}).items()
+            }
+        with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+            if path.suffix == ".json":
+                whole = {**self.about, "units": self.units, "columns": flat}
+                json.dump(_in_json(whole), file, indent=1, ensure_ascii=False, allow_nan=False)
+                file.write("\n")
+                return
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(flat)
+            writer.writerows(zip(*flat.values(), strict=True))
+
+
+RESULTS = (".csv", ".json")
+"""Kinds of files that `Results` are written as."""
+
+
+def _in_json(value: object) -> object:
+    """As JSON has it: lists for arrays, null for what is not finite."""
+    if isinstance(value, Mapping):
+        return {key: _in_json(inner) for key, inner in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _in_json(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_in_json(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str, Array]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import json
 import re
 import shutil
 
@@ -215,6 +217,59 @@ def test_step_scales_with_the_frequency_and_not_with_the_inertia(good, step):
     assert slow["rise time"] == pytest.approx(3.358 / 5, rel=0.01)
     assert slow["settling time"] == pytest.approx(5.834 / 5, rel=0.01)
     assert "published" not in good("step", "--inertia", "3", "--omega-r", "1e9").out  # and it ends
+
+
+def written(good, desk, *arguments):
+    """What a command writes as JSON."""
+    good(*arguments, "--out", f"{arguments[0]}.json")
+    result = json.loads((desk / f"{arguments[0]}.json").read_text(encoding="utf-8"))
+    named = {re.sub(r"_[1-9]$", "", name) for name in result["columns"]} | set(result)
+    assert set(result["units"]) <= named
+    return result
+
+
+def test_design_numbers_are_the_same_in_both_kinds_of_files(good, desk):
+    for command in (("tune", SHORT_MOTION), ("step", "--zeta", 2)):
+        columns = written(good, desk, *command)["columns"]
+        good(*command, "--out", f"{command[0]}.csv")
+        with (desk / f"{command[0]}.csv").open(encoding="utf-8", newline="") as file:
+            header, *rows = csv.reader(file)
+        assert header == list(columns)
+        for column, values in zip(zip(*rows, strict=True), columns.values(), strict=True):
+            assert list(column) == [f"{value}" for value in values]
+
+
+def test_design_numbers_go_out(good, desk, coarse):
+    tuned = written(good, desk, "tune", SHORT_MOTION)
+    columns = {name: np.array(values) for name, values in tuned["columns"].items()}
+    assert columns["joint"].tolist() == [1, 2, 3, 4] and tuned["omega_r"] == OMEGA_R
+    omega_n = OMEGA_R / 2
+    np.testing.assert_allclose(columns["ki"], omega_n**2 * columns["i_eff_max"])
+    np.testing.assert_allclose(columns["kp"], 2 * columns["zeta_max"] * columns["ki"] / omega_n)
+    np.testing.assert_allclose(columns["omega_n_min"] ** 2 * columns["i_eff_min"], columns["ki"])
+
+    step = written(good, desk, "step", "--inertia", 2, "--zeta", 1)
+    told = good("step", "--inertia", 2, "--zeta", 1).out
+    assert f"K_PS = {2 * omega_n * 2:.5g} N m s/rad, K_IS = {omega_n**2 * 2:.5g} N m/rad" in told
+    assert (step["kp"], step["ki"]) == pytest.approx((2 * omega_n * 2, omega_n**2 * 2))
+    t, v = np.array(step["columns"]["time"]), np.array(step["columns"]["v"])
+    np.testing.assert_allclose(v, 1 - (1 + omega_n * t) * np.exp(-omega_n * t), atol=1e-5)
+
+    sweep = written(good, desk, "stability", "../given/axis.yaml")
+    columns, n = sweep["columns"], len(sweep["columns"]["ratio"]) // 2
+    assert columns["encoder"] == ["motor"] * n + ["link"] * n
+    for border, damping in (("unstable_from_2", "damping_2"), ("unstable_from_4", "damping_4")):
+        for ratio, limit, zeta in zip(
+            columns["ratio"], columns[border], columns[damping], strict=True
+        ):
+            assert (zeta < 0) == (limit is not None and ratio > limit)
+
+    budget = written(good, desk, "budget", AXIS)
+    whole = np.array(budget["columns"]["whole_2"])
+    assert budget["rms"]["whole"][1] == pytest.approx(np.sqrt(np.mean(whole**2)))
+    bode = written(good, desk, "bode", "../given/axis.yaml")
+    omega, size = (np.array(bode["columns"][x]) for x in ("omega", "tracking_magnitude_1"))
+    assert np.interp(bode["bandwidth"][0], omega, size) == pytest.approx(np.sqrt(0.5), rel=1e-4)
 
 
 # --- simulate and diagram -------------------------------------------------------------------------

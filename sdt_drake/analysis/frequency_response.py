@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,15 @@ from sdt_drake.analysis.stability import least_damping
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
 from sdt_drake.dynamics import where_largest
-from sdt_drake.tables import write_table
+from sdt_drake.tables import Results
+
+_UNITS = {
+    **dict.fromkeys(("omega", "bandwidth", "peak_omega", "crossover"), "rad/s"),
+    **dict.fromkeys(("tracking_phase", "loop_gain_phase", "phase_margin"), "deg"),
+    **dict.fromkeys(("tracking_magnitude", "loop_gain_magnitude", "gain_margin"), "-"),
+    **dict.fromkeys(("gain_reduction", "modulus_margin", "damping"), "-"),
+    "peak_db": "dB",
+}
 
 Complex = NDArray[np.complex128]
 
@@ -55,6 +62,17 @@ class FrequencyResponse:
     damping: Array
     stable: NDArray[np.bool_]
     sample: NDArray[np.intp]
+
+    def results(self, title: str) -> Results:
+        """To write: omega, and of each joint magnitude and phase of both responses."""
+        columns = {"omega": self.omega}
+        for name, values in (("tracking", self.tracking), ("loop_gain", self.loop_gain)):
+            columns[f"{name}_magnitude"] = np.abs(values)
+            at_crossover = name == "loop_gain"
+            columns[f"{name}_phase"] = unwrapped_degrees(values, at_crossover=at_crossover)
+        rows = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "omega"}
+        judged = {name: values for name, values in rows.items() if values.ndim == 1}
+        return Results({"title": title, **judged}, columns, _UNITS)
 
     def columns(self) -> list[tuple[str, str, NDArray[Any]]]:
         """For tables with a row for each joint: header, format, values; NaN where there is none."""
@@ -174,20 +192,6 @@ def _border_gains(gain: Complex) -> Array:
     crossed = size[i] + share * (size[i + 1] - size[i])
     ends = size[-1:][np.abs(angle[-1:]) < 1e-6]
     return np.exp(-np.append(crossed, ends))
-
-
-def write_responses(response: FrequencyResponse, path: str | Path) -> None:
-    """Write omega, and of each joint magnitude [-] and phase [deg] of both responses, as CSV.
-
-    Raises:
-        InputError: if the file cannot be written.
-    """
-    columns = {}
-    for name in ("tracking", "loop_gain"):
-        values = getattr(response, name)
-        columns[f"{name}_magnitude"] = np.abs(values)
-        columns[f"{name}_phase"] = unwrapped_degrees(values, at_crossover=name == "loop_gain")
-    write_table(path, response.omega, columns, first="omega")
 
 
 def unwrapped_degrees(response: Complex, *, at_crossover: bool = False) -> Array:

@@ -26,16 +26,16 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="linearise where the motion is at that time [s] (default: for each joint where its "
         "inertia is largest for the first time)",
     )
-    add_figure(parser, "CSV file for the responses, or a figure of them (.png, .svg, .pdf)")
+    add_figure(parser, "the responses (.csv, .json), or a figure of them (.png, .svg, .pdf)")
 
 
 def run(options: argparse.Namespace) -> None:
     import numpy as np
 
     from sdt_drake.analysis import plots
-    from sdt_drake.analysis.frequency_response import frequency_response, write_responses
+    from sdt_drake.analysis.frequency_response import frequency_response
 
-    check_out(options.out, csv=True, show=options.show)
+    check_out(options.out, numbers=True, show=options.show)
     design = design_of(options)
     sample = None
     if options.time is not None:
@@ -60,5 +60,5 @@ def run(options: argparse.Namespace) -> None:
     deliver(
         options,
         lambda: plots.bode(title, response, design.robot.joint_names),
-        lambda path: write_responses(response, path),
+        numbers=lambda: response.results(title),
     )

@@ -16,7 +16,7 @@ EXAMPLE = "sdt-drake budget axis_pi_ctc --out budget.png"
 
 def add(parser: argparse.ArgumentParser) -> None:
     common.add_scenario(parser)
-    common.add_figure(parser, "CSV file for the parts, or a figure of them (.png, .svg, .pdf)")
+    common.add_figure(parser, "the parts (.csv, .json), or a figure of them (.png, .svg, .pdf)")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -24,9 +24,9 @@ def run(options: argparse.Namespace) -> None:
 
     from sdt_drake.analysis import plots
     from sdt_drake.analysis.budget import error_budget
-    from sdt_drake.tables import write_table
+    from sdt_drake.tables import Results
 
-    common.check_out(options.out, csv=True, show=options.show)
+    common.check_out(options.out, numbers=True, show=options.show)
     design = common.design_of(options)
     with common.naming(options.scenario):
         budget = error_budget(design)
@@ -52,5 +52,13 @@ def run(options: argparse.Namespace) -> None:
     common.deliver(
         options,
         lambda: plots.error_budget(title, budget, names),
-        lambda path: write_table(path, budget.time, columns),
+        numbers=lambda: Results(
+            {
+                "title": title,
+                "rms": {x: np.sqrt(np.mean(values**2, axis=0)) for x, values in columns.items()},
+                "largest": {x: np.abs(values).max(axis=0) for x, values in columns.items()},
+            },
+            {"time": budget.time, **columns},
+            {"time": "s", **dict.fromkeys(columns, "rad/s")},
+        ),
     )

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from sdt_drake.design import Design
     from sdt_drake.robot import Robot
+    from sdt_drake.tables import Results
 
 # The heavy imports stand in the functions that run: --help and --version answer at once.
 
@@ -196,18 +197,25 @@ def check_folder(folder: Path) -> None:
 
 
 def check_out(
-    path: Path | None, *, csv: bool = False, report: bool = False, show: bool = False
+    path: Path | None,
+    *,
+    csv: bool = False,
+    numbers: bool = False,
+    report: bool = False,
+    show: bool = False,
 ) -> None:
     """Refuse what could not be written or shown, before anything is computed.
 
     None: nothing is written.
     """
     from sdt_drake.analysis import style
+    from sdt_drake.tables import RESULTS
 
     if show:
         style.check_screen("--show")
     if path is not None:
-        check_file(path, csv * (".csv",) + style.FIGURES + report * REPORTS)
+        tables = csv * (".csv",) or numbers * RESULTS
+        check_file(path, tables + style.FIGURES + report * REPORTS)
 
 
 def check_file(path: Path, suffixes: Sequence[str]) -> None:
@@ -223,6 +231,7 @@ def deliver(
     figure: Callable[[], Figure],
     table: Callable[[Path], object] | None = None,
     report: Callable[[Path], object] | None = None,
+    numbers: Callable[[], Results] | None = None,
 ) -> None:
     """Do what --out and --show ask for.
 
@@ -231,12 +240,16 @@ def deliver(
         figure: draws it; not called if nobody wants it.
         table: writes the CSV file.
         report: writes a report.
+        numbers: what a .csv or .json file gets, where there is no `table`.
     """
     from sdt_drake.analysis import style
+    from sdt_drake.tables import RESULTS
 
     out: Path | None = options.out
     if out is not None and table is not None and out.suffix == ".csv":
         table(out)
+    elif out is not None and numbers is not None and out.suffix in RESULTS:
+        numbers().write(out)
     elif out is not None and report is not None and out.suffix in REPORTS:
         report(out)
     elif out is not None:

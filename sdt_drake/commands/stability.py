@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from sdt_drake.commands.common import (
     add_figure,
@@ -19,6 +20,8 @@ from sdt_drake.commands.common import (
 from sdt_drake.errors import InputError, checked_number
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from sdt_drake.analysis.stability import StabilitySweep
     from sdt_drake.design import Design
 
@@ -37,7 +40,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="damping ratio of the elastic joints [-] (default: that of the scenario's "
         "plant.elasticity, or 0.01)",
     )
-    add_figure(parser, "figure (.png, .svg, .pdf)")
+    add_figure(parser, "the sweeps (.csv, .json), or a figure of them (.png, .svg, .pdf)")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -45,12 +48,13 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.stability import IDEAL, SLOWEST, stability_sweep
     from sdt_drake.controllers import CONTROLLERS
     from sdt_drake.device import ENCODERS
+    from sdt_drake.tables import Results
 
     if options.omega_r is not None:
         checked_number(options.omega_r, "--omega-r", minimum=SLOWEST)
     if options.damping is not None:
         checked_number(options.damping, "--damping", minimum=0)
-    check_out(options.out, show=options.show)
+    check_out(options.out, numbers=True, show=options.show)
     design = design_of(options)
     scenario, choice = design.scenario, design.scenario.controller
     omega_r, source = _omega_r(design, options)
@@ -87,7 +91,34 @@ def run(options: argparse.Namespace) -> None:
     for line in _notes(design, omega_r):
         say(line)
     title = f"{scenario.name}: {scenario.controller.label}, elastic joints of {omega_r:g} rad/s"
-    deliver(options, lambda: plots.stability(title, sweeps, design.robot.joint_names))
+    about = {"title": title, "omega_r": omega_r, "damping_ratio": damping}
+    deliver(
+        options,
+        lambda: plots.stability(title, sweeps, design.robot.joint_names),
+        numbers=lambda: Results(about, _columns(sweeps), _UNITS),
+    )
+
+
+_UNITS = {
+    "omega_r": "rad/s",
+    **dict.fromkeys(("damping_ratio", "ratio", "damping", "unstable_from"), "-"),
+    "overshoot_percent": "%",
+}
+
+
+def _columns(sweeps: Mapping[str, Mapping[str, StabilitySweep]]) -> dict[str, NDArray[Any]]:
+    """A row for each encoder, drive and ratio omega_n / omega_r."""
+    import numpy as np
+
+    every = [(encoder, drive, s) for encoder, by in sweeps.items() for drive, s in by.items()]
+    return {
+        "encoder": np.concatenate([np.full(len(s.ratio), encoder) for encoder, _, s in every]),
+        "drive": np.concatenate([np.full(len(s.ratio), drive) for _, drive, s in every]),
+        "ratio": np.concatenate([s.ratio for *_, s in every]),
+        "damping": np.concatenate([s.damping for *_, s in every]),
+        "overshoot_percent": np.concatenate([s.overshoot_percent for *_, s in every]),
+        "unstable_from": np.concatenate([np.tile(s.border, (len(s.ratio), 1)) for *_, s in every]),
+    }
 
 
 def _omega_r(design: Design, options: argparse.Namespace) -> tuple[float, str]:

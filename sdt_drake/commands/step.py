@@ -12,6 +12,24 @@ from sdt_drake.errors import checked_choice, checked_number
 EXAMPLE = "sdt-drake step --inertia 4.26 --structure p_in_feedback --zeta 0.95 --out step.png"
 
 
+# Motor side.
+_UNITS = {
+    "inertia": "kg m²",
+    "omega_r": "rad/s",
+    "zeta": "-",
+    "kp": "N m s/rad",
+    "ki": "N m/rad",
+    "rise_time": "s",
+    "settling_time": "s",
+    "overshoot_percent": "%",
+    "peak": "rad/s",
+    "peak_time": "s",
+    "steady_state_error": "rad/s",
+    "time": "s",
+    "v": "rad/s",
+}
+
+
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--inertia",
@@ -21,13 +39,14 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--structure", default="p_in_feedback", help="pi or p_in_feedback")
     common.add_omega_r(parser, f"{paper.OMEGA_R}, published")
     parser.add_argument("--zeta", type=float, default=1.0, help="damping ratio [-] (default: 1)")
-    common.add_figure(parser, "figure (.png, .svg, .pdf)")
+    common.add_figure(parser, "the response (.csv, .json), or a figure of it (.png, .svg, .pdf)")
 
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis import plots
     from sdt_drake.analysis.reproduction import step_response
-    from sdt_drake.control import STRUCTURES
+    from sdt_drake.control import STRUCTURES, tune
+    from sdt_drake.tables import Results
 
     inertia, omega_r = options.inertia, options.omega_r
     taken = [name for name, value in (("inertia", inertia), ("omega_r", omega_r)) if value is None]
@@ -37,15 +56,27 @@ def run(options: argparse.Namespace) -> None:
         omega_r = paper.OMEGA_R
     checked_number(inertia, "--inertia", minimum=0, exclusive=True)
     checked_choice(options.structure, STRUCTURES, "--structure")
-    common.check_out(options.out, show=options.show)
+    common.check_out(options.out, numbers=True, show=options.show)
     step = step_response(options.structure, options.zeta, inertia, omega_r)
     published = f" ({' and '.join(taken)} published for the shipped device)" if taken else ""
     common.say(
         f"{step.structure}: inertia {inertia:g} kg m², omega_r = {omega_r:g} rad/s, "
         f"zeta {options.zeta:g}{published}"
     )
-    units = {"overshoot_percent": "%", "peak": "rad/s", "steady_state_error": "rad/s"}
-    for name, value in asdict(step.metrics).items():
+    gains = tune([inertia], omega_r, [options.zeta])
+    kp, ki = gains.kp[0], gains.ki[0]
+    common.say(f"K_PS = {kp:.5g} N m s/rad, K_IS = {ki:.5g} N m/rad, motor side")
+    metrics = asdict(step.metrics)
+    for name, value in metrics.items():
         label = name.removesuffix("_percent").replace("_", " ")
-        common.say(f"{label:20s} {value:.5g} {units.get(name, 's')}")
-    common.deliver(options, lambda: plots.step_responses("Step response", {step.structure: step}))
+        common.say(f"{label:20s} {value:.5g} {_UNITS[name]}")
+    about = {"inertia": inertia, "omega_r": omega_r, "zeta": step.zeta, "kp": kp, "ki": ki}
+    common.deliver(
+        options,
+        lambda: plots.step_responses("Step response", {step.structure: step}),
+        numbers=lambda: Results(
+            {"structure": step.structure, **about, **metrics},
+            {"time": step.time, "v": step.speed},
+            _UNITS,
+        ),
+    )

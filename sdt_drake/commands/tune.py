@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from sdt_drake import paper
@@ -12,6 +12,7 @@ from sdt_drake.commands import common
 from sdt_drake.errors import InputError
 
 if TYPE_CHECKING:
+    from sdt_drake.arrays import Array
     from sdt_drake.design import Design
 
 EXAMPLE = "sdt-drake tune coupled_pi --zeta 0.95 0.98 0.99 0.95"
@@ -43,22 +44,26 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="damping ratio at the largest inertia, each joint [-] (default: that of the scenario; "
         "published, for the shipped device; else 1)",
     )
-    common.add_figure(parser, "figure of the effective inertia along the motion (.png, .svg, .pdf)")
+    common.add_figure(
+        parser, "the numbers (.csv, .json), or a figure of the effective inertia (.png, .svg, .pdf)"
+    )
 
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis import plots
     from sdt_drake.dynamics import effective_inertia
     from sdt_drake.resources import find_file
+    from sdt_drake.tables import Results
 
-    common.check_out(options.out, show=options.show)
+    common.check_out(options.out, numbers=True, show=options.show)
     is_scenario = find_file(options.scenario, "scenario", "motion").suffix == ".yaml"
     is_scenario = is_scenario and not common.is_motion(options.scenario)
     try:
         design = _of_scenario(options) if is_scenario else _of_motion(options)
     except InputError as error:
         raise InputError(*map(_as_option, error.args)) from None
-    _print_gains(design, _omega_r(design))
+    numbers = _numbers(design)
+    _print_gains(design, numbers)
     for line in _notes(options, design, is_scenario):
         common.say(line)
     common.deliver(
@@ -69,6 +74,11 @@ def run(options: argparse.Namespace) -> None:
             effective_inertia(design.robot, design.torques.d_kk),
             design.robot.joint_names,
             paper.table1("i_eff_max") if _is_shipped(design.scenario.robot) else None,
+        ),
+        numbers=lambda: Results(
+            {"title": options.scenario, "omega_r": _omega_r(design)},
+            {"joint": range(1, design.robot.n + 1), "name": design.robot.joint_names, **numbers},
+            _UNITS,
         ),
     )
 
@@ -154,30 +164,56 @@ def _notes(options: argparse.Namespace, design: Design, is_scenario: bool) -> It
         yield f"note: omega_n exceeds 0.5 omega_r where the inertia is small, joint {joints}"
 
 
-def _print_gains(design: Design, omega_r: float | None) -> None:
-    import numpy as np
-
+def _numbers(design: Design) -> dict[str, Array]:
+    """What there is to know of each joint, by name, shape (n,)."""
     from sdt_drake.control import damping_ratio, natural_frequency, oscillation_frequency
 
     inertia, gains = design.inertia, design.gains
-    largest, median, smallest = inertia.maximum, inertia.median, inertia.minimum
-    omega_n = np.array([natural_frequency(gains, i_eff) for i_eff in (largest, smallest)])
-    unit = "[rad/s]" if omega_r is None else "/omega_r"
-    ranges = [f"{slow:.3f} to {fast:.3f}" for slow, fast in omega_n.T / (omega_r or 1.0)]
+    numbers = {
+        "i_eff_max": inertia.maximum,
+        "i_eff_median": inertia.median,
+        "i_eff_min": inertia.minimum,
+        "variation_percent": inertia.variation_percent,
+        "kp": gains.kp,
+        "ki": gains.ki,
+    }
+    for level, i_eff in zip(("max", "median", "min"), list(numbers.values())[:3], strict=True):
+        numbers[f"zeta_{level}"] = damping_ratio(gains, i_eff)
+        numbers[f"omega_n_{level}"] = natural_frequency(gains, i_eff)
+    return numbers | {"omega_0": oscillation_frequency(gains, inertia.maximum)}
+
+
+# Motor side; max, median and min are of the inertia along the motion.
+_UNITS = {
+    "omega_r": "rad/s",
+    **dict.fromkeys(("i_eff_max", "i_eff_median", "i_eff_min"), "kg m²"),
+    "variation_percent": "%",
+    "kp": "N m s/rad",
+    "ki": "N m/rad",
+    **dict.fromkeys(("zeta_max", "zeta_median", "zeta_min"), "-"),
+    **dict.fromkeys(("omega_n_max", "omega_n_median", "omega_n_min", "omega_0"), "rad/s"),
+}
+
+
+def _print_gains(design: Design, numbers: Mapping[str, Array]) -> None:
+    omega_r = _omega_r(design)
+    slow, fast = numbers["omega_n_max"], numbers["omega_n_min"]
+    unit = " [rad/s]" if omega_r is None else "/omega_r"
+    ends = zip(slow / (omega_r or 1.0), fast / (omega_r or 1.0), strict=True)
     common.print_joints(
         design.robot.joint_names,
         [
-            ("I_eff max", ".5g", largest),
-            ("median", ".5g", median),
-            ("min [kg m²]", ".5g", smallest),
-            ("var. [%]", ".2f", inertia.variation_percent),
-            ("K_PS", ".4g", gains.kp),
-            ("K_IS", ".4g", gains.ki),
-            ("zeta at max", ".3f", damping_ratio(gains, largest)),
-            ("median", ".3f", damping_ratio(gains, median)),
-            ("min", ".3f", damping_ratio(gains, smallest)),
-            ("omega_0", ".2f", oscillation_frequency(gains, largest)),
-            (f"omega_n {unit}" if omega_r is None else f"omega_n{unit}", "", ranges),
+            ("I_eff max", ".5g", numbers["i_eff_max"]),
+            ("median", ".5g", numbers["i_eff_median"]),
+            ("min [kg m²]", ".5g", numbers["i_eff_min"]),
+            ("var. [%]", ".2f", numbers["variation_percent"]),
+            ("K_PS", ".4g", numbers["kp"]),
+            ("K_IS", ".4g", numbers["ki"]),
+            ("zeta at max", ".3f", numbers["zeta_max"]),
+            ("median", ".3f", numbers["zeta_median"]),
+            ("min", ".3f", numbers["zeta_min"]),
+            ("omega_0", ".2f", numbers["omega_0"]),
+            (f"omega_n{unit}", "", [f"{a:.3f} to {b:.3f}" for a, b in ends]),
         ],
     )
     common.say(

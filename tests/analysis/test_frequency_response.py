@@ -12,7 +12,6 @@ from test_linear import OMEGA_R, ROTORS, R, kind, matrices, same, two_mass_polyn
 from sdt_drake.analysis.frequency_response import (
     frequency_response,
     unwrapped_degrees,
-    write_responses,
 )
 from sdt_drake.analysis.linear import linearise
 from sdt_drake.device import Drive, Elasticity
@@ -313,7 +312,7 @@ def test_phase_at_the_last_crossover_is_between_minus_270_and_90():
 
 def test_written_responses_read_back(damped, tmp_path):
     _, response = damped["pi"]
-    write_responses(response, tmp_path / "bode.csv")
+    response.results("").write(tmp_path / "bode.csv")
     with (tmp_path / "bode.csv").open() as file:
         header, *rows = csv.reader(file)
     columns = dict(zip(header, np.array(rows, dtype=float).T, strict=True))
