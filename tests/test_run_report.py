@@ -113,6 +113,11 @@ def test_plots_of_the_page_are_zoomed_and_read_off(good, desk):
             cell = plot.locator(".u-value").first.element_handle()
             page.wait_for_function(near, arg=[cell, time], timeout=WAIT)
 
+        def fits():  # every plot into its place
+            fits = "x => x.offsetWidth <= x.parentElement.clientWidth"
+            page.wait_for_function(f"[...document.querySelectorAll('.uplot')].every({fits})")
+
+        fits()
         point(speed, 0.5)
         shows(speed, 0.25)
         shown = read(speed)
@@ -133,7 +138,7 @@ def test_plots_of_the_page_are_zoomed_and_read_off(good, desk):
             point(speed, share)
             shows(speed, time)
             shows(torque, time)
-        page.locator(".plots").nth(1).get_by_role("button", name="all").click()
+        page.locator(".plots").nth(1).get_by_role("button", name="show all").click()
         point(torque, 0.99)
         shows(torque, 0.5)
 
@@ -144,7 +149,7 @@ def test_plots_of_the_page_are_zoomed_and_read_off(good, desk):
         near = np.abs(recording.v[:, 1] - at["motor speed [rad/s]"]) < 1e-4
         assert np.abs(recording.tau[near, 1] - at["motor torque"]).min() < 0.1
         page.set_viewport_size({"width": 400, "height": 800})
-        page.wait_for_function("document.querySelector('.uplot').offsetWidth < 400", timeout=WAIT)
+        fits()
         assert page.evaluate("document.documentElement.scrollWidth") == 400
         assert (errors, requests) == ([], [])
 

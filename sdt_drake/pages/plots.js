@@ -59,6 +59,7 @@
         })),
       ],
       cursor: {
+        y: false,
         drag: { x: true, y: false },
         sync: { key: ends, scales: ["x", null], filters: { pub: (type) => type.startsWith("mousem") || type === "mouseleave" } },
       },
@@ -67,6 +68,8 @@
     chart.ends = ends;
     together.set(ends, [...(together.get(ends) ?? []), chart]);
     all.push([place, chart]);
+    place.ariaLabel = `${panel.y_label} over ${panel.x_label}`;
+    place.role = "group";
     return chart;
   };
 
@@ -83,13 +86,14 @@
       const button = bar.appendChild(document.createElement("button"));
       button.type = "button";
       button.textContent = text;
-      button.title = { "+": "zoom in", "−": "zoom out", "◀": "to the left", "▶": "to the right", all: "show all" }[text];
+      button.ariaLabel = button.title = { "+": "zoom in", "−": "zoom out", "◀": "to the left", "▶": "to the right", all: "show all" }[text];
       button.addEventListener("click", () => {
         for (const ends of new Set(charts.map((chart) => chart.ends))) zoom(charts.find((chart) => chart.ends === ends), factor, shift);
       });
     }
   }
   const fit = () => { for (const [place, chart] of all) chart.setSize({ width: width(place), height: 230 }); };
+  fit(); // the first of a grid took all of its width
   addEventListener("resize", fit);
   addEventListener("beforeprint", () => { for (const [, chart] of all) chart.setSize({ width: 330, height: 180 }); });
   addEventListener("afterprint", fit);
