@@ -10,7 +10,7 @@ import command_line
 import numpy as np
 import pytest
 from browser import open_page
-from command_line import RUN
+from command_line import RUN, SHORT
 
 from sdt_drake.analysis.panels import MOST, Line, Panel
 from sdt_drake.analysis.run_report import run_report
@@ -86,7 +86,8 @@ def test_a_page_gets_every_sample_or_every_peak():
     assert marked.spans() == [(0, 0), (0.01, 0.02)]
 
 
-def test_plots_of_the_page_are_zoomed_and_read_off(good, desk):
+def test_plots_of_the_page_are_zoomed_and_read_off(good, desk, given):
+    given("short.yaml", f"{SHORT}feels: a turn to the right\n")
     said = good("simulate", RUN, "--out", "report.html").out
     good("simulate", RUN, "--out", "run.csv")
     recording = Recording.from_csv("run.csv")
@@ -118,6 +119,7 @@ def test_plots_of_the_page_are_zoomed_and_read_off(good, desk):
             page.wait_for_function(f"[...document.querySelectorAll('.uplot')].every({fits})")
 
         fits()
+        assert page.get_by_text("To be felt: a turn to the right").is_visible()
         point(speed, 0.5)
         shows(speed, 0.25)
         shown = read(speed)

@@ -46,7 +46,8 @@ from sdt_drake.arrays import Array
 from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import Design
 from sdt_drake.errors import InputError
-from sdt_drake.pilot import CHANNELS, GRAVITY, HeadMotion, has_head
+from sdt_drake.motion import story_of
+from sdt_drake.pilot import CHANNELS, GRAVITY, HeadMotion, canals, has_head
 from sdt_drake.scenario import Scenario
 from sdt_drake.simulate import Recording
 from sdt_drake.versions import versions
@@ -92,7 +93,7 @@ def run_report(design: Design, recording: Recording, path: Path, joints: Sequenc
         Section("Tracking", _tracking(design, recording, tracking)),
         Section("Over time", _over_time(design, recording, path, joints)),
         Section("Torque over speed", _over_speed(design, recording, path, joints)),
-        Section("What the pilot feels", _felt(recording.time, head, path) if head else []),
+        Section("What the pilot feels", _felt(design, recording.time, head, path) if head else []),
         Section("In 3D", _in_3d(design, recording, path)),
         Section("Scenario and versions", _provenance(scenario)),
     ]
@@ -160,10 +161,14 @@ def _answer(
 
 def _setup(design: Design) -> list[Block]:
     scenario, motion, choice = design.scenario, design.wanted, design.scenario.controller
+    learned = "" if design.motion is motion else "; its flights have taught the reference"
     exact = "exact" if design.model is design.robot else "differs from the plant"
     rows = [
         ("robot", f"{design.robot.name}, {design.robot.n} joints (`{Path(scenario.robot).name}`)"),
-        ("motion", f"`{Path(scenario.motion).name}`, {motion.duration:g} s at {motion.period:g} s"),
+        (
+            "motion",
+            f"`{Path(scenario.motion).name}`, {motion.duration:g} s at {motion.period:g} s{learned}",
+        ),
         ("controller", f"`{choice.label}`: {CONTROLLERS[choice.kind].in_words(design)}"),
         ("torque feedforward", choice.feedforward_in_use),
         ("its model of the robot", exact),
@@ -311,7 +316,7 @@ def _plots(caption: str, columns: Sequence[Sequence[Panel]], path: Path, name: s
 # --- the pilot and the device ----------------------------------------------------------------
 
 
-def _felt(time: Array, head: HeadTracking, path: Path) -> list[Block]:
+def _felt(design: Design, time: Array, head: HeadTracking, path: Path) -> list[Block]:
     def panel(label: str, *lines: Line) -> Panel:
         return Panel("", "time [s]", label, time, lines)
 
@@ -320,17 +325,20 @@ def _felt(time: Array, head: HeadTracking, path: Path) -> list[Block]:
 
     reference, achieved, felt = both(head.reference), both(head.achieved), head.felt.multiples
     just = Line("just felt", Look("0.2"), np.ones_like(time))
+    told = np.degrees(canals(head.achieved.angular_velocity, float(time[1] - time[0])))
     blocks: list[Block] = []
     for axis, (force, rotation) in enumerate(zip(_FORCES, _ROTATIONS, strict=True)):
-        panels = [
-            panel(
-                label,
+        (push_lines, turn_lines) = (
+            [
                 Line("reference", LOOKS["reference"], one[:, axis]),
                 Line("achieved", ACHIEVED, other[:, axis]),
-            )
-            for label, one, other in zip(
-                (f"force {force} [G]", f"{rotation} [deg/s]"), reference, achieved, strict=True
-            )
+            ]
+            for one, other in zip(reference, achieved, strict=True)
+        )
+        turn_lines.append(Line("the canals tell", Look(PALETTE[2]), told[:, axis]))
+        panels = [
+            panel(f"force {force} [G]", *push_lines),
+            panel(f"{rotation} [deg/s]", *turn_lines),
         ]
         turn, push = CHANNELS[axis], CHANNELS[3 + axis]
         error = panel(
@@ -341,11 +349,13 @@ def _felt(time: Array, head: HeadTracking, path: Path) -> list[Block]:
         )
         caption = f"{push.capitalize()} force and {turn} of the head, in its own axes."
         blocks.append(_plots(caption, [[*panels, error]], path, f"pilot_{turn}"))
+    feels = story_of(design.scenario.motion, design.robot, design.wanted).feels
     text = (
         "The last plot of each is the error in multiples of what attentive people in silence and "
         "dark just feel: below 1 it is not felt."
     )
-    return [Text(text, "soft"), *blocks]
+    wanted: list[Block] = [Text(f"To be felt: {feels}")] if feels else []
+    return [*wanted, Text(text, "soft"), *blocks]
 
 
 _FORCES = ("forward", "to the left", "upwards")
