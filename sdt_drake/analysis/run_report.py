@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -163,12 +163,10 @@ def _setup(design: Design) -> list[Block]:
     scenario, motion, choice = design.scenario, design.wanted, design.scenario.controller
     learned = "" if design.motion is motion else "; its flights have taught the reference"
     exact = "exact" if design.model is design.robot else "differs from the plant"
+    duration = f"{motion.duration:g} s at {motion.period:g} s{learned}"
     rows = [
         ("robot", f"{design.robot.name}, {design.robot.n} joints (`{Path(scenario.robot).name}`)"),
-        (
-            "motion",
-            f"`{Path(scenario.motion).name}`, {motion.duration:g} s at {motion.period:g} s{learned}",
-        ),
+        ("motion", f"`{Path(scenario.motion).name}`, {duration}"),
         ("controller", f"`{choice.label}`: {CONTROLLERS[choice.kind].in_words(design)}"),
         ("torque feedforward", choice.feedforward_in_use),
         ("its model of the robot", exact),
@@ -320,25 +318,23 @@ def _felt(design: Design, time: Array, head: HeadTracking, path: Path) -> list[B
     def panel(label: str, *lines: Line) -> Panel:
         return Panel("", "time [s]", label, time, lines)
 
-    def both(of: HeadMotion) -> tuple[Array, Array]:
-        return of.specific_force / GRAVITY, np.degrees(of.angular_velocity)
+    def both(quantity: Callable[[HeadMotion], Array], axis: int) -> list[Line]:
+        return [
+            Line("reference", LOOKS["reference"], quantity(head.reference)[:, axis]),
+            Line("achieved", ACHIEVED, quantity(head.achieved)[:, axis]),
+        ]
 
-    reference, achieved, felt = both(head.reference), both(head.achieved), head.felt.multiples
-    just = Line("just felt", Look("0.2"), np.ones_like(time))
+    felt, just = head.felt.multiples, Line("just felt", Look("0.2"), np.ones_like(time))
     told = np.degrees(canals(head.achieved.angular_velocity, float(time[1] - time[0])))
     blocks: list[Block] = []
     for axis, (force, rotation) in enumerate(zip(_FORCES, _ROTATIONS, strict=True)):
-        (push_lines, turn_lines) = (
-            [
-                Line("reference", LOOKS["reference"], one[:, axis]),
-                Line("achieved", ACHIEVED, other[:, axis]),
-            ]
-            for one, other in zip(reference, achieved, strict=True)
-        )
-        turn_lines.append(Line("the canals tell", Look(PALETTE[2]), told[:, axis]))
         panels = [
-            panel(f"force {force} [G]", *push_lines),
-            panel(f"{rotation} [deg/s]", *turn_lines),
+            panel(f"force {force} [G]", *both(lambda of: of.specific_force / GRAVITY, axis)),
+            panel(
+                f"{rotation} [deg/s]",
+                *both(lambda of: np.degrees(of.angular_velocity), axis),
+                Line("the canals tell", Look(PALETTE[2]), told[:, axis]),
+            ),
         ]
         turn, push = CHANNELS[axis], CHANNELS[3 + axis]
         error = panel(
