@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sdt_drake.commands.common import (
+    add_changes,
     add_out,
-    add_scenario,
     check_folder,
     design_of,
+    print_joints,
     print_table,
+    refuse_changes,
     say,
+    some_path,
 )
 from sdt_drake.errors import InputError
+
+if TYPE_CHECKING:
+    from sdt_drake.design import Design
+    from sdt_drake.learning.convergence import Convergence
+    from sdt_drake.learning.filter import LearningFilter
 
 EXAMPLE = "sdt-drake learn wrong_model --set controller.kind=p_pi --flights 5 --out learned"
 
@@ -21,7 +30,13 @@ _MOST = 1000  # flights
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    add_scenario(parser)
+    parser.add_argument(
+        "scenario",
+        nargs="?",
+        metavar="SCENARIO",
+        help="name of one that ships, or .yaml file; with --recording for the first one only",
+    )
+    add_changes(parser)
     parser.add_argument(
         "--flights", type=int, default=5, help="at most, with the first one (default: 5)"
     )
@@ -48,34 +63,81 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--all", action="store_true", help="fly all flights, though another one is not worth it"
     )
+    parser.add_argument(
+        "--recording",
+        nargs="+",
+        metavar="FLIGHT.csv",
+        help="of the real machine instead of simulated flights: one step from one or more "
+        "recordings of the reference that was flown last",
+    )
+    parser.add_argument("--motion", help="that was flown, to be sure (name or file)")
+    parser.add_argument("--mapping", help="YAML file with the recordings' columns, as `identify`")
+    parser.add_argument(
+        "--state", type=some_path, metavar="DIR", help="with --recording: what is known so far"
+    )
     add_out(parser, "folder for the learned reference, a scenario with it, and a report", "learned")
 
 
 def run(options: argparse.Namespace) -> None:
-    import numpy as np
+    for name in ("flights", "draws"):
+        value = getattr(options, name)
+        if not 1 <= value <= _MOST:
+            raise InputError(f"--{name}: {value}, expected 1 to {_MOST}")
+    if options.recording:
+        _from_recordings(options)
+        return
+    for name in ("motion", "mapping", "state"):
+        if getattr(options, name):
+            raise InputError(f"--{name}: is for --recording, expected one")
+    if options.scenario is None:
+        raise InputError("SCENARIO: missing, expected a scenario to fly")
+    _simulated(options)
 
-    from sdt_drake.learning.convergence import convergence, refuse_divergence
-    from sdt_drake.learning.filter import design_filter
+
+def _simulated(options: argparse.Namespace) -> None:
     from sdt_drake.learning.flights import Flight, learn
-    from sdt_drake.learning.loops import loops_of
     from sdt_drake.learning.report import (
         LEARNED,
         SCENARIO,
         Learned,
-        check_rows,
         flight_rows,
         summary,
         write_learned,
     )
-    from sdt_drake.studies.study import load_study
 
-    for name, least in (("flights", 1), ("draws", 1)):
-        value = getattr(options, name)
-        if not least <= value <= _MOST:
-            raise InputError(f"--{name}: {value}, expected {least} to {_MOST}")
     folder: Path = options.out
     check_folder(folder)
     design = design_of(options)
+    filter_, checks = _checked_filter(options, design)
+
+    def report(flight: Flight) -> None:
+        header, rows = flight_rows([flight])
+        say(", ".join(f"{name} {cell}" for name, cell in zip(header, rows[0], strict=True)))
+
+    lessons = learn(design, filter_, options.flights, stops=not options.all, report=report)
+    for line in summary(lessons):
+        say(line)
+    page = write_learned(folder, Learned(design, filter_, checks, lessons))
+    say(f"{folder / LEARNED} and {folder / SCENARIO} written: sdt-drake simulate uses them")
+    say(f"{page} written")
+
+
+def _checked_filter(
+    options: argparse.Namespace, design: Design
+) -> tuple[LearningFilter, list[Convergence]]:
+    """The filter, and that it converges, both told.
+
+    Raises:
+        InputError: if it does not.
+    """
+    import numpy as np
+
+    from sdt_drake.learning.convergence import convergence, refuse_divergence
+    from sdt_drake.learning.filter import design_filter
+    from sdt_drake.learning.loops import loops_of
+    from sdt_drake.learning.report import check_rows
+    from sdt_drake.studies.study import load_study
+
     study = load_study(options.study) if options.study else None
     loops = loops_of(design, options.of, uncertainty=study, draws=options.draws)
     bandwidth = None if options.bandwidth is None else 2 * np.pi * options.bandwidth
@@ -89,14 +151,72 @@ def run(options: argparse.Namespace) -> None:
     print_table(*check_rows(checks, filter_))
     refuse_divergence(checks, filter_)
     say()
+    return filter_, checks
 
-    def report(flight: Flight) -> None:
-        header, rows = flight_rows([flight])
-        say(", ".join(f"{name} {cell}" for name, cell in zip(header, rows[0], strict=True)))
 
-    lessons = learn(design, filter_, options.flights, stops=not options.all, report=report)
-    for line in summary(lessons):
-        say(line)
-    page = write_learned(folder, Learned(design, filter_, checks, lessons))
-    say(f"{folder / LEARNED} and {folder / SCENARIO} written: sdt-drake simulate uses them")
-    say(f"{page} written")
+def _from_recordings(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from sdt_drake.identification.recordings import load_columns, read_recording
+    from sdt_drake.learning.state import SCENARIO, read_state, reference_file, teach, write_step
+
+    folder: Path | None = options.state
+    if folder is None:
+        raise InputError("--state: missing, expected the folder that keeps what is learned")
+    check_folder(folder)
+    begun = (folder / SCENARIO).exists()
+    if begun == (options.scenario is not None):
+        text = f"has its scenario, {SCENARIO}; leave SCENARIO away" if begun else "is new"
+        raise InputError(f"--state {folder}: {text}{'' if begun else ', expected a SCENARIO'}")
+    if begun:
+        refuse_changes(options)
+        options.scenario = str(folder / SCENARIO)
+    design = design_of(options)
+    if options.motion:
+        _check_motion(options.motion, design)
+    columns = load_columns(options.mapping) if options.mapping else None
+    recordings = [
+        read_recording(path, design.robot, columns, needs=("q",)) for path in options.recording
+    ]
+    filter_, _ = _checked_filter(options, design)
+    state = read_state(folder, design)
+    taught = teach(design, filter_, state, recordings)
+    flight = taught.flight
+    for recorded, shift in zip(recordings, flight.shifts, strict=True):
+        say(f"{recorded.path}: the motion begins {1e3 * shift:.2f} ms after its start")
+    degrees = [np.degrees(values) for values in (flight.largest, flight.rms, flight.floor)]
+    columns_ = [
+        ("largest error [deg]", ".4f", degrees[0]),
+        ("repeats, RMS [deg]", ".5f", degrees[1]),
+    ]
+    if flight.floor:
+        columns_.append(("does not repeat, RMS [deg]", ".5f", degrees[2]))
+    print_joints(design.robot.joint_names, columns_)
+    for note in taught.notes:
+        say(f"note: {note}")
+    if len(recordings) < 3:
+        say("note: with three recordings of a flight or more, what does not repeat is told apart")
+    path = write_step(folder, design, state, taught)
+    say(f"{path} written: fly it, then learn from its recording")
+    best = min([*state.flights, flight], key=lambda one: one.score)
+    where = "the planned motion" if best.reference == 1 else reference_file(folder, best.reference)
+    say(f"best so far: {where}, {np.degrees(best.score):.5f} deg (RMS of all joints)")
+
+
+def _check_motion(name: str, design: Design) -> None:
+    """Refuse another motion than that of the state."""
+    import numpy as np
+
+    from sdt_drake.motion import load_plan
+
+    scenario = design.scenario
+    plan = load_plan(
+        name,
+        design.nominal,
+        period=scenario.period,
+        torque_margin=scenario.torque_margin,
+        planner=scenario.planner,
+    )
+    own = plan.motion.q
+    if own.shape != design.wanted.q.shape or np.abs(own - design.wanted.q).max() > 1e-6:
+        raise InputError(f"--motion {name}: is not the motion of the scenario, {scenario.motion}")

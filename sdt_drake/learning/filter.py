@@ -90,20 +90,30 @@ class LearningFilter:
         return np.asarray((1 - np.cos(np.pi * np.clip(share, 0, 1))) / 2)
 
     def _filtered(self, values: Array, gain: Complex) -> Array:
-        """Q and a gain over `omega`, at rest what it is at the lowest of these."""
-        margin = round(_MARGIN / self.period)
-        back = (1 + np.cos(np.pi * np.linspace(0, 1, margin)))[:, None] / 2
-        first, last = values[:1], values[-1:]
-        ends = [np.repeat(first, margin, axis=0), np.repeat(last, margin, axis=0)]
-        around = np.vstack([ends[0], values, ends[1], first + (last - first) * back])
-        spectrum = np.fft.rfft(around, axis=0)
-        omega = 2 * np.pi * np.fft.rfftfreq(len(around), self.period)
-        spectrum *= self.robustness(np.asarray(omega, dtype=float))
-        known = np.append(0.0, self.omega)
-        for k, own in enumerate(np.vstack([gain[:1].real, gain]).T):
-            spectrum[:, k] *= np.interp(omega, known, own)
-        out = np.fft.irfft(spectrum, len(around), axis=0)
-        return np.asarray(out[margin : margin + len(values)])
+        """Q and a gain over `omega`."""
+        return through(values, gain * self.robustness(self.omega), self.omega, self.period)
+
+
+def through(values: Array, gain: Complex, omega: Array, period: float) -> Array:
+    """Samples of a motion, before and after which they stay what they are, through a gain.
+
+    Args:
+        values: shape (N + 1, n).
+        gain: of each column over `omega`, shape (m, n); at rest what it is at the lowest omega.
+        omega: growing [rad/s], shape (m,).
+        period: of the samples [s].
+    """
+    margin = round(_MARGIN / period)
+    back = (1 + np.cos(np.pi * np.linspace(0, 1, margin)))[:, None] / 2
+    first, last = values[:1], values[-1:]
+    ends = [np.repeat(first, margin, axis=0), np.repeat(last, margin, axis=0)]
+    around = np.vstack([ends[0], values, ends[1], first + (last - first) * back])
+    spectrum = np.fft.rfft(around, axis=0)
+    at, known = 2 * np.pi * np.fft.rfftfreq(len(around), period), np.append(0.0, omega)
+    for k, own in enumerate(np.vstack([gain[:1].real, gain]).T):
+        spectrum[:, k] *= np.interp(at, known, own)
+    out = np.fft.irfft(spectrum, len(around), axis=0)
+    return np.asarray(out[margin : margin + len(values)])
 
 
 def design_filter(

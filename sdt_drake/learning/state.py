@@ -1,0 +1,212 @@
+"""Learning from recordings of a real machine, a flight at a time: what is known between flights.
+
+A folder holds the scenario, and of each flight, numbered from 1, what it was given
+(`reference_02.csv`; the first flies the planned motion) and what came of it (`flight_01.yaml`,
+written last). Nothing in it is ever changed.
+"""
+
+# Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from pydrake.common.yaml import yaml_dump_typed
+
+from sdt_drake.arrays import Array
+from sdt_drake.design import Design
+from sdt_drake.errors import InputError, replacing
+from sdt_drake.fields import setting
+from sdt_drake.identification.recordings import Recorded
+from sdt_drake.learning.filter import LearningFilter
+from sdt_drake.learning.flights import Step, next_step
+from sdt_drake.learning.matching import match
+from sdt_drake.motion import LearnedReference, load_learned
+from sdt_drake.scenario import save_scenario
+from sdt_drake.yaml_files import load_yaml
+
+SCENARIO = "scenario.yaml"
+_GROWN = 1.05  # of the error of the best flight
+_GAIN = 0.95
+
+
+@dataclass(slots=True)
+class FlightRecord:
+    """What came of a flight, by its recordings; a file of it lies in the folder of the learning.
+
+    Attributes:
+        reference: number of the reference that was flown; 1 is the planned motion.
+        recordings: how many there are of it.
+        largest: |error| of their mean.
+        rms: RMS error that repeats, of the mean without what noise leaves in it.
+        floor: RMS error that does not repeat, with several recordings.
+        shifts: when the motion begins in each recording.
+    """
+
+    reference: int = setting(1, minimum=1)
+    recordings: int = setting(1, minimum=1)
+    largest: list[float] = setting([], minimum=0, unit="rad", side="joint")
+    rms: list[float] = setting([], minimum=0, unit="rad", side="joint")
+    floor: list[float] = setting([], minimum=0, unit="rad", side="joint")
+    shifts: list[float] = setting([], unit="s")
+
+    @property
+    def score(self) -> float:
+        """RMS error of all joints that repeats [rad]: less is better."""
+        return math.sqrt(sum(x * x for x in self.rms) / max(1, len(self.rms)))
+
+    @property
+    def noise(self) -> float:
+        """Of the mean of the recordings, RMS of all joints [rad]; 0 where it is not known."""
+        mean = sum(x * x for x in self.floor) / max(1, len(self.floor))
+        return math.sqrt(mean / self.recordings)
+
+
+class State(NamedTuple):
+    """What a folder knows: flights so far, and what may be flown next."""
+
+    flights: list[FlightRecord]
+    references: list[LearnedReference]
+
+    @property
+    def best(self) -> int:
+        """Index of the flight with the least error that repeats."""
+        return min(range(len(self.flights)), key=lambda i: self.flights[i].score)
+
+
+def read_state(folder: Path, design: Design) -> State:
+    """Of a folder that may still be empty.
+
+    Raises:
+        InputError: naming a file that is missing, or was learned of another motion.
+    """
+    references = [LearnedReference(design.motion, design.learned_torque)]
+    flights: list[FlightRecord] = []
+    while (file := flight_file(folder, len(flights) + 1)).exists():
+        flight, _ = load_yaml(FlightRecord, file)
+        for name in ("largest", "rms"):
+            if len(getattr(flight, name)) != design.robot.n:
+                raise InputError(f"{file}: {name}: expected {design.robot.n} value(s)")
+        if flight.reference > len(references):
+            raise InputError(f"{file}: reference: {flight.reference}, there is none yet")
+        flights.append(flight)
+        path = reference_file(folder, len(flights) + 1)
+        margin = design.scenario.torque_margin
+        references.append(load_learned(path, design.wanted, design.nominal, torque_margin=margin))
+    return State(flights, references)
+
+
+def flight_file(folder: Path, number: int) -> Path:
+    """What came of a flight."""
+    return folder / f"flight_{number:02d}.yaml"
+
+
+def reference_file(folder: Path, number: int) -> Path:
+    """What a flight is given; the first flies the planned motion."""
+    return folder / f"reference_{number:02d}.csv"
+
+
+class Taught(NamedTuple):
+    """What recordings of a flight have taught.
+
+    Attributes:
+        flight: what came of it.
+        step: to the next one.
+        notes: for people.
+    """
+
+    flight: FlightRecord
+    step: Step
+    notes: list[str]
+
+
+def teach(
+    design: Design, filter_: LearningFilter, state: State, recordings: Sequence[Recorded]
+) -> Taught:
+    """Learn from recordings of the flight that comes next, or of an earlier one again.
+
+    Raises:
+        InputError: naming the file: what `match` refuses; recordings of different references; an
+            error that has grown.
+    """
+    motions = [reference.motion for reference in state.references]
+    found = [match(recorded, design, filter_, motions) for recorded in recordings]
+    flown = {one.reference % len(motions) for one in found}
+    if len(flown) > 1:
+        raise InputError(
+            f"{recordings[-1].path}: is of another reference than {recordings[0].path}, expected "
+            "recordings of one reference"
+        )
+    number = flown.pop()
+    flight = _record(design.wanted.q, [one.q for one in found], number + 1)
+    flight.shifts = [one.shift for one in found]
+    _refuse_growth(flight, state, recordings[0].path)
+    error = design.wanted.q - np.mean([one.q for one in found], axis=0)
+    given = design if number == 0 else design.given(state.references[number])
+    step = next_step(given, filter_, error)
+    return Taught(flight, step, _notes(flight, step, state, found[0].reference < 0))
+
+
+def _record(wanted: Array, flown: Sequence[Array], reference: int) -> FlightRecord:
+    """Separate what repeats from what does not: the spread of m recordings has m - 1 degrees of
+    freedom, and 1/m of its square is left in their mean."""
+    count = len(flown)
+    error = wanted - np.mean(flown, axis=0)
+    square, floor = np.mean(error**2, axis=0), np.zeros(0)
+    if count > 1:
+        variance = np.mean(np.var(flown, axis=0, ddof=1), axis=0)
+        square, floor = np.maximum(square - variance / count, 0), np.sqrt(variance)
+    return FlightRecord(
+        reference=reference,
+        recordings=count,
+        largest=np.abs(error).max(axis=0).tolist(),
+        rms=np.sqrt(square).tolist(),
+        floor=floor.tolist(),
+    )
+
+
+def _refuse_growth(flight: FlightRecord, state: State, path: Path) -> None:
+    if not state.flights:
+        return
+    best = state.flights[state.best]
+    if flight.score > _GROWN * best.score + flight.noise + best.noise:
+        where = (
+            "the planned motion" if best.reference == 1 else reference_file(Path(), best.reference)
+        )
+        raise InputError(
+            f"{path}: the error has grown, from {np.degrees(best.score):.4g} to "
+            f"{np.degrees(flight.score):.4g} deg (RMS of all joints): nothing is learned of it; "
+            f"the best so far is {where}"
+        )
+
+
+def _notes(flight: FlightRecord, step: Step, state: State, unseen: bool) -> list[str]:
+    notes = []
+    if unseen:
+        notes.append("it holds no q_ref: that it is of the reference that was to be flown is taken")
+    if flight.floor and flight.score < 2 * flight.noise:
+        notes.append("what repeats is within what noise leaves of it: no more can be learned")
+    elif state.flights and flight.score > _GAIN * state.flights[state.best].score:
+        notes.append(
+            "it took less than 5 % off the error that repeats: another one is not worth it"
+        )
+    if step.share < 1:
+        notes.append(f"scaled back to {100 * step.share:.0f} % of the step: {step.limit}")
+    elif step.limit:
+        notes.append(f"torque cut off: {step.limit}")
+    return notes
+
+
+def write_step(folder: Path, design: Design, state: State, taught: Taught) -> Path:
+    """Write what the next flight gets, and then what came of this one; the former's file."""
+    number = len(state.flights) + 1
+    if number == 1:
+        save_scenario(design.scenario, folder / SCENARIO)
+    path = reference_file(folder, number + 1)
+    taught.step.learned.to_csv(path)
+    text = yaml_dump_typed(taught.flight, schema=FlightRecord)
+    with replacing(flight_file(folder, number)) as partial:
+        partial.write_text(text, encoding="utf-8")
+    return path

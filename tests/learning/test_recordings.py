@@ -1,0 +1,172 @@
+"""Learning from recordings of a real machine, here a simulated one with a recorder of its own."""
+
+from __future__ import annotations
+
+import command_line
+import numpy as np
+import pytest
+
+from sdt_drake.analysis.comparison import with_controller
+from sdt_drake.design import make_design
+from sdt_drake.errors import InputError
+from sdt_drake.identification.recordings import read_recording
+from sdt_drake.learning.filter import design_filter
+from sdt_drake.learning.loops import loops_of
+from sdt_drake.learning.matching import match
+from sdt_drake.learning.state import State, read_state, reference_file, teach, write_step
+from sdt_drake.motion import LearnedReference, Motion
+from sdt_drake.simulate import simulate
+from sdt_drake.tables import write_table
+
+call, good, desk = command_line.call, command_line.good, command_line.desk
+given, refuse = command_line.given, command_line.refuse
+
+
+class Machine:
+    """A device that is not what its model says, and its recorder."""
+
+    def __init__(self, design, folder):
+        self.design, self.folder, self.count = design, folder, 0
+        self.filter = design_filter(design, loops_of(design, "reference"), "reference")
+
+    def flight(self, learned=None):
+        """Time [s], what was asked for and what came [rad]."""
+        design = self.design if learned is None else self.design.given(learned)
+        run = simulate(design)
+        return run.time, design.motion.q, run.q
+
+    def record(self, flight, *, lead=0.0, step=None, noise=0.0, seed=0, columns=("q_ref", "q")):
+        """A file that begins `lead` [s] before the motion, at rest, and goes on after it."""
+        time, q_ref, q = flight
+        step = step or time[1]
+        at = np.arange(round((time[-1] + lead + 0.2) / step) + 1.0) * step - lead
+        spread = np.random.default_rng(seed).normal(0, noise, (len(at), 4))
+
+        def sampled(values):
+            motion = Motion.from_speeds(time[1], values[0], np.gradient(values, time[1], axis=0))
+            inside = np.clip(at, 0, time[-1])
+            smooth = np.stack([np.interp(inside, time, x) for x in values.T], axis=1)
+            return smooth if step == time[1] else motion.trajectory.vector_values(inside).T
+
+        values = {"q_ref": sampled(q_ref), "q": sampled(q) + spread}
+        self.count += 1
+        path = self.folder / f"recorded_{self.count}.csv"
+        write_table(path, at + lead, {name: values[name] for name in columns})
+        return path
+
+    def read(self, path):
+        return read_recording(path, self.design.robot, needs=("q",))
+
+
+@pytest.fixture
+def machine(designed, tmp_path):
+    base = designed("wrong_model", end=1.5)
+    v = base.wanted.v * np.clip((1.5 - base.wanted.time) / 0.8, 0, 1)[:, None]  # ends at rest
+    wanted = Motion.from_speeds(base.wanted.period, base.wanted.q[0], v)
+    scenario = with_controller(base.scenario, "p_pi")
+    return Machine(make_design(scenario, robot=base.nominal, motion=wanted), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("lead", "step", "columns", "off"),
+    [
+        (0.0, None, ("q_ref", "q"), 1e-9),
+        (0.35, None, ("q",), 1e-9),
+        (0.1234, 0.001, ("q_ref", "q"), 2e-5),
+        (0.1234, 0.001, ("q",), 1.1e-3),  # to a sample
+    ],
+)
+def test_the_motion_is_found_in_a_recording(machine, lead, step, columns, off):
+    flight = machine.flight()
+    path = machine.record(flight, lead=lead, step=step, columns=columns)
+    found = match(machine.read(path), machine.design, machine.filter, [machine.design.motion])
+    assert found.shift == pytest.approx(lead, abs=off)
+    assert found.reference == (0 if "q_ref" in columns else -1)
+    np.testing.assert_allclose(found.q, flight[2], rtol=0, atol=3e-6 + 2 * off)
+
+
+def test_a_step_from_recordings_is_that_of_simulated_flights(machine):
+    """Two steps: errors shrink as fast, and the best is kept when one grows."""
+    folder = machine.folder / "state"
+    design, scores, learned = machine.design, [], None
+    for number in (1, 2):
+        path = machine.record(machine.flight(learned), lead=0.05)
+        state = read_state(folder, design)
+        taught = teach(design, machine.filter, state, [machine.read(path)])
+        write_step(folder, design, state, taught)
+        learned = LearnedReference.from_csv(reference_file(folder, number + 1))
+        scores.append(taught.flight.score)
+    assert scores[1] < 0.1 * scores[0]
+    state = read_state(folder, design)
+    assert len(state.flights) == 2 and state.best == 1
+    worse = machine.flight(state.references[1])
+    worse[2][:, 3] += 0.001 * np.sin(5 * worse[0])
+    before = {file: file.read_bytes() for file in folder.iterdir()}
+    with pytest.raises(InputError, match=r"has grown, .*best so far is reference_02.csv"):
+        teach(design, machine.filter, state, [machine.read(machine.record(worse))])
+    assert {file: file.read_bytes() for file in folder.iterdir()} == before
+
+
+def test_what_repeats_is_told_from_what_does_not(machine):
+    """Of eight noisy recordings: the floor is the noise, what repeats is the error without it."""
+    flight, noise = machine.flight(), 3e-5
+    paths = [machine.record(flight, noise=noise, seed=i) for i in range(8)]
+    state = State([], [LearnedReference(machine.design.motion)])
+    taught = teach(machine.design, machine.filter, state, [machine.read(path) for path in paths])
+    np.testing.assert_allclose(taught.flight.floor, noise, rtol=0.1)
+    true = np.sqrt(np.mean((machine.design.wanted.q - flight[2]) ** 2, axis=0))
+    np.testing.assert_allclose(taught.flight.rms, true, rtol=0.05, atol=0.4 * noise)
+    quiet = machine.flight()
+    quiet[2][:] = machine.design.wanted.q
+    paths = [machine.record(quiet, noise=noise, seed=i) for i in range(3)]
+    taught = teach(machine.design, machine.filter, state, [machine.read(path) for path in paths])
+    assert any("within what noise leaves" in note for note in taught.notes)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (
+            lambda f: (f[0], f[1][:, [3, 1, 2, 0]], f[2][:, [3, 1, 2, 0]]),
+            "of the motion|q_ref is up to",
+        ),
+        (lambda f: (f[0], f[1], f[2][:, [3, 1, 2, 0]]), "joint 1 is .* another order"),
+        (lambda f: (f[0], f[1], np.degrees(f[2])), "another unit"),
+        (lambda f: (f[0][:150], f[1][:150], f[2][:150]), "q_ref is up to|of the motion"),
+    ],
+)
+def test_recordings_of_something_else_are_refused(machine, spoil, words):
+    path = machine.record(spoil(machine.flight()))
+    with pytest.raises(InputError, match=words):
+        match(machine.read(path), machine.design, machine.filter, [machine.design.motion])
+
+
+def test_recordings_with_gaps_or_too_few_samples_or_a_part_are_refused(machine):
+    def refused(change, words):
+        path = machine.record(machine.flight())
+        lines = path.read_text(encoding="utf-8").splitlines()
+        path.write_text("\n".join([lines[0], *change(lines[1:])]) + "\n", encoding="utf-8")
+        with pytest.raises(InputError, match=words):
+            match(machine.read(path), machine.design, machine.filter, [machine.design.motion])
+
+    refused(lambda rows: rows[:100] + rows[110:], "a gap from 0.495 to 0.55 s")
+    refused(lambda rows: rows[::8], "a sample every 0.04 s, expected every 0.024 s")
+    refused(lambda rows: rows[:220], "s of the motion, expected all of its 1.5 s|up to")
+
+
+def test_the_command_learns_flight_by_flight(good, refuse, given, desk):
+    text = (desk.parent / "given" / "run.yaml").read_text(encoding="utf-8")
+    file = given("cascade.yaml", text.replace("kind: pi,", "kind: p_pi,"))
+    changed = ("--set", "plant.deviation.payload_mass=30")
+    good("simulate", file, *changed, "--out", "flight.csv")
+    out = good("learn", file, "--recording", "flight.csv", "--state", "state").out
+    assert "state/reference_02.csv written" in out
+    good("simulate", file, *changed, "--set", "learned=state/reference_02.csv", "--out", "next.csv")
+    again = ("learn", "--recording", "next.csv", "--state", "state")
+    out = good(*again, "--motion", command_line.SHORT_MOTION).out
+    assert "the motion begins 0.00 ms" in out and "best so far: state/reference_02.csv" in out
+    refuse(*again, "--motion", "leans", saying=("--motion leans: is not the motion",))
+    refuse("learn", "--recording", "flight.csv", "--state", "state", late=True, saying=("grown",))
+    refuse("learn", "--recording", "flight.csv", saying=("--state: missing",))
+    refuse("learn", "--recording", "flight.csv", "--state", "other", saying=("expected a SCEN",))
+    refuse("learn", file, "--state", "state", saying=("--state: is for --recording",))
