@@ -12,12 +12,13 @@ if __name__ == "__main__" and not getattr(sys.flags, "safe_path", sys.flags.isol
 import atexit
 import os
 import signal
+import threading
 import time
 from types import FrameType
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _AGAIN = 0.02  # s
-_PATIENCE = 3.0  # s; what tidying up may take before a second signal ends it
+_PATIENCE = 0.7  # s; what hearing a signal and tidying up may take before it ends without
 
 
 class _Stop:
@@ -26,7 +27,7 @@ class _Stop:
     def __init__(self) -> None:
         self.number = 0  # of the signal that ends the process
         self.working = False  # so there may be something to tidy up
-        self._since = 0.0
+        self._over = False
 
     def listen(self) -> None:
         for number in _SIGNALS:
@@ -35,9 +36,14 @@ class _Stop:
                 signal.signal(number, self)
         signal.signal(signal.SIGALRM, self)
         sys.unraisablehook = self._lost
+        reading, writing = os.pipe()
+        os.set_blocking(writing, False)
+        signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+        threading.Thread(target=self._watch, args=(reading,), daemon=True).start()
 
-    def deafen(self) -> None:
+    def deafen(self, code: int | None) -> None:
         """All is done; Python's own end takes no interrupt without a trace."""
+        self._over = code != 130
         for number in (*_SIGNALS, signal.SIGALRM):
             signal.signal(number, signal.SIG_IGN)
 
@@ -45,15 +51,23 @@ class _Stop:
         if not self.working:
             os._exit(128 + number)
         if not self.number:
-            self.number, self._since = number, time.monotonic()
+            self.number = number
         elif number != signal.SIGALRM:
-            if time.monotonic() - self._since > _PATIENCE:
-                os._exit(128 + self.number)
             return
         if _is_importing(frame):  # Drake makes an ImportError of it, and others lose it
             signal.setitimer(signal.ITIMER_REAL, _AGAIN)
         else:
             raise KeyboardInterrupt
+
+    def _watch(self, reading: int) -> None:
+        """End the process where nobody else does: Python hears no signal within a long call."""
+        while (number := os.read(reading, 1)[0]) not in _SIGNALS:
+            pass
+        time.sleep(_PATIENCE)
+        if not self._over:
+            if errors := sys.modules.get("sdt_drake.errors"):
+                errors.remove_partials()
+            os._exit(128 + number)
 
     def _lost(self, unraisable: "sys.UnraisableHookArgs") -> None:
         """What was raised where nothing takes it, in a destructor for one."""
@@ -71,7 +85,7 @@ def _is_importing(frame: FrameType | None) -> bool:
 
 def main() -> int:
     """Run the command line; returns the exit code, 128 + n after signal n."""
-    stop = _Stop()
+    stop, code = _Stop(), None
     stop.listen()
     os.environ.setdefault("PYTHONSAFEPATH", "1")  # the same for the processes of a study
     try:
@@ -82,7 +96,7 @@ def main() -> int:
     except KeyboardInterrupt:
         code = 130
     finally:
-        stop.deafen()
+        stop.deafen(code)
     if code == 130:
         atexit._run_exitfuncs()  # temporary folders, for one
         # Python would wait for simulations in threads.

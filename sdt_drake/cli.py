@@ -16,8 +16,10 @@ from typing import NoReturn
 
 import sdt_drake
 from sdt_drake.commands import COMMANDS
+from sdt_drake.commands.bar import bar
 from sdt_drake.commands.common import stop_printing
 from sdt_drake.errors import InputError, keeping_inputs
+from sdt_drake.progress import watching
 
 BAD_INPUT, FAULT, INTERRUPTED = 2, 70, 130
 
@@ -42,8 +44,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _prepare_streams()
     code = 0
     lines: Sequence[str] = ()
+    bar.begin()
     try:
-        code = _run(arguments)
+        with watching(bar.tell) if bar.has_terminal else contextlib.nullcontext():
+            code = _run(arguments)
     except KeyboardInterrupt:
         code = INTERRUPTED
     except InputError as error:
@@ -62,6 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _print_error(line)
     for stream in (sys.stdout, sys.stderr):
         try:
+            bar.end()
             stream.flush()
         except OSError:
             stop_printing(stream)
@@ -115,6 +120,7 @@ def _print_error(message: str) -> None:
         text = f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
     letters = (x if x.isprintable() else x.encode("unicode_escape").decode() for x in text)
     with contextlib.suppress(OSError):  # a full disk, for one; the exit code tells
+        bar.end()
         print(f"sdt-drake: {''.join(letters)}", file=sys.stderr)
 
 

@@ -86,6 +86,7 @@ def whole_periods(duration: float, period: float, where: str) -> int:
 
 _inputs: set[tuple[int, int]] | None = None  # device and number of the files; None: not kept
 _outputs: set[tuple[int, int]] = set()
+_partials: set[Path] = set()
 _IS_READ = "is read by this command, expected another file to write"
 
 
@@ -213,6 +214,7 @@ def replacing(path: Path) -> Iterator[Path]:
     partial = target.with_name(f".{secrets.token_hex(8)}.partial{path.suffix}")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
+        _partials.add(partial)
         try:
             yield partial
             if status is not None and _inputs is not None:
@@ -221,8 +223,16 @@ def replacing(path: Path) -> Iterator[Path]:
             _outputs.clear()  # what is new may have the number of what it replaced
         finally:
             partial.unlink(missing_ok=True)
+            _partials.discard(partial)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+
+
+def remove_partials() -> None:
+    """For a process that is about to end: all that `replacing` has begun."""
+    for partial in tuple(_partials):
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
 
 
 def _check_replaceable(path: Path, status: os.stat_result, new: Path) -> None:

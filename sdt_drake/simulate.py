@@ -21,6 +21,7 @@ from sdt_drake.errors import InputError, checked_number
 from sdt_drake.fields import setting
 from sdt_drake.loops import Loop, make_loop
 from sdt_drake.motor_torque import Seen, arrived, knows_its_command, period_torque
+from sdt_drake.progress import told
 from sdt_drake.scenario import Scenario
 from sdt_drake.shown import Shown, Summary, data_frame, of_joints
 from sdt_drake.tables import read_table, write_table
@@ -35,6 +36,8 @@ it misses where they do so grows until they no longer do."""
 
 _FINEST = 1e-12  # that Drake takes
 _MOST_STEPS = 1_000_000  # of the integrator in a period; a loop that needs more does not end
+
+_SLICES = 200  # of a run, to tell how far it is; between samples, where steps end anyway
 
 _LOOKS, _POINTS = 3, 9  # within a period at a command that nobody tells, and within such a look
 
@@ -267,13 +270,16 @@ def _run(simulator: Simulator, design: Design, loop: Loop) -> Seen | None:
         # Only the main thread hears Ctrl-C; in others, listening for it would take the
         # interpreter's lock at every step, and let no two runs go at the same time.
         hears = threading.current_thread() is threading.main_thread()
+        samples = len(design.motion.v) - 1
+        for end in told(range(-(-samples // _SLICES), samples, -(-samples // _SLICES))):
+            simulator.AdvanceTo(end * period, interruptible=hears)
         simulator.AdvanceTo(duration, interruptible=hears)
         return None
     step, tau_cmd = design.drive.period or period, loop.GetOutputPort("tau_cmd")
     own = loop.GetMyContextFromRoot(context)
     late = design.drive.reference_delay % step
     looks, values = _looks(design, step, late), []
-    for i in range(round(duration / step)):
+    for i in told(range(round(duration / step))):
         for begin, end in pairwise(looks):
             if begin in (0.0, late):
                 simulator.AdvancePendingEvents()

@@ -20,7 +20,7 @@ def hook(name, values):
         waiting = False
         open("seen", "w").close()
         for number in numbers.split(","):
-            os.kill(os.getpid(), int(number))
+            number and os.kill(os.getpid(), int(number))
 sys.addaudithook(hook)
 runpy.run_module("sdt_drake", run_name="__main__", alter_sys=True)
 """
@@ -54,7 +54,7 @@ def test_ctrl_c_while_a_module_is_imported(stopped, module):
 
 # What a command does, instead of its own work.
 RUN = """
-import threading
+import contextlib, ctypes, os, signal, threading, time
 from pathlib import Path
 import sdt_drake.commands.step as step
 from sdt_drake.errors import replacing
@@ -74,12 +74,30 @@ def with_threads(options):
 def writing(options):
     with replacing(Path("o.csv")) as partial:
         partial.write_text("all of it")
+def in_a_long_call(options):  # within which Python hears nothing; signals come all the time
+    lock, mutex = ctypes.CDLL(None).pthread_mutex_lock, ctypes.create_string_buffer(64)
+    def send():
+        while True:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.01)
+    with replacing(Path("o.csv")) as partial:
+        partial.write_text("half of it")
+        threading.Thread(target=send, daemon=True).start()
+        while True:
+            with contextlib.suppress(KeyboardInterrupt):
+                lock(mutex)
 step.run = """
 
 
 @pytest.mark.parametrize("run", ["in_a_destructor", "with_threads"])
 def test_ctrl_c_is_not_lost_and_waits_for_nobody(stopped, run):
     assert stopped([INT], "open", "never", "step", code=RUN + run) == (130, "", set())
+
+
+def test_ctrl_c_ends_what_does_not_hear_it(stopped):
+    """And leaves nothing half-written."""
+    done = stopped([], "open", ".partial", "step", code=RUN + "in_a_long_call")
+    assert done == (130, "", set())
 
 
 WRITING = {"code": RUN + "writing"}

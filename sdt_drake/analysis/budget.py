@@ -15,6 +15,7 @@ from sdt_drake.device import Friction
 from sdt_drake.dynamics import Loads
 from sdt_drake.errors import InputError
 from sdt_drake.motion import Motion
+from sdt_drake.progress import as_part, part
 from sdt_drake.simulate import simulate
 
 PARTS = ("reference lag", "load", "disturbance", "saturation")
@@ -71,8 +72,9 @@ def error_budget(design: Design) -> ErrorBudget:
     runs = [design, free, only_reference, _undisturbed(at_rest), at_rest]
     if scenario.disturbance.amplitude == 0:
         runs.pop()
-    with threads(2) as pool:
-        whole, unlimited, reference, load, *disturbed = pool.map(_speed_error, runs)
+    with part(), threads(2) as pool:
+        run = as_part(_speed_error, 1 / len(runs))
+        whole, unlimited, reference, load, *disturbed = pool.map(run, runs)
     disturbance = disturbed[0] - load if disturbed else np.zeros_like(load)
     parts = dict(zip(PARTS, (reference, load, disturbance, whole - unlimited), strict=True))
     return ErrorBudget(design.motion.time, whole, parts, whole - sum(parts.values()))

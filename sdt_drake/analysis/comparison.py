@@ -30,6 +30,7 @@ from sdt_drake.design import Design
 from sdt_drake.errors import InputError, checked_choice, needing, replacing
 from sdt_drake.loops import blocks_of, make_loop
 from sdt_drake.pilot import has_head
+from sdt_drake.progress import as_part, part
 from sdt_drake.scenario import ControllerChoice, Scenario
 from sdt_drake.shown import Shown, Summary
 from sdt_drake.simulate import Recording, simulate
@@ -123,8 +124,8 @@ def compare(design: Design, labels: Sequence[str]) -> Comparison:
     designs = [design_with(design, label) for label in labels]
     # One at a time where Python runs in the loop: two would wait for each other.
     online = design.scenario.inverse_dynamics == "online"
-    with threads(1 if online else 2) as pool:
-        return Comparison(pool.map(run_of, labels, designs))
+    with part(), threads(1 if online else 2) as pool:
+        return Comparison(pool.map(as_part(run_of, 1 / len(labels)), labels, designs))
 
 
 def design_with(design: Design, label: str) -> Design:

@@ -24,6 +24,7 @@ from sdt_drake.identification.recordings import Recorded
 from sdt_drake.loops import Loop, make_loop
 from sdt_drake.motion import Motion
 from sdt_drake.motion.resampling import interpolated, resampled
+from sdt_drake.progress import as_part, part
 from sdt_drake.robot import Robot
 from sdt_drake.scenario import Scenario
 from sdt_drake.simulate import simulate
@@ -138,8 +139,9 @@ def replay(scenario: Scenario, recorded: Recorded, robot: Robot) -> Replay:
     takes_feedforward = issubclass(CONTROLLERS[scenario.controller.kind], Pi)
     cases = _cases(plain, at.get("tau_ff") if takes_feedforward else None)
     design, of_links = cases[WHOLE], recorded.of_links
-    with threads(2) as pool:
-        ran = pool.map(lambda case: _course(case, of_links), cases.values())
+    with part(), threads(2) as pool:
+        run = as_part(_course, 1 / len(cases))
+        ran = pool.map(lambda case: run(case, of_links), cases.values())
         courses = dict(zip(cases, ran, strict=True))
     measured, start = _measured(motion, at)
     if "torque" in measured:

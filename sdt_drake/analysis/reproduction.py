@@ -27,6 +27,7 @@ from sdt_drake.control import (
 from sdt_drake.design import Design, make_design
 from sdt_drake.errors import InputError
 from sdt_drake.loops import make_step_loop
+from sdt_drake.progress import as_part, part
 from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.simulate import Recording, make_simulator, simulate
 
@@ -114,6 +115,10 @@ class Reproduction:
         return next(run for run in self.runs if run.key == key)
 
 
+_SHARES = {"simulations": 0.5, "CSV files": 0.12, "figures": 0.2, "block diagrams": 0.06}
+"""Of the wall time, about."""
+
+
 class Stopwatch:
     """Wall time by stage, told as it goes."""
 
@@ -124,7 +129,8 @@ class Stopwatch:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         start = time.perf_counter()
-        yield
+        with part(_SHARES.get(name, 0.02)):
+            yield
         self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
         self._tell(f"  {name:28s} {self.seconds[name]:6.2f} s")
 
@@ -141,9 +147,13 @@ def reproduce(watch: Stopwatch) -> Reproduction:
         }
     # No Python runs inside these loops.
     with watch.stage("simulations"), threads(2) as pool:
-        coupled = [pool.submit(_coupled_run, design, *case) for case in _COUPLED_CASES]
-        axis = [pool.submit(_axis_run, design, *case) for case in _AXIS_CASES]
-        more = [pool.submit(run_of, label, design_with(design, label)) for label in _BEYOND]
+        share = 1 / len([*_COUPLED_CASES, *_AXIS_CASES, *_BEYOND])
+        on_coupled, on_axis, more_of = (
+            as_part(f, share) for f in (_coupled_run, _axis_run, run_of)
+        )
+        coupled = [pool.submit(on_coupled, design, *case) for case in _COUPLED_CASES]
+        axis = [pool.submit(on_axis, design, *case) for case in _AXIS_CASES]
+        more = [pool.submit(more_of, label, design_with(design, label)) for label in _BEYOND]
         # `more` may run while files are written.
         runs = [future.result() for future in (*axis, *coupled)]
     return Reproduction(design, steps, runs, more, watch.seconds)

@@ -33,6 +33,7 @@ from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import Design
 from sdt_drake.device import Drive, Elasticity
 from sdt_drake.dynamics import where_largest
+from sdt_drake.progress import as_part, part, told
 
 SLOWEST = 0.1
 """Least omega_r of a sweep [rad/s]: slower than that is round-off of a sampled loop."""
@@ -107,15 +108,16 @@ def stability_sweep(
         def damping_at(ratio: float) -> float:
             return least_damping(loop(ratio), ratio * omega_r)
 
-        for i, ratio in enumerate(ratios.tolist()):
+        for i, ratio in enumerate(told(ratios.tolist())):
             damping[i, k] = damping_at(ratio)
             if damping[i, k] > 0:
                 _, speed = loop(ratio).step(_SHOWN / (ratio * omega_r), _STEPS)
                 overshoot[i, k] = 100 * max(speed.max() - 1, 0.0)
         border[k] = _border(damping_at, ratios, damping[:, k])
 
-    for k, sample in enumerate(samples.tolist()):
-        sweep_joint(k, sample)
+    with part():
+        for k, sample in enumerate(samples.tolist()):
+            as_part(sweep_joint, 1 / n)(k, sample)
     return StabilitySweep(ratios, damping, overshoot, border)
 
 

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from sdt_drake.commands.bar import bar
 from sdt_drake.errors import InputError, checked_name, checked_output
 from sdt_drake.shown import aligned
 
@@ -275,6 +276,7 @@ def naming(path: str) -> Iterator[None]:
 
 def say(text: str = "") -> None:
     """Print a line; whoever reads us may have enough, the results are written all the same."""
+    bar.end()
     try:
         print(text, flush=True)
     except BrokenPipeError:

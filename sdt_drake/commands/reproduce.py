@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 from sdt_drake.commands.common import add_out, check_folder, say
+from sdt_drake.progress import part
 
 EXAMPLE = "sdt-drake reproduce --out out"
 
@@ -25,7 +26,8 @@ def run(options: argparse.Namespace) -> None:
     check_folder(folder)
     folder.mkdir(parents=True, exist_ok=True)
     watch = Stopwatch(say)
-    claims = write_reproduction(reproduce(watch), folder, watch, say)
+    with part():
+        claims = write_reproduction(reproduce(watch), folder, watch, say)
     say()
     for claim in claims:
         say(f"  {claim.id:29s} {claim.verdict}")

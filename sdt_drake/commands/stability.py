@@ -18,6 +18,7 @@ from sdt_drake.commands.common import (
     say,
 )
 from sdt_drake.errors import InputError, checked_number
+from sdt_drake.progress import as_part, part
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -64,16 +65,18 @@ def run(options: argparse.Namespace) -> None:
     drives = {"ideal drive": IDEAL}
     if scenario.drive != IDEAL:
         drives["the scenario's drive"] = scenario.drive
+    swept = as_part(stability_sweep, 1 / len(ENCODERS) / len(drives))
     try:
-        sweeps = {
-            encoder: {
-                label: stability_sweep(
-                    design, omega_r, encoder=encoder, drive=drive, damping_ratio=damping
-                )
-                for label, drive in drives.items()
+        with part():
+            sweeps = {
+                encoder: {
+                    label: swept(
+                        design, omega_r, encoder=encoder, drive=drive, damping_ratio=damping
+                    )
+                    for label, drive in drives.items()
+                }
+                for encoder in ENCODERS
             }
-            for encoder in ENCODERS
-        }
     except InputError as error:
         # The fields of the springs are options here.
         text = re.sub(r"^scenario '.*?': ", "", str(error))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sdt_drake.commands.bar import bar, duration
 from sdt_drake.commands.common import check_file, check_folder, print_table, say, some_path
 from sdt_drake.errors import InputError
 
@@ -103,7 +103,6 @@ def run_into(folder: Path, study: Study, base: Scenario, options: argparse.Names
 
     require_packages()
     check_folder(folder)
-    progress = Progress()
     try:
         run_study(
             make_job(study, base),
@@ -111,16 +110,16 @@ def run_into(folder: Path, study: Study, base: Scenario, options: argparse.Names
             workers=1 if options.workers is None else options.workers,
             cluster=options.cluster,
             resume=options.resume,
-            report=progress,
+            report=Progress(),
         )
     except KeyboardInterrupt:
-        progress.end()
+        bar.end("\n")
         if holds_study(folder):
             where = shlex.quote(str(folder))
             say(f"interrupted; what is done is kept, --resume --out {where} goes on")
         raise
     finally:
-        progress.end()
+        bar.end("\n")
 
 
 class Progress:
@@ -128,37 +127,21 @@ class Progress:
 
     def __init__(self) -> None:
         self._start = time.monotonic()
-        self._screen = sys.stderr.isatty()
         self._said = -1
 
     def __call__(self, done: int, before: int, count: int) -> None:
         tenth = 10 * done // count
-        if not self._screen and tenth == self._said:
+        if not bar.has_terminal and tenth == self._said:
             return
         self._said = tenth
         text = f"{done} of {count} runs"
         if new := done - before:
             rate = new / (time.monotonic() - self._start)
-            text += f", {rate:.3g} per second, {_duration((count - done) / rate)} left"
-        if self._screen:
-            bar = "█" * (30 * done // count)
-            print(f"\r{bar:░<30} {text}\x1b[K", end="", file=sys.stderr, flush=True)
+            text += f", {rate:.3g} per second, {duration((count - done) / rate)} left"
+        if bar.has_terminal:
+            bar.draw(done / count, text)
         else:
             say(text)
-
-    def end(self) -> None:
-        """The last state stays."""
-        if self._screen and self._said >= 0:
-            print(file=sys.stderr)
-        self._said = -1
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 100:
-        return f"{seconds:.0f} s"
-    if seconds < 6000:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds / 3600:.1f} h"
 
 
 # --- repeat and show -------------------------------------------------------------------------

@@ -19,6 +19,7 @@ from sdt_drake.motion.plan import (
     commanded_motion,
 )
 from sdt_drake.motion.trajectory import Motion
+from sdt_drake.progress import part
 from sdt_drake.robot import Robot
 
 # What an overpowered joint may slip, while it is off its command, before the motion is lost:
@@ -73,37 +74,39 @@ def _limited_speeds(
     speeds = command.copy()
     q, v = commanded.q[0], command[0]
     i, look, last = 0, _SHORTEST_LOOK, len(command) - 1
-    while i < last:
-        # Most of a motion is its command. Following it is much faster than deciding on it.
-        if not limited[i - 1].any():
-            ahead = slice(i, min(i + look, last))
-            shifted = q + (commanded.q[ahead] - commanded.q[i])
-            vd = commanded.vd[ahead]
-            torque = inverse_dynamics(robot, shifted, command[ahead], vd)
-            beyond = ((np.abs(torque) > available) | (np.abs(vd) > largest)).any(axis=1)
-            followed = int(np.argmax(beyond)) if beyond.any() else beyond.size
-            look = _SHORTEST_LOOK if beyond.any() else min(2 * look, _LONGEST_LOOK)
-            q = q + (commanded.q[i + followed] - commanded.q[i])
-            i, v = i + followed, command[i + followed]
-            if not beyond.any():
-                continue
-        wanted = (command[i + 1] - v) / period
-        wish = np.clip(wanted, -largest, largest)
-        plant.SetPositions(context, q)
-        plant.SetVelocities(context, v)
-        M = plant.CalcMassMatrix(context)  # with the motors' inertia
-        bias = (
-            plant.CalcBiasTerm(context)
-            + robot.damping * v
-            - plant.CalcGravityGeneralizedForces(context)
-        )
-        vd = limit_accelerations(M, bias, wish, available)
-        limited[i] = vd != wanted
-        v_next = np.where(limited[i], v + vd * period, command[i + 1])
-        guard.check(i, wish, vd, M @ vd + bias + M.diagonal() * (wish - vd))
-        q = q + (v + v_next) * (period / 2)
-        i, v = i + 1, v_next
-        speeds[i] = v
+    with part() as tell:
+        while i < last:
+            tell(i / last)
+            # Most of a motion is its command. Following it is much faster than deciding on it.
+            if not limited[i - 1].any():
+                ahead = slice(i, min(i + look, last))
+                shifted = q + (commanded.q[ahead] - commanded.q[i])
+                vd = commanded.vd[ahead]
+                torque = inverse_dynamics(robot, shifted, command[ahead], vd)
+                beyond = ((np.abs(torque) > available) | (np.abs(vd) > largest)).any(axis=1)
+                followed = int(np.argmax(beyond)) if beyond.any() else beyond.size
+                look = _SHORTEST_LOOK if beyond.any() else min(2 * look, _LONGEST_LOOK)
+                q = q + (commanded.q[i + followed] - commanded.q[i])
+                i, v = i + followed, command[i + followed]
+                if not beyond.any():
+                    continue
+            wanted = (command[i + 1] - v) / period
+            wish = np.clip(wanted, -largest, largest)
+            plant.SetPositions(context, q)
+            plant.SetVelocities(context, v)
+            M = plant.CalcMassMatrix(context)  # with the motors' inertia
+            bias = (
+                plant.CalcBiasTerm(context)
+                + robot.damping * v
+                - plant.CalcGravityGeneralizedForces(context)
+            )
+            vd = limit_accelerations(M, bias, wish, available)
+            limited[i] = vd != wanted
+            v_next = np.where(limited[i], v + vd * period, command[i + 1])
+            guard.check(i, wish, vd, M @ vd + bias + M.diagonal() * (wish - vd))
+            q = q + (v + v_next) * (period / 2)
+            i, v = i + 1, v_next
+            speeds[i] = v
     guard.check_end(v)
     return speeds, limited
 
