@@ -91,7 +91,7 @@ def _recording() -> Chapter:
     columns["speed_error"] = ("speed_error", "rad/s, joint side", "v - v_ref.")
     text = (
         "What `simulate --out run.csv` writes and `pilot` and `view` read: a row for each period. "
-        "Column `name_k` is joint k, base to tip."
+        "Column `name_k` is joint k, base to tip; of .parquet, too, and column k of `name` in .mat."
     )
     rows = [columns[name] for name in ("time", *COLUMNS)]
     return Chapter("Recordings", [_columns("", text, rows)])

@@ -134,7 +134,7 @@ def data_frame(time: Array, columns: Mapping[str, Array]) -> pd.DataFrame:
     Raises:
         InputError: where pandas is not installed.
     """
-    with needing("tables of pandas need it", "sdt_drake[exchange]"):
+    with needing("to_pandas needs pandas", "sdt_drake[exchange]"):
         import pandas as pd
     flat = {
         f"{name}_{k + 1}": column

@@ -146,13 +146,17 @@ class Recording(Shown):
     def _columns(self) -> dict[str, Array]:
         return {name: getattr(self, name) for name in COLUMNS}
 
-    def to_csv(self, path: str | Path) -> None:
-        """Write time and, for each joint, COLUMNS, exactly."""
+    def save(self, path: str | Path) -> None:
+        """Write time and, for each joint, COLUMNS, exactly: as .csv, .mat or .parquet.
+
+        Raises:
+            InputError: if the file cannot be written, or needs a package that is not installed.
+        """
         write_table(path, self.time, self._columns)
 
     @staticmethod
-    def from_csv(path: str | Path) -> Recording:
-        """Read what `to_csv` writes; further columns are ignored.
+    def load(path: str | Path) -> Recording:
+        """Read what `save` writes; further columns are ignored.
 
         Raises:
             InputError: naming the file and the line or the column: something missing, gaps in
@@ -170,6 +174,8 @@ class Recording(Shown):
         if len({columns[name].shape for name in names}) > 1:
             raise InputError(f"{path}: the columns differ in their number of joints")
         return Recording(time=time, **{name: columns[name] for name in names})
+
+    to_csv, from_csv = save, load  # as they are called of a motion
 
 
 def check_limits(path: str | Path, time: Array, columns: Mapping[str, Array]) -> None:

@@ -1,4 +1,4 @@
-"""CSV files with named columns: `time` first, then `name_k` for joint k = 1..n."""
+"""Tables with named columns, as .csv, .mat or .parquet: `time` first, `name_k` for joint k."""
 
 from __future__ import annotations
 
@@ -15,6 +15,10 @@ from numpy.typing import ArrayLike
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, checked_input, replacing
+from sdt_drake.formats import BINARY, check_binary, flat, read_binary, write_binary
+
+TABLES = (".csv", *BINARY)
+"""Kinds of files that tables of joints are read from and written as."""
 
 MOST_BYTES = 1_000_000_000
 """Of a table that is read: a recording of an hour, and what memory holds several times."""
@@ -25,15 +29,22 @@ def write_table(
 ) -> None:
     """Write `time` [s], shape (N,), and columns of shape (N, n), exactly (17 digits).
 
-    `first` is the name of the first column, where it is not the time.
+    The suffix says how: .mat, .parquet, or else CSV. `first` is the name of the first column,
+    where it is not the time.
+
+    Raises:
+        InputError: if the file cannot be written, or needs a package that is not installed.
     """
-    header, blocks = [first], [time[:, None]]
-    for name, values in columns.items():
-        header += [f"{name}_{k + 1}" for k in range(values.shape[1])]
-        blocks.append(values)
-    rows = np.hstack(blocks).tolist()
-    with replacing(Path(path)) as partial, partial.open("w", encoding="utf-8") as file:
-        file.write(",".join(header) + "\n")
+    path, whole = Path(path), {first: time, **columns}
+    if path.suffix in BINARY:
+        check_binary(path)
+        with replacing(path) as partial:
+            write_binary(partial, whole)
+        return
+    own = flat(whole)
+    rows = np.stack(list(own.values()), axis=1).tolist()
+    with replacing(path) as partial, partial.open("w", encoding="utf-8") as file:
+        file.write(",".join(own) + "\n")
         # repr of a float is its shortest exact text, and quicker than a format of fixed width.
         file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
 
@@ -59,22 +70,17 @@ class Results:
         Raises:
             InputError: if the file cannot be written.
         """
-        flat: dict[str, list[object]] = {}
-        for name, values in self.columns.items():
-            own = np.asarray(values)
-            parts = {f"{name}_{k + 1}": part for k, part in enumerate(own.T)}
-            flat |= {
-                key: part.tolist() for key, part in (parts if own.ndim > 1 else {name: own}).items()
-            }
+        columns = flat({name: np.asarray(values) for name, values in self.columns.items()})
+        lists = {name: values.tolist() for name, values in columns.items()}
         with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
             if path.suffix == ".json":
-                whole = {**self.about, "units": self.units, "columns": flat}
+                whole = {**self.about, "units": self.units, "columns": lists}
                 json.dump(_in_json(whole), file, indent=1, ensure_ascii=False, allow_nan=False)
                 file.write("\n")
                 return
             writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(flat)
-            writer.writerows(zip(*flat.values(), strict=True))
+            writer.writerow(lists)
+            writer.writerows(zip(*lists.values(), strict=True))
 
 
 RESULTS = (".csv", ".json")
@@ -102,7 +108,7 @@ def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str,
             time column, no commas between the columns, something that is not a finite number, a
             row of another length, a time that does not grow as it must, more than MOST_BYTES.
     """
-    numbers = read_numbers(path)
+    numbers = read_numbers(path) if Path(path).suffix not in BINARY else _read_binary(Path(path))
     path, names = numbers.path, numbers.names
     if names[0] != "time":
         raise InputError(f"{path}: the first column is '{names[0]}', expected 'time'")
@@ -115,23 +121,26 @@ def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str,
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
-    """What a text file of columns holds.
+    """What a file of columns holds.
 
     Attributes:
         path: of the file.
         names: of the columns; "1", "2", ... where it has no header.
         data: shape (rows, columns); there may be some that are not finite.
-        skip: lines before the first row that are not blank.
+        skip: lines before the first row that are not blank; of a file that is no text, None.
     """
 
     path: Path
     names: list[str]
     data: Array
-    skip: int = 1
+    skip: int | None = 1
 
-    def line(self, row: int) -> int:
-        """The number of the line with a row, from 0."""
-        return next(itertools.islice(_lines(self.path), row + self.skip, None))[0]
+    def place(self, row: int) -> str:
+        """File and line with a row, from 0."""
+        if self.skip is None:
+            return f"{self.path}, row {row + 1}"
+        line = next(itertools.islice(_lines(self.path), int(row) + self.skip, None))[0]
+        return f"{self.path}, line {line}"
 
     def check_finite(self, columns: Iterable[int]) -> None:
         """Refuse what is not a finite number, naming line and column."""
@@ -139,7 +148,7 @@ class Numbers:
             bad = np.flatnonzero(~np.isfinite(self.data[:, column]))
             if len(bad):
                 raise InputError(
-                    f"{self.path}, line {self.line(bad[0])}: {self.names[column]} is "
+                    f"{self.place(bad[0])}: {self.names[column]} is "
                     f"{self.data[bad[0], column]}, expected a finite number"
                 )
 
@@ -159,10 +168,7 @@ def read_numbers(
         InputError: naming the file, and the line where there is one: no such file, not UTF-8, no
             such delimiter, a text for a number, a row of another length, more than MOST_BYTES.
     """
-    path = checked_input(Path(path))
-    size = path.stat().st_size
-    if size > MOST_BYTES:
-        raise InputError(f"{path}: {size} bytes, expected at most {MOST_BYTES}")
+    path = _checked(Path(path))
     lines = itertools.islice(_lines(path), skip, None)
     start = list(itertools.islice(lines, 2 + header))
     if len(start) < 2 + header:
@@ -183,6 +189,21 @@ def read_numbers(
     if not header:
         names = [str(k + 1) for k in range(data.shape[1])]
     return Numbers(path, names, data, skip + header)
+
+
+def _checked(path: Path) -> Path:
+    size = checked_input(path).stat().st_size
+    if size > MOST_BYTES:
+        raise InputError(f"{path}: {size} bytes, expected at most {MOST_BYTES}")
+    return path
+
+
+def _read_binary(path: Path) -> Numbers:
+    columns = read_binary(_checked(path))
+    ordered = sorted(columns, key=lambda name: name != "time")  # MATLAB sorts them as it likes
+    if len(columns) == 0 or len(columns[ordered[0]]) < 2:
+        raise InputError(f"{path}: fewer than two rows")
+    return Numbers(path, ordered, np.stack([columns[name] for name in ordered], axis=1), None)
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -251,7 +272,7 @@ def _check_time(numbers: Numbers, *, even: bool) -> None:
     if bad.any():
         row = int(np.argmax(bad)) + 1
         raise InputError(
-            f"{numbers.path}, line {numbers.line(row)}: time goes from {time[row - 1]:g} to "
+            f"{numbers.place(row)}: time goes from {time[row - 1]:g} to "
             f"{time[row]:g} s, expected {expected}"
         )
 

@@ -103,7 +103,7 @@ class Comparison(list[Compared], Shown):
         Raises:
             InputError: where pandas is not installed.
         """
-        with needing("tables of pandas need it", "sdt_drake[exchange]"):
+        with needing("to_pandas needs pandas", "sdt_drake[exchange]"):
             import pandas as pd
         frames = {c.label: pd.DataFrame(c.metrics, index=c.design.robot.joint_names) for c in self}
         return pd.concat(frames, names=["controller", "joint"])

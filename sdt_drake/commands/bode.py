@@ -34,8 +34,9 @@ def run(options: argparse.Namespace) -> None:
 
     from sdt_drake.analysis import plots
     from sdt_drake.analysis.frequency_response import frequency_response
+    from sdt_drake.tables import RESULTS
 
-    check_out(options.out, numbers=True, show=options.show)
+    check_out(options.out, tables=RESULTS, show=options.show)
     design = design_of(options)
     sample = None
     if options.time is not None:

@@ -24,9 +24,9 @@ def run(options: argparse.Namespace) -> None:
 
     from sdt_drake.analysis import plots
     from sdt_drake.analysis.budget import error_budget
-    from sdt_drake.tables import Results
+    from sdt_drake.tables import RESULTS, Results
 
-    common.check_out(options.out, numbers=True, show=options.show)
+    common.check_out(options.out, tables=RESULTS, show=options.show)
     design = common.design_of(options)
     with common.naming(options.scenario):
         budget = error_budget(design)

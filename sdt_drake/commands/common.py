@@ -201,7 +201,7 @@ def check_out(
     path: Path | None,
     *,
     csv: bool = False,
-    numbers: bool = False,
+    tables: Sequence[str] = (),
     report: bool = False,
     show: bool = False,
 ) -> None:
@@ -210,13 +210,14 @@ def check_out(
     None: nothing is written.
     """
     from sdt_drake.analysis import style
-    from sdt_drake.tables import RESULTS
+    from sdt_drake.formats import BINARY, check_binary
 
     if show:
         style.check_screen("--show")
     if path is not None:
-        tables = csv * (".csv",) or numbers * RESULTS
-        check_file(path, tables + style.FIGURES + report * REPORTS)
+        check_file(path, csv * (".csv",) + tuple(tables) + style.FIGURES + report * REPORTS)
+        if path.suffix in BINARY:
+            check_binary(path)
 
 
 def check_file(path: Path, suffixes: Sequence[str]) -> None:
@@ -239,15 +240,15 @@ def deliver(
     Args:
         options: with `out` (checked by `check_out`) and `show`.
         figure: draws it; not called if nobody wants it.
-        table: writes the CSV file.
+        table: writes a table of joints.
         report: writes a report.
         numbers: what a .csv or .json file gets, where there is no `table`.
     """
     from sdt_drake.analysis import style
-    from sdt_drake.tables import RESULTS
+    from sdt_drake.tables import RESULTS, TABLES
 
     out: Path | None = options.out
-    if out is not None and table is not None and out.suffix == ".csv":
+    if out is not None and table is not None and out.suffix in TABLES:
         table(out)
     elif out is not None and numbers is not None and out.suffix in RESULTS:
         numbers().write(out)

@@ -39,8 +39,8 @@ EXAMPLE = "sdt-drake pilot coupled_pi --out pilot.png"
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "scenario",
-        metavar="SCENARIO|RECORDING.csv",
-        help="what to run, or what `simulate` wrote",
+        metavar="SCENARIO|RECORDING",
+        help="what to run, or what `simulate` wrote (.csv, .mat, .parquet)",
     )
     add_changes(parser)
     parser.add_argument(
@@ -84,12 +84,13 @@ def _recorded(options: argparse.Namespace) -> tuple[str, Recording, Robot, Story
     from sdt_drake.pilot import check_head
     from sdt_drake.robot import load_robot
     from sdt_drake.simulate import Recording, simulate
+    from sdt_drake.tables import TABLES
 
-    if Path(options.scenario).suffix == ".csv":
+    if Path(options.scenario).suffix in TABLES:
         refuse_changes(options)
         robot = load_robot(options.robot or ROBOT)
         check_head(robot)
-        return Path(options.scenario).stem, Recording.from_csv(options.scenario), robot, Story()
+        return Path(options.scenario).stem, Recording.load(options.scenario), robot, Story()
     if options.robot is not None:
         raise InputError(f"--robot: for a recording only, {options.scenario} names its own robot")
     design = design_of(options, check_head)

@@ -15,8 +15,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     common.add_scenario(parser)
     common.add_figure(
         parser,
-        "CSV file for the recording, a figure of it (.png, .svg, .pdf), or a report to hand on, "
-        "with plots to zoom and the run in 3D: one page (.html), or Markdown (.md)",
+        "the recording (.csv, .mat, .parquet), a figure of it (.png, .svg, .pdf), or a report to "
+        "hand on, with plots to zoom and the run in 3D: one page (.html), or Markdown (.md)",
     )
     parser.add_argument(
         "--joint", type=int, metavar="K", help="show joint K alone (1 is the base; default: all)"
@@ -29,9 +29,10 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.scope import chosen_joints
     from sdt_drake.analysis.tracking import stops_passed, track
     from sdt_drake.simulate import simulate
+    from sdt_drake.tables import TABLES
 
-    common.check_out(options.out, csv=True, report=True, show=options.show)
-    is_drawn = options.show or (options.out is not None and options.out.suffix != ".csv")
+    common.check_out(options.out, tables=TABLES, report=True, show=options.show)
+    is_drawn = options.show or (options.out is not None and options.out.suffix not in TABLES)
     if options.joint is not None and not is_drawn:
         raise InputError(
             "--joint: has no effect without a figure, expected --out run.png or --show"
@@ -59,6 +60,6 @@ def run(options: argparse.Namespace) -> None:
     common.deliver(
         options,
         lambda: plots.scope(title, recording, design, options.joint),
-        recording.to_csv,
+        recording.save,
         report,
     )

@@ -49,13 +49,13 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.stability import IDEAL, SLOWEST, stability_sweep
     from sdt_drake.controllers import CONTROLLERS
     from sdt_drake.device import ENCODERS
-    from sdt_drake.tables import Results
+    from sdt_drake.tables import RESULTS, Results
 
     if options.omega_r is not None:
         checked_number(options.omega_r, "--omega-r", minimum=SLOWEST)
     if options.damping is not None:
         checked_number(options.damping, "--damping", minimum=0)
-    check_out(options.out, numbers=True, show=options.show)
+    check_out(options.out, tables=RESULTS, show=options.show)
     design = design_of(options)
     scenario, choice = design.scenario, design.scenario.controller
     omega_r, source = _omega_r(design, options)

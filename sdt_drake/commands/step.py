@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis import plots
     from sdt_drake.analysis.reproduction import step_response
     from sdt_drake.control import STRUCTURES, tune
-    from sdt_drake.tables import Results
+    from sdt_drake.tables import RESULTS, Results
 
     inertia, omega_r = options.inertia, options.omega_r
     taken = [name for name, value in (("inertia", inertia), ("omega_r", omega_r)) if value is None]
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> None:
         omega_r = paper.OMEGA_R
     checked_number(inertia, "--inertia", minimum=0, exclusive=True)
     checked_choice(options.structure, STRUCTURES, "--structure")
-    common.check_out(options.out, numbers=True, show=options.show)
+    common.check_out(options.out, tables=RESULTS, show=options.show)
     step = step_response(options.structure, options.zeta, inertia, omega_r)
     published = f" ({' and '.join(taken)} published for the shipped device)" if taken else ""
     common.say(

@@ -53,9 +53,9 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis import plots
     from sdt_drake.dynamics import effective_inertia
     from sdt_drake.resources import find_file
-    from sdt_drake.tables import Results
+    from sdt_drake.tables import RESULTS, Results
 
-    common.check_out(options.out, numbers=True, show=options.show)
+    common.check_out(options.out, tables=RESULTS, show=options.show)
     is_scenario = find_file(options.scenario, "scenario", "motion").suffix == ".yaml"
     is_scenario = is_scenario and not common.is_motion(options.scenario)
     try:

@@ -102,17 +102,20 @@ def _motion(options: argparse.Namespace) -> tuple[str, Robot, Array, Array]:
     from sdt_drake.motion import load_plan
     from sdt_drake.resources import find_file, named
     from sdt_drake.robot import load_robot
+    from sdt_drake.tables import TABLES
 
     kinds = ("scenario", "motion")
-    if Path(named(options.scenario, *kinds)).suffix not in ("", ".yaml", ".csv"):
-        raise InputError(f"{options.scenario}: expected a .yaml or .csv file, or a shipped name")
+    if Path(named(options.scenario, *kinds)).suffix not in ("", ".yaml", *TABLES):
+        raise InputError(
+            f"{options.scenario}: expected a .yaml, .csv, .mat or .parquet file, or a shipped name"
+        )
     file = find_file(options.scenario, *kinds)
     if file.suffix == ".yaml" and not is_motion(options.scenario):
         return _simulated(options)
     refuse_changes(options)
     robot = load_robot(options.robot or ROBOT)
     _check(options)(robot)
-    if file.suffix == ".csv":
+    if file.suffix in TABLES:
         return file.stem, robot, *_angles(file, robot)
     motion = load_plan(file, robot, period=PERIOD, torque_margin=1.0).motion
     return file.stem, robot, motion.time, motion.q

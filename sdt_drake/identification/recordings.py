@@ -160,7 +160,7 @@ def _time(numbers: Numbers, columns: Columns) -> Array:
     if len(bad):
         before, after = numbers.data[bad[0] : bad[0] + 2, place]
         raise InputError(
-            f"{numbers.path}, line {numbers.line(bad[0] + 1)}: {columns.time} goes from "
+            f"{numbers.place(bad[0] + 1)}: {columns.time} goes from "
             f"{before:.12g} to {after:.12g}, expected a growing time"
         )
     return time
