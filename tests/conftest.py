@@ -6,7 +6,6 @@ import contextlib
 import copy
 import io
 from pathlib import Path
-from typing import NamedTuple
 
 import matplotlib
 import numpy as np
@@ -22,6 +21,8 @@ from sdt_drake.design import Design, make_design
 from sdt_drake.motion import Motion
 from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import Scenario, load_scenario
+
+pytest_plugins = ["command_line"]  # its fixtures
 
 
 @pytest.fixture(autouse=True)
@@ -126,26 +127,17 @@ def designed(_reference_design: Design):
     return make
 
 
-class Reproduced(NamedTuple):
-    """What `sdt-drake reproduce` writes and prints."""
-
-    folder: Path
-    out: str
-
-
 @pytest.fixture(scope="session")
-def reproduced(_shared_runs) -> Reproduced:
-    """Of one run for all tests; do not change the files."""
-    folder = sharing.folder / "reproduced"
-    with sharing.computed_once("reproduced.txt") as file:
-        out = file.read().decode()
-        if not out:
-            printed = io.StringIO()
-            with contextlib.redirect_stdout(printed):
-                assert main(["reproduce", "--out", str(folder)]) == 0
-            out = printed.getvalue()
-            file.write(out.encode())
-    return Reproduced(folder, out)
+def reproduced(_shared_runs) -> Path:
+    """The folder that one run of `sdt-drake reproduce` has written; do not change it."""
+
+    def make():
+        folder = sharing.folder / "reproduced"
+        with contextlib.redirect_stdout(io.StringIO()):
+            assert main(["reproduce", "--out", str(folder)]) == 0
+        return folder
+
+    return sharing.once("reproduced", make)
 
 
 @pytest.fixture(scope="session")

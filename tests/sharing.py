@@ -1,11 +1,10 @@
-"""Long runs are computed once for all tests, by whichever of pytest's processes needs one first."""
+"""What costs much is made once for all tests, by whichever of pytest's processes needs it first."""
 
 from __future__ import annotations
 
 import fcntl
 import hashlib
 import pickle
-from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from importlib import import_module
 
@@ -21,13 +20,16 @@ folder = None  # for the results; without one, every run is a new one
 _simulate = module.simulate
 
 
-@contextmanager
-def computed_once(name):
-    """A file that one process at a time has; empty for the first of them."""
-    with (folder / name).open("a+b") as file:
+def once(name, make):
+    """What `make` gives, of the process that asks for it by this name first."""
+    with (folder / f"{name}.pickle").open("a+b") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         file.seek(0)
-        yield file
+        if content := file.read():
+            return pickle.loads(content)
+        made = make()
+        pickle.dump(made, file)
+        return made
 
 
 def simulate(design, diagram=None, **options):
@@ -36,12 +38,7 @@ def simulate(design, diagram=None, **options):
     is_long = folder is not None and len(design.motion.v) >= LONG
     if not is_long or options or type(loop) is not Loop or loop.HasSubsystemNamed("drawing"):
         return _simulate(design, loop, **options)
-    with computed_once(_fingerprint(design, loop)) as file:
-        if content := file.read():
-            return pickle.loads(content)
-        recording = _simulate(design, loop)
-        pickle.dump(recording, file)
-        return recording
+    return once(_fingerprint(design, loop), lambda: _simulate(design, loop))
 
 
 def _fingerprint(design, loop):

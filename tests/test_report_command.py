@@ -20,7 +20,7 @@ from sdt_drake.studies.study import Study, Uniform, Variable
 def folder(reproduced, tmp_path):
     """What the report needs of what reproduce wrote, to change."""
     ignored = shutil.ignore_patterns("*.csv", "*.md")
-    return Path(shutil.copytree(reproduced.folder, tmp_path / "out", ignore=ignored))
+    return Path(shutil.copytree(reproduced, tmp_path / "out", ignore=ignored))
 
 
 def test_reproduce_ends_with_the_page_and_report_makes_the_same(folder, capsys):
@@ -54,7 +54,7 @@ def test_studies_in_the_folder_become_chapters(folder):
 
 
 def test_the_page_shows_the_device(reproduced):
-    with open_page(reproduced.folder / REPORT) as (tab, errors, requests):
+    with open_page(reproduced / REPORT) as (tab, errors, requests):
         tab.locator(".recording button").click()
         tab.frame_locator("iframe").locator("canvas").first.wait_for(timeout=60_000)
         assert tab.locator(".recording button").count() == 0

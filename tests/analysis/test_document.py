@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import base64
 import re
-import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from browser import open_page
 
 from sdt_drake.analysis.claims import VERDICTS
 from sdt_drake.analysis.document import (
@@ -27,9 +27,6 @@ from sdt_drake.analysis.document import (
 )
 from sdt_drake.analysis.report import write_report
 from sdt_drake.errors import InputError
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-from browser import open_page
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"/>'
 EVIL = '</script><b onload="x">&'
@@ -174,9 +171,9 @@ def page(reproduced, tmp_path_factory):
     """The report with a small recording; do not change it."""
     folder = tmp_path_factory.mktemp("report")
     (folder / "diagrams").mkdir()
-    for path in [*reproduced.folder.glob("*.svg"), *reproduced.folder.glob("diagrams/*")]:
-        (folder / path.relative_to(reproduced.folder)).symlink_to(path)
-    (folder / "summary.json").symlink_to(reproduced.folder / "summary.json")
+    for path in [*reproduced.glob("*.svg"), *reproduced.glob("diagrams/*")]:
+        (folder / path.relative_to(reproduced)).symlink_to(path)
+    (folder / "summary.json").symlink_to(reproduced / "summary.json")
     (folder / "device.html").write_text(HELLO, encoding="utf-8")
     return write_report(folder)
 

@@ -79,13 +79,13 @@ def content(reproduced):
     def refuse(name):
         raise AssertionError(f"{name} is not JSON")
 
-    text = (reproduced.folder / "summary.json").read_text(encoding="utf-8")
+    text = (reproduced / "summary.json").read_text(encoding="utf-8")
     return json.loads(text, parse_constant=refuse)
 
 
 @pytest.fixture(scope="module")
 def report(reproduced):
-    return (reproduced.folder / "report.md").read_text(encoding="utf-8")
+    return (reproduced / "report.md").read_text(encoding="utf-8")
 
 
 def entry_of(content, key):
@@ -257,7 +257,7 @@ def check_header(path, names):
 
 @pytest.mark.parametrize("name", FILES)
 def test_recordings(reproduced, content, name):
-    path, (key, middle_error) = reproduced.folder / f"{name}.csv", FILES[name]
+    path, (key, middle_error) = reproduced / f"{name}.csv", FILES[name]
     check_header(path, RUN_COLUMNS)
     time, columns = read_table(path)
     np.testing.assert_allclose(time, 0.005 * np.arange(6001), atol=1e-12)
@@ -272,7 +272,7 @@ def test_recordings(reproduced, content, name):
 
 
 def test_reference_groups_add_up(reproduced, reproduction):
-    path = reproduced.folder / "reference.csv"
+    path = reproduced / "reference.csv"
     check_header(path, REFERENCE_COLUMNS)
     _, columns = read_table(path)
     for name in ("inertial", "reaction", "velocity", "gravity"):
@@ -298,7 +298,7 @@ def test_reference_groups_add_up(reproduced, reproduction):
 
 
 def test_all_files_are_there_and_what_their_suffix_says(reproduced):
-    folder = reproduced.folder
+    folder = reproduced
     files = {str(path.relative_to(folder)): path for path in folder.rglob("*") if path.is_file()}
     expected = {"summary.json", "reference.csv", "table1.md", "report.md", "report.html"}
     expected |= {"device.html"} | {f"{name}.csv" for name in FILES}
@@ -335,7 +335,7 @@ def test_links_of_the_report_lead_somewhere(report, reproduced):
     links = re.findall(r"\]\(([^)]+)\)", report)
     assert {"figure2.png", "figure4.png", "figure7.png", "figure8.png"} <= set(links)
     for link in links:
-        assert (reproduced.folder / link).is_file(), link
+        assert (reproduced / link).is_file(), link
 
 
 def test_sentences_say_what_the_runs_say(report, content):
@@ -363,7 +363,7 @@ def test_sentences_say_what_the_runs_say(report, content):
 
 
 def test_table1_markdown(reproduced):
-    text = (reproduced.folder / "table1.md").read_text(encoding="utf-8")
+    text = (reproduced / "table1.md").read_text(encoding="utf-8")
     rows = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")]
     computed = [row for row in rows if row[0].startswith("joint ")]
     assert [float(row[1]) for row in computed] == pytest.approx(I_EFF["i_eff_max"], abs=0.006)
@@ -392,7 +392,7 @@ def test_values_of_claims_stand_in_a_table():
 def folder(reproduced, tmp_path):
     """A copy of what the report needs."""
     ignored = shutil.ignore_patterns("*.csv", "*.png")
-    return Path(shutil.copytree(reproduced.folder, tmp_path / "out", ignore=ignored))
+    return Path(shutil.copytree(reproduced, tmp_path / "out", ignore=ignored))
 
 
 def contents(folder):
@@ -417,7 +417,7 @@ def test_files_are_replaced_foreign_ones_left_and_no_graphviz_is_told(
         (used / name).write_text("old")
     write_reproduction(reproduction, used, Stopwatch(lambda line: None))
 
-    after, fresh = contents(used), contents(reproduced.folder)
+    after, fresh = contents(used), contents(reproduced)
     assert after.pop("notes.txt") == after.pop("diagrams/mine.dot") == b"old"
     assert set(after) == {name for name in fresh if not re.match(r"diagrams/.*svg", name)}
     for name in fresh:  # the same study gives the same bytes

@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+import sharing
 from small_studies import write_files
 
 from sdt_drake.studies.execute import run_study
@@ -14,11 +15,15 @@ from sdt_drake.studies.study import load_study
 
 
 @pytest.fixture(scope="session")
-def files(tmp_path_factory) -> Path:
-    """Read only: motions short and fast, bases axis and coupled, studies of 6 and 80 runs."""
-    folder = tmp_path_factory.mktemp("files")
-    write_files(folder)
-    return folder
+def files(_shared_runs) -> Path:
+    """Read only: motions short and fast, bases axis and coupled, studies of 6 and 30 runs."""
+
+    def make():
+        (folder := sharing.folder / "files").mkdir()
+        write_files(folder)
+        return folder
+
+    return sharing.once("files", make)
 
 
 @pytest.fixture
@@ -32,11 +37,15 @@ def desk(tmp_path, monkeypatch) -> Path:
 
 
 @pytest.fixture(scope="session")
-def undisturbed(files, tmp_path_factory) -> Path:
+def undisturbed(files) -> Path:
     """many.yaml by one process, from beginning to end; read only."""
-    folder = tmp_path_factory.mktemp("undisturbed") / "many"
-    run_study(make_job(*load_study(files / "many.yaml")), folder)
-    return folder
+
+    def make():
+        folder = sharing.folder / "undisturbed" / "many"
+        run_study(make_job(*load_study(files / "many.yaml")), folder)
+        return folder
+
+    return sharing.once("undisturbed", make)
 
 
 @pytest.fixture

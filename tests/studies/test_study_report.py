@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import re
-import sys
 from html.parser import HTMLParser
-from pathlib import Path
 
 import numpy as np
 import pytest
+import sharing
+from browser import open_page
 from synthetic import CONTROLLERS, make_table, small_table
 
 from sdt_drake.analysis.document import Details, Section, Table
 from sdt_drake.studies import report
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-from browser import open_page
 
 EVIL = '</script><b onload="x">&'
 
@@ -27,14 +24,14 @@ def table():
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("study") / "my results"
+def folder(_shared_runs):
+    return sharing.folder / "study" / "my results"
 
 
 @pytest.fixture(scope="module")
 def document(table, folder):
     """Its figures are in the folder; do not change it."""
-    return report.make_study_report(table, folder)
+    return sharing.once("study_report", lambda: report.make_study_report(table, folder))
 
 
 def text_of(document):
