@@ -14,7 +14,6 @@ import sys
 import warnings
 from pathlib import Path
 
-import command_line
 import pytest
 from command_line import (
     AXIS,
@@ -34,9 +33,6 @@ import sdt_drake
 from sdt_drake import cli
 from sdt_drake.commands import COMMANDS
 from sdt_drake.resources import SHIPPED, find_file
-
-call, good, desk = command_line.call, command_line.good, command_line.desk
-given, refuse = command_line.given, command_line.refuse
 
 needs_graphviz = pytest.mark.skipif(shutil.which("dot") is None, reason="needs Graphviz")
 needs_proc = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /proc")

@@ -7,7 +7,6 @@ import json
 import re
 import shutil
 
-import command_line
 import numpy as np
 import pytest
 from command_line import (
@@ -40,9 +39,6 @@ from sdt_drake.loops import make_loop
 from sdt_drake.motion import Motion
 from sdt_drake.scenario import load_scenario
 from sdt_drake.tables import read_table
-
-call, good, desk = command_line.call, command_line.good, command_line.desk
-given, coarse = command_line.given, command_line.coarse
 
 FELT = ["felt [% of time]", "largest rotation", "rotation about", "largest force", "force along"]
 REAL = "package://sdt/scenarios/real_device.yaml"

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import re
 
-import command_line
 import pytest
-from command_line import ARM, is_one_line
+from command_line import ARM, refused
 
 from sdt_drake.motion import load_profile, shipped_motions
-
-call, good = command_line.call, command_line.good
 
 MINE = """\
 title: Mine
@@ -31,11 +28,9 @@ def desk(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.yaml").write_text(MINE, encoding="utf-8")
     (tmp_path / "bad.yaml").write_text(MINE.replace("at: 5", "at: 2"), encoding="utf-8")
-    (tmp_path / "track.yaml").write_text(MINE.replace("tracks", "track"), encoding="utf-8")
     for name, old, new in (
         ("odd", "duration: 10", "duration: 10.0003"),
         ("long", "duration: 10", "duration: 1e6"),
-        ("longest", "duration: 10", "duration: 1.0e300"),
         ("short", "duration: 2", "duration: 1e-3"),
         ("fast", "to_deg: 90, speed_deg_s: 20", "to_deg: 1.0e305, duration: 2"),
     ):
@@ -120,19 +115,13 @@ def test_a_robot_without_these_joints_gets_the_reason_for_each(good, desk):
         (["bad.yaml"], ["bad.yaml: tracks[1].segments[2].at: overlap, 2 s", "3 s"]),
         (["leans", "--robot", "arm.sdf"], ["leans.yaml: tracks[1].joint: 'roll'", "shoulder"]),
         (["folder.yaml/table.csv"], ["table.csv: 'time,v_ref_1 0,0 1,0'", "expected a mapping"]),
-        (["track.yaml"], ["track.yaml: track: no such field, did you mean 'tracks'?"]),
         (["empty.yaml"], ["empty.yaml: empty, expected a mapping with", "tracks"]),
         (["folder.yaml"], ["folder.yaml: is a folder, expected a file"]),
         (["long.yaml"], ["long.yaml: ", "duration: 1e+06 s, expected at most 3600 s"]),
-        (["longest.yaml"], ["longest.yaml: ", "duration: 1e+300 s, expected at most 3600 s"]),
         (["short.yaml"], ["short.yaml: ", "joint 4 'yaw'", "a period of 0.005 s loses 30 deg"]),
         (["fast.yaml"], ["fast.yaml: ", "joint 4 'yaw'", "rad/s, expected at most 10000"]),
         (["--robot", "nowhere.sdf"], ["nowhere.sdf: no such file"]),
     ],
 )
 def test_mistakes_are_one_line(call, desk, arguments, parts):
-    done = call("motions", *arguments)
-    assert (done.code, done.out) == (2, ""), done
-    assert is_one_line(done.err) and "Traceback" not in done.err
-    for part in parts:
-        assert part in done.err, done.err
+    refused(call("motions", *arguments), *parts)

@@ -6,8 +6,8 @@ import re
 from collections import Counter
 from pathlib import Path
 
-import command_line
 import pytest
+from command_line import ENDS, RUN
 
 from sdt_drake.device import load_catalogue
 from sdt_drake.errors import InputError
@@ -15,9 +15,6 @@ from sdt_drake.resources import SHIPPED, find_file, models_dir, named, shipped
 from sdt_drake.robot import load_robot
 from sdt_drake.scenario import load_scenario
 from sdt_drake.studies.study import load_study
-
-call, good, desk = command_line.call, command_line.good, command_line.desk
-given, refuse = command_line.given, command_line.refuse
 
 
 def test_every_file_that_ships_has_one_short_name():
@@ -111,14 +108,13 @@ name: run
 
 
 def test_set_goes_into_the_run(good, desk, given):
-    run = command_line.RUN
-    short = good("simulate", run, "--set", "controller.kind=p_pi", "--out", "a.csv").out
+    short = good("simulate", RUN, "--set", "controller.kind=p_pi", "--out", "a.csv").out
     assert short.startswith("run: p_pi on the coupled plant")
-    text = command_line.ENDS["coupled"].replace("motion.yaml", "short.yaml")
+    text = ENDS["coupled"].replace("motion.yaml", "short.yaml")
     same = given("run2.yaml", text.replace("kind: pi,", "kind: p_pi,"))
     good("simulate", same, "--out", "b.csv")
     assert (desk / "a.csv").read_bytes() == (desk / "b.csv").read_bytes()
-    good("view", run, "--set", "motion=../given/short.yaml", "--record", "a.html")
+    good("view", RUN, "--set", "motion=../given/short.yaml", "--record", "a.html")
 
 
 @pytest.mark.parametrize(
@@ -138,7 +134,7 @@ def test_set_goes_into_the_run(good, desk, given):
     ],
 )
 def test_set_is_checked_like_a_file(refuse, change, words):
-    refuse("simulate", command_line.RUN, "--set", change, saying=words)
+    refuse("simulate", RUN, "--set", change, saying=words)
 
 
 @pytest.mark.parametrize("command", [["tune"], ["view", "--record", "x.html"]])

@@ -6,7 +6,6 @@ import re
 import shutil
 from pathlib import Path
 
-import command_line
 import numpy as np
 import pytest
 from browser import open_page
@@ -18,8 +17,6 @@ from sdt_drake.analysis.scope import torque_over_speed
 from sdt_drake.analysis.style import Look
 from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import Recording, simulate
-
-call, good, desk, given = (getattr(command_line, n) for n in ("call", "good", "desk", "given"))
 
 WAIT = 60_000  # ms at most, on a busy machine
 

@@ -7,15 +7,12 @@ import subprocess
 import sys
 from types import ModuleType
 
-import command_line
 import matplotlib
 import matplotlib.pyplot as plt
 import pytest
 from command_line import AXIS, FIGURE, WRITERS, Done, refused
 from matplotlib.backend_bases import FigureManagerBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-call, good, desk, coarse = (getattr(command_line, n) for n in ("call", "good", "desk", "coarse"))
 
 FIGURES = {name: about for name, (about, _) in WRITERS.items() if name != "diagram"}
 

@@ -6,14 +6,11 @@ import socket
 from importlib import import_module
 from pathlib import Path
 
-import command_line
 import numpy as np
 import pytest
 from command_line import MOTION, SCENARIO, refused
 
 from sdt_drake.tables import write_table
-
-call, good = command_line.call, command_line.good
 
 TIME = np.arange(101) * 0.005  # 0.5 s
 ANGLES = np.outer(TIME, [0.2, 0.4, -0.1, 0.3])
