@@ -21,9 +21,6 @@ from sdt_drake.motion import LearnedReference, Motion, checked_torque
 from sdt_drake.simulate import simulate
 from sdt_drake.studies.study import load_study
 
-call, good, desk = command_line.call, command_line.good, command_line.desk
-given, refuse = command_line.given, command_line.refuse
-
 DRIVE = {"drive.period": 0.001, "drive.encoder_resolution": [4194304] * 4}
 SPRINGS = {"plant.elasticity.natural_frequency": [0, 75, 0, 0]}
 
