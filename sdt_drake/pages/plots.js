@@ -68,8 +68,8 @@
     chart.ends = ends;
     together.set(ends, [...(together.get(ends) ?? []), chart]);
     all.push([place, chart]);
-    place.ariaLabel = `${panel.y_label} over ${panel.x_label}`;
-    place.role = "group";
+    place.setAttribute("role", "group");
+    place.setAttribute("aria-label", `${panel.y_label} over ${panel.x_label}`);
     return chart;
   };
 
@@ -86,7 +86,8 @@
       const button = bar.appendChild(document.createElement("button"));
       button.type = "button";
       button.textContent = text;
-      button.ariaLabel = button.title = { "+": "zoom in", "−": "zoom out", "◀": "to the left", "▶": "to the right", all: "show all" }[text];
+      button.title = { "+": "zoom in", "−": "zoom out", "◀": "to the left", "▶": "to the right", all: "show all" }[text];
+      button.setAttribute("aria-label", button.title);
       button.addEventListener("click", () => {
         for (const ends of new Set(charts.map((chart) => chart.ends))) zoom(charts.find((chart) => chart.ends === ends), factor, shift);
       });
