@@ -6,8 +6,8 @@ import html
 import re
 import shutil
 import textwrap
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import needing
@@ -54,6 +54,21 @@ class Shown:
         lines += [[f"<td>{html.escape(cell)}</td>" for cell in row] for row in rows]
         table = "".join(f"<tr>{''.join(cells)}</tr>" for cells in lines)
         return f"<p>{told}</p><table>{table}</table>" if rows else f"<p>{told}</p>"
+
+
+def by_joint(
+    names: Sequence[str], columns: Sequence[tuple[str, str, Iterable[Any]]]
+) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of a table with a row for each joint, for people.
+
+    Args:
+        names: of the joints.
+        columns: header, format and a value for each joint; NaN is a dash.
+    """
+    cells = [[format(x, spec).replace("nan", "–") for x in values] for _, spec, values in columns]
+    joints = [f"{k + 1} {name}" for k, name in enumerate(names)]
+    rows = [list(row) for row in zip(joints, *cells, strict=True)]
+    return ["joint", *(header for header, _, _ in columns)], rows
 
 
 def aligned(

@@ -49,6 +49,7 @@ from sdt_drake.errors import InputError
 from sdt_drake.motion import story_of
 from sdt_drake.pilot import CHANNELS, GRAVITY, HeadMotion, canals, has_head
 from sdt_drake.scenario import Scenario
+from sdt_drake.shown import by_joint
 from sdt_drake.simulate import Recording
 from sdt_drake.versions import versions
 from sdt_drake.viewer import recorded_page
@@ -223,12 +224,9 @@ def _drives(design: Design) -> str:
 def _by_joint(
     design: Design, columns: Sequence[tuple[str, str, NDArray[Any]]], title: str = ""
 ) -> Table:
-    """A row for each joint; header, format and values of each column, NaN a dash."""
-    cells = [[format(x, spec).replace("nan", "–") for x in values] for _, spec, values in columns]
-    names = [f"{k + 1} {name}" for k, name in enumerate(design.robot.joint_names)]
-    rows = [list(row) for row in zip(names, *cells, strict=True)]
-    headers = [_whole_units(header) for header, _, _ in columns]
-    return Table(["joint", *headers], rows, title, "wrapped")
+    """A row for each joint; columns as in `by_joint`."""
+    header, rows = by_joint(design.robot.joint_names, columns)
+    return Table([_whole_units(name) for name in header], rows, title, "wrapped")
 
 
 def _whole_units(header: str) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from sdt_drake.commands.bar import bar
 from sdt_drake.errors import InputError, checked_name, checked_output
-from sdt_drake.shown import aligned
+from sdt_drake.shown import aligned, by_joint
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -303,7 +303,4 @@ def print_joints(names: Sequence[str], columns: Sequence[tuple[str, str, Iterabl
         names: of the joints.
         columns: header, format and a value for each joint; NaN is a dash.
     """
-    cells = [[format(x, spec).replace("nan", "–") for x in values] for _, spec, values in columns]
-    joints = [f"{k + 1} {name}" for k, name in enumerate(names)]
-    rows = list(zip(joints, *cells, strict=True))
-    print_table(("joint", *(header for header, _, _ in columns)), rows)
+    print_table(*by_joint(names, columns))
