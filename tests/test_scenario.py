@@ -362,11 +362,9 @@ def test_the_margin_holds_for_a_csv_too(design, robot, write_motion):
     "name, text, message",
     [
         ("still.txt", STILL, r"expected a profile \(\.yaml\) or a motion \(\.csv\)"),
-        ("still.yaml", f"length: 1\n{STILL}", "length: no such field"),
         ("still.yml", STILL.replace("0], [1, 0", "0], [1, 9", 1), "joint 1 'planetary' at 0.000 s"),
         ("still.yaml", STILL.replace("1, 0]", "1, 9]", 4), "motion refused"),
         ("still.yaml", STILL[: STILL.rindex("  -")], r"joints: 3 value\(s\), expected 4"),
-        ("still.csv", "time,q_1\n0,0\n1,0\n", "neither v_ref_1 nor q_ref_1"),
     ],
 )
 def test_a_file_that_is_no_motion_of_the_robot_is_refused(robot, tmp_path, name, text, message):

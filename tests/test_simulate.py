@@ -145,20 +145,6 @@ def test_a_recording_with_different_numbers_of_joints_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ("", "fewer than two rows"),
-        ("time,q_1\n0,1\n0.005,nan\n", "line 3: q_1 is nan"),
-        ("time,q_1\n0,1\n0.005,1\n0.004,1\n", "line 4: time goes from"),
-    ],
-)
-def test_what_is_no_table_is_refused(tmp_path, content, message):
-    (tmp_path / "run.csv").write_text(content, encoding="utf-8")
-    with pytest.raises(InputError, match=message):
-        Recording.from_csv(tmp_path / "run.csv")
-
-
-@pytest.mark.parametrize(
     ("name", "value", "message"),
     [
         ("q", 1.1e6, "q_2 is 1.1e+06 rad at 0.005 s, expected at most 1e+06 rad"),
