@@ -2,13 +2,28 @@
 
 # Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Optional
+
+import numpy as np
 
 from sdt_drake.errors import InputError, within
 from sdt_drake.fields import setting
-from sdt_drake.links import link_named, links_by_name, scale_link, shift_link
+from sdt_drake.links import (
+    body_of,
+    link_named,
+    links_by_name,
+    pseudo_of_link,
+    scale_link,
+    set_inertia,
+    shift_link,
+    stretched,
+)
+from sdt_drake.resources import find_file
 from sdt_drake.robot import Robot, edited
+from sdt_drake.tables import read_table
 
 
 @dataclass(slots=True)
@@ -28,6 +43,9 @@ class Deviation:
             change. So the links' part of the mass matrix, the velocity torques and the gravity
             torques all scale with it; what the rotors add to the mass matrix does not.
         link_scales: the same factor for each link on its own, in the order of the file.
+        spread: file of the directions in which the links are uncertain, as `identify` writes it;
+            none by default.
+        along: how far along each of these directions, in standard deviations; applied first.
     """
 
     payload: str = "payload"
@@ -35,12 +53,19 @@ class Deviation:
     payload_offset: list[float] = setting([0.0, 0.0, 0.0], count=3, unit="m")
     inertia_scale: float = setting(1.0, above=0, unit="-")
     link_scales: Optional[list[float]] = setting(None, above=0, unit="-")
+    spread: str = setting("", file="directions")
+    along: Optional[list[float]] = setting(None, minimum=-10, maximum=10, unit="-")
+
+    def problems(self) -> Iterator[tuple[str, str]]:
+        if self.along and not self.spread:
+            yield "along", "needs spread, the file of the directions"
 
     @property
     def exact(self) -> bool:
         """Whether the model is the robot itself."""
         scales = [self.inertia_scale, *(self.link_scales or [])]
-        return not self._changes_payload and all(scale == 1 for scale in scales)
+        changed = self._changes_payload or any(self.along or [])
+        return not changed and all(scale == 1 for scale in scales)
 
     @property
     def _changes_payload(self) -> bool:
@@ -69,6 +94,8 @@ def deviated(robot: Robot, deviation: Deviation, where: str = "deviation") -> Ro
 
 def _apply(deviation: Deviation, root: ET.Element, where: str) -> None:
     """Put it into the XML of an SDF."""
+    if deviation.along:
+        _spread(root, find_file(deviation.spread), deviation.along, f"{where}.along")
     if deviation._changes_payload:
         payload = link_named(root, deviation.payload, f"{where}.payload")
         _add_mass(payload, deviation.payload_mass, f"{where}.payload_mass")
@@ -80,6 +107,27 @@ def _apply(deviation: Deviation, root: ET.Element, where: str) -> None:
         raise InputError(f"{where}.link_scales: {len(scales)} value(s), expected {each}")
     for link, own in zip(links.values(), scales, strict=True):
         scale_link(link, deviation.inertia_scale * own)
+
+
+def _spread(root: ET.Element, file: Path, along: Sequence[float], where: str) -> None:
+    """Go along directions of a file: ten numbers for each link, in the order of the robot's
+    file."""
+    directions = read_table(file, first="direction")[1].get("entry", np.zeros((0, 0)))
+    links = list(root.iter("link"))
+    if directions.shape[1] != 10 * len(links):
+        raise InputError(
+            f"{file}: {directions.shape[1]} columns entry_k, expected {10 * len(links)}, ten for "
+            "each link of the robot"
+        )
+    if len(along) != len(directions):
+        raise InputError(
+            f"{where}: {len(along)} value(s), expected {len(directions)}, one for each row of "
+            f"{file}"
+        )
+    changes = (np.array(along) @ directions).reshape(-1, 10)
+    for link, change in zip(links, changes, strict=True):
+        if np.any(change != 0):
+            set_inertia(link, *body_of(stretched(pseudo_of_link(link), change)))
 
 
 def _add_mass(link: ET.Element, added: float, where: str) -> None:

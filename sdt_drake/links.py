@@ -5,6 +5,10 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
+import numpy as np
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RollPitchYaw, RotationMatrix
+
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
 
@@ -69,3 +73,60 @@ def set_inertia(link: ET.Element, mass: float, com: Array, central: Array) -> No
     inertia = ET.SubElement(old, "inertia")
     for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
         ET.SubElement(inertia, f"i{'xyz'[i]}{'xyz'[j]}").text = repr(float(central[i, j]))
+
+
+# --- pseudo-inertia --------------------------------------------------------------------------
+# [Sigma h; h' m] with h = m c and Sigma the second moments of the mass about the origin of a frame;
+# a body can be if it is positive definite (Wensing, Kim, Slotine 2018, see identification).
+
+
+def pseudo_inertia(mass: float, com: Array, central: Array) -> Array:
+    """Of a body, shape (4, 4): mass [kg], centre [m], inertia about it [kg m²]."""
+    sigma = np.trace(central) / 2 * np.eye(3) - central + mass * np.outer(com, com)
+    h = mass * np.asarray(com)[:, None]
+    return np.block([[sigma, h], [h.T, np.array([[mass]])]])
+
+
+def body_of(pseudo: Array) -> tuple[float, Array, Array]:
+    """Mass, centre and central inertia of a pseudo-inertia."""
+    mass = float(pseudo[3, 3])
+    com = pseudo[:3, 3] / mass
+    sigma = pseudo[:3, :3] - mass * np.outer(com, com)
+    return mass, com, np.trace(sigma) * np.eye(3) - sigma
+
+
+def pseudo_of_link(link: ET.Element) -> Array:
+    """Of a link of a checked SDF, in its frame."""
+    inertial = child(link, "inertial")
+    numbers = [float(x) for x in (inertial.findtext("pose") or "0 0 0 0 0 0").split()]
+    if len(numbers) == 7:
+        x, y, z, w = numbers[3:]
+        turned = RotationMatrix(Quaternion(wxyz=np.array([w, x, y, z]))).matrix()
+    else:
+        turned = RollPitchYaw(np.array(numbers[3:])).ToRotationMatrix().matrix()
+    central = np.zeros((3, 3))
+    for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
+        text = inertial.findtext(f"inertia/i{'xyz'[i]}{'xyz'[j]}", "0")
+        central[i, j] = central[j, i] = float(text)
+    mass = float(inertial.findtext("mass", "0"))
+    return pseudo_inertia(mass, np.array(numbers[:3]), turned @ central @ turned.T)
+
+
+SYMMETRIC = tuple(zip(*np.triu_indices(4), strict=True))
+"""Entries of a symmetric (4, 4) matrix that say all of it."""
+
+
+def symmetric(entries: Array) -> Array:
+    """The matrix of these ten entries."""
+    matrix = np.zeros((4, 4))
+    for value, (i, j) in zip(entries, SYMMETRIC, strict=True):
+        matrix[i, j] = matrix[j, i] = value
+    return matrix
+
+
+def stretched(pseudo: Array, change: Array) -> Array:
+    """L exp(S) L' of P = L L': another body that can be, whatever the symmetric S, of which
+    `change` has the ten entries."""
+    root = np.linalg.cholesky(pseudo)
+    values, vectors = np.linalg.eigh(symmetric(change))
+    return np.asarray(root @ (vectors * np.exp(values)) @ vectors.T @ root.T)

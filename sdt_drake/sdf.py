@@ -29,28 +29,30 @@ def read_robot_file(file: Path) -> ET.Element:
     return sdf_of_urdf(root, file) if file.suffix == ".urdf" else root
 
 
-def parse_xml(data: bytes | str, file: Path) -> ET.Element:
-    """The elements of an XML text, prefixes as they are written; comments and shapes left out.
+def parse_xml(data: bytes | str, file: Path, *, shapes: bool = False) -> ET.Element:
+    """The elements of an XML text, prefixes as they are written; comments left out, and shapes
+    where they are not asked for.
 
     What Drake is given is written anew from these. So it sees no comment, entity or section within
     a number, at which its own XML parser would stop reading.
     """
     builder, reader, path = ET.TreeBuilder(), expat.ParserCreate(), []
+    left_out = set() if shapes else _SHAPES
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         path.append(tag)
         if len(path) > _DEEPEST:
             raise InputError(f"{file}: more than {_DEEPEST} elements within each other")
-        if not _SHAPES.intersection(path):
+        if not left_out.intersection(path):
             builder.start(tag, attributes)
 
     def end(tag: str) -> None:
-        if not _SHAPES.intersection(path):
+        if not left_out.intersection(path):
             builder.end(tag)
         path.pop()
 
     def text(data: str) -> None:
-        if not _SHAPES.intersection(path):
+        if not left_out.intersection(path):
             builder.data(data)
 
     def refuse(*_: object) -> None:

@@ -98,10 +98,13 @@ def _in_json(value: object) -> object:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str, Array]]:
+def read_table(
+    path: str | Path, *, even: bool = True, first: str = "time"
+) -> tuple[Array, dict[str, Array]]:
     """The time column, shape (N,), and each group of columns `name_1..name_n`, shape (N, n).
 
-    Columns with other names are left out. The time must grow: in equal steps if `even`.
+    Columns with other names are left out. The time must grow: in equal steps if `even`. `first` is
+    the name of the first column, where it is not the time.
 
     Raises:
         InputError: naming the file, and the line where there is one: no such file, not UTF-8, no
@@ -110,8 +113,8 @@ def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str,
     """
     numbers = read_numbers(path) if Path(path).suffix not in BINARY else _read_binary(Path(path))
     path, names = numbers.path, numbers.names
-    if names[0] != "time":
-        raise InputError(f"{path}: the first column is '{names[0]}', expected 'time'")
+    if names[0] != first:
+        raise InputError(f"{path}: the first column is '{names[0]}', expected '{first}'")
     groups = _groups(path, names)
     numbers.check_finite([0, *(c for group in groups.values() for c in group)])
     time = numbers.data[:, 0]

@@ -76,16 +76,20 @@ def rigid_parameters(robot: Robot) -> Array:
     return np.concatenate([Bodies.of(robot).parameters.ravel(), robot.reflected_inertia])
 
 
-def base_parameters(robot: Robot) -> BaseParameters:
-    """Base parameters of links and motors: of all motions, found by random ones."""
+def random_columns(robot: Robot) -> Array:
+    """`rigid_columns` of random motions, shape (rows, 11 n): what is tied there is tied always."""
     rng = np.random.default_rng(0)
     q, v, vd = rng.uniform(-np.pi, np.pi, (3, _SAMPLES, robot.n))
-    columns = rigid_columns(robot, q, v, vd).reshape(-1, 11 * robot.n)
+    return rigid_columns(robot, q, v, vd).reshape(-1, 11 * robot.n)
+
+
+def base_parameters(robot: Robot) -> BaseParameters:
+    """Base parameters of links and motors."""
     # Masses are last: they are what can be said by others; motors after them.
     links = np.arange(10 * robot.n)
     is_mass = links % 10 == 0
     order = [*links[~is_mass], *links[is_mass], *range(10 * robot.n, 11 * robot.n)]
-    return base_parameters_of(columns, rigid_names(robot), np.array(order))
+    return base_parameters_of(random_columns(robot), rigid_names(robot), np.array(order))
 
 
 def base_parameters_of(columns: Array, names: tuple[str, ...], order: Index) -> BaseParameters:

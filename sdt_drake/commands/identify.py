@@ -1,0 +1,94 @@
+"""Find the parameters of a robot in recordings, and write the robot that they say."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from sdt_drake.commands import common
+from sdt_drake.errors import InputError
+
+EXAMPLE = "sdt-drake identify sdt run.csv --out identified"
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("robot", metavar="ROBOT", help="SDF or URDF file to start from")
+    parser.add_argument(
+        "recordings", nargs="+", metavar="RECORDING",
+        help="CSV file with time, q_k and tau_k for every joint k, or of `simulate`",
+    )  # fmt: skip
+    common.add_out(parser, "folder for what is found", "identified")
+    parser.add_argument(
+        "--columns", metavar="FILE", help="YAML file that says what the columns are called"
+    )
+    parser.add_argument(
+        "--side", choices=("joint", "motor"),
+        help="of the torques (default: of the motor in a recording of `simulate`, else of the "
+        "joint)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--validate", nargs="+", default=[], metavar="FILE",
+        help="recordings to judge by (default: the last third of each of the others)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--held-out", type=float, default=1 / 3, metavar="SHARE",
+        help="of each recording, at its end, to judge by (default: 1/3)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--only", choices=("payload", "friction"), help="find this, and take all else from the file"
+    )
+    parser.add_argument("--payload", default="payload", metavar="LINK", help="what --only means")
+    parser.add_argument(
+        "--cutoff", type=float, metavar="HZ",
+        help="compare torques below it (default: twice where 99.9 %% of their power is)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--scenario", dest="base", metavar="NAME|FILE",
+        help="whose motion, drives and controller the written scenario has (default: real_device "
+        "for the shipped robot, else a PI controller on what was recorded)",
+    )  # fmt: skip
+
+
+def run(options: argparse.Namespace) -> None:
+    from sdt_drake.analysis import identification as analysis
+    from sdt_drake.analysis.identified_files import write_identified
+    from sdt_drake.identification.model import identified_robot, plant_friction
+    from sdt_drake.identification.procedure import identify
+    from sdt_drake.identification.recordings import load_columns, read_recording
+    from sdt_drake.robot import load_robot
+
+    folder: Path = options.out
+    common.check_folder(folder)
+    if not 0 < options.held_out < 1:
+        raise InputError(f"--held-out: {options.held_out}, expected a share between 0 and 1")
+    if options.cutoff is not None and not 0.1 <= options.cutoff <= 1000:
+        raise InputError(f"--cutoff: {options.cutoff}, expected 0.1 to 1000 Hz")
+    robot = load_robot(options.robot)
+    columns = None if options.columns is None else load_columns(options.columns)
+    fitted, judged = (
+        [read_recording(path, robot, columns, side=options.side) for path in paths]
+        for paths in (options.recordings, options.validate)
+    )
+    found = identify(
+        robot,
+        fitted,
+        validate=judged,
+        only=options.only,
+        payload=options.payload,
+        cutoff=options.cutoff,
+        held_out=options.held_out,
+    )
+    better, files = identified_robot(found), plant_friction(found)
+    for line in analysis.in_short(found):
+        common.say(line)
+    for line in found.warnings:
+        common.say(f"warning: {line}")
+    common.say()
+    table = analysis.errors_table(found, better)
+    joints = [f"{k + 1} {name}" for k, name in enumerate(robot.joint_names)]
+    common.print_table((table.header[1], *joints), [(str(a), *b) for a, b in table.rows])
+    common.say()
+    friction = analysis.friction_table(found, files)
+    common.print_table(friction.header, [tuple(map(str, row)) for row in friction.rows])
+    common.say()
+    common.say(f"{write_identified(found, better, files, folder, options.base)} written")

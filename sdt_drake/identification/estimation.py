@@ -1,0 +1,270 @@
+"""Weighted, robust least squares of all joints at once, and how sure it is.
+
+Each joint is weighted by its own residual, and what is far off counts less (Huber, "Robust
+estimation of a location parameter", Annals of Mathematical Statistics 35(1), 1964). Filtered
+residuals are coloured: neighbours tell the same. So the covariance is not that of independent
+samples, but
+
+    (X' W X)^-1 X' W Gamma W X (X' W X)^-1
+
+with the covariance Gamma of residuals that have, at every frequency, the power that they are seen
+to have (as in Janot, Vandanjon, Gautier, "A generic instrumental variable approach for industrial
+robot identification", IEEE Trans. Control Systems Technology 22(1), 2014, who whiten instead).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sdt_drake.arrays import Array, Index
+from sdt_drake.identification.equations import Equations
+from sdt_drake.identification.friction import USUAL, Law
+
+_HUBER = 2.5  # residuals up to so many standard deviations count fully
+_ROUNDS = 8
+_FOLDS = 5
+_PASSES = 2
+_WORTH = 0.98
+"""A law with more parameters must leave less than this of what a simpler one leaves."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What is believed of the base parameters before anything is measured: not much.
+
+    It decides alone where a recording says nothing, and has no weight where it says something.
+
+    Attributes:
+        mean: of the base parameters, shape (r,).
+        precision: inverse of their covariance, shape (r, r).
+    """
+
+    mean: Array
+    precision: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """What the equations say.
+
+    Attributes:
+        beta: base parameters, shape (r,).
+        laws: of friction, one for each joint.
+        friction: parameters of their terms, joint by joint, shape (f,).
+        covariance: of beta and friction together, shape (r + f, r + f).
+        condition: of the equations, scaled to columns of one.
+    """
+
+    beta: Array
+    laws: tuple[Law, ...]
+    friction: Array
+    covariance: Array
+    condition: float
+
+    def friction_of(self, k: int) -> slice:
+        """Where in `friction` the parameters of joint k are, from 0."""
+        return _joint_part(self.laws, k)
+
+    def friction_torque(self, eq: Equations, friction: Array) -> Array:
+        """In every row of equations, of these parameters, joint side [N m], shape (M, n)."""
+        r = len(self.beta)
+        return np.stack([X[:, r:] @ friction for X in _columns(eq, self.laws)], axis=1)
+
+    def torque(self, eq: Equations) -> Array:
+        """Predicted in every row of equations, joint side [N m], shape (M, n)."""
+        x = np.concatenate([self.beta, self.friction])
+        return eq.known + np.stack([X @ x for X in _columns(eq, self.laws)], axis=1)
+
+
+def estimate(eq: Equations, prior: Prior, chosen: Sequence[Law] | None = None) -> Estimate:
+    """Base parameters and friction.
+
+    Args:
+        eq: its rows `fit` are used.
+        prior: of the base parameters.
+        chosen: a law of friction for each joint; by default what is left in data that were not
+            fitted decides.
+    """
+    given, chosen = chosen is not None, list(chosen or [USUAL] * eq.n)
+    x, weights, _ = _robust(eq, prior, chosen)
+    for _ in range(0 if given else _PASSES):
+        selection = _Selection(eq, prior, weights)
+        for k in range(eq.n):
+            chosen[k] = selection.best(k, chosen)
+        x, weights, _ = _robust(eq, prior, chosen)
+    x, weights, X = _robust(eq, prior, chosen)
+    r = eq.rigid.shape[2]
+    covariance, condition = _covariance(eq, prior, x, weights, X)
+    return Estimate(x[:r], tuple(chosen), x[r:], covariance, condition)
+
+
+# --- least squares ---------------------------------------------------------------------------
+
+
+def _joint_part(chosen: Sequence[Law], k: int) -> slice:
+    """Where the friction of joint k is, behind the base parameters."""
+    start = sum(len(law.terms) for law in chosen[:k])
+    return slice(start, start + len(chosen[k].terms))
+
+
+def _columns(eq: Equations, chosen: Sequence[Law]) -> list[Array]:
+    """For each joint the columns of all that is to be found, shape (M, p)."""
+    r, f = eq.rigid.shape[2], sum(len(law.terms) for law in chosen)
+    columns = []
+    for k, law in enumerate(chosen):
+        X = np.zeros((len(eq.tau), r + f))
+        X[:, :r] = eq.rigid[:, k]
+        X[:, r:][:, _joint_part(chosen, k)] = eq.friction[
+            :, k, [eq.terms[k].index(t) for t in law.terms]
+        ]
+        columns.append(X)
+    return columns
+
+
+def _robust(eq: Equations, prior: Prior, chosen: Sequence[Law]) -> tuple[Array, Array, list[Array]]:
+    """Solution, weights of all rows, shape (M, n), and columns."""
+    X = _columns(eq, chosen)
+    y = eq.tau - eq.known
+    used = eq.moves & eq.fit[:, None]
+    weights = used / np.maximum(
+        np.sum(used * y**2, axis=0) / np.maximum(used.sum(axis=0), 1), 1e-300
+    )
+    r = len(prior.mean)
+    for _ in range(_ROUNDS):
+        H, h = np.zeros((X[0].shape[1],) * 2), np.zeros(X[0].shape[1])
+        H[:r, :r], h[:r] = prior.precision, prior.precision @ prior.mean
+        for k, Xk in enumerate(X):
+            weighted = weights[:, k, None] * Xk
+            H += weighted.T @ Xk
+            h += weighted.T @ y[:, k]
+        x = _solved(H, h)
+        left = np.abs(y - np.stack([Xk @ x for Xk in X], axis=1))
+        scale = np.array([_spread(left[used[:, k], k]) for k in range(eq.n)])
+        weights = used / np.maximum(left / (_HUBER * scale), 1.0) / scale**2
+    return x, weights, X
+
+
+def _solved(H: Array, h: Array) -> Array:
+    """Normal equations, scaled; what no equation has is 0."""
+    size = np.sqrt(np.maximum(np.diagonal(H), 1e-300))
+    scaled = H / np.outer(size, size) + 1e-13 * np.eye(len(H))
+    return np.asarray(np.linalg.solve(scaled, h / size) / size)
+
+
+def _spread(left: Array) -> float:
+    """Standard deviation of what most of the residuals are of, which some outliers are not."""
+    return max(float(np.median(left)) / 0.6745, 1e-9) if len(left) else 1.0
+
+
+def _covariance(
+    eq: Equations, prior: Prior, x: Array, weights: Array, X: list[Array]
+) -> tuple[Array, float]:
+    """Covariance of x, and the condition number of the scaled equations."""
+    r = len(prior.mean)
+    information = sum(Xk.T @ (weights[:, k, None] * Xk) for k, Xk in enumerate(X))
+    size = np.sqrt(np.maximum(np.diagonal(information), 1e-300))
+    values = np.linalg.eigvalsh(information / np.outer(size, size))
+    whole = information.copy()
+    whole[:r, :r] += prior.precision
+    whole += np.diag(1e-12 * np.maximum(np.diagonal(whole), 1e-12))
+    inverse = np.linalg.inv(whole)
+    middle = np.zeros_like(whole)
+    middle[:r, :r] = prior.precision
+    for k, Xk in enumerate(X):
+        left = eq.tau[:, k] - eq.known[:, k] - Xk @ x
+        for part in np.unique(eq.part):
+            rows = eq.fit & (eq.part == part)
+            if rows.sum() > 2:
+                middle += _coloured(
+                    weights[rows, k, None] * Xk[rows], Xk[rows], left[rows], inverse
+                )
+    return inverse @ middle @ inverse, float(np.sqrt(values[-1] / max(values[0], 1e-300)))
+
+
+def _coloured(WX: Array, X: Array, left: Array, inverse: Array) -> Array:
+    """X' W Gamma W X for what is left of a joint in a stretch: frequency by frequency."""
+    count = len(left)
+    F, spectrum = np.fft.rfft(WX, axis=0), np.abs(np.fft.rfft(left)) ** 2 / count
+    # A fit takes its share of what there was at the frequencies of its columns.
+    taken = np.einsum("fi,ij,fj->f", F.conj(), inverse, np.fft.rfft(X, axis=0)).real / count
+    window = np.ones(max(3, int(np.sqrt(len(spectrum)))))
+    smooth = np.convolve(spectrum, window, "same")
+    power = smooth / np.maximum(np.convolve(1 - taken, window, "same"), 0.2 * len(window))
+    twice = np.full(len(power), 2.0)
+    twice[0] = 1.0
+    if count % 2 == 0:
+        twice[-1] = 1.0
+    return np.asarray((F.conj().T @ ((power * twice)[:, None] * F)).real / count)
+
+
+# --- which law of friction -------------------------------------------------------------------
+
+
+class _Selection:
+    """Grams of folds and joints: friction can be left out of them, and errors be told by them.
+
+    Each joint's own friction is eliminated, so that all laws are tried with all base parameters.
+    """
+
+    def __init__(self, eq: Equations, prior: Prior, weights: Array):
+        self.eq, self.prior = eq, prior
+        self.r = eq.rigid.shape[2]
+        rows = np.flatnonzero(eq.fit)
+        folds = np.array_split(rows, _FOLDS)  # of neighbours: what is near tells the same
+        self.grams = np.array(
+            [
+                [X[fold].T @ (weights[fold, k, None] * X[fold]) for fold in folds]
+                for k, X in enumerate(eq.augmented)
+            ]
+        )
+        self.rest = self.grams.sum(axis=1, keepdims=True) - self.grams  # shape (n, folds, ., .)
+
+    def best(self, k: int, chosen: Sequence[Law]) -> Law:
+        """The law of joint k that leaves least of what it was not fitted to; the simplest of those
+        that leave as little."""
+        A = self.prior.precision + np.zeros((_FOLDS, 1, 1))
+        b = self.prior.precision @ self.prior.mean + np.zeros((_FOLDS, 1))
+        for j, law in enumerate(chosen):
+            if j != k:
+                own = self._without_friction(self.rest[j], self._places(j, law))
+                A, b = A + own[0], b + own[1]
+        found, least, limit = USUAL, np.inf, np.inf
+        candidates = self.eq.laws[k]
+        size = len(candidates[0].terms)
+        for law in candidates:
+            if len(law.terms) > size:
+                size, limit = len(law.terms), _WORTH * least
+            left = self._left(k, self._places(k, law), A, b)
+            if left < min(least, limit):
+                found, least = law, left
+        return found
+
+    def _places(self, k: int, law: Law) -> Index:
+        """Columns of a law."""
+        return np.array([self.r + self.eq.terms[k].index(term) for term in law.terms])
+
+    def _without_friction(self, grams: Array, at: Index) -> tuple[Array, Array]:
+        """Normal equations of beta alone, when friction always takes what suits it best."""
+        r = self.r
+        cross = grams[:, at, :r], grams[:, at, -1:]
+        own = grams[np.ix_(np.arange(len(grams)), at, at)] + 1e-9 * np.eye(len(at))
+        A, b = (np.linalg.solve(own, part) for part in cross)
+        left = np.swapaxes(cross[0], 1, 2)
+        return grams[:, :r, :r] - left @ A, grams[:, :r, -1] - (left @ b)[..., 0]
+
+    def _left(self, k: int, at: Index, A: Array, b: Array) -> float:
+        """Sum of squares of joint k that fits leave in the folds that they have not seen."""
+        r, rest = self.r, self.rest[k]
+        own = self._without_friction(rest, at)
+        beta = np.linalg.solve(A + own[0], (b + own[1])[..., None])
+        friction = np.linalg.solve(
+            rest[np.ix_(np.arange(_FOLDS), at, at)] + 1e-9 * np.eye(len(at)),
+            rest[:, at, -1:] - rest[:, at, :r] @ beta,
+        )
+        z = np.concatenate([beta, friction, -np.ones((_FOLDS, 1, 1))], axis=1)
+        cut = np.array([*range(r), *at, self.grams.shape[-1] - 1])
+        seen = self.grams[k][np.ix_(np.arange(_FOLDS), cut, cut)]
+        return float(np.sum(np.swapaxes(z, 1, 2) @ seen @ z))

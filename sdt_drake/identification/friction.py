@@ -1,0 +1,85 @@
+"""Laws of friction that a joint may follow, linear in their parameters but for a shape.
+
+The shape (a speed, a width) is one of few values over the range of speeds of the recording; the
+rest is linear. Stribeck's term is that of `sdt_drake.device.friction`; sigmoid with an offset in
+speed as in Petrone, Ferrentino, Chiacchio, "The dynamic model of the UR10 robot and its ROS2
+integration", IEEE Trans. Industrial Informatics 2025.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sdt_drake.arrays import Array
+
+_SHAPES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)  # of the largest speed
+_OFFSETS = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)  # of the width of a sigmoid
+
+
+@dataclass(frozen=True)
+class Term:
+    """A part of the friction of a joint, times a parameter.
+
+    Attributes:
+        kind: viscous [N m s/rad], and as forces [N m] coulomb, offset, forwards (beside coulomb,
+            at v > 0 alone), stribeck, sigmoid; viscous_forwards likewise.
+        width: speed of a Stribeck peak, or of a sigmoid [rad/s].
+        middle: speed at which a sigmoid is zero [rad/s].
+    """
+
+    kind: str
+    width: float = 0.0
+    middle: float = 0.0
+
+    def at(self, v: Array, slowest: float) -> Array:
+        """Its torque for a parameter of one, at speeds v [rad/s]; below `slowest`, signs fade."""
+        if self.kind == "offset":
+            return np.ones_like(v)
+        if self.kind == "stribeck":
+            s = v / self.width
+            return np.asarray(s * np.exp((1 - s**2) / 2))
+        if self.kind == "sigmoid":
+            return np.tanh((v - self.middle) / self.width)
+        sign = np.tanh(v / slowest)
+        if self.kind == "coulomb":
+            return sign
+        forwards = self.kind.endswith("forwards")
+        return np.asarray(np.maximum(v, 0.0) if forwards else v)
+
+
+@dataclass(frozen=True)
+class Law:
+    """A candidate: `name`, and its terms."""
+
+    name: str
+    terms: tuple[Term, ...]
+
+
+VISCOUS, COULOMB, OFFSET = Term("viscous"), Term("coulomb"), Term("offset")
+USUAL = Law("coulomb and offset", (VISCOUS, COULOMB, OFFSET))
+
+
+def laws(fastest: float) -> tuple[Law, ...]:
+    """Candidates for a joint that moves at up to `fastest` [rad/s], the simpler ones first."""
+    found = [
+        Law("viscous", (VISCOUS,)),
+        Law("coulomb", (VISCOUS, COULOMB)),
+        USUAL,
+        Law("asymmetric", (VISCOUS, COULOMB, OFFSET, Term("viscous forwards"))),
+    ]
+    for share in _SHAPES:
+        width = share * fastest
+        found.append(Law("stribeck", (VISCOUS, COULOMB, OFFSET, Term("stribeck", width))))
+        for offset in _OFFSETS:
+            sigmoid = Term("sigmoid", width, offset * width)
+            found.append(Law("sigmoid", (VISCOUS, OFFSET, sigmoid)))
+            found.append(Law("sigmoid and coulomb", (VISCOUS, COULOMB, OFFSET, sigmoid)))
+    return tuple(sorted(found, key=lambda law: len(law.terms)))
+
+
+def terms_of(candidates: Sequence[Law]) -> tuple[Term, ...]:
+    """The terms of several laws, each once."""
+    return tuple(dict.fromkeys(term for law in candidates for term in law.terms))

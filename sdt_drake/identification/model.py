@@ -1,0 +1,139 @@
+"""What was identified as files of a robot: an SDF, and friction as a scenario has it."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sdt_drake.arrays import Array
+from sdt_drake.device.friction import Friction
+from sdt_drake.errors import needing, replacing
+from sdt_drake.identification.friction import Term
+from sdt_drake.identification.procedure import Identified
+from sdt_drake.links import links_by_name, set_inertia
+from sdt_drake.robot import Robot, edited
+from sdt_drake.sdf import DRAKE, parse_xml
+
+with needing("identification needs scipy", "sdt_drake[identify]"):
+    from scipy.optimize import nnls
+
+_PEAKS = (0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s, of Stribeck friction
+_WORTH = 0.9  # of what is left, for a peak to be believed
+_PLACES = 200
+
+
+@dataclass(frozen=True, eq=False)
+class PlantFriction:
+    """Friction as `plant.friction` of a scenario has it, the nearest to the identified laws.
+
+    That is the same both ways, and never drives: an offset is left out.
+
+    Attributes:
+        friction: joint side; beside the damping of the robot's file.
+        std: standard deviations of coulomb [N m] and viscous [N m s/rad], shape (2, n).
+        left: RMS difference to the laws at the recorded speeds, over the RMS of these, shape (n,).
+    """
+
+    friction: Friction
+    std: Array
+    left: Array
+
+
+def identified_robot(found: Identified) -> Robot:
+    """The robot with its links and motors as identified."""
+    return edited(found.nominal, lambda root: _put(found, root))
+
+
+def _put(found: Identified, root: ET.Element) -> None:
+    """Into the XML of an SDF: links that were free, and rotors."""
+    elements = links_by_name(root)
+    for link, pseudo in zip(found.consistent.links, found.consistent.pseudo, strict=True):
+        set_inertia(elements[link.name], *link.inertial(pseudo))
+    robot, motors = found.nominal, found.consistent.motors
+    joints = {joint.get("name"): joint for joint in root.iter("joint")}
+    for k, name in enumerate(robot.joint_names):
+        if motors[k] != robot.reflected_inertia[k]:
+            rotor = joints[name].find(f"{DRAKE}rotor_inertia")
+            if rotor is None:
+                rotor = ET.SubElement(joints[name], f"{DRAKE}rotor_inertia")
+            rotor.text = repr(float(motors[k] / robot.gear_ratio[k] ** 2))
+
+
+def save_robot(found: Identified, path: Path) -> None:
+    """Write the robot as an SDF file: that of the file it began with, with its shapes if it is
+    one."""
+    file, text = found.nominal.path, found.nominal.sdf
+    is_sdf = file.suffix == ".sdf"
+    root = parse_xml(file.read_bytes() if is_sdf else text, file, shapes=is_sdf)
+    root.set("xmlns:drake", "http://drake.mit.edu")
+    _put(found, root)
+    for mesh in root.iter("uri"):
+        if mesh.text and "://" not in mesh.text:  # beside the file it was read from
+            mesh.text = str((file.parent / mesh.text).resolve())
+    ET.indent(root)
+    with replacing(path) as partial:
+        partial.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+
+
+def plant_friction(found: Identified) -> PlantFriction:
+    """The friction of a scenario that is nearest to the identified laws."""
+    robot, estimate = found.nominal, found.estimate
+    r = len(estimate.beta)
+    covariance = estimate.covariance[r:, r:]
+    speeds = [_speeds(found.equations.v[found.equations.moves[:, k], k]) for k in range(robot.n)]
+    parts = [estimate.friction_of(k) for k in range(robot.n)]
+    laws = [_odd(law.terms, v) for law, v in zip(estimate.laws, speeds, strict=True)]
+    wanted = [
+        law @ found.friction[part] - damping * v
+        for law, part, v, damping in zip(laws, parts, speeds, robot.damping, strict=True)
+    ]
+    simple = [_nearest(v, tau, None) for v, tau in zip(speeds, wanted, strict=True)]
+    best, peak = simple, None
+    for width in _PEAKS:
+        tried = [_nearest(v, tau, width) for v, tau in zip(speeds, wanted, strict=True)]
+        if sum(left for _, left in tried) < (_WORTH if peak is None else 1.0) * sum(
+            x for _, x in best
+        ):
+            best, peak = tried, width
+    x = np.array([[*found_, 0.0][:3] for found_, _ in best])
+    friction = Friction(coulomb=x[:, 1].tolist(), viscous=x[:, 0].tolist())
+    if peak is not None:
+        friction.breakaway = (x[:, 1] + x[:, 2]).tolist()
+        friction.stribeck_speed = peak
+    std = []
+    for v, law, part, (values, _) in zip(speeds, laws, parts, best, strict=True):
+        basis = _basis(v, peak)[:, : len(values)]
+        J = np.linalg.pinv(basis) @ law
+        std.append(np.sqrt(np.maximum(np.diagonal(J @ covariance[part, part] @ J.T), 0.0))[:2])
+    return PlantFriction(friction, np.array(std)[:, ::-1].T, np.array([left for _, left in best]))
+
+
+def _speeds(v: Array) -> Array:
+    """Speeds at which a joint was seen, as often as there, without their signs [rad/s]."""
+    return np.quantile(np.abs(v), np.linspace(0.02, 1, _PLACES)) if len(v) else np.ones(1)
+
+
+def _odd(terms: tuple[Term, ...], v: Array) -> Array:
+    """What terms of friction do against the motion, the same both ways, shape (places, terms)."""
+    least = 1e-9
+    columns = [(term.at(v, least) - term.at(-v, least)) / 2 for term in terms]
+    return np.column_stack(columns)
+
+
+def _basis(v: Array, peak: float | None) -> Array:
+    """Viscous, Coulomb and, with a peak at some speed, Stribeck friction."""
+    columns = [v, np.ones_like(v)]
+    if peak is not None:
+        columns.append(Term("stribeck", peak).at(v, 1.0))
+    return np.column_stack(columns)
+
+
+def _nearest(v: Array, tau: Array, peak: float | None) -> tuple[Array, float]:
+    """Viscous, Coulomb, Stribeck >= 0, and the share of tau that they leave."""
+    basis = _basis(v, peak)
+    size = np.linalg.norm(basis, axis=0)
+    x, left = nnls(basis / size, tau)
+    return x / size, float(left / max(np.linalg.norm(tau), 1e-12))

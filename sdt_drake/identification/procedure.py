@@ -1,0 +1,224 @@
+"""From recordings to a robot: cut-off frequency, friction, base parameters, links that can be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sdt_drake.arrays import Array
+from sdt_drake.errors import InputError
+from sdt_drake.identification.base_parameters import rigid_parameters
+from sdt_drake.identification.consistency import (
+    Consistent,
+    links_of,
+    motor_scale,
+    nearest_consistent,
+)
+from sdt_drake.identification.equations import Equations, Unknown, equations
+from sdt_drake.identification.estimation import Estimate, Prior, estimate
+from sdt_drake.identification.filtering import Stretch, stretches
+from sdt_drake.identification.friction import USUAL
+from sdt_drake.identification.recordings import Recorded
+from sdt_drake.identification.regressor import Bodies
+from sdt_drake.identification.suspicions import (
+    inconsistent,
+    suspicious_recording,
+    suspicious_torques,
+    weakly_excited,
+)
+from sdt_drake.robot import Robot
+
+ONLY = ("payload", "friction")
+HELD_OUT = 1 / 3
+"""Of each recording, its end, if none are named to validate."""
+
+_LOWEST, _HIGHEST = 1.0, 20.0  # Hz, of cut-off frequencies
+_BELIEF = 1.0  # standard deviation of a parameter over its scale, before anything is measured
+
+Parts = list[tuple[int, float, Stretch]]
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """What recordings say of a robot.
+
+    Attributes:
+        nominal: the robot of the file.
+        unknown: what was to be found.
+        recordings: what it was found from, then what it was judged by.
+        equations: all rows, of fitting and of judging.
+        estimate: base parameters and friction.
+        consistent: links and motors that can be.
+        friction: parameters of friction beside these, as in `estimate`, shape (f,).
+        predicted: torque of the consistent robot with friction, joint side [N m], shape (M, n).
+        cutoff: below which torques were compared [Hz].
+        notes: what was done to the recordings, in words.
+        warnings: what is suspicious, in words.
+    """
+
+    nominal: Robot
+    unknown: Unknown
+    recordings: tuple[Recorded, ...]
+    equations: Equations
+    estimate: Estimate
+    consistent: Consistent
+    friction: Array
+    predicted: Array
+    cutoff: float
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    def left(self, predicted: Array, *, held_out: bool) -> Array:
+        """RMS of what a prediction leaves, over the RMS of the measured torque, shape (n,).
+
+        Where a joint rests, friction may be anything: that does not count.
+        """
+        eq = self.equations
+        rows = (eq.fit != held_out)[:, None] & eq.moves
+        error = np.sum(rows * (eq.tau - predicted) ** 2, axis=0)
+        with np.errstate(invalid="ignore"):  # a joint that never moves
+            return np.asarray(np.sqrt(error / np.sum(rows * eq.tau**2, axis=0)))
+
+
+def identify(
+    robot: Robot,
+    recordings: Sequence[Recorded],
+    *,
+    validate: Sequence[Recorded] = (),
+    only: str | None = None,
+    payload: str = "payload",
+    cutoff: float | None = None,
+    held_out: float = HELD_OUT,
+) -> Identified:
+    """Identify a robot from recordings.
+
+    Args:
+        robot: where to start from; gives the kinematics, and what is not to be found.
+        recordings: with q and tau.
+        validate: recordings to judge by; by default the last third of each of the others.
+        only: "payload" or "friction" to take everything else as it is in the file.
+        payload: the link that is meant by it.
+        cutoff: below which torques are compared [Hz]; by default `chosen_cutoff`.
+        held_out: share of each recording, at its end, to judge by where nothing is to validate.
+
+    Raises:
+        InputError: for recordings that say nothing: too short, no torque, nothing moves; for a
+            payload that is no link.
+    """
+    parts, notes = _parts(recordings, validate, held_out)
+    unknown, free = _unknown(robot, only, payload)
+    prior = belief(robot, unknown)
+    cutoff = cutoff or chosen_cutoff(robot, unknown, parts)
+    eq = equations(robot, unknown, parts, cutoff)
+    found = estimate(eq, prior)
+    r = len(found.beta)
+    S = found.covariance
+    consistent = nearest_consistent(robot, unknown, free, found.beta, S[:r, :r])
+    change = consistent.beta - found.beta
+    # What friction has to do with the base parameters, it follows them.
+    friction = found.friction + S[r:, :r] @ np.linalg.solve(S[:r, :r], change)
+    predicted = eq.known + np.einsum("mkr,r->mk", eq.rigid, consistent.beta)
+    predicted = predicted + found.friction_torque(eq, friction)
+    before, after = (np.sqrt(np.diagonal(x)) for x in (np.linalg.inv(prior.precision), S[:r, :r]))
+    warnings = [line for x in (*recordings, *validate) for line in suspicious_recording(robot, x)]
+    warnings += suspicious_torques(robot, eq, found.torque(eq))
+    warnings += inconsistent(eq, found.torque(eq), predicted)
+    warnings += weakly_excited(found.condition, before, after, unknown.base.words)
+    return Identified(
+        nominal=robot,
+        unknown=unknown,
+        recordings=(*recordings, *validate),
+        equations=eq,
+        estimate=found,
+        consistent=consistent,
+        friction=friction,
+        predicted=predicted,
+        cutoff=cutoff,
+        notes=tuple(notes),
+        warnings=tuple(warnings),
+    )
+
+
+def _parts(
+    recordings: Sequence[Recorded], validate: Sequence[Recorded], held_out: float
+) -> tuple[Parts, list[str]]:
+    parts: Parts = []
+    notes = []
+    for number, recorded in enumerate((*recordings, *validate)):
+        _check_alive(recorded)
+        found, said = stretches(recorded)
+        notes += [f"{recorded.path.name}: {line}" for line in said]
+        held_from = -np.inf if number >= len(recordings) else np.inf
+        if not validate:
+            held_from = (1 - held_out) * recorded.time[-1]
+        parts += [(number, held_from, stretch) for stretch in found]
+    return parts, notes
+
+
+def _check_alive(recorded: Recorded) -> None:
+    """Refuse a recording in which there is nothing to be seen."""
+    q, tau = recorded.signals["q"], recorded.signals["tau"]
+    dead = np.flatnonzero(np.ptp(tau, axis=0) == 0)
+    if len(dead):
+        what = "zero" if not tau[0, dead[0]] else f"{tau[0, dead[0]]:g} N m"
+        raise InputError(f"{recorded.path}: tau_{dead[0] + 1} is {what} all the time")
+    if np.all(np.ptp(q, axis=0) < 1e-6):
+        raise InputError(f"{recorded.path}: no joint moves")
+
+
+def _unknown(robot: Robot, only: str | None, payload: str) -> tuple[Unknown, list[str]]:
+    """What is to be found, and the links that may change."""
+    links = {link.name: link for link in links_of(robot)}
+    if only == "friction":
+        return Unknown.nothing(), []
+    if only == "payload":
+        if payload not in links:
+            raise InputError(
+                f"{robot.path}: no link '{payload}', expected one of {', '.join(links)}"
+            )
+        return Unknown.body(robot, links[payload].body), [payload]
+    return Unknown.everything(robot), list(links)
+
+
+def belief(robot: Robot, unknown: Unknown) -> Prior:
+    """Base parameters of the file, good to the scale of what they are made of."""
+    bodies = Bodies.of(robot)
+    mass = np.maximum(bodies.parameters[:, 0], 1e-3 * bodies.parameters[:, 0].sum())
+    trace = bodies.parameters[:, [4, 7, 9]].sum(axis=1) / 2
+    gyration = np.maximum(trace / mass, 0.05**2)  # m², about the frame
+    ones = np.ones((1, 3)), np.ones((1, 6))
+    scale = np.hstack(
+        [
+            mass[:, None],
+            (mass * np.sqrt(gyration))[:, None] * ones[0],
+            (mass * gyration)[:, None] * ones[1],
+        ]
+    )
+    whole = _BELIEF * np.concatenate([scale.ravel(), motor_scale(robot)])
+    K = unknown.base.combination
+    covariance = (K * whole[unknown.columns] ** 2) @ K.T
+    mean = K @ rigid_parameters(robot)[unknown.columns]
+    return Prior(mean, np.linalg.inv(covariance))
+
+
+def chosen_cutoff(robot: Robot, unknown: Unknown, parts: Parts) -> float:
+    """A frequency below which the motion is, with its torques, and not much else [Hz].
+
+    Twice that below which 99.9 % of the power of the torque is that a simple fit predicts, of the
+    joint where this is highest. Friction at reversals reaches as far; above it a recording holds
+    noise and what no rigid links do.
+    """
+    top = min(_HIGHEST, 0.1 / max(stretch.period for *_, stretch in parts))
+    eq = equations(robot, unknown, parts, top, lambda fastest: (USUAL,))
+    predicted = estimate(eq, belief(robot, unknown), [USUAL] * robot.n).torque(eq)
+    part = np.bincount(eq.part[eq.fit]).argmax()
+    rows = eq.fit & (eq.part == part)
+    window = np.hanning(int(rows.sum()))[:, None]
+    few = predicted[rows]
+    power = np.abs(np.fft.rfft(window * (few - few.mean(axis=0)), axis=0)) ** 2
+    below = np.cumsum(power, axis=0) / power.sum(axis=0)
+    step = float(np.median(np.diff(eq.time[rows])))
+    highest = np.fft.rfftfreq(len(few), step)[np.argmax(below > 0.999, axis=0)]
+    return float(np.clip(2 * highest.max(), _LOWEST, top))

@@ -1,0 +1,236 @@
+"""What is identified, against a truth that is known; what is said of bad recordings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dh import DATA, UR10, needs_data
+
+from sdt_drake.deviation import Deviation, deviated
+from sdt_drake.dynamics import inverse_dynamics
+from sdt_drake.errors import InputError
+from sdt_drake.identification.base_parameters import rigid_parameters
+from sdt_drake.identification.consistency import links_of
+from sdt_drake.identification.equations import Unknown, equations
+from sdt_drake.identification.estimation import estimate
+from sdt_drake.identification.filtering import compared, low_pass, smooth, stretches
+from sdt_drake.identification.friction import COULOMB, USUAL, VISCOUS, Law, Term
+from sdt_drake.identification.model import identified_robot, plant_friction, save_robot
+from sdt_drake.identification.procedure import belief, identify
+from sdt_drake.identification.recordings import Recorded, read_recording
+from sdt_drake.identification.uncertainty import directions
+from sdt_drake.robot import load_robot
+from sdt_drake.tables import write_table
+
+COULOMB_TRUE = np.array([300.0, 60.0, 50.0, 30.0])
+VISCOUS_TRUE = np.array([400.0, 16.0, 30.0, 12.0])
+PILOT = Deviation(payload_mass=18.0, payload_offset=[0.0, 0.03, 0.0265])
+HEAVIER = Deviation(link_scales=[1.08, 1.08, 1.08, 1.08, 1.0])
+
+
+def motion(robot, seconds=20.0, rate=100.0):
+    """Time, q, v, vd of sines in all joints, from the formula."""
+    rng = np.random.default_rng(4)
+    time = np.arange(0, seconds, 1 / rate)
+    omega = 2 * np.pi * np.array([0.1, 0.2, 0.3, 0.5, 0.7])
+    size = np.array([0.15, 1.5, 1.0, 1.5])[:, None] * rng.uniform(0.3, 1, (robot.n, 5)) / omega
+    angle = omega * time[:, None, None] + rng.uniform(0, 6, (robot.n, 5))
+    waves = (np.sin(angle), omega * np.cos(angle), -(omega**2) * np.sin(angle))
+    return time, *(0.5 * np.sum(size * wave, axis=2) for wave in waves)
+
+
+def recorded_of(true, noise=0.01, seed=0):
+    """A recording of a robot with friction; noise over the RMS of the torque."""
+    time, q, v, vd = motion(true)
+    tau = inverse_dynamics(true, q, v, vd) + COULOMB_TRUE * np.sign(v) + VISCOUS_TRUE * v
+    rng = np.random.default_rng(seed)
+    tau = tau + noise * np.sqrt(np.mean(tau**2, axis=0)) * rng.normal(size=tau.shape)
+    return Recorded(Path("truth.csv"), time, {"q": q, "tau": tau})
+
+
+@pytest.fixture(scope="module")
+def true(robot):
+    """The device as it is: heavier frames, another pilot."""
+    return deviated(deviated(robot, HEAVIER), PILOT)
+
+
+@pytest.fixture(scope="module")
+def found(robot, true):
+    return identify(robot, [recorded_of(true)])
+
+
+def test_identified_robot_is_the_true_one_as_far_as_torques_tell(found, robot, true, tmp_path):
+    base, S = found.unknown.base, found.estimate.covariance
+    truth = base.combination @ rigid_parameters(true)
+    std = np.sqrt(np.diagonal(S))
+    assert np.all(np.abs(found.estimate.beta - truth) < 4 * std[: len(truth)])
+    assert np.all(found.left(found.predicted, held_out=True) < 0.02)
+    assert np.all(found.left(found.equations.nominal, held_out=True) > 0.05)
+    files = plant_friction(found)
+    for values, std, wanted in zip(
+        (files.friction.coulomb, files.friction.viscous),
+        files.std,
+        (COULOMB_TRUE, VISCOUS_TRUE),
+        strict=True,
+    ):
+        assert np.all(np.abs(values - wanted) < 0.03 * wanted + 4 * std)
+        assert np.all(std < 0.15 * wanted)
+    # The file loads without any repair, with its shapes, and moves like the true device.
+    save_robot(found, tmp_path / "robot.sdf")
+    again = load_robot(tmp_path / "robot.sdf")
+    assert "<visual" in (tmp_path / "robot.sdf").read_text()
+    np.testing.assert_allclose(rigid_parameters(again), rigid_parameters(identified_robot(found)))
+    _, q, v, vd = motion(robot)
+    expected = inverse_dynamics(true, q, v, vd)
+    left = np.std(inverse_dynamics(again, q, v, vd) - expected, axis=0)
+    assert np.all(left < 0.01 * np.std(expected, axis=0))
+
+
+def test_links_stay_where_the_data_say_nothing(robot):
+    exact = identify(robot, [recorded_of(robot, noise=1e-4)])
+    for link, pseudo in zip(exact.consistent.links, exact.consistent.pseudo, strict=True):
+        size = np.sqrt(np.outer(np.diagonal(link.pseudo), np.diagonal(link.pseudo)))
+        assert np.all(np.abs(pseudo - link.pseudo) < 0.02 * size), link.name
+
+
+def test_intervals_cover_the_truth(robot, true):
+    """Of 95 % intervals, in coloured noise: what the filter leaves of white noise."""
+    unknown = Unknown.everything(robot)
+    (stretch,), _ = stretches(recorded_of(true, noise=0.0))
+    clean = equations(robot, unknown, [(0, np.inf, stretch)], 4.0, lambda fastest: (USUAL,))
+    prior = belief(robot, unknown)
+    exact = estimate(clean, prior, [USUAL] * robot.n)
+    truth = np.concatenate([exact.beta, exact.friction])
+    clean = replace(clean, tau=exact.torque(clean))
+    size, period = 0.01 * np.sqrt(np.mean(stretch.tau**2, axis=0)), stretch.period
+    rows = compared(len(stretch.tau), 4.0, period)
+    rng, inside = np.random.default_rng(2), []
+    for _ in range(40):
+        noise = low_pass(size * rng.normal(size=stretch.tau.shape), 4.0, period)[rows]
+        one = estimate(replace(clean, tau=clean.tau + noise), prior, [USUAL] * robot.n)
+        std = np.sqrt(np.diagonal(one.covariance))
+        inside.append(np.abs(np.concatenate([one.beta, one.friction]) - truth) < 1.96 * std)
+    assert 0.92 < np.mean(inside) < 0.98
+
+
+def test_payload_alone(robot):
+    """Another pilot in a device that is known: a kilogram, a centimetre."""
+    found = identify(robot, [recorded_of(deviated(robot, PILOT), noise=0.003)], only="payload")
+    (link,), (pseudo,) = found.consistent.links, found.consistent.pseudo
+    mass, com, _ = link.inertial(pseudo)
+    was, centre, _ = link.inertial(link.pseudo)
+    assert abs(mass - was - 18) < 1
+    assert np.linalg.norm(com - centre - PILOT.payload_offset) < 0.01
+    with pytest.raises(InputError, match="no link 'pilot', expected one of arm, roll_frame"):
+        identify(robot, [recorded_of(robot)], only="payload", payload="pilot")
+
+
+def test_friction_alone_has_its_law(robot):
+    recorded = recorded_of(robot)
+    found = identify(robot, [recorded], only="friction")
+    np.testing.assert_allclose(plant_friction(found).friction.coulomb, COULOMB_TRUE, rtol=0.04)
+    same = rigid_parameters(identified_robot(found))
+    np.testing.assert_allclose(same, rigid_parameters(robot), rtol=1e-12)
+    law = Law("sigmoid", (VISCOUS, COULOMB, Term("sigmoid", 0.3, 0.0)))
+    shape = np.tanh(motion(robot)[2] / 0.3) * COULOMB_TRUE * 3
+    more = replace(recorded, signals={**recorded.signals, "tau": recorded.signals["tau"] + shape})
+    found = identify(robot, [more], only="friction")
+    assert all(one.name.startswith(law.name) for one in found.estimate.laws)
+
+
+def changed(recorded, **signals):
+    return replace(recorded, signals={**recorded.signals, **signals})
+
+
+def suspicions(robot, recorded):
+    return " / ".join(identify(robot, [recorded], cutoff=3.0).warnings)
+
+
+def test_what_looks_wrong_is_said(robot, true):
+    recorded = recorded_of(true)
+    q, tau = recorded.signals["q"], recorded.signals["tau"]
+    assert "are its positions in degrees?" in suspicions(robot, changed(recorded, q=np.degrees(q)))
+    motors = suspicions(robot, changed(recorded, tau=tau / robot.gear_ratio))
+    assert "tau_1 is 0.01" in motors and "is it that of the motor?" in motors
+    assert "tau_3 goes against the torque of the file" in suspicions(
+        robot, changed(recorded, tau=tau * [1, 1, -1, 1])
+    )
+    swapped = suspicions(robot, changed(recorded, tau=tau[:, [0, 2, 1, 3]]))
+    assert "tau_2 looks like the torque of joint 3" in swapped
+    speeds = suspicions(robot, changed(recorded, v=np.degrees(np.gradient(q, 0.01, axis=0))))
+    assert "v_1 is 57.3 times the change of q_1: one of them is in degrees" in speeds
+    limit = robot.effort_limit * 0.1
+    assert "motor 2 is at its limit for" in suspicions(
+        replace(robot, effort_limit=limit), changed(recorded, tau=np.clip(tau, -limit, limit))
+    )
+    still = identify(robot, [changed(recorded, q=q * [1, 1, 0, 1])], cutoff=3.0).warnings
+    assert any("joint 3 stands still" in line for line in still)
+    assert any("base parameters are hardly excited" in line for line in still)
+
+
+def test_recordings_that_say_nothing_are_refused(robot, true):
+    recorded = recorded_of(true)
+    tau, q = recorded.signals["tau"], recorded.signals["q"]
+    with pytest.raises(InputError, match=r"truth\.csv: tau_2 is zero all the time"):
+        identify(robot, [changed(recorded, tau=tau * [1, 0, 1, 1])])
+    with pytest.raises(InputError, match=r"truth\.csv: no joint moves"):
+        identify(robot, [changed(recorded, q=np.zeros_like(q))])
+    short = Recorded(recorded.path, recorded.time[:50], {"q": q[:50], "tau": tau[:50]})
+    with pytest.raises(InputError, match=r"0\.49 s at 100 Hz, expected at least 1 s"):
+        identify(robot, [short])
+
+
+def test_uneven_time_and_gaps(robot, true):
+    recorded = recorded_of(true, noise=0.0)
+    rng = np.random.default_rng(5)
+    kept = np.sort(rng.permutation(len(recorded.time))[: int(0.97 * len(recorded.time))])
+    kept = kept[(kept < 700) | (kept > 760)]
+    holes = Recorded(
+        recorded.path, recorded.time[kept], {k: x[kept] for k, x in recorded.signals.items()}
+    )
+    parts, notes = stretches(holes)
+    assert len(parts) == 2 and "1 gap(s) in time" in notes[0] and "uneven time" in notes[1]
+    _, q, v, vd = motion(robot)
+    for part in parts:
+        one = smooth(part, 4.0)
+        at = np.arange(20, len(one.time) - 20)
+        for values, exact in ((one.q, q), (one.v, v), (one.vd, vd)):
+            wanted = np.column_stack([np.interp(one.time[at], recorded.time, x) for x in exact.T])
+            assert np.abs(values[at] - wanted).max() < 0.02 * np.abs(exact).max()
+
+
+def test_draws_have_the_measured_covariance(found, tmp_path):
+    robot = identified_robot(found)
+    along = directions(found, robot)
+    base, r = found.unknown.base, len(found.estimate.beta)
+    names = [link.name for link in links_of(robot)]
+    assert along.shape[1] == 10 * len(names)
+    file, step, changes = tmp_path / "spread.csv", 1e-3, []
+    write_table(file, np.arange(1.0, len(along) + 1), {"entry": along}, first="direction")
+    for one in step * np.eye(len(along)):
+        other = deviated(robot, Deviation(spread=str(file), along=one.tolist()))
+        change = rigid_parameters(other) - rigid_parameters(robot)
+        changes.append(base.combination @ change / step)
+    drawn = np.sqrt(np.sum(np.square(changes), axis=0))
+    # As it was measured, less what the belief in the file knows better, and what is the motors'.
+    measured = np.sqrt(np.diagonal(found.estimate.covariance))[:r]
+    assert np.all(drawn < 1.02 * measured)
+    assert np.median(drawn / measured) > 0.85
+    with pytest.raises(InputError, match=r"along: 1 value\(s\), expected"):
+        deviated(robot, Deviation(spread=str(file), along=[1.0]))
+
+
+@needs_data
+def test_ur10(tmp_path):
+    robot = load_robot(UR10.write(tmp_path))
+    recorded = read_recording(DATA / "ur10/exciting.csv", robot)
+    found = identify(robot, [recorded], held_out=0.3, cutoff=8.0)
+    assert len(found.estimate.beta) == 40  # 58 with viscous and Coulomb friction and an offset
+    # Another calculation leaves 14.3 6.0 5.1 10.7 7.8 16.6 %, with Coulomb friction.
+    left = 100 * found.left(found.predicted, held_out=True)
+    assert np.all(left < [8, 7.5, 5.1, 10.7, 10, 16.6]), left
+    assert np.all(100 * found.left(found.equations.nominal, held_out=True) > 30)
+    assert load_robot(UR10.write(tmp_path)).n == identified_robot(found).n

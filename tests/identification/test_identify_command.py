@@ -1,0 +1,63 @@
+"""`sdt-drake identify` from end to end."""
+
+from __future__ import annotations
+
+import csv
+
+import command_line
+import pytest
+from test_identify import HEAVIER, recorded_of
+
+from sdt_drake.deviation import deviated
+from sdt_drake.identification.base_parameters import base_parameters
+from sdt_drake.robot import load_robot
+from sdt_drake.scenario import load_scenario
+from sdt_drake.studies.study import load_study
+from sdt_drake.tables import write_table
+
+call = command_line.call
+
+
+@pytest.fixture(scope="module")
+def recording(robot, tmp_path_factory):
+    """A recording of heavier frames, as a file."""
+    recorded = recorded_of(deviated(robot, HEAVIER))
+    path = tmp_path_factory.mktemp("recordings") / "run.csv"
+    write_table(path, recorded.time, recorded.signals)
+    return path
+
+
+def test_a_recording_becomes_a_robot_a_scenario_and_a_study(call, recording, robot, tmp_path):
+    out = tmp_path / "identified"
+    done = call("identify", "sdt", recording, "--out", out, "--cutoff", "4")
+    assert done.code == 0 and "base parameters of links and motors" in done.out
+    assert "consistent, held out" in done.out and "report.html written" in done.out
+    better = load_robot(out / "robot.sdf")
+    assert better.sdf != robot.sdf
+    scenario = load_scenario(out / "scenario.yaml")
+    assert scenario.plant.friction.coulomb is not None and len(scenario.plant.friction.coulomb) == 4
+    study, base = load_study(out / "uncertainty.yaml")
+    assert base.plant.deviation.along and len(study) == 100
+    rows = list(csv.DictReader((out / "parameters.csv").open()))
+    kinds = [row["kind"] for row in rows]
+    assert kinds.count("base") == len(base_parameters(robot).words)
+    assert all(float(row["std"]) > 0 for row in rows if row["kind"] == "base")
+    assert "coulomb" in (out / "friction.yaml").read_text()
+    page = (out / "report.html").read_text()
+    assert "A of the load torque" in page and page.count("<img") == 2
+
+
+BAD = [
+    (["--held-out", "1.5"], "--held-out: 1.5, expected a share between 0 and 1"),
+    (["--cutoff", "0"], "--cutoff: 0.0, expected 0.1 to 1000 Hz"),
+    (["--only", "payload", "--payload", "seat"], "no link 'seat', expected one of arm"),
+    (["--columns", "none.yaml"], "none.yaml: no such file"),
+]
+
+
+@pytest.mark.parametrize("options, message", BAD)
+def test_bad_input_is_one_line(call, recording, tmp_path, options, message):
+    out = tmp_path / "identified"
+    done = call("identify", "sdt", recording, "--out", out, *options)
+    assert done.code == 2 and message in done.err and done.err.count("\n") == 1
+    assert not out.exists()
