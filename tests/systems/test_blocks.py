@@ -14,8 +14,6 @@ from alone import (
     FRICTION,
     GEAR,
     LIMIT,
-    LOADS,
-    MOTION,
     OMEGA_N,
     PERIOD,
     RESOLVED,
@@ -30,7 +28,6 @@ from alone import (
 )
 from command_line import ARM
 from pydrake.common.yaml import yaml_load
-from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, System
 from pydrake.systems.primitives import ConstantVectorSource
 from test_laws import CASES
@@ -38,10 +35,8 @@ from test_laws import CASES
 from sdt_drake import systems
 from sdt_drake.controllers import CONTROLLERS, Controller, make_controller
 from sdt_drake.deviation import Deviation, deviated
-from sdt_drake.device import sliding_friction
+from sdt_drake.device import OVERFLOW_RATE, sliding_friction
 from sdt_drake.robot import load_robot
-from sdt_drake.systems import hold_of
-from sdt_drake.systems.wiring import Wiring
 from sdt_drake.viewer import open_meshcat
 
 RNG = np.random.default_rng(4)
@@ -226,6 +221,53 @@ def test_friction_starts_sliding_or_loose(speed):
     assert np.all(np.abs(block.derivatives()) <= 1e-8 * speed + 1e-15)
 
 
+# --- what follows from the laws --------------------------------------------------------------
+
+
+def test_friction_only_takes_energy_and_leads_to_steady_sliding():
+    """F v - dW/dt >= 0, with W = int F_c clip(z / z_c) dz; from any z dz/dt leads to z_c + v/l."""
+    block, z_c, rng = Alone("JointFriction"), FRICTION.presliding, np.random.default_rng(5)
+    for _ in range(3000):
+        z = rng.choice([-1, 1], size=N) * z_c * 10 ** rng.uniform(-3, 3, size=N)
+        v = rng.choice([-1, 1], size=N) * 10 ** rng.uniform(-9, 1, size=N)
+        block.context.SetContinuousState(z / z_c / 100)
+        block.give(state=[*np.zeros(N), *v])
+        force, rate = GEAR * block.output("friction"), 100 * z_c * block.derivatives()
+        stored = FRICTION.coulomb * np.clip(z / z_c, -1, 1) * rate
+        round_off = 1e-12 * (np.abs(force * v) + np.abs(stored))
+        assert np.all(force * v - stored >= -round_off)
+        steady = np.sign(v) * z_c + v / OVERFLOW_RATE
+        assert np.all(rate * (steady - z) > 0)
+
+
+def test_measured_speed_lags_by_half_a_period():
+    """Where the joints accelerate steadily, but for the resolution; sampled and held."""
+    block = Alone("Encoder", resolution=[2.0**26] * N, gear_ratio=GEAR)
+    assert block.timing == Alone("Encoder").timing == (0, PERIOD)
+    acceleration, v0 = np.array([3.0, -2.0, 0.5]), np.array([0.1, 2.0, -1.0])
+    for k in range(1, 10):
+        t = k * PERIOD
+        block.give(state=[*(v0 * t + acceleration * t**2 / 2), *np.zeros(N)])
+        block.sample(time=t)
+        if k > 1:
+            expected = v0 + acceleration * (t - PERIOD / 2)
+            error = 2 * np.pi / 2**26 / GEAR / PERIOD  # of one increment
+            assert np.all(np.abs(block.output("measured")[N:] - expected) <= error)
+
+
+def test_rigid_parts_pass_every_bit():
+    """An ideal torque loop and a rigid joint: motors give just what they should."""
+    loop, joints = Alone("TorqueLoop"), Alone("ElasticJoints")
+    joints.context.SetContinuousState([0.1, 0.2, 0.3, 0.4])
+    for scale in (1.0, 1e-300, 1e300, 0.0):
+        tau = scale * np.random.default_rng(4).normal(size=N) * LIMIT
+        loop.give(tau_limited=tau)
+        joints.give(tau=tau, state=np.arange(6.0))
+        exact(loop.output("tau"), tau)
+        exact(joints.output("tau_link")[1], tau[1])
+        exact(joints.output("motor_state")[[1, 4]], [1.0, 4.0])
+
+
 # --- computed torque -------------------------------------------------------------------------
 
 
@@ -314,103 +356,3 @@ def test_drawing_of_a_robot_without_shapes_has_rods_from_joint_to_joint(tmp_path
     assert middles.keys() == {"joint_0", "rod_0", "joint_1"}
     np.testing.assert_allclose(middles["rod_0"], [0.5, 0, 0], atol=1e-12)  # of 1 m
     np.testing.assert_allclose(middles["joint_1"], 0, atol=1e-12)
-
-
-# --- references ------------------------------------------------------------------------------
-
-ROWS = np.hstack([MOTION.q, MOTION.v, MOTION.vd])
-
-
-def test_reference_source_is_exact_at_every_sample_and_linear_between():
-    block = Alone("ReferenceSource")
-    for i, row in enumerate(ROWS):
-        block.context.SetTime(i * PERIOD)
-        # The very last one is the end of a segment, with its round-off.
-        (exact if i < len(ROWS) - 1 else close)(block.output("reference"), row)
-    for i, share in [(0, 0.5), (7, 0.25), (2999, 0.9)]:
-        block.context.SetTime((i + share) * PERIOD)
-        expected = (1 - share) * ROWS[i] + share * ROWS[i + 1]
-        np.testing.assert_allclose(block.output("reference"), expected, rtol=0, atol=1e-8)
-
-
-SIGNALS = {**LOADS._asdict(), "inertia_share": MOTION.v}
-
-
-def test_table_is_in_force_from_its_sample_on():
-    block = Alone("SignalTable", signals=SIGNALS)
-    assert list(outputs_of(block.system)) == list(SIGNALS)
-    assert block.timing == (0, PERIOD)
-    for i in range(len(MOTION.q) - 1):
-        block.sample(time=i * PERIOD)
-        for name, samples in SIGNALS.items():
-            exact(block.output(name), samples[i])
-
-
-# Offsets of the samples are what is left of the delay beyond whole periods.
-DELAYS = pytest.mark.parametrize(
-    ("delay", "offset"),
-    [
-        (0.0, 0.0),
-        (PERIOD, 0.0),
-        (3 * PERIOD, 0.0),
-        (0.035, 0.0),  # 7 periods, but for the last bit
-        (0.3 * PERIOD, 0.3 * PERIOD),
-        (0.0085, 0.0035),
-        (0.0499, 0.0049),
-    ],
-)
-WHICH = [0, 1, 2, 3, 10, 100, 1234, 2998]
-
-
-def is_in_force(block, name, rows, delay, offset):
-    """Row k from k * period + delay on, and not before; before row 0 arrives, row 0."""
-    assert block.timing == pytest.approx((offset, PERIOD), rel=1e-12, abs=0)
-    late = round((delay - offset) / PERIOD)  # samples taken before row 0 arrives
-    for i in range(late):
-        block.sample(time=offset + i * PERIOD)
-        np.testing.assert_allclose(block.output(name), rows[0], rtol=0, atol=1e-9)
-    for k in WHICH:
-        instant = offset + (k + late) * PERIOD  # as Drake counts
-        assert instant == pytest.approx(k * PERIOD + delay, rel=1e-12)
-        block.sample(time=instant)
-        np.testing.assert_allclose(block.output(name), rows[k], rtol=0, atol=1e-9)
-        block.context.SetTime(instant + 0.99 * PERIOD)
-        np.testing.assert_allclose(block.output(name), rows[k], rtol=0, atol=1e-9)
-
-
-@DELAYS
-def test_delayed_table_is_in_force_from_its_arrival_on(delay, offset):
-    block = Alone("SignalTable", signals=SIGNALS, delay=delay)
-    is_in_force(block, "alleviating_torque", LOADS.alleviating_torque, delay, offset)
-
-
-@DELAYS
-def test_hold_samples_a_delayed_source_where_its_samples_arrive(delay, offset):
-    """And that rests on its first sample until then. The hold starts with nothing."""
-    builder = DiagramBuilder()
-    source = builder.AddNamedSystem("source", made("ReferenceSource", delay=delay))
-    hold = builder.AddNamedSystem("hold", hold_of(MOTION, 3 * N, delay=delay))
-    builder.Connect(source.get_output_port(), hold.get_input_port())
-    builder.ExportOutput(hold.get_output_port(), "reference")
-    builder.ExportOutput(source.get_output_port(), "source")
-    both = Alone(builder.Build())
-    assert not hold.HasAnyDirectFeedthrough()
-    exact(both.output("reference"), np.zeros(3 * N))
-    for time, row in [(0.5 * delay, 0), (delay, 0), (1234 * PERIOD + delay, 1234)]:
-        both.context.SetTime(time)
-        np.testing.assert_allclose(both.output("source"), ROWS[row], rtol=0, atol=1e-9)
-    is_in_force(both, "reference", ROWS, delay, offset)
-
-
-def test_logs_have_the_names_and_periods_they_are_given():
-    wiring = Wiring()
-    wiring.add("constant", ConstantVectorSource([1.0, 2.0]), "a")
-    wiring.same("b", "a")
-    sinks = wiring.log(("a", "b"), 0.25)
-    diagram = wiring.builder.Build()
-    assert sinks["a"] is sinks["b"] is diagram.GetSubsystemByName("log.a")
-    simulator = Simulator(diagram)
-    simulator.AdvanceTo(1.0)
-    log = sinks["a"].FindLog(simulator.get_context())
-    exact(log.sample_times(), [0, 0.25, 0.5, 0.75, 1])
-    exact(log.data()[:, -1], [1, 2])
