@@ -32,6 +32,11 @@ def models_dir() -> Path:
     return installed if installed.is_dir() else _PACKAGE.parent / "models"
 
 
+def starter_dir() -> Path:
+    """The folder of the files that `sdt-drake init` copies."""
+    return _PACKAGE / "starter"
+
+
 def shipped(*kinds: str) -> dict[str, str]:
     """What ships of these kinds: short names, and the references (package://sdt/...) they mean."""
     models = models_dir()

@@ -68,7 +68,7 @@ def test_help_of_a_command_has_an_example_that_works(good, name):
     assert out.endswith(f"example: {example}") and example.startswith(f"sdt-drake {name}")
     options = cli._parser().parse_args(shlex.split(example)[1:])
     for argument in ("scenario", "motion", "sizing", "name"):
-        if hasattr(options, argument):
+        if getattr(options, argument, None):
             find_file(getattr(options, argument), *SHIPPED)
 
 

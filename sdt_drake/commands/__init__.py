@@ -4,8 +4,8 @@ Its docstring says what it does, EXAMPLE shows it; `add` declares its options, `
 """
 
 COMMANDS = (
-    "reproduce", "report", "scenarios", "motions", "plan", "export", "tune", "step", "simulate",
-    "compare", "pilot", "identify", "replay", "view", "budget", "bode", "stability", "study",
-    "size", "learn", "diagram", "reference",
+    "reproduce", "report", "init", "scenarios", "motions", "plan", "export", "tune", "step",
+    "simulate", "compare", "pilot", "identify", "replay", "view", "budget", "bode", "stability",
+    "study", "size", "learn", "diagram", "reference",
 )  # fmt: skip
 """In the order of --help."""
