@@ -112,7 +112,8 @@ def _simulated(options: argparse.Namespace) -> None:
 
     def report(flight: Flight) -> None:
         header, rows = flight_rows([flight])
-        say(", ".join(f"{name} {cell}" for name, cell in zip(header, rows[0], strict=True)))
+        cells = (cell if isinstance(cell, str) else " ".join(cell) for cell in rows[0])
+        say(", ".join(f"{name} {cell}" for name, cell in zip(header, cells, strict=True)))
 
     lessons = learn(design, filter_, options.flights, stops=not options.all, report=report)
     for line in summary(lessons):
@@ -150,6 +151,13 @@ def _checked_filter(
     say()
     print_table(*check_rows(checks, filter_))
     refuse_divergence(checks, filter_)
+    for check in checks:
+        beyond = int((check.loops.demand.max(axis=1) > 1).sum())
+        if beyond:
+            say(
+                f"note: {beyond} of {check.loops.name} need more torque than a motor has: there it "
+                "saturates, and learning may not converge"
+            )
     say()
     return filter_, checks
 

@@ -18,13 +18,12 @@ class Convergence:
     """The share of an error that is left by a flight, |Q (1 - L G)|, of the worst loop of a set.
 
     Attributes:
-        name, devices: of the set.
+        loops: the set.
         share: of each joint alone, over the filter's frequencies [-], shape (m, n).
         together: of all joints with what they do to each other: the spectral radius [-], (m,).
     """
 
-    name: str
-    devices: int
+    loops: LoopSet
     share: Array
     together: Array
 
@@ -42,19 +41,28 @@ def convergence(filter_: LearningFilter, loops: LoopSet) -> Convergence:
         left = filter_.contraction(response)
         share = np.maximum(share, np.abs(np.einsum("mkk->mk", left)))
         together = np.maximum(together, np.abs(np.linalg.eigvals(left)).max(axis=1))
-    return Convergence(loops.name, loops.devices, share, together)
+    return Convergence(loops, share, together)
 
 
 def refuse_divergence(checks: Sequence[Convergence], filter_: LearningFilter) -> None:
-    """Raise InputError if an error could grow: naming the loops, the joint and the frequency."""
+    """Raise InputError if an error could grow: naming the loops, the joint and the frequency; or if
+    motors of the one device that is going to fly would saturate, whatever is learned."""
     for check in checks:
-        if check.largest < 1:
-            continue
-        i = int(np.maximum(check.share.max(axis=1), check.together).argmax())
-        k = int(check.share[i].argmax())
-        who = f"joint {k + 1}" if check.share[i, k] >= 1 else "the joints together"
-        raise InputError(
-            f"learning does not converge for {check.name}: {who} would keep {check.largest:.3g} of "
-            f"an error at {filter_.omega[i] / (2 * np.pi):.3g} Hz, expected less than 1: a lower "
-            "--bandwidth, or a better model"
-        )
+        name = check.loops.name
+        if check.largest >= 1:
+            i = int(np.maximum(check.share.max(axis=1), check.together).argmax())
+            k = int(check.share[i].argmax())
+            who = f"joint {k + 1}" if check.share[i, k] >= 1 else "the joints together"
+            raise InputError(
+                f"learning does not converge for {name}: {who} would keep {check.largest:.3g} of "
+                f"an error at {filter_.omega[i] / (2 * np.pi):.3g} Hz, expected less than 1: a "
+                "lower --bandwidth, or a better model"
+            )
+        k = int(check.loops.demand.max(axis=0).argmax())
+        demand = check.loops.demand[:, k].max()
+        if check.loops.devices == 1 and demand > 1:
+            raise InputError(
+                f"learning does not converge for {name}: the motion takes {100 * demand:.1f} % of "
+                f"the torque of motor {k + 1}, which saturates whatever is learned; expected a "
+                "slower motion, or a lower torque_margin"
+            )

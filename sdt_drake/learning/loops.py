@@ -10,7 +10,8 @@ import numpy as np
 
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
-from sdt_drake.device import Friction
+from sdt_drake.device import Friction, sliding_friction
+from sdt_drake.dynamics import inverse_dynamics
 from sdt_drake.errors import InputError
 from sdt_drake.learning.response import Complex, position_response
 from sdt_drake.scenario import ControllerChoice, Scenario
@@ -31,11 +32,38 @@ class LoopSet:
         name: for people.
         devices: how many devices they are of.
         responses: each over `frequencies`, of a device in a pose.
+        demand: largest share of each motor's torque that the motion takes of a device [-], shape
+            (devices, n).
     """
 
     name: str
-    devices: int
     responses: tuple[Complex, ...]
+    demand: Array
+
+    @property
+    def devices(self) -> int:
+        """How many they are of."""
+        return len(self.demand)
+
+
+def loop_set(name: str, designs: Sequence[Design], of: str) -> LoopSet:
+    """The loops of some devices to what is learned, in their poses."""
+    every = [response for design in designs for response in responses(design, of)]
+    return LoopSet(name, tuple(every), np.stack([demand(design) for design in designs]))
+
+
+def demand(design: Design) -> Array:
+    """Largest share of the motors' torque that the planned motion takes of what moves [-], (n,).
+
+    With sliding friction, and the disturbance at its worst. Where it is above 1 motors saturate,
+    whatever the reference: linear models end there, and with them learning.
+    """
+    motion, robot = design.wanted, design.robot
+    torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
+    if design.friction is not None:
+        torque = torque + sliding_friction(design.friction, motion.v)
+    load = design.scenario.disturbance.amplitude * design.loads.load_torque * robot.gear_ratio
+    return np.asarray(np.max((np.abs(torque) + np.abs(load)) / robot.effort_limit, axis=0))
 
 
 def loops_of(
@@ -53,14 +81,15 @@ def loops_of(
         InputError: for variables that do not fit the scenario.
     """
     known = known_loop(design)
-    sets = [LoopSet("the model", 1, responses(known, of))]
-    if not design.scenario.plant.deviation.exact or design.model is not design.nominal:
-        sets.append(LoopSet("the simulated device", 1, responses(design, of)))
+    sets = [loop_set("the model", [known], of)]
+    plant = design.scenario.plant
+    is_known = plant.deviation == design.scenario.controller.model and plant.friction.is_none
+    if not is_known or design.scenario.disturbance.amplitude > 0:
+        sets.append(loop_set("the simulated device", [design], of))
     if uncertainty is not None:
         study, base = uncertainty
         devices = devices_of(design, study, base, draws)
-        every = [response for device in devices for response in responses(device, of)]
-        sets.append(LoopSet(f"the devices of {study.name}", len(devices), tuple(every)))
+        sets.append(loop_set(f"the devices of {study.name}", devices, of))
     return sets
 
 

@@ -35,11 +35,12 @@ def check(
             ax = axes.flat[k]
             for i, one in enumerate(checks):
                 look = nth_look(i)
-                plural = f" ({one.devices})" if one.devices > 1 else ""
-                label = f"{one.name}{plural}, this joint alone"
+                loops = one.loops
+                plural = f" ({loops.devices})" if loops.devices > 1 else ""
+                label = f"{loops.name}{plural}, this joint alone"
                 ax.loglog(hertz, one.share[:, k], look.dashes, color=look.colour, label=label)
                 if i == len(checks) - 1:
-                    label = f"{one.name}{plural}, all joints together"
+                    label = f"{loops.name}{plural}, all joints together"
                     ax.loglog(hertz, one.together, color="0.6", label=label, zorder=1)
             ax.axhline(1.0, color=PALETTE[1], linewidth=0.9)
             cut, why = filter_.bandwidth[k]

@@ -11,7 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure as Picture
 
 from sdt_drake.analysis import style
-from sdt_drake.analysis.document import Document, Figure, Section, Table, Text, write_text
+from sdt_drake.analysis.document import Cell, Document, Figure, Section, Table, Text, write_text
+from sdt_drake.arrays import Array
 from sdt_drake.design import Design
 from sdt_drake.learning import plots
 from sdt_drake.learning.convergence import Convergence
@@ -23,8 +24,8 @@ from sdt_drake.tables import write_table
 LEARNED, SCENARIO, FLIGHTS = "learned.csv", "scenario.yaml", "flights.csv"
 """Files of the folder: the best reference, a scenario with it, and the numbers of each flight."""
 
-Rows = tuple[list[str], list[list[str]]]
-"""Header and rows of a table."""
+Rows = tuple[list[str], list[list[Cell]]]
+"""Header and rows of a table; a cell may have a text for each joint."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,19 +45,30 @@ class Learned:
     lessons: Lessons
 
 
-def check_rows(checks: Sequence[Convergence], filter_: LearningFilter) -> Rows:
+def check_rows(
+    checks: Sequence[Convergence], filter_: LearningFilter
+) -> tuple[list[str], list[list[str]]]:
     """The check of the convergence as a table."""
     n = len(filter_.bandwidth)
-    header = ["largest |Q (1 - L G)|", *(f"joint {k + 1}" for k in range(n)), "together"]
+    header = [
+        "largest |Q (1 - L G)|", *(f"joint {k + 1}" for k in range(n)), "together",
+        "torque taken [%]",
+    ]  # fmt: skip
     rows = [
         [
-            f"{one.name} ({one.devices})" if one.devices > 1 else one.name,
+            _name(one),
             *(f"{x:.3f}" for x in one.share.max(axis=0)),
             f"{one.together.max():.3f}",
+            f"{100 * one.loops.demand.max():.1f}",
         ]
         for one in checks
     ]
     return header, rows
+
+
+def _name(check: Convergence) -> str:
+    loops = check.loops
+    return f"{loops.name} ({loops.devices})" if loops.devices > 1 else loops.name
 
 
 def flight_rows(flights: Sequence[Flight]) -> Rows:
@@ -77,8 +89,8 @@ def flight_rows(flights: Sequence[Flight]) -> Rows:
     return header, rows
 
 
-def _joints(values: Sequence[float] | np.ndarray, spec: str) -> str:
-    return " ".join(format(value, spec) for value in values)
+def _joints(values: Array, spec: str) -> list[str]:
+    return [format(value, spec) for value in values]
 
 
 def summary(lessons: Lessons) -> list[str]:

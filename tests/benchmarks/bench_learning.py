@@ -24,12 +24,12 @@ from sdt_drake.design import make_design
 from sdt_drake.learning.convergence import convergence
 from sdt_drake.learning.filter import design_filter
 from sdt_drake.learning.flights import learn
-from sdt_drake.learning.loops import LoopSet, devices_of, loops_of, responses
+from sdt_drake.learning.loops import devices_of, loop_set, loops_of
 from sdt_drake.scenario import load_scenario
 from sdt_drake.studies.study import load_study
 
 HEADER = (
-    "device", "check", "first_rms_deg", "best_rms_deg", "best_flight", "last_rms_deg",
+    "device", "check", "demand", "first_rms_deg", "best_rms_deg", "best_flight", "last_rms_deg",
     "first_largest_deg", "last_largest_deg", "peak_growth", "saturated", "diverges", "seconds",
 )  # fmt: skip
 
@@ -37,13 +37,13 @@ HEADER = (
 def flown(device, filter_, flights):
     """A device's row, without its number."""
     start = time.perf_counter()
-    check = convergence(filter_, LoopSet("device", 1, responses(device, "reference")))
+    check = convergence(filter_, loop_set("the device", [device], "reference"))
     lessons = learn(device, filter_, flights, stops=False)
     scores = np.degrees([flight.score for flight in lessons.flights])
     first, last, best = lessons.flights[0], lessons.flights[-1], lessons.best
     growing = len(scores) > 5 and np.all(np.diff(scores[-4:]) > 0.01 * scores[-4:-1])
     return (
-        check.largest, scores[0], scores.min(), best.number, scores[-1],
+        check.largest, check.loops.demand.max(), scores[0], scores.min(), best.number, scores[-1],
         np.degrees(first.largest.max()), np.degrees(last.largest.max()),
         float((last.peak / first.peak)[first.peak > 0.2].max()),
         float(last.saturated.max()), bool(scores[-1] > scores[0] or growing),

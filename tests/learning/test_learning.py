@@ -15,7 +15,7 @@ from sdt_drake.errors import InputError
 from sdt_drake.learning.convergence import convergence, refuse_divergence
 from sdt_drake.learning.filter import design_filter
 from sdt_drake.learning.flights import fly, learn, next_step, reason_to_stop
-from sdt_drake.learning.loops import LoopSet, devices_of, loops_of
+from sdt_drake.learning.loops import LoopSet, demand, devices_of, loops_of
 from sdt_drake.learning.response import position_response
 from sdt_drake.motion import LearnedReference, Motion, checked_torque
 from sdt_drake.simulate import simulate
@@ -101,7 +101,7 @@ def test_what_is_learned_shrinks_errors_as_the_check_says(cascade):
         assert share == pytest.approx(left, rel=0.05)
 
     scaled = [0.7 * response for response in loops[0].responses]
-    check = convergence(filter_, LoopSet("others", 1, tuple(scaled)))
+    check = convergence(filter_, LoopSet("others", tuple(scaled), loops[0].demand))
     below = filter_.omega < 0.2 * filter_.bandwidth[0].omega
     np.testing.assert_allclose(check.share[below], 0.3, atol=0.02)
 
@@ -110,14 +110,31 @@ def test_a_loop_that_would_diverge_is_refused_before_a_flight(cascade):
     design = cascade()
     loops = loops_of(design, "reference")
     filter_ = design_filter(design, loops, "reference")
-    lively = LoopSet("others", 1, tuple(2.2 * response for response in loops[0].responses))
+    lively = [2.2 * response for response in loops[0].responses]
+    lively = LoopSet("others", tuple(lively), loops[0].demand)
     check = convergence(filter_, lively)
     assert 1.15 < check.largest < 1.5
     with pytest.raises(InputError, match=r"converge for others: joint \d would keep 1\.\d+ of"):
         refuse_divergence([check], filter_)
+    tired = convergence(filter_, replace(loops[0], demand=np.array([[0.5, 1.06, 0.2, 0.3]])))
+    with pytest.raises(InputError, match=r"takes 106\.0 % of the torque of motor 2"):
+        refuse_divergence([tired], filter_)
     # A filter that knows of such loops learns less.
     careful = design_filter(design, [*loops, lively], "reference")
     assert careful.bandwidth[1].why == "the spread of the loops"
+
+
+def test_what_a_motion_takes_of_a_device_is_what_it_needs_there(cascade):
+    """Inverse dynamics, friction and disturbance of what moves: no tracking error, no reserve."""
+    design = cascade("inverse_dynamics", {"plant.deviation.payload_mass": 40}, end=1.0)
+    run = simulate(design)
+    expected = run.tau_peak[20:].max(axis=0) / design.robot.motor_torque_limit
+    np.testing.assert_allclose(demand(design)[0], expected[0], rtol=0.02)
+    shaken = cascade("inverse_dynamics", {"disturbance.amplitude": 0.1}, end=1.0)
+    calm = cascade("inverse_dynamics", end=1.0)
+    load = np.abs(calm.loads.load_torque * calm.robot.gear_ratio / calm.robot.effort_limit)
+    assert np.all(demand(shaken) <= demand(calm) + 0.1 * load.max(axis=0) + 1e-9)
+    assert np.any(demand(shaken) > demand(calm))
 
 
 def test_the_bandwidth_is_what_the_model_is_trusted_in(cascade, designed):

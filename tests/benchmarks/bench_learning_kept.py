@@ -1,0 +1,85 @@
+"""What flights teach, and what of it is left on another device.
+
+    python tests/benchmarks/bench_learning_kept.py [OUT] [--controllers p_pi p_pi+id]
+
+Learns the reference motion from three flights of wrong_model, in OUT (by default "learned"), and
+flies planned and learned reference with another pilot, with colder and warmer joints, and with
+elastic ones: a study for each. Prints joint 2's errors as a table. Some 34 runs of 30 s of motion.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from sdt_drake.cli import main as sdt_drake
+from sdt_drake.studies.results import read_study_table
+
+STUDIES = {
+    "payload": ("kg", "plant.deviation.payload_mass", "offset", "[-30, 0, 30]"),
+    "friction": ("times", "plant.friction.coulomb, plant.friction.breakaway, "
+                 "plant.friction.viscous", "factor", "[0.5, 2]"),
+    "elasticity": ("rad/s", "plant.elasticity.natural_frequency", "value", "[66, 132, 264]"),
+}  # fmt: skip
+"""By name: unit of the level, fields, how they change, levels. The structure's own frequency is
+66 rad/s; encoders are on the motors."""
+
+STUDY = """\
+name: {name}
+scenario: {base}
+variables:
+  - name: reference
+    fields: [learned]
+    distribution: !Choice {{values: [planned.csv, learned.csv]}}
+  - {{name: {name}, fields: [{fields}], apply: {apply}, distribution: !List {{values: {levels}}}}}
+"""
+
+
+def main(out: Path, controllers: list[str]) -> None:
+    for label in controllers:
+        kind, _, feedforward = label.partition("+")
+        folder = out / label
+        changes = ["--set", f"controller.kind={kind}"]
+        changes += ["--set", f"controller.feedforward={feedforward}"] if feedforward else []
+        run("learn", "wrong_model", *changes, "--flights", "3", "--all", "--out", str(folder))
+        run("plan", "reference", "--out", str(folder / "planned.csv"))
+        scenario = (folder / "scenario.yaml").read_text(encoding="utf-8")
+        elastic = scenario.replace("natural_frequency: []", "natural_frequency: [66, 66, 66, 66]")
+        (folder / "elastic.yaml").write_text(elastic, encoding="utf-8")
+        print(
+            f"\n| {label}, joint 2 | planned, largest [deg] | learned, largest [deg] | left [%] |"
+        )
+        print("| --- | --- | --- | --- |")
+        for name, (unit, fields, apply, levels) in STUDIES.items():
+            base = "elastic.yaml" if name == "elasticity" else "scenario.yaml"
+            text = STUDY.format(name=name, base=base, fields=fields, apply=apply, levels=levels)
+            (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
+            run("study", str(folder / f"{name}.yaml"), "--out", str(folder / name))
+            tell(folder / name, name, unit)
+
+
+def run(*arguments: str) -> None:
+    if sdt_drake(list(arguments)):
+        raise SystemExit(1)
+
+
+def tell(folder: Path, name: str, unit: str) -> None:
+    """A row for each level: joint 2's largest position error with either reference."""
+    table = read_study_table(folder)
+    error = np.degrees(table.outcomes["max_abs_position_error_2"])
+    for level in np.unique(table.inputs[name]):
+        here = table.inputs[name] == level
+        planned, learned = (
+            float(error[here & (table.inputs["reference"] == f"{which}.csv")][0])
+            for which in ("planned", "learned")
+        )
+        share = 100 * learned / planned
+        print(f"| {name} {level:g} {unit} | {planned:.4f} | {learned:.4f} | {share:.0f} |")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("out", nargs="?", type=Path, default=Path("learned"))
+    parser.add_argument("--controllers", nargs="+", default=["p_pi", "p_pi+id"])
+    options = parser.parse_args()
+    main(options.out, options.controllers)
