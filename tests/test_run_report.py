@@ -51,7 +51,7 @@ def test_the_answer_comes_first_and_is_that_of_the_recording(run, tmp_path):
 def test_torque_over_speed_lies_in_the_envelope_of_the_drive(run):
     design, recording = run
     panel = torque_over_speed(recording, design, 2)
-    torque, upper, lower = (line.values for line in panel.lines)
+    upper, lower, torque = (line.values for line in panel.lines)
     there = np.isfinite(torque)
     assert there.sum() == len(recording.time) and np.all(np.diff(panel.x) >= 0)
     order = np.argsort(recording.v[:, 2], kind="stable")

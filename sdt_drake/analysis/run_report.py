@@ -146,15 +146,26 @@ def _answer(
             f"angles alone {angles:.1f} %."
         )
     if isinstance(response, FrequencyResponse):
-        unstable = [joint_title(k, name) for k, name in enumerate(names) if not response.stable[k]]
-        k, name = worst(-response.damping)
-        lines.append(
-            f"**Loops:** unstable in linear analysis: {'; '.join(unstable)}."
-            if unstable
-            else f"**Loops:** all are stable. The least damped is that of {name}, with a damping "
-            f"ratio of {response.damping[k]:.2f}."
-        )
+        lines.append(f"**Loops:** {_judged(response, names)}.")
     return lines + [f"**Note:** {line}." for line in stops_passed(recording, names)]
+
+
+def _judged(response: FrequencyResponse, names: Sequence[str]) -> str:
+    """Whether the loops are stable, and how nearly they are not."""
+    unstable = [joint_title(k, name) for k, name in enumerate(names) if not response.stable[k]]
+    if unstable:
+        return f"unstable in linear analysis: {'; '.join(unstable)}"
+    k = int(response.damping.argmin())
+    text = f"all are stable. Least damped is joint {k + 1}, with a damping ratio of "
+    text += f"{response.damping[k]:.2g}"
+    if not np.isnan(response.phase_margin).all():
+        k = int(np.nanargmin(response.phase_margin))
+        text += f"; smallest phase margin: joint {k + 1}, {response.phase_margin[k]:.0f} deg"
+    k = int(response.gain_margin.argmin())
+    if np.isfinite(response.gain_margin[k]):
+        decibel = 20 * np.log10(response.gain_margin[k])
+        text += f"; smallest gain margin: joint {k + 1}, {decibel:.1f} dB"
+    return text
 
 
 # --- what was run ----------------------------------------------------------------------------
@@ -230,8 +241,8 @@ def _by_joint(
 
 
 def _whole_units(header: str) -> str:
-    """With units that no line breaks."""
-    return re.sub(r"\[.*?\]", lambda unit: unit[0].replace(" ", "\u00a0"), header)
+    """With short units that no line breaks."""
+    return re.sub(r"\[.{,9}\]", lambda unit: unit[0].replace(" ", "\u00a0"), header)
 
 
 # --- loops -----------------------------------------------------------------------------------

@@ -61,10 +61,11 @@ def chosen_joints(joint: int | None, n: int, where: str = "joint") -> Sequence[i
 def joint_panels(recording: Recording, design: Design | None, k: int) -> list[Panel]:
     """Speed, speed error, position error and torque of joint k, from 0, over time."""
     run = recording
-    torque = [Line("motor torque", _TORQUE, run.tau[:, k])]
+    torque = []
     if design is not None:
         lower, upper = (limit[:, k] for limit in limits_along(run, design))
         torque += [Line("limits of the motor", LIMIT, upper), Line("_lower limit", LIMIT, lower)]
+    torque.append(Line("motor torque", _TORQUE, run.tau[:, k]))
 
     saturated = run.saturated[:, k] > 0  # in the period that ends there
     saturated[:-1] |= saturated[1:]
@@ -126,8 +127,8 @@ def torque_over_speed(recording: Recording, design: Design, k: int) -> Panel:
         "motor torque [N m]",
         speed[order],
         [
-            Line("motor torque", _TORQUE, torque[order], dots=True),
             Line("limits of the motor", LIMIT, upper),
             Line("_lower limit", LIMIT, lower),
+            Line("motor torque", _TORQUE, torque[order], dots=True),
         ],
     )
