@@ -5,7 +5,7 @@ Its docstring says what it does, EXAMPLE shows it; `add` declares its options, `
 
 COMMANDS = (
     "reproduce", "report", "init", "scenarios", "motions", "plan", "export", "tune", "step",
-    "simulate", "compare", "pilot", "identify", "replay", "view", "budget", "bode", "stability",
-    "study", "size", "learn", "diagram", "reference",
+    "simulate", "compare", "pilot", "excite", "identify", "replay", "view", "budget", "bode",
+    "stability", "study", "size", "learn", "diagram", "reference",
 )  # fmt: skip
 """In the order of --help."""

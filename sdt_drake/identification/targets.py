@@ -1,0 +1,111 @@
+"""What is to be found of a robot, as columns of its torques; and what it may be expected to be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sdt_drake.arrays import Array, Index
+from sdt_drake.errors import InputError
+from sdt_drake.identification.base_parameters import (
+    BaseParameters,
+    base_parameters,
+    base_parameters_of,
+    rigid_columns,
+    rigid_names,
+    rigid_parameters,
+)
+from sdt_drake.identification.regressor import PARAMETERS, Bodies
+from sdt_drake.robot import Robot
+
+NOISE = 0.01  # of the largest torque of each joint
+ANY_SPEED = 5.0  # rad/s, where the file gives no limit
+
+_SLOW = 0.02  # of the largest speed: friction changes its sign over it
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """What is to be found, and what of the torques is known beside it.
+
+    Attributes:
+        robot: gives kinematics, limits, and what is expected.
+        base: base parameters of some of `rigid_columns`.
+        columns: which these are.
+        friction: whether viscous and Coulomb friction and an offset of each joint are unknown, too.
+        noise: standard deviation of the torques in each sample, joint side [N m], shape (n,).
+    """
+
+    robot: Robot
+    base: BaseParameters
+    columns: Index
+    friction: bool
+    noise: Array
+
+    @staticmethod
+    def everything(robot: Robot, noise: float = NOISE) -> Target:
+        """Links, motors and friction; noise: over the largest torque of each joint [-]."""
+        base, all_columns = base_parameters(robot), np.arange(11 * robot.n)
+        return Target(robot, base, all_columns, True, noise * robot.effort_limit)
+
+    @staticmethod
+    def payload(robot: Robot, link: str, noise: float = NOISE) -> Target:
+        """The body that a link is part of, all else being known.
+
+        Raises:
+            InputError: if no joint turns such a link.
+        """
+        names = Bodies.of(robot).names
+        bodies = [k for k, name in enumerate(names) if link in name.split(" + ")]
+        if not bodies:
+            there = "; ".join(names)
+            raise InputError(f"{robot.path}: no link '{link}' that moves, expected one of {there}")
+        columns = 10 * bodies[0] + np.arange(len(PARAMETERS))
+        few = _random_columns(robot)[:, columns]
+        own = tuple(rigid_names(robot)[i] for i in columns)
+        base = base_parameters_of(few, own, np.array([*range(1, 10), 0]))
+        return Target(robot, base, columns, False, noise * robot.effort_limit)
+
+    @property
+    def names(self) -> list[str]:
+        """Of what is to be found, with units."""
+        links = [f"{name} [{_unit(name)}]" for name in self.base.words]
+        if not self.friction:
+            return links
+        units = {"viscous friction": "N m s/rad", "Coulomb friction": "N m", "offset": "N m"}
+        joints = self.robot.joint_names
+        return links + [f"{x} of {joint} [{unit}]" for x, unit in units.items() for joint in joints]
+
+    @property
+    def expected(self) -> Array:
+        """Values of the robot's file; NaN of friction, which it does not know."""
+        values = self.base.combination @ rigid_parameters(self.robot)[self.columns]
+        unknown = np.full(3 * self.robot.n, np.nan) if self.friction else np.zeros(0)
+        return np.concatenate([values, unknown])
+
+    def rows(self, q: Array, v: Array, vd: Array) -> tuple[Array, Array]:
+        """Columns of what is to be found, over the noise, shape (N, n, p); and the torque that the
+        file expects, joint side [N m], shape (N, n)."""
+        robot = self.robot
+        rigid = rigid_columns(robot, q, v, vd)
+        torque = rigid @ rigid_parameters(robot) + robot.damping * v
+        columns = rigid[:, :, self.columns[self.base.independent]]
+        if self.friction:
+            slow = _SLOW * np.minimum(robot.velocity_limit, ANY_SPEED)
+            own = (v, np.tanh(v / slow), np.ones_like(v))
+            columns = np.concatenate([columns, *(x[:, :, None] * np.eye(robot.n) for x in own)], 2)
+        return columns / self.noise[:, None], torque
+
+
+def _random_columns(robot: Robot) -> Array:
+    rng = np.random.default_rng(0)
+    q, v, vd = rng.uniform(-np.pi, np.pi, (3, 200, robot.n))
+    return rigid_columns(robot, q, v, vd).reshape(-1, 11 * robot.n)
+
+
+def _unit(name: str) -> str:
+    """Of a base parameter, by the first of its parts."""
+    if name.startswith("h"):
+        return "kg m"
+    return "kg" if name.startswith("m of") else "kg m²"
