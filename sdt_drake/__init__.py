@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from sdt_drake.scenario import load_scenario as load
     from sdt_drake.scenario import save_scenario as save
     from sdt_drake.simulate import Recording, simulate
+    from sdt_drake.viewer import view
 
 __version__ = "0.2.0"
 
@@ -48,6 +49,7 @@ _PLACES = {
     "track": "analysis.tracking:track",
     "compare": "analysis.comparison:compare",
     "linear": "analysis.linear:linear",
+    "view": "viewer:view",
     "plots": "analysis.plots:",
     "plots_motion": "analysis.plots_motion:",
     "Scenario": "scenario:Scenario",
@@ -60,7 +62,7 @@ _PLACES = {
 __all__ = [
     "Controller", "InputError", "Motion", "Recording", "Scenario", "compare", "design", "linear",
     "load", "load_robot", "loop", "plan", "plots", "plots_motion", "register_controller", "save",
-    "simulate", "track",
+    "simulate", "track", "view",
 ]  # fmt: skip
 
 

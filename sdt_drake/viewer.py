@@ -11,6 +11,7 @@ from string import Template
 from pydrake.geometry import Meshcat, MeshcatParams
 
 from sdt_drake.arrays import Array
+from sdt_drake.design import Design
 from sdt_drake.errors import InputError, replacing
 from sdt_drake.pilot import check_head
 from sdt_drake.resources import page_text
@@ -26,6 +27,7 @@ from sdt_drake.scene import (
     Scene,
     make_frames,
 )
+from sdt_drake.simulate import Recording
 
 RATES = (0.01, 1000.0)
 """Slowest and fastest: 1 for real time, 2 for twice as fast [-]."""
@@ -60,6 +62,50 @@ def record_html(
     page = recorded_page(robot, time, q, title=title, pilot=pilot)
     with replacing(path) as partial:
         partial.write_text(page, encoding="utf-8")
+
+
+class Animation:
+    """A motion in 3D: in a notebook it plays below the cell, without a server or a network."""
+
+    def __init__(self, page: str, title: str) -> None:
+        self._page, self._title = page, title
+
+    def __repr__(self) -> str:
+        return f"<Animation {self._title}, {len(self._page.encode()) / 1e6:.1f} MB>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks."""
+        page, title = html.escape(self._page), html.escape(self._title)
+        style = "width:100%;height:420px;border:0"
+        return f'<iframe title="{title}" style="{style}" srcdoc="{page}"></iframe>'
+
+    def save(self, path: str | Path) -> None:
+        """Write it as a web page; see `record_html`.
+
+        Raises:
+            InputError: if the path does not end in .html, or cannot be written.
+        """
+        check_html(Path(path))
+        with replacing(Path(path)) as partial:
+            partial.write_text(self._page, encoding="utf-8")
+
+
+def view(design: Design, recording: Recording | None = None, *, pilot: bool = False) -> Animation:
+    """What a run does in 3D, or, without a recording of it, the motion that is asked for.
+
+    Args:
+        design: of the run.
+        recording: of it.
+        pilot: start with the pilot's own view.
+
+    Raises:
+        InputError: if there is no pilot, or the motion is too long.
+    """
+    if pilot:
+        check_head(design.robot)
+    motion, title = design.motion, design.scenario.name
+    time, q = (motion.time, motion.q) if recording is None else (recording.time, recording.q)
+    return Animation(recorded_page(design.robot, time, q, title=title, pilot=pilot), title)
 
 
 def check_html(path: Path) -> None:

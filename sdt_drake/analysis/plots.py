@@ -23,6 +23,7 @@ from sdt_drake.analysis.style import (
     LOOKS,
     PALETTE,
     Look,
+    Picture,
     finish,
     grid,
     joint_title,
@@ -76,7 +77,7 @@ def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
         "p_in_feedback": (PALETTE[0], "P in the feedback path"),
     }
     with style():
-        figure = Figure(figsize=(6.4, 4), layout="constrained")
+        figure = Picture(figsize=(6.4, 4), layout="constrained")
         ax = figure.subplots()
         ax.axhspan(0.98, 1.02, color="0.9", label="±2 %")
         for structure, step in steps.items():

@@ -87,6 +87,16 @@ def looks_of(labels: Sequence[str]) -> list[Look]:
     return [LOOKS.get(label, nth_look(i)) for i, label in enumerate(labels)]
 
 
+class Picture(Figure):
+    """A figure that a notebook shows without a backend for it (`%matplotlib inline`)."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        with style():
+            self.savefig(buffer, format="png", dpi=100)
+        return buffer.getvalue()
+
+
 @contextmanager
 def style() -> Iterator[None]:
     """The look of all figures of this package."""
@@ -119,7 +129,7 @@ def grid(
     right = 0.15
     width = left + columns * panel[0] + (columns - 1) * gaps[0] + right
     height = top + rows * panel[1] + (rows - 1) * gaps[1] + bottom
-    figure = Figure(figsize=(max(width, 6.5), height))
+    figure = Picture(figsize=(max(width, 6.5), height))
     axes = figure.subplots(
         rows,
         columns,
