@@ -64,7 +64,7 @@ def errors_table(found: Identified, robot: Robot) -> doc.Table:
 
     least = found.estimate.torque(found.equations)
     return doc.Table(
-        ("", "left of the torque [%]"),
+        ("prediction", "left of the torque [%]"),
         [
             row("file as it is, held out", found.left(found.equations.nominal, held_out=True)),
             row("least squares, fitted", found.left(least, held_out=False)),

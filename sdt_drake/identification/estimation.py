@@ -250,7 +250,7 @@ class _Selection:
         """Normal equations of beta alone, when friction always takes what suits it best."""
         r = self.r
         cross = grams[:, at, :r], grams[:, at, -1:]
-        own = grams[np.ix_(np.arange(len(grams)), at, at)] + 1e-9 * np.eye(len(at))
+        own = _firm(grams[np.ix_(np.arange(len(grams)), at, at)])
         A, b = (np.linalg.solve(own, part) for part in cross)
         left = np.swapaxes(cross[0], 1, 2)
         return grams[:, :r, :r] - left @ A, grams[:, :r, -1] - (left @ b)[..., 0]
@@ -261,10 +261,17 @@ class _Selection:
         own = self._without_friction(rest, at)
         beta = np.linalg.solve(A + own[0], (b + own[1])[..., None])
         friction = np.linalg.solve(
-            rest[np.ix_(np.arange(_FOLDS), at, at)] + 1e-9 * np.eye(len(at)),
+            _firm(rest[np.ix_(np.arange(_FOLDS), at, at)]),
             rest[:, at, -1:] - rest[:, at, :r] @ beta,
         )
         z = np.concatenate([beta, friction, -np.ones((_FOLDS, 1, 1))], axis=1)
         cut = np.array([*range(r), *at, self.grams.shape[-1] - 1])
         seen = self.grams[k][np.ix_(np.arange(_FOLDS), cut, cut)]
         return float(np.sum(np.swapaxes(z, 1, 2) @ seen @ z))
+
+
+def _firm(grams: Array) -> Array:
+    """Grams that can be solved, where columns are alike or empty, too; shape (folds, f, f)."""
+    diagonal = np.einsum("fii->fi", grams)
+    least = 1e-12 + 1e-9 * diagonal.max(axis=1, keepdims=True)
+    return np.asarray(grams + np.eye(grams.shape[1]) * np.maximum(1e-9 * diagonal, least)[:, None])

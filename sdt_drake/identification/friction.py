@@ -76,7 +76,8 @@ def laws(fastest: float) -> tuple[Law, ...]:
         for offset in _OFFSETS:
             sigmoid = Term("sigmoid", width, offset * width)
             found.append(Law("sigmoid", (VISCOUS, OFFSET, sigmoid)))
-            found.append(Law("sigmoid and coulomb", (VISCOUS, COULOMB, OFFSET, sigmoid)))
+            if share > _SHAPES[0]:  # the narrowest is Coulomb friction itself
+                found.append(Law("sigmoid and coulomb", (VISCOUS, COULOMB, OFFSET, sigmoid)))
     return tuple(sorted(found, key=lambda law: len(law.terms)))
 
 
