@@ -337,13 +337,13 @@ def test_a_terminal_that_knows_ascii_only(monkeypatch):
 @pytest.fixture
 def quick_study(monkeypatch):
     """A study that is computed and written at once: one stage, one claim, one file."""
-    from types import SimpleNamespace
 
     def write_reproduction(results, folder, watch, announce):
         with watch.stage("first"), watch.stage("second"):
             (folder / "report.md").write_text("report")
-        return [SimpleNamespace(id="a_claim", verdict="reproduced")]
+        return {"claims": [{"verdict": "reproduced"}]}
 
+    monkeypatch.setattr("sdt_drake.analysis.report.findings", lambda summary: ["**A** finds `b`."])
     monkeypatch.setattr("sdt_drake.analysis.reproduction.reproduce", lambda watch: None)
     monkeypatch.setattr("sdt_drake.analysis.files.write_reproduction", write_reproduction)
 
@@ -352,8 +352,9 @@ def test_reproduce(good, refuse, desk, quick_study, monkeypatch, tmp_path):
     out = good("reproduce").out
     assert (desk / "out" / "report.md").read_text() == "report"
     assert re.search(r"^\s+second\s+0\.\d\d s$", out, re.M)
-    assert re.search(r"^\s+a_claim\s+reproduced$", out, re.M)
-    assert re.search(r"^out/report.md and report.html written, \d+\.\d s in all$", out, re.M)
+    assert "Of 1 claims of the paper: 1 reproduced, 0 not reproduced, 0 not comparable" in out
+    assert "\n- A finds b.\n" in out
+    assert re.search(r"^Open out/report.html; \d+\.\d s in all$", out, re.M)
     assert ("Graphviz" in out) == (shutil.which("dot") is None)
 
     monkeypatch.setenv("PATH", str(tmp_path / "nothing"))

@@ -15,6 +15,7 @@ import yaml  # of Drake itself
 
 from sdt_drake import paper
 from sdt_drake.analysis.document import Inline, Table
+from sdt_drake.analysis.metrics import plain_number
 from sdt_drake.analysis.reproduction import Reproduction, Run, table1
 from sdt_drake.control import natural_frequency, oscillation_frequency
 from sdt_drake.resources import page_text
@@ -299,6 +300,11 @@ def _jump_before_peak(run: Run, joint: int) -> tuple[float, float]:
 # --- in a report ----------------------------------------------------------------------------
 
 
+def count_verdicts(claims: Sequence[Json]) -> dict[str, int]:
+    """How many claims of summary.json have each of VERDICTS."""
+    return {verdict: sum(c["verdict"] == verdict for c in claims) for verdict in VERDICTS}
+
+
 @dataclass(frozen=True)
 class Claims:
     """The claims of summary.json: a table, and on a page cards that a filter chooses from."""
@@ -311,8 +317,8 @@ class Claims:
             [
                 claim["id"],
                 claim["statement"],
-                _listed(claim["published"], 6),
-                _listed(claim["computed"], 4),
+                _listed(claim["published"]),
+                _listed(claim["computed"]),
                 f"**{claim['verdict']}**",
                 claim["why"],
             ]
@@ -323,8 +329,7 @@ class Claims:
 
     def html(self, inline: Inline) -> str:
         buttons = f'<button type="button" aria-pressed="true">all {len(self.claims)}</button>'
-        for verdict in VERDICTS:
-            count = sum(claim["verdict"] == verdict for claim in self.claims)
+        for verdict, count in count_verdicts(self.claims).items():
             buttons += (
                 f'<button type="button" aria-pressed="false" data-verdict="{verdict}">'
                 f"{verdict} {count}</button>"
@@ -348,37 +353,34 @@ class Claims:
 
 
 def _value_table(published: Any, computed: Any, joints: int) -> Table:
-    """Published above computed."""
+    """Published above computed; what is not of each joint stands below all of them."""
     if isinstance(published, dict):
         header = ["", *(key.replace("_", " ") for key in published)]
-        of = (("published", published, 6), ("computed", computed, 4))
-        rows = [[label, *(_listed(v, digits) for v in x.values())] for label, x, digits in of]
-        return Table(header, rows)
-    rows = [*_value_rows("published", published, 6), *_value_rows("computed", computed, 4)]
-    of_joints = len(rows[-1]) == joints + 1
+        of = (("published", published), ("computed", computed))
+        return Table(header, [[label, *map(_listed, x.values())] for label, x in of])
+    rows = [*_value_rows("published", published), *_value_rows("computed", computed)]
+    of_joints = any(len(row) == joints + 1 for row in rows)
     return Table(["", *(f"joint {k + 1}" for k in range(joints))] if of_joints else [], rows)
 
 
-def _value_rows(label: str, value: object, digits: int) -> list[list[str]]:
+def _value_rows(label: str, value: object) -> list[list[str]]:
     if isinstance(value, dict):
         return [
             row
             for key, item in value.items()
-            for row in _value_rows(f"{label}, {key.replace('_', ' ')}", item, digits)
+            for row in _value_rows(f"{label}, {key.replace('_', ' ')}", item)
         ]
-    values = value if isinstance(value, list) else [value]
-    return [[label, *(_listed(item, digits) for item in values)]]
+    return [[label, *map(_listed, value if isinstance(value, list) else [value])]]
 
 
-def _listed(value: object, digits: int) -> str:
+def _listed(value: object) -> str:
     """A value of the summary in words."""
     if isinstance(value, dict):
-        items = (f"{key.replace('_', ' ')} {_listed(v, digits)}" for key, v in value.items())
-        return "; ".join(items)
+        return "; ".join(f"{key.replace('_', ' ')} {_listed(v)}" for key, v in value.items())
     if isinstance(value, list):
-        return ", ".join(_listed(item, digits) for item in value)
+        return ", ".join(map(_listed, value))
     if value is None:
         return "–"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
+    return plain_number(value) if isinstance(value, float) else str(value)

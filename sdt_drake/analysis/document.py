@@ -104,7 +104,8 @@ Cell = str | Sequence[str]
 class Table:
     """Cells of texts; the first of each row names it.
 
-    A cell of a text for each joint spans as many columns on a page. `look` is a class of page.css.
+    A cell of a text for each joint spans as many columns on a page; the last cell of a row that is
+    shorter than the header spans the rest. `look` is a class of page.css.
     """
 
     header: Sequence[str]
@@ -135,7 +136,7 @@ class Table:
                 names += "<td></td>"
         head = f"<tr>{names}</tr>" if names else ""
         head += f"<tr>{numbers}</tr>" if joints else ""
-        body = "".join(map(partial(_row, inline=inline), self.rows))
+        body = "".join(_row(cells, inline, len(self.header)) for cells in self.rows)
         look = _class("joints" if joints else self.look)
         return (
             f'{title}<div class="scroll" tabindex="0"><table{look}><thead>{head}</thead>'
@@ -143,12 +144,14 @@ class Table:
         )
 
 
-def _row(cells: Sequence[Cell], inline: Inline) -> str:
+def _row(cells: Sequence[Cell], inline: Inline, width: int) -> str:
     name, *others = cells
     row = f'<th scope="row">{inline(str(name))}</th>'
     among_joints = any(not isinstance(cell, str) for cell in others)
     for cell in others:
-        if isinstance(cell, str):
+        if isinstance(cell, str) and cell is cells[-1] and len(cells) < width:
+            row += f'<td class="whole" colspan="{width - len(cells) + 1}">{inline(cell)}</td>'
+        elif isinstance(cell, str):
             row += f"<td{_class('word' if among_joints else '')}>{inline(cell)}</td>"
         else:
             row += "".join(f"<td{_first(k)}>{inline(text)}</td>" for k, text in enumerate(cell))

@@ -42,8 +42,8 @@ def write_reproduction(
     folder: Path,
     watch: Stopwatch,
     announce: Callable[[str], None] = print,
-) -> list[Claim]:
-    """Write all files into `folder`, each replaced whole; returns the claims.
+) -> dict[str, Any]:
+    """Write all files into `folder`, each replaced whole; returns the content of summary.json.
 
     `announce` is called as by `write_report`.
     """
@@ -61,12 +61,13 @@ def write_reproduction(
     with watch.stage("beyond the paper"):  # its runs have gone on meanwhile
         title = "Controllers on the coupled MultibodyPlant, model known exactly (beyond the paper)"
         save_both(plots.comparison(title, results.beyond), folder / "controllers")
-    write_text(folder / SUMMARY, json.dumps(summary(results, claims), indent=1) + "\n")
+    content = summary(results, claims)
+    write_text(folder / SUMMARY, json.dumps(content, indent=1) + "\n")
     with watch.stage("3D recording and report"):
         robot, motion = results.design.robot, results.design.motion
         record_html(robot, motion.time, motion.q, folder / RECORDING, title="Reference motion")
         write_report(folder, announce)
-    return claims
+    return content
 
 
 def write_reference(results: Reproduction, path: Path) -> None:

@@ -36,6 +36,17 @@ class Metric(NamedTuple):
         return format(self.factor * value, self.format)
 
 
+def plain_number(value: float) -> str:
+    """A number that has no format of its own: two decimals, or else four digits; no power of ten
+    but for what is next to nothing."""
+    size = abs(value)
+    if size >= 1000:
+        return f"{value:.0f}"
+    if size >= 10:
+        return f"{value:.2f}"
+    return f"{value:.4g}" if size >= 1e-4 or size == 0 else f"{value:.1e}"
+
+
 METRICS: dict[str, Metric] = {
     "max_abs_speed_error": Metric(
         "largest speed error", "rad/s", 1, ".4f", "largest error [rad/s]"

@@ -15,9 +15,10 @@ import numpy as np
 
 from sdt_drake import paper
 from sdt_drake.analysis.block_diagrams import CAPTIONS
-from sdt_drake.analysis.claims import VERDICTS, Claims, Json
+from sdt_drake.analysis.claims import VERDICTS, Claims, Json, count_verdicts
 from sdt_drake.analysis.document import (
     Block,
+    Bullets,
     Document,
     EmbeddedPage,
     Figure,
@@ -155,6 +156,12 @@ def _numbers(summary: Json) -> dict[str, object]:
     return numbers
 
 
+def findings(summary: Json) -> list[str]:
+    """The sentences that matter most, of summary.json."""
+    parts = page_text("findings.md").strip().split("\n\n")
+    return [part.format_map(_numbers(summary)) for part in parts]
+
+
 def _worst(felt: Json, channels: slice) -> str:
     multiple, name = max(zip(felt["largest"][channels], felt["channels"][channels], strict=True))
     return f"{multiple:.2f} ({name})"
@@ -169,8 +176,7 @@ def _blocks(
         for e in summary["beyond"]
     ]
     runs, claims = summary["tracking"], summary["claims"]
-    counts = {verdict: sum(c["verdict"] == verdict for c in claims) for verdict in VERDICTS}
-    tiles = [(count, verdict, VERDICTS[verdict][0]) for verdict, count in counts.items()]
+    tiles = [(n, verdict, VERDICTS[verdict][0]) for verdict, n in count_verdicts(claims).items()]
     speeds = ("max_abs_speed_error", "rms_speed_error", "constant_speed_error")
     position = "max_abs_position_error"
     torques = (position, "rms_torque_share", "peak_torque_share")
@@ -179,6 +185,7 @@ def _blocks(
     }
     return figures | {
         "tiles": [Tiles(tiles)],
+        "findings": [Bullets(findings(summary))],
         "claims": [Claims(claims, len(summary["table1"]))],
         "table1": [_table1(summary["table1"])],
         "steps": [_steps(summary["step_response"])],
@@ -235,14 +242,14 @@ def _table1(rows: Sequence[Json]) -> Table:
         "i_eff_median": ("median", ".2f"),
         "i_eff_min": ("min", ".2f"),
         "variation_percent": ("variation [%]", ".2f"),
-        "kp": ("K_PS [N m s/rad]", ".4g"),
-        "ki": ("K_IS [N m/rad]", ".4g"),
+        "kp": ("K_PS [N m s/rad]", ".1f"),
+        "ki": ("K_IS [N m/rad]", ".0f"),
         "zeta_max": ("zeta at max", ".3f"),
         "zeta_median": ("at median", ".3f"),
         "zeta_min": ("at min", ".3f"),
     }
     published = [
-        [paper.TABLE1[name][k] if name in paper.TABLE1 else "–" for name in columns]
+        [f"{paper.table1(name)[k]:g}" if name in paper.TABLE1 else "–" for name in columns]
         for k in range(len(rows))
     ]
     names = [f"joint {k + 1}" for k in range(len(rows))]

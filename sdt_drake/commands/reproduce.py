@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import re
+import textwrap
 import time
 from pathlib import Path
 
@@ -17,7 +19,9 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
+    from sdt_drake.analysis.claims import count_verdicts
     from sdt_drake.analysis.files import write_reproduction
+    from sdt_drake.analysis.report import REPORT, findings
     from sdt_drake.analysis.reproduction import Stopwatch, reproduce
     from sdt_drake.graphviz import NO_GRAPHVIZ, has_graphviz
 
@@ -27,11 +31,13 @@ def run(options: argparse.Namespace) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     watch = Stopwatch(say)
     with part():
-        claims = write_reproduction(reproduce(watch), folder, watch, say)
-    say()
-    for claim in claims:
-        say(f"  {claim.id:29s} {claim.verdict}")
+        summary = write_reproduction(reproduce(watch), folder, watch, say)
+    counts = (f"{n} {verdict}" for verdict, n in count_verdicts(summary["claims"]).items())
+    say(f"\nOf {len(summary['claims'])} claims of the paper: {', '.join(counts)}")
+    for finding in findings(summary):
+        plain = re.sub(r"\*\*|`", "", finding)
+        say(textwrap.fill(plain, 96, initial_indent="- ", subsequent_indent="  "))
     if not has_graphviz():
         say(f"\nNo .svg of the block diagrams: {NO_GRAPHVIZ}")
     seconds = time.perf_counter() - start
-    say(f"\n{folder / 'report.md'} and report.html written, {seconds:.1f} s in all")
+    say(f"\nOpen {folder / REPORT}; {seconds:.1f} s in all")

@@ -328,7 +328,9 @@ def test_report_has_every_claim_run_version_and_the_provenance(report, content):
     for block in re.findall(r"(?:^\|.*\n)+", report, re.MULTILINE):
         assert len({line.count("|") for line in block.splitlines()}) == 1, block[:200]
     headings = re.findall(r"^## (.*)$", report, re.MULTILINE)
-    assert headings[:5] == ["Summary", "Claims", "Motion", "Table 1", "Step response"]
+    assert headings[:5] == ["Summary", "Device in 3D", "Claims", "Motion", "Table 1"]
+    answer, figure = report.split("## Summary\n\n")[1].split("\n\n")[:2]
+    assert "constant speed" in answer and "(coupled_errors.png)" in figure
 
 
 def test_links_of_the_report_lead_somewhere(report, reproduced):
@@ -369,8 +371,8 @@ def test_table1_markdown(reproduced):
     assert [float(row[1]) for row in computed] == pytest.approx(I_EFF["i_eff_max"], abs=0.006)
     assert [float(row[7]) for row in computed] == pytest.approx(ZETA)
     published = [row for row in rows if row[0] == "*published*"]
-    assert [row[5] for row in published] == ["267.1", "6.34e3", "5.2e4", "1.57e4"]
-    assert [row[6] for row in published] == ["4.64e3", "1.07e5", "8.67e5", "2.73e5"]
+    assert [row[5] for row in published] == ["267.1", "6340", "52000", "15700"]
+    assert [row[6] for row in published] == ["4640", "107000", "867000", "273000"]
     assert "calibrated" in text
 
 
@@ -381,6 +383,9 @@ def test_values_of_claims_stand_in_a_table():
     assert "| 4640, – | 4.5e-13, yes | **reproduced** |" in Claims([claim], 2).markdown()
     page = Claims([claim], 2).html(str)
     assert "joint 2" in page and "<td>4640</td><td>–</td>" in page and ">all 1<" in page
+    one = Claims([claim | {"published": 0.5, "computed": [250.28, 52016.4]}], 2).html(str)
+    assert '<td class="whole" colspan="2">0.5</td>' in one  # of no joint alone
+    assert "<td>250.28</td><td>52016</td>" in one
     both = Claims([claim | {"published": {"a_b": 1}, "computed": {"a_b": 2.0}}], 2).html(str)
     assert 'scope="col">a b</th>' in both and "<td>2</td>" in both
 
@@ -468,7 +473,7 @@ def test_other_pictures_come_last_unless_they_are_none(folder):
     told = []
     page = write_report(folder, told.append).read_text(encoding="utf-8")
     alts = list(map(html.unescape, re.findall(r'<img alt="([^"]*)"', page)))
-    assert alts[:1] == [FIGURES["figure2"]] and alts[-1] == "Felt <motion>."
+    assert alts[:1] == [FIGURES["coupled_errors"]] and alts[-1] == "Felt <motion>."
     assert set(FIGURES.values()) <= set(alts)
     assert told == [f"{folder / 'cut.svg'}: is not an SVG picture, left out"]
 
