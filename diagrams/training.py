@@ -34,7 +34,7 @@ def main(folder: Path, names: list[str], *, record: bool) -> None:
         save(figure, folder / f"training_{name}_plot.png")
         if record:
             record_html(
-                design.robot, run.time, run.q, folder / f"training_{name}.html", title=story.title
+                design.robot, run.time, run.q, folder / f"training_{name}.html", story=story
             )
 
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import html
+import json
 import time as clock
 from collections.abc import Callable
 from pathlib import Path
 from string import Template
 
+import numpy as np
 from pydrake.geometry import Meshcat, MeshcatParams
 
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
 from sdt_drake.errors import InputError, replacing
+from sdt_drake.motion import Story
 from sdt_drake.pilot import check_head
 from sdt_drake.resources import page_text
 from sdt_drake.robot import Robot
@@ -24,6 +27,7 @@ from sdt_drake.scene import (
     PILOT_FIELD,
     PILOT_NEAR,
     TRACE,
+    Frames,
     Scene,
     make_frames,
 )
@@ -41,8 +45,11 @@ def record_html(
     *,
     title: str = "",
     pilot: bool = False,
+    story: Story | None = None,
 ) -> None:
     """Write a web page that plays the motion without a server or a network.
+
+    It also tells the angles of the joints, the G at the head, and which segments are going on.
 
     Args:
         robot: drawn as its file draws it.
@@ -51,6 +58,7 @@ def record_html(
         path: ends in .html.
         title: of the page; by default the robot's name.
         pilot: start with the pilot's own view; a button changes it in either case.
+        story: what the motion is for, and its segments; its title goes before.
 
     Raises:
         InputError: if the motion does not fit the robot, or the file cannot be written.
@@ -59,7 +67,7 @@ def record_html(
     check_html(path)
     if pilot:
         check_head(robot)
-    page = recorded_page(robot, time, q, title=title, pilot=pilot)
+    page = recorded_page(robot, time, q, title=title, pilot=pilot, story=story)
     with replacing(path) as partial:
         partial.write_text(page, encoding="utf-8")
 
@@ -121,9 +129,16 @@ def check_html(path: Path) -> None:
 
 
 def recorded_page(
-    robot: Robot, time: Array, q: Array, *, title: str = "", pilot: bool = False
+    robot: Robot,
+    time: Array,
+    q: Array,
+    *,
+    title: str = "",
+    pilot: bool = False,
+    story: Story | None = None,
 ) -> str:
     """The text of that page; see `record_html`."""
+    story = story or Story()
     frames = make_frames(robot, time, q)
     meshcat = open_meshcat()
     scene = Scene(robot, frames, meshcat)
@@ -132,14 +147,28 @@ def recorded_page(
         scene.show(k, record=True)
     meshcat.StopRecording()
     meshcat.PublishRecording()
-    title = html.escape(title or robot.name)
+    title = html.escape(story.title or title or robot.name)
     page = meshcat.StaticHtml().replace("<title>Drake MeshCat</title>", f"<title>{title}</title>")
     body, end, rest = page.rpartition("</body>")
-    return body + _overlay(scene, title, pilot) + end + rest
+    told = _told(robot, frames, story)
+    return body + _overlay(scene, title, html.escape(story.feels), told, pilot) + end + rest
 
 
-def _overlay(scene: Scene, title: str, pilot: bool) -> str:
-    """Title, legend and player of the page."""
+def _told(robot: Robot, frames: Frames, story: Story) -> str:
+    """What the page tells, as JSON: angles [deg] and G at the head of each picture; segments."""
+    told = {
+        "rate": FRAME_RATE,
+        "names": [f"{k + 1} {name}" for k, name in enumerate(robot.joint_names)],
+        "angles": np.degrees(frames.q).round(1).tolist(),
+        "g": [] if frames.head is None else frames.head.resultant_g.round(2).tolist(),
+        "segments": story.segments,
+    }
+    # In a script a text ends at "</script", and only there.
+    return json.dumps(told, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _overlay(scene: Scene, title: str, feels: str, told: str, pilot: bool) -> str:
+    """Title, legend, what is told, and player of the page."""
     return Template(page_text("viewer.html")).substitute(
         METRES=f"{METRES_PER_G:g}",
         ARROW=_css(ARROW),
@@ -152,6 +181,9 @@ def _overlay(scene: Scene, title: str, pilot: bool) -> str:
         NEAR=f"{PILOT_NEAR:g}",
         PILOT=str(pilot).lower(),
         TITLE=title,
+        FEELS=feels,
+        NO_FEELS="" if feels else "hidden",
+        TOLD=told,
     )
 
 

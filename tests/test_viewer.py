@@ -17,10 +17,12 @@ from test_urdf import URDF
 
 from sdt_drake import scene, viewer
 from sdt_drake.errors import InputError
+from sdt_drake.motion import Story, TimedSegment
 from sdt_drake.robot import load_robot
 from sdt_drake.scene import FRAME_RATE, METRES_PER_G, Scene, arrow_pose, make_frames
 from sdt_drake.viewer import open_meshcat, record_html
 
+EVIL = "</script><b onload='x'>"
 SMALL = {"width": 640, "height": 400}  # WebGL in software is slow
 TIME = np.arange(401) * 0.005  # 2 s
 
@@ -113,7 +115,13 @@ def test_refuses_what_is_no_motion_of_the_robot(robot, tmp_path, change, part):
 @pytest.fixture(scope="module")
 def page_file(tmp_path_factory, robot):
     path = tmp_path_factory.mktemp("page") / "run.html"
-    record_html(robot, TIME, smooth(robot)[0], path, title="Leans <1>")
+    segments = (
+        TimedSegment("roll", 0, 0.5, "to 1.5 deg/s, cosine"),
+        TimedSegment("roll", 0.8, 2, EVIL),
+        TimedSegment("yaw", 0.8, 2, "hold"),
+    )
+    story = Story(feels="A <b> lean.", segments=segments)
+    record_html(robot, TIME, smooth(robot)[0], path, title="Leans <1>", story=story)
     return path
 
 
@@ -195,6 +203,32 @@ def test_page_plays_alone(robot, page_file):
         assert errors == [] and requests == []
 
 
+def test_page_tells_angles_g_and_segments(robot, page_file):
+    q = smooth(robot)[0]
+    frames = make_frames(robot, TIME, q)
+    with open_page(page_file, **SMALL) as (page, errors, requests):
+        for k, going in ((9, ["to 1.5 deg/s", "–"]), (20, ["–", "–"]), (45, [EVIL, "hold"])):
+            seek(page, frames.time[k])
+            page.wait_for_function(
+                "k => +document.getElementById('sdt-time').textContent.split(' ')[0] === k",
+                arg=round(float(frames.time[k]), 1),
+            )
+            angles = [f"{angle:.1f}°" for angle in np.degrees(frames.q[k])]
+            names = [f"{i} {name}" for i, name in enumerate(robot.joint_names, start=1)]
+            assert page.locator("#sdt-joints td").all_inner_texts() == [
+                text for pair in zip(names, angles, strict=True) for text in pair
+            ]
+            g = frames.head.resultant_g[k]
+            assert page.inner_text("#sdt-g") == f"{g:.2f} G"
+            shown = page.evaluate("document.getElementById('sdt-meter').value")
+            assert shown == pytest.approx(g, abs=0.006)
+            assert page.locator("#sdt-segments td").all_inner_texts() == [
+                "roll", going[0], "yaw", going[1],
+            ]  # fmt: skip
+        assert "To be felt: A <b> lean." in page.inner_text("#sdt-legend")
+        assert errors == [] and requests == []
+
+
 def test_pilots_view_rides_along(robot, tmp_path):
     q = smooth(robot)[0]
     frames = make_frames(robot, TIME, q)
@@ -229,7 +263,7 @@ def test_robot_without_a_head_and_without_visuals(tmp_path):
         record_html(other, TIME, q, tmp_path / "b.html", pilot=True)
     assert not (tmp_path / "b.html").exists()
     with open_page(tmp_path / "a.html", **SMALL) as (page, errors, requests):
-        assert not page.is_visible("#sdt-view")
+        assert not page.is_visible("#sdt-view") and not page.is_visible("#sdt-meter")
         seek(page, 1.0)
         names = page.evaluate("Object.keys(viewer.scene_tree.children)")
         assert "robot" in names and not {"trace", "arrow", "head"} & set(names)

@@ -368,9 +368,9 @@ _ROTATIONS = ("roll right", "nose down", "turn left")
 
 
 def _in_3d(design: Design, recording: Recording, path: Path) -> list[Block]:
-    run = recording
+    run, story = recording, story_of(design.scenario.motion, design.robot, design.motion)
     try:
-        page = recorded_page(design.robot, run.time, run.q, title=design.scenario.name)
+        page = recorded_page(design.robot, run.time, run.q, title=design.scenario.name, story=story)
     except InputError as error:
         return [Text(f"It is not shown: {error}.")]
     page_path = path.with_name(f"{path.stem}_3d.html")

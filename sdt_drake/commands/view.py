@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from numpy import float64
     from numpy.typing import NDArray
 
+    from sdt_drake.motion import Story
     from sdt_drake.robot import Robot
 
     Array = NDArray[float64]
@@ -66,11 +67,11 @@ def run(options: argparse.Namespace) -> None:
         check_html(options.record)
         check_file(options.record, [".html"])
         _check_live_options(options)
-    title, robot, time, q = _motion(options)
+    title, robot, time, q, story = _motion(options)
     with naming(options.scenario):
         check_angles(robot, time, q)
     if options.record is not None:
-        record_html(robot, time, q, options.record, title=title, pilot=options.pilot)
+        record_html(robot, time, q, options.record, title=title, pilot=options.pilot, story=story)
         say(f"{options.record} written")
         return
     end = "" if options.once else "; Ctrl-C ends it"
@@ -97,9 +98,9 @@ def _check_live_options(options: argparse.Namespace) -> None:
             raise InputError(f"{name}: has no effect with --record")
 
 
-def _motion(options: argparse.Namespace) -> tuple[str, Robot, Array, Array]:
-    """Title, robot, time [s] and joint angles [rad] of what was asked for."""
-    from sdt_drake.motion import load_plan
+def _motion(options: argparse.Namespace) -> tuple[str, Robot, Array, Array, Story]:
+    """Title, robot, time [s], joint angles [rad] and story of what was asked for."""
+    from sdt_drake.motion import Story, load_plan, story_of
     from sdt_drake.resources import find_file, named
     from sdt_drake.robot import load_robot
     from sdt_drake.tables import TABLES
@@ -116,9 +117,9 @@ def _motion(options: argparse.Namespace) -> tuple[str, Robot, Array, Array]:
     robot = load_robot(options.robot or ROBOT)
     _check(options)(robot)
     if file.suffix in TABLES:
-        return file.stem, robot, *_angles(file, robot)
+        return file.stem, robot, *_angles(file, robot), Story()
     motion = load_plan(file, robot, period=PERIOD, torque_margin=1.0).motion
-    return file.stem, robot, motion.time, motion.q
+    return file.stem, robot, motion.time, motion.q, story_of(file, robot, motion)
 
 
 def _check(options: argparse.Namespace) -> Callable[[Robot], None]:
@@ -128,8 +129,9 @@ def _check(options: argparse.Namespace) -> Callable[[Robot], None]:
     return check_head if options.pilot else lambda robot: None
 
 
-def _simulated(options: argparse.Namespace) -> tuple[str, Robot, Array, Array]:
+def _simulated(options: argparse.Namespace) -> tuple[str, Robot, Array, Array, Story]:
     """The same of a scenario; one that is too long is not run in vain."""
+    from sdt_drake.motion import story_of
     from sdt_drake.scene import check_duration
     from sdt_drake.simulate import simulate
 
@@ -139,7 +141,8 @@ def _simulated(options: argparse.Namespace) -> tuple[str, Robot, Array, Array]:
     with naming(options.scenario):
         check_duration(design.motion.duration)
     recording = simulate(design)
-    return design.scenario.name, design.robot, recording.time, recording.q
+    story = story_of(design.scenario.motion, design.robot, design.motion)
+    return design.scenario.name, design.robot, recording.time, recording.q, story
 
 
 def _angles(path: Path, robot: Robot) -> tuple[Array, Array]:

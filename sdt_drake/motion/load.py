@@ -41,17 +41,20 @@ def story_of(path: str | Path, robot: Robot, motion: Motion) -> Story:
     Without segments where their times are not known: of a CSV, and of a motion that the planner has
     made longer; nor are there those that last for nearly all of it.
 
+    An empty one where the file has none, or is not what the motion was planned of.
+
     Args:
         path: as of `load_plan`.
         robot: that does it.
         motion: as planned.
-
-    Raises:
-        InputError: if there is no such file, or it does not fit the robot.
     """
-    if find_file(path, "motion").suffix not in (".yaml", ".yml"):
+    try:
+        file = find_file(path, "motion")
+        if file.suffix not in (".yaml", ".yml"):
+            return Story()
+        profile, command = load_profile(file), load_command(file, robot)
+    except InputError:
         return Story()
-    profile, command = load_profile(path), load_command(path, robot)
     timeline = command.timeline
     if abs(command.duration - motion.duration) > motion.period / 2:
         timeline = ()
