@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import copy
 import io
+import signal
 from pathlib import Path
 
 import matplotlib
@@ -47,6 +48,12 @@ def _own_controllers_end_with_their_test(monkeypatch):
     yield
     controllers.CONTROLLERS.clear()
     controllers.CONTROLLERS.update(before)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _ctrl_c_is_heard() -> None:
+    """A script that starts us by `&` has it ignored, and all that we start would inherit that."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session", autouse=True)

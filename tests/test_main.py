@@ -38,7 +38,10 @@ def stopped(tmp_path):
             cwd=tmp_path,
             capture_output=True,
             text=True,
-            preexec_fn=lambda: [signal.signal(number, signal.SIG_IGN) for number in ignored],
+            preexec_fn=lambda: [
+                signal.signal(number, signal.SIG_IGN if number in ignored else signal.SIG_DFL)
+                for number in (INT, TERM, HUP)  # whatever we were started with
+            ],
         )
         left = {path.name for path in tmp_path.iterdir()}
         assert "seen" in left
