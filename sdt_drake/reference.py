@@ -15,6 +15,7 @@ from sdt_drake.controllers import CONTROLLERS, Controller
 from sdt_drake.device import Catalogue
 from sdt_drake.drive_files import Drives
 from sdt_drake.errors import InputError
+from sdt_drake.identification.recordings import Columns
 from sdt_drake.motion import MotionProfile
 from sdt_drake.scenario import Scenario
 from sdt_drake.schema import Part, entry_of, json_schema, parts
@@ -29,6 +30,7 @@ FILES: Mapping[str, type] = {
     "drives": Drives,
     "study": Study,
     "sizing": Sizing,
+    "columns": Columns,
 }
 """YAML files: what each is an object of."""
 
@@ -204,6 +206,7 @@ TOPICS: Mapping[str, Callable[[], Chapter]] = {
     "drives": _file("drives", "Drives"),
     "study": _file("study", "Studies"),
     "sizing": _file("sizing", "Sizings"),
+    "columns": _file("columns", "Columns of recordings of others"),
 }
 
 

@@ -51,7 +51,9 @@ def test_every_field_has_a_meaning_and_every_number_a_unit(schema):
     rows = [entry for part in parts(schema) for entry in part.entries]
     assert [row.name for row in rows if len(row.meaning) < 4] == []
     assert [row.name for row in rows if "number" in row.takes and not row.unit] == []
-    of_a_side = [row for row in rows if re.match(r"N m|kg m²|deg|rad,", row.unit)]
+    of_a_side = [
+        row for row in rows if re.match(r"(N m( s)?(/rad)?|kg m²|deg\S*|rad)(,|$)", row.unit)
+    ]
     assert [row.name for row in of_a_side if not row.unit.endswith("side")] == []
 
 

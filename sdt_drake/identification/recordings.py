@@ -36,21 +36,28 @@ class Columns:
         delimiter: between columns: comma, semicolon, tab or space (any blanks).
         header: whether a line with names comes first.
         skip: lines before that.
-        time: column of the time, of which time_factor makes s; "" where there is none, but a rate.
-        rate: samples in a second, where there is no time [Hz].
-        q, v, tau: position, speed, torque; v is not needed.
-        q_ref, v_ref, vd_ref, tau_ff: reference and torque feedforward, for `replay`.
+        time: column of the time; "" where there is none, but a rate.
+        time_factor: what a 1 in that column is.
+        rate: samples in a second, where there is no time.
+        q: columns of the positions.
+        v: columns of the speeds, which are not needed.
+        tau: columns of the torques.
+        q_ref: columns of the position reference, for `replay`.
+        v_ref: columns of the speed reference, likewise.
+        vd_ref: columns of the acceleration reference, likewise.
+        tau_ff: columns of the torque feedforward, likewise.
         angle: "rad" or "deg", of positions and speeds.
         side: "joint" or "motor", of torques. That of a recording of `simulate` is known.
-        position_offset: added to q and q_ref, joint side [rad]; 0 by default.
+        position_offset: added to q and q_ref; 0 by default.
         direction: 1, or -1 for a joint whose positions, speeds and torques are counted the other
             way than in the robot's file; 1 by default.
-        torque_factor: what turns the columns of torques, perhaps currents, into N m; 1 by default.
+        torque_factor: what turns the columns of torques, perhaps currents, into torques; 1 by
+            default.
     """
 
     delimiter: str = setting("comma", choices=tuple(_DELIMITERS))
     header: bool = True
-    skip: int = setting(0, minimum=0, maximum=1000)
+    skip: int = setting(0, minimum=0, maximum=1000, unit="-")
     time: str = setting("time", empty=True)
     time_factor: float = setting(1.0, above=0, unit="s")
     rate: Optional[float] = setting(None, above=0, unit="Hz")
@@ -64,8 +71,10 @@ class Columns:
     angle: str = setting("rad", choices=("rad", "deg"))
     side: Optional[str] = setting(None, choices=SIDES)
     position_offset: Optional[list[float]] = setting(None, per_joint=True, unit="rad", side="joint")
-    direction: Optional[list[float]] = setting(None, per_joint=True, minimum=-1, maximum=1)
-    torque_factor: Optional[list[float]] = setting(None, per_joint=True)
+    direction: Optional[list[float]] = setting(
+        None, per_joint=True, minimum=-1, maximum=1, unit="-"
+    )
+    torque_factor: Optional[list[float]] = setting(None, per_joint=True, unit="N m per unit")
 
     def problems(self) -> Iterator[tuple[str, str]]:
         if (self.time == "") == (self.rate is None):
