@@ -6,9 +6,9 @@ import argparse
 import shlex
 from pathlib import Path
 
-from sdt_drake.commands.common import say
+from sdt_drake.commands.common import naming_changes, say
 from sdt_drake.commands.study import FAILED, add_running, run_into
-from sdt_drake.errors import replacing
+from sdt_drake.errors import checked_output, replacing
 
 EXAMPLE = "sdt-drake size sizing --workers 2 --out sizing"
 
@@ -26,8 +26,11 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.studies.summary import failures
     from sdt_drake.studies.verdicts import judge_candidates, sizing_lines, write_verdicts
 
-    sizing, base = load_sizing(options.sizing)
+    with naming_changes(options):
+        sizing, base = load_sizing(options.sizing, dict(options.changes))
     folder = options.out or Path(sizing.name)
+    for name in ("sizing.txt", "candidates.csv", "front.png", "front.svg"):
+        checked_output(folder / name)  # what comes after the runs, before them
     run_into(folder, sizing.study(), base, options)
     table = read_study_table(folder)
     verdicts = judge_candidates(sizing, table)

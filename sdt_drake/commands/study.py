@@ -9,7 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sdt_drake.commands.bar import bar, duration
-from sdt_drake.commands.common import check_file, check_folder, print_table, say, some_path
+from sdt_drake.commands.common import (
+    add_changes,
+    check_file,
+    check_folder,
+    naming_changes,
+    print_table,
+    say,
+    some_path,
+)
 from sdt_drake.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,6 +31,7 @@ FAILED = 1
 """Exit code where runs have failed, so that there is no answer."""
 
 _USAGE = """sdt-drake study STUDY [--out DIR] [--workers N | --cluster ADDRESS] [--resume]
+                 [--set FIELD=VALUE]
        sdt-drake study show DIR
        sdt-drake study repeat DIR --row N [--out FILE.csv]"""
 
@@ -37,9 +46,10 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     match options.what:
         case ["show", folder]:
+            _refuse_unused(options, "changes")
             show(Path(folder))
         case ["repeat", folder]:
-            _refuse_unused(options, "workers", "cluster", "resume")
+            _refuse_unused(options, "workers", "cluster", "resume", "changes")
             repeat(Path(folder), options.row, options.out)
         case [path] if path not in ("show", "repeat"):
             _refuse_unused(options, "row")
@@ -50,9 +60,10 @@ def run(options: argparse.Namespace) -> None:
 
 def _refuse_unused(options: argparse.Namespace, *names: str) -> None:
     for name in names:
-        if getattr(options, name) not in (None, False):
+        if getattr(options, name) not in (None, False, []):
+            option = "set" if name == "changes" else name
             raise InputError(
-                f"study: --{name} has no use here, expected {' '.join(_USAGE.split())}"
+                f"study: --{option} has no use here, expected {' '.join(_USAGE.split())}"
             )
 
 
@@ -66,6 +77,7 @@ def add_running(parser: argparse.ArgumentParser) -> None:
     where.add_argument("--workers", type=int, help="processes on this machine (default: 1)")
     where.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, tcp://HOST:8786")
     parser.add_argument("--resume", action="store_true", help="finish the study that DIR holds")
+    add_changes(parser)
 
 
 def run_file(path: str, options: argparse.Namespace) -> None:
@@ -75,7 +87,8 @@ def run_file(path: str, options: argparse.Namespace) -> None:
     from sdt_drake.studies.study import load_study
     from sdt_drake.studies.table import ANSWERS
 
-    study, base = load_study(path)
+    with naming_changes(options):
+        study, base = load_study(path, dict(options.changes))
     folder = options.out or Path(study.name)
     run_into(folder, study, base, options)
     table = read_study_table(folder)

@@ -7,7 +7,9 @@ import functools
 import re
 import types
 import typing
+from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from sdt_drake.errors import InputError
@@ -112,6 +114,23 @@ def find_field(name: str) -> Field:
         fields = ", ".join(f"{name}.{field}" for field in typing.get_type_hints(schema))
         raise InputError(f"{name}: is a part, not a field, expected one of {fields}")
     return Field(name, tuple(attributes), entry, schema, many, file)
+
+
+def check_changes(changes: Iterable[str], own: Iterable[str], file: Path) -> None:
+    """Refuse changes of a base scenario that would be lost.
+
+    Args:
+        changes: names of the fields that are to have other values.
+        own: names of those that the study gives values itself, whole or by entry.
+        file: of the study.
+
+    Raises:
+        InputError: naming the field.
+    """
+    for name in changes:
+        for field in own:
+            if re.match(rf"{re.escape(field)}(?![^.[])", name):
+                raise InputError(f"{name}: {file} has values for {field}, expected a change there")
 
 
 def field_names(schema: Any = Scenario, prefix: str = "") -> list[str]:

@@ -1,11 +1,11 @@
 """Sizing: motors, structures, motions and controllers to try, and what they must keep; YAML."""
 
 # Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple, Optional
+from typing import Any, NamedTuple, Optional
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from sdt_drake.fields import check, setting
 from sdt_drake.motion import PLANNERS
 from sdt_drake.resources import find_file
 from sdt_drake.scenario import Scenario, load_scenario
+from sdt_drake.studies.fields import check_changes
 from sdt_drake.studies.study import Choice, List, Study, Variable
 from sdt_drake.yaml_files import load_yaml
 
@@ -121,8 +122,13 @@ class Sizing:
         check(self.device, "device", self.n)
         catalogue = self.catalogue
         for k, ids in enumerate(self.motors):
+            fitted = self.device.fitted[k] if self.device.fitted else ""
             for id_ in ids:
-                catalogue.motor(id_, f"motors[{k + 1}]")
+                if not id_:
+                    known = f"'{fitted}', which is fitted" if fitted else "ids of the catalogue"
+                    yield f"motors[{k + 1}]", f"'' has no numbers to judge, expected {known}"
+                else:
+                    catalogue.motor(id_, f"motors[{k + 1}]")
         for k, id_ in enumerate(self.device.fitted):
             if id_:
                 catalogue.motor(id_, f"device.fitted[{k + 1}]")
@@ -139,10 +145,18 @@ class Sizing:
 
     @property
     def shared_device(self) -> DeviceChoice:
-        """The device as it is: with the fitted motors, or else the first of each joint."""
-        fitted = self.device.fitted or [""] * self.n
-        motors = [now or ids[0] for now, ids in zip(fitted, self.motors, strict=False)]
+        """The device as it is: with the fitted motors, or else the strongest of each joint, as
+        one that is too weak for the motions would let nothing be tried."""
+        fitted, torque = self.device.fitted or [""] * self.n, self._torque
+        motors = [
+            now or max(ids, key=torque) for now, ids in zip(fitted, self.motors, strict=False)
+        ]
         return replace(self.device, motors=motors)
+
+    def _torque(self, id_: str) -> float:
+        """Peak torque behind the gearbox [N m]."""
+        motor = self.catalogue.motor(id_, "motors")
+        return motor.peak_torque * motor.gear_ratio
 
     def base(self, scenario: Scenario) -> Scenario:
         """The base scenario, with the device as it is."""
@@ -179,15 +193,19 @@ class Sizing:
         )
 
 
-def load_sizing(path: str | Path) -> tuple[Sizing, Scenario]:
-    """A sizing from YAML, and the base scenario of its study.
+def load_sizing(
+    path: str | Path, changes: Mapping[str, Any] | None = None
+) -> tuple[Sizing, Scenario]:
+    """A sizing from YAML, and the base scenario of its study, with `changes` as in `load_scenario`.
 
     Raises:
         InputError: with a line for each problem: file, field, and what would be right.
     """
     sizing, file = load_yaml(Sizing, path, "study")
     sizing.name = sizing.name or file.stem
-    scenario = load_scenario(sizing.scenario)
+    own = ["device", "planner", "torque_margin", "accuracy", *sizing.study().replaced]
+    check_changes(changes or {}, own, file)
+    scenario = load_scenario(sizing.scenario, changes)
     with within(file):
         if scenario.plant.kind != "coupled":
             raise InputError(

@@ -4,12 +4,12 @@
 import copy
 import math
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from statistics import NormalDist
-from typing import Optional, Union
+from typing import Any, Optional, Union
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, within
 from sdt_drake.fields import check, setting
 from sdt_drake.scenario import ControllerChoice, Scenario, load_scenario
-from sdt_drake.studies.fields import Field, Value, find_field
+from sdt_drake.studies.fields import Field, Value, check_changes, find_field
 from sdt_drake.studies.table import is_column
 from sdt_drake.yaml_files import load_yaml
 
@@ -354,6 +354,12 @@ class Study:
                 for value in variable.examples:
                     variable.put(copy.deepcopy(base), value)
 
+    @property
+    def replaced(self) -> list[str]:
+        """Fields whose values in the base scenario do not matter."""
+        targets = [t for v in self.variables if v.apply == "value" for t in v.targets]
+        return [field.name for target in targets for field in target.touched]
+
     def __len__(self) -> int:
         return self._count
 
@@ -410,8 +416,10 @@ class Study:
         return scenario
 
 
-def load_study(path: str | Path) -> tuple[Study, Scenario]:
-    """A study from YAML, and its base scenario.
+def load_study(
+    path: str | Path, changes: Optional[Mapping[str, Any]] = None
+) -> tuple[Study, Scenario]:
+    """A study from YAML, and its base scenario, with `changes` as in `load_scenario`.
 
     Raises:
         InputError: with a line for each problem: file, field, and what would be right.
@@ -421,7 +429,8 @@ def load_study(path: str | Path) -> tuple[Study, Scenario]:
         raise InputError(f"{file}: scenario: missing, expected the file of the base scenario")
     study.folder = file.resolve().parent
     study.name = study.name or file.stem
-    base = load_scenario(study.scenario)
+    check_changes(changes or {}, ["accuracy", *study.replaced], file)
+    base = load_scenario(study.scenario, changes)
     with within(file):
         study.validate(base)
     return study, base

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import pytest
 
 from sdt_drake.device import DeviceChoice, Friction
 from sdt_drake.errors import InputError
-from sdt_drake.scenario import ControllerChoice, Scenario
+from sdt_drake.scenario import ControllerChoice, Scenario, load_scenario
 from sdt_drake.studies.fields import field_names, find_field
+from sdt_drake.studies.study import load_study
 
 
 @pytest.fixture
@@ -111,3 +113,30 @@ def test_what_the_scenario_does_not_have(scenario, name, how, message):
     with pytest.raises(InputError, match=message) as raised:
         find_field(name).put(scenario, 1.0, how)
     assert str(raised.value).startswith(f"{name}: the base scenario has ")
+
+
+@pytest.mark.parametrize(
+    ("change", "is_lost"),
+    [
+        ("controller.kind", True),
+        ("controller.omega_ratio", False),
+        ("plant.friction.coulomb[2]", False),  # which a factor scales
+        ("plant.deviation.payload_mass", True),
+        ("plant.deviation.link_scales[1]", True),
+        ("plant.deviation.link_scales", False),
+        ("accuracy", True),
+    ],
+)
+def test_changes_that_a_study_would_overwrite_are_refused(change, is_lost):
+    changes = {
+        "controller.kind": "p_pi",
+        "controller.omega_ratio": 0.4,
+        "plant.friction.coulomb[2]": 3,
+        "plant.deviation.link_scales": [1, 1, 1, 1],
+    }
+    one = {change: changes.get(change, 1)}
+    if not is_lost:
+        assert load_study("monte_carlo", one)[1] == load_scenario("uncertain", one)
+        return
+    with pytest.raises(InputError, match=rf"^{re.escape(change)}: .*monte_carlo.yaml has values"):
+        load_study("monte_carlo", one)

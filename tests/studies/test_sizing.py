@@ -66,6 +66,14 @@ def test_a_row_has_the_device_of_its_inputs():
     assert base.device.motors == base.device.fitted  # not touched
 
 
+def test_a_base_without_known_motors_has_the_strongest(load):
+    """The lightest may be too weak for a motion, and then nothing would be tried."""
+    fitted = "[AC-203, TM-3950, TM-2150, TM-2150]"
+    assert fitted in TEXT
+    base = load(TEXT.replace(fitted, "['', '', TM-716, '']"))[1]
+    assert base.device.motors == ["AC-270", "TM-5270", "TM-716", "TM-1430"]
+
+
 def test_paths_start_from_the_folder_of_the_file(load, tmp_path):
     for name in ("scenarios/coupled_pi.yaml", "motors.yaml"):
         shutil.copy(find_file(f"package://sdt/{name}"), tmp_path)
@@ -102,7 +110,7 @@ BAD = [
     ("[0.8, 1.0]", "[1.0, 1.00000000001]", "structure_scales: ['1', '1'] has a value twice"),
     ("fitted: [AC-203, TM-3950, ", "fitted: [AC-203, ", "device: fitted: 3 value(s), expected 4"),
     ("fitted: [AC-203", "fitted: [AC-204", "device.fitted[1]: no motor 'AC-204' in the catalogue"),
-    ("- [AC-150, AC-203, AC-270]", "- ['']", "motors[1]: no motor '' in the catalogue"),
+    ("- [AC-150, AC-203, AC-270]", "- ['']", "motors[1]: '' has no numbers to judge, expected 'A"),
     ("inversion, post", "inversoin, post", "motions[3]: inversoin: no such motion, did you"),
     ("[reference,", "[mine.yaml,", "{folder}/mine.yaml: no such file"),
     ("[reference,", "[mine/post_roll.csv,", "motions: ['post_roll', 'g_excess', 'inversion', "),
