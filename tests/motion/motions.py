@@ -71,3 +71,18 @@ def sampled(whole: Command, period: float = PERIOD) -> Motion:
     """The motion that a command is, whatever the robot can do."""
     time = np.arange(round(whole.duration / period) + 1) * period
     return Motion.from_speeds(period, whole.q0, whole.speeds(time))
+
+
+# Texts of profiles: what moves, and a way back from a wanted G.
+SPIN = "resultant: {spin: planetary}"
+ALIGNED = "resultant: {spin: planetary, align: roll}"
+ROLL, YAW, PLANETARY = "joint: roll", "joint: yaw", "joint: planetary"
+BACK = "!Ramp {at: 12, to_g: 1, duration: 6}"
+
+
+def profile_text(*tracks, duration=20, more=""):
+    """YAML of a profile with `tracks`, each what moves and its segments."""
+    text = f"name: test\nduration: {duration}\n{more}\ntracks:\n"
+    for what, *segments in tracks:
+        text += f"  - {what}\n    segments:\n" + "".join(f"      - {s}\n" for s in segments)
+    return text
