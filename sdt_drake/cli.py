@@ -18,6 +18,7 @@ import sdt_drake
 from sdt_drake.commands import COMMANDS
 from sdt_drake.commands.bar import bar
 from sdt_drake.commands.common import stop_printing
+from sdt_drake.commands.completion import HOW, complete
 from sdt_drake.errors import InputError, keeping_inputs
 from sdt_drake.progress import watching
 
@@ -77,7 +78,9 @@ def _run(arguments: Sequence[str]) -> int:
     code = 0
     with keeping_inputs(), warnings.catch_warnings(record=True) as caught:
         try:
-            options = _parser().parse_args(arguments)
+            parser = _parser()
+            complete(parser)
+            options = parser.parse_args(arguments)
             _check_surroundings(options)
             options.command(options)
         except SystemExit as end:  # of --help with 0, of a study that failed with 1
@@ -128,7 +131,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="sdt-drake",
         description="Motion control of spatial disorientation trainers, in Drake.",
-        epilog="example: sdt-drake reproduce --out out",
+        epilog=f"example: sdt-drake reproduce --out out\n\n{HOW}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"sdt-drake {sdt_drake.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)

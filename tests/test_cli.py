@@ -32,6 +32,7 @@ from command_line import (
 import sdt_drake
 from sdt_drake import cli
 from sdt_drake.commands import COMMANDS
+from sdt_drake.commands.completion import add_names
 from sdt_drake.resources import SHIPPED, find_file
 
 needs_graphviz = pytest.mark.skipif(shutil.which("dot") is None, reason="needs Graphviz")
@@ -67,9 +68,33 @@ def test_help_of_a_command_has_an_example_that_works(good, name):
     example = importlib.import_module(f"sdt_drake.commands.{name}").EXAMPLE
     assert out.endswith(f"example: {example}") and example.startswith(f"sdt-drake {name}")
     options = cli._parser().parse_args(shlex.split(example)[1:])
-    for argument in ("scenario", "motion", "sizing", "name"):
+    for argument in ("scenario", "motion", "study", "name"):
         if getattr(options, argument, None):
             find_file(getattr(options, argument), *SHIPPED)
+
+
+def test_completion_knows_what_ships_files_and_options(monkeypatch, desk):
+    argcomplete = pytest.importorskip("argcomplete")
+    (desk / "coupled_own.yaml").touch()
+    monkeypatch.setenv("_ARGCOMPLETE", "1")
+
+    def completed(line):
+        parser, finder, out = cli._parser(), argcomplete.CompletionFinder(), io.StringIO()
+        add_names(parser)
+        monkeypatch.setenv("COMP_LINE", line)
+        monkeypatch.setenv("COMP_POINT", str(len(line)))
+        with pytest.raises(SystemExit):
+            finder(parser, exit_method=sys.exit, output_stream=out)
+        return set(out.getvalue().replace("\013", " ").split())
+
+    coupled = {"coupled_pi", "coupled_pi_ctc", "coupled_own.yaml"}
+    assert completed("sdt-drake simulate coupled_") == coupled
+    assert completed("sdt-drake plan l") == {"leans"}
+    assert completed("sdt-drake plan leans --robot s") == {"sdt"}
+    assert completed("sdt-drake study m") == {"monte_carlo"}
+    assert completed("sdt-drake size s") == {"sizing"}
+    assert completed("sdt-drake si") == {"simulate", "size"}
+    assert completed("sdt-drake plan --pl") == {"--planner"}
 
 
 def test_help_does_not_load_drake(tmp_path):

@@ -18,7 +18,10 @@ _MOST_BYTES = 1_000_000
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "name", nargs="?", help="of a scenario, motion, study, robot or catalogue of motors"
+        "name",
+        nargs="?",
+        metavar="|".join(SHIPPED).upper(),
+        help="the one to print; they all have different names",
     )
 
 

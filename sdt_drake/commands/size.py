@@ -14,7 +14,7 @@ EXAMPLE = "sdt-drake size sizing --workers 2 --out sizing"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("sizing", metavar="SIZING", help="name of one that ships, or .yaml file")
+    parser.add_argument("study", metavar="SIZING", help="name of one that ships, or .yaml file")
     add_running(parser)
 
 
@@ -27,7 +27,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.studies.verdicts import judge_candidates, sizing_lines, write_verdicts
 
     with naming_changes(options):
-        sizing, base = load_sizing(options.sizing, dict(options.changes))
+        sizing, base = load_sizing(options.study, dict(options.changes))
     folder = options.out or Path(sizing.name)
     for name in ("sizing.txt", "candidates.csv", "front.png", "front.svg"):
         checked_output(folder / name)  # what comes after the runs, before them

@@ -1,0 +1,47 @@
+"""Completion by the shell, with argcomplete: commands, options, files, and names of what ships."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from typing import Any
+
+from sdt_drake.errors import needing
+from sdt_drake.resources import SHIPPED, shipped
+
+HOW = """Tab completes names: pip install 'sdt_drake[completion]', and in ~/.bashrc or ~/.zshrc
+  eval "$(register-python-argcomplete sdt-drake)"
+"""
+
+
+def complete(parser: argparse.ArgumentParser) -> None:
+    """Answer the shell and end, if it is what runs us."""
+    if "_ARGCOMPLETE" not in os.environ:
+        return
+    with needing("completion", "sdt_drake[completion]"):
+        import argcomplete
+    add_names(parser)
+    argcomplete.autocomplete(parser)
+
+
+def add_names(parser: argparse.ArgumentParser) -> None:
+    """Tell argcomplete the names that an argument takes: those of the kinds that it is called."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                add_names(command)
+            continue
+        words = " ".join([*action.option_strings, f"{action.metavar}", action.dest]).lower()
+        kinds = [kind for kind in SHIPPED if kind in words]
+        if kinds and action.type is None:
+            setattr(action, "completer", _Names(kinds))  # noqa: B010, an attribute of argcomplete's
+
+
+class _Names:
+    def __init__(self, kinds: list[str]) -> None:
+        self.kinds = kinds
+
+    def __call__(self, prefix: str, **_: Any) -> list[str]:
+        from argcomplete.completers import FilesCompleter
+
+        return [*shipped(*self.kinds), *FilesCompleter()(prefix)]
