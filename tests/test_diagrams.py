@@ -32,6 +32,7 @@ WRITTEN = {
     "studies": [f"{name}_plot.png" for name in STUDIES],
     "training": ["training_post_roll.html", "training_post_roll_plot.png"],
     "device": ["device.png"],
+    "identification": ["identification_plot.png"],
 }
 SCRIPTS = pytest.mark.parametrize("name", WRITTEN)
 
