@@ -172,6 +172,9 @@ def _from_recordings(options: argparse.Namespace) -> None:
     if folder is None:
         raise InputError("--state: missing, expected the folder that keeps what is learned")
     check_folder(folder)
+    files = [Path(path).resolve() for path in options.recording]
+    if len(set(files)) < len(files):
+        raise InputError("--recording: names a file twice, expected another recording each time")
     begun = (folder / SCENARIO).exists()
     if begun == (options.scenario is not None):
         text = f"has its scenario, {SCENARIO}; leave SCENARIO away" if begun else "is new"

@@ -89,26 +89,9 @@ class LearningFilter:
         share = np.arange(count)[:, None] * self.period * cut / (2 * np.pi)
         return np.asarray((1 - np.cos(np.pi * np.clip(share, 0, 1))) / 2)
 
-    def heeded(self, at_limit: NDArray[np.bool_]) -> Array:
-        """Share of the error that is learned from, shape (N + 1, n): none within a period of the
-        bandwidth of where a motor was at its limit, as more of the reference is no help there."""
-        share = np.ones(at_limit.shape)
-        for k in np.flatnonzero(at_limit.any(axis=0)):
-            around = round(2 * np.pi / self.bandwidth[k].omega / self.period)
-            near = _spread(at_limit[:, k].astype(float), np.ones(4 * around + 1)) > 0.5
-            soft = np.hanning(2 * around + 3)[1:-1]
-            share[:, k] -= _spread(near.astype(float), soft / soft.sum())
-        return np.clip(share, 0.0, 1.0)
-
     def _filtered(self, values: Array, gain: Complex) -> Array:
         """Q and a gain over `omega`."""
         return through(values, gain * self.robustness(self.omega), self.omega, self.period)
-
-
-def _spread(values: Array, kernel: Array) -> Array:
-    """Values beside each other by a kernel of odd length, as many as there are."""
-    half = len(kernel) // 2
-    return np.asarray(np.convolve(values, kernel)[half : half + len(values)])
 
 
 def through(values: Array, gain: Complex, omega: Array, period: float) -> Array:

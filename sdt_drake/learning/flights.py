@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sdt_drake.analysis.tracking import felt_of, motor_use
 from sdt_drake.arrays import Array
@@ -36,8 +35,7 @@ class Flight:
         rms: of the error [rad], shape (n,).
         felt: share of time in which the error could be felt [-]; NaN without a head.
         peak: largest torque of the motors over what they can give [-], shape (n,).
-        at_limit: where a motor gives less than is asked, shape (N + 1, n).
-        saturated: share of the time in which it does [-], shape (n,).
+        saturated: share of the time in which a motor gives less than is asked [-], shape (n,).
     """
 
     number: int
@@ -48,7 +46,6 @@ class Flight:
     rms: Array
     felt: float
     peak: Array
-    at_limit: NDArray[np.bool_]
     saturated: Array
 
     @property
@@ -71,7 +68,6 @@ def fly(design: Design, number: int) -> Flight:
         rms=np.sqrt(np.mean(error**2, axis=0)),
         felt=felt_of(recording, design.robot).share if is_device else float("nan"),
         peak=motor_use(recording, design.robot).peak_share,
-        at_limit=recording.saturated > 0,
         saturated=recording.saturated[1:].mean(axis=0),
     )
 
@@ -176,8 +172,7 @@ def learn(
         reason = reason_to_stop(flights, steps) if stops else ""
         if reason or len(flights) >= count:
             return Lessons(tuple(flights), tuple(steps), reason)
-        last = flights[-1]
-        steps.append(next_step(design, filter_, last.seen * filter_.heeded(last.at_limit)))
+        steps.append(next_step(design, filter_, flights[-1].seen))
         design = design.given(steps[-1].learned)
         flights.append(fly(design, len(flights) + 1))
         report(flights[-1])
