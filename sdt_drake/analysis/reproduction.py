@@ -171,9 +171,9 @@ def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> 
     Raises:
         InputError: for values out of range.
     """
-    gains = tune([i_eff], omega_r, [zeta])
     if not 0.01 <= zeta <= 100:
         raise InputError(f"zeta: {zeta:g}, expected 0.01 to 100")
+    gains = tune([i_eff], omega_r, [zeta])
     # The slowest pole decays like zeta omega_n (zeta < 1) or omega_n / (2 zeta).
     duration = 16.5 * max(zeta, 1 / zeta) / (0.5 * omega_r)
     loop = make_step_loop(gains=gains, i_eff=i_eff, structure=structure, log_period=duration / 5000)
