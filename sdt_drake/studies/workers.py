@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, TimeoutError, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import util
+from multiprocessing import resource_tracker, util
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -92,6 +92,7 @@ class Worker:
                 initargs=(self._job, self._folder.name),
                 context=multiprocessing.get_context("spawn"),
             )
+        resource_tracker.ensure_running()  # later it would unblock what is blocked here
         # What is started here inherits this: Ctrl-C is for the main process.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
