@@ -17,8 +17,12 @@ from sdt_drake.identification.regressor import PARAMETERS, Bodies, regressor
 from sdt_drake.robot import Robot
 
 _SAMPLES = 200
-_NOTHING = 1e-9
-"""Of a column that is scaled to one: what round-off leaves of it, and no recording could show."""
+_NOTHING = 1e-4
+"""Of a column that is scaled to one, what no recording could show: files of robots say pi / 2 as
+1.5708, which ties parameters to 1e-5 that are tied for good."""
+
+_TIE = 1e-6
+"""Smallest tie between columns that are scaled to one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +47,7 @@ class BaseParameters:
         ]
 
     def _sum(self, row: Array, own: int) -> str:
-        others = (k for k in np.flatnonzero(row) if k != own)
+        others = (k for k in np.flatnonzero(np.abs(row) > 1e-5 * np.abs(row).max()) if k != own)
         return " ".join([self.names[own], *(_term(row[k], self.names[k]) for k in others)])
 
     @cached_property
@@ -107,15 +111,14 @@ def base_parameters_of(columns: Array, names: tuple[str, ...], order: Index) -> 
     is_free = np.abs(np.diagonal(np.linalg.qr(scaled[:, order], mode="r"))) > _NOTHING
     free, tied = order[is_free], order[~is_free]
     ties = np.linalg.lstsq(scaled[:, free], scaled[:, tied], rcond=None)[0]
-    ties *= size[tied] / size[free, None]
-    largest = np.abs(ties).max(initial=0.0)
+    ties = np.where(np.abs(ties) > _TIE, ties, 0.0) * size[tied] / size[free, None]
     combination = np.zeros((len(free), len(names)))
     combination[:, free] = np.eye(len(free))
-    combination[:, tied] = np.where(np.abs(ties) > _NOTHING * max(1.0, largest), ties, 0.0)
+    combination[:, tied] = ties
     by_name = np.argsort(free)
     return BaseParameters(names, free[by_name], combination[by_name])
 
 
 def _term(factor: float, name: str) -> str:
-    size = "" if abs(abs(factor) - 1) < 1e-9 else f"{abs(factor):.4g} "
+    size = "" if abs(abs(factor) - 1) < 1e-6 else f"{abs(factor):.4g} "
     return f"{'-' if factor < 0 else '+'} {size}{name}"

@@ -21,7 +21,7 @@ with needing("identification needs scipy", "sdt_drake[identify]"):
     from scipy.optimize import nnls
 
 _PEAKS = (0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s, of Stribeck friction
-_WORTH = 0.9  # of what is left, for a peak to be believed
+_WORTH = 0.5  # of what is left, for a peak to be believed: it trades with the other two
 _PLACES = 200
 
 
