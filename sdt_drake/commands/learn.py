@@ -17,7 +17,7 @@ from sdt_drake.commands.common import (
     say,
     some_path,
 )
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, checked_output
 
 if TYPE_CHECKING:
     from sdt_drake.design import Design
@@ -97,6 +97,7 @@ def run(options: argparse.Namespace) -> None:
 def _simulated(options: argparse.Namespace) -> None:
     from sdt_drake.learning.flights import Flight, learn
     from sdt_drake.learning.report import (
+        FLIGHTS,
         LEARNED,
         SCENARIO,
         Learned,
@@ -108,6 +109,8 @@ def _simulated(options: argparse.Namespace) -> None:
     folder: Path = options.out
     check_folder(folder)
     design = design_of(options)
+    for name in (LEARNED, SCENARIO, FLIGHTS):
+        checked_output(folder / name)  # a scenario that was learned goes on in another folder
     filter_, checks = _checked_filter(options, design)
 
     def report(flight: Flight) -> None:

@@ -230,7 +230,7 @@ def test_the_devices_of_a_study_are_of_its_variables_with_the_loop_s_own_control
         devices_of(design, only, base, 2)
 
 
-def test_the_command_leaves_what_simulate_and_plan_take(good, given, desk):
+def test_the_command_leaves_what_simulate_and_plan_take(good, refuse, given, desk):
     text = (desk.parent / "given" / "run.yaml").read_text(encoding="utf-8")
     file = given("cascade.yaml", text.replace("kind: pi,", "kind: p_pi,"))
     payload = "plant.deviation.payload_mass=30"
@@ -242,6 +242,9 @@ def test_the_command_leaves_what_simulate_and_plan_take(good, given, desk):
     expected = [np.degrees(best[f"max_abs_position_error_{k}"]) for k in (1, 2, 3, 4)]
     np.testing.assert_allclose(command_line.numbers(shown), expected, atol=6e-4)
     good("plan", "learned/learned.csv")
+    refuse(
+        "learn", "learned/scenario.yaml", "--out", "learned", saying=("is read by this command",)
+    )
     written = {path.name for path in (desk / "learned").iterdir()}
     assert written >= {"report.html", "report.md", "convergence.png", "flights.svg", "errors.png"}
 
