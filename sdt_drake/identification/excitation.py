@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from sdt_drake.errors import InputError, needing, replacing
 from sdt_drake.identification.targets import ANY_SPEED, Target
 from sdt_drake.motion.profile import MotionProfile
 from sdt_drake.motion.segments import Fourier
+from sdt_drake.progress import part
 from sdt_drake.robot import Robot
 
 MARGIN, GENTLY = 0.8, 0.3
@@ -209,17 +211,23 @@ def excite(
     limits = Limits.of(robot, margin, gently)
 
     def better(problem: _Problem, x: Array, rounds: int) -> tuple[float, _Problem, Array]:
-        value, options = problem.value_and_slope, {"maxiter": rounds}
-        found = minimize(value, x, jac=True, method="L-BFGS-B", options=options)
+        value, options, round_ = problem.value_and_slope, {"maxiter": rounds}, count(1)
+        with part(rounds / all_rounds) as tell:
+            found = minimize(
+                value, x, jac=True, method="L-BFGS-B", options=options,
+                callback=lambda _: tell(next(round_) / rounds),
+            )  # fmt: skip
         return found.fun, problem, found.x
 
     tried = []
-    for about in _BASE_PERIODS:
-        series = Series(robot.n, duration / max(1, round(duration / about)))
-        problem = _Problem(target, series, limits)
-        starts = problem.starts(np.random.default_rng(seed))
-        tried += [better(problem, x, _FIRST_ROUNDS) for x in starts[:_TRIED]]
-    _, problem, x = better(*min(tried, key=lambda found: found[0])[1:], _MOST_ROUNDS)
+    all_rounds = len(_BASE_PERIODS) * _TRIED * _FIRST_ROUNDS + _MOST_ROUNDS
+    with part():
+        for about in _BASE_PERIODS:
+            series = Series(robot.n, duration / max(1, round(duration / about)))
+            problem = _Problem(target, series, limits)
+            starts = problem.starts(np.random.default_rng(seed))
+            tried += [better(problem, x, _FIRST_ROUNDS) for x in starts[:_TRIED]]
+        _, problem, x = better(*min(tried, key=lambda found: found[0])[1:], _MOST_ROUNDS)
     series, coefficients = problem.series, problem.shrunk(problem.coefficients(x[None])[0])
     q, v, vd = (x[0] for x in _motion(coefficients[None], series.bases(_FINE)))
     columns, torque = target.rows(q, v, vd)
