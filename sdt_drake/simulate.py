@@ -63,7 +63,7 @@ class Recording(Shown):
     at the end of the period that ends there. The first row is just after its update. What motors
     give within the periods is in `tau_peak`, `tau_rms` and `saturated`. Where a controller has its
     proportional gain on the error, the held reference makes torques fall within each period, by
-    K_PS r times what the speed gains in it: those at its end are no measure of what moves the links.
+    K_PS r times what the speed gains in it: those at its end do not tell what moves the links.
 
     Attributes:
         time: since the start.
