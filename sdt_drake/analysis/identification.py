@@ -60,7 +60,7 @@ def errors_table(found: Identified, robot: Robot) -> doc.Table:
     """What is left of the torques of each joint."""
 
     def row(name: str, values: Array) -> tuple[str, list[str]]:
-        return name, [f"{100 * x:.2f}" for x in values]
+        return name, [f"{100 * x:.2f}".replace("nan", "–") for x in values]
 
     least = found.estimate.torque(found.equations)
     return doc.Table(

@@ -51,6 +51,8 @@ class Columns:
         position_offset: added to q and q_ref; 0 by default.
         direction: 1, or -1 for a joint whose positions, speeds and torques are counted the other
             way than in the robot's file; 1 by default.
+        torque_delay: by how much tau is recorded later than positions, as half the period of a
+            drive that holds it.
         torque_factor: what turns the columns of torques, perhaps currents, into torques; 1 by
             default.
     """
@@ -74,6 +76,7 @@ class Columns:
     direction: Optional[list[float]] = setting(
         None, per_joint=True, minimum=-1, maximum=1, unit="-"
     )
+    torque_delay: float = setting(0.0, minimum=-1, maximum=1, unit="s")
     torque_factor: Optional[list[float]] = setting(None, per_joint=True, unit="N m per unit")
 
     def problems(self) -> Iterator[tuple[str, str]]:
@@ -154,6 +157,9 @@ def read_recording(
         if found:
             numbers.check_finite(found)
             signals[name] = numbers.data[:, found]
+    if "tau" in signals and columns.torque_delay != 0:
+        at = time + columns.torque_delay
+        signals["tau"] = np.column_stack([np.interp(at, time, x) for x in signals["tau"].T])
     return Recorded(numbers.path, time, _converted(signals, robot, columns, side), own)
 
 

@@ -54,6 +54,13 @@ def test_side_of_own_recordings_is_known(tmp_path, table, robot):
     np.testing.assert_allclose(recorded.signals["tau"], table[:, 5:9] * robot.gear_ratio)
 
 
+def test_torques_that_are_late_are_put_at_their_time(tmp_path, table, robot):
+    path = write(tmp_path, table)
+    late = read_recording(path, robot, Columns(torque_delay=0.01)).signals["tau"]
+    np.testing.assert_allclose(late[:-1], table[1:, 5:])  # a sample of 10 ms
+    np.testing.assert_array_equal(late[-1], table[-1, 5:])
+
+
 HEADER = "time,q_1,q_2,q_3,q_4,tau_1,tau_2,tau_3,tau_4"
 BAD = [
     ({"header": HEADER.replace("tau_1", "i_1")}, r"no column 'tau_1' \(tau\), there are time, q_1"),
