@@ -23,7 +23,7 @@ from sdt_drake.links import (
 )
 from sdt_drake.resources import find_file
 from sdt_drake.robot import Robot, edited
-from sdt_drake.tables import read_table
+from sdt_drake.tables import read_numbers
 
 
 @dataclass(slots=True)
@@ -112,12 +112,12 @@ def _apply(deviation: Deviation, root: ET.Element, where: str) -> None:
 def _spread(root: ET.Element, file: Path, along: Sequence[float], where: str) -> None:
     """Go along directions of a file: ten numbers for each link, in the order of the robot's
     file."""
-    directions = read_table(file, first="direction")[1].get("entry", np.zeros((0, 0)))
+    directions = read_numbers(file, least=1).data[:, 1:]
     links = list(root.iter("link"))
-    if directions.shape[1] != 10 * len(links):
+    if directions.shape[1] != 10 * len(links) or not np.all(np.isfinite(directions)):
         raise InputError(
-            f"{file}: {directions.shape[1]} columns entry_k, expected {10 * len(links)}, ten for "
-            "each link of the robot"
+            f"{file}: {directions.shape[1]} columns beside the first, expected {10 * len(links)} "
+            "finite ones, ten for each link of the robot"
         )
     if len(along) != len(directions):
         raise InputError(

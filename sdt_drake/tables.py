@@ -98,13 +98,10 @@ def _in_json(value: object) -> object:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def read_table(
-    path: str | Path, *, even: bool = True, first: str = "time"
-) -> tuple[Array, dict[str, Array]]:
+def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str, Array]]:
     """The time column, shape (N,), and each group of columns `name_1..name_n`, shape (N, n).
 
-    Columns with other names are left out. The time must grow: in equal steps if `even`. `first` is
-    the name of the first column, where it is not the time.
+    Columns with other names are left out. The time must grow: in equal steps if `even`.
 
     Raises:
         InputError: naming the file, and the line where there is one: no such file, not UTF-8, no
@@ -113,8 +110,8 @@ def read_table(
     """
     numbers = read_numbers(path) if Path(path).suffix not in BINARY else _read_binary(Path(path))
     path, names = numbers.path, numbers.names
-    if names[0] != first:
-        raise InputError(f"{path}: the first column is '{names[0]}', expected '{first}'")
+    if names[0] != "time":
+        raise InputError(f"{path}: the first column is '{names[0]}', expected 'time'")
     groups = _groups(path, names)
     numbers.check_finite([0, *(c for group in groups.values() for c in group)])
     time = numbers.data[:, 0]
@@ -157,7 +154,12 @@ class Numbers:
 
 
 def read_numbers(
-    path: str | Path, *, delimiter: str | None = ",", header: bool = True, skip: int = 0
+    path: str | Path,
+    *,
+    delimiter: str | None = ",",
+    header: bool = True,
+    skip: int = 0,
+    least: int = 2,
 ) -> Numbers:
     """Read a rectangular table of numbers.
 
@@ -166,6 +168,7 @@ def read_numbers(
         delimiter: between the columns; None: spaces or tabs.
         header: whether names of the columns come first, perhaps behind a #.
         skip: how many lines before that say something else; blank ones do not count.
+        least: how many rows there must be.
 
     Raises:
         InputError: naming the file, and the line where there is one: no such file, not UTF-8, no
@@ -173,9 +176,9 @@ def read_numbers(
     """
     path = _checked(Path(path))
     lines = itertools.islice(_lines(path), skip, None)
-    start = list(itertools.islice(lines, 2 + header))
-    if len(start) < 2 + header:
-        raise InputError(f"{path}: fewer than two rows")
+    start = list(itertools.islice(lines, least + header))
+    if len(start) < least + header:
+        raise InputError(f"{path}: fewer than {'two rows' if least == 2 else 'a row'}")
     first = start[0][1].strip().lstrip("#") if header else start[0][1]
     names = [_unquoted(name) for name in first.split(delimiter)]
     if len(names) == 1:
