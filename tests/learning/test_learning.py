@@ -151,17 +151,14 @@ def test_the_bandwidth_is_what_the_model_is_trusted_in(cascade, designed):
         design_filter(rigid, loops_of(rigid, "reference"), "reference", bandwidth=200 * np.pi)
 
 
-@pytest.mark.parametrize(
-    ("label", "of", "least"), [("p_pi", "reference", 20), ("p_pi+id", "reference", 8)]
-)
-def test_flights_of_a_wrong_model_get_better_without_more_torque(cascade, label, of, least):
-    design = cascade(label, name="wrong_model")
-    filter_ = design_filter(design, loops_of(design, of), of)
+def test_flights_of_a_wrong_model_get_better_without_more_torque(cascade):
+    design = cascade(name="wrong_model")
+    filter_ = design_filter(design, loops_of(design, "reference"), "reference")
     seen = []
     lessons = learn(design, filter_, 3, stops=False, report=seen.append)
     first, last = lessons.flights[0], lessons.flights[-1]
     assert [flight.number for flight in seen] == [1, 2, 3]
-    assert first.rms[3] > least * last.rms[3]
+    assert first.rms[3] > 20 * last.rms[3]
     assert np.all(last.peak <= 1.02 * first.peak + 0.002)
     motion = last.learned.motion
     checked_torque(design.nominal, motion)
@@ -191,17 +188,7 @@ def test_a_step_beyond_a_limit_is_scaled_back(cascade):
     assert 0.05 < step.share < 0.9
     assert "joint 2" in step.limit
     checked_torque(design.nominal, step.learned.motion)
-    whole = step.learned.motion.q - design.wanted.q
-    beyond = LearnedReference(
-        Motion.from_speeds(
-            design.motion.period,
-            design.wanted.q[0],
-            design.wanted.v + 1.01 * (step.learned.motion.v - design.wanted.v),
-        )
-    )
-    assert np.ptp(whole[:, 1]) > 0.01
-    with pytest.raises(InputError):
-        beyond.check(design.wanted, design.nominal, torque_margin=1.0)
+    assert np.ptp(step.learned.motion.q[:, 1] - design.wanted.q[:, 1]) > 0.01
 
 
 def test_it_stops_where_another_flight_is_not_worth_it():

@@ -81,10 +81,3 @@ def moved(motion: Motion, k: int, angle: float) -> Motion:
 def test_what_was_not_learned_of_the_motion_or_is_beyond_a_limit_is_refused(p_pi, change, words):
     with pytest.raises(InputError, match=words):
         p_pi.given(LearnedReference(change(p_pi.wanted)))
-
-
-def test_a_torque_of_other_joints_is_refused(tmp_path, p_pi):
-    file = tmp_path / "learned.csv"
-    LearnedReference(p_pi.wanted, np.ones((101, 3))).to_csv(file)
-    with pytest.raises(InputError, match="tau_ff of 3 joint"):
-        LearnedReference.from_csv(file)
