@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sdt_drake.arrays import Array
-from sdt_drake.device.friction import Friction
+from sdt_drake.device.friction import PRESLIDING_DAMPING_TIME, Friction
 from sdt_drake.errors import needing, replacing
 from sdt_drake.identification.friction import Term
 from sdt_drake.identification.procedure import Identified
@@ -23,6 +23,7 @@ with needing("identification needs scipy", "sdt_drake[identify]"):
 _PEAKS = (0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s, of Stribeck friction
 _WORTH = 0.5  # of what is left, for a peak to be believed: it trades with the other two
 _PLACES = 200
+_STIFFEST = 2e4  # rad/s, of a joint that sticks: far above every loop, and quick to simulate
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,12 +104,24 @@ def plant_friction(found: Identified) -> PlantFriction:
     if peak is not None:
         friction.breakaway = (x[:, 1] + x[:, 2]).tolist()
         friction.stribeck_speed = peak
+    friction.presliding = max(friction.presliding, _softest(found, x[:, 1]))
     std = []
     for v, law, part, (values, _) in zip(speeds, laws, parts, best, strict=True):
         basis = _basis(v, peak)[:, : len(values)]
         J = np.linalg.pinv(basis) @ law
         std.append(np.sqrt(np.maximum(np.diagonal(J @ covariance[part, part] @ J.T), 0.0))[:2])
     return PlantFriction(friction, np.array(std)[:, ::-1].T, np.array([left for _, left in best]))
+
+
+def _softest(found: Identified, coulomb: Array) -> float:
+    """How far joints may give way before they slide, so that light ones can be simulated [rad]."""
+    robot = identified_robot(found)
+    context, rows = robot.plant.CreateDefaultContext(), found.equations.q
+    least = np.full(robot.n, np.inf)
+    for q in rows[:: max(1, len(rows) // 50)]:
+        robot.plant.SetPositions(context, q)
+        least = np.minimum(least, np.diagonal(robot.plant.CalcMassMatrix(context)))
+    return float(np.max(PRESLIDING_DAMPING_TIME * coulomb / least) / _STIFFEST)
 
 
 def _speeds(v: Array) -> Array:
