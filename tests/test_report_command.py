@@ -11,9 +11,10 @@ from browser import open_page
 from sdt_drake.analysis.report import RECORDING, REPORT
 from sdt_drake.cli import main
 from sdt_drake.scenario import load_scenario
+from sdt_drake.studies.distributions import Uniform
 from sdt_drake.studies.execute import run_study
 from sdt_drake.studies.job import make_job
-from sdt_drake.studies.study import Study, Uniform, Variable
+from sdt_drake.studies.study import Study, Variable
 
 
 @pytest.fixture

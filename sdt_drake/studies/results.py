@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sdt_drake.errors import InputError, needing, replacing
+from sdt_drake.studies.distributions import Random
 from sdt_drake.studies.folder import load_folder
 from sdt_drake.studies.job import Job
 from sdt_drake.studies.journal import Row, read_rows
-from sdt_drake.studies.study import Random, Study
+from sdt_drake.studies.study import Study
 from sdt_drake.studies.table import StudyTable
 
 RESULTS = "results.parquet"

@@ -16,8 +16,9 @@ from sdt_drake.fields import check, setting
 from sdt_drake.motion import PLANNERS
 from sdt_drake.resources import find_file
 from sdt_drake.scenario import Scenario, load_scenario
+from sdt_drake.studies.distributions import Choice, List
 from sdt_drake.studies.fields import check_changes
-from sdt_drake.studies.study import Choice, List, Study, Variable
+from sdt_drake.studies.study import Study, Variable
 from sdt_drake.yaml_files import load_yaml
 
 

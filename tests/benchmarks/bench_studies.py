@@ -27,10 +27,11 @@ import numpy as np
 
 from sdt_drake.scenario import load_scenario
 from sdt_drake.studies.cluster import Cluster
+from sdt_drake.studies.distributions import Uniform
 from sdt_drake.studies.execute import run_study
 from sdt_drake.studies.job import Job, make_job
 from sdt_drake.studies.runs import Runner
-from sdt_drake.studies.study import Study, Uniform, Variable, load_study
+from sdt_drake.studies.study import Study, Variable, load_study
 from sdt_drake.studies.workers import Workers
 
 STUDY = "package://sdt/studies/monte_carlo.yaml"

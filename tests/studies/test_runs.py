@@ -15,10 +15,11 @@ from sdt_drake.errors import InputError
 from sdt_drake.resources import models_dir
 from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.simulate import simulate
+from sdt_drake.studies.distributions import Choice, Grid, List, Uniform
 from sdt_drake.studies.job import make_job
 from sdt_drake.studies.journal import Row
 from sdt_drake.studies.runs import Runner, outcome_names
-from sdt_drake.studies.study import Choice, Grid, List, Study, Uniform, Variable
+from sdt_drake.studies.study import Study, Variable
 
 
 @pytest.fixture(scope="module")
