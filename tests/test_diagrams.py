@@ -59,13 +59,15 @@ def ran(tmp_path_factory):
         arguments = [*REDRAW["BEFORE"].get(name, []), folder]
         if name == "training":
             arguments += ["--only", "post_roll", "--record"]
-        with sharing.computed_once(f"{name}.done") as done:
-            if not done.read():
-                if name == "device":  # it is rendered, not in this process
-                    subprocess.run([sys.executable, script, folder], cwd=elsewhere, check=True)
-                else:
-                    run_here(script, *arguments, cwd=elsewhere)
-                done.write(b"done")
+
+        def make():
+            if name == "device":  # it is rendered, not in this process
+                subprocess.run([sys.executable, script, folder], cwd=elsewhere, check=True)
+            else:
+                run_here(script, *arguments, cwd=elsewhere)
+            return True
+
+        sharing.once(f"diagrams_{name}", make)
         assert not any(elsewhere.iterdir())
         return folder
 
