@@ -111,6 +111,7 @@ def by_flight(title: str, flights: Sequence[Flight], joint_names: Sequence[str])
                 plain_numbers(ax.yaxis)
             elif np.isnan(values).all():
                 ax.text(0.5, 0.5, "no head", transform=ax.transAxes, ha="center")
+                ax.set_yticks([])
             else:
                 ax.set_ylim(0, None)
             ax.set_title(label, loc="left")
