@@ -71,7 +71,9 @@ def add(parser: argparse.ArgumentParser) -> None:
         "recordings of the reference that was flown last",
     )
     parser.add_argument("--motion", help="that was flown, to be sure (name or file)")
-    parser.add_argument("--mapping", help="YAML file with the recordings' columns, as `identify`")
+    parser.add_argument(
+        "--columns", metavar="FILE", help="YAML file with the recordings' columns, as `identify`"
+    )
     parser.add_argument(
         "--state", type=some_path, metavar="DIR", help="with --recording: what is known so far"
     )
@@ -86,7 +88,7 @@ def run(options: argparse.Namespace) -> None:
     if options.recording:
         _from_recordings(options)
         return
-    for name in ("motion", "mapping", "state"):
+    for name in ("motion", "columns", "state"):
         if getattr(options, name):
             raise InputError(f"--{name}: is for --recording, expected one")
     if options.scenario is None:
@@ -188,7 +190,7 @@ def _from_recordings(options: argparse.Namespace) -> None:
     design = design_of(options)
     if options.motion:
         _check_motion(options.motion, design)
-    columns = load_columns(options.mapping) if options.mapping else None
+    columns = load_columns(options.columns) if options.columns else None
     recordings = [
         read_recording(path, design.robot, columns, needs=("q",)) for path in options.recording
     ]

@@ -30,7 +30,8 @@ class Columns:
     """How a recording's file says what it holds; the default is that of this package.
 
     A signal is a list of columns, one for each joint from the base to the tip, by their names or,
-    counted from 1, their numbers; or one text in which {k} stands for the number of the joint.
+    counted from 1, their numbers; or one text in which {k} stands for the number of the joint. What
+    is not there has none: [].
 
     Attributes:
         delimiter: between columns: comma, semicolon, tab or space (any blanks).
@@ -64,12 +65,12 @@ class Columns:
     time_factor: float = setting(1.0, above=0, unit="s")
     rate: Optional[float] = setting(None, above=0, unit="Hz")
     q: list[str] = setting(["q_{k}"])
-    v: list[str] = setting(["v_{k}"])
+    v: list[str] = setting(["v_{k}"], empty=True)
     tau: list[str] = setting(["tau_{k}"])
-    q_ref: list[str] = setting(["q_ref_{k}"])
-    v_ref: list[str] = setting(["v_ref_{k}"])
-    vd_ref: list[str] = setting(["vd_ref_{k}"])
-    tau_ff: list[str] = setting(["tau_ff_{k}"])
+    q_ref: list[str] = setting(["q_ref_{k}"], empty=True)
+    v_ref: list[str] = setting(["v_ref_{k}"], empty=True)
+    vd_ref: list[str] = setting(["vd_ref_{k}"], empty=True)
+    tau_ff: list[str] = setting(["tau_ff_{k}"], empty=True)
     angle: str = setting("rad", choices=("rad", "deg"))
     side: Optional[str] = setting(None, choices=SIDES)
     position_offset: Optional[list[float]] = setting(None, per_joint=True, unit="rad", side="joint")
@@ -185,6 +186,8 @@ def _found(
     numbers: Numbers, names: list[str], signal: str, n: int, *, needed: bool
 ) -> list[int] | None:
     """The columns of a signal; None if it has none and need not."""
+    if not names and not needed:
+        return None
     pattern = names[0] if len(names) == 1 and "{k}" in names[0] else None
     said = [pattern.replace("{k}", str(k + 1)) for k in range(n + 1)] if pattern else names
     places = [_place(numbers, name) for name in said]

@@ -31,7 +31,7 @@ def test_a_text_without_header_of_motors_in_degrees(tmp_path, table, robot):
     mapping = tmp_path / "columns.yaml"
     mapping.write_text(
         "header: false\ndelimiter: space\ntime: '1'\ntime_factor: 1.0e-3\n"
-        "q: ['2', '3', '4', '5']\ntau: ['6', '7', '8', '9']\nangle: deg\nside: motor\n"
+        "q: ['2', '3', '4', '5']\nv: []\ntau: ['6', '7', '8', '9']\nangle: deg\nside: motor\n"
         "position_offset: [0, 0.5, 0, 0]\ndirection: [1, -1, 1, 1]\ntorque_factor: [2, 2, 2, 2]\n"
     )
     path = write(tmp_path, table, header="", delimiter="  ")
