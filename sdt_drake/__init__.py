@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from sdt_drake.simulate import Recording, simulate
     from sdt_drake.viewer import view
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 _PLACES = {
     "load": "scenario:load_scenario",

@@ -21,6 +21,8 @@ from sdt_drake.arrays import Array
 from sdt_drake.control import (
     StepMetrics,
     damping_ratio,
+    natural_frequency,
+    oscillation_frequency,
     step_metrics,
     tune,
 )
@@ -186,20 +188,33 @@ def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> 
     return StepResponse(structure, zeta, t, speed, step_metrics(t, speed, y0=0.0, y_final=1.0))
 
 
-def table1(design: Design) -> list[dict[str, Any]]:
-    """Table 1 from the SDF and the motion; one row for each joint, with the published one."""
-    gains, inertia = design.gains, design.inertia
-    columns = {
+def tuning(design: Design) -> dict[str, Array]:
+    """Inertia along the motion and what the gains make of it, motor side, by name, shape (n,)."""
+    inertia, gains = design.inertia, design.gains
+    numbers = {
         "i_eff_max": inertia.maximum,
         "i_eff_median": inertia.median,
         "i_eff_min": inertia.minimum,
         "variation_percent": inertia.variation_percent,
         "kp": gains.kp,
         "ki": gains.ki,
-        "zeta_max": damping_ratio(gains, inertia.maximum),
-        "zeta_median": damping_ratio(gains, inertia.median),
-        "zeta_min": damping_ratio(gains, inertia.minimum),
     }
+    for level, i_eff in zip(("max", "median", "min"), list(numbers.values())[:3], strict=True):
+        numbers[f"zeta_{level}"] = damping_ratio(gains, i_eff)
+        numbers[f"omega_n_{level}"] = natural_frequency(gains, i_eff)
+    return numbers | {"omega_0": oscillation_frequency(gains, inertia.maximum)}
+
+
+_TABLE1 = (
+    "i_eff_max", "i_eff_median", "i_eff_min", "variation_percent", "kp", "ki", "zeta_max",
+    "zeta_median", "zeta_min",
+)  # fmt: skip
+
+
+def table1(design: Design) -> list[dict[str, Any]]:
+    """Table 1 from the SDF and the motion; one row for each joint, with the published one."""
+    found = tuning(design)
+    columns = {name: found[name] for name in _TABLE1}
     rows = []
     for k in range(design.robot.n):
         row: dict[str, Any] = {"joint": k + 1}

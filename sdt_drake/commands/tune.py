@@ -51,6 +51,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis import plots
+    from sdt_drake.analysis.reproduction import tuning
     from sdt_drake.dynamics import effective_inertia
     from sdt_drake.resources import find_file
     from sdt_drake.tables import RESULTS, Results
@@ -62,7 +63,7 @@ def run(options: argparse.Namespace) -> None:
         design = _of_scenario(options) if is_scenario else _of_motion(options)
     except InputError as error:
         raise InputError(*map(_as_option, error.args)) from None
-    numbers = _numbers(design)
+    numbers = tuning(design)
     _print_gains(design, numbers)
     for line in _notes(options, design, is_scenario):
         common.say(line)
@@ -162,25 +163,6 @@ def _notes(options: argparse.Namespace, design: Design, is_scenario: bool) -> It
     if len(too_fast):
         joints = ", ".join(map(str, too_fast))
         yield f"note: omega_n exceeds 0.5 omega_r where the inertia is small, joint {joints}"
-
-
-def _numbers(design: Design) -> dict[str, Array]:
-    """What there is to know of each joint, by name, shape (n,)."""
-    from sdt_drake.control import damping_ratio, natural_frequency, oscillation_frequency
-
-    inertia, gains = design.inertia, design.gains
-    numbers = {
-        "i_eff_max": inertia.maximum,
-        "i_eff_median": inertia.median,
-        "i_eff_min": inertia.minimum,
-        "variation_percent": inertia.variation_percent,
-        "kp": gains.kp,
-        "ki": gains.ki,
-    }
-    for level, i_eff in zip(("max", "median", "min"), list(numbers.values())[:3], strict=True):
-        numbers[f"zeta_{level}"] = damping_ratio(gains, i_eff)
-        numbers[f"omega_n_{level}"] = natural_frequency(gains, i_eff)
-    return numbers | {"omega_0": oscillation_frequency(gains, inertia.maximum)}
 
 
 # Motor side; max, median and min are of the inertia along the motion.
