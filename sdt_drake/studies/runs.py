@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from sdt_drake.analysis.tracking import felt_of, motor_use, stops_passed, track
+from sdt_drake.controllers import load_controllers
 from sdt_drake.design import Design, load_device, make_design
 from sdt_drake.dynamics import TorqueGroups, torque_groups
 from sdt_drake.errors import InputError
@@ -64,6 +65,8 @@ class Runner:
         Raises:
             InputError: for values that their fields do not take.
         """
+        if file := self._base.controller.file:  # the row may name what that registers
+            load_controllers(self._places.get(file, file))
         scenario = self._study.scenario_of(self._base, self._study.inputs(number))
         scenario.name = f"{self._study.name}, row {number}"
         for field in FILE_FIELDS:
