@@ -12,6 +12,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from sdt_drake.arrays import Array
 
 _MOST_PERIODS = 1_000_000  # what is planned in a minute, and memory holds; 83 min of 5 ms
 
@@ -51,6 +54,37 @@ def checked_number(
         bound = f" {'>' if exclusive else '>='} {minimum:g}" if np.isfinite(minimum) else ""
         raise InputError(f"{where}: {value}, expected a finite number{bound}")
     return float(value)
+
+
+def checked_count(value: int, where: str) -> int:
+    """`value` if it is a whole number >= 1.
+
+    Raises:
+        InputError: naming `where`.
+    """
+    if not isinstance(value, int | np.integer) or value < 1:
+        raise InputError(f"{where}: {value!r}, expected a whole number >= 1")
+    return int(value)
+
+
+def checked_positive(values: ArrayLike, where: str, n: int | None = None) -> Array:
+    """`values` as an array of numbers > 0, one for each joint, shape (n,); of any n by default.
+
+    Raises:
+        InputError: naming `where`.
+    """
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    is_list = array.ndim == 1 and len(array) > 0 and (n is None or len(array) == n)
+    if not is_list or not (np.isfinite(array) & (array > 0)).all():
+        count = "" if n is None else f"{n} "
+        raise InputError(
+            f"{where}: {told_by(values)}, expected a list of {count}finite numbers > 0, one for "
+            "each joint"
+        )
+    return array
 
 
 def checked_choice(value: str, choices: tuple[str, ...], where: str) -> str:

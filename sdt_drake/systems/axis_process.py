@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.primitives import LinearSystem, Multiplexer
 
+from sdt_drake.errors import checked_positive
 from sdt_drake.systems.wiring import Wiring
 
 
@@ -38,9 +39,10 @@ class AxisProcess(Diagram):
             gear_ratio: r [-], shape (n,), > 0.
         """
         super().__init__()
-        n = np.size(i_eff)
+        i_eff = checked_positive(i_eff, "i_eff")
+        n = len(i_eff)
         zero, one = np.zeros((n, n)), np.eye(n)
-        per_torque = np.diag(1 / (np.asarray(i_eff) * gear_ratio))
+        per_torque = np.diag(1 / (i_eff * checked_positive(gear_ratio, "gear_ratio", n)))
         motors = LinearSystem(
             A=np.block([[zero, one], [zero, zero]]),
             B=np.block([[zero, zero], [per_torque, -per_torque]]),

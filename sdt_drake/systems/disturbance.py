@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pydrake.symbolic as sym
 
+from sdt_drake.errors import checked_count, checked_number
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 
 
@@ -33,6 +34,9 @@ class Disturbance(SymbolicLaw):
             amplitude: A, share of the load torque [-], >= 0.
             omega_d: omega_D [rad/s], >= 0.
         """
+        checked_count(n, "n")
+        checked_number(amplitude, "amplitude", minimum=0)
+        checked_number(omega_d, "omega_d", minimum=0)
 
         def law(_x: Symbols, load_torque: Symbols) -> list[sym.Expression]:
             return [amplitude * sym.sin(omega_d * self.time) * tau for tau in load_torque]

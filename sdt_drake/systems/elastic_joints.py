@@ -8,6 +8,7 @@ from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.primitives import LinearSystem, MatrixGain, Multiplexer
 
 from sdt_drake.device import Springs
+from sdt_drake.errors import checked_positive
 from sdt_drake.systems.wiring import Wiring
 
 
@@ -45,12 +46,13 @@ class ElasticJoints(Diagram):
             gear_ratio: r [-], shape (n,), > 0.
         """
         super().__init__()
-        n, r = len(springs.stiffness), np.asarray(gear_ratio)
+        n = len(springs.stiffness)
+        r = checked_positive(gear_ratio, "gear_ratio", n)
         self._axes = axes = np.flatnonzero(springs.elastic)
         m = len(axes)
         pick, one, zero = np.eye(n)[axes], np.eye(m), np.zeros((m, m))
         stiffness, damping = np.diag(springs.stiffness[axes]), np.diag(springs.damping[axes])
-        reflected = np.diag(1 / (r**2 * rotor_inertia)[axes])
+        reflected = np.diag(1 / (r**2 * np.asarray(rotor_inertia))[axes])
         rigid, back = np.diag(1.0 * ~springs.elastic), (pick / r).T
         k, c = stiffness @ pick, damping @ pick
         forces = np.hstack([np.diag(r[axes]) @ pick, k, c])

@@ -9,6 +9,7 @@ from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.primitives import MatrixGain, Multiplexer, ZeroOrderHold
 
 from sdt_drake.arrays import Array
+from sdt_drake.errors import InputError, checked_count, checked_number, checked_positive
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 from sdt_drake.systems.wiring import Wiring
 
@@ -49,14 +50,18 @@ class Encoder(Diagram):
             gear_ratio: r [-], shape (n,); needed with a resolution.
         """
         super().__init__()
-        self._period = period
+        checked_count(n, "n")
+        self._period = checked_number(period, "period", minimum=0, exclusive=True)
         self._increment: Array | None = None
         self.symbol = f"encoder\n{1e3 * period:g} ms"
         wiring = Wiring()
         if resolution is None:
             self._now = wiring.add("now", ZeroOrderHold(period, 2 * n), "state", "measured")
         else:
-            increment = 2 * np.pi / (np.array(resolution) * np.array(gear_ratio))
+            if gear_ratio is None:
+                raise InputError("gear_ratio: missing, expected with a resolution")
+            shaft = checked_positive(gear_ratio, "gear_ratio", n)
+            increment = 2 * np.pi / (checked_positive(resolution, "resolution", n) * shaft)
             self._increment = increment
 
             def count(_x: Symbols, state: Symbols) -> list[sym.Expression]:

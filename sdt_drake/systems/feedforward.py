@@ -5,6 +5,7 @@ from __future__ import annotations
 from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import Adder
 
+from sdt_drake.errors import checked_count
 from sdt_drake.systems.wiring import Wiring
 
 
@@ -29,6 +30,7 @@ class CtcFeedforward(Diagram):
     def __init__(self, *, n: int) -> None:
         """For n motors."""
         super().__init__()
+        checked_count(n, "n")
         wiring = Wiring()
         wiring.add("tau_cmd", Adder(2, n), "tau_fb", "tau_ff", "tau_cmd")
         wiring.build_into(self, ("tau_fb", "tau_ff"), ("tau_cmd",))

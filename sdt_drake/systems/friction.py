@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pydrake.symbolic as sym
 from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context
@@ -13,6 +12,7 @@ from sdt_drake.device import (
     FrictionParameters,
     sliding_stretch,
 )
+from sdt_drake.errors import checked_positive
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 
 _UNIT = 100.0  # z / z_c in a unit of the state; when sliding, z / z_c is in the hundreds
@@ -55,7 +55,7 @@ class JointFriction(SymbolicLaw):
             gear_ratio: r [-], shape (n,), > 0.
         """
         n = len(friction.coulomb)
-        r = np.asarray(gear_ratio)
+        r = checked_positive(gear_ratio, "gear_ratio", n)
         v_s, z_c = friction.stribeck_speed, friction.presliding
         extra = friction.breakaway - friction.coulomb
         self._friction = friction

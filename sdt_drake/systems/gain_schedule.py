@@ -6,6 +6,7 @@ import numpy as np
 from pydrake.symbolic import Expression
 from pydrake.systems.framework import Diagram
 
+from sdt_drake.errors import checked_count
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 from sdt_drake.systems.wiring import Wiring
 
@@ -37,6 +38,7 @@ class GainSchedule(Diagram):
     def __init__(self, *, n: int) -> None:
         """For n joints."""
         super().__init__()
+        checked_count(n, "n")
 
         def reference_law(_x: Symbols, reference: Symbols, share: Symbols) -> list[Expression]:
             q_ref, v_ref, vd_ref = np.split(reference, 3)

@@ -8,6 +8,7 @@ from pydrake.systems import controllers
 from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import Demultiplexer, Gain
 
+from sdt_drake.errors import checked_positive
 from sdt_drake.robot import Robot
 from sdt_drake.systems.wiring import Wiring
 
@@ -42,7 +43,9 @@ class InverseDynamicsController(Diagram):
             zeta: its damping ratio [-], shape (n,), > 0.
         """
         super().__init__()
-        n, omega_n, zeta = model.n, np.asarray(omega_n), np.asarray(zeta)
+        # Drake's own ends the process where their lengths do not fit.
+        omega_n = checked_positive(omega_n, "omega_n", n := model.n)
+        zeta = checked_positive(zeta, "zeta", n)
         law = controllers.InverseDynamicsController(
             model.make_plant(),
             kp=omega_n**2,

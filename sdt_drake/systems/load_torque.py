@@ -12,7 +12,8 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValueProducer
 
 from sdt_drake.arrays import Array
-from sdt_drake.dynamics import Loads, decouple, groups_of_sample
+from sdt_drake.dynamics import SIGNS, Loads, decouple, groups_of_sample
+from sdt_drake.errors import checked_choice
 from sdt_drake.robot import Robot
 
 
@@ -99,6 +100,7 @@ class LoadTorque(ReferenceTorque):
 
     def __init__(self, *, robot: Robot, algorithm: str = "consistent") -> None:
         """Of `robot`; `algorithm`: sign of Algorithm 1's third branch, one of SIGNS."""
+        checked_choice(algorithm, SIGNS, "algorithm")
 
         def law(groups: Sequence[Array], _v: Array, _vd: Array) -> Loads:
             inertial, reaction, velocity, gravity = groups

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.primitives import Adder, Gain, Integrator, LinearSystem, MatrixGain
 
-from sdt_drake.control import SpeedGains
+from sdt_drake.control import STRUCTURES, SpeedGains
+from sdt_drake.errors import checked_choice, checked_positive
 from sdt_drake.systems.wiring import Wiring
 
 
@@ -66,7 +67,9 @@ class PiSpeedController(Diagram):
                 integral grows by period times the error at each. Continuous by default.
         """
         super().__init__()
-        n, r, kp = len(gains.kp), np.diag(np.asarray(gear_ratio)), gains.kp
+        checked_choice(structure, STRUCTURES, "structure")
+        n, kp = len(gains.kp), gains.kp
+        r = np.diag(checked_positive(gear_ratio, "gear_ratio", n))
         zero, one = np.zeros((n, n)), np.eye(n)
         integral: System = Integrator(n)
         if period is not None:

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import MatrixGain, Multiplexer
 
+from sdt_drake.errors import checked_positive
 from sdt_drake.systems.wiring import Wiring
 
 
@@ -33,7 +34,8 @@ class PositionLoop(Diagram):
     def __init__(self, *, position_gain: ArrayLike) -> None:
         """K_V [1/s], shape (n,), > 0."""
         super().__init__()
-        n = np.size(position_gain)
+        position_gain = checked_positive(position_gain, "position_gain")
+        n = len(position_gain)
         law = np.eye(3 * n, 5 * n)
         law[n : 2 * n, :n] = np.diag(position_gain)
         law[n : 2 * n, 3 * n : 4 * n] = -np.diag(position_gain)

@@ -9,6 +9,7 @@ from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import Saturation
 
 from sdt_drake.arrays import Array
+from sdt_drake.errors import InputError, checked_positive
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 from sdt_drake.systems.wiring import Wiring
 
@@ -58,9 +59,11 @@ class DynamicSaturation(SymbolicLaw):
                 by default.
             widened: whether there is an input `alleviating_torque`; else a = 0.
         """
-        limit = np.asarray(motor_torque_limit)
-        rated, no_load = np.asarray(n1), np.asarray(n0)
+        if (n1 is None) != (n0 is None):
+            raise InputError("n1, n0: one is missing, expected both or neither")
+        limit = checked_positive(motor_torque_limit, "motor_torque_limit")
         n, is_constant = len(limit), n1 is None or n0 is None
+        rated, no_load = np.asarray(n1), np.asarray(n0)
         if is_constant and not widened:
             Diagram.__init__(self)
             wiring = Wiring()  # Drake's own block is quicker than a law in symbols
@@ -72,7 +75,7 @@ class DynamicSaturation(SymbolicLaw):
 
         def within_envelope(motor_speed: Symbols) -> Symbols:
             left = (no_load - motor_speed) / (no_load - rated)
-            return limit * [sym.min(sym.max(share, nothing), all_of_it) for share in left]
+            return limit * np.array([sym.min(sym.max(share, nothing), all_of_it) for share in left])
 
         def law(_x: Symbols, tau_cmd: Symbols, *others: Symbols) -> list[sym.Expression]:
             down: Array | Symbols = limit

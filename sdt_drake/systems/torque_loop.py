@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.primitives import FirstOrderLowPassFilter, Gain
 
+from sdt_drake.errors import checked_positive
 from sdt_drake.systems.wiring import Wiring
 
 
@@ -46,7 +47,7 @@ class TorqueLoop(Diagram):
             error: share of the torque [-], shape (n,); 0 by default.
         """
         super().__init__()
-        limit = np.asarray(motor_torque_limit)
+        limit = checked_positive(motor_torque_limit, "motor_torque_limit")
         gain = np.ones(len(limit)) if error is None else 1 + np.asarray(error)
         self._lag, wiring = None, Wiring()
         # An error-controlled integrator takes 1 N m as seriously as 1 rad/s. In units of 100 limits

@@ -36,6 +36,7 @@ from sdt_drake import systems
 from sdt_drake.controllers import CONTROLLERS, Controller, make_controller
 from sdt_drake.deviation import Deviation, deviated
 from sdt_drake.device import OVERFLOW_RATE, sliding_friction
+from sdt_drake.errors import InputError
 from sdt_drake.robot import load_robot
 from sdt_drake.viewer import open_meshcat
 
@@ -103,6 +104,35 @@ def test_works_alone_in_any_builder(name, robot):
     diagram = Alone(builder.Build())
     for output in outputs_of(block):
         assert np.all(np.isfinite(diagram.output(output)))
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "message"),
+    [
+        ("AxisProcess", {"i_eff": [1.0, 0.0, 2.0]}, r"i_eff: .* finite numbers > 0"),
+        ("AxisProcess", {"gear_ratio": [1.0]}, r"gear_ratio: .* list of 3 finite numbers > 0"),
+        ("AxisProcess", {"i_eff": 2.0}, "i_eff: 2.0, expected a list of finite"),
+        ("CtcFeedforward", {"n": 0}, "n: 0, expected a whole number >= 1"),
+        ("Disturbance", {"n": 1.5}, "n: 1.5, expected a whole number >= 1"),
+        ("Disturbance", {"amplitude": np.nan}, "amplitude: nan, expected a finite number >= 0"),
+        ("DynamicSaturation", {"n1": [1.0] * N}, "n1, n0: one is missing, expected both"),
+        ("ElasticJoints", {"gear_ratio": [1.0]}, "gear_ratio: .* list of 3"),
+        ("Encoder", {"period": 0}, "period: 0, expected a finite number > 0"),
+        ("Encoder", {"resolution": [5.0] * N}, "gear_ratio: missing, expected with a resolution"),
+        ("GainSchedule", {"n": "3"}, "n: '3', expected a whole number"),
+        ("InverseDynamicsController", {"zeta": [1.0]}, "zeta: .* list of 4"),
+        ("JointFriction", {"gear_ratio": [1.0]}, "gear_ratio: .* list of 3"),
+        ("LoadTorque", {"algorithm": "neither"}, "algorithm: 'neither', expected one of consist"),
+        ("PiSpeedController", {"structure": "p"}, "structure: 'p', expected one of pi, p_in"),
+        ("PositionLoop", {"position_gain": [np.inf]}, r"position_gain: \[inf\], expected"),
+        ("TorqueLoop", {"motor_torque_limit": ["a"]}, r"motor_torque_limit: \['a'\], expected"),
+    ],
+)
+def test_sizes_and_numbers_that_do_not_fit_are_one_line(name, changes, message, robot):
+    """Where Drake says what it could not multiply, or ends the process."""
+    with pytest.raises(InputError, match=f"^{message}") as caught:
+        made(name, robot, **changes)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
