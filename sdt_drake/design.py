@@ -30,7 +30,7 @@ from sdt_drake.dynamics import (
     effective_inertia,
     torque_groups,
 )
-from sdt_drake.errors import InputError, within
+from sdt_drake.errors import InputError, checked_type, within
 from sdt_drake.fields import check
 from sdt_drake.motion import LearnedReference, Motion, load_learned, load_plan
 from sdt_drake.plant import plant_along
@@ -225,6 +225,7 @@ def make_design(
     Raises:
         InputError: for any bad input on the way.
     """
+    checked_type(scenario, Scenario, "scenario", "sdt_drake.load")
     nominal, robot, model = _robots(scenario, robot)
     wanted = _planned(scenario, nominal) if motion is None else motion
     with within(_name(scenario)):
@@ -235,7 +236,6 @@ def make_design(
         nominal_torques = torques or _along(nominal, motion)
         torques = nominal_torques if loaded is nominal else _along(loaded, motion)
         inertia, i_eff, springs, friction = plant_along(scenario, robot, motion, torques)
-
         modelled = nominal_torques if model is nominal else _along(model, motion)
         i_eff_modelled = effective_inertia(model, modelled.d_kk)
         largest = i_eff_modelled.max(axis=0)

@@ -87,6 +87,17 @@ def checked_positive(values: ArrayLike, where: str, n: int | None = None) -> Arr
     return array
 
 
+def checked_type(value: object, kind: type, where: str, made_by: str) -> None:
+    """Refuse what is not of a kind; made_by: how one gets it.
+
+    Raises:
+        InputError: naming `where`.
+    """
+    if not isinstance(value, kind):
+        told = type(value).__name__
+        raise InputError(f"{where}: a {told}, expected a {kind.__name__}, as {made_by} makes it")
+
+
 def checked_choice(value: str, choices: tuple[str, ...], where: str) -> str:
     """`value` if it is one of `choices`.
 

@@ -17,7 +17,7 @@ import sdt_drake
 from sdt_drake.arrays import Array
 from sdt_drake.controllers import own_code
 from sdt_drake.design import Design, make_design
-from sdt_drake.errors import InputError, checked_number
+from sdt_drake.errors import InputError, checked_number, checked_type
 from sdt_drake.fields import setting
 from sdt_drake.loops import Loop, make_loop
 from sdt_drake.motor_torque import Seen, arrived, knows_its_command, period_torque
@@ -244,6 +244,7 @@ def simulate(
         InputError: for a diagram without the design's loop; if the integrator makes no headway,
             with the time.
     """
+    checked_type(design, Design, "design", "sdt_drake.design")
     checked_number(realtime_rate, "realtime_rate", minimum=0)
     diagram = make_loop(design) if diagram is None else diagram
     loop = _loop_in(design, diagram)

@@ -14,7 +14,7 @@ from pydrake.geometry import Meshcat, MeshcatParams
 
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
-from sdt_drake.errors import InputError, replacing
+from sdt_drake.errors import InputError, checked_type, replacing
 from sdt_drake.motion import Story
 from sdt_drake.pilot import check_head
 from sdt_drake.resources import page_text
@@ -109,6 +109,7 @@ def view(design: Design, recording: Recording | None = None, *, pilot: bool = Fa
     Raises:
         InputError: if there is no pilot, or the motion is too long.
     """
+    checked_type(design, Design, "design", "sdt_drake.design")
     if pilot:
         check_head(design.robot)
     motion, title = design.motion, design.scenario.name

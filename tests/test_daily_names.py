@@ -169,3 +169,19 @@ def test_a_sample_that_is_not_there(short):
 
 def test_recording_is_the_class_of_daily_use():
     assert sdt.Recording is Recording
+
+
+def test_one_kind_for_another_is_one_line():
+    with pytest.raises(sdt.InputError, match=r"^scenario: a str, expected a Scenario, as .*\.load"):
+        sdt.design("coupled_pi")
+    scenario = sdt.load("coupled_pi")
+    for use in (sdt.loop, sdt.simulate, sdt.linear, sdt.view, lambda it: sdt.compare(it, ["pi"])):
+        with pytest.raises(sdt.InputError, match=r"^design: a Scenario, expected a Design, as "):
+            use(scenario)
+
+
+def test_labels_and_controllers_are_not_each_other(short):
+    with pytest.raises(sdt.InputError, match=r"^controllers: 'pi', expected a list .* \['pi'\]$"):
+        sdt.compare(short, "pi")
+    with pytest.raises(sdt.InputError, match=r"^controller: a str, expected a System"):
+        sdt.loop(short, controller="pi")

@@ -27,7 +27,7 @@ from sdt_drake.arrays import Array
 from sdt_drake.control import FEEDFORWARDS
 from sdt_drake.controllers import CONTROLLERS, Controller
 from sdt_drake.design import Design
-from sdt_drake.errors import InputError, checked_choice, needing, replacing
+from sdt_drake.errors import InputError, checked_choice, checked_type, needing, replacing
 from sdt_drake.loops import blocks_of, make_loop
 from sdt_drake.pilot import has_head
 from sdt_drake.progress import as_part, part
@@ -120,6 +120,7 @@ def compare(design: Design, labels: Sequence[str]) -> Comparison:
     Raises:
         InputError: for a label that is unknown or twice there, or a kind that the plant rules out.
     """
+    checked_type(design, Design, "design", "sdt_drake.design")
     check_labels(labels)
     designs = [design_with(design, label) for label in labels]
     # One at a time where Python runs in the loop: two would wait for each other.
@@ -161,6 +162,8 @@ def check_labels(labels: Sequence[str], where: str = "controllers") -> None:
     Raises:
         InputError: naming `where` and what would be right.
     """
+    if isinstance(labels, str):
+        raise InputError(f"{where}: '{labels}', expected a list of labels: ['{labels}']")
     if not labels:
         raise InputError(f"{where}: none given, expected some of {', '.join(CONTROLLERS)}")
     seen = set()

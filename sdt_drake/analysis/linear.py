@@ -23,7 +23,7 @@ from pydrake.systems.primitives import (
 from sdt_drake.arrays import Array
 from sdt_drake.controllers import CONTROLLERS, Controller
 from sdt_drake.design import Design
-from sdt_drake.errors import InputError, needing
+from sdt_drake.errors import InputError, checked_type, needing
 from sdt_drake.loops import make_process
 from sdt_drake.shown import Shown, Summary
 
@@ -214,6 +214,7 @@ def linear(design: Design, sample: int = 0) -> LinearModel:
         InputError: for a sample that the motion does not have, or a controller that cannot be
             linearised.
     """
+    checked_type(design, Design, "design", "sdt_drake.design")
     last = len(design.motion.v) - 1
     if not 0 <= sample <= last:
         raise InputError(f"sample: {sample}, expected 0 to {last}")

@@ -15,7 +15,7 @@ from sdt_drake.control import SpeedGains
 from sdt_drake.controllers import Controller, make_controller
 from sdt_drake.controllers.base import add_table
 from sdt_drake.design import Design
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, checked_type
 from sdt_drake.loops.device import add_device, add_loads, add_moved
 from sdt_drake.loops.rest import at_rest, fill_holds
 from sdt_drake.systems import (
@@ -145,6 +145,7 @@ def make_loop(
     design: Design, *, controller: System | None = None, meshcat: Meshcat | None = None
 ) -> Loop:
     """The loop of the scenario's plant: `make_axis_loop` or `make_coupled_loop`."""
+    checked_type(design, Design, "design", "sdt_drake.design")
     make = {"axis": make_axis_loop, "coupled": make_coupled_loop}[design.scenario.plant.kind]
     return make(design, controller=controller, meshcat=meshcat)
 
@@ -225,6 +226,7 @@ def make_step_loop(
 
 
 def _checked_controller(controller: System, n: int) -> System:
+    checked_type(controller, System, "controller", "a class of one's own")
     ports = map(controller.get_output_port, range(controller.num_output_ports()))
     outputs = {port.get_name(): port.size() for port in ports}
     if outputs != {"tau_cmd": n}:
