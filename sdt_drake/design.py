@@ -115,9 +115,9 @@ class Design(Shown):
 
     def plot(self) -> Figure:
         """Effective inertia along the motion, motor side."""
-        i_eff = effective_inertia(self.robot, self.torques.d_kk)
-        title, names = f"{self.scenario.name}: effective inertia", self.robot.joint_names
-        return sdt_drake.plots.effective_inertia(title, self.motion.time, i_eff, names)
+        robot, title = self.robot, f"{self.scenario.name}: effective inertia, motor side"
+        i_eff = effective_inertia(robot, self.torques.d_kk)
+        return sdt_drake.plots.effective_inertia(title, self.motion.time, i_eff, robot.joint_names)
 
     def linear(self, sample: int = 0) -> LinearModel:
         """The closed loop around a sample of the motion, at rest there; see `sdt_drake.linear`."""

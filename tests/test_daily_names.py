@@ -111,6 +111,9 @@ def test_objects_plot_themselves(robot, short, run):
         *(plan.plot(robot), Comparison([run_of("pi_ctc", short, run)]).plot()),
     ]
     assert all(isinstance(figure, Figure) for figure in figures)
+    titles = [figure.get_suptitle() for figure in figures]
+    assert titles[1].endswith("effective inertia, motor side")
+    assert titles[4].startswith("Comparison of 1 controllers on ")
 
 
 def test_tables_of_pandas(short, run):

@@ -95,7 +95,7 @@ class Comparison(list[Compared], Shown):
 
     def plot(self) -> Figure:
         """Errors and torques of all, side by side."""
-        return sdt_drake.plots.comparison(self.summary().title, self)
+        return sdt_drake.plots.comparison(f"Comparison {self.summary().title}", self)
 
     def to_pandas(self) -> pd.DataFrame:
         """METRICS in their computed units (SI), a row for each controller and joint.
