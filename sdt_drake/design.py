@@ -240,15 +240,15 @@ def make_design(
         i_eff_modelled = effective_inertia(model, modelled.d_kk)
         largest = i_eff_modelled.max(axis=0)
         gains = _gains(scenario, largest, nominal)
-        omega_n = natural_frequency(gains, largest)
         slowest = i_eff if scenario.plant.kind == "axis" else inertia.minimum
         check_poles(scenario, robot, gains, slowest, springs)
 
-    feedforward, k_v = _feedforward(scenario, model), scenario.controller.position_gain
+    feedforward = _feedforward(scenario, model)
     learned_torque = None if taught is None else taught.torque
     tau_ff = None if feedforward is None else _fed(feedforward, modelled, motion)
     if learned_torque is not None:
         tau_ff = learned_torque + (0.0 if tau_ff is None else tau_ff)
+    omega_n, k_v = natural_frequency(gains, largest), scenario.controller.position_gain
     steady = Motion(motion.period, motion.q[:1], motion.v[:1], np.zeros_like(motion.v[:1]))
     return Design(
         scenario=scenario,

@@ -128,17 +128,10 @@ def nearest_consistent(
             fixed[10 * link.body : 10 * link.body + 10] += parameters_of(link.pseudo)
     maps, unknowns = [], []
     for link in links:
-        root = _root(link.pseudo)
         Z = program.NewSymmetricContinuousVariables(4)
         program.AddMaximizeLogDeterminantCost(Z)
         program.AddLinearCost(Z[0, 0] + Z[1, 1] + Z[2, 2] + Z[3, 3])
-        effect = np.zeros((11 * robot.n, 10))
-        for column, (i, j) in enumerate(SYMMETRIC):
-            unit = np.zeros((4, 4))
-            unit[i, j] = unit[j, i] = 1.0
-            rows = slice(10 * link.body, 10 * link.body + 10)
-            effect[rows, column] = parameters_of(root @ unit @ root.T)
-        maps.append(effect)
+        maps.append(_effect(robot, link))
         unknowns.append(np.array([Z[i, j] for i, j in SYMMETRIC]))
     scale = motor_scale(robot)
     is_free = np.isin(10 * robot.n + np.arange(robot.n), unknown.columns)
@@ -173,6 +166,17 @@ def nearest_consistent(
         for i, link in enumerate(links)
     ]
     return Consistent(links, pseudo, phi[10 * robot.n :], K @ phi[unknown.columns])
+
+
+def _effect(robot: Robot, link: Link) -> Array:
+    """Of the ten entries of Z on all parameters, shape (11 n, 10)."""
+    root, effect = _root(link.pseudo), np.zeros((11 * robot.n, 10))
+    for column, (i, j) in enumerate(SYMMETRIC):
+        unit = np.zeros((4, 4))
+        unit[i, j] = unit[j, i] = 1.0
+        rows = slice(10 * link.body, 10 * link.body + 10)
+        effect[rows, column] = parameters_of(root @ unit @ root.T)
+    return effect
 
 
 def motor_scale(robot: Robot) -> Array:
