@@ -292,6 +292,10 @@ def _groups(path: Path, header: list[str]) -> dict[str, list[int]]:
             continue
         group = groups.setdefault(stem, [])
         if k != str(len(group) + 1):
-            raise InputError(f"{path}: column '{name}', expected '{stem}_{len(group) + 1}'")
+            before = header[column - 1].rpartition("_")[0]
+            if not group and before in groups and k == str(len(groups[before]) + 1):
+                stem = before  # `v_1, v_2, w_3` misspells v_3
+            expected = f"{stem}_{len(groups[stem]) + 1}"
+            raise InputError(f"{path}: column '{name}', expected '{expected}'")
         group.append(column)
     return groups

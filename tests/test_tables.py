@@ -84,6 +84,7 @@ BAD = [
     (GOOD.replace("v_1,v_2", "v_2,v_1"), "column 'v_2', expected 'v_1'"),
     (GOOD.replace("v_1,v_2", "v_1,v_1"), "column 'v_1', expected 'v_2'"),
     (GOOD.replace("v_1,v_2", "v_1,v_3"), "column 'v_3', expected 'v_2'"),
+    (GOOD.replace("v_2", "w_2"), "column 'w_2', expected 'v_2'"),
     (GOOD.replace("v_2", f"v_{'2' * 5000}"), "column 'v_2+', expected 'v_2'"),
     (GOOD.replace("0.5", "-1e308").replace("1.0", "1e308"), ", line 3: time goes from 0 to -1e"),
 ]
