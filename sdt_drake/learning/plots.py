@@ -52,8 +52,9 @@ def check(
             plain_numbers(ax.yaxis)
         for ax in axes.flat[len(joint_names) :]:
             ax.set_visible(False)
-        for ax in axes[-1]:
+        for ax in axes.flat[max(0, len(joint_names) - 2) : len(joint_names)]:  # the lowest shown
             ax.set_xlabel("frequency [Hz]")
+            ax.tick_params(labelbottom=True)
         finish(figure, title)
     return figure
 

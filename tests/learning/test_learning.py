@@ -12,6 +12,7 @@ import pytest
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.design import make_design
 from sdt_drake.errors import InputError
+from sdt_drake.learning import plots
 from sdt_drake.learning.convergence import convergence, refuse_divergence
 from sdt_drake.learning.filter import design_filter
 from sdt_drake.learning.flights import fly, learn, next_step, reason_to_stop
@@ -241,3 +242,16 @@ def test_the_command_refuses_what_it_cannot_do(refuse, given):
     refuse("learn", "../given/coupled.yaml", "--bandwidth", "0", saying=("--bandwidth: 0 Hz",))
     refuse("learn", "../given/coupled.yaml", "--study", "nothing", saying=("nothing",))
     refuse("learn", "../given/coupled.yaml", "--out", "../given/run.yaml", saying=("is a file",))
+
+
+def test_every_column_of_what_a_flight_leaves_has_its_frequencies_below(cascade):
+    """Of three joints the second has no panel below it."""
+    design = cascade()
+    loops = loops_of(design, "reference")
+    filter_ = design_filter(design, loops, "reference")
+    left = [convergence(filter_, one) for one in loops]
+    figure = plots.check("three joints", left, filter_, design.robot.joint_names[:3])
+    figure.canvas.draw()
+    below = [bool(ax.get_xlabel()) for ax in figure.axes if ax.get_visible()]
+    assert below == [False, True, True]
+    assert any(tick.label1.get_visible() for tick in figure.axes[1].xaxis.get_major_ticks())
