@@ -385,7 +385,7 @@ def stability(
             damping.set(ylim=(-1, 1.02), ylabel="smallest damping ratio")
             overshoot.set(ylim=(0, 100), ylabel="overshoot of the link [%]", xlabel="ω_n / ω_r")
             for ax in (damping, overshoot):
-                ax.axvline(0.5, color="0.4", linewidth=0.8)
+                rule = ax.axvline(0.5, color="0.4", linestyle=":", label="ω_n = 0.5 ω_r")
                 ax.margins(x=0)
         by_joint = [
             Line2D([], [], color=nth_look(k).colour, label=joint_title(k, name))
@@ -395,5 +395,5 @@ def stability(
             Line2D([], [], color="0.3", linestyle=nth_look(i).dashes, label=loop)
             for i, loop in enumerate(next(iter(sweeps.values())))
         ]
-        finish(figure, f"{title} (shaded: unstable)", by_joint + by_loop)
+        finish(figure, f"{title} (shaded: unstable)", [*by_joint, *by_loop, rule])
     return figure

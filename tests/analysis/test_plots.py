@@ -212,6 +212,13 @@ def test_colours_of_the_paper(figures):
         assert same_color(ax.get_lines()[0].get_color(), BLUE)
 
 
+def test_the_legend_of_stability_tells_the_rule_from_the_loops(figures):
+    (rule,) = (h for h in figures["stability"].legends[0].legend_handles if "0.5" in h.get_label())
+    drawn = [x for x in figures["stability"].axes[0].lines if x.get_label() == rule.get_label()]
+    assert [x.get_xdata()[0] for x in drawn] == [0.5]
+    assert drawn[0].get_linestyle() == rule.get_linestyle() == ":"
+
+
 def test_effective_inertia_shows_its_range_and_what_is_published(motion):
     t = motion.time[:, None]
     i_eff = np.hstack([4 + np.sin(t), 100 - 10 * t, np.full_like(t, 7.0)])
