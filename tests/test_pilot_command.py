@@ -146,7 +146,10 @@ def test_a_recording_of_another_number_of_joints_is_refused(call, desk, recordin
     keep = [i for i, name in enumerate(lines[0].split(",")) if not name.endswith("_4")]
     less = "\n".join(",".join(line.split(",")[i] for i in keep) for line in lines)
     (desk / "less.csv").write_text(less, encoding="utf-8")
-    refused(call("pilot", "less.csv"), "less.csv: recorded with 3 joint(s), but sdt has 4")
+    refused(
+        call("pilot", "less.csv"),
+        "less.csv: recorded with 3 joint(s), but sdt has 4; --robot names that",
+    )
 
 
 @pytest.mark.parametrize(

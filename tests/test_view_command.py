@@ -115,7 +115,7 @@ def test_plays_once_and_says_where(desk, good):
         (("run.yaml", "--record", "a.html", "--rate", "2"), "--rate: has no effect"),
         (("none.yaml",), "none.yaml"),
         (("speeds.csv",), "speeds.csv: no columns q_1"),
-        (("three.csv",), "three.csv: angles of 3 joint(s), robot 'sdt' has 4"),
+        (("three.csv",), "three.csv: angles of 3 joint(s), robot 'sdt' has 4; --robot"),
         (("run.png",), "run.png: expected a"),
         (("no_such_motion",), "no_such_motion"),
         (("two.csv",), "two.csv: time: expected at least three samples"),

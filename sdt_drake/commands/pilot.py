@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> None:
     if recording.q.shape[1] != robot.n:
         raise InputError(
             f"{options.scenario}: recorded with {recording.q.shape[1]} joint(s), "
-            f"but {robot.name} has {robot.n}"
+            f"but {robot.name} has {robot.n}; --robot names that of the recording"
         )
     head = track_head(recording, robot)
     period = float(recording.time[1] - recording.time[0])

@@ -156,7 +156,8 @@ def _angles(path: Path, robot: Robot) -> tuple[Array, Array]:
         raise InputError(f"{path}: no columns q_1.. or q_ref_1.., the joint angles [rad]")
     if q.shape[1] != robot.n:
         raise InputError(
-            f"{path}: angles of {q.shape[1]} joint(s), robot '{robot.name}' has {robot.n}"
+            f"{path}: angles of {q.shape[1]} joint(s), robot '{robot.name}' has {robot.n}; "
+            "--robot names that of the table"
         )
     check_limits(path, time, columns)
     return time, q
