@@ -149,7 +149,8 @@ class Excitation:
         target: what it is for.
         condition: of the equations, their columns scaled to one [-].
         sigma: standard deviation of what is to be found, in its units, shape (p,).
-        used: largest share of the limits of the robot that there are, by quantity, shape (n,).
+        used: largest share of the limits of the robot, by quantity, shape (n,); NaN for a joint
+            without that limit. A quantity that no joint has a limit of is left out.
     """
 
     profile: MotionProfile
@@ -233,9 +234,11 @@ def excite(
     columns, torque = target.rows(q, v, vd)
     samples = duration * RATE / _FINE  # of a recording for each row
     sigma, condition = _expected(columns.reshape(len(q) * robot.n, -1), samples)
-    use = Limits.of(robot, 1.0).use(q, v, vd, torque).max(axis=1)
+    limits = Limits.of(robot, 1.0)
+    use = limits.use(q, v, vd, torque).max(axis=1)
     used = dict(zip(("range", "speed", "acceleration", "torque"), use, strict=True))
-    used = {name: share for name, share in used.items() if share.any()}
+    used["acceleration"][np.isinf(limits.acceleration)] = np.nan
+    used = {name: share for name, share in used.items() if not np.isnan(share).all()}
     profile = series.profile(coefficients, duration, "excite")
     return Excitation(profile, target, condition, sigma, used)
 

@@ -43,6 +43,16 @@ def test_the_planner_takes_it_as_it_is_and_it_uses_what_it_may(arm, excitation):
     assert 0.7 < max(share.max() for share in excitation.used.values()) <= 0.8
 
 
+def test_a_joint_without_a_limit_takes_no_share_of_it(excitation, tmp_path):
+    assert "acceleration" not in excitation.used
+    (tmp_path / "arm.sdf").write_text(
+        ARM.replace("</velocity>", "</velocity><drake:acceleration>9</drake:acceleration>", 1)
+    )
+    limited = excite(Target.everything(load_robot(tmp_path / "arm.sdf")), 4.0)
+    first, second = limited.used["acceleration"]
+    assert 0 < first <= 0.8 + 1e-6 and np.isnan(second)
+
+
 def test_the_standard_deviations_are_those_of_fits_to_noise(arm, excitation):
     """Of 300 recordings with torques of noise alone, solved by numpy."""
     motion, target = planned(excitation), excitation.target
