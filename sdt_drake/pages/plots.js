@@ -41,11 +41,12 @@
     const ends = `${x[0]} ${x[x.length - 1]}`;
     const value = (_, number) => short(number);
     const axis = { font: "12px system-ui", labelFont: "12px system-ui", labelSize: 18, values: (_, ticks) => ticks.map(short) };
+    const room = (_, ticks) => Math.max(62, 20 + 7 * Math.max(0, ...(ticks ?? []).map((text) => text.length)));
     const chart = new uPlot({
       width: width(place),
       height: 230,
       scales: { x: { time: false }, y: { range } },
-      axes: [{ ...axis, label: panel.x_label, size: 32, space: 80 }, { ...axis, label: panel.y_label, size: 62 }],
+      axes: [{ ...axis, label: panel.x_label, size: 32, space: 80 }, { ...axis, label: panel.y_label, size: room }],
       series: [
         { label: panel.x_label, value },
         ...panel.lines.map(({ label, colour, dash, dots }) => ({
