@@ -27,12 +27,13 @@ from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, told_by
 from sdt_drake.resources import find_file
 from sdt_drake.sdf import check_sdf, mass_and_inertia, parse_xml, read_robot_file
+from sdt_drake.shown import Shown, Summary, of_joints
 
 DEFAULT_ROBOT = "package://sdt/sdt.sdf"
 
 
-@dataclass(frozen=True, eq=False)
-class Robot:
+@dataclass(frozen=True, eq=False, repr=False)
+class Robot(Shown):
     """A serial chain of n revolute joints, each with a motor and a gear, base to tip.
 
     Attributes:
@@ -73,6 +74,14 @@ class Robot:
     def n(self) -> int:
         """Number of joints."""
         return len(self.joint_names)
+
+    def summary(self) -> Summary:
+        columns = {
+            "gear ratio [-]": (".4g", self.gear_ratio),
+            "largest torque [N m]": (".5g", self.motor_torque_limit),
+            "rotor inertia [kg m²]": (".4g", self.rotor_inertia),
+        }
+        return of_joints(f"{self.name}: {self.n} joints; motor side", columns, self.joint_names)
 
     @cached_property
     def motor_torque_limit(self) -> Array:

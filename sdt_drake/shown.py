@@ -65,10 +65,14 @@ def by_joint(
         names: of the joints.
         columns: header, format and a value for each joint; NaN is a dash.
     """
-    cells = [[format(x, spec).replace("nan", "–") for x in values] for _, spec, values in columns]
+    cells = [[_cell(x, spec) for x in values] for _, spec, values in columns]
     joints = [f"{k + 1} {name}" for k, name in enumerate(names)]
     rows = [list(row) for row in zip(joints, *cells, strict=True)]
     return ["joint", *(header for header, _, _ in columns)], rows
+
+
+def _cell(value: Any, spec: str) -> str:
+    return format(value, spec).replace("nan", "–")
 
 
 def aligned(
@@ -133,11 +137,12 @@ def _lines(columns: Sequence[Sequence[str]]) -> list[str]:
 def of_joints(
     title: str, columns: Mapping[str, tuple[str, Array]], names: Sequence[str] = ()
 ) -> Summary:
-    """A table with a row for each joint: by header, a format and the values, shape (n,)."""
+    """A table with a row for each joint: by header, a format and the values, shape (n,);
+    NaN is a dash."""
     n = len(next(iter(columns.values()))[1])
     joints = [f"{k + 1} {name}" for k, name in enumerate(names or [""] * n)]
     rows = [
-        [joint.strip(), *(format(values[k], spec) for spec, values in columns.values())]
+        [joint.strip(), *(_cell(values[k], spec) for spec, values in columns.values())]
         for k, joint in enumerate(joints)
     ]
     return Summary(title, ("joint", *columns), rows)

@@ -73,6 +73,8 @@ def test_objects_show_themselves_shortly(robot, short, run):
         "Recording": run,
         "Comparison": Comparison([run_of("pi_ctc", short, run)]),
         "LinearModel": short.linear(),
+        "Robot": robot,
+        "Tracking": sdt.track(run, short.motion),
     }
     for name, thing in shown.items():
         line, text, page = repr(thing), str(thing), thing._repr_html_()

@@ -17,14 +17,15 @@ from sdt_drake.pilot import (
     head_motion_of_samples,
 )
 from sdt_drake.robot import Robot
+from sdt_drake.shown import Shown, Summary, of_joints
 from sdt_drake.simulate import Recording
 
 SETTLED_AFTER = 1.0
 """How long a joint must have had constant speed before its error counts as steady [s]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Tracking:
+@dataclass(frozen=True, eq=False, repr=False)
+class Tracking(Shown):
     """How well each joint follows; joint side, each of shape (n,).
 
     Attributes:
@@ -41,6 +42,16 @@ class Tracking:
     constant_speed_error: Array
     saturated_fraction: Array
     max_abs_position_error: Array
+
+    def summary(self) -> Summary:
+        columns = {
+            "largest speed error [rad/s]": (".4f", self.max_abs_speed_error),
+            "RMS [rad/s]": (".5f", self.rms_speed_error),
+            "at constant speed [rad/s]": (".4f", self.constant_speed_error),
+            "largest position error [deg]": (".3f", np.degrees(self.max_abs_position_error)),
+            "saturated [%]": (".2f", 100 * self.saturated_fraction),
+        }
+        return of_joints(f"of {len(self.rms_speed_error)} joints; joint side", columns)
 
 
 def track(recording: Recording, motion: Motion) -> Tracking:
