@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields
 from itertools import pairwise
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
-from pydrake.systems.framework import Diagram
+from pydrake.systems.framework import Diagram, System
 
 import sdt_drake
 from sdt_drake.arrays import Array
@@ -236,7 +236,7 @@ def simulate(
 
     Args:
         design: a resolved scenario.
-        diagram: its loop, or a diagram that has it as a subsystem; built here by default.
+        diagram: its loop, or a diagram that has it within, however deep; built here by default.
         realtime_rate: how fast to go, 1 in real time, to watch a loop with a Meshcat; 0: as fast
             as it can.
 
@@ -311,13 +311,21 @@ def _looks(design: Design, step: float, late: float) -> Array:
 
 
 def _loop_in(design: Design, diagram: Diagram) -> Loop:
-    loops = [system for system in (diagram, *diagram.GetSystems()) if isinstance(system, Loop)]
+    loops = list(_loops(diagram))
     if len(loops) != 1 or loops[0].design is not design:
         raise InputError(
             f"diagram: {diagram.get_name()!r}, expected the loop of the design or a diagram that "
             "has it as a subsystem"
         )
     return loops[0]
+
+
+def _loops(system: System) -> Iterator[Loop]:
+    if isinstance(system, Loop):
+        yield system
+    elif isinstance(system, Diagram):
+        for part in system.GetSystems():
+            yield from _loops(part)
 
 
 def _recording(
