@@ -29,13 +29,16 @@ def write_table(
 ) -> None:
     """Write `time` [s], shape (N,), and columns of shape (N, n), exactly (17 digits).
 
-    The suffix says how: .mat, .parquet, or else CSV. `first` is the name of the first column,
+    The suffix says how, one of TABLES. `first` is the name of the first column,
     where it is not the time.
 
     Raises:
-        InputError: if the file cannot be written, or needs a package that is not installed.
+        InputError: for another suffix; if the file cannot be written, or needs a package that is
+            not installed.
     """
     path, whole = Path(path), {first: time, **columns}
+    if path.suffix not in TABLES:
+        raise InputError(f"{path}: unknown kind of file, expected {', '.join(TABLES)}")
     if path.suffix in BINARY:
         check_binary(path)
         with replacing(path) as partial:

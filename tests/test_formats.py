@@ -61,6 +61,8 @@ def test_what_is_refused(recording, tmp_path, suffix, monkeypatch):
     dataclasses.replace(recording, time=TIME[::-1]).save(file)
     with pytest.raises(InputError, match=f"run{suffix}, row 2: time goes from 0.02 to 0.015 s"):
         Recording.load(file)
+    with pytest.raises(InputError, match=r"run\.xlsx: unknown kind of file, expected \.csv, \.mat"):
+        recording.save(tmp_path / "run.xlsx")
     dataclasses.replace(recording, q=np.full((5, N), np.nan)).save(file)
     with pytest.raises(InputError, match=f"run{suffix}, row 1: q_1 is nan, expected a finite"):
         Recording.load(file)
