@@ -60,7 +60,7 @@ BAD = [
     ("mass: 10", "gear_ratio: 2\n    mass: 10", "motors[1].gear_ratio: 2, but a torque motor dri"),
     ("id: M1", "id: ''", "motors[1].id: empty, expected a text"),
     (MOTOR, MOTOR + MOTOR, "motors[2].id: 'M1' is given twice"),
-    (MOTOR, " []", "motors: empty, expected a list of entries"),
+    (MOTOR, " []", "motors: empty, expected a list of mappings"),
     *(
         (f"{name}: ", f"{name}: -", f"motors[1].{name}: -")
         for name in ("peak_torque", "rated_torque", "rotor_inertia", "n1_rpm", "n0_rpm", "mass",
