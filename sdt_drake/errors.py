@@ -94,8 +94,10 @@ def checked_type(value: object, kind: type, where: str, made_by: str) -> None:
         InputError: naming `where`.
     """
     if not isinstance(value, kind):
-        told = type(value).__name__
-        raise InputError(f"{where}: a {told}, expected a {kind.__name__}, as {made_by} makes it")
+        told = f"a {type(value).__name__}"
+        if isinstance(value, type):
+            told = f"the class {value.__name__}"
+        raise InputError(f"{where}: {told}, expected a {kind.__name__}, as {made_by} makes it")
 
 
 def checked_choice(value: str, choices: tuple[str, ...], where: str) -> str:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from pydrake.systems.primitives import Adder
 
 import sdt_drake as sdt
 from sdt_drake.analysis.comparison import Comparison, run_of
@@ -179,6 +180,8 @@ def test_recording_is_the_class_of_daily_use():
 def test_one_kind_for_another_is_one_line():
     with pytest.raises(sdt.InputError, match=r"^scenario: a str, expected a Scenario, as .*\.load"):
         sdt.design("coupled_pi")
+    with pytest.raises(sdt.InputError, match=r"^robot: a str, expected a Robot, as .*load_robot"):
+        sdt.plan("leans", "sdt")
     scenario = sdt.load("coupled_pi")
     for use in (sdt.loop, sdt.simulate, sdt.linear, sdt.view, lambda it: sdt.compare(it, ["pi"])):
         with pytest.raises(sdt.InputError, match=r"^design: a Scenario, expected a Design, as "):
@@ -190,3 +193,5 @@ def test_labels_and_controllers_are_not_each_other(short):
         sdt.compare(short, "pi")
     with pytest.raises(sdt.InputError, match=r"^controller: a str, expected a System"):
         sdt.loop(short, controller="pi")
+    with pytest.raises(sdt.InputError, match=r"^controller: the class Adder, expected a System"):
+        sdt.loop(short, controller=Adder)

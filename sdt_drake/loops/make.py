@@ -13,7 +13,7 @@ from pydrake.systems.primitives import ConstantVectorSource, VectorLogSink
 from sdt_drake.arrays import Array
 from sdt_drake.control import SpeedGains
 from sdt_drake.controllers import Controller, make_controller
-from sdt_drake.controllers.base import add_table
+from sdt_drake.controllers.base import SIGNALS, add_table
 from sdt_drake.design import Design
 from sdt_drake.errors import InputError, checked_type
 from sdt_drake.loops.device import add_device, add_loads, add_moved
@@ -226,7 +226,7 @@ def make_step_loop(
 
 
 def _checked_controller(controller: System, n: int) -> System:
-    checked_type(controller, System, "controller", "a class of one's own")
+    checked_type(controller, System, "controller", "calling its class")
     ports = map(controller.get_output_port, range(controller.num_output_ports()))
     outputs = {port.get_name(): port.size() for port in ports}
     if outputs != {"tau_cmd": n}:
@@ -234,6 +234,10 @@ def _checked_controller(controller: System, n: int) -> System:
         raise InputError(
             f"controller: outputs: {told or 'none'}, expected tau_cmd of length {n} alone"
         )
+    inputs = map(controller.get_input_port, range(controller.num_input_ports()))
+    for name in (port.get_name() for port in inputs):
+        if name not in SIGNALS:
+            raise InputError(f"controller: an input '{name}', expected one of {', '.join(SIGNALS)}")
     return controller
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sdt_drake.errors import InputError, checked_choice, within
+from sdt_drake.errors import InputError, checked_choice, checked_type, within
 from sdt_drake.motion.command import Command, TimedSegment, load_command
 from sdt_drake.motion.files import load_profile
 from sdt_drake.motion.limiter import plan_motion
@@ -91,6 +91,7 @@ def load_plan(
     """
     checked_choice(planner, tuple(PLANNERS), "planner")
     robot = load_robot() if robot is None else robot
+    checked_type(robot, Robot, "robot", "sdt_drake.load_robot")
     file = find_file(path, "motion")
     plan = partial(PLANNERS[planner], robot, period=period, torque_margin=torque_margin)
     with within(file):
