@@ -80,9 +80,11 @@ def chosen_robot(robot: Robot, choice: DeviceChoice) -> Robot:
     Raises:
         InputError: for an unknown motor, or a device that cannot be.
     """
+    if choice == DeviceChoice():
+        return robot
+    motors, fitted = _motors(choice, robot.n)  # also of a device that uses none: told at once
     if choice.changes_nothing:
         return robot
-    motors, fitted = _motors(choice, robot.n)
     with within("device"):
         other = edited(robot, lambda root: _fit(root, robot, choice, motors))
         other = _with_stators(other, _added_masses(motors, fitted, choice.structure_scale))

@@ -174,6 +174,8 @@ REFUSED = [
         {"structure_scale": 0.01, "fitted": FITTED, "catalogue": "nowhere.yaml"},
         "nowhere.yaml: no such file",
     ),
+    ({"catalogue": "nowhere.yaml"}, "nowhere.yaml: no such file"),
+    ({"fitted": ["AC-204", "", "", ""]}, "device.fitted[1]: no motor 'AC-204' in the catalogue"),
 ]
 
 
