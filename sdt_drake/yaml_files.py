@@ -64,8 +64,9 @@ def _put(data: Any, name: str, value: Any) -> None:
         return
     entries, k = data.get(last[1]), int(last[2])
     if not isinstance(entries, list) or k > len(entries):
-        count = len(entries) if isinstance(entries, list) else "no"
-        raise InputError(f"{name}: the file has {count} entries there, expected the whole list")
+        count = len(entries) if isinstance(entries, list) else 0
+        expected = f"[1] to [{count}], or the whole list" if count else "the whole list"
+        raise InputError(f"{name}: the file has {count or 'no'} entries there, expected {expected}")
     data[last[1]] = [*entries[: k - 1], value, *entries[k:]]
 
 

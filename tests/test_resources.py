@@ -122,7 +122,8 @@ def test_set_goes_into_the_run(good, desk, given):
     [
         ("controller.kind=p_p", ["--set controller.kind: 'p_p', expected one of pi, "]),
         ("controller.zeta=[1]", ["--set controller.zeta: 1 value(s), expected 4"]),
-        ("controller.zeta[5]=1", ["--set controller.zeta[5]: the file has 4 entries there"]),
+        ("controller.zeta[5]=1", ["--set controller.zeta[5]: the file", "expected [1] to [4]"]),
+        ("controller.kp[1]=1", ["the file has no entries there, expected the whole list"]),
         ("controllr.kind=pi", ["controllr: no such field, did you", "(with --set controllr.kind)"]),
         ("controller.kp=[1,1,1,1]", ["run.yaml: controller.ki: missing", "(with --set"]),
         ("plant.deviation.payload_mass=-999", ["--set plant.deviation.payload_mass: -999 kg"]),
