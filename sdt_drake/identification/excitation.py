@@ -38,7 +38,7 @@ _STARTS = 40
 _STEP = 1e-6  # of a coefficient, for the gradient
 _STRICTNESS = 100.0  # of the penalty of a sample
 _SOFT = 0.95  # of the limits, from where on a penalty grows
-_TRIED, _FIRST_ROUNDS, _MOST_ROUNDS = 2, 20, 80
+_TRIED, _FIRST_ROUNDS, _MOST_ROUNDS = 2, 12, 50
 
 
 @dataclass(frozen=True, eq=False)
