@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import cycle
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -83,8 +84,12 @@ def nth_look(i: int) -> Look:
 
 
 def looks_of(labels: Sequence[str]) -> list[Look]:
-    """A look for each label: that of its controller; for others, in their order."""
-    return [LOOKS.get(label, nth_look(i)) for i, label in enumerate(labels)]
+    """A look for each label: that of its controller; for others, in their order, one in a colour
+    that no controller has there."""
+    taken = {LOOKS[label].colour for label in labels if label in LOOKS}
+    looks = list(map(nth_look, range(len(PALETTE))))
+    free = cycle([look for look in looks if look.colour not in taken] or looks)
+    return [LOOKS[label] if label in LOOKS else next(free) for label in labels]
 
 
 class Picture(Figure):

@@ -49,6 +49,8 @@ def test_a_controller_looks_the_same_whoever_else_is_there():
     assert len({LOOKS[label][1:] for label in ("pi", "pi_ctc", "pi_id", "p_pi+id")}) == 4
     assert looks_of(["pi", "own"])[0] == looks_of(["own", "pi"])[1] == LOOKS["pi"]
     assert len(set(looks_of(["a", "b", "c"]))) == 3
+    pi, own, other = (look.colour for look in looks_of(["pi", "own", "other"]))
+    assert len({pi, own, other, *(look.colour for look in looks_of(["p_pi"]))}) == 4
     # The paper's blue, red and green.
     hues = [LOOKS[label].colour for label in ("reference", "pi", "pi_ctc")]
     assert hues == ["#0072B2", "#D55E00", "#009E73"]
