@@ -90,8 +90,16 @@ def find_file(text: str | Path, *kinds: str, base: Path | None = None) -> Path:
     return checked_input(path)
 
 
+def a_kind(kind: str) -> str:
+    """For people: "a scenario", "a file of motors"."""
+    return f"a file of {kind}" if kind.endswith("s") else f"a {kind}"
+
+
 def _missing(text: str, path: Path, kinds: tuple[str, ...]) -> str:
     """For people: that there is no such file, which names are like it, where it was looked for."""
+    for other in SHIPPED:
+        if kinds and text in shipped(other):
+            return f"{text}: is {a_kind(other)}, expected {a_kind(kinds[0])}"
     folder, slash, _ = text.rpartition("/")
     short, there = shipped(*kinds), dict[str, str]()
     with contextlib.suppress(OSError), os.scandir(path.parent) as entries:

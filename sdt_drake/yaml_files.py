@@ -11,7 +11,7 @@ import yaml  # of Drake itself
 
 from sdt_drake.errors import InputError, has_control_characters, read_text, told_by, within
 from sdt_drake.fields import made
-from sdt_drake.resources import find_file
+from sdt_drake.resources import a_kind, find_file
 
 T = TypeVar("T")
 
@@ -42,10 +42,30 @@ def load_yaml(
             would be right.
     """
     file = find_file(path, kind)
+    if file.suffix in (".sdf", ".urdf"):
+        raise InputError(f"{path}: is a robot, expected {a_kind(kind)}")
     data = read_yaml(file)
+    _refuse_others(data, path, kind)
     for name, value in (changes or {}).items():
         _put(data, name, value)
     return made(schema, data, file, changes or ()), file
+
+
+_KEYS = {
+    "scenario": {"controller", "plant"},
+    "motion": {"tracks", "joints"},
+    "study": {"variables", "requirements"},
+    "motors": {"motors"},
+    "drives": {"axes"},
+}
+"""What only a file of a kind has, of those that may be mistaken for others."""
+
+
+def _refuse_others(data: Any, path: str | Path, kind: str) -> None:
+    keys = set(data) if isinstance(data, dict) else set()
+    if kind in _KEYS and not keys & _KEYS[kind]:
+        for other in (name for name, own in _KEYS.items() if keys & own):
+            raise InputError(f"{path}: is {a_kind(other)}, expected {a_kind(kind)}")
 
 
 def _put(data: Any, name: str, value: Any) -> None:

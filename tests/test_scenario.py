@@ -254,6 +254,7 @@ def test_paths_start_from_the_folder_of_the_scenario_and_survive_saving(
     folder = tmp_path / "project" / "runs"
     (folder / "robots").mkdir(parents=True)
     (folder / "robots" / "own.sdf").write_bytes(find_file("package://sdt/sdt.sdf").read_bytes())
+    (folder / "own_motors.yaml").write_bytes(find_file("motors", "motors").read_bytes())
     (folder.parent / "still.yaml").write_text(STILL)
     (folder / "first_run.yaml").write_text(PROJECT)
     (tmp_path / start).mkdir(exist_ok=True)

@@ -6,6 +6,8 @@ import pytest
 from pydrake.common.yaml import yaml_load_data
 
 from sdt_drake.errors import InputError
+from sdt_drake.resources import models_dir
+from sdt_drake.scenario import load_scenario
 from sdt_drake.yaml_files import read_yaml
 
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
@@ -78,3 +80,20 @@ f: |
     assert read_yaml(path) == yaml_load_data(text)
     path.write_text("# nothing\n")
     assert read_yaml(path) is None
+
+
+@pytest.mark.parametrize(
+    ("file", "told"),
+    [
+        ("studies/monte_carlo.yaml", "is a study, expected a scenario"),
+        ("studies/sizing.yaml", "is a study, expected a scenario"),
+        ("motions/leans.yaml", "is a motion, expected a scenario"),
+        ("motors.yaml", "is a file of motors, expected a scenario"),
+        ("drives.yaml", "is a file of drives, expected a scenario"),
+        ("sdt.sdf", "is a robot, expected a scenario"),
+    ],
+)
+def test_a_file_of_another_kind_is_one_line(file, told):
+    with pytest.raises(InputError) as refused:
+        load_scenario(models_dir() / file)
+    assert refused.value.args == (f"{models_dir() / file}: {told}",)

@@ -141,10 +141,6 @@ def design_of(
     from sdt_drake.scenario import load_scenario
 
     path = options.scenario
-    if is_motion(path):
-        raise InputError(
-            f"{path}: is a motion, expected a scenario, which names a motion and its controller"
-        )
     with naming_changes(options):
         scenario = load_scenario(path, dict(options.changes))
         try:

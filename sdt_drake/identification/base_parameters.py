@@ -41,7 +41,7 @@ class BaseParameters:
 
     @cached_property
     def words(self) -> list[str]:
-        """Each base parameter as the sum that it is: "Izz of arm + 6.76 m of gondola"."""
+        """Each base parameter as the sum that it is: "Izz of arm + 6.76 mass of gondola"."""
         return [
             self._sum(row, own) for row, own in zip(self.combination, self.independent, strict=True)
         ]

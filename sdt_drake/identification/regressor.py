@@ -18,7 +18,7 @@ from pydrake.multibody.tree import Frame, RevoluteJoint
 from sdt_drake.arrays import Array
 from sdt_drake.robot import Robot
 
-PARAMETERS = ("m", "hx", "hy", "hz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+PARAMETERS = ("mass", "hx", "hy", "hz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 """Of a body: m [kg], h = m c [kg m], I about the origin of its frame [kg m²]."""
 
 

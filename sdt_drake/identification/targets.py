@@ -108,4 +108,4 @@ def _unit(name: str) -> str:
     """Of a base parameter, by the first of its parts."""
     if name.startswith("h"):
         return "kg m"
-    return "kg" if name.startswith("m of") else "kg m²"
+    return "kg" if name.startswith("mass of") else "kg m²"

@@ -56,8 +56,8 @@ def test_base_parameters_say_all_that_torques_can_tell(case):
 def test_words_of_the_shipped_device(robot):
     base = base_parameters(robot)
     said = dict(zip(rigid_names(robot), base.identifiable, strict=True))
-    assert said["m of arm"] == "not at all"  # its axis is upright, and does not move
+    assert said["mass of arm"] == "not at all"  # its axis is upright, and does not move
     assert said["hz of roll_frame"] == "alone" and said["hx of roll_frame"] == "in combination"
     first = next(words for words in base.words if words.startswith("Izz of arm"))
     # Parallel axes: what is 2.6 m out adds 2.6² m of every mass there.
-    assert "+ 6.76 m of roll_frame" in first and "+ motor inertia of planetary" in first
+    assert "+ 6.76 mass of roll_frame" in first and "+ motor inertia of planetary" in first

@@ -267,15 +267,6 @@ def test_a_profile_without_a_name_has_that_of_its_file(tmp_path):
     assert load_profile(tmp_path / "mine.yaml").name == "mine"
 
 
-def test_a_scenario_is_told_from_a_motion():
-    path = models_dir() / "scenarios" / "axis_pi.yaml"
-    with pytest.raises(InputError) as error:
-        load_profile(path)
-    assert error.value.args == (
-        f"{path}: is a scenario, expected a motion, like the one that it names",
-    )
-
-
 # --- what ships ---------------------------------------------------------------------------------
 
 
