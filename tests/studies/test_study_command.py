@@ -86,7 +86,7 @@ def test_bad_study(refuse, desk, old, new, message):
     ("arguments", "message"),
     [
         ("nowhere.yaml", "nowhere.yaml: no such file"),
-        ("axis.yaml", "no such field"),
+        ("axis.yaml", "axis.yaml: is a scenario, expected a study"),
         ("few.yaml --workers 0", "--workers: 0, expected a whole number >= 1"),
         ("few.yaml --workers 1000000000", "--workers: 1000000000, expected a whole"),
         ("few.yaml --workers 2 --cluster tcp://a:1", "--cluster: not allowed with argument --wor"),
