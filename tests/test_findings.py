@@ -114,6 +114,21 @@ def test_recommended_motors_are_those_of_the_rows():
         assert [f"saturation of joint 2 is {share}" in text for text in missed[label]] == [True]
 
 
+def test_what_springs_bend_is_what_is_left_of_the_learned(designed):
+    """Torque of the links over stiffness, which the motor's encoder does not see."""
+    rows = {row[0].split(",")[1].strip(): row for row in rows_of_table("flown with")[5:]}
+    told = re.search(r"at most ([\d.]+) deg at 42 Hz and ([\d.]+) deg at 21 Hz", FINDINGS)
+    rigid = [float(rows_of_table("flown with")[0][i]) for i in (2, 5)]
+    for bent, hertz in zip(told.groups(), ("42 Hz", "21 Hz"), strict=True):
+        omega = 2 * np.pi * float(hertz.split()[0])
+        elastic = {"plant.elasticity.natural_frequency": [0, omega, 0, 0]}
+        made = designed("wrong_model", elastic)
+        deflection = np.abs(made.torques.total[:, 1]).max() / made.springs.stiffness[1]
+        assert np.degrees(deflection) == pytest.approx(float(bent), abs=6e-4)
+        for learned, rest in zip((rows[hertz][2], rows[hertz][5]), rigid, strict=True):
+            assert 0 <= float(learned) - float(bent) <= rest
+
+
 SMALLER = "AC-150, TM-2860, TM-1430, TM-716 at structure scale 0.8"
 
 

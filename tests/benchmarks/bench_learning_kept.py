@@ -1,6 +1,6 @@
 """What flights teach, and what of it is left on another device.
 
-    python tests/benchmarks/bench_learning_kept.py [OUT] [--controllers p_pi p_pi+id]
+    python tests/benchmarks/bench_learning_kept.py [OUT] [--controllers ...] [--studies ...]
 
 Learns the reference motion from three flights of wrong_model, in OUT (by default "learned"), and
 flies planned and learned reference with another pilot, with colder and warmer joints, and with
@@ -8,6 +8,7 @@ elastic ones: a study for each. Prints joint 2's errors as a table. Some 34 runs
 """
 
 import argparse
+import json
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +17,15 @@ from sdt_drake.cli import main as sdt_drake
 from sdt_drake.studies.results import read_study_table
 
 STUDIES = {
-    "payload": ("kg", "plant.deviation.payload_mass", "offset", "[-30, 0, 30]"),
-    "friction": ("times", "plant.friction.coulomb, plant.friction.breakaway, "
-                 "plant.friction.viscous", "factor", "[0.5, 2]"),
-    "elasticity": ("rad/s", "plant.elasticity.natural_frequency[2]", "value", "[132, 264]"),
-}  # fmt: skip
+    "payload": ("kg", ["plant.deviation.payload_mass"], "offset", [-30, 0, 30]),
+    "friction": (
+        "times",
+        [f"plant.friction.{name}" for name in ("coulomb", "breakaway", "viscous")],
+        "factor",
+        [0.5, 2],
+    ),
+    "elasticity": ("rad/s", ["plant.elasticity.natural_frequency[2]"], "value", [132, 264]),
+}
 """By name: unit of the level, fields, how they change, levels. The structure's own frequency is
 66 rad/s; joint 2 alone is elastic, with its encoder on the motor: springs and friction in all
 joints take minutes for each run."""
@@ -32,11 +37,11 @@ variables:
   - name: reference
     fields: [learned]
     distribution: !Choice {{values: [planned.csv, learned.csv]}}
-  - {{name: {name}, fields: [{fields}], apply: {apply}, distribution: !List {{values: {levels}}}}}
+  - {{name: {name}, fields: {fields}, apply: {apply}, distribution: !List {{values: {levels}}}}}
 """
 
 
-def main(out: Path, controllers: list[str]) -> None:
+def main(out: Path, controllers: list[str], studies: list[str]) -> None:
     for label in controllers:
         kind, _, feedforward = label.partition("+")
         folder = out / label
@@ -51,9 +56,12 @@ def main(out: Path, controllers: list[str]) -> None:
             f"\n| {label}, joint 2 | planned, largest [deg] | learned, largest [deg] | left [%] |"
         )
         print("| --- | --- | --- | --- |")
-        for name, (unit, fields, apply, levels) in STUDIES.items():
+        for name in studies:
+            unit, fields, apply, levels = STUDIES[name]
             base = "elastic.yaml" if name == "elasticity" else "scenario.yaml"
-            text = STUDY.format(name=name, base=base, fields=fields, apply=apply, levels=levels)
+            text = STUDY.format(
+                name=name, base=base, fields=json.dumps(fields), apply=apply, levels=levels
+            )
             (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
             run("study", str(folder / f"{name}.yaml"), "--out", str(folder / name))
             tell(folder / name, name, unit)
@@ -82,5 +90,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("out", nargs="?", type=Path, default=Path("learned"))
     parser.add_argument("--controllers", nargs="+", default=["p_pi", "p_pi+id"])
+    parser.add_argument("--studies", nargs="+", choices=STUDIES, default=list(STUDIES))
     options = parser.parse_args()
-    main(options.out, options.controllers)
+    main(options.out, options.controllers, options.studies)
