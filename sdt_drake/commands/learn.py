@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -97,33 +98,50 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _simulated(options: argparse.Namespace) -> None:
-    from sdt_drake.learning.flights import Flight, learn
+    from sdt_drake.learning.flights import Lessons, learn
     from sdt_drake.learning.report import (
         FLIGHTS,
         LEARNED,
         SCENARIO,
+        UNFINISHED,
         Learned,
         flight_rows,
+        remove_unfinished,
         summary,
         write_learned,
+        write_report,
     )
 
     folder: Path = options.out
     check_folder(folder)
+    kept = folder / UNFINISHED
+    goes_on = f"sdt-drake learn {shlex.quote(str(kept / SCENARIO))} --out OTHER goes on from them"
+    if (kept / FLIGHTS).exists():
+        raise InputError(
+            f"{kept}: has flights of an interrupted run, expected another --out; {goes_on}"
+        )
     design = design_of(options)
     for name in (LEARNED, SCENARIO, FLIGHTS):
         checked_output(folder / name)  # a scenario that was learned goes on in another folder
     filter_, checks = _checked_filter(options, design)
 
-    def report(flight: Flight) -> None:
-        header, rows = flight_rows([flight])
+    def report(lessons: Lessons) -> None:
+        write_learned(kept, design, lessons)
+        header, rows = flight_rows(lessons.flights[-1:])
         cells = (cell if isinstance(cell, str) else " ".join(cell) for cell in rows[0])
         say(", ".join(f"{name} {cell}" for name, cell in zip(header, cells, strict=True)))
 
-    lessons = learn(design, filter_, options.flights, stops=not options.all, report=report)
-    for line in summary(lessons):
-        say(line)
-    page = write_learned(folder, Learned(design, filter_, checks, lessons))
+    try:
+        lessons = learn(design, filter_, options.flights, stops=not options.all, report=report)
+        for line in summary(lessons):
+            say(line)
+        write_learned(folder, design, lessons)
+        page = write_report(folder, Learned(design, filter_, checks, lessons))
+    except KeyboardInterrupt:
+        if (kept / FLIGHTS).exists():
+            say(f"interrupted; flights so far are kept in {kept}: {goes_on}")
+        raise
+    remove_unfinished(folder)
     say(f"{folder / LEARNED} and {folder / SCENARIO} written: sdt-drake simulate uses them")
     say(f"{page} written")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -154,7 +154,7 @@ def learn(
     count: int,
     *,
     stops: bool = True,
-    report: Callable[[Flight], None] = lambda flight: None,
+    report: Callable[[Lessons], None] = lambda lessons: None,
 ) -> Lessons:
     """Fly, learn, fly again.
 
@@ -163,19 +163,19 @@ def learn(
         filter_: for its loop.
         count: of flights, at most.
         stops: whether to stop where another flight is not worth it; see `reason_to_stop`.
-        report: called after each flight.
+        report: called after each flight, with all so far.
     """
-    flights = [fly(design, 1)]
-    steps: list[Step] = []
-    report(flights[0])
+    lessons = Lessons((fly(design, 1),), (), "")
     while True:
+        report(lessons)
+        flights, steps = lessons.flights, lessons.steps
         reason = reason_to_stop(flights, steps) if stops else ""
         if reason or len(flights) >= count:
-            return Lessons(tuple(flights), tuple(steps), reason)
-        steps.append(next_step(design, filter_, flights[-1].seen))
-        design = design.given(steps[-1].learned)
-        flights.append(fly(design, len(flights) + 1))
-        report(flights[-1])
+            return replace(lessons, reason=reason)
+        step = next_step(design, filter_, flights[-1].seen)
+        design = design.given(step.learned)
+        flight = fly(design, len(flights) + 1)
+        lessons = Lessons((*flights, flight), (*steps, step), "")
 
 
 def reason_to_stop(flights: Sequence[Flight], steps: Sequence[Step]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from sdt_drake.analysis import style
 from sdt_drake.analysis.document import Cell, Document, Figure, Section, Table, Text, write_text
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
+from sdt_drake.errors import replacing
 from sdt_drake.learning import plots
 from sdt_drake.learning.convergence import Convergence
 from sdt_drake.learning.filter import LearningFilter
@@ -23,6 +25,9 @@ from sdt_drake.tables import write_table
 
 LEARNED, SCENARIO, FLIGHTS = "learned.csv", "scenario.yaml", "flights.csv"
 """Files of the folder: the best reference, a scenario with it, and the numbers of each flight."""
+
+UNFINISHED = "unfinished"
+"""Folder within, with the same files, of flights that are not yet, or never were, all flown."""
 
 Rows = tuple[list[str], list[list[Cell]]]
 """Header and rows of a table; a cell may have a text for each joint."""
@@ -115,15 +120,39 @@ def summary(lessons: Lessons) -> list[str]:
     return lines
 
 
-def write_learned(folder: Path, learned: Learned) -> Path:
-    """Write all of it; the report's page."""
-    design, lessons, names = learned.design, learned.lessons, learned.design.robot.joint_names
-    first, best = lessons.flights[0], lessons.best
-    best.learned.to_csv(folder / LEARNED)
+def write_learned(folder: Path, design: Design, lessons: Lessons) -> None:
+    """Write what the best flight had, a scenario with it, and the numbers of all flights so far.
+
+    Either all three are replaced or none.
+
+    Args:
+        folder: to write into.
+        design: of the first flight.
+        lessons: the flights.
+    """
     scenario = copy.deepcopy(design.scenario)
     scenario.name, scenario.learned = f"{scenario.name}_learned", LEARNED
-    save_scenario(scenario, folder / SCENARIO)
-    _write_flights(folder / FLIGHTS, lessons.flights)
+    with ExitStack() as written:
+        flights, with_it, best = (
+            written.enter_context(replacing(folder / name)) for name in (FLIGHTS, SCENARIO, LEARNED)
+        )
+        _write_flights(flights, lessons.flights)
+        save_scenario(scenario, with_it)
+        lessons.best.learned.to_csv(best)
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Remove what `write_learned` has kept in UNFINISHED; all is in `folder` now."""
+    for name in (FLIGHTS, SCENARIO, LEARNED):
+        (folder / UNFINISHED / name).unlink(missing_ok=True)
+    with suppress(OSError):  # somebody keeps something else there
+        (folder / UNFINISHED).rmdir()
+
+
+def write_report(folder: Path, learned: Learned) -> Path:
+    """Write figures and report; the report's page."""
+    design, lessons, names = learned.design, learned.lessons, learned.design.robot.joint_names
+    first, best = lessons.flights[0], lessons.best
     title = f"{design.scenario.name}: {design.scenario.controller.label}"
     compared = [first] if best is first else [first, best]
     pictures = {

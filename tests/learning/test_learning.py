@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -12,7 +14,7 @@ import pytest
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.design import make_design
 from sdt_drake.errors import InputError
-from sdt_drake.learning import plots
+from sdt_drake.learning import flights, plots, report
 from sdt_drake.learning.convergence import convergence, refuse_divergence
 from sdt_drake.learning.filter import design_filter
 from sdt_drake.learning.flights import fly, learn, next_step, reason_to_stop
@@ -156,9 +158,9 @@ def test_flights_of_a_wrong_model_get_better_without_more_torque(cascade):
     design = cascade(name="wrong_model")
     filter_ = design_filter(design, loops_of(design, "reference"), "reference")
     seen = []
-    lessons = learn(design, filter_, 3, stops=False, report=seen.append)
+    lessons = learn(design, filter_, 3, stops=False, report=lambda x: seen.append(len(x.flights)))
     first, last = lessons.flights[0], lessons.flights[-1]
-    assert [flight.number for flight in seen] == [1, 2, 3]
+    assert seen == [flight.number for flight in lessons.flights] == [1, 2, 3]
     assert first.rms[3] > 20 * last.rms[3]
     assert np.all(last.peak <= 1.02 * first.peak + 0.002)
     motion = last.learned.motion
@@ -235,6 +237,38 @@ def test_the_command_leaves_what_simulate_and_plan_take(good, refuse, given, des
     )
     written = {path.name for path in (desk / "learned").iterdir()}
     assert written >= {"report.html", "report.md", "convergence.png", "flights.svg", "errors.png"}
+
+
+@pytest.mark.parametrize("at", ["fly", "write_table"])
+def test_interrupted_in_its_third_flight_it_keeps_two(
+    call, good, refuse, given, desk, monkeypatch, at
+):
+    """By the flight itself, or while its numbers are written; when finished nothing is kept."""
+    text = (desk.parent / "given" / "run.yaml").read_text(encoding="utf-8")
+    command = ("learn", given("cascade.yaml", text.replace("kind: pi,", "kind: p_pi,")), "--all")
+    monkeypatch.setattr(report, "write_report", lambda folder, learned: folder)  # it takes long
+    good(*command, "--flights", "2", "--out", "two")
+    module = flights if at == "fly" else report
+    original = getattr(module, at)
+
+    def interrupted(path_or_design, number, *more, **named):
+        if np.max(number) == 3:
+            signal.raise_signal(signal.SIGINT)
+        return original(path_or_design, number, *more, **named)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(module, at, interrupted)
+        done = call(*command, "--out", "five")
+    assert (done.code, done.err) == (130, "")
+    assert "interrupted; flights so far are kept in five/unfinished: sdt-drake learn" in done.out
+    files = {"flights.csv", "learned.csv", "scenario.yaml"}
+    assert set(command_line.snapshot(desk / "five")) == {f"unfinished/{name}" for name in files}
+    for name in files:
+        assert (desk / "five/unfinished" / name).read_bytes() == (desk / "two" / name).read_bytes()
+    refuse(*command, "--out", "five", saying=("five/unfinished: has flights of an inter",))
+    good("learn", "five/unfinished/scenario.yaml", "--flights", "1", "--out", "on")
+    before, after = (command_line.read_csv(desk / f"{x}/flights.csv") for x in ("two", "on"))
+    assert after[1][1:] == before[2][1:] and "unfinished" not in os.listdir(desk / "on")
 
 
 def test_the_command_refuses_what_it_cannot_do(refuse, given):
