@@ -141,18 +141,23 @@ class Design(Shown):
 
     @cached_property
     def reference(self) -> Motion:
-        """The motion on the clock of the loop, whose period is that of the motion to 1e-9 of it.
+        """What the loop holds: the motion, with the speeds that the scenario says, on the clock of
+        the loop, whose period is that of the motion to 1e-9 of it.
 
         What samples at multiples of different periods has to meet, to the last bit: of two updates
         at one instant neither sees the other, and one that comes a bit later does. So where the
         drives sample several times per interpolation period, their period is rounded to so few
         bits that all multiples of both are exact.
         """
+        motion = self.motion
+        if self.scenario.held_speed == "mean":
+            mean = np.diff(motion.q, axis=0) / motion.period
+            motion = replace(motion, v=np.vstack([mean, motion.v[-1:]]))
         if self._samples == 1:
-            return self.motion
-        mantissa, exponent = math.frexp(self.motion.period / self._samples)
+            return motion
+        mantissa, exponent = math.frexp(motion.period / self._samples)
         exact = math.ldexp(round(math.ldexp(mantissa, _BITS)), exponent - _BITS)
-        return replace(self.motion, period=self._samples * exact)
+        return replace(motion, period=self._samples * exact)
 
     @cached_property
     def drive(self) -> Drive:

@@ -22,6 +22,7 @@ from sdt_drake.yaml_files import load_yaml
 
 PLANTS = ("axis", "coupled")
 INVERSE_DYNAMICS = ("table", "online")
+HELD_SPEEDS = ("start", "mean")
 
 
 @dataclass(slots=True)
@@ -166,6 +167,10 @@ class Scenario(Shown):
             reference that the controller gets in its place. Errors are still those against the
             motion. None by default.
         period: interpolation period of planner, hold and log.
+        held_speed: of the reference, which the controller gets for each period: "start", that of
+            the sample that begins it, as in the paper, and so late by half a period where joints
+            accelerate; or "mean", (q_ref of the next sample - q_ref) / period, as set points of
+            drives have it. Errors are against the motion either way.
         torque_margin: share of the motors' torque that the planner may use.
         planner: "limiter", the paper's, which keeps the time where it can, or "retiming", which
             keeps the path and slows down.
@@ -184,6 +189,7 @@ class Scenario(Shown):
     motion: str = setting("package://sdt/motions/reference.yaml", file="motion")
     learned: str = setting("", file="learned")
     period: float = setting(0.005, above=0, unit="s")
+    held_speed: str = setting("start", choices=HELD_SPEEDS)
     torque_margin: float = setting(1.0, above=0, maximum=1, unit="-")
     planner: str = setting("limiter", choices=tuple(PLANNERS))
     algorithm: str = setting("consistent", choices=SIGNS)

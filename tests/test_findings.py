@@ -114,6 +114,17 @@ def test_recommended_motors_are_those_of_the_rows():
         assert [f"saturation of joint 2 is {share}" in text for text in missed[label]] == [True]
 
 
+def test_a_held_mean_speed_is_not_late(designed):
+    told = re.search(
+        r"error: ([\d.]+) deg from the motion, .*?held_speed=mean`: ([\d.]+) deg", FINDINGS, re.S
+    )
+    for held, error in zip(("start", "mean"), told.groups(), strict=True):
+        fields = {"controller.kind": "p_pi", "controller.feedforward": "id", "held_speed": held}
+        made = designed("coupled_pi", fields)
+        found = track(simulate(made), made.motion).max_abs_position_error[1]
+        assert np.degrees(found) == pytest.approx(float(error), abs=5e-4)
+
+
 def test_what_springs_bend_is_what_is_left_of_the_learned(designed):
     """Torque of the links over stiffness, which the motor's encoder does not see."""
     rows = {row[0].split(",")[1].strip(): row for row in rows_of_table("flown with")[5:]}

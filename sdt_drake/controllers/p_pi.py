@@ -41,5 +41,5 @@ class PPi(Pi):
         return {"reference": "speed_reference"}
 
     def _asked(self, held: Index, sample: Index, q: Array) -> Array:
-        motion = self._design.motion
-        return motion.v[held] + self._design.position_gain * (motion.q[held] - q[sample])
+        reference = self._design.reference
+        return reference.v[held] + self._design.position_gain * (reference.q[held] - q[sample])

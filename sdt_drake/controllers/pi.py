@@ -75,8 +75,10 @@ class Pi(Diagram, Controller):
         return self._design.drive.period is not None
 
     def rest(self, context: Context, tau_cmd: ArrayLike) -> None:
-        start, motion = np.zeros(1, dtype=int), self._design.motion
-        proportional = self._proportional(start, start, motion.q, motion.v[:1])[0]
+        # Gone on at the first speed for long: no error of speed, whatever is held from now on.
+        start, design = np.zeros(1, dtype=int), self._design
+        v = (design.reference if self._is_on_error else design.motion).v[:1]
+        proportional = self._proportional(start, start, design.motion.q, v)[0]
         integral = tau_cmd - proportional - self._design.steady_ff
         self._pi.rest(self.GetMutableSubsystemContext(self._pi, context), integral)
 
@@ -86,16 +88,20 @@ class Pi(Diagram, Controller):
 
     def _proportional(self, held: Index, sample: Index, q: Array, v: Array) -> Array:
         design = self._design
-        is_on_error = design.scenario.controller.structure_in_use == "pi"
-        asked = self._asked(held, sample, q) if is_on_error else 0.0
+        asked = self._asked(held, sample, q) if self._is_on_error else 0.0
         return self._share(held) * design.gains.kp * design.robot.gear_ratio * (asked - v)
+
+    @property
+    def _is_on_error(self) -> bool:
+        """Whether the proportional gain is."""
+        return self._design.scenario.controller.structure_in_use == "pi"
 
     def integral_gain(self, held: Index) -> Array:
         return self._share(held) * self._design.gains.ki * self._design.robot.gear_ratio
 
     def _asked(self, held: Index, sample: Index, q: Array) -> Array:
         """Speed that is asked for, joint side [rad/s]."""
-        return self._design.motion.v[held]
+        return self._design.reference.v[held]
 
     def _share(self, held: Index) -> Array | float:
         """Of the gains that are in force."""

@@ -51,6 +51,8 @@ def position_response(
     z = np.exp(1j * omega * period)[:, None, None]
     q_ref, v_ref = (z + 2 + 1 / z) / 4, (z - 1 / z) / (2 * period)
     vd_ref = (z - 1) / period * v_ref
+    if design.scenario.held_speed == "mean":
+        v_ref = (z - 1) / period * q_ref
     by_q, by_v, by_vd = (response[:, :, i * n : (i + 1) * n] for i in range(3))
     return by_q * q_ref + by_v * v_ref + by_vd * vd_ref
 

@@ -141,8 +141,8 @@ class Wired:
         for name in design.loads._fields:
             if self.system.HasInputPort(name):
                 self.give(name, getattr(design.loads, name)[i])
-        motion = design.motion
-        self.give("reference", [*motion.q[i], *motion.v[i], *motion.vd[i]])
+        held = design.reference
+        self.give("reference", [*held.q[i], *held.v[i], *held.vd[i]])
 
     def give(self, name, value):
         if self.system.HasInputPort(name):
@@ -192,6 +192,28 @@ def test_starts_with_a_command_on_the_reference(designed, kind, choices):
     wired, tau_cmd = Wired(design, 0), np.array([1.0, -2.0, 300.0, 0.5])
     wired.system.rest(wired.context, tau_cmd)
     command = wired.command(design.motion.q[0], design.motion.v[0])
+    np.testing.assert_allclose(command, tau_cmd, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("kind", "structure"), [("pi", "p_in_feedback"), ("pi", "pi"), ("p_pi", "p_in_feedback")]
+)
+def test_mean_speeds_of_the_periods_are_held_where_asked_for(designed, kind, structure):
+    """Of a motion that accelerates; a run starts without an error of speed all the same."""
+    fields = {"held_speed": "mean", "controller.kind": kind, "controller.structure": structure}
+    design, i = designed("coupled_pi", fields, start=2.0, end=2.1), 7
+    motion, held = design.motion, design.reference
+    mean = (motion.v[1:] + motion.v[:-1]) / 2
+    np.testing.assert_allclose(held.v, [*mean, motion.v[-1]], rtol=0, atol=1e-12)
+    assert np.abs(mean - motion.v[:-1]).max() > 1e-3
+    wired = Wired(design, i)
+    command = wired.command(motion.q[i], motion.v[i], np.zeros(4))
+    told = wired.system.memoryless(np.array([i]), np.array([i]), motion.q, motion.v[[i]])[0]
+    np.testing.assert_allclose(command, told, rtol=1e-9, atol=1e-6)
+    wired, tau_cmd = Wired(design, 0), np.array([1.0, -2.0, 300.0, 0.5])
+    wired.system.rest(wired.context, tau_cmd)
+    wired.give("reference", [*motion.q[0], *motion.v[0], *np.zeros(4)])
+    command = wired.command(motion.q[0], motion.v[0])
     np.testing.assert_allclose(command, tau_cmd, rtol=1e-9, atol=1e-9)
 
 

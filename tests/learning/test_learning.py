@@ -47,6 +47,7 @@ def cascade(designed):
         ("pi", None, "reference"),
         ("inverse_dynamics", None, "reference"),
         ("p_pi+id", DRIVE, "reference"),
+        ("p_pi+id", {"held_speed": "mean"}, "reference"),
         ("p_pi", SPRINGS, "reference"),
         ("p_pi", None, "torque"),
     ],
