@@ -13,7 +13,7 @@ from sdt_drake.controllers import CONTROLLERS, Controller, load_controllers
 from sdt_drake.deviation import Deviation
 from sdt_drake.device import DeviceChoice, Drive, Elasticity, Friction
 from sdt_drake.dynamics import SIGNS
-from sdt_drake.errors import InputError, replacing, whole_periods
+from sdt_drake.errors import InputError, replacing, told_by, whole_periods
 from sdt_drake.fields import given, setting
 from sdt_drake.motion import PLANNERS
 from sdt_drake.robot import DEFAULT_ROBOT
@@ -238,7 +238,11 @@ def load_scenario(path: str | Path, changes: Optional[Mapping[str, Any]] = None)
     Raises:
         InputError: with a line for each problem: file, field, and what would be right.
     """
-    scenario, file = load_yaml(Scenario, path, "scenario", changes or {})
+    changes = {} if changes is None else changes
+    if not isinstance(changes, Mapping) or not all(isinstance(name, str) for name in changes):
+        text = "expected values by dotted names, {'controller.kind': 'p_pi'}"
+        raise InputError(f"changes: {told_by(changes)}, {text}")
+    scenario, file = load_yaml(Scenario, path, "scenario", changes)
     scenario.name = scenario.name or file.stem
     return scenario
 

@@ -188,6 +188,23 @@ def test_one_kind_for_another_is_one_line():
             use(scenario)
 
 
+def test_what_does_not_fit_is_one_line(robot, short, run):
+    other = sdt.plan("leans", robot).motion
+    for use, line in (
+        (
+            lambda: sdt.track(run, other),
+            r"motion: of 4 joints: 65 s .*, expected .*: 0\.5 s ",
+        ),
+        (lambda: sdt.track(run, "leans"), "motion: a str, expected a Motion"),
+        (lambda: sdt.track(short, other), "recording: a Design, expected a Recording"),
+        (lambda: run.plot(short, joint="2"), "joint: '2', expected 1 to 4"),
+        (lambda: sdt.load("coupled_pi", ["a=b"]), r"changes: \['a=b'\], expected values by dotted"),
+        (lambda: sdt.load("coupled_pi", {1: 2}), r"changes: \{1: 2\}, expected values by dotted"),
+    ):
+        with pytest.raises(sdt.InputError, match=f"^{line}.*$"):
+            use()
+
+
 def test_labels_and_controllers_are_not_each_other(short):
     with pytest.raises(sdt.InputError, match=r"^controllers: 'pi', expected a list .* \['pi'\]$"):
         sdt.compare(short, "pi")

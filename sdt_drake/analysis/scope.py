@@ -53,8 +53,8 @@ def chosen_joints(joint: int | None, n: int, where: str = "joint") -> Sequence[i
     """
     if joint is None:
         return range(n)
-    if not 1 <= joint <= n:
-        raise InputError(f"{where}: {joint}, expected 1 to {n}")
+    if not isinstance(joint, int | np.integer) or not 1 <= joint <= n:
+        raise InputError(f"{where}: {joint!r}, expected 1 to {n}")
     return [joint - 1]
 
 

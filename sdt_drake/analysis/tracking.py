@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.arrays import Array
+from sdt_drake.errors import InputError, checked_type
 from sdt_drake.motion import Motion
 from sdt_drake.pilot import (
     FeltDifference,
@@ -55,7 +56,16 @@ class Tracking(Shown):
 
 
 def track(recording: Recording, motion: Motion) -> Tracking:
-    """Metrics of a recording of `motion`."""
+    """Metrics of a recording of `motion`.
+
+    Raises:
+        InputError: if they are none, or the motion has other samples or joints than the recording.
+    """
+    checked_type(recording, Recording, "recording", "sdt_drake.simulate")
+    checked_type(motion, Motion, "motion", "sdt_drake.plan, or a design,")
+    run, asked = recording.summary().title, motion.summary().title
+    if run != asked:
+        raise InputError(f"motion: {asked}, expected that of the recording, {run}")
     error = recording.speed_error
     steady = constant_speed_segments(motion)
     in_segments = np.where(steady, np.abs(error), -np.inf).max(axis=0)
