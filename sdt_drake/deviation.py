@@ -23,7 +23,10 @@ from sdt_drake.links import (
 )
 from sdt_drake.resources import find_file
 from sdt_drake.robot import Robot, edited
+from sdt_drake.sdf import parse_xml
 from sdt_drake.tables import read_numbers
+
+_PAYLOAD = "payload"  # that a robot need not have where nothing changes it
 
 
 @dataclass(slots=True)
@@ -34,7 +37,8 @@ class Deviation:
     kinematics are known exactly.
 
     Attributes:
-        payload: name of the link that payload_mass and payload_offset change.
+        payload: name of the link that payload_mass and payload_offset change; one that is given has
+            to be there, whether they change it or not.
         payload_mass: added to the link's mass; its inertia scales with the mass (the same body,
             evenly heavier).
         payload_offset: added to the position of the link's centre of mass, in the frame in which
@@ -48,7 +52,7 @@ class Deviation:
         along: how far along each of these directions, in standard deviations; applied first.
     """
 
-    payload: str = "payload"
+    payload: str = _PAYLOAD
     payload_mass: float = setting(0.0, unit="kg")
     payload_offset: list[float] = setting([0.0, 0.0, 0.0], count=3, unit="m")
     inertia_scale: float = setting(1.0, above=0, unit="-")
@@ -86,6 +90,8 @@ def deviated(robot: Robot, deviation: Deviation, where: str = "deviation") -> Ro
     Raises:
         InputError: if the payload is no link, or a body is left that cannot be.
     """
+    if deviation.payload != _PAYLOAD:  # whatever changes, a name that is given is one
+        link_named(parse_xml(robot.sdf, robot.path), deviation.payload, f"{where}.payload")
     if deviation.exact:
         return robot
     with within(where):

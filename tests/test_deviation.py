@@ -189,7 +189,9 @@ def test_a_link_without_mass_gets_none(load):
 def test_without_errors_the_model_is_the_robot_itself(robot):
     assert Deviation().exact
     assert deviated(robot, Deviation()) is robot
-    assert deviated(robot, Deviation(payload="nothing changes it")) is robot
+    assert deviated(robot, Deviation(payload="gondola")) is robot
+    with pytest.raises(InputError, match=r"^deviation\.payload: no link 'paylod', expected one"):
+        deviated(robot, Deviation(payload="paylod"))
     for errors in (
         Deviation(payload_mass=1e-9),
         Deviation(payload_offset=[0, 0, 1e-9]),
