@@ -151,13 +151,13 @@ def given(thing: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield prefix + field.name, value
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """For people: "did you mean 'kind'?", or else all that is known."""
+def nearest(name: str, known: Iterable[str], otherwise: str = "") -> str:
+    """For people: "did you mean 'kind'?", or else `otherwise`, by default all that is known."""
     known = list(known)
     near = difflib.get_close_matches(name, known, n=3)
     if near:
         return f"did you mean {' or '.join(map(repr, near))}?"
-    return f"expected one of {', '.join(known)}"
+    return otherwise or f"expected one of {', '.join(known)}"
 
 
 class _Walk:

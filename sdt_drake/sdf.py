@@ -11,6 +11,7 @@ import numpy as np
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
+from sdt_drake.fields import nearest
 from sdt_drake.urdf import sdf_of_urdf
 
 DRAKE = "drake:"
@@ -131,11 +132,13 @@ def _check_name(element: ET.Element, file: Path) -> None:
 def _check_element(element: ET.Element, where: str) -> None:
     """Every number is one, every element is read, and has an effect."""
     children = [(child.tag, child.get("name")) for child in element]
+    drakes = [tag for parent, tag in _DRAKES if parent == element.tag]
     for tag, name in children:
-        if tag in _UNKNOWN or (tag.startswith(DRAKE) and (element.tag, tag) not in _DRAKES):
+        bare = tag.removeprefix(DRAKE)
+        if tag in _UNKNOWN or (tag not in drakes and (tag != bare or DRAKE + tag in drakes)):
             raise InputError(
-                f"{where}: <{_short(tag.removeprefix(DRAKE))}> in <{element.tag}> is not "
-                "supported or would have no effect; remove it"
+                f"{where}: <{_short(bare)}> in <{element.tag}> is not supported or would have no "
+                f"effect; {nearest(DRAKE + bare, drakes, 'remove it')}"
             )
         if children.count((tag, name)) > 1:
             again = f"<{_short(tag)}>" if name is None else f"{_short(tag)} '{name}'"

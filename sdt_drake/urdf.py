@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from sdt_drake.errors import InputError
+from sdt_drake.fields import nearest
 
 # Elements that are read, by their parent: their attributes. Numbers stay texts, as in the file.
 _READ = {
@@ -89,7 +90,9 @@ def _check(parent: str, element: ET.Element, where: str) -> None:
     """Everything that is there is read, and read once."""
     key = f"{parent}/{element.tag}"
     if key not in _READ:
-        place = f"in <{parent}> is not supported; remove it" if parent else "is not <robot>"
+        known = [tag for above, _, tag in (x.partition("/") for x in _READ) if above == parent]
+        better = nearest(element.tag, known, "remove it")
+        place = f"in <{parent}> is not supported; {better}" if parent else "is not <robot>"
         raise InputError(f"{where}: <{element.tag[:40]}> {place}")
     if parent and "name" in element.attrib:
         where = f"{where}: {element.tag} '{element.attrib['name'][:40]}'"

@@ -261,7 +261,7 @@ BAD = [
     ("<mass>2</mass>", "<mass>2</mass><mass>3</mass>", _LOWER + "<mass> more than once"),
     ("<effort>40<", "<effort>40</effort><effort>4<", _ELBOW + "<effort> more than once"),
     ("<axis><xyz>", "<axis><drake:gear_ratio>2</drake:gear_ratio><xyz>", "<gear_ratio> in <axis>"),
-    ("drake:gear_ratio", "drake:gear_ration", _SHOULDER + "<gear_ration> in <joint>"),
+    ("drake:gear_ratio", "drake:gear_ration", "<gear_ration> .* did you mean 'drake:gear_ratio'"),
     # Names.
     ("elbow", 10**5 * "e", r"<joint> has the name 'e{40}\.\.\.', expected 1 to 100"),
     ('"lower"', '"a&#10;b"', r"<link> has the name 'a\\nb', expected"),
@@ -309,7 +309,7 @@ BAD = [
     ("ratio>10", "ratio>0", _SHOULDER + "gear ratio 0"),
     ("ratio>10", "ratio>nan", _SHOULDER + "<gear_ratio> is 'nan'"),
     ('<link name="lower">', '<link name="lower"><gravity>false</gravity>', "gravity: false"),
-    ("drake:rotor_inertia", "rotor_inertia", "rotor_inertia"),
+    ("drake:rotor_inertia", "rotor_inertia", _SHOULDER + ".*did you mean 'drake:rotor_inertia'"),
     # Files.
     (ARM, "robot", "not well-formed XML"),
     (

@@ -159,6 +159,7 @@ BAD = [
     ('<link name="base"/>', '<link name="base"/><xacro:macro/>', "<xacro:macro> in <robot>"),
     ('<parent link="upper"/>', '<parent link="nothing"/>', "nothing"),
     ('<link name="base"/>', '<link name="base"/><link name="b"/>', "2 links that no joint carries"),
+    ("rotor_inertia", "rotor_intertia", "<drake:rotor_intertia> in <actuator> .* did you mean"),
     ("robot", "sdf", "<sdf> is not <robot>"),
 ]
 
