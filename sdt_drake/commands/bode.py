@@ -51,8 +51,12 @@ def run(options: argparse.Namespace) -> None:
     say(f"{scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant")
     print_joints(design.robot.joint_names, response.columns())
     say("speed of the link over its reference, without feedforward; the loop cut at the motor")
-    times = " ".join(f"{t:.3f}" for t in design.motion.time[response.sample])
-    say(f"linear around the motion at {times} s")
+    times = design.motion.time[response.sample]
+    if sample is None:
+        joints = ", ".join(f"{t:.3f}" for t in times)
+        say(f"linear around the motion where each joint's inertia is largest, at {joints} s")
+    else:
+        say(f"linear around the motion at {times[0]:.3f} s")
     if not scenario.plant.friction.is_none:
         say("note: friction has no frequency response and is left out")
     if np.any(~response.stable):
