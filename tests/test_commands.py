@@ -166,6 +166,11 @@ def test_tune_options_and_what_it_says_of_them(good, given):
     both = "omega_r = 65.991 rad/s (published for the shipped device), zeta at the largest inertia "
     assert f"{both}(published" in base and "note" not in good("tune", given(
         "rest.yaml", f"duration: 0.5\njoints:\n{REST * 4}")).out  # fmt: skip
+    small = "knots: [[0, 0], [0.25, 0.01], [0.5, 0]]"  # the inertia of joint 1 falls by 1e-4
+    out = good("tune", given("small.yaml", f"duration: 0.5\njoints:\n{REST}  - !Knots {{{small}}}\n"
+                             f"{REST * 2}")).out  # fmt: skip
+    least, most = (float(columns_of(out)[x][0]) for x in ("min [kg m²]", "I_eff max"))
+    assert least < most and "note" not in out
     own = good("tune", SHORT_MOTION, "--omega-r", 100, "--zeta", 1, 1.5, 2, 0.5).out
     assert "omega_r = 100 rad/s (--omega-r), zeta at the largest inertia (--zeta)" in own
     columns, zeta = columns_of(own), np.array([1, 1.5, 2, 0.5])

@@ -19,6 +19,7 @@ EXAMPLE = "sdt-drake tune coupled_pi --zeta 0.95 0.98 0.99 0.95"
 
 
 _PUBLISHED = "published for the shipped device"
+_BEYOND = 0.01  # of 0.5 omega_r; nobody knows omega_r better
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -159,10 +160,13 @@ def _notes(options: argparse.Namespace, design: Design, is_scenario: bool) -> It
         f"zeta at the largest inertia ({whose['zeta']})"
     )
     fastest = natural_frequency(design.gains, design.inertia.minimum)
-    too_fast = np.flatnonzero(fastest > 0.5 * omega_r * (1 + 1e-9)) + 1
+    too_fast = np.flatnonzero(fastest > 0.5 * omega_r * (1 + _BEYOND)) + 1
     if len(too_fast):
         joints = ", ".join(map(str, too_fast))
-        yield f"note: omega_n exceeds 0.5 omega_r where the inertia is small, joint {joints}"
+        yield (
+            f"note: omega_n exceeds 0.5 omega_r by more than {100 * _BEYOND:g} % where the "
+            f"inertia is small, joint {joints}"
+        )
 
 
 # Motor side; max, median and min are of the inertia along the motion.
