@@ -105,12 +105,12 @@ def _candidates(ax: Axes, verdicts: Sequence[Verdict], look: Look) -> None:
     for keeps, face, edge in ((False, "none", "0.65"), (True, look.colour, look.colour)):
         some = [v for v in verdicts if v.feasible == keeps]
         ax.scatter(
-            [v.mass for v in some], [v.error for v in some], marker=look.marker, s=22,
+            [v.mass for v in some], [v.error for v in some], marker="o", s=22,
             facecolors=face, edgecolors=edge, linewidths=0.8,
         )  # fmt: skip
     front = [v for v, best in zip(verdicts, front_of(verdicts), strict=True) if best]
     front.sort(key=lambda v: (v.mass, -v.error))
     ax.plot(
-        [v.mass for v in front], [v.error for v in front], look.marker, color="0.2", markersize=9,
+        [v.mass for v in front], [v.error for v in front], "o", color="0.2", markersize=9,
         markerfacecolor="none", linestyle="-", linewidth=1,
     )  # fmt: skip

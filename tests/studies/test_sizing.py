@@ -10,10 +10,12 @@ import shutil
 import numpy as np
 import pytest
 import yaml
+from matplotlib.markers import MarkerStyle
 
 from sdt_drake.device import DeviceChoice
 from sdt_drake.errors import InputError
 from sdt_drake.resources import find_file
+from sdt_drake.studies import plots_front
 from sdt_drake.studies.sizing import Candidate, Requirements, Sizing, candidates, load_sizing
 from sdt_drake.studies.summary import failures
 from sdt_drake.studies.table import StudyTable
@@ -343,6 +345,14 @@ def test_the_front_is_of_mass_against_error(verdicts):
     own = [v for v in verdicts if v.controller == "pi"]
     front = [v.candidate for v, on in zip(own, front_of(own), strict=True) if on]
     assert front == [Candidate(("AC-150", "TM-3950"), 0.8)]  # TM-2860 is lighter and not enough
+
+
+def test_the_front_is_drawn_as_its_legend_says(verdicts):
+    figure = plots_front.sizing_front("t", verdicts)
+    lines = [*figure.legends[0].get_lines(), *(ax.lines[0] for ax in figure.axes)]
+    assert {line.get_marker() for line in lines} == {"o"}
+    shapes = {len(dots.get_paths()[0].vertices) for ax in figure.axes for dots in ax.collections}
+    assert shapes == {len(MarkerStyle("o").get_path().vertices)}
 
 
 def test_errors_that_differ_by_less_than_their_accuracy_are_equal():
