@@ -157,3 +157,4 @@ def test_a_report_of_what_cannot_be_linearised_and_has_no_pilot(good, desk, give
     shown = re.findall(r"\]\((own_\w+\.(?:png|html))\)", written)
     assert shown == ["own_joint_2.png", "own_torque.png", "own_3d.html"]
     assert {path.name for path in (desk / "new").iterdir()} == {"own.md", *shown}
+    assert written.startswith("# own: proportional on the coupled plant\n")

@@ -98,9 +98,8 @@ def run_report(design: Design, recording: Recording, path: Path, joints: Sequenc
         Section("In 3D", _in_3d(design, recording, path)),
         Section("Scenario and versions", _provenance(scenario)),
     ]
-    title = f"Run {scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant"
     lead = f"{design.robot.name} on {Path(scenario.motion).stem}, {design.wanted.duration:g} s."
-    return Document(title, lead, sections)
+    return Document(scenario.summary().title, lead, sections)
 
 
 # --- in short --------------------------------------------------------------------------------
