@@ -65,14 +65,15 @@ def by_joint(
         names: of the joints.
         columns: header, format and a value for each joint; NaN is a dash.
     """
-    cells = [[_cell(x, spec) for x in values] for _, spec, values in columns]
+    cells = [[told(x, spec) for x in values] for _, spec, values in columns]
     joints = [f"{k + 1} {name}" for k, name in enumerate(names)]
     rows = [list(row) for row in zip(joints, *cells, strict=True)]
     return ["joint", *(header for header, _, _ in columns)], rows
 
 
-def _cell(value: Any, spec: str) -> str:
-    return format(value, spec).replace("nan", "–")
+def told(value: Any, spec: str) -> str:
+    """For people: a dash for NaN, and never -0.0."""
+    return re.sub(r"^-(?=0[.0]*$)", "", format(value, spec).replace("nan", "–"))
 
 
 def aligned(
@@ -142,7 +143,7 @@ def of_joints(
     n = len(next(iter(columns.values()))[1])
     joints = [f"{k + 1} {name}" for k, name in enumerate(names or [""] * n)]
     rows = [
-        [joint.strip(), *(_cell(values[k], spec) for spec, values in columns.values())]
+        [joint.strip(), *(told(values[k], spec) for spec, values in columns.values())]
         for k, joint in enumerate(joints)
     ]
     return Summary(title, ("joint", *columns), rows)

@@ -17,7 +17,7 @@ import sdt_drake as sdt
 from sdt_drake.analysis.comparison import Comparison, run_of
 from sdt_drake.analysis.linear import LinearModel
 from sdt_drake.controllers import CONTROLLERS
-from sdt_drake.shown import aligned
+from sdt_drake.shown import aligned, told
 from sdt_drake.simulate import Recording, simulate
 
 SOURCE = Path(sdt.__file__)
@@ -91,6 +91,10 @@ def test_objects_show_themselves_shortly(robot, short, run):
     scenario = sdt.load("package://sdt/scenarios/coupled_pi.yaml")
     scenario.name = "<b>"
     assert "&lt;b&gt;: pi on the coupled plant" in scenario._repr_html_()
+
+
+def test_numbers_for_people():
+    assert [told(x, ".1f") for x in (-0.04, -0.06, np.nan)] == ["0.0", "-0.1", "–"]
 
 
 def test_wide_tables_fit_and_lose_nothing():

@@ -81,7 +81,7 @@ class FrequencyResponse:
         rise, fall = np.where(np.isinf(margins), np.nan, margins)
         return [
             ("bandwidth [rad/s]", ".2f", self.bandwidth),
-            ("peak [dB]", ".2f", np.round(self.peak_db, 2) + 0.0),
+            ("peak [dB]", ".2f", self.peak_db),
             ("at [rad/s]", ".2f", self.peak_omega),
             ("crossover [rad/s]", ".2f", self.crossover),
             ("phase margin [deg]", ".1f", self.phase_margin),

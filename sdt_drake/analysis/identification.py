@@ -19,9 +19,15 @@ from sdt_drake.identification.base_parameters import rigid_parameters
 from sdt_drake.identification.model import PlantFriction
 from sdt_drake.identification.procedure import Identified
 from sdt_drake.robot import Robot
+from sdt_drake.shown import told
 
 MEASURED, PREDICTED, NOMINAL = Look(PALETTE[0]), Look(PALETTE[1], "--"), Look(PALETTE[7], ":")
 _MOST_SAMPLES = 300  # of which the load torque is computed
+
+PARAMETERS_IN_WORDS = (
+    "of a body: mass, first moments hx, hy, hz (mass times place of its centre) and inertias Ixx "
+    "to Izz, about the origin and along the axes of the frame of the joint that turns it"
+)
 
 _READING = """All numbers are joint side. What is left is the RMS of measured less predicted torque
 over the RMS of the measured one, below the cut-off frequency, where the joint moves. "Held out" is
@@ -170,7 +176,7 @@ def links_table(found: Identified) -> doc.Table:
             (
                 link.name,
                 *(f"{mass:.4g}" for mass, *_ in (before, after)),
-                *(" ".join(f"{1e3 * x:.1f}" for x in com) for _, com, _ in (before, after)),
+                *(" ".join(told(1e3 * x, ".1f") for x in com) for _, com, _ in (before, after)),
             )
         )
     header = (
@@ -195,7 +201,7 @@ def in_short(found: Identified) -> list[str]:
     if r:
         said.append(
             f"{r} base parameters of links and motors, condition number "
-            f"{found.estimate.condition:.3g}"
+            f"{found.estimate.condition:.3g}; {PARAMETERS_IN_WORDS}"
         )
     return said + list(found.notes)
 

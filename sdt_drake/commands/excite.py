@@ -39,6 +39,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
+    from sdt_drake.analysis.identification import PARAMETERS_IN_WORDS
     from sdt_drake.identification.excitation import GENTLY, MARGIN, RATE, excite
     from sdt_drake.identification.targets import NOISE, Target
     from sdt_drake.robot import load_robot
@@ -75,6 +76,7 @@ def run(options: argparse.Namespace) -> None:
         f"standard deviations to be expected of a recording at {RATE:g} Hz with a noise of "
         f"{100 * noise:g} % of each joint's largest torque"
     )
+    common.say(PARAMETERS_IN_WORDS)
     if out is not None:
         found.save(out)
         common.say(f"{out} written")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from sdt_drake.commands.common import (
     add_figure,
@@ -21,6 +21,7 @@ from sdt_drake.commands.common import (
 )
 from sdt_drake.errors import InputError, within
 from sdt_drake.fields import check
+from sdt_drake.shown import told
 
 if TYPE_CHECKING:
     from sdt_drake.motion import Margins, Plan
@@ -128,13 +129,6 @@ def _duration(plan: Plan) -> str:
     return text if plan.longer <= 0 else f"{text}, {plan.longer:g} s longer than commanded"
 
 
-def _tenths(values: Any) -> Any:
-    """An array or a number rounded, never -0.0."""
-    import numpy as np
-
-    return np.round(values, 1) + 0.0
-
-
 def _print_ends(options: argparse.Namespace, robot: Robot, plan: Plan) -> None:
     """Joints that do not end where they are commanded, or do not start and end at rest."""
     import numpy as np
@@ -180,13 +174,13 @@ def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report:
             ("held [s]", ".3f", plan.limited.sum(axis=0) * motion.period),
             ("speed [rad/s]", ".3f", speed),
             ("of limit [%]", ".1f", 100 * speed / robot.velocity_limit),
-            ("from [deg]", ".1f", _tenths(angles.min(axis=0))),
-            ("to [deg]", ".1f", _tenths(angles.max(axis=0))),
+            ("from [deg]", ".1f", angles.min(axis=0)),
+            ("to [deg]", ".1f", angles.max(axis=0)),
             (
                 "tightest",
                 "",
                 [
-                    f"{place.quantity}, {_tenths(100 * place.share):.1f} % at {place.time:.3f} s"
+                    f"{place.quantity}, {told(100 * place.share, '.1f')} % at {place.time:.3f} s"
                     for place in tightest
                 ],
             ),
@@ -202,7 +196,7 @@ def _print_margins(robot: Robot, report: Margins, is_whole: bool) -> None:
         say(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
     place = report.smallest
     say(
-        f"smallest margin: {_tenths(100 * place.left):.1f} %, {place.quantity} of joint "
+        f"smallest margin: {told(100 * place.left, '.1f')} %, {place.quantity} of joint "
         f"{place.joint + 1} '{robot.joint_names[place.joint]}' at {place.time:.3f} s"
         + ("" if is_whole else ", held against the whole limit")
     )

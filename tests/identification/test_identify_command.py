@@ -31,6 +31,7 @@ def test_a_recording_becomes_a_robot_a_scenario_and_a_study(call, recording, rob
     out = tmp_path / "identified"
     done = call("identify", "sdt", recording, "--out", out, "--cutoff", "4")
     assert done.code == 0 and "base parameters of links and motors" in done.out
+    assert "first moments hx, hy, hz (mass times" in done.out
     assert "consistent, held out" in done.out and "report.html written" in done.out
     better = load_robot(out / "robot.sdf")
     assert better.sdf != robot.sdf
@@ -44,6 +45,7 @@ def test_a_recording_becomes_a_robot_a_scenario_and_a_study(call, recording, rob
     assert all(float(row["std"]) > 0 for row in rows if row["kind"] == "base")
     assert "coulomb" in (out / "friction.yaml").read_text()
     page = (out / "report.html").read_text()
+    assert ">-0.0 " not in page and " -0.0" not in page
     assert "A of the load torque" in page and page.count("<img") == 2
 
 
