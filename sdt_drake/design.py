@@ -33,8 +33,7 @@ from sdt_drake.dynamics import (
 from sdt_drake.errors import InputError, checked_type, within
 from sdt_drake.fields import check
 from sdt_drake.motion import LearnedReference, Motion, load_learned, load_plan
-from sdt_drake.plant import plant_along
-from sdt_drake.poles import check_poles
+from sdt_drake.plant import check_poles, plant_along
 from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import Scenario
 from sdt_drake.shown import Shown, Summary, of_joints
@@ -346,9 +345,7 @@ def _learned(
 def _check_reference(scenario: Scenario, motion: Motion) -> None:
     """Refuse NaN, where Drake ends the process, and a reference that never arrives."""
     for name in ("q", "v", "vd"):
-        bad = np.argwhere(~np.isfinite(getattr(motion, name)))
-        if len(bad):
-            i, k = bad[0]
+        for i, k in np.argwhere(~np.isfinite(getattr(motion, name))):
             raise InputError(
                 f"motion: {name} of joint {k + 1} is not finite at {motion.time[i]:g} s"
             )

@@ -15,14 +15,14 @@ from sdt_drake.links import (
     body_of,
     link_named,
     links_by_name,
-    pseudo_of_link,
+    pseudo_inertia,
     scale_link,
     set_inertia,
     shift_link,
     stretched,
 )
 from sdt_drake.resources import find_file
-from sdt_drake.robot import Robot, edited
+from sdt_drake.robot import Robot, edited, parts_of
 from sdt_drake.sdf import parse_xml
 from sdt_drake.tables import read_numbers
 
@@ -95,13 +95,13 @@ def deviated(robot: Robot, deviation: Deviation, where: str = "deviation") -> Ro
     if deviation.exact:
         return robot
     with within(where):
-        return edited(robot, lambda root: _apply(deviation, root, where))
+        return edited(robot, lambda root: _apply(deviation, robot, root, where))
 
 
-def _apply(deviation: Deviation, root: ET.Element, where: str) -> None:
-    """Put it into the XML of an SDF."""
+def _apply(deviation: Deviation, robot: Robot, root: ET.Element, where: str) -> None:
+    """Put it into the XML of the robot's SDF."""
     if deviation.along:
-        _spread(root, find_file(deviation.spread), deviation.along, f"{where}.along")
+        _spread(robot, root, find_file(deviation.spread), deviation.along, f"{where}.along")
     if deviation._changes_payload:
         payload = link_named(root, deviation.payload, f"{where}.payload")
         _add_mass(payload, deviation.payload_mass, f"{where}.payload_mass")
@@ -115,11 +115,11 @@ def _apply(deviation: Deviation, root: ET.Element, where: str) -> None:
         scale_link(link, deviation.inertia_scale * own)
 
 
-def _spread(root: ET.Element, file: Path, along: Sequence[float], where: str) -> None:
+def _spread(robot: Robot, root: ET.Element, file: Path, along: Sequence[float], where: str) -> None:
     """Go along directions of a file: ten numbers for each link, in the order of the robot's
     file."""
     directions = read_numbers(file, least=1).data[:, 1:]
-    links = list(root.iter("link"))
+    links = links_by_name(root)
     if directions.shape[1] != 10 * len(links) or not np.all(np.isfinite(directions)):
         raise InputError(
             f"{file}: {directions.shape[1]} columns beside the first, expected {10 * len(links)} "
@@ -131,9 +131,10 @@ def _spread(root: ET.Element, file: Path, along: Sequence[float], where: str) ->
             f"{file}"
         )
     changes = (np.array(along) @ directions).reshape(-1, 10)
-    for link, change in zip(links, changes, strict=True):
+    for (name, link), change in zip(links.items(), changes, strict=True):
         if np.any(change != 0):
-            set_inertia(link, *body_of(stretched(pseudo_of_link(link), change)))
+            pseudo = pseudo_inertia(*parts_of(robot.plant.GetBodyByName(name)))
+            set_inertia(link, *body_of(stretched(pseudo, change)))
 
 
 def _add_mass(link: ET.Element, added: float, where: str) -> None:

@@ -6,8 +6,6 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.common.eigen_geometry import Quaternion
-from pydrake.math import RollPitchYaw, RotationMatrix
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
@@ -30,11 +28,10 @@ def link_named(root: ET.Element, name: str, where: str) -> ET.Element:
     return links[name]
 
 
-def child(element: ET.Element, name: str) -> ET.Element:
-    """A child that every valid SDF has."""
-    found = element.find(name)
-    assert found is not None, name
-    return found
+def child(parent: ET.Element, tag: str) -> ET.Element:
+    """The child of this tag; made if there is none."""
+    found = parent.find(tag)
+    return ET.SubElement(parent, tag) if found is None else found
 
 
 def scale_link(link: ET.Element, factor: float) -> None:
@@ -45,10 +42,7 @@ def scale_link(link: ET.Element, factor: float) -> None:
 
 def shift_link(link: ET.Element, offset: Sequence[float]) -> None:
     """Move a link's centre of mass by `offset` [m], in the frame of the link."""
-    inertial = child(link, "inertial")
-    pose = inertial.find("pose")
-    if pose is None:
-        pose = ET.SubElement(inertial, "pose")
+    pose = child(child(link, "inertial"), "pose")
     if not (pose.text or "").strip():  # at the link's origin
         pose.attrib.clear()  # it might ask for a quaternion
         pose.text = "0 0 0 0 0 0"
@@ -66,13 +60,13 @@ def set_inertia(link: ET.Element, mass: float, com: Array, central: Array) -> No
         com: centre of mass in the frame of the link [m], shape (3,).
         central: inertia about it, along the axes of that frame [kg m²], shape (3, 3).
     """
-    old = child(link, "inertial")
-    old.clear()
-    ET.SubElement(old, "pose").text = " ".join([*(repr(float(x)) for x in com), "0 0 0"])
-    ET.SubElement(old, "mass").text = repr(float(mass))
-    inertia = ET.SubElement(old, "inertia")
-    for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
-        ET.SubElement(inertia, f"i{'xyz'[i]}{'xyz'[j]}").text = repr(float(central[i, j]))
+    inertial = child(link, "inertial")
+    inertial.clear()
+    child(inertial, "pose").text = " ".join([*(repr(float(x)) for x in com), "0 0 0"])
+    child(inertial, "mass").text = repr(float(mass))
+    for i, j in zip(*np.triu_indices(3), strict=True):
+        moment = child(child(inertial, "inertia"), f"i{'xyz'[i]}{'xyz'[j]}")
+        moment.text = repr(float(central[i, j]))
 
 
 # --- pseudo-inertia --------------------------------------------------------------------------
@@ -93,23 +87,6 @@ def body_of(pseudo: Array) -> tuple[float, Array, Array]:
     com = pseudo[:3, 3] / mass
     sigma = pseudo[:3, :3] - mass * np.outer(com, com)
     return mass, com, np.trace(sigma) * np.eye(3) - sigma
-
-
-def pseudo_of_link(link: ET.Element) -> Array:
-    """Of a link of a checked SDF, in its frame."""
-    inertial = child(link, "inertial")
-    numbers = [float(x) for x in (inertial.findtext("pose") or "0 0 0 0 0 0").split()]
-    if len(numbers) == 7:
-        x, y, z, w = numbers[3:]
-        turned = RotationMatrix(Quaternion(wxyz=np.array([w, x, y, z]))).matrix()
-    else:
-        turned = RollPitchYaw(np.array(numbers[3:])).ToRotationMatrix().matrix()
-    central = np.zeros((3, 3))
-    for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
-        text = inertial.findtext(f"inertia/i{'xyz'[i]}{'xyz'[j]}", "0")
-        central[i, j] = central[j, i] = float(text)
-    mass = float(inertial.findtext("mass", "0"))
-    return pseudo_inertia(mass, np.array(numbers[:3]), turned @ central @ turned.T)
 
 
 SYMMETRIC = tuple(zip(*np.triu_indices(4), strict=True))

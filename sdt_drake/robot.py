@@ -22,6 +22,7 @@ from pydrake.multibody.tree import (
     RigidBody,
     WeldJoint,
 )
+from pydrake.systems.framework import Context
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, told_by
@@ -92,6 +93,18 @@ class Robot(Shown):
     def reflected_inertia(self) -> Array:
         """r² I_m: what the motors add to the diagonal of the mass matrix [kg m²], shape (n,)."""
         return self.gear_ratio**2 * self.rotor_inertia
+
+    def context_at_zero(self) -> Context:
+        """A context of the plant with all joints at 0."""
+        context = self.plant.CreateDefaultContext()
+        self.plant.SetPositions(context, np.zeros(self.n))
+        return context
+
+    def joint_at_zero(self, name: str) -> tuple[Array, Array]:
+        """Axis and origin [m] of a joint in the world, each of shape (3,), with all joints at 0."""
+        joint = cast(RevoluteJoint, self.plant.GetJointByName(name))
+        pose = joint.frame_on_parent().CalcPoseInWorld(self.context_at_zero())
+        return pose.rotation().matrix() @ joint.revolute_axis(), pose.translation()
 
     def make_plant(self) -> MultibodyPlant:
         """A copy of the plant that a diagram can own."""
@@ -284,8 +297,16 @@ def _check_inertias_kept(plant: MultibodyPlant, root: ET.Element, file: Path) ->
     for link in root.iter("link"):
         where = f"{file}: link '{link.get('name')}'"
         mass, inertia = mass_and_inertia(link, where)
-        body = plant.GetBodyByName(link.get("name", "")).default_spatial_inertia()
-        central = body.Shift(body.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
-        kept = [body.get_mass(), np.trace(central)]
-        if not np.allclose(kept, [mass, np.trace(inertia)], rtol=1e-9, atol=1e-9 * mass):
+        kept, _, central = parts_of(plant.GetBodyByName(link.get("name", "")))
+        same = np.allclose(
+            [kept, np.trace(central)], [mass, np.trace(inertia)], rtol=1e-9, atol=1e-9 * mass
+        )
+        if not same:
             raise InputError(f"{where}: Drake replaced its mass or inertia; check <inertial>")
+
+
+def parts_of(body: RigidBody) -> tuple[float, Array, Array]:
+    """Mass [kg], centre of mass [m] and central inertia [kg m²] of a link, in its frame."""
+    inertia = body.default_spatial_inertia()
+    com = inertia.get_com()
+    return inertia.get_mass(), com, inertia.Shift(com).CalcRotationalInertia().CopyToFullMatrix3()

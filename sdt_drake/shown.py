@@ -7,14 +7,9 @@ import re
 import shutil
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from sdt_drake.arrays import Array
-from sdt_drake.errors import needing
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 _LEAST = 80  # characters of a line
 _MOST_LINES = 5  # of a header
@@ -66,7 +61,7 @@ def by_joint(
         columns: header, format and a value for each joint; NaN is a dash.
     """
     cells = [[told(x, spec) for x in values] for _, spec, values in columns]
-    joints = [f"{k + 1} {name}" for k, name in enumerate(names)]
+    joints = [f"{k + 1} {name}".strip() for k, name in enumerate(names)]
     rows = [list(row) for row in zip(joints, *cells, strict=True)]
     return ["joint", *(header for header, _, _ in columns)], rows
 
@@ -74,6 +69,14 @@ def by_joint(
 def told(value: Any, spec: str) -> str:
     """For people: a dash for NaN, and never -0.0."""
     return re.sub(r"^-(?=0[.0]*$)", "", format(value, spec).replace("nan", "–"))
+
+
+def of_joints(
+    title: str, columns: Mapping[str, tuple[str, Array]], names: Sequence[str] = ()
+) -> Summary:
+    """The same as a summary, by header; joints may have no names."""
+    table = [(header, *column) for header, column in columns.items()]
+    return Summary(title, *by_joint(names or [""] * len(table[0][-1]), table))
 
 
 def aligned(
@@ -133,33 +136,3 @@ def _lines(columns: Sequence[Sequence[str]]) -> list[str]:
         right = [cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True)]
         lines.append("  ".join([first.ljust(widths[0]), *right]).rstrip())
     return list(filter(None, lines))  # headers that are shorter than others'
-
-
-def of_joints(
-    title: str, columns: Mapping[str, tuple[str, Array]], names: Sequence[str] = ()
-) -> Summary:
-    """A table with a row for each joint: by header, a format and the values, shape (n,);
-    NaN is a dash."""
-    n = len(next(iter(columns.values()))[1])
-    joints = [f"{k + 1} {name}" for k, name in enumerate(names or [""] * n)]
-    rows = [
-        [joint.strip(), *(told(values[k], spec) for spec, values in columns.values())]
-        for k, joint in enumerate(joints)
-    ]
-    return Summary(title, ("joint", *columns), rows)
-
-
-def data_frame(time: Array, columns: Mapping[str, Array]) -> pd.DataFrame:
-    """A table of pandas: time [s] as index, and `name_k` for joint k, of values of shape (N, n).
-
-    Raises:
-        InputError: where pandas is not installed.
-    """
-    with needing("to_pandas needs pandas", "sdt_drake[exchange]"):
-        import pandas as pd
-    flat = {
-        f"{name}_{k + 1}": column
-        for name, values in columns.items()
-        for k, column in enumerate(values.T)
-    }
-    return pd.DataFrame(flat, index=pd.Index(time, name="time"))

@@ -23,8 +23,8 @@ from sdt_drake.loops import Loop, make_loop
 from sdt_drake.motor_torque import Seen, arrived, knows_its_command, period_torque
 from sdt_drake.progress import told
 from sdt_drake.scenario import Scenario
-from sdt_drake.shown import Shown, Summary, data_frame, of_joints
-from sdt_drake.tables import read_table, write_table
+from sdt_drake.shown import Shown, Summary, of_joints
+from sdt_drake.tables import check_columns, data_frame, read_table, write_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -167,14 +167,9 @@ class Recording(Shown):
         time, columns = read_table(path)
         check_limits(path, time, columns)
         names = [x.name for x in fields(Recording) if x.name != "time" and x.default is MISSING]
-        missing = [name for name in names if name not in columns]
-        if missing:
-            raise InputError(
-                f"{path}: no column {missing[0]}_1, expected a recording as `simulate` writes it: "
-                f"time and, for every joint k, {', '.join(f'{name}_k' for name in names)}"
-            )
-        if len({columns[name].shape for name in names}) > 1:
-            raise InputError(f"{path}: the columns differ in their number of joints")
+        told = ", ".join(f"{name}_k" for name in names)
+        expected = f"a recording as `simulate` writes it: time and, for every joint k, {told}"
+        check_columns(path, columns, names, expected)
         return Recording(time=time, **{name: columns[name] for name in names})
 
     to_csv, from_csv = save, load  # as they are called of a motion

@@ -6,16 +6,20 @@ import csv
 import itertools
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sdt_drake.arrays import Array
-from sdt_drake.errors import InputError, checked_input, replacing
+from sdt_drake.errors import InputError, checked_input, needing, replacing
 from sdt_drake.formats import BINARY, check_binary, flat, read_binary, write_binary
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TABLES = (".csv", *BINARY)
 """Kinds of files that tables of joints are read from and written as."""
@@ -50,6 +54,17 @@ def write_table(
         file.write(",".join(own) + "\n")
         # repr of a float is its shortest exact text, and quicker than a format of fixed width.
         file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+
+
+def data_frame(time: Array, columns: Mapping[str, Array]) -> pd.DataFrame:
+    """A table of pandas: time [s] as index, and `name_k` for joint k, of values of shape (N, n).
+
+    Raises:
+        InputError: where pandas is not installed.
+    """
+    with needing("to_pandas needs pandas", "sdt_drake[exchange]"):
+        import pandas as pd
+    return pd.DataFrame(flat(columns), index=pd.Index(time, name="time"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +135,21 @@ def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str,
     time = numbers.data[:, 0]
     _check_time(numbers, even=even)
     return time, {name: numbers.data[:, columns] for name, columns in groups.items()}
+
+
+def check_columns(
+    path: str | Path, columns: Mapping[str, Array], names: Sequence[str], expected: str
+) -> None:
+    """Refuse columns of which some are missing, or that differ in their number of joints.
+
+    Raises:
+        InputError: naming the file, and what was expected.
+    """
+    for name in names:
+        if name not in columns:
+            raise InputError(f"{path}: no column {name}_1, expected {expected}")
+    if len({columns[name].shape for name in names}) > 1:
+        raise InputError(f"{path}: {', '.join(names)} differ in their number of joints")
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from sdt_drake.device.motors import DEFAULT_CATALOGUE, Motor, load_catalogue
 from sdt_drake.errors import InputError, within
 from sdt_drake.fields import setting
 from sdt_drake.links import child, link_named, links_by_name, scale_link, set_inertia
-from sdt_drake.robot import Robot, edited
+from sdt_drake.robot import Robot, edited, parts_of
 from sdt_drake.sdf import DRAKE
 
 
@@ -134,7 +134,7 @@ def _fit(root: ET.Element, robot: Robot, choice: DeviceChoice, motors: list[Moto
             )
         peak = motor.peak_torque if motor else robot.motor_torque_limit[k]
         inertia = motor.rotor_inertia if motor else robot.rotor_inertia[k]
-        _set(_child(child(joints[name], "axis"), "limit"), "effort", peak * ratio)
+        _set(child(child(joints[name], "axis"), "limit"), "effort", peak * ratio)
         _set(joints[name], f"{DRAKE}rotor_inertia", inertia)
         _set(joints[name], f"{DRAKE}gear_ratio", ratio)
     if choice.structure_scale != 1:
@@ -145,13 +145,7 @@ def _fit(root: ET.Element, robot: Robot, choice: DeviceChoice, motors: list[Moto
 
 
 def _set(parent: ET.Element, tag: str, value: float) -> None:
-    _child(parent, tag).text = repr(float(value))
-
-
-def _child(parent: ET.Element, tag: str) -> ET.Element:
-    """The child of this tag; made if there is none."""
-    found = parent.find(tag)
-    return ET.SubElement(parent, tag) if found is None else found
+    child(parent, tag).text = repr(float(value))
 
 
 def _added_masses(motors: list[Motor | None], fitted: list[Motor | None], s: float) -> list[float]:
@@ -172,7 +166,7 @@ def _with_stators(robot: Robot, added: list[float]) -> Robot:
         link = frame.body().name()
         if mass != 0 and frame.body().index() != robot.plant.world_body().index():
             place = frame.GetFixedPoseInBodyFrame().translation()
-            bodies[link] = with_point_mass(*_body(robot, link), mass, place)
+            bodies[link] = with_point_mass(*parts_of(frame.body()), mass, place)
             if bodies[link][0] <= 0:
                 raise InputError(f"link '{link}' would be left with {bodies[link][0]:g} kg")
 
@@ -205,15 +199,7 @@ def with_point_mass(
     return total, com + added / total * d, central + reduced * (d @ d * np.eye(3) - np.outer(d, d))
 
 
-def _body(robot: Robot, link: str) -> tuple[float, Array, Array]:
-    """Mass [kg], centre of mass [m] and central inertia [kg m²] of a link, in its frame."""
-    inertia = robot.plant.GetBodyByName(link).default_spatial_inertia()
-    com = inertia.get_com()
-    return inertia.get_mass(), com, inertia.Shift(com).CalcRotationalInertia().CopyToFullMatrix3()
-
-
 def _first_inertia(robot: Robot) -> float:
     """J: inertia of the links about the first joint at q = 0, joint side [kg m²]."""
-    context = robot.plant.CreateDefaultContext()
-    robot.plant.SetPositions(context, np.zeros(robot.n))
-    return robot.plant.CalcMassMatrix(context)[0, 0] - robot.reflected_inertia[0]
+    M = robot.plant.CalcMassMatrix(robot.context_at_zero())
+    return M[0, 0] - robot.reflected_inertia[0]

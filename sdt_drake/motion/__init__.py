@@ -1,7 +1,6 @@
 """From commanded joint speeds to a motion that the motors can do."""
 
 from sdt_drake.motion.command import Command, Course, TimedSegment, command_of, load_command
-from sdt_drake.motion.files import load_profile, shipped_motions
 from sdt_drake.motion.learned import LearnedReference, load_learned
 from sdt_drake.motion.limiter import plan_motion
 from sdt_drake.motion.load import PLANNERS, Story, load_plan, story_of
@@ -13,35 +12,14 @@ from sdt_drake.motion.plan import (
     commanded_motion,
     ends_in_motion,
 )
-from sdt_drake.motion.profile import MotionProfile
+from sdt_drake.motion.profile import MotionProfile, load_profile, shipped_motions
 from sdt_drake.motion.resampling import import_motion
 from sdt_drake.motion.retiming import retime
 from sdt_drake.motion.trajectory import Motion
 
 __all__ = [
-    "INTERPOLATION_PERIOD",
-    "PLANNERS",
-    "Command",
-    "Course",
-    "LearnedReference",
-    "Margins",
-    "Motion",
-    "MotionProfile",
-    "Plan",
-    "Story",
-    "TimedSegment",
-    "checked_torque",
-    "command_of",
-    "commanded_motion",
-    "ends_in_motion",
-    "import_motion",
-    "load_command",
-    "load_learned",
-    "load_plan",
-    "load_profile",
-    "margins",
-    "plan_motion",
-    "retime",
-    "shipped_motions",
-    "story_of",
-]
+    "INTERPOLATION_PERIOD", "PLANNERS", "Command", "Course", "LearnedReference", "Margins",
+    "Motion", "MotionProfile", "Plan", "Story", "TimedSegment", "checked_torque", "command_of",
+    "commanded_motion", "ends_in_motion", "import_motion", "load_command", "load_learned",
+    "load_plan", "load_profile", "margins", "plan_motion", "retime", "shipped_motions", "story_of",
+]  # fmt: skip

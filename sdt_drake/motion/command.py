@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
 from sdt_drake.fields import check
-from sdt_drake.motion.files import load_profile
-from sdt_drake.motion.profile import MotionProfile, Resultant, Track
+from sdt_drake.motion.profile import MotionProfile, Resultant, Track, load_profile
 from sdt_drake.motion.segments import Knots, Ramp, Sampled, Segment, Swing, Turn
 from sdt_drake.motion.spin import SpinGeometry, spin_geometry
 from sdt_drake.motion.trajectory import Motion

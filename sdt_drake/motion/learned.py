@@ -10,7 +10,7 @@ import numpy as np
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, within
 from sdt_drake.motion.plan import checked_torque
-from sdt_drake.motion.trajectory import COLUMNS, Motion
+from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot import Robot
 from sdt_drake.tables import read_table, write_table
 
@@ -35,11 +35,8 @@ class LearnedReference:
 
     def to_csv(self, path: str | Path) -> None:
         """Write time, q_ref_k, v_ref_k, vd_ref_k (a motion), and tau_ff_k where there is some."""
-        motion = self.motion
-        columns = dict(zip(COLUMNS, (motion.q, motion.v, motion.vd), strict=True))
-        if self.torque is not None:
-            columns["tau_ff"] = self.torque
-        write_table(path, motion.time, columns)
+        torque = {} if self.torque is None else {"tau_ff": self.torque}
+        write_table(path, self.motion.time, self.motion.columns | torque)
 
     @staticmethod
     def from_csv(path: str | Path) -> LearnedReference:
@@ -71,8 +68,7 @@ class LearnedReference:
             raise InputError(f"joint {k + 1} does not start as the planned motion does")
         apart = np.abs(own.q - wanted.q)
         beyond = apart > _FARTHEST * np.ptp(wanted.q, axis=0) + _FARTHEST_ANGLE
-        if beyond.any():
-            i, k = np.argwhere(beyond)[0]
+        for i, k in np.argwhere(beyond):
             raise InputError(
                 f"joint {k + 1} is {np.degrees(apart[i, k]):.3g} deg from the planned motion at "
                 f"{wanted.time[i]:.3f} s, expected what was learned of that motion"
@@ -80,9 +76,7 @@ class LearnedReference:
         checked_torque(robot, own, torque_margin=torque_margin)
         if self.torque is not None:
             limit = torque_margin * robot.motor_torque_limit
-            beyond = np.abs(self.torque) > limit
-            if beyond.any():
-                i, k = np.argwhere(beyond)[0]
+            for i, k in np.argwhere(np.abs(self.torque) > limit):
                 raise InputError(
                     f"joint {k + 1} at {own.time[i]:.3f} s: feeds {self.torque[i, k]:.6g} N m "
                     f"forward, motor side, available {limit[k]:.6g} N m"

@@ -11,9 +11,9 @@ import numpy as np
 
 from sdt_drake.errors import InputError, checked_choice, checked_type, within
 from sdt_drake.motion.command import Command, TimedSegment, load_command
-from sdt_drake.motion.files import load_profile
 from sdt_drake.motion.limiter import plan_motion
 from sdt_drake.motion.plan import INTERPOLATION_PERIOD, Plan, checked_torque
+from sdt_drake.motion.profile import load_profile
 from sdt_drake.motion.resampling import import_motion
 from sdt_drake.motion.retiming import retime
 from sdt_drake.motion.trajectory import Motion

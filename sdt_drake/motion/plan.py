@@ -105,9 +105,7 @@ def commanded_motion(robot: Robot, command: Command, period: float) -> Motion:
             (motion.q, _ANY_ANGLE, "rad"),
             (motion.vd, _ANY_ACCELERATION, "rad/s²"),
         ):
-            beyond = ~(np.abs(values) <= most)
-            if beyond.any():
-                i, k = np.argwhere(beyond)[0]
+            for i, k in np.argwhere(~(np.abs(values) <= most)):
                 raise InputError(
                     f"{where}{_place(robot, motion, i, k)}: commanded {values[i, k]:.4g} {unit}, "
                     f"expected at most {most:g} {unit}, as of any machine"
@@ -130,8 +128,7 @@ def _check_sampling(where: str, robot: Robot, command: Command, motion: Motion) 
     angle = motion.q[0] + np.vstack([np.zeros(motion.n), np.cumsum(steps, axis=0)])
     lost = np.abs(angle[np.searchsorted(time, motion.time)] - motion.q)
     beyond = ~(lost <= _ANGLE_TOLERANCE * (1 + np.ptp(angle, axis=0)))
-    if beyond.any():
-        i, k = np.argwhere(beyond)[0]
+    for i, k in np.argwhere(beyond):
         raise InputError(
             f"{where}{_place(robot, motion, i, k)}: commanded for so short that a period of "
             f"{motion.period:g} s loses {np.degrees(lost[:, k].max()):.3g} deg, expected a "
@@ -178,8 +175,7 @@ def _refuse_beyond(
 ) -> None:
     lower, upper = limits
     beyond = (values < lower - slack) | (values > upper + slack)
-    if beyond.any():
-        i, k = np.argwhere(beyond)[0]
+    for i, k in np.argwhere(beyond):
         name, unit = quantity.rstrip("]").split(" [")
         raise InputError(
             f"{_place(robot, motion, i, k)}: needs {name} {values[i, k]:.6g} {unit}, available "

@@ -3,6 +3,7 @@
 # Drake's YAML loader reads the annotations here: they may not be postponed, and a union must be
 # spelled Optional[...] or Union[...].
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Optional, Union
 
 from sdt_drake.fields import setting
@@ -17,6 +18,8 @@ from sdt_drake.motion.segments import (
     Turn,
     either,
 )
+from sdt_drake.resources import shipped
+from sdt_drake.yaml_files import load_yaml
 
 
 @dataclass(kw_only=True)
@@ -112,3 +115,19 @@ class MotionProfile:
         resultants = [i + 1 for i, track in enumerate(self.tracks) if track.resultant is not None]
         for i in resultants[1:]:
             yield f"tracks[{i}].resultant", f"tracks[{resultants[0]}] has one already"
+
+
+def load_profile(path: str | Path) -> MotionProfile:
+    """A motion profile from YAML, or the shipped one of a name.
+
+    Raises:
+        InputError: naming the file, the field, and what would be right.
+    """
+    profile, file = load_yaml(MotionProfile, path, "motion")
+    profile.name = profile.name or file.stem
+    return profile
+
+
+def shipped_motions() -> list[str]:
+    """Names of the training motions that ship with the package: those that a pilot feels."""
+    return [name for name in shipped("motion") if load_profile(name).feels]

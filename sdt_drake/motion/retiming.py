@@ -246,8 +246,7 @@ def _check_gravity(robot: Robot, commanded: Motion, available: Array) -> None:
     rest = np.zeros_like(commanded.q)
     holding = inverse_dynamics(robot, commanded.q, rest, rest)
     beyond = np.abs(holding) > available + TORQUE_TOLERANCE
-    if beyond.any():
-        i, k = np.argwhere(beyond)[0]
+    for i, k in np.argwhere(beyond):
         raise InputError(
             f"motion refused: joint {k + 1} '{robot.joint_names[k]}', where it is commanded at "
             f"{commanded.time[i]:.3f} s, needs torque {holding[i, k]:.6g} N m to hold its links, "

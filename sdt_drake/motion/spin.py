@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
-from pydrake.multibody.tree import RevoluteJoint
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
@@ -73,14 +71,14 @@ def spin_geometry(robot: Robot, spin: str, align: str | None, where: str) -> Spi
     if g == 0:
         raise InputError(f"{where}: no gravity in '{robot.name}', expected some")
     up = -gravity / g
-    spin_axis, centre = _axis_and_origin(robot, spin)
+    spin_axis, centre = robot.joint_at_zero(spin)
     if np.linalg.norm(np.cross(spin_axis, up)) > _PARALLEL:
         raise InputError(
             f"{where}.spin: the axis of '{spin}' is not vertical, "
             "expected a joint with a vertical axis"
         )
     carried = align or robot.joint_names[-1]
-    axis, origin = _axis_and_origin(robot, carried)
+    axis, origin = robot.joint_at_zero(carried)
     arm = origin - centre
     arm = arm - (arm @ up) * up
     radius = float(np.linalg.norm(arm))
@@ -102,12 +100,3 @@ def spin_geometry(robot: Robot, spin: str, align: str | None, where: str) -> Spi
         sign = float(np.sign(towards_centre))
     fastest = float(robot.velocity_limit[robot.joint_names.index(spin)])
     return SpinGeometry(radius, g, fastest, sign)
-
-
-def _axis_and_origin(robot: Robot, name: str) -> tuple[Array, Array]:
-    """Axis and origin [m] of a joint in the world at q = 0."""
-    context = robot.plant.CreateDefaultContext()
-    robot.plant.SetPositions(context, np.zeros(robot.n))
-    joint = robot.plant.GetJointByName(name)
-    pose = joint.frame_on_parent().CalcPoseInWorld(context)
-    return pose.rotation().matrix() @ cast(RevoluteJoint, joint).revolute_axis(), pose.translation()

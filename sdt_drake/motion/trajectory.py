@@ -13,8 +13,8 @@ from pydrake.trajectories import PiecewisePolynomial, Trajectory
 import sdt_drake
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
-from sdt_drake.shown import Shown, Summary, data_frame, of_joints
-from sdt_drake.tables import read_table, write_table
+from sdt_drake.shown import Shown, Summary, of_joints
+from sdt_drake.tables import check_columns, data_frame, read_table, write_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -110,15 +110,16 @@ class Motion(Shown):
         Raises:
             InputError: where pandas is not installed.
         """
-        return data_frame(self.time, self._columns)
+        return data_frame(self.time, self.columns)
 
     @property
-    def _columns(self) -> dict[str, Array]:
+    def columns(self) -> dict[str, Array]:
+        """What goes into tables, by COLUMNS."""
         return dict(zip(COLUMNS, (self.q, self.v, self.vd), strict=True))
 
     def to_csv(self, path: str | Path) -> None:
         """Write time, q_ref_k, v_ref_k, vd_ref_k, exactly."""
-        write_table(path, self.time, self._columns)
+        write_table(path, self.time, self.columns)
 
     @staticmethod
     def from_csv(path: str | Path) -> Motion:
@@ -129,14 +130,8 @@ class Motion(Shown):
                 are not finite, positions or speeds that are not the integral of what follows.
         """
         time, columns = read_table(path)
-        missing = [name for name in COLUMNS if name not in columns]
-        if missing:
-            raise InputError(
-                f"{path}: no column {missing[0]}_1, expected time, q_ref_k, v_ref_k, "
-                "vd_ref_k for every joint k"
-            )
-        if len({columns[name].shape for name in COLUMNS}) > 1:
-            raise InputError(f"{path}: q_ref, v_ref and vd_ref differ in their number of joints")
+        expected = "time, q_ref_k, v_ref_k, vd_ref_k for every joint k"
+        check_columns(path, columns, COLUMNS, expected)
         if time[0] != 0:
             raise InputError(f"{path}, line 2: time starts at {time[0]:g} s, expected 0")
         # i * period is what `to_csv` writes; a file with rounded times has its period on average.
@@ -155,8 +150,7 @@ class Motion(Shown):
             ("vd_ref", off_speed > 1e-6 * (1 + np.abs(self.v)), self.vd, integral.vd),
             ("q_ref", np.abs(self.q - integral.q) > 1e-4, self.q, integral.q),
         ):
-            if off.any():
-                i, k = np.argwhere(off)[0]
+            for i, k in np.argwhere(off):
                 raise InputError(
                     f"{path}, line {i + 2}: {name}_{k + 1} does not fit v_ref_{k + 1}: "
                     f"{own[i, k]:.9g}, the speeds give {right[i, k]:.9g}"

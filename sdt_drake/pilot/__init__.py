@@ -1,12 +1,6 @@
 """What the pilot feels: the motion of the head, the canals and otoliths, thresholds."""
 
-from sdt_drake.pilot.felt import (
-    CHANNELS,
-    DETECTORS,
-    LINEAR,
-    FeltDifference,
-    felt_difference,
-)
+from sdt_drake.pilot.felt import CHANNELS, DETECTORS, LINEAR, FeltDifference, felt_difference
 from sdt_drake.pilot.head import (
     GRAVITY,
     HEAD_FRAME,
@@ -24,20 +18,7 @@ from sdt_drake.pilot.perception import (
 )
 
 __all__ = [
-    "CHANNELS",
-    "DETECTORS",
-    "GRAVITY",
-    "HEAD_FRAME",
-    "LINEAR",
-    "UNPERCEIVED_RATE",
-    "FeltDifference",
-    "HeadMotion",
-    "canals",
-    "check_head",
-    "false_sensation_after_stop",
-    "felt_difference",
-    "felt_upright",
-    "has_head",
-    "head_motion",
-    "head_motion_of_samples",
-]
+    "CHANNELS", "DETECTORS", "GRAVITY", "HEAD_FRAME", "LINEAR", "UNPERCEIVED_RATE",
+    "FeltDifference", "HeadMotion", "canals", "check_head", "false_sensation_after_stop",
+    "felt_difference", "felt_upright", "has_head", "head_motion", "head_motion_of_samples",
+]  # fmt: skip

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.multibody.tree import RevoluteJoint, UniformGravityFieldElement
+from pydrake.multibody.tree import UniformGravityFieldElement
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
@@ -88,11 +87,11 @@ def head_motion(robot: Robot, q: ArrayLike, v: ArrayLike, vd: ArrayLike) -> Head
         InputError: if the robot has no head.
     """
     q, v, vd = (np.asarray(a, dtype=float) for a in (q, v, vd))
-    start, joints, head_at_zero = _chain_at_zero(robot)
+    axes, origins, head_at_zero = _chain_at_zero(robot)
     zero = np.zeros((len(q), 3))
     rotation = np.broadcast_to(np.eye(3), (len(q), 3, 3))  # of a link, from where it is at q = 0
-    position, acceleration, omega, alpha = zero + start, zero, zero, zero
-    for k, axis_at_zero, to_next in joints:
+    position, acceleration, omega, alpha = zero + origins[0], zero, zero, zero
+    for k, (axis_at_zero, to_next) in enumerate(zip(axes, np.diff(origins, axis=0), strict=True)):
         turn = (rotation @ axis_at_zero) * v[:, k, None]
         alpha = alpha + (rotation @ axis_at_zero) * vd[:, k, None] + np.cross(omega, turn)
         omega = omega + turn
@@ -134,28 +133,20 @@ def head_motion_of_samples(robot: Robot, period: float, q: ArrayLike, v: ArrayLi
     return head_motion(robot, q, v, np.gradient(v, period, axis=0))
 
 
-def _chain_at_zero(robot: Robot) -> tuple[Array, list[tuple[int, Array, Array]], Array]:
-    """The chain at q = 0, in the world: where its first joint is, then number, axis and vector to
-    the next of each joint between the world and the head, and the head's rotation."""
-    plant = robot.plant
+def _chain_at_zero(robot: Robot) -> tuple[list[Array], list[Array], Array]:
+    """The chain at q = 0, in the world: axes of the joints between the world and the head, where
+    these and the head are [m], and the head's rotation."""
     check_head(robot)
-    context = plant.CreateDefaultContext()
-    plant.SetPositions(context, np.zeros(robot.n))
-    head = plant.GetFrameByName(HEAD_FRAME)
-    head_pose = head.CalcPoseInWorld(context)
-    joints, origins = [], []
-    for k, name in enumerate(robot.joint_names):
-        joint = plant.GetJointByName(name)
-        if head.body().index() in plant.GetBodiesKinematicallyAffectedBy([joint.index()]):
-            pose = joint.frame_on_parent().CalcPoseInWorld(context)
-            joints.append(
-                (k, pose.rotation().matrix() @ cast(RevoluteJoint, joint).revolute_axis())
-            )
-            origins.append(pose.translation())
-    origins.append(head_pose.translation())
-    steps = np.diff(origins, axis=0)
-    chain = [(k, axis, step) for (k, axis), step in zip(joints, steps, strict=True)]
-    return origins[0], chain, head_pose.rotation().matrix()
+    plant, head = robot.plant, robot.plant.GetFrameByName(HEAD_FRAME)
+    head_pose = head.CalcPoseInWorld(robot.context_at_zero())
+    axes, origins = [], []
+    for name in robot.joint_names:
+        moved = plant.GetBodiesKinematicallyAffectedBy([plant.GetJointByName(name).index()])
+        if head.body().index() in moved:
+            axis, origin = robot.joint_at_zero(name)
+            axes.append(axis)
+            origins.append(origin)
+    return axes, [*origins, head_pose.translation()], head_pose.rotation().matrix()
 
 
 def _turned(axis: Array, angle: Array) -> Array:
