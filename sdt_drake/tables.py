@@ -93,7 +93,7 @@ class Results:
         with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
             if path.suffix == ".json":
                 whole = {**self.about, "units": self.units, "columns": lists}
-                json.dump(_in_json(whole), file, indent=1, ensure_ascii=False, allow_nan=False)
+                json.dump(in_json(whole), file, indent=1, ensure_ascii=False, allow_nan=False)
                 file.write("\n")
                 return
             writer = csv.writer(file, lineterminator="\n")
@@ -105,14 +105,14 @@ RESULTS = (".csv", ".json")
 """Kinds of files that `Results` are written as."""
 
 
-def _in_json(value: object) -> object:
+def in_json(value: object) -> object:
     """As JSON has it: lists for arrays, null for what is not finite."""
     if isinstance(value, Mapping):
-        return {key: _in_json(inner) for key, inner in value.items()}
+        return {key: in_json(inner) for key, inner in value.items()}
     if isinstance(value, np.ndarray | np.generic):
-        return _in_json(value.tolist())
+        return in_json(value.tolist())
     if isinstance(value, list | tuple):
-        return [_in_json(inner) for inner in value]
+        return [in_json(inner) for inner in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 

@@ -5,6 +5,7 @@ What the claims say, and why they hold or not, stands in pages/claims.yaml.
 
 from __future__ import annotations
 
+import html
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
@@ -14,9 +15,10 @@ import numpy as np
 import yaml  # of Drake itself
 
 from sdt_drake import paper
+from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.document import Inline, Table
 from sdt_drake.analysis.metrics import plain_number
-from sdt_drake.analysis.reproduction import Reproduction, Run, table1
+from sdt_drake.analysis.reproduction import Reproduction, table1
 from sdt_drake.control import natural_frequency, oscillation_frequency
 from sdt_drake.resources import page_text
 
@@ -149,10 +151,7 @@ def _frequencies(results: Reproduction) -> Iterator[_Found]:
 
 
 def _algorithm1(results: Reproduction) -> Iterator[_Found]:
-    design = {
-        sign: results.run("axis", "i_eff_max", sign, "pi", False).design
-        for sign in ("printed", "consistent")
-    }
+    design = {sign: results.axis("pi", sign).design for sign in ("printed", "consistent")}
     miss = {}
     for sign, of in design.items():
         split = of.robot.gear_ratio * (of.loads.load_torque - of.loads.alleviating_torque)
@@ -169,13 +168,11 @@ def _algorithm1(results: Reproduction) -> Iterator[_Found]:
 
 
 def _tracking(results: Reproduction) -> Iterator[_Found]:
-    pi = results.run("axis", "i_eff_max", "printed", "pi", False)
-    ctc = results.run("axis", "i_eff_max", "printed", "pi_ctc", True)
+    pi, ctc = results.axis("pi"), results.axis("pi_ctc")
     error_pi, error_ctc = pi.tracking.max_abs_speed_error, ctc.tracking.max_abs_speed_error
     _, gain_2, gain_3, _ = error_pi / error_ctc
-    gain_consistent = _joint2(results, "consistent", "i_eff_max", "pi") / _joint2(
-        results, "consistent", "i_eff_max", "pi_ctc"
-    )
+    consistent = {name: _joint_2(results.axis(name, "consistent")) for name in ("pi", "pi_ctc")}
+    gain_consistent = consistent["pi"] / consistent["pi_ctc"]
     yield _Found(
         "ctc_improves_tracking",
         {"pi": error_pi.tolist(), "pi_ctc": error_ctc.tolist()},
@@ -196,24 +193,24 @@ def _tracking(results: Reproduction) -> Iterator[_Found]:
         "joint2_errors_from_load_jumps",
         {"jump": jump, "seconds_before_peak": lead},
         jump > 1000,
-        numbers={"consistent": _joint2(results, "consistent", "i_eff_max", "pi")},
+        numbers={"consistent": consistent["pi"]},
     )
 
 
 def _inertia(results: Reproduction) -> Iterator[_Found]:
     for process, published in paper.JOINT2_PI_MAX_ERROR.items():
-        computed = _joint2(results, "printed", process, "pi")
+        computed = _joint_2(results.axis("pi", process=process))
         holds = abs(computed / published - 1) < 0.02
         yield _Found(f"joint2_pi_error_{process}", computed, holds, published)
-    change = _change(results, "printed", "pi")
+    change = _change(results, "pi", "printed")
     others = np.delete(change, 1)
     yield _Found(
         "deterioration_at_i_eff_min",
         change.tolist(),
         bool(np.all(others < 2) and change[1] > 10),
-        numbers={"consistent": _change(results, "consistent", "pi")[1]},
+        numbers={"consistent": _change(results, "pi", "consistent")[1]},
     )
-    with_ctc = float(_change(results, "printed", "pi_ctc")[1])
+    with_ctc = float(_change(results, "pi_ctc", "printed")[1])
     yield _Found("ctc_insensitive_to_inertia", with_ctc, abs(with_ctc) < 1)
 
 
@@ -222,9 +219,9 @@ def _inertia(results: Reproduction) -> Iterator[_Found]:
 
 def _coupled(results: Reproduction) -> Iterator[_Found]:
     runs = {
-        "pi": results.run("coupled", "multibody", "consistent", "pi", False),
-        "pi_ctc": results.run("coupled", "multibody", "consistent", "pi_ctc", False),
-        "pi_ctc_printed_sign": results.run("coupled", "multibody", "printed", "pi_ctc", False),
+        "pi": results.coupled("pi"),
+        "pi_ctc": results.coupled("pi_ctc"),
+        "pi_ctc_printed_sign": results.coupled("pi_ctc", "printed"),
     }
     largest = {name: run.tracking.max_abs_speed_error.tolist() for name, run in runs.items()}
     of_joint_2 = {name: errors[1] for name, errors in largest.items()}
@@ -250,43 +247,39 @@ def _coupled(results: Reproduction) -> Iterator[_Found]:
 # --- numbers that several claims need --------------------------------------------------------
 
 
-def _largest(results: Reproduction, sign: str, process: str, controller: str) -> np.ndarray:
-    """Largest speed errors on the axis plant [rad/s], shape (n,); with CTC disturbed."""
-    run = results.run("axis", process, sign, controller, controller == "pi_ctc")
-    return run.tracking.max_abs_speed_error
+def _joint_2(run: Compared) -> float:
+    """Largest speed error of joint 2 [rad/s]."""
+    return float(run.tracking.max_abs_speed_error[1])
 
 
-def _joint2(results: Reproduction, sign: str, process: str, controller: str) -> float:
-    return float(_largest(results, sign, process, controller)[1])
-
-
-def _change(results: Reproduction, sign: str, controller: str) -> np.ndarray:
+def _change(results: Reproduction, controller: str, sign: str) -> np.ndarray:
     """Of the largest speed errors with the smallest inertia, shape (n,) [%]."""
     at_min, at_max = (
-        _largest(results, sign, process, controller) for process in ("i_eff_min", "i_eff_max")
+        results.axis(controller, sign, process).tracking.max_abs_speed_error
+        for process in ("i_eff_min", "i_eff_max")
     )
     return 100 * (at_min / at_max - 1)
 
 
-def _steady(run: Run) -> dict[str, float]:
+def _steady(run: Compared) -> dict[str, float]:
     """Largest error of joints 2 and 4 where their speed is constant [rad/s]."""
     errors = run.tracking.constant_speed_error
     return {"joint 2": float(errors[1]), "joint 4": float(errors[3])}
 
 
-def _share_of_speed(run: Run) -> dict[str, float]:
+def _share_of_speed(run: Compared) -> dict[str, float]:
     """The same over the largest speed of the joint [%]."""
     share = 100 * run.tracking.constant_speed_error / np.abs(run.recording.v_ref).max(axis=0)
     return {"share_2": share[1], "share_4": share[3]}
 
 
-def _middle_error(run: Run) -> float:
+def _middle_error(run: Compared) -> float:
     """Largest error of joint 2 at its constant speed in the middle of the motion [rad/s]."""
     time = run.recording.time
     return float(np.abs(run.recording.speed_error[(time > 11) & (time < 16.5), 1]).max())
 
 
-def _jump_before_peak(run: Run, joint: int) -> tuple[float, float]:
+def _jump_before_peak(run: Compared, joint: int) -> tuple[float, float]:
     """Largest change of the load within a period [N m] in the 0.1 s before the largest error,
     and how long before it was [s]."""
     period = run.design.motion.period
@@ -341,11 +334,11 @@ class Claims:
         )
 
     def _card(self, claim: Json, inline: Inline) -> str:
-        verdict = claim["verdict"]
+        verdict, anchor = claim["verdict"], html.escape(claim["id"])
         look, sign = VERDICTS[verdict]
         values = _value_table(claim["published"], claim["computed"], self.joints)
         return (
-            f'<article class="claim" data-verdict="{verdict}" id="claim-{inline(claim["id"])}">'
+            f'<article class="claim" data-verdict="{verdict}" id="claim-{anchor}">'
             f'<p class="verdict {look}"><span aria-hidden="true">{sign}</span> {verdict}</p>'
             f"<h3>{inline(claim['statement'])}</h3>{values.html(inline)}"
             f'<p class="why">{inline(claim["why"])}</p></article>'

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from sdt_drake import paper
@@ -19,22 +17,13 @@ from sdt_drake.analysis.claims import Claim, judge_claims
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.document import write_text
 from sdt_drake.analysis.report import RECORDING, SUMMARY, write_report
-from sdt_drake.analysis.reproduction import Reproduction, Run, Stopwatch, table1
+from sdt_drake.analysis.reproduction import Reproduction, Stopwatch, table1
 from sdt_drake.analysis.style import save_both
 from sdt_drake.dynamics import effective_inertia
 from sdt_drake.pilot import CHANNELS, FeltDifference, felt_difference
-from sdt_drake.tables import write_table
+from sdt_drake.tables import in_json, write_table
 from sdt_drake.versions import versions
 from sdt_drake.viewer import record_html
-
-# Which run is behind which file: plant, process, algorithm, controller, disturbed.
-RECORDINGS = {
-    "axis_pi": ("axis", "i_eff_max", "printed", "pi", False),
-    "axis_pi_ctc": ("axis", "i_eff_max", "printed", "pi_ctc", True),
-    "coupled_pi": ("coupled", "multibody", "consistent", "pi", False),
-    "coupled_pi_ctc": ("coupled", "multibody", "consistent", "pi_ctc", False),
-}
-_COUPLED_PRINTED = ("coupled", "multibody", "printed", "pi_ctc", False)
 
 
 def write_reproduction(
@@ -50,8 +39,9 @@ def write_reproduction(
     claims = judge_claims(results)
     with watch.stage("CSV files"):
         write_reference(results, folder / "reference.csv")
-        for name, key in RECORDINGS.items():
-            results.run(*key).recording.to_csv(folder / f"{name}.csv")
+        for name in ("pi", "pi_ctc"):
+            results.axis(name).recording.to_csv(folder / f"axis_{name}.csv")
+            results.coupled(name).recording.to_csv(folder / f"coupled_{name}.csv")
     with watch.stage("figures"):
         for name, figure in figures(results).items():
             save_both(figure, folder / name)
@@ -92,10 +82,10 @@ def figures(results: Reproduction) -> dict[str, Figure]:
     """The figures of the paper's runs by file name."""
     motion, names = results.design.motion, results.design.robot.joint_names
     axis, coupled = (
-        {name: results.run(*RECORDINGS[f"{plant}_{name}"]).recording for name in ("pi", "pi_ctc")}
-        for plant in ("axis", "coupled")
+        {name: of(name).recording for name in ("pi", "pi_ctc")}
+        for of in (results.axis, results.coupled)
     )
-    coupled["pi_ctc, printed sign"] = results.run(*_COUPLED_PRINTED).recording
+    coupled["pi_ctc, printed sign"] = results.coupled("pi_ctc", "printed").recording
     reference = "Reference trajectories of the joints (Figure 2)"
     steps = "Step responses, axis 1 at its largest inertia (Figure 4)"
     tracking = "Trajectory tracking, decoupled axes, Algorithm 1 as printed (Figure 7)"
@@ -119,32 +109,19 @@ def summary(results: Reproduction, claims: Sequence[Claim]) -> dict[str, Any]:
         structure: {name: getattr(step.metrics, name) for name in paper.FIGURE4[structure]}
         for structure, step in results.steps.items()
     }
-    pi, pi_ctc = (next(c for c in results.beyond if c.label == x) for x in ("pi", "pi_ctc"))
-    period = results.design.motion.period
-    apart = felt_difference(pi_ctc.head.achieved, pi.head.achieved, period)
+    pi, pi_ctc = (results.coupled(name).head.achieved for name in ("pi", "pi_ctc"))
+    apart = felt_difference(pi_ctc, pi, results.design.motion.period)
     content = {
         "table1": table1(results.design),
         "step_response": {**steps, "published": paper.FIGURE4},
-        "tracking": [_tracking_entry(run) for run in results.runs],
+        "tracking": [case._asdict() | asdict(run.tracking) for case, run in results.runs.items()],
         "claims": [asdict(claim) for claim in claims],
         "beyond": [_beyond_entry(compared) for compared in results.beyond],
         "pi_or_pi_ctc": _felt_entry(apart),
         "versions": versions(),
         "wall_time_s": dict(results.wall_time_s),
     }
-    return {name: _plain(part) for name, part in content.items()}
-
-
-def _tracking_entry(run: Run) -> dict[str, object]:
-    scenario = run.scenario
-    return {
-        "plant": scenario.plant.kind,
-        "process": run.process,
-        "algorithm": scenario.algorithm,
-        "controller": scenario.controller.kind,
-        "disturbance_amplitude": scenario.disturbance.amplitude,
-        **asdict(run.tracking),
-    }
+    return {name: in_json(part) for name, part in content.items()}
 
 
 def _beyond_entry(compared: Compared) -> dict[str, object]:
@@ -166,16 +143,3 @@ def _felt_entry(felt: FeltDifference) -> dict[str, object]:
         "largest": felt.largest,
         "channel_share": felt.channel_share,
     }
-
-
-def _plain(value: object) -> object:
-    """Only what JSON knows."""
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

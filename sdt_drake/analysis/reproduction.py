@@ -8,7 +8,8 @@ from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, cast
+from itertools import repeat
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from pydrake.systems.primitives import VectorLogSink
@@ -16,7 +17,6 @@ from pydrake.systems.primitives import VectorLogSink
 from sdt_drake import paper
 from sdt_drake.analysis.comparison import Compared, design_with, run_of
 from sdt_drake.analysis.threads import threads
-from sdt_drake.analysis.tracking import Tracking, track
 from sdt_drake.arrays import Array
 from sdt_drake.control import (
     StepMetrics,
@@ -30,8 +30,8 @@ from sdt_drake.design import Design, make_design
 from sdt_drake.errors import InputError
 from sdt_drake.loops import make_step_loop
 from sdt_drake.progress import as_part, part
-from sdt_drake.scenario import Scenario, load_scenario
-from sdt_drake.simulate import Recording, make_simulator, simulate
+from sdt_drake.scenario import load_scenario
+from sdt_drake.simulate import make_simulator
 
 Report = Callable[[str], None]
 
@@ -55,30 +55,22 @@ class StepResponse:
     metrics: StepMetrics
 
 
-@dataclass(frozen=True, eq=False)
-class Run:
-    """A tracking run, and what it is worth.
+class Case(NamedTuple):
+    """What tells a tracking run from the others.
 
     Attributes:
-        process: "i_eff_max" or "i_eff_min" for an axis loop, "multibody" for the coupled one.
+        plant: "axis" or "coupled".
+        process: inertia of an axis loop, "i_eff_max" or "i_eff_min"; "multibody" for a coupled one.
+        algorithm: "printed" or "consistent".
+        controller: its kind.
+        disturbance_amplitude: of the load [-].
     """
 
-    design: Design
+    plant: str
     process: str
-    recording: Recording
-    tracking: Tracking
-
-    @property
-    def scenario(self) -> Scenario:
-        """What was run."""
-        return self.design.scenario
-
-    @property
-    def key(self) -> tuple[str, str, str, str, bool]:
-        """Plant, process, algorithm, controller, and whether the load is disturbed."""
-        s = self.scenario
-        disturbed = s.disturbance.amplitude > 0
-        return s.plant.kind, self.process, s.algorithm, s.controller.kind, disturbed
+    algorithm: str
+    controller: str
+    disturbance_amplitude: float = 0.0
 
 
 @dataclass(eq=False)
@@ -95,26 +87,25 @@ class Reproduction:
 
     design: Design
     steps: dict[str, StepResponse]
-    runs: list[Run]
+    runs: dict[Case, Compared]
     more_runs: list[Future[Compared]]
     wall_time_s: dict[str, float] = field(default_factory=dict)
+
+    def axis(
+        self, controller: str, algorithm: str = "printed", process: str = "i_eff_max"
+    ) -> Compared:
+        """A run on decoupled axes, as the paper has it: with CTC the load is disturbed."""
+        return self.runs[Case("axis", process, algorithm, controller, _AMPLITUDE[controller])]
+
+    def coupled(self, controller: str, algorithm: str = "consistent") -> Compared:
+        """A run on the coupled plant, undisturbed."""
+        return self.runs[Case("coupled", "multibody", algorithm, controller)]
 
     @cached_property
     def beyond(self) -> list[Compared]:
         """The coupled plant under the paper's controllers and more; waits until they have run."""
-        paper_runs = [
-            self.run("coupled", "multibody", "consistent", controller, False)
-            for controller in ("pi", "pi_ctc")
-        ]
-        known = [run_of(r.scenario.controller.kind, r.design, r.recording) for r in paper_runs]
-        return known + [future.result() for future in self.more_runs]
-
-    def run(
-        self, plant: str, process: str, algorithm: str, controller: str, disturbed: bool
-    ) -> Run:
-        """The run with these properties."""
-        key = plant, process, algorithm, controller, disturbed
-        return next(run for run in self.runs if run.key == key)
+        more = (future.result() for future in self.more_runs)
+        return [self.coupled("pi"), self.coupled("pi_ctc"), *more]
 
 
 _SHARES = {"simulations": 0.5, "CSV files": 0.12, "figures": 0.2, "block diagrams": 0.06}
@@ -149,16 +140,12 @@ def reproduce(watch: Stopwatch) -> Reproduction:
         }
     # No Python runs inside these loops.
     with watch.stage("simulations"), threads(2) as pool:
-        share = 1 / len([*_COUPLED_CASES, *_AXIS_CASES, *_BEYOND])
-        on_coupled, on_axis, more_of = (
-            as_part(f, share) for f in (_coupled_run, _axis_run, run_of)
-        )
-        coupled = [pool.submit(on_coupled, design, *case) for case in _COUPLED_CASES]
-        axis = [pool.submit(on_axis, design, *case) for case in _AXIS_CASES]
-        more = [pool.submit(more_of, label, design_with(design, label)) for label in _BEYOND]
-        # `more` may run while files are written.
-        runs = [future.result() for future in (*axis, *coupled)]
-    return Reproduction(design, steps, runs, more, watch.seconds)
+        own, other = (as_part(f, 1 / len([*_CASES, *_BEYOND])) for f in (_run, run_of))
+        runs = pool.map(own, repeat(design), _CASES)
+        # These may run while files are written.
+        more = [pool.submit(other, label, design_with(design, label)) for label in _BEYOND]
+        by_case = dict(zip(_CASES, runs, strict=True))
+    return Reproduction(design, steps, by_case, more, watch.seconds)
 
 
 def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> StepResponse:
@@ -214,57 +201,48 @@ _TABLE1 = (
 def table1(design: Design) -> list[dict[str, Any]]:
     """Table 1 from the SDF and the motion; one row for each joint, with the published one."""
     found = tuning(design)
-    columns = {name: found[name] for name in _TABLE1}
-    rows = []
-    for k in range(design.robot.n):
-        row: dict[str, Any] = {"joint": k + 1}
-        row |= {name: float(values[k]) for name, values in columns.items()}
-        row["published"] = {"joint": k + 1} | {
-            name: paper.table1(name)[k] if name in paper.TABLE1 else None for name in columns
+    published = {name: paper.table1(name) for name in paper.TABLE1}
+    missing = [None] * design.robot.n
+    return [
+        {
+            "joint": k + 1,
+            **{name: float(found[name][k]) for name in _TABLE1},
+            "published": {
+                "joint": k + 1,
+                **{name: published.get(name, missing)[k] for name in _TABLE1},
+            },
         }
-        rows.append(row)
-    return rows
+        for k in range(design.robot.n)
+    ]
 
 
 _STEP_ACCURACY = 7e-6
 
-# algorithm, process, controller
-_AXIS_CASES = [
-    (algorithm, process, controller)
+_AMPLITUDE = {"pi": 0.0, "pi_ctc": 0.05}
+"""Of the disturbance in the paper's models."""
+
+_CASES = [
+    Case("axis", process, algorithm, controller, amplitude)
     for algorithm in ("printed", "consistent")
     for process in ("i_eff_max", "i_eff_min")
-    for controller in ("pi", "pi_ctc")
-]
-# algorithm, controller, disturbance amplitude
-_COUPLED_CASES = [
-    ("consistent", "pi", 0.0),
-    ("consistent", "pi_ctc", 0.0),
-    ("printed", "pi_ctc", 0.0),
-    ("consistent", "pi", 0.05),
-    ("consistent", "pi_ctc", 0.05),
+    for controller, amplitude in _AMPLITUDE.items()
+] + [
+    Case("coupled", "multibody", "consistent", "pi"),
+    Case("coupled", "multibody", "consistent", "pi_ctc"),
+    Case("coupled", "multibody", "printed", "pi_ctc"),
+    Case("coupled", "multibody", "consistent", "pi", 0.05),
+    Case("coupled", "multibody", "consistent", "pi_ctc", 0.05),
 ]
 
 _BEYOND = ("pi_id", "p_pi", "p_pi+ctc", "p_pi+id", "pi_scheduled", "inverse_dynamics")
 
 
-def _axis_run(design: Design, algorithm: str, process: str, controller: str) -> Run:
-    """A model of the paper: published inertia, or that less its published variation."""
-    scenario = load_scenario(f"package://sdt/scenarios/axis_{controller}.yaml")
-    scenario.algorithm = algorithm
-    if process == "i_eff_min":
+def _run(base: Design, case: Case) -> Compared:
+    """On decoupled axes inertia is the published one, or that less its published variation."""
+    scenario = load_scenario(f"package://sdt/scenarios/{case.plant}_{case.controller}.yaml")
+    scenario.algorithm = case.algorithm
+    scenario.disturbance.amplitude = case.disturbance_amplitude
+    if case.process == "i_eff_min":
         variation = np.array(paper.table1("variation_percent")) / 100
         scenario.plant.i_eff = (np.array(scenario.plant.i_eff) * (1 - variation)).tolist()
-    return _run(design, scenario, process)
-
-
-def _coupled_run(design: Design, algorithm: str, controller: str, amplitude: float) -> Run:
-    scenario = load_scenario(f"package://sdt/scenarios/coupled_{controller}.yaml")
-    scenario.algorithm = algorithm
-    scenario.disturbance.amplitude = amplitude
-    return _run(design, scenario, "multibody")
-
-
-def _run(design: Design, scenario: Scenario, process: str) -> Run:
-    own = design.variant(scenario)
-    recording = simulate(own)
-    return Run(own, process, recording, track(recording, own.motion))
+    return run_of(case.controller, base.variant(scenario))

@@ -8,15 +8,16 @@ import pytest
 
 from sdt_drake import paper
 from sdt_drake.analysis.claims import VERDICTS, agrees_as_printed, judge_claims
+from sdt_drake.analysis.reproduction import Case
 from sdt_drake.control import SpeedGains
 from sdt_drake.dynamics import InertiaRange, Loads
 
-AXIS_PI = ("axis", "i_eff_max", "printed", "pi", False)
-AXIS_CTC = ("axis", "i_eff_max", "printed", "pi_ctc", True)
-MIN_PI = ("axis", "i_eff_min", "printed", "pi", False)
-MIN_CTC = ("axis", "i_eff_min", "printed", "pi_ctc", True)
-COUPLED_PI = ("coupled", "multibody", "consistent", "pi", False)
-COUPLED_CTC = ("coupled", "multibody", "consistent", "pi_ctc", False)
+AXIS_PI = Case("axis", "i_eff_max", "printed", "pi")
+AXIS_CTC = Case("axis", "i_eff_max", "printed", "pi_ctc", 0.05)
+MIN_PI = Case("axis", "i_eff_min", "printed", "pi")
+MIN_CTC = Case("axis", "i_eff_min", "printed", "pi_ctc", 0.05)
+COUPLED_PI = Case("coupled", "multibody", "consistent", "pi")
+COUPLED_CTC = Case("coupled", "multibody", "consistent", "pi_ctc")
 GOOD, BAD, OPEN = VERDICTS
 RANGE = ("maximum", "median", "minimum")
 
@@ -96,14 +97,13 @@ def with_step(study, structure, **metrics):
 
 
 def with_run(study, key, **changes):
-    runs = [dataclasses.replace(run, **changes) if run.key == key else run for run in study.runs]
-    assert sum(run.key == key for run in runs) == 1
-    return dataclasses.replace(study, runs=runs)
+    run = dataclasses.replace(study.runs[key], **changes)
+    return dataclasses.replace(study, runs=study.runs | {key: run})
 
 
 def with_errors(study, key, name, joints):
     """With other numbers in the tracking of one run."""
-    tracking = study.run(*key).tracking
+    tracking = study.runs[key].tracking
     values = changed(getattr(tracking, name), joints)
     return with_run(study, key, tracking=dataclasses.replace(tracking, **{name: values}))
 
@@ -118,13 +118,13 @@ def steady(study, key, joints):
 
 def with_loads(study, loads):
     return with_run(
-        study, AXIS_PI, design=dataclasses.replace(study.run(*AXIS_PI).design, loads=loads)
+        study, AXIS_PI, design=dataclasses.replace(study.runs[AXIS_PI].design, loads=loads)
     )
 
 
 def with_peak_and_jump(study, peak, jump_at, size):
     """Joint 2 has its largest error at row `peak`; its load jumps by `size` at row `jump_at`."""
-    recording = study.run(*AXIS_PI).recording
+    recording = study.runs[AXIS_PI].recording
     v, load = recording.v_ref.copy(), np.zeros_like(recording.load_torque)
     v[peak, 1] += 0.5
     load[jump_at:, 1] = size
@@ -170,11 +170,11 @@ def test_reasons_have_the_numbers(claims, study):
     assert (min(share), max(share)) == pytest.approx((0.43, 0.90), abs=0.005)
     # The load jumps by twice |tau_coupled| <= 4031.
     assert split["printed"] == pytest.approx(2 * 4031, rel=1e-3) and split["consistent"] < 1e-9
-    errors = study.run(*AXIS_PI).tracking.constant_speed_error
+    errors = study.runs[AXIS_PI].tracking.constant_speed_error
     expected = {"joint 2": errors[1], "joint 4": errors[3]}
     assert claims["pi_small_steady_error"].computed == expected
     for name, key in (("pi", COUPLED_PI), ("pi_ctc", COUPLED_CTC)):
-        tracking = study.run(*key).tracking
+        tracking = study.runs[key].tracking
         error = tracking.constant_speed_error
         computed = claims["ctc_steady_on_coupled_plant"].computed[name]
         assert computed == {"joint 2": error[1], "joint 4": error[3]}
@@ -213,7 +213,7 @@ def _kp(study, zeta):
 
 
 def _at_max(study):
-    return study.run(*AXIS_PI).tracking.max_abs_speed_error
+    return study.runs[AXIS_PI].tracking.max_abs_speed_error
 
 
 CASES = {
@@ -233,7 +233,7 @@ CASES = {
     ],
     "algorithm1_split": [
         (lambda s: with_loads(
-            s, s.run("axis", "i_eff_max", "consistent", "pi", False).design.loads), GOOD)
+            s, s.axis("pi", "consistent").design.loads), GOOD)
     ],
     "alleviating_sign": [
         (lambda s: with_loads(s, Loads(
@@ -277,11 +277,11 @@ CASES = {
     ],
     "ctc_insensitive_to_inertia": [
         (lambda s: largest(
-            s, MIN_CTC, {2: 1.02 * s.run(*AXIS_CTC).tracking.max_abs_speed_error[1]}), BAD)
+            s, MIN_CTC, {2: 1.02 * s.runs[AXIS_CTC].tracking.max_abs_speed_error[1]}), BAD)
     ],
     "ctc_on_coupled_plant": [
         (lambda s: largest(
-            s, COUPLED_CTC, {2: 0.49 * s.run(*COUPLED_PI).tracking.max_abs_speed_error[1]}), GOOD)
+            s, COUPLED_CTC, {2: 0.49 * s.runs[COUPLED_PI].tracking.max_abs_speed_error[1]}), GOOD)
     ],
     "ctc_steady_on_coupled_plant": [
         (lambda s: steady(s, COUPLED_CTC, {2: 0.01, 4: 0.001}), GOOD),
