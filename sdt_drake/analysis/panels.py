@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sdt_drake.analysis.document import Inline, json_in_page
-from sdt_drake.analysis.style import Look, finish, grid, save, style
+from sdt_drake.analysis.style import Look, finish, grid, joint_title, save, style
 from sdt_drake.arrays import Array, Index
 
 MOST = 10_000
@@ -44,6 +44,7 @@ class Panel:
         x: never falling, shape (N,).
         lines: over x.
         marked: where x has a grey ground, shape (N,), and `marked_label`, why.
+        note: above on the right, in pictures.
     """
 
     title: str
@@ -53,6 +54,7 @@ class Panel:
     lines: Sequence[Line]
     marked: NDArray[np.bool_] | None = None
     marked_label: str = ""
+    note: str = ""
 
     def kept(self) -> Index:
         """Rows that a page gets: all; of more than MOST, of each run of rows those where any line
@@ -76,21 +78,44 @@ class Panel:
         return [(float(self.x[i]), float(self.x[j - 1])) for i, j in turns.reshape(-1, 2)]
 
 
-def picture(title: str, columns: Sequence[Sequence[Panel]]) -> Figure:
-    """Columns of as many panels each; those of a column share their axis."""
+def over_time(
+    y_label: str,
+    time: Array,
+    lines: Sequence[tuple[str, Look, Array]],
+    joint_names: Sequence[str] = (),
+) -> list[Panel]:
+    """A panel for each joint.
+
+    Args:
+        y_label: with unit.
+        time: [s], shape (N,).
+        lines: label, look, and samples of shape (N, n).
+        joint_names: n names, of the titles; none for panels beside others that have them.
+    """
+    titles = [joint_title(k, name) for k, name in enumerate(joint_names)]
+    return [
+        Panel(title, "time [s]", y_label, time, [Line(x, look, y[:, k]) for x, look, y in lines])
+        for k, title in enumerate(titles or [""] * lines[0][2].shape[1])
+    ]
+
+
+def picture(title: str, columns: Sequence[Sequence[Panel]], *, width: float = 3.4) -> Figure:
+    """Columns of as many panels each, `width` [inch], one alone wider; those of a column share
+    their axis."""
     rows = len(columns[0])
-    width = 9.05 if len(columns) == 1 else 3.4
+    width = 9.05 if len(columns) == 1 else width
     with style():
         figure, axes = grid(rows, len(columns), panel=(width, 1.55), gaps=(0.9, 0.35), sharex="col")
         for column, panels in zip(axes.T, columns, strict=True):
             for ax, panel in zip(column, panels, strict=True):
-                _draw(ax, panel)
+                draw(ax, panel)
             column[-1].set_xlabel(panels[-1].x_label)
         finish(figure, title)
     return figure
 
 
-def _draw(ax: Axes, panel: Panel) -> None:
+def draw(ax: Axes, panel: Panel) -> None:
+    """All of a panel but the label of its x."""
     for line in panel.lines:
         dashes, marker = ("", ".") if line.dots else (line.look.dashes, "")
         ax.plot(
@@ -106,6 +131,8 @@ def _draw(ax: Axes, panel: Panel) -> None:
         shade(ax, panel.x, panel.marked, panel.marked_label)
     ax.set_ylabel(panel.y_label)
     ax.set_title(panel.title, loc="left", fontweight="bold")
+    ax.set_title(panel.note, loc="right")
+    ax.ticklabel_format(axis="y", useOffset=False)
     ax.margins(x=0)
 
 

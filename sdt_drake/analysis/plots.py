@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from sdt_drake.analysis.budget import ErrorBudget
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.frequency_response import FrequencyResponse, unwrapped_degrees
 from sdt_drake.analysis.metrics import COMPARED, METRICS
-from sdt_drake.analysis.panels import LIMIT, shade
+from sdt_drake.analysis.panels import LIMIT, over_time, picture
 from sdt_drake.analysis.reproduction import StepResponse
 from sdt_drake.analysis.scope import scope as scope
 from sdt_drake.analysis.stability import StabilitySweep
@@ -40,10 +40,6 @@ from sdt_drake.pilot import has_head
 from sdt_drake.robot import Robot
 from sdt_drake.simulate import Recording
 
-Line = tuple[str, Look, Array]
-"""Label, look, and samples of shape (N, n)."""
-
-_PANEL = (9.05, 1.55)  # of a time plot, inch
 _STEADY = 0.005  # share of an inertia; a change that is smaller is not worth the whole panel
 
 
@@ -53,21 +49,13 @@ _STEADY = 0.005  # share of an inertia; a change that is smaller is not worth th
 def trajectories(title: str, motion: Motion, joint_names: Sequence[str]) -> Figure:
     """A motion: a row for each joint, with position, speed and acceleration."""
     columns = (
-        ("position [deg]", np.degrees(motion.q)),
-        ("speed [rad/s]", motion.v),
-        ("acceleration [rad/s²]", motion.vd),
+        ("position [deg]", np.degrees(motion.q), joint_names),
+        ("speed [rad/s]", motion.v, ()),
+        ("acceleration [rad/s²]", motion.vd, ()),
     )
-    with style():
-        figure, axes = grid(motion.n, 3, panel=(2.5, 1.55), gaps=(0.75, 0.35))
-        for k, name in enumerate(joint_names):
-            for ax, (label, values) in zip(axes[k], columns, strict=True):
-                ax.plot(motion.time, values[:, k], color=LOOKS["reference"].colour)
-                ax.set_ylabel(label)
-            axes[k, 0].set_title(joint_title(k, name), loc="left", fontweight="bold")
-        for ax in axes[-1]:
-            ax.set_xlabel("time [s]")
-        finish(figure, title)
-    return figure
+    look = LOOKS["reference"]
+    panels = [over_time(label, motion.time, [("", look, x)], names) for label, x, names in columns]
+    return picture(title, panels, width=2.5)
 
 
 def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
@@ -103,7 +91,7 @@ def speeds(title: str, runs: Mapping[str, Recording], joint_names: Sequence[str]
     first = next(iter(runs.values()))
     lines = [("reference", LOOKS["reference"], first.v_ref)]
     lines += [(label, look, runs[label].v) for label, look in _looks(runs)]
-    return _panels(title, "speed [rad/s]", first.time, lines, joint_names)
+    return picture(title, [over_time("speed [rad/s]", first.time, lines, joint_names)])
 
 
 def speed_errors(
@@ -118,14 +106,12 @@ def speed_errors(
         motion: shaded where a joint counts as having constant speed.
     """
     lines = [(label, look, runs[label].speed_error) for label, look in _looks(runs)]
-    with style():
-        figure, axes = _draw_panels("speed error [rad/s]", motion.time, lines, joint_names)
-        for k, (ax, steady) in enumerate(zip(axes, constant_speed_segments(motion).T, strict=True)):
-            largest = [f"{label} {np.abs(values[:, k]).max():.3g}" for label, _, values in lines]
-            ax.set_title(f"largest: {', '.join(largest)} rad/s", loc="right")
-            shade(ax, motion.time, steady, "constant speed")
-        finish(figure, title)
-    return figure
+    panels = over_time("speed error [rad/s]", motion.time, lines, joint_names)
+    for k, steady in enumerate(constant_speed_segments(motion).T):
+        largest = [f"{label} {np.abs(error[:, k]).max():.3g}" for label, _, error in lines]
+        note = f"largest: {', '.join(largest)} rad/s"
+        panels[k] = replace(panels[k], marked=steady, marked_label="constant speed", note=note)
+    return picture(title, [panels])
 
 
 def torques(title: str, recording: Recording, loads: Loads, robot: Robot) -> Figure:
@@ -141,7 +127,8 @@ def torques(title: str, recording: Recording, loads: Loads, robot: Robot) -> Fig
         ("load torque", Look(PALETTE[0]), recording.load_torque),
         ("motor torque", Look(PALETTE[1]), recording.tau),
     ]
-    return _panels(title, "torque [N m]", recording.time, lines, robot.joint_names)
+    panels = over_time("torque [N m]", recording.time, lines, robot.joint_names)
+    return picture(title, [panels])
 
 
 def effective_inertia(
@@ -162,25 +149,22 @@ def effective_inertia(
     """
     span = InertiaRange.of(i_eff)
     levels = [
-        ("largest", PALETTE[1], "--", span.maximum),
-        ("median", PALETTE[2], "-.", span.median),
-        ("smallest", PALETTE[3], "--", span.minimum),
+        ("largest", Look(PALETTE[1], "--"), span.maximum),
+        ("median", Look(PALETTE[2], "-."), span.median),
+        ("smallest", Look(PALETTE[3], "--"), span.minimum),
     ]
     if published_maximum is not None:
         label = "Table 1 (the paper's motion), largest"
-        levels.append((label, PALETTE[6], ":", np.asarray(published_maximum)))
-    with style():
-        lines = [("effective inertia", Look(PALETTE[0]), i_eff)]
-        figure, axes = _draw_panels("inertia [kg m²]", time, lines, joint_names)
-        for k, ax in enumerate(axes):
-            for label, colour, dashes, values in levels:
-                ax.axhline(values[k], color=colour, linestyle=dashes, label=label, linewidth=0.9)
-            ax.set_title(f"variation {span.variation_percent[k]:.2f} %", loc="right")
-            low, high = span.minimum[k], max(values[k] for _, _, _, values in levels)
-            room = max(0.1 * (high - low), _STEADY * high)  # round-off does not look like a change
-            ax.set_ylim(low - room, high + room)
-            ax.ticklabel_format(axis="y", useOffset=False)
-        finish(figure, title)
+        levels.append((label, Look(PALETTE[6], ":"), np.asarray(published_maximum)))
+    lines = [("effective inertia", Look(PALETTE[0]), i_eff)]
+    lines += [(label, look, np.broadcast_to(x, i_eff.shape)) for label, look, x in levels]
+    panels = over_time("inertia [kg m²]", time, lines, joint_names)
+    notes = [f"variation {percent:.2f} %" for percent in span.variation_percent]
+    figure = picture(title, [[replace(p, note=x) for p, x in zip(panels, notes, strict=True)]])
+    highest = np.max([values for _, _, values in levels], axis=0)
+    for ax, low, high in zip(figure.axes, span.minimum, highest, strict=True):
+        room = max(0.1 * (high - low), _STEADY * high)  # round-off does not look like a change
+        ax.set_ylim(low - room, high + room)
     return figure
 
 
@@ -193,7 +177,7 @@ def error_budget(title: str, budget: ErrorBudget, joint_names: Sequence[str]) ->
     lines += [
         (name, Look(nth_look(i).colour), values) for i, (name, values) in enumerate(parts.items())
     ]
-    figure = _panels(title, "speed error [rad/s]", budget.time, lines, joint_names)
+    figure = picture(title, [over_time("speed error [rad/s]", budget.time, lines, joint_names)])
     for ax in figure.axes:
         ax.lines[0].set_linewidth(3.0)
     return figure
@@ -201,30 +185,6 @@ def error_budget(title: str, budget: ErrorBudget, joint_names: Sequence[str]) ->
 
 def _looks(runs: Mapping[str, Recording]) -> list[tuple[str, Look]]:
     return list(zip(runs, looks_of(list(runs)), strict=True))
-
-
-def _panels(
-    title: str, ylabel: str, time: Array, lines: Sequence[Line], joint_names: Sequence[str]
-) -> Figure:
-    with style():
-        figure, _ = _draw_panels(ylabel, time, lines, joint_names)
-        finish(figure, title)
-    return figure
-
-
-def _draw_panels(
-    ylabel: str, time: Array, lines: Sequence[Line], joint_names: Sequence[str]
-) -> tuple[Figure, NDArray[np.object_]]:
-    """Lines over time in a panel for each joint; still without title and legend."""
-    figure, axes = grid(len(joint_names), 1, panel=_PANEL)
-    for k, (ax, name) in enumerate(zip(axes[:, 0], joint_names, strict=True)):
-        for label, look, values in lines:
-            ax.plot(time, values[:, k], look.dashes, color=look.colour, label=label)
-        ax.set_ylabel(ylabel)
-        ax.set_title(joint_title(k, name), loc="left", fontweight="bold")
-        ax.margins(x=0)
-    axes[-1, 0].set_xlabel("time [s]")
-    return figure, axes[:, 0]
 
 
 # --- controllers side by side ----------------------------------------------------------------
@@ -318,23 +278,26 @@ def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) ->
             magnitude, phase = axes[:, column]
             degrees = unwrapped_degrees(values, at_crossover=column == 1)
             for k, name in enumerate(joint_names):
-                look = {"color": nth_look(k).colour, "linestyle": nth_look(k).dashes}
-                decibel = 20 * np.log10(np.abs(values[:, k]))
-                magnitude.semilogx(response.omega, decibel, label=joint_title(k, name), **look)
-                phase.semilogx(response.omega, degrees[:, k], label=joint_title(k, name), **look)
-                dot = nth_look(k)
-                magnitude.plot(marked[k], level, dot.marker, color=dot.colour, markersize=4)
+                look, decibel = nth_look(k), 20 * np.log10(np.abs(values[:, k]))
+                own = {
+                    "color": look.colour,
+                    "linestyle": look.dashes,
+                    "label": joint_title(k, name),
+                }
+                thin = {"color": look.colour, "linewidth": 0.8}
+                dot = {"color": look.colour, "marker": look.marker, "markersize": 4}
+                magnitude.semilogx(response.omega, decibel, **own)
+                phase.semilogx(response.omega, degrees[:, k], **own)
+                magnitude.plot(marked[k], level, **dot)
                 if column == 1:
                     at = np.interp(np.log(marked[k]), np.log(response.omega), degrees[:, k])
-                    phase.plot(marked[k], at, dot.marker, color=dot.colour, markersize=4)
-                    phase.vlines(marked[k], -180, at, color=dot.colour, linewidth=0.8)
+                    phase.plot(marked[k], at, **dot)
+                    phase.vlines(marked[k], -180, at, **thin)
                     margin = response.gain_margin[k]
                     if np.isfinite(margin):
                         i = np.abs(1 + margin * values[:, k]).argmin()
                         foot = -20 * np.log10(margin)
-                        magnitude.vlines(
-                            response.omega[i], foot, 0, color=dot.colour, linewidth=0.8
-                        )
+                        magnitude.vlines(response.omega[i], foot, 0, **thin)
             magnitude.axhline(level, color="0.4", linewidth=0.8)
             magnitude.set_title(label, loc="left", fontweight="bold")
             magnitude.set_ylabel("magnitude [dB]")

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sdt_drake.analysis.style import PALETTE, finish, grid, plain_numbers, style
+from sdt_drake.analysis.panels import Line, Panel, draw
+from sdt_drake.analysis.scope import ACHIEVED
+from sdt_drake.analysis.style import LOOKS, PALETTE, Look, finish, grid, plain_numbers, style
 from sdt_drake.analysis.tracking import HeadTracking
 from sdt_drake.arrays import Array
 from sdt_drake.motion import Story, TimedSegment
 from sdt_drake.pilot import CHANNELS, GRAVITY, HeadMotion, canals
 
-REFERENCE, ACHIEVED, CANALS = PALETTE[:3]
 _CHANNEL_COLOURS = (*PALETTE[3:6], "#882255", "#999933", "#332288")
 
 _SPAN = 500  # of the logarithmic scale of the error at most [-]
@@ -41,14 +42,18 @@ def pilot(title: str, time: Array, head: HeadTracking, story: Story | None = Non
         story: what the motion is for, and its segments, which are named above.
     """
     story = story or Story()
-    force, rate = _in_g(head.reference), _rates(head.reference)
-    shown = [(_draw_force, k) for k in _with_something(force, _in_g(head.achieved))]
-    shown += [(_draw_rotation, k) for k in _with_something(rate, _rates(head.achieved))]
+    shown: list[Panel] = []
+    still: list[str] = []
+    for kind in zip(*(head_panels(time, head, axis) for axis in range(3)), strict=True):
+        change = [max(np.ptp(line.values) for line in panel.lines[:2]) for panel in kind]
+        for panel, own in zip(kind, change, strict=True):
+            if own >= _SOMETHING * max(change):
+                shown.append(panel)
+            else:
+                still.append(panel.title)
     lines = [story.title or title]
     if story.feels:
         lines += textwrap.wrap(f"To be felt: {story.feels}", _LINE)
-    still = [name for k, name in enumerate(_FORCES) if (_draw_force, k) not in shown]
-    still += [name for k, name in enumerate(_ROTATIONS) if (_draw_rotation, k) not in shown]
     if still:
         lines += textwrap.wrap(f"Hardly anything changes: {'; '.join(still)}.", _LINE)
     tracks = list(dict.fromkeys(segment.track for segment in story.segments))
@@ -58,8 +63,8 @@ def pilot(title: str, time: Array, head: HeadTracking, story: Story | None = Non
             len(shown) + 1, 1, panel=_PANEL, left=_LEFT, bottom=1.0,
             top=above + _BAND * len(tracks) + 0.3 * bool(tracks),
         )  # fmt: skip
-        for (draw, k), ax in zip(shown, axes[:, 0], strict=False):
-            draw(ax, time, head, k)
+        for panel, ax in zip(shown, axes[:, 0], strict=False):
+            draw(ax, panel)
         _error(axes[-1, 0], time, head)
         axes[-1, 0].set_xlabel("time [s]")
         axes[-1, 0].set_xlim(time[0], time[-1])
@@ -69,38 +74,26 @@ def pilot(title: str, time: Array, head: HeadTracking, story: Story | None = Non
     return figure
 
 
-def _in_g(motion: HeadMotion) -> Array:
-    return motion.specific_force / GRAVITY
+def head_panels(time: Array, head: HeadTracking, axis: int) -> tuple[Panel, Panel]:
+    """Specific force along an axis of the head (0, 1, 2: x, y, z), and rotation about it.
 
+    Each begins with the lines of the reference and of what was achieved.
+    """
 
-def _rates(motion: HeadMotion) -> Array:
-    return np.degrees(motion.angular_velocity)
+    def both(quantity: Callable[[HeadMotion], Array]) -> list[Line]:
+        return [
+            Line("reference", LOOKS["reference"], quantity(head.reference)[:, axis]),
+            Line("achieved", ACHIEVED, quantity(head.achieved)[:, axis]),
+        ]
 
-
-def _with_something(*motions: Array) -> list[int]:
-    """Axes of the head whose quantity changes; at least the one that does so most."""
-    change = np.max([np.ptp(values, axis=0) for values in motions], axis=0)
-    return np.flatnonzero(change >= _SOMETHING * change.max()).tolist()
-
-
-def _draw_force(ax: Axes, time: Array, head: HeadTracking, k: int) -> None:
-    _draw_both(ax, time, _in_g(head.reference)[:, k], _in_g(head.achieved)[:, k])
-    ax.set_title(_FORCES[k], loc="left", fontweight="bold")
-    ax.set_ylabel("force [G]")
-
-
-def _draw_rotation(ax: Axes, time: Array, head: HeadTracking, k: int) -> None:
-    _draw_both(ax, time, _rates(head.reference)[:, k], _rates(head.achieved)[:, k])
-    told = np.degrees(canals(head.achieved.angular_velocity[:, k], float(time[1] - time[0])))
-    ax.plot(time, told, color=CANALS, label="what the canals tell (achieved)")
-    ax.set_title(_ROTATIONS[k], loc="left", fontweight="bold")
-    ax.set_ylabel("rate [deg/s]")
-
-
-def _draw_both(ax: Axes, time: Array, reference: Array, achieved: Array) -> None:
-    ax.plot(time, reference, color=REFERENCE, label="reference")
-    ax.plot(time, achieved, "--", color=ACHIEVED, label="achieved")
-    ax.ticklabel_format(axis="y", useOffset=False)
+    force = both(lambda motion: motion.specific_force / GRAVITY)
+    rate = both(lambda motion: np.degrees(motion.angular_velocity))
+    told = canals(head.achieved.angular_velocity[:, axis], float(time[1] - time[0]))
+    rate.append(Line("what the canals tell (achieved)", Look(PALETTE[2]), np.degrees(told)))
+    return (
+        Panel(_FORCES[axis], "time [s]", "force [G]", time, force),
+        Panel(_ROTATIONS[axis], "time [s]", "rate [deg/s]", time, rate),
+    )
 
 
 def _error(ax: Axes, time: Array, head: HeadTracking) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +27,13 @@ from sdt_drake.analysis.document import (
 from sdt_drake.analysis.frequency_response import FrequencyResponse, frequency_response
 from sdt_drake.analysis.metrics import COMPARED, METRICS
 from sdt_drake.analysis.panels import MOST, Line, Panel, Plots
+from sdt_drake.analysis.plots_pilot import head_panels
 from sdt_drake.analysis.scope import (
-    ACHIEVED,
     joint_panels,
     position_panel,
     torque_over_speed,
 )
-from sdt_drake.analysis.style import LOOKS, PALETTE, Look, joint_title
+from sdt_drake.analysis.style import PALETTE, Look, joint_title
 from sdt_drake.analysis.tracking import (
     HeadTracking,
     Tracking,
@@ -47,7 +47,7 @@ from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import Design
 from sdt_drake.errors import InputError
 from sdt_drake.motion import story_of
-from sdt_drake.pilot import CHANNELS, GRAVITY, HeadMotion, canals, has_head
+from sdt_drake.pilot import CHANNELS, has_head
 from sdt_drake.scenario import Scenario
 from sdt_drake.shown import by_joint
 from sdt_drake.simulate import Recording
@@ -323,36 +323,18 @@ def _plots(caption: str, columns: Sequence[Sequence[Panel]], path: Path, name: s
 
 
 def _felt(design: Design, time: Array, head: HeadTracking, path: Path) -> list[Block]:
-    def panel(label: str, *lines: Line) -> Panel:
-        return Panel("", "time [s]", label, time, lines)
-
-    def both(quantity: Callable[[HeadMotion], Array], axis: int) -> list[Line]:
-        return [
-            Line("reference", LOOKS["reference"], quantity(head.reference)[:, axis]),
-            Line("achieved", ACHIEVED, quantity(head.achieved)[:, axis]),
-        ]
-
     felt, just = head.felt.multiples, Line("just felt", Look("0.2"), np.ones_like(time))
-    told = np.degrees(canals(head.achieved.angular_velocity, float(time[1] - time[0])))
     blocks: list[Block] = []
-    for axis, (force, rotation) in enumerate(zip(_FORCES, _ROTATIONS, strict=True)):
-        panels = [
-            panel(f"force {force} [G]", *both(lambda of: of.specific_force / GRAVITY, axis)),
-            panel(
-                f"{rotation} [deg/s]",
-                *both(lambda of: np.degrees(of.angular_velocity), axis),
-                Line("the canals tell", Look(PALETTE[2]), told[:, axis]),
-            ),
-        ]
-        turn, push = CHANNELS[axis], CHANNELS[3 + axis]
-        error = panel(
-            "error / just felt",
+    for axis, (turn, push) in enumerate(zip(CHANNELS[:3], CHANNELS[3:], strict=True)):
+        lines = [
             Line(f"error of {turn}", Look(PALETTE[3]), felt[:, axis]),
             Line(f"error of {push} force", Look(PALETTE[5]), felt[:, 3 + axis]),
             just,
-        )
+        ]
+        error = Panel("", "time [s]", "error / just felt", time, lines)
         caption = f"{push.capitalize()} force and {turn} of the head, in its own axes."
-        blocks.append(_plots(caption, [[*panels, error]], path, f"pilot_{turn}"))
+        columns = [[*head_panels(time, head, axis), error]]
+        blocks.append(_plots(caption, columns, path, f"pilot_{turn}"))
     feels = story_of(design.scenario.motion, design.robot, design.wanted).feels
     text = (
         "The last plot of each is the error in multiples of what attentive people in silence and "
@@ -360,10 +342,6 @@ def _felt(design: Design, time: Array, head: HeadTracking, path: Path) -> list[B
     )
     wanted: list[Block] = [Text(f"To be felt: {feels}")] if feels else []
     return [*wanted, Text(text, "soft"), *blocks]
-
-
-_FORCES = ("forward", "to the left", "upwards")
-_ROTATIONS = ("roll right", "nose down", "turn left")
 
 
 def _in_3d(design: Design, recording: Recording, path: Path) -> list[Block]:
