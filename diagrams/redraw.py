@@ -1,27 +1,314 @@
 """Every figure and diagram here, drawn again.
 
-    python diagrams/redraw.py [FOLDER]
+    python diagrams/redraw.py [FOLDER] [--only NAME ...] [--record] [--studies FOLDER]
 
-Runs the other scripts, which write into FOLDER, by default the folder of this script; the figures
-of the studies are drawn from their stored rows. Takes some two minutes.
+Writes into FOLDER, by default the folder of this script, in some two minutes; --help lists the
+names. NAME_plot.png is a figure; the paper's loops are NAME.dot, too, and NAME.svg where Graphviz
+is installed; device.png is the device as its SDF draws it. With --record the training motions are
+also written as training_NAME.html, the device in 3D, which plays in any browser.
+
+The figures of the two shipped studies, monte_carlo and sizing, are drawn from their rows in the
+folder --studies, by default those here. To run them again takes about a quarter of an hour each on
+two cores:
+
+    sdt-drake study package://sdt/studies/monte_carlo.yaml --workers 2 --out studies/monte_carlo
+    sdt-drake size package://sdt/studies/sizing.yaml --workers 2 --out studies/sizing
 """
 
-import subprocess
-import sys
+import argparse
+import copy
+from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 
+import matplotlib.image
+import numpy as np
+from matplotlib.figure import Figure
+from pydrake.geometry import (
+    ClippingRange,
+    ColorRenderCamera,
+    LightParameter,
+    MakeRenderEngineVtk,
+    RenderCameraCore,
+    RenderEngineVtkParams,
+)
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.sensors import CameraInfo
+
+from sdt_drake import paper
+from sdt_drake.analysis import plots, plots_pilot
+from sdt_drake.analysis.block_diagrams import DIAGRAMS, write_block_diagram
+from sdt_drake.analysis.comparison import compare
+from sdt_drake.analysis.panels import over_time, picture
+from sdt_drake.analysis.reproduction import step_response
+from sdt_drake.analysis.stability import IDEAL, stability_sweep
+from sdt_drake.analysis.style import PALETTE, Look, save
+from sdt_drake.analysis.tracking import track_head
+from sdt_drake.design import Design, make_design
+from sdt_drake.deviation import Deviation
+from sdt_drake.device import ENCODERS
+from sdt_drake.dynamics import inverse_dynamics
+from sdt_drake.identification.model import identified_robot
+from sdt_drake.identification.procedure import identify
+from sdt_drake.identification.recordings import Recorded
+from sdt_drake.motion import Story, load_plan, shipped_motions, story_of
+from sdt_drake.resources import models_dir
+from sdt_drake.scenario import load_scenario
+from sdt_drake.simulate import Recording, simulate
+from sdt_drake.studies.plots import distributions
+from sdt_drake.studies.plots_front import sizing_front
+from sdt_drake.studies.results import read_study_table
+from sdt_drake.studies.sizing import load_sizing
+from sdt_drake.studies.verdicts import judge_candidates
+from sdt_drake.viewer import record_html
+
 HERE = Path(__file__).resolve().parent
-BEFORE = {"studies": [HERE / "studies" / name for name in ("monte_carlo", "sizing")]}
-"""What a script takes before the folder."""
+CONTROLLERS = ("pi", "pi_ctc", "pi_id", "p_pi", "p_pi+id", "pi_scheduled", "inverse_dynamics")
 
 
-def main(folder: Path) -> None:
-    for script in sorted(HERE.glob("*.py")):
-        if script.stem != "redraw":
-            print(script.name, flush=True)
-            command = [sys.executable, script, *BEFORE.get(script.stem, []), folder]
-            subprocess.run(command, check=True)
+@cache
+def designed(name: str) -> Design:
+    """Of a shipped scenario."""
+    return make_design(load_scenario(f"package://sdt/scenarios/{name}.yaml"))
+
+
+# --- the paper's loops -----------------------------------------------------------------------
+
+
+def figure3() -> Figure:
+    """Decoupling of the inverse dynamics into load and alleviating torque."""
+    design = designed("axis_pi")
+    title = "Torques, motor side: PI on decoupled axes, Algorithm 1 as printed"
+    return plots.torques(title, simulate(design), design.loads, design.robot)
+
+
+def steps(title: str, *structures: str) -> Figure:
+    """Step responses of axis 1 with structures of the PI controller."""
+    i_eff = designed("coupled_pi").inertia.maximum[0]
+    responses = {
+        structure: step_response(structure, paper.FIGURE4_ZETA[structure], i_eff, paper.OMEGA_R)
+        for structure in structures
+    }
+    return plots.step_responses(title, responses)
+
+
+def figure6() -> Figure:
+    """Single joint CTC, with the true load differing from its model by 5 %."""
+    title = "Speed errors, PI + CTC on decoupled axes, load disturbed by 5 %"
+    return speed_errors(title, {"pi_ctc": designed("axis_pi_ctc")})
+
+
+def coupled_loop() -> Figure:
+    """The MultibodyPlant under PI, and under PI + CTC."""
+    designs = {label: designed(f"coupled_{label}") for label in ("pi", "pi_ctc")}
+    return speed_errors("Speed errors on the coupled MultibodyPlant", designs)
+
+
+def speed_errors(title: str, designs: dict[str, Design]) -> Figure:
+    runs = {label: simulate(design) for label, design in designs.items()}
+    *_, design = designs.values()
+    return plots.speed_errors(title, runs, design.robot.joint_names, design.motion)
+
+
+# --- beyond the paper ------------------------------------------------------------------------
+
+
+def controllers() -> Figure:
+    """Controllers compared on the coupled plant."""
+    title = "Controllers on the coupled MultibodyPlant, model known exactly"
+    return plots.comparison(title, compare(designed("coupled_pi"), CONTROLLERS))
+
+
+def stability() -> Figure:
+    """How fast the loops may be, with elastic joints."""
+    design = designed("real_device")
+    cascade = copy.deepcopy(design.scenario)
+    cascade.controller.kind = "p_pi"
+    loops = {
+        "pi, ideal drive": (design, IDEAL),
+        "pi, sampled at 1 ms": (design, design.scenario.drive),
+        "p_pi, ideal drive": (design.variant(cascade), IDEAL),
+    }
+    omega_r = design.scenario.controller.omega_r
+    sweeps = {
+        encoder: {
+            label: stability_sweep(of, omega_r, encoder=encoder, drive=drive)
+            for label, (of, drive) in loops.items()
+        }
+        for encoder in ENCODERS
+    }
+    title = f"Loops tuned for ω_n, joints elastic with ω_r = {omega_r:.1f} rad/s"
+    return plots.stability(title, sweeps, design.robot.joint_names)
+
+
+def identification() -> Figure:
+    """The torques that a training motion needs, and by how much the file of the device and what was
+    identified miss them.
+
+    The real device of the scenario `real_device`, with frames 8 % heavier than its file says and
+    another pilot, flies exciting.yaml, which `sdt-drake excite` has made; its torques are recorded
+    with 1 % of noise.
+    """
+    scenario = load_scenario("real_device", {"motion": str(HERE / "exciting.yaml")})
+    scales = [1.08, 1.08, 1.08, 1.08, 1.0]
+    scenario.plant.deviation = Deviation(
+        payload_mass=18.0, payload_offset=[0.0, 0.03, 0.0265], link_scales=scales
+    )
+    scenario.controller.model = Deviation()
+    design = make_design(scenario)
+    device, run = design.robot, simulate(design)
+    tau = run.tau * device.gear_ratio
+    noise = np.random.default_rng(0).normal(size=tau.shape)
+    tau += 0.01 * np.sqrt(np.mean(tau**2, axis=0)) * noise
+    recorded = Recorded(HERE / "exciting.csv", run.time, {"q": run.q, "tau": tau})
+    identified = identified_robot(identify(design.nominal, [recorded]))
+
+    motion = load_plan("coriolis").motion
+    needed, file, found = (
+        inverse_dynamics(robot, motion.q, motion.v, motion.vd)
+        for robot in (device, design.nominal, identified)
+    )
+    torques = over_time(
+        "torque [N m]",
+        motion.time,
+        [("what the device needs", Look(PALETTE[0]), needed)],
+        device.joint_names,
+    )
+    missed = over_time(
+        "missed [N m]",
+        motion.time,
+        [
+            ("missed by the file", Look(PALETTE[7], "--"), needed - file),
+            ("missed by what was identified", Look(PALETTE[1]), needed - found),
+        ],
+    )
+    for name, torque in (("file", file), ("identified", found)):
+        left = np.sqrt(np.mean((needed - torque) ** 2, axis=0) / np.mean(needed**2, axis=0))
+        print(f"{name} misses {' '.join(f'{100 * x:.2f}' for x in left)} % of the RMS torque")
+    title = "Torques of the links on the Coriolis motion; identified from another motion"
+    return picture(title, [torques, missed])
+
+
+def monte_carlo(studies: Path) -> Figure:
+    title = "Devices that are not what their controllers know: share that stays below an error"
+    outcomes = ("max_abs_speed_error", "max_abs_position_error")
+    table = read_study_table(studies / "monte_carlo")
+    return distributions(title, table, outcomes, "controller")
+
+
+def sizing(studies: Path) -> Figure:
+    what, _ = load_sizing("package://sdt/studies/sizing.yaml")
+    verdicts = judge_candidates(what, read_study_table(studies / "sizing"))
+    return sizing_front("Motor sets and structures, each in all motions", verdicts)
+
+
+# --- the device ------------------------------------------------------------------------------
+
+
+@cache
+def flown(motion: str) -> tuple[Design, Recording, Story]:
+    """A training motion that ships with the package, simulated."""
+    scenario = load_scenario("package://sdt/scenarios/training.yaml")
+    scenario.motion = motion
+    design = make_design(scenario)
+    return design, simulate(design), story_of(motion, design.robot, design.motion)
+
+
+def training(motion: str) -> Figure:
+    """What the pilot feels of a training motion."""
+    design, run, story = flown(motion)
+    return plots_pilot.pilot(motion, run.time, track_head(run, design.robot), story)
+
+
+def device(path: Path) -> None:
+    """Write a picture of the device."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    Parser(plant).AddModels(str(models_dir() / "sdt.sdf"))
+    plant.Finalize()
+    directions = {(-0.5, -0.4, -0.8): 0.85, (-0.9, 0.3, -0.2): 0.4, (0.4, -0.8, -0.2): 0.35}
+    lights = [
+        LightParameter(type="directional", direction=direction, frame="world", intensity=intensity)
+        for direction, intensity in directions.items()
+    ]
+    parameters = RenderEngineVtkParams(default_clear_color=[0.96, 0.97, 0.98], lights=lights)
+    scene_graph.AddRenderer("vtk", MakeRenderEngineVtk(parameters))
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    plant.SetPositions(plant.GetMyMutableContextFromRoot(context), [0.0, 0.3, -0.15, 0.3])  # rad
+
+    core = RenderCameraCore(
+        "vtk", CameraInfo(1200, 640, np.radians(34)), ClippingRange(0.1, 50), RigidTransform()
+    )
+    camera = looking(np.array([7.3, 4.0, 3.0]), np.array([1.3, -0.2, -0.55]))  # m
+    query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(context))
+    image = query.RenderColorImage(ColorRenderCamera(core), scene_graph.world_frame_id(), camera)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    matplotlib.image.imsave(path, image.data[:, :, :3])
+
+
+def looking(eye: np.ndarray, target: np.ndarray) -> RigidTransform:
+    """Pose of a camera at `eye` that looks at `target`: z forward, y down."""
+    z = (target - eye) / np.linalg.norm(target - eye)
+    x = np.cross(z, [0, 0, 1])
+    x /= np.linalg.norm(x)
+    return RigidTransform(RotationMatrix(np.stack([x, np.cross(z, x), z], axis=1)), eye)
+
+
+# --- all of them -----------------------------------------------------------------------------
+
+
+def figures(studies: Path) -> dict[str, Callable[[], Figure]]:
+    """What draws each, by name."""
+    both = "Step responses, axis 1 at its largest inertia"
+    return {
+        "figure3": figure3,
+        "figure4": partial(steps, both, *paper.FIGURE4_ZETA),
+        "figure5": partial(steps, "Step response, axis 1, P in the feedback path", "p_in_feedback"),
+        "figure6": figure6,
+        "coupled_loop": coupled_loop,
+        "controllers": controllers,
+        "stability": stability,
+        "identification": identification,
+        "monte_carlo": partial(monte_carlo, studies),
+        "sizing": partial(sizing, studies),
+        **{f"training_{motion}": partial(training, motion) for motion in shipped_motions()},
+    }
+
+
+NAMES = ("device", *figures(HERE))
+
+
+def draw(name: str, folder: Path, studies: Path, *, record: bool) -> None:
+    """Write all that is called `name`."""
+    if name in DIAGRAMS:
+        write_block_diagram(name, designed("coupled_pi"), folder)
+    if name == "device":
+        device(folder / "device.png")
+    else:
+        save(figures(studies)[name](), folder / f"{name}_plot.png")
+    motion = name.removeprefix("training_")
+    if record and motion != name:
+        design, run, story = flown(motion)
+        record_html(design.robot, run.time, run.q, folder / f"{name}.html", story=story)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("folder", nargs="?", type=Path, default=HERE)
+    parser.add_argument(
+        "--only", nargs="+", choices=NAMES, default=NAMES, metavar="NAME", help=", ".join(NAMES)
+    )
+    parser.add_argument("--record", action="store_true", help="training motions in 3D, too")
+    parser.add_argument("--studies", type=Path, default=HERE / "studies", help="folder of both")
+    options = parser.parse_args()
+    for name in options.only:
+        print(name, flush=True)
+        draw(name, options.folder, options.studies, record=options.record)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else HERE)
+    main()
