@@ -11,12 +11,8 @@ import numpy as np
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, needing, told_by
 
-BINARY = (".mat", ".parquet")
-
-_NEEDS = {
-    ".mat": ".mat files need scipy, which is not installed",
-    ".parquet": ".parquet files need pyarrow, which is not installed",
-}
+_PACKAGES = {".mat": "scipy", ".parquet": "pyarrow"}
+BINARY = tuple(_PACKAGES)
 
 
 def check_binary(path: Path) -> None:
@@ -25,7 +21,8 @@ def check_binary(path: Path) -> None:
     Raises:
         InputError: naming the package.
     """
-    with needing(f"{path}: {_NEEDS[path.suffix]}", "sdt_drake[exchange]"):
+    needs = f"{path.suffix} files need {_PACKAGES[path.suffix]}, which is not installed"
+    with needing(f"{path}: {needs}", "sdt_drake[exchange]"):
         if path.suffix == ".mat":
             import scipy.io  # noqa: F401
         else:

@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,11 +18,13 @@ from sdt_drake.drive_files import Drives
 from sdt_drake.errors import InputError
 from sdt_drake.identification.recordings import Columns
 from sdt_drake.motion import MotionProfile
+from sdt_drake.resources import page_text
 from sdt_drake.scenario import Scenario
 from sdt_drake.schema import Part, entry_of, json_schema, parts
 from sdt_drake.simulate import COLUMNS, Recording
 from sdt_drake.studies.sizing import Sizing
 from sdt_drake.studies.study import Study
+from sdt_drake.yaml_files import parse_yaml
 
 FILES: Mapping[str, type] = {
     "scenario": Scenario,
@@ -68,115 +71,30 @@ class Chapter:
         return "\n\n".join([f"## {self.title}", *(block.markdown() for block in blocks)])
 
 
-def _file(topic: str, title: str, note: str = "") -> Callable[[], Chapter]:
-    def of_fields() -> Chapter:
-        first, *rest = parts(FILES[topic])
-        top = Part("", f"{first.text} {note}".strip(), first.entries)
-        return Chapter(title, [_fields(part) for part in (top, *rest)])
-
-    return of_fields
-
-
-def _fields(part: Part) -> Sheet:
-    return Sheet(part.title, part.text, _FIELDS, [astuple(entry) for entry in part.entries])
-
-
-def _columns(title: str, text: str, columns: Sequence[tuple[str, str, str]]) -> Sheet:
-    """Of a CSV file; all but the time are there for each joint."""
-    rows = [(name + "_k" * (name != "time"), *rest) for name, *rest in columns]
-    return Sheet(title, text, ("column", "unit", "meaning"), rows)
+def _fields(topic: str, title: str, note: str = "") -> Chapter:
+    """Of a kind of file, one of FILES."""
+    first, *rest = parts(FILES[topic])
+    top = Part("", f"{first.text} {note}".strip(), first.entries)
+    sheets = [Sheet(x.title, x.text, _FIELDS, [*map(astuple, x.entries)]) for x in (top, *rest)]
+    return Chapter(title, sheets)
 
 
 def _recording() -> Chapter:
     entries = {field.name: entry_of(Recording, field) for field in fields(Recording)}
-    columns = {name: (name, entry.unit, entry.meaning) for name, entry in entries.items()}
-    columns["speed_error"] = ("speed_error", "rad/s, joint side", "v - v_ref.")
+    told = {name: (entry.unit, entry.meaning) for name, entry in entries.items()}
+    told["speed_error"] = ("rad/s, joint side", "v - v_ref.")
     text = (
         "What `simulate --out run.csv` writes and `pilot` and `view` read: a row for each period. "
         "Column `name_k` is joint k, base to tip; of .parquet, too, and column k of `name` in .mat."
     )
-    rows = [columns[name] for name in ("time", *COLUMNS)]
-    return Chapter("Recordings", [_columns("", text, rows)])
+    rows = [("time", *told["time"]), *((f"{name}_k", *told[name]) for name in COLUMNS)]
+    return Chapter("Recordings", [Sheet("", text, ("column", "unit", "meaning"), rows)])
 
 
-_TIME = ("time", "s", "from 0 on, in equal steps")
-_PLANNED = (
-    _TIME,
-    ("q_ref", "rad, joint side", "position"),
-    ("v_ref", "rad/s, joint side", "speed; positions are its integral"),
-    ("vd_ref", "rad/s², joint side", "acceleration, which holds until the next row"),
-)
-_FOR_DRIVES = (
-    _TIME,
-    ("q_motor", "rad, motor side", "position, gear ratio times that of the joint"),
-    ("v_motor", "rad/s, motor side", "speed, likewise"),
-    ("tau_motor", "N m, motor side", "whole torque, that for the motor's own inertia included"),
-)
-
-
-def _tables() -> Chapter:
-    planned = (
-        "A planned motion: `plan --out motion.csv` writes it, `motion` of a scenario takes it. A "
-        "row for each period; with another period it is resampled."
-    )
-    drives = "For the drives: `plan --drive-table drive.csv`. A row holds until the next one."
-    sheets = [
-        _columns("motion.csv", planned, _PLANNED),
-        _columns("drive.csv", drives, _FOR_DRIVES),
-    ]
-    return Chapter("Tables of a motion", sheets)
-
-
-# Element of an SDF, what it takes, unit and side, default, meaning; "" must be given.
-ELEMENTS = (
-    ("model", "name", "", "", "the robot: one chain of joints from the world to the tip"),
-    ("link", "name", "", "", "`payload` is needed where a payload is changed, or scaled around"),
-    ("link/inertial/mass", "a number >= 0", "kg", "", "0 where its joint has others to move"),
-    ("link/inertial/pose", "6 numbers", "m, rad", "0", "of the centre of mass, in the link"),
-    (
-        "link/inertial/inertia/ixx",
-        "a number",
-        "kg m²",
-        "",
-        "about the centre of mass, likewise iyy and izz; ixy, ixz, iyz are 0 by default",
-    ),
-    ("joint", "revolute or fixed", "", "", "its name, `<parent>` and `<child>`"),
-    ("link/pose", "6 numbers", "m, rad", "0", "x, y, z and roll, pitch, yaw, in the model"),
-    ("joint/pose", "6 numbers", "m, rad", "0", "likewise, in the child link"),
-    ("joint/axis/xyz", "3 numbers", "-", "", "direction about which the joint turns"),
-    ("joint/axis/limit/effort", "a number > 0", "N m, joint side", "", "largest torque"),
-    ("joint/axis/limit/velocity", "a number > 0", "rad/s, joint side", "none", "largest speed"),
-    (
-        "joint/axis/limit/drake:acceleration",
-        "a number > 0",
-        "rad/s², joint side",
-        "none",
-        "largest acceleration",
-    ),
-    ("joint/axis/limit/lower", "a number", "rad, joint side", "none", "stop, of the planner"),
-    ("joint/axis/limit/upper", "a number", "rad, joint side", "none", "stop, of the planner"),
-    (
-        "joint/axis/dynamics/damping",
-        "a number >= 0",
-        "N m s/rad, joint side",
-        "0",
-        "viscous friction of the joint",
-    ),
-    ("joint/drake:rotor_inertia", "a number >= 0", "kg m², motor side", "0", "motor and gearbox"),
-    ("joint/drake:gear_ratio", "a number > 0", "-", "1", "motor speed over joint speed"),
-    ("frame", "name", "", "none", "`head`: where the pilot's head is; x forward, z up"),
-)
-
-
-def _robot() -> Chapter:
-    text = (
-        "SDF (1.x) elements that are read. Of a URDF, the same: `<inertial>`, `<limit>`, "
-        "`<dynamics>` and, within `<transmission>`, `<drake:rotor_inertia>`, `<drake:gear_ratio>` "
-        "or `<mechanicalReduction>`. Shapes are left out; elements that would be misread, or have "
-        "no effect, are refused."
-    )
-    header = ("element", *_FIELDS[1:])
-    return Chapter("Robots", [Sheet("", text, header, ELEMENTS)])
+def _written(topic: str) -> Chapter:
+    """A chapter that stands in pages/reference.yaml."""
+    chapter = parse_yaml(page_text("reference.yaml"))[topic]
+    return Chapter(chapter["title"], [Sheet(**sheet) for sheet in chapter["sheets"]])
 
 
 def _controllers() -> Chapter:
@@ -196,17 +114,19 @@ def _controllers() -> Chapter:
 
 
 TOPICS: Mapping[str, Callable[[], Chapter]] = {
-    "scenario": _file("scenario", "Scenarios"),
+    "scenario": partial(_fields, "scenario", "Scenarios"),
     "controllers": _controllers,
-    "motion": _file("motion", "Motion profiles", "A track or a joint has segments, each a tag."),
-    "tables": _tables,
+    "motion": partial(
+        _fields, "motion", "Motion profiles", "A track or a joint has segments, each a tag."
+    ),
+    "tables": partial(_written, "tables"),
     "recording": _recording,
-    "robot": _robot,
-    "motors": _file("motors", "Motors"),
-    "drives": _file("drives", "Drives"),
-    "study": _file("study", "Studies"),
-    "sizing": _file("sizing", "Sizings"),
-    "columns": _file("columns", "Columns of recordings of others"),
+    "robot": partial(_written, "robot"),
+    "motors": partial(_fields, "motors", "Motors"),
+    "drives": partial(_fields, "drives", "Drives"),
+    "study": partial(_fields, "study", "Studies"),
+    "sizing": partial(_fields, "sizing", "Sizings"),
+    "columns": partial(_fields, "columns", "Columns of recordings of others"),
 }
 
 

@@ -14,6 +14,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, told_by
+from sdt_drake.motion.resampling import interpolated
 from sdt_drake.pilot import GRAVITY, HeadMotion, has_head, head_motion
 from sdt_drake.robot import Robot
 from sdt_drake.systems import RobotDrawing
@@ -78,12 +79,13 @@ def make_frames(robot: Robot, time: Array, q: Array) -> Frames:
     # A motion that ends on a picture has it, though time steps are not exact in binary.
     count = int((time[-1] - time[0]) * FRAME_RATE + 1e-6) + 1
     at = np.arange(count) / FRAME_RATE
-    sampled = _sample(time, q, at)
+    t = at + time[0]
+    sampled = interpolated(t, time, q)
     if not has_head(robot):
         return Frames(at, sampled)
     v = np.gradient(q, time, axis=0)
     vd = np.gradient(v, time, axis=0)
-    head = head_motion(robot, sampled, _sample(time, v, at), _sample(time, vd, at))
+    head = head_motion(robot, sampled, interpolated(t, time, v), interpolated(t, time, vd))
     return Frames(at, sampled, head)
 
 
@@ -111,11 +113,6 @@ def check_duration(duration: float) -> None:
     """
     if not duration <= LONGEST:
         raise InputError(f"lasts {duration:g} s, expected at most {LONGEST:g} s to show")
-
-
-def _sample(time: Array, values: Array, at: Array) -> Array:
-    """Columns of `values` between their samples, `at` seconds after the first one."""
-    return np.stack([np.interp(at + time[0], time, column) for column in values.T], axis=1)
 
 
 # --- the scene ------------------------------------------------------------------------------------

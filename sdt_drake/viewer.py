@@ -63,13 +63,9 @@ def record_html(
     Raises:
         InputError: if the motion does not fit the robot, or the file cannot be written.
     """
-    path = Path(path)
-    check_html(path)
-    if pilot:
-        check_head(robot)
+    check_html(Path(path))
     page = recorded_page(robot, time, q, title=title, pilot=pilot, story=story)
-    with replacing(path) as partial:
-        partial.write_text(page, encoding="utf-8")
+    Animation(page, title).save(path)
 
 
 class Animation:
@@ -110,8 +106,6 @@ def view(design: Design, recording: Recording | None = None, *, pilot: bool = Fa
         InputError: if there is no pilot, or the motion is too long.
     """
     checked_type(design, Design, "design", "sdt_drake.design")
-    if pilot:
-        check_head(design.robot)
     motion, title = design.motion, design.scenario.name
     time, q = (motion.time, motion.q) if recording is None else (recording.time, recording.q)
     return Animation(recorded_page(design.robot, time, q, title=title, pilot=pilot), title)
@@ -139,6 +133,8 @@ def recorded_page(
     story: Story | None = None,
 ) -> str:
     """The text of that page; see `record_html`."""
+    if pilot:
+        check_head(robot)
     story = story or Story()
     frames = make_frames(robot, time, q)
     meshcat = open_meshcat()

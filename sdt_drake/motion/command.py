@@ -14,7 +14,7 @@ from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
 from sdt_drake.fields import check
 from sdt_drake.motion.profile import MotionProfile, Resultant, Track, load_profile
-from sdt_drake.motion.segments import Knots, Ramp, Sampled, Segment, Swing, Turn
+from sdt_drake.motion.segments import Given, Ramp, Segment, Swing, Turn
 from sdt_drake.motion.spin import SpinGeometry, spin_geometry
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.resources import find_file
@@ -245,7 +245,7 @@ def _course(
             swings.append((start, segment))
             angle += segment.angle()
         timeline.append(TimedSegment(" + ".join(track.joints), start, times[-1], segment.text()))
-    left, given = duration - times[-1], isinstance(segment, (Knots, Sampled))
+    left, given = duration - times[-1], isinstance(segment, Given)
     if left < -_SAME_TIME or (given and left > _SAME_TIME):
         raise InputError(
             f"{place}: ends at {times[-1]:.9g} s, expected {'at' if given else 'by'} the end of "

@@ -15,7 +15,7 @@ from sdt_drake.motion.plan import (
     SPEED_TOLERANCE,
     TORQUE_TOLERANCE,
     Plan,
-    checked_torque,
+    checked_plan,
     commanded_motion,
 )
 from sdt_drake.motion.trajectory import Motion
@@ -58,8 +58,7 @@ def plan_motion(
     commanded = commanded_motion(robot, command, period)
     v, limited = _limited_speeds(robot, commanded, torque_margin * robot.effort_limit)
     motion = Motion.from_speeds(period, commanded.q[0], v)
-    torque = checked_torque(robot, motion, torque_margin=torque_margin)
-    return Plan(motion, torque, limited, torque_margin, commanded)
+    return checked_plan(robot, motion, commanded, torque_margin, limited)
 
 
 def _limited_speeds(

@@ -7,12 +7,10 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 from sdt_drake.errors import InputError, checked_choice, checked_type, within
 from sdt_drake.motion.command import Command, TimedSegment, load_command
 from sdt_drake.motion.limiter import plan_motion
-from sdt_drake.motion.plan import INTERPOLATION_PERIOD, Plan, checked_torque
+from sdt_drake.motion.plan import INTERPOLATION_PERIOD, Plan, checked_plan
 from sdt_drake.motion.profile import load_profile
 from sdt_drake.motion.resampling import import_motion
 from sdt_drake.motion.retiming import retime
@@ -100,8 +98,6 @@ def load_plan(
         if file.suffix == ".csv":
             motion, loss = import_motion(file, period)
             if loss is None and planner == "limiter":
-                torque = checked_torque(robot, motion, torque_margin=torque_margin)
-                unlimited = np.zeros(motion.q.shape, dtype=np.bool_)
-                return Plan(motion, torque, unlimited, torque_margin, motion)
+                return checked_plan(robot, motion, motion, torque_margin)
             return replace(plan(Command.of_motion(file.stem, motion)), loss=loss)
     raise InputError(f"{file}: expected a profile (.yaml) or a motion (.csv)")

@@ -159,6 +159,23 @@ def checked_torque(robot: Robot, motion: Motion, *, torque_margin: float = 1.0) 
     return torque
 
 
+def checked_plan(
+    robot: Robot,
+    motion: Motion,
+    commanded: Motion,
+    torque_margin: float,
+    limited: NDArray[np.bool_] | None = None,
+) -> Plan:
+    """The plan of a motion; by default one in which no joint is held back.
+
+    Raises:
+        InputError: as `checked_torque`.
+    """
+    torque = checked_torque(robot, motion, torque_margin=torque_margin)
+    free = np.zeros(motion.q.shape, dtype=np.bool_)
+    return Plan(motion, torque, free if limited is None else limited, torque_margin, commanded)
+
+
 def check_stops(robot: Robot, motion: Motion) -> None:
     """Raise InputError if a joint leaves its position limits: naming joint, time and angle."""
     stops = robot.position_lower, robot.position_upper

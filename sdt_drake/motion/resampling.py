@@ -38,35 +38,25 @@ class Loss:
 def import_motion(path: str | Path, period: float) -> tuple[Motion, Loss | None]:
     """A motion from CSV: as it is if it is one of `Motion.to_csv` at `period`, else resampled.
 
-    Raises:
-        InputError: as `Motion.from_csv` and `resample`.
-    """
-    time, columns = read_table(path, even=False)
-    is_motion = all(name in columns for name in COLUMNS)
-    if is_motion and np.all(np.abs(np.diff(time) - period) <= 1e-6 * period):
-        return Motion.from_csv(path), None
-    return resample(path, period)
-
-
-def resample(path: str | Path, period: float) -> tuple[Motion, Loss]:
-    """A motion from a CSV with `time` and v_ref_k or q_ref_k; other columns are ignored.
-
-    Its times grow, in steps of any length, from any start. Speeds are linear between their samples;
-    positions without speeds lie on a cubic spline. Without positions the motion starts at 0. It
-    ends at the last sample or within a period after it.
+    Of any other file `time` and v_ref_k or q_ref_k are read. Its times grow, in steps of any
+    length, from any start. Speeds are linear between their samples; positions without speeds lie on
+    a cubic spline. Without positions the motion starts at 0. It ends at the last sample or within a
+    period after it.
 
     Args:
         path: the file.
         period: interpolation period [s].
 
     Raises:
-        InputError: naming the file, and the line where there is one: what `read_table` refuses;
-            neither v_ref nor q_ref; a joint whose speeds or angles lose more than 1 % of their
-            range and 1e-3 rad/s or rad.
+        InputError: naming the file, and the line where there is one: what `read_table` or
+            `Motion.from_csv` refuse; neither v_ref nor q_ref; a joint whose speeds or angles lose
+            more than 1 % of their range and 1e-3 rad/s or rad.
     """
     time, columns = read_table(path, even=False)
-    v, q = columns.get("v_ref"), columns.get("q_ref")
-    return resampled(path, time, q, v, period)
+    is_motion = all(name in columns for name in COLUMNS)
+    if is_motion and np.all(np.abs(np.diff(time) - period) <= 1e-6 * period):
+        return Motion.from_csv(path), None
+    return resampled(path, time, columns.get("q_ref"), columns.get("v_ref"), period)
 
 
 def resampled(
@@ -75,7 +65,7 @@ def resampled(
     """The same of samples: q [rad] or v [rad/s] or both, shape (N, n), at growing times [s].
 
     Raises:
-        InputError: as `resample`, naming `where`.
+        InputError: as `import_motion`, naming `where`.
     """
     if v is not None and q is not None and v.shape != q.shape:
         raise InputError(f"{where}: q_ref and v_ref differ in their number of joints")

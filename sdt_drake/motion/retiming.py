@@ -16,7 +16,7 @@ from sdt_drake.motion.plan import (
     TORQUE_TOLERANCE,
     Plan,
     check_stops,
-    checked_torque,
+    checked_plan,
     commanded_motion,
 )
 from sdt_drake.motion.trajectory import Motion
@@ -74,9 +74,7 @@ def retime(
     torque = torque_margin * robot.effort_limit
     limits = available = np.array([torque, torque, robot.velocity_limit, robot.acceleration_limit])
     if not _excess(robot, commanded, available).any():
-        unlimited = np.zeros(commanded.q.shape, dtype=bool)
-        torque = checked_torque(robot, commanded, torque_margin=torque_margin)
-        return Plan(commanded, torque, unlimited, torque_margin, commanded)
+        return checked_plan(robot, commanded, commanded, torque_margin)
     _check_gravity(robot, commanded, torque)
     path = _Path(robot, commanded)
     # The path knows neither viscous friction nor what sampling adds between the points of its grid.
@@ -91,9 +89,8 @@ def retime(
         motion, path_speed = path.sampled(s, slower)
         excess = _excess(robot, motion, available)
         if not excess.any():
-            torque = checked_torque(robot, motion, torque_margin=torque_margin)
             held_back = np.repeat(path_speed[:, None] < _AS_COMMANDED, robot.n, axis=1)
-            return Plan(motion, torque, held_back, torque_margin, commanded)
+            return checked_plan(robot, motion, commanded, torque_margin, held_back)
         limits = limits - 1.1 * excess  # a little more: the last bit would take many passes
         within = path.fastest(limits) if slower == 1 else None
         s, slower = (s, _SLOWER * slower**_GROWING) if within is None else (within, 1.0)

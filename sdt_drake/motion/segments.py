@@ -162,8 +162,24 @@ class Turn(Segment):
         return f"turn {turn}, {self.blend}"
 
 
+class Given(Segment):
+    """A speed that is given point by point, linear between them."""
+
+    @abstractmethod
+    def points(self) -> list[Step]:
+        """Speeds and their times since the start of the segment, from 0 on."""
+
+    def start_speed(self, speed: float) -> float:
+        """That of the first point [rad/s]."""
+        return self.points()[0][1]
+
+    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
+        """A piece for each point but the first."""
+        return self.points()[1:]
+
+
 @dataclass(kw_only=True)
-class Knots(Segment):
+class Knots(Given):
     """Piecewise-linear speed.
 
     Attributes:
@@ -184,17 +200,13 @@ class Knots(Segment):
             if later <= earlier:
                 yield "knots", f"time {later:g} s after {earlier:g} s, expected growing times"
 
-    def start_speed(self, speed: float) -> float:
-        """That of the first knot [rad/s]."""
-        return self.knots[0][1]
-
-    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
-        """A piece for each knot but the first."""
-        return [(time, v) for time, v in self.knots[1:]]
+    def points(self) -> list[Step]:
+        """The knots."""
+        return [(time, v) for time, v in self.knots]
 
 
 @dataclass(kw_only=True)
-class Sampled(Segment):
+class Sampled(Given):
     """Speed given at equal steps, linear between them.
 
     Attributes:
@@ -210,13 +222,9 @@ class Sampled(Segment):
         if len(self.speeds) < 2:
             yield "speeds", f"{len(self.speeds)} value(s), expected two or more"
 
-    def start_speed(self, speed: float) -> float:
-        """That of the first sample [rad/s]."""
-        return self.speeds[0]
-
-    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
-        """A piece for each sample but the first."""
-        return [(i * self.period, v) for i, v in enumerate(self.speeds) if i > 0]
+    def points(self) -> list[Step]:
+        """The samples."""
+        return [(i * self.period, v) for i, v in enumerate(self.speeds)]
 
 
 class Swing(Segment):

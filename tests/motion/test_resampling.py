@@ -8,7 +8,6 @@ from motions import PERIOD, SHORT, sampled
 
 from sdt_drake.errors import InputError
 from sdt_drake.motion import Motion, import_motion, load_plan
-from sdt_drake.motion.resampling import resample
 from sdt_drake.tables import write_table
 
 
@@ -44,7 +43,7 @@ def write(tmp_path):
 def test_any_sample_period_becomes_the_interpolation_period(write, time, given):
     q, v = swing(time)
     columns = {"both": {"q_ref": q, "v_ref": v, "tau": v}, "v_ref": {"v_ref": v}}
-    motion, loss = resample(write(time, **columns.get(given, {"q_ref": q})), PERIOD)
+    motion, loss = import_motion(write(time, **columns.get(given, {"q_ref": q})), PERIOD)
     assert (motion.period, motion.duration) == (PERIOD, 4.0)
     right_q, right_v = swing(motion.time)
     np.testing.assert_allclose(motion.v, right_v, atol=2e-3)
@@ -74,9 +73,9 @@ def test_a_motion_of_to_csv_is_taken_as_it_is(tmp_path):
 
 def test_time_may_start_anywhere_and_the_end_is_rounded_up(write):
     time = 7.25 + 0.007 * np.arange(101)
-    motion, _ = resample(write(time, v_ref=np.ones((101, 1))), PERIOD)
+    motion, _ = import_motion(write(time, v_ref=np.ones((101, 1))), PERIOD)
     assert motion.duration == pytest.approx(0.7)
-    motion, _ = resample(write(time[:-1], v_ref=np.ones((100, 1))), PERIOD)
+    motion, _ = import_motion(write(time[:-1], v_ref=np.ones((100, 1))), PERIOD)
     assert motion.duration == pytest.approx(0.695)
     np.testing.assert_allclose(motion.v, 1)
 
@@ -84,7 +83,7 @@ def test_time_may_start_anywhere_and_the_end_is_rounded_up(write):
 def test_positions_alone_do_not_drift(write):
     time = 0.001 * np.arange(20001)
     q = np.stack([np.sin(time) ** 2, np.cos(3 * time)], axis=1)
-    motion, loss = resample(write(time, q_ref=q), PERIOD)
+    motion, loss = import_motion(write(time, q_ref=q), PERIOD)
     assert loss.position.max() < 9.0 * PERIOD**2 / 4 * 1.6  # a h² / 4, and a h² / 8 between samples
     assert motion.duration == 20
 
@@ -97,7 +96,7 @@ def test_a_coarse_period_that_loses_a_swing_is_refused_with_joint_and_time(write
         match=r"in\.csv: resampled at 0\.005 s joint 2 loses 0\.\d+ rad/s of speed at .* s, "
         r"allowed are 0\.021 rad/s",
     ):
-        resample(write(time, v_ref=v), PERIOD)
+        import_motion(write(time, v_ref=v), PERIOD)
 
 
 @pytest.mark.parametrize(
