@@ -1,17 +1,20 @@
-"""The torque of each joint, split into the four groups of Eq. 2."""
+"""Inverse dynamics by torque groups, their decoupling into loads, and effective inertia."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.framework import Context
 
 from sdt_drake.arrays import Array
 from sdt_drake.progress import told_alone
 from sdt_drake.robot import Robot
+
+# --- torque groups (Eq. 2) ------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,3 +113,104 @@ def gravity_stiffness(robot: Robot, q: Array) -> Array:
     rest = np.zeros_like(around)
     low, high = np.split(torque_groups(robot, around, rest, rest).gravity, 2)
     return (high - low).T / (2 * step)
+
+
+# --- loads (Algorithm 1) --------------------------------------------------------------------
+
+SIGNS = ("consistent", "printed")
+
+
+class Loads(NamedTuple):
+    """Coupling torques of each joint on its motor, **motor side**, shape (n,) or (N, n).
+
+    Attributes:
+        load_torque: tau_LD, what the motor must overcome [N m].
+        alleviating_torque: tau_alleviate, help of the other motors towards the wanted
+            acceleration, with its sign [N m].
+    """
+
+    load_torque: Array
+    alleviating_torque: Array
+
+
+def decouple(
+    inertial: ArrayLike,
+    coupled: ArrayLike,
+    gear_ratio: ArrayLike,
+    sign: str = "consistent",
+) -> Loads:
+    """Algorithm 1 of the paper.
+
+    The three branches are one expression. With own = d_kk vd_k, the help is that part of
+    -tau_coupled which points along `own` and does not exceed it:
+
+        r tau_alleviate = clip(-tau_coupled, min(own, 0), max(own, 0))
+        r tau_LD        = tau_coupled + r tau_alleviate
+
+    so tau_coupled = r (tau_LD - tau_alleviate) holds by construction. The paper prints the third
+    branch (acceleration and coupling opposed, coupling the larger) as tau_LD = -tau_k / r, which
+    breaks that identity by 2 tau_k; `sign="printed"` follows the print.
+
+    Args:
+        inertial: d_kk vd_k, joint side [N m], shape (n,) or (N, n).
+        coupled: tau_coupled of Eq. 4, joint side [N m], same shape.
+        gear_ratio: r, motor over joint speed [-], shape (n,).
+        sign: "consistent" or "printed".
+    """
+    own, coupled = np.asarray(inertial, dtype=float), np.asarray(coupled, dtype=float)
+    help_ = np.minimum(np.maximum(-coupled, np.minimum(own, 0.0)), np.maximum(own, 0.0))
+    load = coupled + help_
+    if sign == "printed":
+        third = (np.sign(own) != np.sign(coupled)) & (np.abs(own) <= np.abs(coupled))
+        load = np.where(third, -(own + coupled), load)
+    return Loads(load / gear_ratio, help_ / gear_ratio)
+
+
+# --- effective inertia (Eq. 3) --------------------------------------------------------------
+
+
+def effective_inertia(robot: Robot, d_kk: ArrayLike) -> Array:
+    """I_eff = I_m + d_kk / r² (Eq. 3), **motor side** [kg m²].
+
+    Args:
+        robot: gives the rotor inertias I_m and the gear ratios r.
+        d_kk: diagonal of the links' mass matrix, joint side [kg m²], shape (n,) or (N, n).
+    """
+    return robot.rotor_inertia + np.asarray(d_kk) / robot.gear_ratio**2
+
+
+def where_largest(d_kk: ArrayLike) -> NDArray[np.intp]:
+    """First sample at which each joint's inertia is as large as it gets, round-off apart.
+
+    Args:
+        d_kk: diagonal of the links' mass matrix, joint side [kg m²], shape (N, n).
+
+    Returns:
+        Samples, shape (n,).
+    """
+    d_kk = np.asarray(d_kk)
+    return np.argmax(d_kk >= (1 - 1e-9) * d_kk.max(axis=0), axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class InertiaRange:
+    """How I_eff, motor side [kg m²], varies along a motion; each of shape (n,)."""
+
+    maximum: Array
+    median: Array
+    minimum: Array
+
+    @staticmethod
+    def of(i_eff: Array) -> InertiaRange:
+        """The range of I_eff of shape (N, n)."""
+        return InertiaRange(
+            maximum=np.max(i_eff, axis=0),
+            median=np.median(i_eff, axis=0),
+            minimum=np.min(i_eff, axis=0),
+        )
+
+    @property
+    def variation_percent(self) -> Array:
+        """(max - min) / max [%], as in Table 1. Round-off of a constant inertia is 0."""
+        variation = 100 * (1 - self.minimum / self.maximum)
+        return np.where(variation < 1e-9, 0.0, variation)
