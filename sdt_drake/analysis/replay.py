@@ -226,7 +226,7 @@ def _course(design: Design, of_links: bool, extra: Array | None = None) -> Cours
         source = sample_source(design.reference.time, extra)
         wiring.add("extra_load", source, "extra_load_torque")
         diagram = Diagram()
-        wiring.build_into(diagram, (), ())
+        wiring.build_into(diagram)
     run, motion = simulate(design, diagram), design.motion
     q = run.q if of_links else cast(Array, run.q_measured)
     v = run.v if of_links else cast(Array, run.v_measured)

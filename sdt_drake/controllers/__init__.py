@@ -1,4 +1,4 @@
-"""The controllers: each a class in a file of its own, found by name in one registry."""
+"""The controllers, found by name in one registry."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ from pydrake.systems.framework import System
 
 from sdt_drake.controllers.base import Controller
 from sdt_drake.controllers.inverse_dynamics import InverseDynamics
-from sdt_drake.controllers.p_pi import PPi
-from sdt_drake.controllers.pi import Pi, PiCtc, PiId
-from sdt_drake.controllers.pi_scheduled import PiScheduled
+from sdt_drake.controllers.pi import Pi, PiCtc, PiId, PiScheduled, PPi
 from sdt_drake.errors import InputError, read_text, told_by
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from pydrake.systems.framework import Diagram, System
 
 from sdt_drake.control import damping_ratio
-from sdt_drake.controllers.base import SIGNALS, Controller, add_feedforward
+from sdt_drake.controllers.base import Controller, add_feedforward
 from sdt_drake.systems import InverseDynamicsController, Wiring
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class InverseDynamics(Diagram, Controller):
         )
         wiring.add("inverse_dynamics", law)
         add_feedforward(wiring, design, at)
-        wiring.build_into(self, SIGNALS, ("tau_cmd",))
+        wiring.build_into(self, "tau_cmd")
 
     @classmethod
     def in_words(cls, design: Design) -> str:

@@ -1,4 +1,4 @@
-"""PI speed controllers, alone and with a torque feedforward (Sections 3.3 and 3.4)."""
+"""PI speed controllers: alone, with a torque feedforward, in a cascade, with scheduled gains."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pydrake.systems.framework import Context, Diagram, System
 
 from sdt_drake.arrays import Array, Index
 from sdt_drake.control import SpeedGains
-from sdt_drake.controllers.base import SIGNALS, Controller, add_feedforward
-from sdt_drake.systems import PiSpeedController, Wiring
+from sdt_drake.controllers.base import Controller, add_feedforward, add_table
+from sdt_drake.systems import GainSchedule, PiSpeedController, PositionLoop, Wiring
 
 if TYPE_CHECKING:
     from sdt_drake.design import Design
@@ -40,10 +40,11 @@ class Pi(Diagram, Controller):
         with the gains that it has there."""
         super().__init__()
         self._design = design
-        choice = design.scenario.controller
+        choice, gains = design.scenario.controller, design.gains
+        share = 1.0 if at is None else self._share(at)
         wiring = Wiring()
         self._pi = PiSpeedController(
-            gains=self._gains(at),
+            gains=SpeedGains(kp=share * gains.kp, ki=share * gains.ki),
             gear_ratio=design.robot.gear_ratio,
             structure=choice.structure_in_use,
             anti_windup=choice.anti_windup and at is None,  # nothing saturates there
@@ -52,19 +53,12 @@ class Pi(Diagram, Controller):
         ahead = self._add_ahead(wiring, at)
         wiring.add("pi_speed_controller", self._pi, tau="tau_limited", **ahead)
         add_feedforward(wiring, design, at)
-        wiring.build_into(self, SIGNALS, ("tau_cmd",))
+        wiring.build_into(self, "tau_cmd")
 
     @classmethod
     def in_words(cls, design: Design) -> str:
         structure = design.scenario.controller.structure_in_use
         return f"PI speed loops with structure {structure}"
-
-    def _gains(self, at: int | None) -> SpeedGains:
-        return self._design.gains
-
-    def _add_ahead(self, wiring: Wiring, at: int | None) -> dict[str, str]:
-        """Blocks ahead of the PI controllers, and what these get instead of their own signals."""
-        return {}
 
     @classmethod
     def linear(cls, design: Design, sample: int) -> System:
@@ -86,6 +80,9 @@ class Pi(Diagram, Controller):
         tau_ff = 0.0 if self._design.tau_ff is None else self._design.tau_ff[held]
         return self._proportional(held, sample, q, v) + tau_ff
 
+    def integral_gain(self, held: Index) -> Array:
+        return self._share(held) * self._design.gains.ki * self._design.robot.gear_ratio
+
     def _proportional(self, held: Index, sample: Index, q: Array, v: Array) -> Array:
         design = self._design
         asked = self._asked(held, sample, q) if self._is_on_error else 0.0
@@ -96,14 +93,17 @@ class Pi(Diagram, Controller):
         """Whether the proportional gain is."""
         return self._design.scenario.controller.structure_in_use == "pi"
 
-    def integral_gain(self, held: Index) -> Array:
-        return self._share(held) * self._design.gains.ki * self._design.robot.gear_ratio
+    # --- what those below change ---------------------------------------------------------------
+
+    def _add_ahead(self, wiring: Wiring, at: int | None) -> dict[str, str]:
+        """Blocks ahead of the PI controllers, and what these get instead of their own signals."""
+        return {}
 
     def _asked(self, held: Index, sample: Index, q: Array) -> Array:
         """Speed that is asked for, joint side [rad/s]."""
         return self._design.reference.v[held]
 
-    def _share(self, held: Index) -> Array | float:
+    def _share(self, held: Index | int) -> Array | float:
         """Of the gains that are in force."""
         return 1.0
 
@@ -143,3 +143,66 @@ class PiId(Pi):
 
     feedforward = "id"
     structure = "pi"
+
+
+class PPi(Pi):
+    """The industrial cascade: v_ref + K_V (q_ref - q) as the reference of PI speed controllers.
+
+    .. pydrake_system::
+
+        name: PPi
+        input_ports:
+        - reference
+        - sampled_state
+        - state
+        output_ports:
+        - tau_cmd
+    """
+
+    options = ("anti_windup", "feedforward", "position_gain")
+    structure = "pi"
+
+    @classmethod
+    def in_words(cls, design: Design) -> str:
+        k_v = design.scenario.controller.position_gain
+        gain = "K_V = omega_n / 4" if k_v is None else f"K_V = {k_v} 1/s at every omega_n"
+        return f"{super().in_words(design)} in position loops, {gain}"
+
+    def _add_ahead(self, wiring: Wiring, at: int | None) -> dict[str, str]:
+        wiring.add("position_loop", PositionLoop(position_gain=self._design.position_gain))
+        return {"reference": "speed_reference"}
+
+    def _asked(self, held: Index, sample: Index, q: Array) -> Array:
+        reference = self._design.reference
+        return reference.v[held] + self._design.position_gain * (reference.q[held] - q[sample])
+
+
+class PiScheduled(Pi):
+    """K_PS and K_IS in proportion to I_eff(q_ref), the inertia along the motion.
+
+    .. pydrake_system::
+
+        name: PiScheduled
+        input_ports:
+        - reference
+        - state
+        output_ports:
+        - tau_cmd
+    """
+
+    needs = ("inertia along the motion",)
+    options = ("anti_windup", "feedforward")
+
+    @classmethod
+    def in_words(cls, design: Design) -> str:
+        return f"{super().in_words(design)}, their gains those at the largest inertia"
+
+    def _add_ahead(self, wiring: Wiring, at: int | None) -> dict[str, str]:
+        if at is not None:  # Drake linearises no schedule of a sampled controller
+            return {}
+        add_table(wiring, "inertia_table", self._design, inertia_share=self._design.inertia_share)
+        wiring.add("gain_schedule", GainSchedule(n=self._design.robot.n))
+        return {"reference": "weighted_reference", "state": "weighted_state"}
+
+    def _share(self, held: Index | int) -> Array:
+        return self._design.inertia_share[held]

@@ -105,6 +105,6 @@ def make_process(design: Design) -> Diagram:
     wiring.add("no_load", ConstantVectorSource(np.zeros(n)), "true_load")
     wiring.same("tau_limited", "tau_cmd")
     process = Diagram()
-    wiring.build_into(process, ("tau_cmd",), ("measured", "state"))
+    wiring.build_into(process, "measured", "state")
     process.set_name("process")
     return process

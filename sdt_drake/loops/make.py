@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, Diagram, System
-from pydrake.systems.primitives import ConstantVectorSource, VectorLogSink
+from pydrake.systems.primitives import ConstantVectorSource, VectorLogSink, ZeroOrderHold
 
 from sdt_drake.arrays import Array
 from sdt_drake.control import SpeedGains
@@ -17,7 +17,7 @@ from sdt_drake.controllers.base import SIGNALS, add_table
 from sdt_drake.design import Design
 from sdt_drake.errors import InputError, checked_type
 from sdt_drake.loops.device import add_device, add_loads, add_moved
-from sdt_drake.loops.rest import at_rest, fill_holds
+from sdt_drake.loops.rest import at_rest
 from sdt_drake.systems import (
     AxisProcess,
     DynamicSaturation,
@@ -32,6 +32,7 @@ from sdt_drake.systems import (
     TorqueLoop,
     Wiring,
     hold_of,
+    set_state,
 )
 
 
@@ -98,7 +99,7 @@ class Loop(Diagram):
         torques, states = ("tau_cmd", "tau_limited", "tau"), ("state", "measured")
         self.logs = wiring.log(states, motion.period)
         self.logs |= wiring.log(torques, drive.period or motion.period)
-        wiring.build_into(self, ("extra_load_torque",), ("reference", *states, "tau_cmd", "tau"))
+        wiring.build_into(self, "reference", *states, "tau_cmd", "tau")
         self.set_name(f"{design.scenario.plant.kind}_loop")
 
     def rest(self, context: Context) -> None:
@@ -112,26 +113,25 @@ class Loop(Diagram):
         Args:
             context: of this diagram.
         """
-        start, seen = at_rest(self.design), self.design.motion.q[0]
-        states = {
+        start = at_rest(self.design)
+        states: dict[type, tuple[Array, ...]] = {
             AxisProcess: (start.q, start.v),
             RobotPlant: (start.q, start.v),
             ElasticJoints: (start.q_motor, start.v),
             JointFriction: (start.v,),
             TorqueLoop: (start.tau,),
+            Encoder: (self.design.motion.q[0], start.v),
         }
-        own = {
-            block: self.GetMutableSubsystemContext(block, context) for block in self.GetSystems()
-        }
-        for block in own:
-            if type(block) in states:
-                cast(Any, block).rest(own[block], *states[type(block)])
-        fill_holds(self, context)
-        for block in own:
-            if isinstance(block, Encoder):
-                block.rest(own[block], seen, start.v)
         if isinstance(self.controller, Controller):
-            self.controller.rest(own[self.controller], start.tau_cmd)
+            states[type(self.controller)] = (start.tau_cmd,)
+        for hold in blocks_of(self):  # of the reference and of tables; encoders have their own
+            if isinstance(hold, ZeroOrderHold):
+                seen = hold.get_input_port().Eval(self.GetSubsystemContext(hold, context))
+                set_state(self, context, hold, cast(Array, seen))
+        for block in self.GetSystems():
+            if type(block) in states:
+                own = self.GetMutableSubsystemContext(block, context)
+                cast(Any, block).rest(own, *states[type(block)])
 
     def recorded(self, context: Context) -> dict[str, Array]:
         """Logged signals by name, each of shape (samples, size); context: of this diagram."""
@@ -220,7 +220,7 @@ def make_step_loop(
     process = AxisProcess(i_eff=[i_eff], gear_ratio=[1.0])
     wiring.add("axis_process", process, tau="tau_fb")
     wiring.log(("state",), log_period)
-    wiring.build_into(diagram, (), ("state",))
+    wiring.build_into(diagram, "state")
     diagram.set_name("step_loop")
     return diagram
 

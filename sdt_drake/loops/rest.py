@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
-from pydrake.systems.framework import Context, Diagram
-from pydrake.systems.primitives import ZeroOrderHold
 
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
@@ -62,13 +59,3 @@ def _holding_torque(design: Design, q: Array) -> Array:
     if design.friction is None:
         return load
     return load + sliding_friction(design.friction, v) / robot.gear_ratio
-
-
-def fill_holds(diagram: Diagram, context: Context) -> None:
-    """Let every hold, also in sub-diagrams, have sampled what it sees; context: of `diagram`."""
-    for system in diagram.GetSystems():
-        own = diagram.GetMutableSubsystemContext(system, context)
-        if isinstance(system, ZeroOrderHold):
-            own.SetDiscreteState(cast(Array, system.get_input_port().Eval(own)))
-        elif isinstance(system, Diagram):
-            fill_holds(system, own)

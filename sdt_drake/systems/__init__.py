@@ -1,10 +1,9 @@
-"""The Drake blocks, one file per kind.
+"""The Drake blocks.
 
 A block is a LeafSystem, or a Diagram of Drake's own systems, with named ports and a keyword-only
 constructor; each works alone in any DiagramBuilder. `rest(context, ...)` sets what it starts with,
 where it remembers anything; `context` is its own. Sizes and numbers that do not fit are an
-`InputError`. Signals on the wires, all vectors of length n
-unless said otherwise:
+`InputError`. Signals on the wires, all vectors of length n unless said otherwise:
 
     reference            [q_ref, v_ref, vd_ref], joint side [rad, rad/s, rad/s²], length 3n
     speed_reference      the same with the speed that a position loop asks for
@@ -25,46 +24,20 @@ unless said otherwise:
     tau_link             what an elastic joint passes on, motor side [N m]
 """
 
-from sdt_drake.systems.axis_process import AxisProcess
-from sdt_drake.systems.disturbance import Disturbance
-from sdt_drake.systems.elastic_joints import ElasticJoints
-from sdt_drake.systems.encoder import Encoder
-from sdt_drake.systems.feedforward import CtcFeedforward
-from sdt_drake.systems.friction import JointFriction
-from sdt_drake.systems.gain_schedule import GainSchedule
+from sdt_drake.systems.drives import DynamicSaturation, Encoder, TorqueLoop
 from sdt_drake.systems.inverse_dynamics import InverseDynamicsController
 from sdt_drake.systems.load_torque import LoadTorque, ReferenceTorque
-from sdt_drake.systems.pi import PiSpeedController
-from sdt_drake.systems.position_loop import PositionLoop
+from sdt_drake.systems.loads import Disturbance, JointFriction
+from sdt_drake.systems.pi import CtcFeedforward, GainSchedule, PiSpeedController, PositionLoop
+from sdt_drake.systems.plants import AxisProcess, ElasticJoints, RobotPlant
 from sdt_drake.systems.reference import ReferenceSource, SignalTable, hold_of, sample_source
 from sdt_drake.systems.robot_drawing import RobotDrawing
-from sdt_drake.systems.robot_plant import RobotPlant
-from sdt_drake.systems.saturation import DynamicSaturation
 from sdt_drake.systems.symbolic import SymbolicLaw
-from sdt_drake.systems.torque_loop import TorqueLoop
-from sdt_drake.systems.wiring import Wiring
+from sdt_drake.systems.wiring import Wiring, set_state
 
 __all__ = [
-    "AxisProcess",
-    "CtcFeedforward",
-    "Disturbance",
-    "DynamicSaturation",
-    "ElasticJoints",
-    "Encoder",
-    "GainSchedule",
-    "InverseDynamicsController",
-    "JointFriction",
-    "LoadTorque",
-    "PiSpeedController",
-    "PositionLoop",
-    "ReferenceSource",
-    "ReferenceTorque",
-    "RobotDrawing",
-    "RobotPlant",
-    "SignalTable",
-    "SymbolicLaw",
-    "TorqueLoop",
-    "Wiring",
-    "hold_of",
-    "sample_source",
-]
+    "AxisProcess", "CtcFeedforward", "Disturbance", "DynamicSaturation", "ElasticJoints", "Encoder",
+    "GainSchedule", "InverseDynamicsController", "JointFriction", "LoadTorque", "PiSpeedController",
+    "PositionLoop", "ReferenceSource", "ReferenceTorque", "RobotDrawing", "RobotPlant",
+    "SignalTable", "SymbolicLaw", "TorqueLoop", "Wiring", "hold_of", "sample_source", "set_state",
+]  # fmt: skip

@@ -57,4 +57,4 @@ class InverseDynamicsController(Diagram):
         wiring.add("reference", Demultiplexer([2 * n, n]), "reference", "state_ref", "vd_ref")
         wiring.add("law", law, "sampled_state", "state_ref", "vd_ref", "torque", "unused_vd")
         wiring.add("gears", Gain(1 / model.gear_ratio), "torque", "tau_fb")
-        wiring.build_into(self, ("reference", "sampled_state"), ("tau_fb",))
+        wiring.build_into(self, "tau_fb")

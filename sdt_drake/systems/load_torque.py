@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, cast
 
-import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValueProducer
 
@@ -50,7 +49,6 @@ class ReferenceTorque(LeafSystem):
     def __init__(self, *, robot: Robot, outputs: Sequence[str], law: Law) -> None:
         super().__init__()
         self._robot, self._law = robot, law
-        self._nothing = [np.zeros(robot.n)] * len(outputs)
         self._reference = self.DeclareVectorInputPort("reference", 3 * robot.n)
         # Without these, Drake takes every output to depend on time, and Python would be called
         # at every derivative evaluation.
@@ -67,7 +65,7 @@ class ReferenceTorque(LeafSystem):
             )
 
     def _allocate(self) -> AbstractValue:
-        scratch = _Scratch(self._robot.plant.CreateDefaultContext(), self._nothing)
+        scratch = _Scratch(self._robot.plant.CreateDefaultContext(), ())
         return cast(AbstractValue, AbstractValue.Make(scratch))
 
     def _calc_torques(self, context: Context, value: AbstractValue) -> None:

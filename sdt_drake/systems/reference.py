@@ -36,7 +36,7 @@ class ReferenceSource(Diagram):
         samples = np.hstack([motion.q, motion.v, motion.vd])
         wiring = Wiring()
         wiring.add("samples", sample_source(motion.time + delay, samples), "reference")
-        wiring.build_into(self, (), ("reference",))
+        wiring.build_into(self, "reference")
 
 
 class SignalTable(Diagram):
@@ -62,7 +62,7 @@ class SignalTable(Diagram):
             hold = hold_of(motion, samples.shape[1], delay=delay)
             wiring.add(name, sample_source(motion.time + delay, samples), f"{name} of now")
             wiring.add(f"{name}_hold", hold, f"{name} of now", name)
-        wiring.build_into(self, (), tuple(signals))
+        wiring.build_into(self, *signals)
 
 
 def hold_of(motion: Motion, size: int, *, delay: float = 0.0) -> ZeroOrderHold:

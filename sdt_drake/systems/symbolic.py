@@ -21,8 +21,8 @@ class SymbolicLaw(Diagram):
 
         dx/dt = rates(x, *inputs),    output = law(x, *inputs)
 
-    Both are called once, with arrays of symbols. It does not sample, and knows no time but
-    `self.time`, the symbol t, where `timed`.
+    Both are called once, with arrays of symbols, without x where there is no state. It does not
+    sample, and knows no time but `self.time`, the symbol t, where `timed`.
     """
 
     time = Variable("t")
@@ -42,16 +42,17 @@ class SymbolicLaw(Diagram):
         signals = [np.array([Variable(f"{i}_{k}") for k in range(n)]) for i, n in inputs.items()]
         # Drake 1.51 aborts on a system of this kind without state in a continuous diagram.
         x = np.array([Variable(f"x_{k}") for k in range(max(states, 1))])
+        arguments = [x, *signals] if states else signals
         with np.errstate(invalid="ignore"):  # numpy takes symbols for invalid numbers
             system = SymbolicVectorSystem(
                 time=self.time if timed else None,
                 state=x,
-                dynamics=np.array([Expression(0)] if rates is None else rates(x, *signals)),
+                dynamics=np.array([Expression(0)] if rates is None else rates(*arguments)),
                 input=np.concatenate(signals),
-                output=np.array(law(x, *signals)),
+                output=np.array(law(*arguments)),
             )
         wiring = Wiring()
         if len(inputs) > 1:
             wiring.add("inputs", Multiplexer(list(inputs.values())), *inputs, "inputs")
         wiring.add("law", system, "inputs" if len(inputs) > 1 else next(iter(inputs)), output)
-        wiring.build_into(self, tuple(inputs), (output,))
+        wiring.build_into(self, output)

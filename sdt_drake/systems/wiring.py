@@ -5,9 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeVar, cast
 
-from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort, System
+from pydrake.systems.framework import (
+    Context,
+    Diagram,
+    DiagramBuilder,
+    InputPort,
+    OutputPort,
+    System,
+)
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
+from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
 
 Block = TypeVar("Block", bound=System)
@@ -73,32 +81,47 @@ class Wiring:
             sinks[name] = same
         return sinks
 
-    def build_into(
-        self, diagram: Diagram, inputs: tuple[str, ...], outputs: tuple[str, ...]
-    ) -> None:
-        """Connect everything. The diagram has those of `inputs` that a block needs, and `outputs`.
+    def build_into(self, diagram: Diagram, *outputs: str) -> None:
+        """Connect everything: inputs that no signal has are those of the diagram, as are `outputs`.
 
         Raises:
-            InputError: for an input that no signal fits, by name or by length.
+            InputError: for an input that its signal does not fit in length.
         """
         exported = set[str]()
         for name, port in ((self._name(name), port) for name, port in self._inputs):
-            signal, block = self._signals.get(name), cast(System, port.get_system()).get_name()
+            signal = self._signals.get(name)
             if signal is not None:
-                if port.size() != signal.size():
-                    raise InputError(
-                        f"{block}: input '{port.get_name()}' of length {port.size()}, expected "
-                        f"{signal.size()}"
-                    )
+                _check_length(port, signal)
                 self.builder.Connect(signal, port)
             elif name in exported:
                 self.builder.ConnectInput(name, port)
-            elif name in inputs:
+            else:
                 self.builder.ExportInput(port, name)
                 exported.add(name)
-            else:
-                known = ", ".join(sorted({*self._signals, *inputs}))
-                raise InputError(f"{block}: an input '{name}', expected one of {known}")
         for name in outputs:
             self.builder.ExportOutput(self[name], name)
         self.builder.BuildInto(diagram)
+
+
+def _check_length(port: InputPort, signal: OutputPort) -> None:
+    if port.size() != signal.size():
+        block = cast(System, port.get_system()).get_name()
+        raise InputError(
+            f"{block}: input '{port.get_name()}' of length {port.size()}, expected {signal.size()}"
+        )
+
+
+def set_state(diagram: Diagram, context: Context, block: System, state: Array) -> None:
+    """Set the state of a block within, which has a continuous or a discrete one alone.
+
+    Args:
+        diagram: that has it, however deep.
+        context: of the diagram.
+        block: whose state it is.
+        state: all of it.
+    """
+    own = diagram.GetMutableSubsystemContext(block, context)
+    if own.num_continuous_states():
+        own.SetContinuousState(state)
+    else:
+        own.SetDiscreteState(state)

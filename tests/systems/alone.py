@@ -63,7 +63,7 @@ ARGUMENTS = {
     "RobotDrawing": {"robot": None, "meshcat": None},
     "RobotPlant": {"robot": None},
     "SignalTable": {"motion": MOTION, "signals": {"(signals)": MOTION.v}},
-    "SymbolicLaw": {"inputs": {"a": 2}, "output": "b", "law": lambda x, a: [a[0] * a[1]]},
+    "SymbolicLaw": {"inputs": {"a": 2}, "output": "b", "law": lambda a: [a[0] * a[1]]},
     "TorqueLoop": {"motor_torque_limit": LIMIT},
 }
 

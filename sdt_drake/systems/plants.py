@@ -1,0 +1,177 @@
+"""The plants, and elastic joints before them. State: positions and speeds."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.primitives import Gain, LinearSystem, MatrixGain, Multiplexer
+
+from sdt_drake.device import Springs
+from sdt_drake.errors import checked_positive
+from sdt_drake.robot import Robot
+from sdt_drake.systems.wiring import Wiring, set_state
+
+
+class AxisProcess(Diagram):
+    """n motors with constant inertia, each on its own (Eq. 1).
+
+        I_eff r dv/dt = tau - load_torque,    dq/dt = v
+
+    Torques and I_eff motor side, q and v joint side. It knows no coupling, gravity or friction
+    but what `load_torque` brings.
+
+    .. pydrake_system::
+
+        name: AxisProcess
+        input_ports:
+        - tau
+        - load_torque
+        output_ports:
+        - state
+    """
+
+    symbol = "1 / (I_eff s)"
+
+    def __init__(self, *, i_eff: ArrayLike, gear_ratio: ArrayLike) -> None:
+        """Of n motors.
+
+        Args:
+            i_eff: effective inertia, motor side [kg m²], shape (n,), > 0.
+            gear_ratio: r [-], shape (n,), > 0.
+        """
+        super().__init__()
+        i_eff = checked_positive(i_eff, "i_eff")
+        n = len(i_eff)
+        zero, one = np.zeros((n, n)), np.eye(n)
+        per_torque = np.diag(1 / (i_eff * checked_positive(gear_ratio, "gear_ratio", n)))
+        motors = LinearSystem(
+            A=np.block([[zero, one], [zero, zero]]),
+            B=np.block([[zero, zero], [per_torque, -per_torque]]),
+            C=np.eye(2 * n),
+            D=np.zeros((2 * n, 2 * n)),
+        )
+        wiring = Wiring()
+        wiring.add("inputs", Multiplexer([n, n]), "tau", "load_torque", "torques")
+        self._motors = wiring.add("motors", motors, "torques", "state")
+        wiring.build_into(self, "state")
+
+    def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
+        """Start at q [rad] with v [rad/s], joint side."""
+        set_state(self, context, self._motors, np.concatenate([q, v]))
+
+
+class RobotPlant(Diagram):
+    """All joints moving at once, with the motors' inertia reflected through the gears.
+
+        joint torque = r tau,    generalised force = -r load_torque
+
+    tau and load_torque (what acts beside the plant's own dynamics: disturbance, friction) motor
+    side [N m]. It does not limit the torques.
+
+    .. pydrake_system::
+
+        name: RobotPlant
+        input_ports:
+        - tau
+        - load_torque
+        output_ports:
+        - state
+
+    Attributes:
+        plant: Drake's.
+    """
+
+    symbol = "Multibody\nPlant"
+
+    def __init__(self, *, robot: Robot, without_rotor: NDArray[np.bool_] | None = None) -> None:
+        """Of `robot`; without_rotor: joints whose motor turns apart from them, shape (n,)."""
+        super().__init__()
+        builder = DiagramBuilder()
+        self.plant = robot.make_plant()
+        builder.AddNamedSystem("plant", self.plant)
+        for k, index in enumerate(self.plant.GetJointActuatorIndices()):
+            if without_rotor is not None and without_rotor[k]:
+                self.plant.get_joint_actuator(index).set_default_rotor_inertia(0.0)
+        gears = builder.AddNamedSystem("gears", Gain(robot.gear_ratio))
+        opposed = builder.AddNamedSystem("opposed_gears", Gain(-robot.gear_ratio))
+        force = self.plant.get_applied_generalized_force_input_port()
+        builder.ExportInput(gears.get_input_port(), "tau")
+        builder.ExportInput(opposed.get_input_port(), "load_torque")
+        builder.Connect(gears.get_output_port(), self.plant.get_actuation_input_port())
+        builder.Connect(opposed.get_output_port(), force)
+        builder.ExportOutput(self.plant.get_state_output_port(), "state")
+        builder.BuildInto(self)
+
+    def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
+        """Start at q [rad] with v [rad/s]."""
+        set_state(self, context, self.plant, np.concatenate([q, v]))
+
+
+class ElasticJoints(Diagram):
+    """Springs and dampers between the motors and the links, where a joint is elastic.
+
+        r I_m dw/dt = tau - tau_link,    dtheta/dt = w
+        r tau_link  = k (theta - q) + c (w - v)
+
+    Torques and I_m motor side; theta, w of the motors, q, v of the links, k and c joint side. The
+    plant behind it must not have the rotor inertia of an elastic joint once more. At rigid joints
+    tau_link is tau, and the motor has the state of the link.
+
+    .. pydrake_system::
+
+        name: ElasticJoints
+        input_ports:
+        - tau
+        - state
+        output_ports:
+        - tau_link
+        - motor_state
+    """
+
+    symbol = "elastic\njoints"
+
+    def __init__(
+        self, *, springs: Springs, rotor_inertia: ArrayLike, gear_ratio: ArrayLike
+    ) -> None:
+        """Of n joints.
+
+        Args:
+            springs: of n joints, at least one of them elastic.
+            rotor_inertia: I_m, motor side [kg m²], shape (n,), > 0 at elastic joints.
+            gear_ratio: r [-], shape (n,), > 0.
+        """
+        super().__init__()
+        n = len(springs.stiffness)
+        r = checked_positive(gear_ratio, "gear_ratio", n)
+        self._axes = axes = np.flatnonzero(springs.elastic)
+        m = len(axes)
+        pick, one, zero = np.eye(n)[axes], np.eye(m), np.zeros((m, m))
+        stiffness, damping = np.diag(springs.stiffness[axes]), np.diag(springs.damping[axes])
+        reflected = np.diag(1 / (r**2 * np.asarray(rotor_inertia))[axes])
+        rigid, back = np.diag(1.0 * ~springs.elastic), (pick / r).T
+        k, c = stiffness @ pick, damping @ pick
+        forces = np.hstack([np.diag(r[axes]) @ pick, k, c])
+        # Inputs in the order tau, q, v; a state [theta, w] of the elastic joints alone.
+        motors = LinearSystem(
+            A=np.block([[zero, one], [-reflected @ stiffness, -reflected @ damping]]),
+            B=np.vstack([np.zeros((m, 3 * n)), reflected @ forces]),
+            C=np.eye(2 * m),
+            D=np.zeros((2 * m, 3 * n)),
+        )
+        to_links = np.hstack([rigid, -back @ k, -back @ c, back @ stiffness, back @ damping])
+        of_motors = np.hstack([np.kron(np.eye(2), rigid), np.kron(np.eye(2), pick.T)])
+
+        wiring = Wiring()
+        wiring.add("inputs", Multiplexer([n, 2 * n]), "tau", "state", "inputs")
+        self._motors = wiring.add("motors", motors, "inputs", "motors")
+        wiring.add("with_motors", Multiplexer([3 * n, 2 * m]), "inputs", "motors", "with_motors")
+        wiring.add("tau_link", MatrixGain(to_links), "with_motors", "tau_link")
+        # The motors' state apart from tau, or Drake would take it for a function of tau.
+        wiring.add("states", Multiplexer([2 * n, 2 * m]), "state", "motors", "states")
+        wiring.add("motor_state", MatrixGain(of_motors), "states", "motor_state")
+        wiring.build_into(self, "tau_link", "motor_state")
+
+    def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
+        """Start with motors at q [rad] with v [rad/s], joint side, of all n joints."""
+        set_state(self, context, self._motors, np.array([q, v])[:, self._axes].ravel())
