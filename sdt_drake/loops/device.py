@@ -4,12 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from pydrake.systems.framework import Diagram
-from pydrake.systems.primitives import (
-    Adder,
-    ConstantVectorSource,
-    PassThrough,
-    TrajectorySource,
-)
+from pydrake.systems.primitives import Adder, ConstantVectorSource, PassThrough, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from sdt_drake.arrays import Array
@@ -33,22 +28,22 @@ def add_device(wiring: Wiring, design: Design) -> None:
     """
     robot, drive, springs = design.robot, design.drive, design.springs
     apart = np.zeros(robot.n, dtype=bool) if springs is None else springs.elastic  # rotors
-    tau = {} if springs is None else {"tau": "tau_link"}
     if design.scenario.plant.kind == "coupled":
         plant = RobotPlant(robot=robot, without_rotor=apart)
-        wiring.add("multibody_plant", plant, load_torque="true_load", **tau)
+        wiring.add("multibody_plant", plant, tau="tau_link", load_torque="true_load")
     else:
         i_eff = design.i_eff - np.where(apart, robot.rotor_inertia, 0.0)
         process = AxisProcess(i_eff=i_eff, gear_ratio=robot.gear_ratio)
-        wiring.add("axis_process", process, load_torque="true_load", **tau)
-    if springs is not None:
+        wiring.add("axis_process", process, tau="tau_link", load_torque="true_load")
+    if springs is None:
+        wiring.same("tau_link", "tau")
+        wiring.same("motor_state", "state")
+    else:
         joints = ElasticJoints(
             springs=springs, rotor_inertia=robot.rotor_inertia, gear_ratio=robot.gear_ratio
         )
         wiring.add("elastic_joints", joints)
-    else:
-        wiring.same("motor_state", "state")
-    on_link = springs is None or design.scenario.plant.elasticity.encoder == "link"
+    on_link = design.scenario.plant.elasticity.encoder == "link"
     wiring.same("measured", "state" if on_link else "motor_state")
     if drive.torque_bandwidth is not None or drive.torque_error is not None:
         torque_loop = TorqueLoop(
@@ -84,13 +79,11 @@ def add_loads(wiring: Wiring, design: Design) -> None:
         friction = JointFriction(friction=design.friction, gear_ratio=design.robot.gear_ratio)
         wiring.add("friction", friction)
         parts.append("friction")
-    extra = PassThrough(np.zeros(n))
-    if not parts:
-        wiring.add("extra_load_torque", extra, "extra_load_torque", "true_load")
-        return
-    wiring.add("extra_load_torque", extra, "extra_load_torque", "extra")
-    parts.append("extra")
-    wiring.add("true_load", Adder(len(parts), n), *parts, "true_load")
+    wiring.add("extra_load_torque", PassThrough(np.zeros(n)), "extra_load_torque", "extra")
+    if parts:
+        wiring.add("true_load", Adder(len(parts) + 1, n), *parts, "extra", "true_load")
+    else:
+        wiring.same("true_load", "extra")
 
 
 def make_process(design: Design) -> Diagram:

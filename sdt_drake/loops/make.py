@@ -39,6 +39,16 @@ from sdt_drake.systems import (
 class Loop(Diagram):
     """A closed loop of a design, to simulate, to draw, or to build into a diagram of one's own.
 
+    On the plant "axis", the paper's simulation models, all axes in one diagram (Figures 3, 5 and
+    6): each motor turns its own constant inertia against the load torque of the reference, with its
+    limits widened by the alleviating torque. The disturbance makes the true load differ from what
+    is fed forward.
+
+    On the plant "coupled", the MultibodyPlant under the same controllers: all joints at once,
+    coupled by their dynamics. The coupling torques act physically, so the motors' limits are not
+    widened and nothing loads the motors but the plant; the disturbance and friction act as
+    generalised forces.
+
     Inputs: `extra_load_torque`, what the motors turn against beside all else, motor side [N m]; 0
     where nothing is connected. Outputs: `reference`, `state`, `measured` (what the encoders are
     on), `tau_cmd`, `tau`, as `sdt_drake.systems` says. It logs what a `Recording` holds.
@@ -55,10 +65,10 @@ class Loop(Diagram):
         *,
         controller: System | None = None,
         meshcat: Meshcat | None = None,
-        widened: bool,
+        widened: bool | None = None,
         moved: tuple[Array, Array] | None = None,
     ) -> None:
-        """Of a design, with limits that are widened by the alleviating torque, or not.
+        """As `make_loop` says.
 
         moved: q [rad] and v [rad/s] at the samples of the motion, joint side, shape (N + 1, n):
         what the joints do instead of what the motors make them do. So it is no loop, but shows what
@@ -67,6 +77,7 @@ class Loop(Diagram):
         super().__init__()
         robot, drive, motion = design.robot, design.drive, design.reference
         self.design = design
+        widened = design.scenario.plant.kind == "axis" if widened is None else widened
         self.controller = _checked_controller(
             make_controller(design) if controller is None else controller, robot.n
         )
@@ -142,56 +153,27 @@ class Loop(Diagram):
 
 
 def make_loop(
-    design: Design, *, controller: System | None = None, meshcat: Meshcat | None = None
-) -> Loop:
-    """The loop of the scenario's plant: `make_axis_loop` or `make_coupled_loop`."""
-    checked_type(design, Design, "design", "sdt_drake.design")
-    make = {"axis": make_axis_loop, "coupled": make_coupled_loop}[design.scenario.plant.kind]
-    return make(design, controller=controller, meshcat=meshcat)
-
-
-def make_axis_loop(
-    design: Design, *, controller: System | None = None, meshcat: Meshcat | None = None
-) -> Loop:
-    """The paper's simulation models, all axes in one diagram (Figures 3, 5 and 6).
-
-    Each motor turns its own constant inertia against the load torque of the reference, with its
-    limits widened by the alleviating torque. With "pi_ctc" the load torque is fed forward, and the
-    disturbance makes the true load differ from it.
-
-    Args:
-        design: a resolved scenario with the plant "axis".
-        controller: a system of one's own instead of the scenario's controller, see
-            `sdt_drake.controllers.Controller` for its ports.
-        meshcat: to watch the run in.
-
-    Raises:
-        InputError: for a controller with an input that no signal of the loop fits.
-    """
-    return Loop(design, controller=controller, meshcat=meshcat, widened=True)
-
-
-def make_coupled_loop(
     design: Design,
     *,
     controller: System | None = None,
     meshcat: Meshcat | None = None,
-    widen_limits: bool = False,
+    widened: bool | None = None,
 ) -> Loop:
-    """The MultibodyPlant under the same controllers: all joints at once, coupled by their dynamics.
-
-    The coupling torques act physically, so the motors' limits are not widened and nothing loads
-    the motors but the plant; the disturbance and friction act as generalised forces.
+    """The loop of the scenario's plant, see `Loop`.
 
     Args:
-        design: a resolved scenario with the plant "coupled".
-        controller, meshcat: as for `make_axis_loop`.
-        widen_limits: widen the limits by the alleviating torque all the same, as in the axis loop.
+        design: a resolved scenario.
+        controller: a system of one's own instead of the scenario's controller, see
+            `sdt_drake.controllers.Controller` for its ports.
+        meshcat: to watch the run in.
+        widened: whether the alleviating torque widens the motors' limits; as the plant has it by
+            default.
 
     Raises:
-        InputError: as `make_axis_loop`.
+        InputError: for a controller with ports that no signals of the loop fit.
     """
-    return Loop(design, controller=controller, meshcat=meshcat, widened=widen_limits)
+    checked_type(design, Design, "design", "sdt_drake.design")
+    return Loop(design, controller=controller, meshcat=meshcat, widened=widened)
 
 
 def make_step_loop(

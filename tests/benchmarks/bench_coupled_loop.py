@@ -37,7 +37,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from sdt_drake.analysis.comparison import design_with
 from sdt_drake.design import Design, make_design
 from sdt_drake.device import Drive
-from sdt_drake.loops import Loop, make_coupled_loop
+from sdt_drake.loops import Loop, make_loop
 from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.simulate import make_simulator
 
@@ -153,11 +153,11 @@ def main() -> None:
     motion = designs["table"].motion
     loops = {"floor": make_floor(designs["table"])}
     for mode, design in designs.items():
-        loops[mode] = make_coupled_loop(design, widen_limits=True)
+        loops[mode] = make_loop(design, widened=True)
 
     for label in CONTROLLERS:
-        loops[label] = make_coupled_loop(design_with(designs["table"], label))
-    loops["1 ms drive, friction"] = make_coupled_loop(make_design(_real_device()))
+        loops[label] = make_loop(design_with(designs["table"], label))
+    loops["1 ms drive, friction"] = make_loop(make_design(_real_device()))
 
     period, accuracy = motion.period, scenario.accuracy
     runs = {name: [] for name in loops}

@@ -11,7 +11,7 @@ from pydrake.systems.primitives import ConstantVectorSource, Linearize
 
 from sdt_drake.control import step_metrics, tune
 from sdt_drake.device import Drive
-from sdt_drake.loops import make_coupled_loop, make_loop, make_step_loop
+from sdt_drake.loops import make_loop, make_step_loop
 from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import make_simulator, simulate
 
@@ -215,7 +215,7 @@ def test_coupled_loop_against_the_equations_of_motion(designed, end, limit, wide
     disturbed = {"disturbance.amplitude": 0.05}
     design = weaker(designed("coupled_pi_ctc", disturbed, end=end), limit)
     states = robot_by_hand(design, widened=widen)
-    recording = simulate(design, make_coupled_loop(design, widen_limits=widen))
+    recording = simulate(design, make_loop(design, widened=widen))
     assert np.any(recording.tau != recording.tau_cmd) == (limit < 1)
     np.testing.assert_allclose(recording.v, states[:, 1], rtol=0, atol=1e-4)
     np.testing.assert_allclose(recording.q, states[:, 0], rtol=0, atol=1e-4)

@@ -14,7 +14,7 @@ from sdt_drake.deviation import Deviation
 from sdt_drake.device import Drive, Friction
 from sdt_drake.dynamics import decouple, torque_groups
 from sdt_drake.errors import InputError
-from sdt_drake.loops import blocks_of, make_axis_loop, make_coupled_loop, make_loop
+from sdt_drake.loops import blocks_of, make_loop
 from sdt_drake.simulate import make_simulator, simulate
 from sdt_drake.viewer import open_meshcat
 
@@ -200,7 +200,7 @@ def test_the_saturation_block_is_the_one_limiter(designed, share):
     """Torques beyond the limits in the SDF reach the links, if the block lets them through."""
     design = weaker(designed("coupled_pi", end=0.1), share)
     robot, limit = design.robot, share * LIMIT
-    loop = make_coupled_loop(design)
+    loop = make_loop(design)
     root = loop.CreateDefaultContext()
     plant, own = of(loop, root, "multibody_plant", "plant")
     q, v = np.array([0.3, -0.5, 0.2, 0.7]), np.array([-9.0, 3.0, -2.0, 2.5])
@@ -220,10 +220,7 @@ def test_the_saturation_block_is_the_one_limiter(designed, share):
 def test_limits_and_their_widening(designed, plant):
     """The axis loop always widens, the coupled one when it is asked to."""
     design = weaker(designed(f"{plant.partition(',')[0]}_pi_ctc", start=8.5, end=10.0), 0.4)
-    if plant == "axis":
-        diagram = make_axis_loop(design)
-    else:
-        diagram = make_coupled_loop(design, widen_limits=plant.endswith("widened"))
+    diagram = make_loop(design, widened=True if plant.endswith("widened") else None)
     recording = simulate(design, diagram)
     limit = 0.4 * LIMIT
     # A row has the torques of the sample before it.
