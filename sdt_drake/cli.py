@@ -17,7 +17,7 @@ from typing import NoReturn
 import sdt_drake
 from sdt_drake.commands import COMMANDS
 from sdt_drake.commands.bar import bar
-from sdt_drake.commands.common import stop_printing
+from sdt_drake.commands.common import check_out, stop_printing
 from sdt_drake.commands.completion import HOW, complete
 from sdt_drake.errors import InputError, keeping_inputs
 from sdt_drake.progress import watching
@@ -82,6 +82,8 @@ def _run(arguments: Sequence[str]) -> int:
             complete(parser)
             options = parser.parse_args(arguments)
             _check_surroundings(options)
+            if "kinds" in options:
+                check_out(options)
             options.command(options)
         except SystemExit as end:  # of --help with 0, of a study that failed with 1
             code = int(end.code or 0)

@@ -4,43 +4,35 @@ from __future__ import annotations
 
 import argparse
 
-from sdt_drake.commands.common import (
-    add_figure,
-    add_scenario,
-    check_out,
-    deliver,
-    design_of,
-    print_joints,
-    say,
-)
-from sdt_drake.errors import InputError, checked_number
+import numpy as np
+
+from sdt_drake.commands import common
+from sdt_drake.commands.common import say
+from sdt_drake.errors import InputError
+from sdt_drake.tables import RESULTS
 
 EXAMPLE = "sdt-drake bode coupled_pi --out bode.png"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    add_scenario(parser)
+    common.add_scenario(parser)
     parser.add_argument(
         "--time",
-        type=float,
+        type=common.number(minimum=0),
         help="linearise where the motion is at that time [s] (default: for each joint where its "
         "inertia is largest for the first time)",
     )
-    add_figure(parser, "the responses (.csv, .json), or a figure of them (.png, .svg, .pdf)")
+    text = "the responses (.csv, .json), or a figure of them (.png, .svg, .pdf)"
+    common.add_figure(parser, text, RESULTS)
 
 
 def run(options: argparse.Namespace) -> None:
-    import numpy as np
-
     from sdt_drake.analysis import plots
     from sdt_drake.analysis.frequency_response import frequency_response
-    from sdt_drake.tables import RESULTS
 
-    check_out(options.out, tables=RESULTS, show=options.show)
-    design = design_of(options)
+    design = common.design_of(options)
     sample = None
     if options.time is not None:
-        checked_number(options.time, "--time", minimum=0)
         if options.time > design.motion.duration:
             raise InputError(
                 f"--time: {options.time:g} s, the motion ends at {design.motion.duration:g} s"
@@ -48,8 +40,9 @@ def run(options: argparse.Namespace) -> None:
         sample = round(options.time / design.motion.period)
     response = frequency_response(design, sample=sample)
     scenario = design.scenario
-    say(f"{scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant")
-    print_joints(design.robot.joint_names, response.columns())
+    title = f"{scenario.name}: {scenario.controller.label}"
+    say(f"{title} on the {scenario.plant.kind} plant")
+    common.print_joints(design.robot.joint_names, response.columns())
     say("speed of the link over its reference, without feedforward; the loop cut at the motor")
     times = design.motion.time[response.sample]
     if sample is None:
@@ -61,9 +54,8 @@ def run(options: argparse.Namespace) -> None:
         say("note: friction has no frequency response and is left out")
     if np.any(~response.stable):
         say("note: the margins of an unstable loop say nothing")
-    title = f"{scenario.name}: {scenario.controller.label}"
-    deliver(
+    common.deliver(
         options,
         lambda: plots.bode(title, response, design.robot.joint_names),
-        numbers=lambda: response.results(title),
+        response.results(title).write,
     )

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from sdt_drake.commands.bar import bar
 from sdt_drake.errors import InputError, checked_name, checked_output
+from sdt_drake.fields import Rule
+from sdt_drake.formats import BINARY, check_binary
 from sdt_drake.shown import aligned, by_joint
 
 if TYPE_CHECKING:
@@ -20,13 +22,11 @@ if TYPE_CHECKING:
 
     from sdt_drake.design import Design
     from sdt_drake.robot import Robot
-    from sdt_drake.tables import Results
 
 # The heavy imports stand in the functions that run: --help and --version answer at once.
 
 MOTION = "reference"
 ROBOT = "sdt"
-REPORTS = (".html", ".md")
 
 
 # --- options ---------------------------------------------------------------------------------
@@ -52,10 +52,43 @@ def some_path(text: str) -> Path:
         raise argparse.ArgumentTypeError(f"{text}: {error}") from None
 
 
-def add_figure(parser: argparse.ArgumentParser, help_: str) -> None:
-    """--out and --show; see `check_out` and `deliver`."""
+def number(**bounds: Any) -> Callable[[str], float]:
+    """The type of an option: a number that a `Rule` of these takes; number(above=0, unit="s")."""
+    rule = Rule(**bounds)
+
+    def checked(text: str) -> float:
+        with contextlib.suppress(ValueError):
+            if rule.takes(value := float(text)):
+                return value
+        raise argparse.ArgumentTypeError(f"{text}, expected a number{rule.bounds()}")
+
+    return checked
+
+
+def add_figure(parser: argparse.ArgumentParser, help_: str, kinds: Sequence[str]) -> None:
+    """--out and --show; see `check_out` and `deliver`.
+
+    Args:
+        parser: of the command.
+        help_: of --out.
+        kinds: of files that it takes beside those of figures; "" for a folder.
+    """
     add_out(parser, help_)
     parser.add_argument("--show", action="store_true", help="open the figure on the screen")
+    parser.set_defaults(kinds=kinds)
+
+
+def add_recorded(parser: argparse.ArgumentParser) -> None:
+    """--columns and --side, of every command that takes recordings of a real machine."""
+    parser.add_argument(
+        "--columns", metavar="FILE", help="YAML file that says what the columns are called"
+    )
+    parser.add_argument(
+        "--side",
+        choices=("joint", "motor"),
+        help="of the torques (default: of the motor in a recording of `simulate`, else of the "
+        "joint)",
+    )
 
 
 def add_motion(parser: argparse.ArgumentParser) -> None:
@@ -128,9 +161,7 @@ def refuse_changes(options: argparse.Namespace) -> None:
         raise InputError(f"--set: changes a scenario, which {options.scenario} is not")
 
 
-def design_of(
-    options: argparse.Namespace, check: Callable[[Robot], None] = lambda robot: None
-) -> Design:
+def design_of(options: argparse.Namespace, check: Callable[[Robot], None] | None = None) -> Design:
     """The design of the scenario that `add_scenario` asked for; errors name it.
 
     Args:
@@ -145,7 +176,8 @@ def design_of(
         scenario = load_scenario(path, dict(options.changes))
         try:
             robot = load_device(scenario)
-            check(robot)
+            if check is not None:
+                check(robot)
             return make_design(scenario, robot=robot)
         except InputError as error:
             own = f"scenario '{scenario.name}'"
@@ -153,7 +185,7 @@ def design_of(
             raise InputError(*lines) from None
 
 
-@contextmanager
+@contextlib.contextmanager
 def naming_changes(options: argparse.Namespace) -> Iterator[None]:
     """Errors within name the --set that they are about, or else all."""
     try:
@@ -193,27 +225,22 @@ def check_folder(folder: Path) -> None:
             raise InputError(f"{place}: is a file, expected a folder")
 
 
-def check_out(
-    path: Path | None,
-    *,
-    csv: bool = False,
-    tables: Sequence[str] = (),
-    report: bool = False,
-    show: bool = False,
-) -> None:
-    """Refuse what could not be written or shown, before anything is computed.
-
-    None: nothing is written.
-    """
+def check_out(options: argparse.Namespace) -> None:
+    """Refuse what `add_figure` lets one ask for and could not be written or shown, before anything
+    is computed."""
     from sdt_drake.analysis import style
-    from sdt_drake.formats import BINARY, check_binary
 
-    if show:
+    path: Path | None = options.out
+    if options.show:
         style.check_screen("--show")
-    if path is not None:
-        check_file(path, csv * (".csv",) + tuple(tables) + style.FIGURES + report * REPORTS)
-        if path.suffix in BINARY:
-            check_binary(path)
+    if path is None:
+        return
+    if path.suffix or "" not in options.kinds:
+        check_file(path, [*filter(None, options.kinds), *style.FIGURES])
+    else:
+        check_folder(path)
+    if path.suffix in BINARY:
+        check_binary(path)
 
 
 def check_file(path: Path, suffixes: Sequence[str]) -> None:
@@ -225,40 +252,28 @@ def check_file(path: Path, suffixes: Sequence[str]) -> None:
 
 
 def deliver(
-    options: argparse.Namespace,
-    figure: Callable[[], Figure],
-    table: Callable[[Path], object] | None = None,
-    report: Callable[[Path], object] | None = None,
-    numbers: Callable[[], Results] | None = None,
+    options: argparse.Namespace, figure: Callable[[], Figure], write: Callable[[Path], object]
 ) -> None:
     """Do what --out and --show ask for.
 
     Args:
         options: with `out` (checked by `check_out`) and `show`.
         figure: draws it; not called if nobody wants it.
-        table: writes a table of joints.
-        report: writes a report.
-        numbers: what a .csv or .json file gets, where there is no `table`.
+        write: a file of another kind.
     """
     from sdt_drake.analysis import style
-    from sdt_drake.tables import RESULTS, TABLES
 
-    out: Path | None = options.out
-    if out is not None and table is not None and out.suffix in TABLES:
-        table(out)
-    elif out is not None and numbers is not None and out.suffix in RESULTS:
-        numbers().write(out)
-    elif out is not None and report is not None and out.suffix in REPORTS:
-        report(out)
-    elif out is not None:
-        style.save(figure(), out)
-    if out is not None:
-        say(f"{out} written")
+    if options.out is not None:
+        if options.out.suffix in style.FIGURES:
+            style.save(figure(), options.out)
+        else:
+            write(options.out)
+        say(f"{options.out} written")
     if options.show:
         style.show(figure())
 
 
-@contextmanager
+@contextlib.contextmanager
 def naming(path: str) -> Iterator[None]:
     """Errors within name the scenario file."""
     try:

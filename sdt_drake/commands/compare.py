@@ -3,21 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
-from sdt_drake.commands.common import (
-    add_figure,
-    add_scenario,
-    check_out,
-    deliver,
-    design_of,
-    naming,
-    print_table,
-    say,
-)
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from sdt_drake.commands import common
+from sdt_drake.commands.common import print_table, say
 
 EXAMPLE = "sdt-drake compare coupled_pi --controllers pi,pi_id,p_pi+id"
 
@@ -29,16 +17,18 @@ CONTROLLERS = {
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    add_scenario(parser)
+    common.add_scenario(parser)
     parser.add_argument(
         "--controllers",
         help="kinds of controllers, with +none, +ctc or +id where a kind leaves its feedforward "
         "open (default: all that the plant allows)",
     )
-    add_figure(parser, "CSV file for the table, or a figure of it (.png, .svg, .pdf)")
+    text = "CSV file for the table, or a figure of it (.png, .svg, .pdf)"
+    common.add_figure(parser, text, [".csv"])
 
 
 def run(options: argparse.Namespace) -> None:
+    from sdt_drake.analysis import plots
     from sdt_drake.analysis.comparison import (
         check_labels,
         compare,
@@ -48,20 +38,17 @@ def run(options: argparse.Namespace) -> None:
     )
     from sdt_drake.analysis.tracking import stops_passed
 
-    check_out(options.out, csv=True, show=options.show)
-    design = design_of(options)
-    text = options.controllers
+    design = common.design_of(options)
+    scenario, text = design.scenario, options.controllers
     if text is None:
-        text = CONTROLLERS[design.scenario.plant.kind]
+        text = CONTROLLERS[scenario.plant.kind]
     labels = [label.strip() for label in text.split(",") if label.strip()]
     check_labels(labels, "--controllers")
-    with naming(options.scenario):
+    with common.naming(options.scenario):
         compared = compare(design, labels)
-    scenario = design.scenario
     count = f"{len(compared)} controller{'s' if len(compared) > 1 else ''}"
     say(f"{scenario.name}: {count} on the {scenario.plant.kind} plant")
-    header, rows = comparison_rows(compared)
-    print_table(header, rows, keys=2)
+    print_table(*comparison_rows(compared), keys=2)
     say("speeds and positions are joint side, torques motor side, % of the motor's largest")
     for c in compared:
         for line in stops_passed(c.recording, c.design.robot.joint_names):
@@ -77,14 +64,8 @@ def run(options: argparse.Namespace) -> None:
         ("controller", "blocks", "needs to know"),
         [(c.label, str(c.blocks), ", ".join(c.needs)) for c in compared],
     )
-
-    def figure() -> Figure:
-        from sdt_drake.analysis import plots
-
-        return plots.comparison(f"{scenario.name}: controllers", compared)
-
-    deliver(
+    common.deliver(
         options,
-        figure,
+        lambda: plots.comparison(f"{scenario.name}: controllers", compared),
         lambda path: write_comparison(compared, path),
     )

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 from sdt_drake.commands import common
+from sdt_drake.commands.common import say
 from sdt_drake.errors import InputError, checked_choice
 
 EXAMPLE = "sdt-drake diagram axis_pi_ctc --format svg --out loop.svg"
@@ -38,4 +39,4 @@ def run(options: argparse.Namespace) -> None:
     path = options.out or Path(f"{name}.{format_}")
     loop = make_loop(design)
     write_diagram(loop, path, format_=format_, max_depth=options.depth, drake=options.drake)
-    common.say(f"{path} written")
+    say(f"{path} written")

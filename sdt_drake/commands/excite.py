@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from sdt_drake.commands import common
-from sdt_drake.errors import InputError, checked_number
+from sdt_drake.commands.common import say
 
 EXAMPLE = "sdt-drake excite sdt --duration 30 --out excite.yaml"
 
@@ -15,7 +15,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "robot", metavar="ROBOT", nargs="?", default=common.ROBOT, help="SDF or URDF file"
     )
-    parser.add_argument("--duration", type=float, default=30.0, help="of the motion [s]")
+    parser.add_argument(
+        "--duration", type=common.number(minimum=1), default=30.0, help="of the motion [s]"
+    )
     parser.add_argument(
         "--payload",
         nargs="?",
@@ -25,13 +27,13 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--margin",
-        type=float,
+        type=common.number(above=0, maximum=1),
         help="share of the limits of position, speed, acceleration and torque that may be taken "
         "(default: 0.8)",
     )
     parser.add_argument(
         "--noise",
-        type=float,
+        type=common.number(above=0, maximum=1),
         help="standard deviation of the torques, over the largest torque of each joint "
         "(default: 0.01)",
     )
@@ -47,36 +49,30 @@ def run(options: argparse.Namespace) -> None:
     out: Path | None = options.out
     if out is not None:
         common.check_file(out, (".yaml", ".yml"))
-    checked_number(options.duration, "--duration", minimum=1)
-    margin = MARGIN if options.margin is None else options.margin
-    noise = NOISE if options.noise is None else options.noise
-    for name, share in (("--margin", margin), ("--noise", noise)):
-        checked_number(share, name, minimum=0, exclusive=True)
-        if share > 1:
-            raise InputError(f"{name}: {share:g}, expected at most 1")
+    margin, noise = options.margin or MARGIN, options.noise or NOISE
     robot = load_robot(options.robot)
     gently = 1.0
     target = Target.everything(robot, noise)
     if options.payload is not None:
         target, gently = Target.payload(robot, options.payload, noise), GENTLY
     found = excite(target, options.duration, margin=margin, gently=gently)
-    common.say(
+    say(
         f"{robot.name}: {options.duration:g} s in harmonics of {found.base_frequency:g} Hz, "
         f"condition number {found.condition:.3g}"
     )
     columns = [(f"{name} [%]", ".1f", 100 * use) for name, use in found.used.items()]
     common.print_joints(robot.joint_names, columns)
-    common.say("of the limits; what the arm may hit, and people in it, are not known here")
-    common.say()
-    common.say(f"{'deviation':>12}{'in the file':>14}  identifiable")
+    say("of the limits; what the arm may hit, and people in it, are not known here")
+    say()
+    say(f"{'deviation':>12}{'in the file':>14}  identifiable")
     for name, value, sigma in zip(target.names, target.expected, found.sigma, strict=True):
         known = f"{value if abs(value) > 1e-9 else 0.0:.5g}".replace("nan", "–")
-        common.say(f"{sigma:12.3g}{known:>14}  {name}")
-    common.say(
+        say(f"{sigma:12.3g}{known:>14}  {name}")
+    say(
         f"standard deviations to be expected of a recording at {RATE:g} Hz with a noise of "
         f"{100 * noise:g} % of each joint's largest torque"
     )
     common.say(PARAMETERS_IN_WORDS)
     if out is not None:
         found.save(out)
-        common.say(f"{out} written")
+        say(f"{out} written")

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from sdt_drake.commands import common
-from sdt_drake.errors import InputError
+from sdt_drake.commands.common import print_table, say
 
 EXAMPLE = "sdt-drake identify sdt run.csv --out identified"
 
@@ -18,20 +18,13 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="CSV file with time, q_k and tau_k for every joint k, or of `simulate`",
     )  # fmt: skip
     common.add_out(parser, "folder for what is found", "identified")
-    parser.add_argument(
-        "--columns", metavar="FILE", help="YAML file that says what the columns are called"
-    )
-    parser.add_argument(
-        "--side", choices=("joint", "motor"),
-        help="of the torques (default: of the motor in a recording of `simulate`, else of the "
-        "joint)",
-    )  # fmt: skip
+    common.add_recorded(parser)
     parser.add_argument(
         "--validate", nargs="+", default=[], metavar="FILE",
         help="recordings to judge by (default: the last third of each of the others)",
     )  # fmt: skip
     parser.add_argument(
-        "--held-out", type=float, default=1 / 3, metavar="SHARE",
+        "--held-out", type=common.number(above=0, below=1), default=1 / 3, metavar="SHARE",
         help="of each recording, at its end, to judge by (default: 1/3)",
     )  # fmt: skip
     parser.add_argument(
@@ -39,7 +32,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--payload", default="payload", metavar="LINK", help="what --only means")
     parser.add_argument(
-        "--cutoff", type=float, metavar="HZ",
+        "--cutoff", type=common.number(minimum=0.1, maximum=1000, unit="Hz"), metavar="HZ",
         help="compare torques below it (default: twice where 99.9 %% of their power is)",
     )  # fmt: skip
     parser.add_argument(
@@ -59,10 +52,6 @@ def run(options: argparse.Namespace) -> None:
 
     folder: Path = options.out
     common.check_folder(folder)
-    if not 0 < options.held_out < 1:
-        raise InputError(f"--held-out: {options.held_out}, expected a share between 0 and 1")
-    if options.cutoff is not None and not 0.1 <= options.cutoff <= 1000:
-        raise InputError(f"--cutoff: {options.cutoff}, expected 0.1 to 1000 Hz")
     robot = load_robot(options.robot)
     columns = None if options.columns is None else load_columns(options.columns)
     fitted, judged = (
@@ -80,15 +69,15 @@ def run(options: argparse.Namespace) -> None:
     )
     better, files = identified_robot(found), plant_friction(found)
     for line in analysis.in_short(found):
-        common.say(line)
+        say(line)
     for line in found.warnings:
-        common.say(f"warning: {line}")
-    common.say()
+        say(f"warning: {line}")
+    say()
     table = analysis.errors_table(found, better)
     joints = [f"{k + 1} {name}" for k, name in enumerate(robot.joint_names)]
-    common.print_table((table.header[1], *joints), [(str(a), *b) for a, b in table.rows])
-    common.say()
+    print_table((table.header[1], *joints), [(str(a), *b) for a, b in table.rows])
+    say()
     friction = analysis.friction_table(found, files)
-    common.print_table(friction.header, [tuple(map(str, row)) for row in friction.rows])
-    common.say()
-    common.say(f"{write_identified(found, better, files, folder, options.base)} written")
+    print_table(friction.header, [tuple(map(str, row)) for row in friction.rows])
+    say()
+    say(f"{write_identified(found, better, files, folder, options.base)} written")

@@ -6,7 +6,10 @@ import argparse
 import textwrap
 from typing import TYPE_CHECKING
 
-from sdt_drake.commands.common import add_robot, naming, print_table, say
+import numpy as np
+
+from sdt_drake.commands import common
+from sdt_drake.commands.common import print_table, say
 from sdt_drake.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,7 +27,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "motion", nargs="?", metavar="NAME", help="a motion that ships, or a profile .yaml"
     )
-    add_robot(parser)
+    common.add_robot(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -58,12 +61,10 @@ def _print_all(robot: Robot) -> None:
 
 
 def _print_one(motion: str, robot: Robot) -> None:
-    import numpy as np
-
     from sdt_drake.motion import load_command, load_profile
 
     profile, command = load_profile(motion), load_command(motion, robot)
-    with naming(motion):
+    with common.naming(motion):
         g = _largest_g(command, robot)
     say(f"{profile.title or profile.name}: {profile.duration:g} s, largest G at the head {g}")
     if profile.feels or profile.description:
@@ -86,8 +87,6 @@ def _print_one(motion: str, robot: Robot) -> None:
 
 def _largest_g(command: Command, robot: Robot) -> str:
     """Largest resultant at the head, in G."""
-    import numpy as np
-
     from sdt_drake.motion import INTERPOLATION_PERIOD, commanded_motion
     from sdt_drake.pilot import has_head, head_motion
 

@@ -7,30 +7,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sdt_drake.commands.common import (
-    ROBOT,
-    add_changes,
-    add_figure,
-    check_out,
-    deliver,
-    design_of,
-    print_table,
-    refuse_changes,
-    say,
-)
+import numpy as np
+
+from sdt_drake.arrays import Array
+from sdt_drake.commands import common
+from sdt_drake.commands.common import print_table, say
 from sdt_drake.errors import InputError
+from sdt_drake.tables import TABLES, write_table
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from sdt_drake.analysis.tracking import HeadTracking
     from sdt_drake.motion import Story
     from sdt_drake.pilot import HeadMotion
     from sdt_drake.robot import Robot
     from sdt_drake.simulate import Recording
 
-    Array = NDArray[np.float64]
     Rows = tuple[Sequence[str], Sequence[Sequence[str]]]
 
 EXAMPLE = "sdt-drake pilot coupled_pi --out pilot.png"
@@ -42,18 +33,18 @@ def add(parser: argparse.ArgumentParser) -> None:
         metavar="SCENARIO|RECORDING",
         help="what to run, or what `simulate` wrote (.csv, .mat, .parquet)",
     )
-    add_changes(parser)
+    common.add_changes(parser)
     parser.add_argument(
         "--robot", help="SDF or URDF file of a recording's robot (default: the shipped device)"
     )
-    add_figure(parser, "CSV file for what is felt over time, or a figure of it (.png, .svg, .pdf)")
+    text = "CSV file for what is felt over time, or a figure of it (.png, .svg, .pdf)"
+    common.add_figure(parser, text, [".csv"])
 
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis import plots_pilot
     from sdt_drake.analysis.tracking import track_head
 
-    check_out(options.out, csv=True, show=options.show)
     name, recording, robot, story = _recorded(options)
     if recording.q.shape[1] != robot.n:
         raise InputError(
@@ -71,7 +62,7 @@ def run(options: argparse.Namespace) -> None:
         f"The error could be felt {100 * head.felt.share:.1f} % of the time, "
         f"by the joint angles alone {100 * head.felt_from_angles.share:.1f} %."
     )
-    deliver(
+    common.deliver(
         options,
         lambda: plots_pilot.pilot(f"{name}: what the pilot feels", recording.time, head, story),
         lambda path: _write(path, recording.time, period, head),
@@ -84,24 +75,21 @@ def _recorded(options: argparse.Namespace) -> tuple[str, Recording, Robot, Story
     from sdt_drake.pilot import check_head
     from sdt_drake.robot import load_robot
     from sdt_drake.simulate import Recording, simulate
-    from sdt_drake.tables import TABLES
 
     if Path(options.scenario).suffix in TABLES:
-        refuse_changes(options)
-        robot = load_robot(options.robot or ROBOT)
+        common.refuse_changes(options)
+        robot = load_robot(options.robot or common.ROBOT)
         check_head(robot)
         return Path(options.scenario).stem, Recording.load(options.scenario), robot, Story()
     if options.robot is not None:
         raise InputError(f"--robot: for a recording only, {options.scenario} names its own robot")
-    design = design_of(options, check_head)
+    design = common.design_of(options, check_head)
     story = story_of(design.scenario.motion, design.robot, design.motion)
     return design.scenario.name, simulate(design), design.robot, story
 
 
 def _motion_rows(head: HeadTracking, period: float) -> Rows:
     """Header and rows: largest quantities of the reference and of what was achieved."""
-    import numpy as np
-
     from sdt_drake.pilot import (
         UNPERCEIVED_RATE,
         canals,
@@ -157,7 +145,6 @@ def _felt_rows(head: HeadTracking, time: Array) -> Rows:
 def _write(path: Path, time: Array, period: float, head: HeadTracking) -> None:
     """Columns name_k, k = 1, 2, 3 along x, y, z of the head; multiple_1..6 as in CHANNELS."""
     from sdt_drake.pilot import canals, felt_upright
-    from sdt_drake.tables import write_table
 
     columns: dict[str, Array] = {}
     for suffix, motion in (("_ref", head.reference), ("", head.achieved)):

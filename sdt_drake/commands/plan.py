@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sdt_drake.commands.common import (
-    add_figure,
-    add_motion,
-    add_period,
-    add_robot,
-    check_file,
-    check_out,
-    deliver,
-    naming,
-    print_joints,
-    say,
-    some_path,
-)
+import numpy as np
+
+from sdt_drake.commands import common
+from sdt_drake.commands.common import say
 from sdt_drake.errors import InputError, within
 from sdt_drake.fields import check
 from sdt_drake.shown import told
@@ -34,9 +26,9 @@ _ANGLE_LOST = 0.1  # deg; less is not worth a line
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    add_motion(parser)
-    add_robot(parser)
-    add_period(parser)
+    common.add_motion(parser)
+    common.add_robot(parser)
+    common.add_period(parser)
     parser.add_argument(
         "--planner",
         choices=("limiter", "retiming"),
@@ -46,7 +38,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--torque-margin",
-        type=float,
+        type=common.number(above=0, maximum=1),
         default=1.0,
         help="share of the motors' torque to use, in (0, 1]",
     )
@@ -57,12 +49,13 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--drive-table",
-        type=some_path,
+        type=common.some_path,
         metavar="FILE.csv",
         help="positions, speeds and torque pre-control of the motors, motor side, in SI units; "
         "`export` writes what drives read",
     )
-    add_figure(parser, "the motion (.csv), or a figure of torques and speeds (.png, .svg, .pdf)")
+    text = "the motion (.csv), or a figure of torques and speeds (.png, .svg, .pdf)"
+    common.add_figure(parser, text, [".csv"])
 
 
 def run(options: argparse.Namespace) -> None:
@@ -71,9 +64,8 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.motion import load_plan, margins
     from sdt_drake.robot import load_robot
 
-    _check_outputs(options)
-    if not 0 < options.torque_margin <= 1:
-        raise InputError(f"--torque-margin: {options.torque_margin:g}, expected a share in (0, 1]")
+    if options.drive_table is not None:
+        _check_drive_table(options.drive_table, options.out)
     robot = load_robot(options.robot)
     n1, n0 = _envelope(options.envelope, robot.n)
     plan = load_plan(
@@ -92,21 +84,14 @@ def run(options: argparse.Namespace) -> None:
     if options.drive_table:
         say(f"{options.drive_table} written")
     title = f"{Path(options.motion).name}, {options.planner}: {_duration(plan)}"
-    deliver(
-        options,
-        figure=lambda: plots_motion.plan(title, robot, plan, report),
-        table=plan.motion.to_csv,
-    )
+    figure = partial(plots_motion.plan, title, robot, plan, report)
+    common.deliver(options, figure, plan.motion.to_csv)
 
 
-def _check_outputs(options: argparse.Namespace) -> None:
-    check_out(options.out, csv=True, show=options.show)
-    table = options.drive_table
-    if table is None:
-        return
-    with naming("--drive-table"):
-        check_file(table, [".csv"])
-    if options.out is not None and table.resolve() == options.out.resolve():
+def _check_drive_table(table: Path, out: Path | None) -> None:
+    with common.naming("--drive-table"):
+        common.check_file(table, [".csv"])
+    if out is not None and table.resolve() == out.resolve():
         raise InputError(f"--drive-table: {table} is the file of --out too, expected another one")
 
 
@@ -131,8 +116,6 @@ def _duration(plan: Plan) -> str:
 
 def _print_ends(options: argparse.Namespace, robot: Robot, plan: Plan) -> None:
     """Joints that do not end where they are commanded, or do not start and end at rest."""
-    import numpy as np
-
     from sdt_drake.motion import ends_in_motion
 
     # The retiming rounds its time up: what ends in motion goes on a little, along its path.
@@ -148,8 +131,6 @@ def _print_ends(options: argparse.Namespace, robot: Robot, plan: Plan) -> None:
 
 
 def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report: Margins) -> None:
-    import numpy as np
-
     motion = plan.motion
     is_whole = plan.torque_margin == 1
     share = "" if is_whole else f" with {100 * plan.torque_margin:.4g} % of the motors' torque"
@@ -165,7 +146,7 @@ def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report:
         )
     angles, speed = np.degrees(motion.q), np.abs(motion.v).max(axis=0)
     tightest = [report.tightest(k) for k in range(robot.n)]
-    print_joints(
+    common.print_joints(
         robot.joint_names,
         [
             ("torque [N m]", ".1f", report.peak_torque),
@@ -190,8 +171,6 @@ def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report:
 
 
 def _print_margins(robot: Robot, report: Margins, is_whole: bool) -> None:
-    import numpy as np
-
     for k in np.flatnonzero(np.isfinite(report.to_stop)).tolist():
         say(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
     place = report.smallest

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from sdt_drake.commands import common
+from sdt_drake.commands.common import say
 
 EXAMPLE = "sdt-drake replay run.csv coupled_pi_ctc --out replay"
 
@@ -19,19 +19,12 @@ def add(parser: argparse.ArgumentParser) -> None:
         "takes the place of the controller's own",
     )
     common.add_scenario(parser)
-    parser.add_argument(
-        "--columns", metavar="FILE", help="YAML file that says what the columns are called"
-    )
-    parser.add_argument(
-        "--side",
-        choices=("joint", "motor"),
-        help="of the torques (default: of the motor in a recording of `simulate`, else of the "
-        "joint)",
-    )
+    common.add_recorded(parser)
     common.add_figure(
         parser,
         "folder for report, figure and table; or the figure alone (.png, .svg, .pdf), or the table "
         "(.csv)",
+        ["", ".csv"],
     )
 
 
@@ -42,11 +35,6 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.identification.recordings import load_columns, read_recording
     from sdt_drake.scenario import load_scenario
 
-    folder: Path | None = None
-    if options.out is not None and not options.out.suffix:
-        folder, options.out = options.out, None
-        common.check_folder(folder)
-    common.check_out(options.out, csv=True, show=options.show)
     with common.naming_changes(options):
         scenario = load_scenario(options.scenario, dict(options.changes))
         robot = load_device(scenario)
@@ -54,13 +42,14 @@ def run(options: argparse.Namespace) -> None:
         recorded = read_recording(options.recording, robot, columns, needs=(), side=options.side)
         replayed = replay(scenario, recorded, robot)
     for line in findings(replayed):
-        common.say(line.replace("`", ""))
+        say(line.replace("`", ""))
     for table in tables(replayed):
-        common.say()
+        say()
         joints = [f"{k + 1} {name}" for k, name in enumerate(robot.joint_names)]
         common.print_table(
             (", ".join(table.header), *joints), [(str(row[0]), *row[1]) for row in table.rows]
         )
-    if folder is not None:
-        common.say(f"\n{write_replay(replayed, folder)} written")
+    if options.out is not None and not options.out.suffix:
+        say(f"\n{write_replay(replayed, options.out)} written")
+        options.out = None
     common.deliver(options, lambda: replay_figure(replayed), replayed.to_csv)

@@ -6,7 +6,9 @@ import argparse
 from pathlib import Path
 
 from sdt_drake.commands import common
+from sdt_drake.commands.common import say
 from sdt_drake.errors import InputError
+from sdt_drake.tables import TABLES
 
 EXAMPLE = "sdt-drake simulate coupled_pi_ctc --out report.html"
 
@@ -17,6 +19,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         parser,
         "the recording (.csv, .mat, .parquet), a figure of it (.png, .svg, .pdf), or a report to "
         "hand on, with plots to zoom and the run in 3D: one page (.html), or Markdown (.md)",
+        [*TABLES, ".html", ".md"],
     )
     parser.add_argument(
         "--joint", type=int, metavar="K", help="show joint K alone (1 is the base; default: all)"
@@ -29,9 +32,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.scope import chosen_joints
     from sdt_drake.analysis.tracking import stops_passed, track
     from sdt_drake.simulate import simulate
-    from sdt_drake.tables import TABLES
 
-    common.check_out(options.out, tables=TABLES, report=True, show=options.show)
     is_drawn = options.show or (options.out is not None and options.out.suffix not in TABLES)
     if options.joint is not None and not is_drawn:
         raise InputError(
@@ -39,27 +40,24 @@ def run(options: argparse.Namespace) -> None:
         )
     design = common.design_of(options)
     joints = chosen_joints(options.joint, design.robot.n, "--joint")
-    scenario = design.scenario
     recording = simulate(design)
     tracking = track(recording, design.wanted)
-    title = f"{scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant"
-    common.say(title)
+    title = design.scenario.summary().title
+    say(title)
     own = [(METRICS[x], getattr(tracking, x)) for x in COMPARED if hasattr(tracking, x)]
     columns = [(metric.column, metric.format, metric.factor * values) for metric, values in own]
     common.print_joints(design.robot.joint_names, columns)
     for line in stops_passed(recording, design.robot.joint_names):
-        common.say(f"note: {line}")
+        say(f"note: {line}")
 
-    def report(path: Path) -> None:
+    def write(path: Path) -> None:
+        if path.suffix in TABLES:
+            recording.save(path)
+            return
         from sdt_drake.analysis.run_report import write_run_report
 
         write_run_report(design, recording, path, joints)
         if path.suffix == ".html":
-            common.say(f"{path}: {path.stat().st_size / 1e6:.1f} MB, all in one file")
+            say(f"{path}: {path.stat().st_size / 1e6:.1f} MB, all in one file")
 
-    common.deliver(
-        options,
-        lambda: plots.scope(title, recording, design, options.joint),
-        recording.save,
-        report,
-    )
+    common.deliver(options, lambda: plots.scope(title, recording, design, options.joint), write)

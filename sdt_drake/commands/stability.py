@@ -7,22 +7,16 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from sdt_drake.commands.common import (
-    add_figure,
-    add_omega_r,
-    add_scenario,
-    check_out,
-    deliver,
-    design_of,
-    print_joints,
-    say,
-)
-from sdt_drake.errors import InputError, checked_number
+import numpy as np
+from numpy.typing import NDArray
+
+from sdt_drake.commands import common
+from sdt_drake.commands.common import say
+from sdt_drake.errors import InputError
 from sdt_drake.progress import as_part, part
+from sdt_drake.tables import RESULTS, Results
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from sdt_drake.analysis.stability import StabilitySweep
     from sdt_drake.design import Design
 
@@ -33,15 +27,16 @@ SHOWN = (0.1, 0.25, 0.5, 0.75, 1.0, 1.5)
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    add_scenario(parser)
-    add_omega_r(parser, "that of the scenario")
+    common.add_scenario(parser)
+    common.add_omega_r(parser, "that of the scenario")
     parser.add_argument(
         "--damping",
-        type=float,
+        type=common.number(minimum=0),
         help="damping ratio of the elastic joints [-] (default: that of the scenario's "
         "plant.elasticity, or 0.01)",
     )
-    add_figure(parser, "the sweeps (.csv, .json), or a figure of them (.png, .svg, .pdf)")
+    text = "the sweeps (.csv, .json), or a figure of them (.png, .svg, .pdf)"
+    common.add_figure(parser, text, RESULTS)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -49,14 +44,11 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.stability import IDEAL, SLOWEST, stability_sweep
     from sdt_drake.controllers import CONTROLLERS
     from sdt_drake.device import ENCODERS
-    from sdt_drake.tables import RESULTS, Results
+    from sdt_drake.errors import checked_number
 
     if options.omega_r is not None:
         checked_number(options.omega_r, "--omega-r", minimum=SLOWEST)
-    if options.damping is not None:
-        checked_number(options.damping, "--damping", minimum=0)
-    check_out(options.out, tables=RESULTS, show=options.show)
-    design = design_of(options)
+    design = common.design_of(options)
     scenario, choice = design.scenario, design.scenario.controller
     omega_r, source = _omega_r(design, options)
     damping = options.damping
@@ -95,10 +87,10 @@ def run(options: argparse.Namespace) -> None:
         say(line)
     title = f"{scenario.name}: {scenario.controller.label}, elastic joints of {omega_r:g} rad/s"
     about = {"title": title, "omega_r": omega_r, "damping_ratio": damping}
-    deliver(
+    common.deliver(
         options,
         lambda: plots.stability(title, sweeps, design.robot.joint_names),
-        numbers=lambda: Results(about, _columns(sweeps), _UNITS),
+        Results(about, _columns(sweeps), _UNITS).write,
     )
 
 
@@ -111,8 +103,6 @@ _UNITS = {
 
 def _columns(sweeps: Mapping[str, Mapping[str, StabilitySweep]]) -> dict[str, NDArray[Any]]:
     """A row for each encoder, drive and ratio omega_n / omega_r."""
-    import numpy as np
-
     every = [(encoder, drive, s) for encoder, by in sweeps.items() for drive, s in by.items()]
     return {
         "encoder": np.concatenate([np.full(len(s.ratio), encoder) for encoder, _, s in every]),
@@ -140,8 +130,6 @@ def _omega_r(design: Design, options: argparse.Namespace) -> tuple[float, str]:
 
 
 def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
-    import numpy as np
-
     shown = [int(np.argmin(np.abs(sweep.ratio - ratio))) for ratio in SHOWN]
     columns = [
         (
@@ -157,7 +145,7 @@ def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
         for i in shown
     ]
     border = np.where(np.isinf(sweep.border), np.nan, sweep.border)
-    print_joints(joint_names, [*columns, ("unstable from", ".3f", border)])
+    common.print_joints(joint_names, [*columns, ("unstable from", ".3f", border)])
 
 
 def _notes(design: Design, omega_r: float) -> list[str]:

@@ -7,7 +7,8 @@ from dataclasses import asdict
 
 from sdt_drake import paper
 from sdt_drake.commands import common
-from sdt_drake.errors import checked_choice, checked_number
+from sdt_drake.commands.common import say
+from sdt_drake.tables import RESULTS, Results
 
 EXAMPLE = "sdt-drake step --inertia 4.26 --structure p_in_feedback --zeta 0.95 --out step.png"
 
@@ -33,20 +34,21 @@ _UNITS = {
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--inertia",
-        type=float,
+        type=common.number(above=0),
         help="effective inertia, motor side [kg m²] (default: published, of joint 1)",
     )
     parser.add_argument("--structure", default="p_in_feedback", help="pi or p_in_feedback")
     common.add_omega_r(parser, f"{paper.OMEGA_R}, published")
     parser.add_argument("--zeta", type=float, default=1.0, help="damping ratio [-] (default: 1)")
-    common.add_figure(parser, "the response (.csv, .json), or a figure of it (.png, .svg, .pdf)")
+    text = "the response (.csv, .json), or a figure of it (.png, .svg, .pdf)"
+    common.add_figure(parser, text, RESULTS)
 
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis import plots
     from sdt_drake.analysis.reproduction import step_response
     from sdt_drake.control import STRUCTURES, tune
-    from sdt_drake.tables import RESULTS, Results
+    from sdt_drake.errors import checked_choice
 
     inertia, omega_r = options.inertia, options.omega_r
     taken = [name for name, value in (("inertia", inertia), ("omega_r", omega_r)) if value is None]
@@ -54,29 +56,24 @@ def run(options: argparse.Namespace) -> None:
         inertia = paper.table1("i_eff_max")[0]
     if omega_r is None:
         omega_r = paper.OMEGA_R
-    checked_number(inertia, "--inertia", minimum=0, exclusive=True)
     checked_choice(options.structure, STRUCTURES, "--structure")
-    common.check_out(options.out, tables=RESULTS, show=options.show)
     step = step_response(options.structure, options.zeta, inertia, omega_r)
     published = f" ({' and '.join(taken)} published for the shipped device)" if taken else ""
-    common.say(
+    say(
         f"{step.structure}: inertia {inertia:g} kg m², omega_r = {omega_r:g} rad/s, "
         f"zeta {options.zeta:g}{published}"
     )
     gains = tune([inertia], omega_r, [options.zeta])
     kp, ki = gains.kp[0], gains.ki[0]
-    common.say(f"K_PS = {kp:.5g} N m s/rad, K_IS = {ki:.5g} N m/rad, motor side")
+    say(f"K_PS = {kp:.5g} N m s/rad, K_IS = {ki:.5g} N m/rad, motor side")
     metrics = asdict(step.metrics)
     for name, value in metrics.items():
         label = name.removesuffix("_percent").replace("_", " ")
-        common.say(f"{label:20s} {value:.5g} {_UNITS[name]}")
+        say(f"{label:20s} {value:.5g} {_UNITS[name]}")
     about = {"inertia": inertia, "omega_r": omega_r, "zeta": step.zeta, "kp": kp, "ki": ki}
+    response = {"time": step.time, "v": step.speed}
     common.deliver(
         options,
         lambda: plots.step_responses("Step response", {step.structure: step}),
-        numbers=lambda: Results(
-            {"structure": step.structure, **about, **metrics},
-            {"time": step.time, "v": step.speed},
-            _UNITS,
-        ),
+        Results({"structure": step.structure, **about, **metrics}, response, _UNITS).write,
     )

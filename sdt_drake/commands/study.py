@@ -8,16 +8,9 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sdt_drake.commands import common
 from sdt_drake.commands.bar import bar, duration
-from sdt_drake.commands.common import (
-    add_changes,
-    check_file,
-    check_folder,
-    naming_changes,
-    print_table,
-    say,
-    some_path,
-)
+from sdt_drake.commands.common import print_table, say
 from sdt_drake.errors import InputError
 
 if TYPE_CHECKING:
@@ -72,12 +65,14 @@ def _refuse_unused(options: argparse.Namespace, *names: str) -> None:
 
 def add_running(parser: argparse.ArgumentParser) -> None:
     """Options of what runs a study."""
-    parser.add_argument("--out", type=some_path, help="folder of the study (default: its name)")
+    parser.add_argument(
+        "--out", type=common.some_path, help="folder of the study (default: its name)"
+    )
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--workers", type=int, help="processes on this machine (default: 1)")
     where.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, tcp://HOST:8786")
     parser.add_argument("--resume", action="store_true", help="finish the study that DIR holds")
-    add_changes(parser)
+    common.add_changes(parser)
 
 
 def run_file(path: str, options: argparse.Namespace) -> None:
@@ -87,7 +82,7 @@ def run_file(path: str, options: argparse.Namespace) -> None:
     from sdt_drake.studies.study import load_study
     from sdt_drake.studies.table import ANSWERS
 
-    with naming_changes(options):
+    with common.naming_changes(options):
         study, base = load_study(path, dict(options.changes))
     folder = options.out or Path(study.name)
     run_into(folder, study, base, options)
@@ -115,7 +110,7 @@ def run_into(folder: Path, study: Study, base: Scenario, options: argparse.Names
     from sdt_drake.studies.results import require_packages
 
     require_packages()
-    check_folder(folder)
+    common.check_folder(folder)
     try:
         run_study(
             make_job(study, base),
@@ -167,7 +162,7 @@ def repeat(folder: Path, row: int | None, out: Path | None) -> None:
     if row is None or not 0 <= row < len(study):
         raise InputError(f"study repeat: --row {row}, expected 0 to {len(study) - 1}")
     if out is not None:
-        check_file(out, [".csv"])
+        common.check_file(out, [".csv"])
     runner, other = load_runner(folder)
     outcomes, recording = runner.repeat(row)
     print_table(("input", "value"), [(k, f"{v}") for k, v in study.inputs(row).items()])

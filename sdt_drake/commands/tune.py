@@ -5,14 +5,18 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from sdt_drake import paper
+from sdt_drake.arrays import Array
 from sdt_drake.commands import common
+from sdt_drake.commands.common import say
 from sdt_drake.errors import InputError
+from sdt_drake.tables import RESULTS, Results
 
 if TYPE_CHECKING:
-    from sdt_drake.arrays import Array
     from sdt_drake.design import Design
 
 EXAMPLE = "sdt-drake tune coupled_pi --zeta 0.95 0.98 0.99 0.95"
@@ -45,9 +49,8 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="damping ratio at the largest inertia, each joint [-] (default: that of the scenario; "
         "published, for the shipped device; else 1)",
     )
-    common.add_figure(
-        parser, "the numbers (.csv, .json), or a figure of the effective inertia (.png, .svg, .pdf)"
-    )
+    text = "the numbers (.csv, .json), or a figure of the effective inertia (.png, .svg, .pdf)"
+    common.add_figure(parser, text, RESULTS)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -55,9 +58,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.reproduction import tuning
     from sdt_drake.dynamics import effective_inertia
     from sdt_drake.resources import find_file
-    from sdt_drake.tables import RESULTS, Results
 
-    common.check_out(options.out, tables=RESULTS, show=options.show)
     is_scenario = find_file(options.scenario, "scenario", "motion").suffix == ".yaml"
     is_scenario = is_scenario and not common.is_motion(options.scenario)
     try:
@@ -67,7 +68,10 @@ def run(options: argparse.Namespace) -> None:
     numbers = tuning(design)
     _print_gains(design, numbers)
     for line in _notes(options, design, is_scenario):
-        common.say(line)
+        say(line)
+    joints = range(1, design.robot.n + 1)
+    columns: dict[str, Any] = {"joint": joints, "name": design.robot.joint_names, **numbers}
+    about = {"title": options.scenario, "omega_r": _omega_r(design)}
     common.deliver(
         options,
         lambda: plots.effective_inertia(
@@ -77,11 +81,7 @@ def run(options: argparse.Namespace) -> None:
             design.robot.joint_names,
             paper.table1("i_eff_max") if _is_shipped(design.scenario.robot) else None,
         ),
-        numbers=lambda: Results(
-            {"title": options.scenario, "omega_r": _omega_r(design)},
-            {"joint": range(1, design.robot.n + 1), "name": design.robot.joint_names, **numbers},
-            _UNITS,
-        ),
+        Results(about, columns, _UNITS).write,
     )
 
 
@@ -139,8 +139,6 @@ def _omega_r(design: Design) -> float | None:
 
 def _notes(options: argparse.Namespace, design: Design, is_scenario: bool) -> Iterator[str]:
     """Where the numbers are from, and where the rule for omega_n does not hold."""
-    import numpy as np
-
     from sdt_drake.control import natural_frequency
 
     omega_r, choice = _omega_r(design), design.scenario.controller
@@ -202,6 +200,4 @@ def _print_gains(design: Design, numbers: Mapping[str, Array]) -> None:
             (f"omega_n{unit}", "", [f"{a:.3f} to {b:.3f}" for a, b in ends]),
         ],
     )
-    common.say(
-        "motor side; K_PS [N m s/rad], K_IS [N m/rad]; omega_0 [rad/s] at the largest inertia"
-    )
+    say("motor side; K_PS [N m s/rad], K_IS [N m/rad]; omega_0 [rad/s] at the largest inertia")

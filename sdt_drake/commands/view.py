@@ -3,31 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sdt_drake.commands.common import (
-    ROBOT,
-    add_changes,
-    check_file,
-    design_of,
-    is_motion,
-    naming,
-    refuse_changes,
-    say,
-    some_path,
-)
+from sdt_drake.arrays import Array
+from sdt_drake.commands import common
+from sdt_drake.commands.common import say
 from sdt_drake.errors import InputError
+from sdt_drake.tables import TABLES, read_table
 
 if TYPE_CHECKING:
-    from numpy import float64
-    from numpy.typing import NDArray
-
     from sdt_drake.motion import Story
     from sdt_drake.robot import Robot
-
-    Array = NDArray[float64]
 
 EXAMPLE = "sdt-drake view coupled_pi_ctc --record run.html"
 
@@ -42,12 +29,12 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="a scenario, which is simulated; a motion, which is planned; a recording or a planned "
         "motion: .yaml or .csv file, or the name of a scenario or motion that ships",
     )
-    add_changes(parser)
+    common.add_changes(parser)
     parser.add_argument(
         "--robot", help="SDF or URDF file (default: the shipped device, or the scenario's)"
     )
     parser.add_argument(
-        "--record", type=some_path, metavar="FILE.html", help="write a page that plays"
+        "--record", type=common.some_path, metavar="FILE.html", help="write a page that plays"
     )
     parser.add_argument("--pilot", action="store_true", help="start with the pilot's own view")
     parser.add_argument(
@@ -65,10 +52,10 @@ def run(options: argparse.Namespace) -> None:
     check_port(options.port)
     if options.record is not None:
         check_html(options.record)
-        check_file(options.record, [".html"])
+        common.check_file(options.record, [".html"])
         _check_live_options(options)
     title, robot, time, q, story = _motion(options)
-    with naming(options.scenario):
+    with common.naming(options.scenario):
         check_angles(robot, time, q)
     if options.record is not None:
         record_html(robot, time, q, options.record, title=title, pilot=options.pilot, story=story)
@@ -88,22 +75,17 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _check_live_options(options: argparse.Namespace) -> None:
-    given = {
-        "--rate": options.rate != 1,
-        "--port": options.port is not None,
-        "--once": options.once,
-    }
-    for name, is_given in given.items():
-        if is_given:
-            raise InputError(f"{name}: has no effect with --record")
+    for name, default in (("rate", 1), ("port", None), ("once", False)):
+        if getattr(options, name) != default:
+            raise InputError(f"--{name}: has no effect with --record")
 
 
 def _motion(options: argparse.Namespace) -> tuple[str, Robot, Array, Array, Story]:
     """Title, robot, time [s], joint angles [rad] and story of what was asked for."""
     from sdt_drake.motion import Story, load_plan, story_of
+    from sdt_drake.pilot import check_head
     from sdt_drake.resources import find_file, named
     from sdt_drake.robot import load_robot
-    from sdt_drake.tables import TABLES
 
     kinds = ("scenario", "motion")
     if Path(named(options.scenario, *kinds)).suffix not in ("", ".yaml", *TABLES):
@@ -111,34 +93,29 @@ def _motion(options: argparse.Namespace) -> tuple[str, Robot, Array, Array, Stor
             f"{options.scenario}: expected a .yaml, .csv, .mat or .parquet file, or a shipped name"
         )
     file = find_file(options.scenario, *kinds)
-    if file.suffix == ".yaml" and not is_motion(options.scenario):
+    if file.suffix == ".yaml" and not common.is_motion(options.scenario):
         return _simulated(options)
-    refuse_changes(options)
-    robot = load_robot(options.robot or ROBOT)
-    _check(options)(robot)
+    common.refuse_changes(options)
+    robot = load_robot(options.robot or common.ROBOT)
+    if options.pilot:
+        check_head(robot)
     if file.suffix in TABLES:
         return file.stem, robot, *_angles(file, robot), Story()
     motion = load_plan(file, robot, period=PERIOD, torque_margin=1.0).motion
     return file.stem, robot, motion.time, motion.q, story_of(file, robot, motion)
 
 
-def _check(options: argparse.Namespace) -> Callable[[Robot], None]:
-    """What has to be true of the robot, before anything is planned."""
-    from sdt_drake.pilot import check_head
-
-    return check_head if options.pilot else lambda robot: None
-
-
 def _simulated(options: argparse.Namespace) -> tuple[str, Robot, Array, Array, Story]:
     """The same of a scenario; one that is too long is not run in vain."""
     from sdt_drake.motion import story_of
+    from sdt_drake.pilot import check_head
     from sdt_drake.scene import check_duration
     from sdt_drake.simulate import simulate
 
     if options.robot is not None:
         raise InputError("--robot: the scenario names the robot")
-    design = design_of(options, _check(options))
-    with naming(options.scenario):
+    design = common.design_of(options, check_head if options.pilot else None)
+    with common.naming(options.scenario):
         check_duration(design.motion.duration)
     recording = simulate(design)
     story = story_of(design.scenario.motion, design.robot, design.motion)
@@ -148,7 +125,6 @@ def _simulated(options: argparse.Namespace) -> tuple[str, Robot, Array, Array, S
 def _angles(path: Path, robot: Robot) -> tuple[Array, Array]:
     """Time [s] and joint angles [rad] of a table."""
     from sdt_drake.simulate import check_limits
-    from sdt_drake.tables import read_table
 
     time, columns = read_table(path)
     q = columns.get("q", columns.get("q_ref"))

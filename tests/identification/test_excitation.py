@@ -107,10 +107,10 @@ def test_a_payload_is_excited_gently(arm, tmp_path, capsys):
     ("options", "said"),
     [
         ("--payload hand", "no link 'hand' that moves, expected one of upper; lower"),
-        ("--margin 1.2", "--margin: 1.2, expected at most 1"),
+        ("--margin 1.2", "--margin: 1.2, expected a number > 0 and <= 1"),
         ("--margin 0.2", "joint 1 needs more torque than it may take even at rest"),
-        ("--noise 0", "--noise: 0.0, expected a finite number > 0"),
-        ("--duration nan", "--duration: nan, expected a finite number >= 1"),
+        ("--noise 0", "--noise: 0, expected a number > 0 and <= 1"),
+        ("--duration nan", "--duration: nan, expected a number >= 1"),
         ("--out x.csv", "x.csv: unknown kind of file, expected .yaml"),
     ],
 )

@@ -50,8 +50,8 @@ def test_a_recording_becomes_a_robot_a_scenario_and_a_study(call, recording, rob
 
 
 BAD = [
-    (["--held-out", "1.5"], "--held-out: 1.5, expected a share between 0 and 1"),
-    (["--cutoff", "0"], "--cutoff: 0.0, expected 0.1 to 1000 Hz"),
+    (["--held-out", "1.5"], "--held-out: 1.5, expected a number > 0 and < 1"),
+    (["--cutoff", "0"], "--cutoff: 0, expected a number >= 0.1 and <= 1000 [Hz]"),
     (["--only", "payload", "--payload", "seat"], "no link 'seat', expected one of arm"),
     (["--columns", "none.yaml"], "none.yaml: no such file"),
 ]
