@@ -32,7 +32,7 @@ from sdt_drake.dynamics import (
 )
 from sdt_drake.errors import InputError, checked_type, within
 from sdt_drake.fields import check
-from sdt_drake.motion import LearnedReference, Motion, load_learned, load_plan
+from sdt_drake.motion import LearnedReference, Motion, Plan, load_learned, load_plan
 from sdt_drake.plant import check_poles, plant_along
 from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import Scenario
@@ -231,7 +231,7 @@ def make_design(
     """
     checked_type(scenario, Scenario, "scenario", "sdt_drake.load")
     nominal, robot, model = _robots(scenario, robot)
-    wanted = _planned(scenario, nominal) if motion is None else motion
+    wanted = plan_of(scenario, nominal).motion if motion is None else motion
     with within(_name(scenario)):
         taught = _learned(scenario, nominal, wanted, learned)
         motion, torques = (wanted, torques) if taught is None else (taught.motion, None)
@@ -317,14 +317,23 @@ def _name(scenario: Scenario) -> str:
 # --- plan ------------------------------------------------------------------------------------
 
 
-def _planned(scenario: Scenario, robot: Robot) -> Motion:
+def plan_of(scenario: Scenario, robot: Robot) -> Plan:
+    """The plan of the motion that a scenario names.
+
+    Args:
+        scenario: with period, planner and margin.
+        robot: the chosen device.
+
+    Raises:
+        InputError: for a motion that cannot be used, or that the device cannot do.
+    """
     return load_plan(
         scenario.motion,
         robot,
         period=scenario.period,
         torque_margin=scenario.torque_margin,
         planner=scenario.planner,
-    ).motion
+    )
 
 
 def _learned(

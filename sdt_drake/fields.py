@@ -151,6 +151,11 @@ def given(thing: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield prefix + field.name, value
 
 
+def is_within(name: str, field: str) -> bool:
+    """Whether a dotted name is that of a field, or of a part or an entry of it."""
+    return re.match(rf"{re.escape(field)}(?![^.[])", name) is not None
+
+
 def nearest(name: str, known: Iterable[str], otherwise: str = "") -> str:
     """For people: "did you mean 'kind'?", or else `otherwise`, by default all that is known."""
     known = list(known)
@@ -265,7 +270,7 @@ class _Walk:
         if type(data) is not options[0] or not _is_taken(rule, data):
             self.refuse(name, data, expected(hint, rule))
         if rule.file and self.folder is not None and type(data) is str:
-            is_changed = any(re.match(rf"{re.escape(x)}(?![^.[])", name) for x in self.changed)
+            is_changed = any(is_within(name, x) for x in self.changed)
             try:
                 return beside(data, Path.cwd() if is_changed else self.folder, rule.file)
             except InputError as error:

@@ -51,6 +51,11 @@ class Shown:
         return f"<p>{told}</p><table>{table}</table>" if rows else f"<p>{told}</p>"
 
 
+def listed(texts: Sequence[str]) -> str:
+    """a, b and c"""
+    return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
+
+
 def by_joint(
     names: Sequence[str], columns: Sequence[tuple[str, str, Iterable[Any]]]
 ) -> tuple[list[str], list[list[str]]]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
@@ -109,7 +109,10 @@ def run_study(
         KeyboardInterrupt: between two rows, with all that were done on the disk.
     """
     require_packages()
-    with Inbox() as inbox, _backend(job, workers, cluster, inbox) as backend:
+    with (
+        Inbox() as inbox,
+        closing(inbox.result_of(lambda: _backend(job, workers, cluster))) as backend,
+    ):
         claim(job, folder, resume)
         with Journal(folder, len(job.study), len(job.outcomes)) as journal:
             save_study(job, folder)
@@ -123,20 +126,11 @@ def run_study(
             return write_results(job, journal.rows(), folder)
 
 
-@contextmanager
-def _backend(
-    job: Job, workers: int, cluster: str | None, inbox: Inbox
-) -> Iterator[Workers | Cluster]:
-    backend: Workers | Cluster
+def _backend(job: Job, workers: int, cluster: str | None) -> Workers | Cluster:
     if cluster is None:
         from sdt_drake.studies.workers import Workers
 
-        backend = Workers(job, workers)
-    else:
-        from sdt_drake.studies.cluster import Cluster
+        return Workers(job, workers)
+    from sdt_drake.studies.cluster import Cluster
 
-        backend = inbox.result_of(lambda: Cluster(job, cluster))
-    try:
-        yield backend
-    finally:
-        backend.close()
+    return Cluster(job, cluster)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import re
-import types
 import typing
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from sdt_drake.errors import InputError
-from sdt_drake.fields import nearest, rule_of
+from sdt_drake.fields import hints_of, is_within, nearest, options_of, rule_of
 from sdt_drake.scenario import ControllerChoice, Scenario
 
 Value = float | str
@@ -102,10 +101,10 @@ def find_field(name: str) -> Field:
             raise _unknown(name)
         attributes.append(match[1])
         file = rule_of(schema.__dataclass_fields__[match[1]]).file
-        schema = _plain(hints[match[1]])
+        schema = options_of(hints[match[1]])[0]
         many = typing.get_origin(schema) is list
         if many:
-            schema = _plain(typing.get_args(schema)[0])
+            schema = options_of(typing.get_args(schema)[0])[0]
         if match[2] is not None:
             if not many:
                 raise InputError(f"{name}: {match[1]} is no list")
@@ -129,27 +128,20 @@ def check_changes(changes: Iterable[str], own: Iterable[str], file: Path) -> Non
     """
     for name in changes:
         for field in own:
-            if re.match(rf"{re.escape(field)}(?![^.[])", name):
+            if is_within(name, field):
                 raise InputError(f"{name}: {file} has values for {field}, expected a change there")
 
 
 def field_names(schema: Any = Scenario, prefix: str = "") -> list[str]:
     """Dotted names of all fields, lists without their entries."""
     names = []
-    for field, hint in typing.get_type_hints(schema).items():
-        plain = _plain(hint)
+    for field, hint in hints_of(schema).items():
+        plain = options_of(hint)[0]
         if dataclasses.is_dataclass(plain):
             names += field_names(plain, f"{prefix}{field}.")
         else:
             names.append(prefix + field)
     return names
-
-
-def _plain(hint: Any) -> Any:
-    """The type without "or None"."""
-    if typing.get_origin(hint) in (typing.Union, types.UnionType):
-        return next(a for a in typing.get_args(hint) if a is not type(None))
-    return hint
 
 
 def _unknown(name: str) -> InputError:

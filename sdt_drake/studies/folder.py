@@ -15,8 +15,8 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from sdt_drake.errors import InputError, replacing
 from sdt_drake.scenario import Scenario, save_scenario
-from sdt_drake.studies.job import Job, places_of, with_files
-from sdt_drake.studies.runs import Runner
+from sdt_drake.studies.job import Job, places_of
+from sdt_drake.studies.runs import Runner, with_files
 from sdt_drake.studies.study import Study, load_study
 from sdt_drake.versions import other_versions, versions
 
@@ -47,7 +47,7 @@ def claim(job: Job, folder: Path, resume: bool) -> None:
     state = {
         "fingerprint": job.fingerprint,
         "outcomes": list(job.outcomes),
-        "files": {name: f"{FILES}/{place}" for name, place in places_of(job.files).items()},
+        "files": _places(job),
         "versions": job.versions,
     }
     try:
@@ -68,14 +68,16 @@ def save_study(job: Job, folder: Path) -> None:
     Raises:
         InputError: if it cannot be written.
     """
-    places = {name: f"{FILES}/{place}" for name, place in places_of(job.files).items()}
-    for name, place in places.items():
-        with replacing(folder / place) as partial:
-            partial.write_bytes(job.files[name])
-    save_scenario(with_files(job.base, places), folder / BASE)
+    job.save_files(folder / FILES)
+    save_scenario(with_files(job.base, _places(job)), folder / BASE)
     study = dataclasses.replace(job.study, scenario=BASE)
     with replacing(folder / STUDY) as partial:
         partial.write_text(yaml_dump_typed(study, schema=Study), encoding="utf-8")
+
+
+def _places(job: Job) -> dict[str, str]:
+    """Of the files, as the folder has them, by their names in the study."""
+    return {name: f"{FILES}/{place}" for name, place in places_of(job.files).items()}
 
 
 def holds_study(folder: Path) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import hashlib
 import json
@@ -13,13 +12,13 @@ from pathlib import Path
 from pydrake.common.yaml import yaml_dump_typed
 
 from sdt_drake.design import load_device, make_design
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, replacing
 from sdt_drake.motion import import_motion, load_command
 from sdt_drake.resources import PACKAGE_PREFIX, find_file, named
 from sdt_drake.robot import load_robot
 from sdt_drake.scenario import Scenario
 from sdt_drake.studies.fields import Field
-from sdt_drake.studies.runs import FILE_FIELDS, Runner, outcome_names
+from sdt_drake.studies.runs import FILE_FIELDS, Runner, outcome_names, with_files
 from sdt_drake.studies.study import Study
 from sdt_drake.versions import versions
 
@@ -46,25 +45,24 @@ class Job:
     def runner(self, folder: Path) -> Runner:
         """Runs rows here, on copies of the files in `folder`: the originals may be changed, or be
         on another machine."""
-        places = {name: folder / place for name, place in places_of(self.files).items()}
+        return Runner(self.study, self.base, self.save_files(folder))
+
+    def save_files(self, folder: Path) -> dict[str, str]:
+        """Write the files into a folder of their own, and tell where each is by its name.
+
+        Raises:
+            InputError: if one cannot be written.
+        """
+        places = {name: f"{folder / place}" for name, place in places_of(self.files).items()}
         for name, place in places.items():
-            place.parent.mkdir(parents=True, exist_ok=True)
-            place.write_bytes(self.files[name])
-        return Runner(self.study, self.base, {name: str(place) for name, place in places.items()})
+            with replacing(Path(place)) as partial:
+                partial.write_bytes(self.files[name])
+        return places
 
 
 def places_of(files: Mapping[str, bytes]) -> dict[str, str]:
     """Where files are in a folder of their own, each in another, by their names in the study."""
     return {name: f"{i + 1}/{Path(name).name}" for i, name in enumerate(files)}
-
-
-def with_files(base: Scenario, places: Mapping[str, str]) -> Scenario:
-    """A copy that has its files at other places; those without one stay."""
-    base = copy.deepcopy(base)
-    for field in FILE_FIELDS:
-        name = field.get(base)
-        field.put(base, places.get(name, name))
-    return base
 
 
 def make_job(study: Study, base: Scenario) -> Job:

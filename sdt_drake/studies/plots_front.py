@@ -13,9 +13,8 @@ from matplotlib.lines import Line2D
 
 from sdt_drake.analysis.metrics import METRICS, metric_of
 from sdt_drake.analysis.style import Look, finish, grid, looks_of, style
-from sdt_drake.studies.pareto import pareto
 from sdt_drake.studies.plots import BOTTOM, group_handles, outcome_label, scale
-from sdt_drake.studies.table import StudyTable
+from sdt_drake.studies.table import StudyTable, pareto
 from sdt_drake.studies.verdicts import Verdict, front_of
 
 

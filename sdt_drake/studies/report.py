@@ -8,22 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.analysis.document import (
-    Block,
-    Bullets,
-    Details,
-    Document,
-    Figure,
-    Heading,
-    Section,
-    Table,
-    Text,
-    Tiles,
-    write_text,
-)
+from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.metrics import metric_of
 from sdt_drake.analysis.report import REPORT
 from sdt_drake.analysis.style import PALETTE, save_both
+from sdt_drake.shown import listed
 from sdt_drake.studies import plots, plots_front
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.summary import (
@@ -61,7 +50,7 @@ _NEAR_NOTHING = 0.05  # of the variance: not worth a sentence
 _BRACKETS = "In brackets: share of the variance that the input explains alone, and standard error."
 
 
-def write_study_report(folder: Path) -> tuple[Path, Document]:
+def write_study_report(folder: Path) -> tuple[Path, doc.Document]:
     """Write the figures and report.html into the folder of a study; each file replaced whole.
 
     Returns:
@@ -72,10 +61,10 @@ def write_study_report(folder: Path) -> tuple[Path, Document]:
     """
     table = read_study_table(folder)
     document = make_study_report(table, folder)
-    return write_text(folder / REPORT, document.html()), document
+    return doc.write_text(folder / REPORT, document.html()), document
 
 
-def study_chapter(folder: Path) -> Section:
+def study_chapter(folder: Path) -> doc.Section:
     """What matters most of a study, for a larger report; its figures are written.
 
     Raises:
@@ -85,10 +74,10 @@ def study_chapter(folder: Path) -> Section:
     figures = _figures(table, folder, grouping(table))
     blocks = [*_summary(table, grouping(table)), status_table(table)]
     shown = (figures[name] for name in ("distributions", "tornado", "pareto") if name in figures)
-    return Section(f"Study {table.name}", [*blocks, *shown])
+    return doc.Section(f"Study {table.name}", [*blocks, *shown])
 
 
-def make_study_report(table: StudyTable, folder: Path) -> Document:
+def make_study_report(table: StudyTable, folder: Path) -> doc.Document:
     """The report on a study; its figures are written into the folder.
 
     Args:
@@ -98,21 +87,21 @@ def make_study_report(table: StudyTable, folder: Path) -> Document:
     by, families = grouping(table), headlines(table)
     figures = _figures(table, folder, by)
 
-    def figure(name: str) -> list[Block]:
+    def figure(name: str) -> list[doc.Block]:
         return [figures[name]] if name in figures else []
 
     distributions = [*figure("distributions"), *_percentiles(table, families, by)]
     scatter, pareto = figure("scatter"), figure("pareto")
     sections = [
-        Section("Summary", _summary(table, by)),
-        Section("Status", [status_table(table)]),
-        Section("Distributions", distributions if families else []),
-        Section("Worst runs", _worst(table, families, by, folder)),
-        Section("What matters", _matters(table, families, by, figure("tornado"))),
-        Section("All runs", scatter),
-        Section("Pareto front", pareto),
+        doc.Section("Summary", _summary(table, by)),
+        doc.Section("Status", [status_table(table)]),
+        doc.Section("Distributions", distributions if families else []),
+        doc.Section("Worst runs", _worst(table, families, by, folder)),
+        doc.Section("What matters", _matters(table, families, by, figure("tornado"))),
+        doc.Section("All runs", scatter),
+        doc.Section("Pareto front", pareto),
     ]
-    return Document(f"Study {table.name}", sections=sections)
+    return doc.Document(f"Study {table.name}", sections=sections)
 
 
 def grouping(table: StudyTable) -> str | None:
@@ -137,7 +126,7 @@ def headlines(table: StudyTable) -> list[str]:
     return [family for family in _HEADLINES if family in there] or there[: len(_HEADLINES)]
 
 
-def _figures(table: StudyTable, folder: Path, by: str | None) -> dict[str, Figure]:
+def _figures(table: StudyTable, folder: Path, by: str | None) -> dict[str, doc.Figure]:
     """Those that there is something to draw for, written into the folder."""
     names, count = headlines(table), int(table.ok.sum())
     moved = [family for family in names if plots.influential(table, [family], by)]
@@ -161,7 +150,7 @@ def _figures(table: StudyTable, folder: Path, by: str | None) -> dict[str, Figur
         title = f"{table.name}: {metric_of(ERROR).title} over {metric_of(COST).title}"
         drawn["pareto"] = plots_front.pareto_figure(title, table, COST, ERROR, by)
     return {
-        name: Figure(
+        name: doc.Figure(
             CAPTIONS[name],
             save_both(figure, folder / name),
             folder,
@@ -174,16 +163,16 @@ def _figures(table: StudyTable, folder: Path, by: str | None) -> dict[str, Figur
 # --- tables ----------------------------------------------------------------------------------
 
 
-def status_table(table: StudyTable) -> Table:
+def status_table(table: StudyTable) -> doc.Table:
     """How many runs ended in which way; below each, the most frequent reasons."""
     rows = []
     for status, runs, reasons in count_statuses(table):
         rows.append([status, str(runs), f"{100 * runs / len(table):.1f}", "", ""])
         rows += [["", str(n), "", str(row), text] for text, n, row in reasons]
-    return Table(["status", "runs", "%", "first row", "reason"], rows, "Runs by status")
+    return doc.Table(["status", "runs", "%", "first row", "reason"], rows, "Runs by status")
 
 
-def percentile_table(table: StudyTable, names: Sequence[str], by: str | None = None) -> Table:
+def percentile_table(table: StudyTable, names: Sequence[str], by: str | None = None) -> doc.Table:
     """Percentiles of outcomes: a row for each, and for each level of `by`.
 
     Args:
@@ -198,10 +187,12 @@ def percentile_table(table: StudyTable, names: Sequence[str], by: str | None = N
             place = ", ".join(filter(None, [level, table.place(name)]))
             rows.append([place, *map(_number, metric.factor * percentiles(part, name))])
     header = [by or "", *(f"{percent} %" for percent in PERCENTS[:-1]), "largest"]
-    return Table(header, rows, f"Percentiles: {metric.label}")
+    return doc.Table(header, rows, f"Percentiles: {metric.label}")
 
 
-def worst_table(table: StudyTable, outcome: str, by: str | None = None, count: int = 3) -> Table:
+def worst_table(
+    table: StudyTable, outcome: str, by: str | None = None, count: int = 3
+) -> doc.Table:
     """The worst runs of an outcome, for each level of `by`: row, value, joint, inputs.
 
     Args:
@@ -222,12 +213,12 @@ def worst_table(table: StudyTable, outcome: str, by: str | None = None, count: i
         columns += [map(_cell, runs.inputs[name].tolist()) for name in inputs]
         rows += [list(map(str, cells)) for cells in zip(*columns, strict=True)]
     header = ["row", *(["joint"] if has_joints else []), metric.unit or "value", *inputs]
-    return Table(header, rows, f"Worst runs: {metric.title}")
+    return doc.Table(header, rows, f"Worst runs: {metric.title}")
 
 
 def sensitivity_tables(
     table: StudyTable, names: Sequence[str], by: str | None = None
-) -> list[Table]:
+) -> list[doc.Table]:
     """Share of the variance that each input explains alone [%], with its standard error; a table
     for each level of `by` in which more than one input varies.
 
@@ -250,7 +241,7 @@ def sensitivity_tables(
             rows.append(["sum", *("–" if np.isnan(x) else f"{100 * x:.0f}" for x in sums)])
             header = ["input", *(_column(table, name, names) for name in names)]
             tables.append(
-                Table(header, rows, f"Variance explained by each input alone [%], {level}")
+                doc.Table(header, rows, f"Variance explained by each input alone [%], {level}")
             )
     return tables
 
@@ -284,7 +275,7 @@ def _cell(value: float | str) -> str:
 # --- sections --------------------------------------------------------------------------------
 
 
-def _summary(table: StudyTable, by: str | None) -> list[Block]:
+def _summary(table: StudyTable, by: str | None) -> list[doc.Block]:
     failed = failures(table)
     names = ", ".join(f"`{name}`" for name in varied(table))
     own = names or "inputs, which are all the same"
@@ -293,18 +284,18 @@ def _summary(table: StudyTable, by: str | None) -> list[Block]:
         (runs, status.replace("_", " "), _LOOKS.get(status, "bad"))
         for status, runs, _ in count_statuses(table)
     ]
-    blocks: list[Block] = [
-        *([Text(f"{_capital(failed)}.", "bad")] if failed else []),
-        Text(
+    blocks: list[doc.Block] = [
+        *([doc.Text(f"{_capital(failed)}.", "bad")] if failed else []),
+        doc.Text(
             f"{len(table)} runs, each with its own {own}; {_time(seconds)} of computation in all."
         ),
-        Tiles(tiles),
+        doc.Tiles(tiles),
     ]
     if found := [finding(table, family, by) for family in headlines(table)]:
         blocks += [
-            Heading("What we found"),
-            Bullets(found),
-            *([Text(_BRACKETS, "soft")] if any(" ± " in text for text in found) else []),
+            doc.Heading("What we found"),
+            doc.Bullets(found),
+            *([doc.Text(_BRACKETS, "soft")] if any(" ± " in text for text in found) else []),
         ]
     return blocks
 
@@ -330,35 +321,37 @@ def finding(table: StudyTable, family: str, by: str | None = None) -> str:
         name, share = next(iter(shares.items()), ("", Share(0, 0)))
         if len(shares) > 1 and share.value > max(_NEAR_NOTHING, 2 * share.error):
             causes.setdefault(name, []).append(f"{_percent(share)} %{where}")
-    text = f"**{_capital(label)}:** 95 % of the runs stay below {_listed(limits)}."
+    text = f"**{_capital(label)}:** 95 % of the runs stay below {listed(limits)}."
     if not causes:
         return text
     most = [f"`{name}` ({', '.join(shares)})" for name, shares in causes.items()]
-    return f"{text} It varies most with {_listed(most)}."
+    return f"{text} It varies most with {listed(most)}."
 
 
-def _percentiles(table: StudyTable, families: Sequence[str], by: str | None) -> list[Block]:
+def _percentiles(table: StudyTable, families: Sequence[str], by: str | None) -> list[doc.Block]:
     about = "Over the runs that are ok; joint side, torques as shares of the motor's largest."
     return [
-        Text(about),
+        doc.Text(about),
         *(percentile_table(table, [family], by) for family in families),
         *_by_joint(table, lambda names: [percentile_table(table, names, by)]),
     ]
 
 
-def _worst(table: StudyTable, families: Sequence[str], by: str | None, folder: Path) -> list[Block]:
+def _worst(
+    table: StudyTable, families: Sequence[str], by: str | None, folder: Path
+) -> list[doc.Block]:
     if not families:
         return []
     command = f"sdt-drake study repeat {shlex.quote(str(folder))} --row N"
     return [
         *(worst_table(table, family, by) for family in families),
-        Text(f"A run once more, exactly: `{command}`"),
+        doc.Text(f"A run once more, exactly: `{command}`"),
     ]
 
 
 def _matters(
-    table: StudyTable, families: Sequence[str], by: str | None, figure: list[Block]
-) -> list[Block]:
+    table: StudyTable, families: Sequence[str], by: str | None, figure: list[doc.Block]
+) -> list[doc.Block]:
     overview = sensitivity_tables(table, families, by)
     if not overview:
         return figure
@@ -369,28 +362,25 @@ def _matters(
         "or is too fine for the bins of so many runs."
     )
     by_joint = _by_joint(table, lambda names: sensitivity_tables(table, names, by))
-    return [Text(about), *overview, *figure, *by_joint]
+    return [doc.Text(about), *overview, *figure, *by_joint]
 
 
-def _by_joint(table: StudyTable, tables: Callable[[list[str]], Sequence[Table]]) -> list[Block]:
+def _by_joint(
+    table: StudyTable, tables: Callable[[list[str]], Sequence[doc.Table]]
+) -> list[doc.Block]:
     """Each family with the tables of its worst joint and of each joint, to unfold."""
-    details: list[Block] = [
-        Details(
+    details: list[doc.Block] = [
+        doc.Details(
             _capital(metric_of(family).title),
             tables([family, *(f"{family}_{k}" for k in table.joints(family))]),
         )
         for family in families_there(table)
     ]
-    return [Heading("Everything, by joint"), *details] if details else []
+    return [doc.Heading("Everything, by joint"), *details] if details else []
 
 
 def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
-
-
-def _listed(texts: Sequence[str]) -> str:
-    """a, b and c"""
-    return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
 
 
 def _time(seconds: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Mapping
 
@@ -9,11 +10,11 @@ import numpy as np
 
 from sdt_drake.analysis.tracking import felt_of, motor_use, stops_passed, track
 from sdt_drake.controllers import load_controllers
-from sdt_drake.design import Design, load_device, make_design
+from sdt_drake.design import Design, load_device, make_design, plan_of
 from sdt_drake.dynamics import TorqueGroups, torque_groups
 from sdt_drake.errors import InputError
 from sdt_drake.fields import check
-from sdt_drake.motion import Plan, load_plan
+from sdt_drake.motion import Plan
 from sdt_drake.pilot import has_head
 from sdt_drake.resources import PACKAGE_PREFIX, models_dir
 from sdt_drake.robot import Robot
@@ -40,6 +41,15 @@ FILE_FIELDS = tuple(
     map(find_field, ("robot", "motion", "learned", "device.catalogue", "controller.file"))
 )
 """Fields of a scenario that name a file."""
+
+
+def with_files(scenario: Scenario, places: Mapping[str, str]) -> Scenario:
+    """A copy that has its files at other places; those without one stay."""
+    scenario = copy.deepcopy(scenario)
+    for field in FILE_FIELDS:
+        name = field.get(scenario)
+        field.put(scenario, places.get(name, name))
+    return scenario
 
 
 def outcome_names(base: Scenario, n: int) -> tuple[str, ...]:
@@ -69,10 +79,7 @@ class Runner:
             load_controllers(self._places.get(file, file))
         scenario = self._study.scenario_of(self._base, self._study.inputs(number))
         scenario.name = f"{self._study.name}, row {number}"
-        for field in FILE_FIELDS:
-            name = field.get(scenario)
-            field.put(scenario, self._places.get(name, name))
-        return scenario
+        return with_files(scenario, self._places)
 
     def design(self, scenario: Scenario) -> tuple[Design, Plan]:
         """Of a scenario of the study; and the plan of its motion.
@@ -164,13 +171,7 @@ def outcomes_of(design: Design, recording: Recording) -> tuple[float, ...]:
 def _plan(scenario: Scenario) -> _Planned | InfeasibleError:
     robot = load_device(scenario)
     try:
-        plan = load_plan(
-            scenario.motion,
-            robot,
-            period=scenario.period,
-            torque_margin=scenario.torque_margin,
-            planner=scenario.planner,
-        )
+        plan = plan_of(scenario, robot)
     except InputError as error:
         return InfeasibleError(*error.args)
     motion = plan.motion

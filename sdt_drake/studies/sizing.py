@@ -145,6 +145,11 @@ class Sizing:
         return load_catalogue(self.device.catalogue)
 
     @property
+    def masses(self) -> dict[str, float]:
+        """Of the motors to choose from [kg], by id."""
+        return {motor.id: motor.mass for motor in self.catalogue.motors}
+
+    @property
     def shared_device(self) -> DeviceChoice:
         """The device as it is: with the fitted motors, or else the strongest of each joint, as
         one that is too weak for the motions would let nothing be tried."""

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sdt_drake.analysis.metrics import family_of, metric_of
-from sdt_drake.errors import replacing
-from sdt_drake.studies.pareto import pareto
+from sdt_drake.shown import listed
 from sdt_drake.studies.sizing import Candidate, Sizing, candidates, short_name
-from sdt_drake.studies.table import ANSWERS, StudyTable
+from sdt_drake.studies.table import ANSWERS, StudyTable, pareto
+from sdt_drake.tables import Results
 
 _DECIMALS = 3  # of a speed error [rad/s]: as far as a study knows it
 _ROUND_OFF = 1e-9  # of an outcome; the planner uses limits to the full
@@ -63,25 +62,17 @@ def judge_candidates(sizing: Sizing, table: StudyTable) -> list[Verdict]:
         sizing: as it was run.
         table: of `sizing.study()`; it need not be complete.
     """
-    columns = {
-        name: table.inputs[name].tolist()
-        for name in (*_motor_names(sizing.n), "structure_scale", "motion", "controller")
-    }
+    mass = sizing.masses
+    names = [*(f"motor_{k + 1}" for k in range(sizing.n)), "structure_scale"]
+    columns = (table.inputs[name].tolist() for name in (*names, "controller", "motion"))
     rows: dict[tuple[Candidate, str], dict[str, int]] = {}
-    for i in range(len(table)):
-        motors = tuple(columns[name][i] for name in _motor_names(sizing.n))
-        candidate = Candidate(motors, columns["structure_scale"][i])
-        rows.setdefault((candidate, columns["controller"][i]), {})[columns["motion"][i]] = i
-    mass = {motor.id: motor.mass for motor in sizing.catalogue.motors}
+    for i, (*motors, scale, controller, motion) in enumerate(zip(*columns, strict=True)):
+        rows.setdefault((Candidate(tuple(motors), scale), controller), {})[motion] = i
     return [
         _verdict(sizing, table, candidate, controller, mass, rows.get((candidate, controller), {}))
         for controller in sizing.controllers
         for candidate in candidates(sizing)
     ]
-
-
-def _motor_names(n: int) -> list[str]:
-    return [f"motor_{k + 1}" for k in range(n)]
 
 
 def _verdict(
@@ -180,11 +171,8 @@ def lightest_motor(
     sizing: Sizing, verdicts: Sequence[Verdict], controller: str, joint: int
 ) -> str | None:
     """The lightest motor of a joint (from 1) in any motor set that keeps all requirements."""
-    mass = {motor.id: motor.mass for motor in sizing.catalogue.motors}
-    ids = {
-        v.candidate.motors[joint - 1] for v in verdicts if v.controller == controller and v.feasible
-    }
-    return min(ids, key=mass.__getitem__, default=None)
+    own = (v.candidate.motors for v in verdicts if v.controller == controller and v.feasible)
+    return min((ids[joint - 1] for ids in own), key=sizing.masses.__getitem__, default=None)
 
 
 def sizing_lines(sizing: Sizing, verdicts: Sequence[Verdict]) -> list[str]:
@@ -236,16 +224,11 @@ def _joint_line(sizing: Sizing, verdicts: Sequence[Verdict], joint: int) -> str:
     if not labels_of:
         none = "no controller meets" if any(v.judged for v in verdicts) else "nothing is known of"
         return f"joint {joint}: {none} the requirements"
-    by_mass = sorted(labels_of, key=lambda id_: -sizing.catalogue.motor(id_, "").mass)
-    *heavier, lightest = by_mass
-    parts = [f"with {_and(labels_of[id_])} it needs {id_}" for id_ in heavier]
-    parts.append(f"with {_and(labels_of[lightest])} {lightest} is enough")
+    mass = sizing.masses
+    *heavier, lightest = sorted(labels_of, key=lambda id_: -mass[id_])
+    parts = [f"with {listed(labels_of[id_])} it needs {id_}" for id_ in heavier]
+    parts.append(f"with {listed(labels_of[lightest])} {lightest} is enough")
     return f"joint {joint}: {', '.join(parts)}"
-
-
-def _and(labels: Sequence[str]) -> str:
-    *first, last = labels
-    return f"{', '.join(first)} and {last}" if first else last
 
 
 # --- files -----------------------------------------------------------------------------------
@@ -257,17 +240,15 @@ def write_verdicts(verdicts: Sequence[Verdict], path: str | Path) -> None:
     Raises:
         InputError: if the file cannot be written.
     """
-    names = list(dict.fromkeys(name for verdict in verdicts for name in verdict.worst))
-    front = front_of(verdicts)
-    with replacing(Path(path)) as partial, partial.open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        n = len(verdicts[0].candidate.motors)
-        motors = [f"motor_{k + 1}" for k in range(n)]
-        table.writerow(
-            ["controller", *motors, "structure_scale", "motor_mass", "front", *names, "missed"]
-        )
-        for verdict, on_front in zip(verdicts, front.tolist(), strict=True):
-            worst = [verdict.worst[name][0] if name in verdict.worst else "" for name in names]
-            candidate = verdict.candidate
-            start = [verdict.controller, *candidate.motors, candidate.structure_scale, verdict.mass]
-            table.writerow([*start, on_front, *worst, "; ".join(verdict.missed)])
+    motors = zip(*(v.candidate.motors for v in verdicts), strict=True)
+    columns: dict[str, ArrayLike] = {
+        "controller": [v.controller for v in verdicts],
+        **{f"motor_{k + 1}": ids for k, ids in enumerate(motors)},
+        "structure_scale": [v.candidate.structure_scale for v in verdicts],
+        "motor_mass": [v.mass for v in verdicts],
+        "front": front_of(verdicts),
+    }
+    for name in dict.fromkeys(name for v in verdicts for name in v.worst):
+        columns[name] = [f"{v.worst[name][0]}" if name in v.worst else "" for v in verdicts]
+    columns["missed"] = ["; ".join(v.missed) for v in verdicts]
+    Results({}, columns, {}).write(Path(path))

@@ -13,7 +13,7 @@ from sdt_drake.analysis.metrics import METRICS, family_of, metric_of
 from sdt_drake.studies import results
 from sdt_drake.studies.sizing import load_sizing
 from sdt_drake.studies.study import load_study
-from sdt_drake.studies.table import ALL_RUNS
+from sdt_drake.studies.table import ALL_RUNS, pareto
 
 
 @pytest.fixture(scope="module")
@@ -79,3 +79,28 @@ def test_what_a_designer_chooses():
     sizing, _ = load_sizing("package://sdt/studies/sizing.yaml")
     motors = [f"motor_{k}" for k in (1, 2, 3, 4)]
     assert results._choices(sizing.study()) == (*motors, "structure_scale", "controller")
+
+
+@pytest.mark.parametrize(
+    ("cost", "error", "expected"),
+    [
+        ([1, 2, 3, 4, 2, 5], [9, 5, 6, 1, 7, 1], [1, 1, 0, 1, 0, 0]),
+        ([1, 1, 2, 2], [3, 3, 3, 3], [1, 1, 0, 0]),  # equal points are on it together
+        ([1, 1, 1], [3, 2, 4], [0, 1, 0]),
+        ([0, np.nan, 2, np.inf], [np.nan, 0, 5, 1], [0, 0, 1, 1]),
+        ([], [], []),
+        ([1], [1], [1]),
+    ],
+)
+def test_a_front_by_hand(cost, error, expected):
+    assert pareto(cost, error).tolist() == list(map(bool, expected))
+
+
+def test_no_point_beats_one_of_the_front():
+    rng = np.random.default_rng(0)
+    cost, error = rng.integers(0, 12, size=(2, 200)).astype(float)  # many are equal
+    error[rng.random(200) < 0.1] = np.nan
+    as_good = (cost <= cost[:, None]) & (error <= error[:, None])
+    better = (cost < cost[:, None]) | (error < error[:, None])
+    beaten = (as_good & better).any(axis=1)
+    np.testing.assert_array_equal(pareto(cost, error), ~beaten & ~np.isnan(error))
