@@ -40,18 +40,15 @@ BOTTOM = 0.95
 """Of figures [inch]."""
 
 
-def distributions(
-    title: str, table: StudyTable, families: Sequence[str], by: str | None = None
-) -> Figure:
+def distributions(title: str, table: StudyTable, families: Sequence[str]) -> Figure:
     """Share of the runs below a value: a row for each outcome, a panel for each joint.
 
     Args:
         title: of the figure.
         table: of the study.
         families: of outcomes.
-        by: text input; a line for each of its levels.
     """
-    parts = table.split(by)
+    parts = table.groups
     names = [_members(table, family) for family in families]
     columns = max(map(len, names))
     with style():
@@ -89,18 +86,17 @@ def _distribution(ax: Axes, parts: dict[str, StudyTable], name: str) -> None:
     ax.set(ylim=(0, 102), yticks=(0, 25, 50, 75, 95))
 
 
-def tornado_figure(title: str, table: StudyTable, family: str, by: str | None = None) -> Figure:
-    """What moves the mean of an outcome: a row for each level of `by`, a panel for each joint.
+def tornado_figure(title: str, table: StudyTable, family: str) -> Figure:
+    """What moves the mean of an outcome: a row for each group, a panel for each joint.
 
     The inputs of a row are in one order: those that move its joints most are at the top.
 
     Args:
         title, table: as in `distributions`; some input varies.
         family: of the outcome.
-        by: text input.
     """
     names = _members(table, family)
-    parts = table.split(by)
+    parts = table.groups
     rows = {level: [tornado(part, name) for name in names] for level, part in parts.items()}
     rows = {level: swings for level, swings in rows.items() if any(swings)}
     bars = min(_MOST_BARS, max(len(swings) for row in rows.values() for swings in row))
@@ -116,7 +112,7 @@ def tornado_figure(title: str, table: StudyTable, family: str, by: str | None = 
                 _bars(ax, order, own, metric_of(name).factor, values_of(parts[level], name))
                 ax.set_title(table.place(name) or WHOLE, loc="left")
                 ax.tick_params(labelleft=ax is row[0])
-            if by:
+            if table.by:
                 row[0].set_title(f"{level}, {row[0].get_title(loc='left')}", loc="left")
         for ax in axes[-1]:
             ax.set_xlabel(metric_of(family)._replace(title="mean").label)
@@ -172,7 +168,6 @@ def scatter_matrix(
     table: StudyTable,
     inputs: Sequence[str],
     outcomes: Sequence[str],
-    by: str | None = None,
 ) -> Figure:
     """Outcomes over inputs, a point for each run, the smaller the more there are.
 
@@ -182,14 +177,14 @@ def scatter_matrix(
         title, table: as in `distributions`.
         inputs: columns, at most MOST_PANELS.
         outcomes: rows, at most MOST_PANELS; a family for the worst joint of it.
-        by: text input; a colour for each of its levels.
     """
     # In random order, so that no group hides another, nor falls out of step.
     order = np.random.default_rng(0).permutation(len(table))
     runs = table.select(order[table.ok[order]][:MOST_POINTS])
-    levels = list(table.split(by))
+    levels = list(table.groups)
     colours = np.array([to_rgba(look.colour) for look in looks_of(levels)])
-    groups = [levels.index(str(text)) for text in runs.inputs[by]] if by else [0] * len(runs)
+    texts = runs.inputs[table.by] if table.by else levels * len(runs)
+    groups = [levels.index(str(text)) for text in texts]
     with style():
         figure, axes = grid(
             len(outcomes), len(inputs), panel=(1.95, 1.5), gaps=(0.25, 0.15), left=1.2,
@@ -204,7 +199,7 @@ def scatter_matrix(
         for ax, name in zip(axes[-1], inputs, strict=True):
             ax.set_xlabel(_at_dots(name), fontsize=8)
         figure.align_ylabels(axes[:, 0])
-        handles = group_handles(levels, lines=False) if by else []
+        handles = group_handles(levels, lines=False) if table.by else []
         for handle in handles:
             handle.set_marker("o")  # as all points are
         finish(figure, title, handles)
@@ -242,19 +237,17 @@ def _points(ax: Axes, values: NDArray[Any], y: Array, colours: Array) -> None:
         ax.tick_params(axis="x", labelsize=8)
 
 
-def influential(
-    table: StudyTable, outcomes: Iterable[str], by: str | None = None, most: int = MOST_PANELS
-) -> list[str]:
-    """Names of the inputs that explain most of any of these outcomes, within the groups of `by`.
+def influential(table: StudyTable, outcomes: Iterable[str], most: int = MOST_PANELS) -> list[str]:
+    """Names of the inputs that explain most of any of these outcomes, within the groups.
 
     Args:
-        table, by: as in `distributions`.
+        table: as in `distributions`.
         outcomes: or families of them.
         most: how many.
     """
     best: dict[str, float] = {}
     for outcome in outcomes:
-        for part in table.split(by).values():
+        for part in table.groups.values():
             for name, share in sensitivity(part, outcome).items():
                 best[name] = max(best.get(name, 0), np.nan_to_num(share.value))
     return sorted(best, key=lambda name: -best[name])[:most]

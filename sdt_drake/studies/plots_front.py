@@ -18,23 +18,20 @@ from sdt_drake.studies.table import StudyTable, pareto
 from sdt_drake.studies.verdicts import Verdict, front_of
 
 
-def pareto_figure(
-    title: str, table: StudyTable, cost: str, error: str, by: str | None = None
-) -> Figure:
+def pareto_figure(title: str, table: StudyTable, cost: str, error: str) -> Figure:
     """Error over cost: the designs that no other beats in both, and the rest in grey.
 
     Args:
         title, table: as in `distributions`; with `choices`.
         cost, error: outcomes, of a design the largest over all its runs; a family for the worst
             joint of it.
-        by: text input; a colour and a marker for each of its levels.
     """
     first, worst = table.designs(cost, error)
     runs = table.select(first)
     x, y = (metric_of(name).factor * own for name, own in zip((cost, error), worst, strict=True))
     front = pareto(x, y)
-    levels = list(table.split(by))
-    groups = runs.inputs[by].astype(str) if by else np.full(len(runs), levels[0])
+    levels = list(table.groups)
+    groups = runs.inputs[table.by].astype(str) if table.by else np.full(len(runs), levels[0])
     with style():
         figure, ((ax,),) = grid(1, 1, panel=(7.2, 4.2), left=0.85, bottom=BOTTOM)
         line = front.nonzero()[0][np.argsort(x[front], kind="stable")]
@@ -50,7 +47,7 @@ def pareto_figure(
         scale(ax, "y", y)
         ax.set_xlabel(outcome_label(table, cost))
         ax.set_ylabel(outcome_label(table, error))
-        handles = group_handles(levels, lines=False) if by else []
+        handles = group_handles(levels, lines=False) if table.by else []
         handles += [
             Line2D([], [], color="0.2", label="no other design is better in both"),
             Line2D([], [], color="0.75", linestyle="", marker="o", label="another one is"),

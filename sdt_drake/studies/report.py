@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.metrics import metric_of
 from sdt_drake.analysis.report import REPORT
-from sdt_drake.analysis.style import PALETTE, save_both
+from sdt_drake.analysis.style import save_both
 from sdt_drake.shown import listed
 from sdt_drake.studies import plots, plots_front
 from sdt_drake.studies.results import read_study_table
@@ -26,7 +27,7 @@ from sdt_drake.studies.summary import (
     varied,
     worst_runs,
 )
-from sdt_drake.studies.table import StudyTable, levels_of
+from sdt_drake.studies.table import StudyTable
 
 COST, ERROR = "peak_torque_share", "max_abs_speed_error"
 """Of the Pareto front."""
@@ -46,6 +47,7 @@ _HEADLINES = (
     "felt_share",
 )  # fmt: skip
 _LOOKS = {"ok": "good", "infeasible": "open"}  # of statuses; others are bad
+_NOTHING = Share(np.nan, np.nan)
 _NEAR_NOTHING = 0.05  # of the variance: not worth a sentence
 _BRACKETS = "In brackets: share of the variance that the input explains alone, and standard error."
 
@@ -71,10 +73,10 @@ def study_chapter(folder: Path) -> doc.Section:
         InputError: as `write_study_report`.
     """
     table = read_study_table(folder)
-    figures = _figures(table, folder, grouping(table))
-    blocks = [*_summary(table, grouping(table)), status_table(table)]
-    shown = (figures[name] for name in ("distributions", "tornado", "pareto") if name in figures)
-    return doc.Section(f"Study {table.name}", [*blocks, *shown])
+    figures = _figures(table, folder)
+    shown = [figures.get(name, []) for name in ("distributions", "tornado", "pareto")]
+    blocks = [*_summary(table), status_table(table), *chain(*shown)]
+    return doc.Section(f"Study {table.name}", blocks)
 
 
 def make_study_report(table: StudyTable, folder: Path) -> doc.Document:
@@ -84,35 +86,20 @@ def make_study_report(table: StudyTable, folder: Path) -> doc.Document:
         table: of the study.
         folder: it is in; named in the command that repeats a run.
     """
-    by, families = grouping(table), headlines(table)
-    figures = _figures(table, folder, by)
-
-    def figure(name: str) -> list[doc.Block]:
-        return [figures[name]] if name in figures else []
-
-    distributions = [*figure("distributions"), *_percentiles(table, families, by)]
-    scatter, pareto = figure("scatter"), figure("pareto")
+    figures = _figures(table, folder)
     sections = [
-        doc.Section("Summary", _summary(table, by)),
+        doc.Section("Summary", _summary(table)),
         doc.Section("Status", [status_table(table)]),
-        doc.Section("Distributions", distributions if families else []),
-        doc.Section("Worst runs", _worst(table, families, by, folder)),
-        doc.Section("What matters", _matters(table, families, by, figure("tornado"))),
-        doc.Section("All runs", scatter),
-        doc.Section("Pareto front", pareto),
     ]
+    if headlines(table):
+        sections += [
+            doc.Section("Distributions", [*figures["distributions"], *_percentiles(table)]),
+            doc.Section("Worst runs", _worst(table, folder)),
+            doc.Section("What matters", _matters(table, figures.get("tornado", []))),
+            doc.Section("All runs", figures.get("scatter", [])),
+            doc.Section("Pareto front", figures.get("pareto", [])),
+        ]
     return doc.Document(f"Study {table.name}", sections=sections)
-
-
-def grouping(table: StudyTable) -> str | None:
-    """The text input whose levels are best told apart: the controller, or the first of few levels.
-
-    None if there is no such input.
-    """
-    names = [
-        name for name in table.text_inputs if 1 < len(levels_of(table.inputs[name])) <= len(PALETTE)
-    ]
-    return min(names, key=lambda name: not name.startswith("controller"), default=None)
 
 
 def families_there(table: StudyTable) -> list[str]:
@@ -126,37 +113,31 @@ def headlines(table: StudyTable) -> list[str]:
     return [family for family in _HEADLINES if family in there] or there[: len(_HEADLINES)]
 
 
-def _figures(table: StudyTable, folder: Path, by: str | None) -> dict[str, doc.Figure]:
-    """Those that there is something to draw for, written into the folder."""
+def _figures(table: StudyTable, folder: Path) -> dict[str, list[doc.Block]]:
+    """Those that there is something to draw for, by name, written into the folder."""
     names, count = headlines(table), int(table.ok.sum())
-    moved = [family for family in names if plots.influential(table, [family], by)]
+    moved = [family for family in names if plots.influential(table, [family])]
     drawn = {}
     if names:
         title = f"{table.name}: {count} runs, and what share of them stays below"
-        drawn["distributions"] = plots.distributions(title, table, names, by)
+        drawn["distributions"] = plots.distributions(title, table, names)
     if moved:
         family = ERROR if ERROR in moved else moved[0]
         title = f"{table.name}: what moves the {metric_of(family).title}"
-        drawn["tornado"] = plots.tornado_figure(title, table, family, by)
+        drawn["tornado"] = plots.tornado_figure(title, table, family)
         title = f"{table.name}: outcomes over the inputs that explain most"
         outcomes = list(dict.fromkeys([*names, *families_there(table)]))[: plots.MOST_PANELS]
-        inputs = plots.influential(table, names, by)
-        drawn["scatter"] = plots.scatter_matrix(title, table, inputs, outcomes, by)
-    if (
-        {COST, ERROR} <= set(table.families)
-        and table.choices
-        and len(table.designs(COST, ERROR)[0])
-    ):
+        inputs = plots.influential(table, names)
+        drawn["scatter"] = plots.scatter_matrix(title, table, inputs, outcomes)
+    is_front = table.choices and {COST, ERROR} <= set(table.families)
+    if is_front and len(table.designs(COST, ERROR)[0]):
         title = f"{table.name}: {metric_of(ERROR).title} over {metric_of(COST).title}"
-        drawn["pareto"] = plots_front.pareto_figure(title, table, COST, ERROR, by)
+        drawn["pareto"] = plots_front.pareto_figure(title, table, COST, ERROR)
+    files = {name: save_both(figure, folder / name) for name, figure in drawn.items()}
+    looks = {"pareto": ""}  # it has one panel, the others have many
     return {
-        name: doc.Figure(
-            CAPTIONS[name],
-            save_both(figure, folder / name),
-            folder,
-            "" if name == "pareto" else "wide",  # of one panel, or of many
-        )
-        for name, figure in drawn.items()
+        name: [doc.Figure(CAPTIONS[name], file, folder, looks.get(name, "wide"))]
+        for name, file in files.items()
     }
 
 
@@ -172,83 +153,74 @@ def status_table(table: StudyTable) -> doc.Table:
     return doc.Table(["status", "runs", "%", "first row", "reason"], rows, "Runs by status")
 
 
-def percentile_table(table: StudyTable, names: Sequence[str], by: str | None = None) -> doc.Table:
-    """Percentiles of outcomes: a row for each, and for each level of `by`.
+def percentile_table(table: StudyTable, names: Sequence[str]) -> doc.Table:
+    """Percentiles of outcomes: a row for each, and for each group.
 
     Args:
         table: of the study.
         names: of outcomes of one family, or of the family for the worst joint of it.
-        by: text input.
     """
     metric = metric_of(names[0])
     rows = []
-    for level, part in table.split(by).items():
+    for level, part in table.groups.items():
         for name in names:
             place = ", ".join(filter(None, [level, table.place(name)]))
-            rows.append([place, *map(_number, metric.factor * percentiles(part, name))])
-    header = [by or "", *(f"{percent} %" for percent in PERCENTS[:-1]), "largest"]
+            rows.append([place, *map(_cell, metric.factor * percentiles(part, name))])
+    header = [table.by or "", *(f"{percent} %" for percent in PERCENTS[:-1]), "largest"]
     return doc.Table(header, rows, f"Percentiles: {metric.label}")
 
 
-def worst_table(
-    table: StudyTable, outcome: str, by: str | None = None, count: int = 3
-) -> doc.Table:
-    """The worst runs of an outcome, for each level of `by`: row, value, joint, inputs.
+def worst_table(table: StudyTable, outcome: str, count: int = 3) -> doc.Table:
+    """The worst runs of an outcome, for each group: row, value, joint, inputs.
 
     Args:
         table: of the study.
         outcome: its name, or that of a family: of each run's worst joint.
-        by: text input.
         count: of the runs for each level.
     """
     metric, has_joints = metric_of(outcome), bool(table.joints(outcome))
-    inputs = sorted(varied(table), key=lambda name: name != by)
+    inputs = sorted(varied(table), key=lambda name: name != table.by)
     rows = []
-    for part in table.split(by).values():
+    for part in table.groups.values():
         runs = worst_runs(part, outcome, count)
         columns: list[Iterable[object]] = [runs.row]
         if has_joints:
             columns.append(runs.worst_joint(outcome))
-        columns.append([_number(metric.factor * value) for value in runs.outcome(outcome)])
+        columns.append([_cell(metric.factor * value) for value in runs.outcome(outcome)])
         columns += [map(_cell, runs.inputs[name].tolist()) for name in inputs]
         rows += [list(map(str, cells)) for cells in zip(*columns, strict=True)]
     header = ["row", *(["joint"] if has_joints else []), metric.unit or "value", *inputs]
     return doc.Table(header, rows, f"Worst runs: {metric.title}")
 
 
-def sensitivity_tables(
-    table: StudyTable, names: Sequence[str], by: str | None = None
-) -> list[doc.Table]:
+def sensitivity_tables(table: StudyTable, names: Sequence[str]) -> list[doc.Table]:
     """Share of the variance that each input explains alone [%], with its standard error; a table
-    for each level of `by` in which more than one input varies.
+    for each group in which more than one input varies.
 
     Args:
         table: of the study.
         names: of outcomes, a column each; a family for the worst joint of it.
-        by: text input.
     """
     tables = []
-    for level, part in table.split(by).items():
+    for level, part in table.groups.items():
         columns = [sensitivity(part, name) for name in names]
-        inputs = dict.fromkeys(key for shares in columns for key in shares)
-        whole = {key: _sum(shares.get(key) for shares in columns) for key in inputs}
-        rows = [
-            [key, *(_percent(shares.get(key)) for shares in columns)]
-            for key in sorted(whole, key=lambda key: -np.nan_to_num(whole[key]))
-        ]
-        if len(rows) > 1:
+        by_input = {
+            key: [shares.get(key, _NOTHING) for shares in columns] for key in chain(*columns)
+        }
+        if len(by_input) > 1:
+            ordered = sorted(by_input.items(), key=lambda item: -np.nan_to_num(_sum(item[1])))
+            rows = [[key, *map(_percent, shares)] for key, shares in ordered]
             sums = (_sum(shares.values()) for shares in columns)
             rows.append(["sum", *("–" if np.isnan(x) else f"{100 * x:.0f}" for x in sums)])
             header = ["input", *(_column(table, name, names) for name in names)]
-            tables.append(
-                doc.Table(header, rows, f"Variance explained by each input alone [%], {level}")
-            )
+            title = f"Variance explained by each input alone [%], {level}"
+            tables.append(doc.Table(header, rows, title))
     return tables
 
 
-def _sum(shares: Iterable[Share | None]) -> float:
+def _sum(shares: Iterable[Share]) -> float:
     """As the table shows them: what is below 0 is chance; NaN if there are none."""
-    known = [max(share.value, 0) for share in shares if share and np.isfinite(share.value)]
+    known = [max(share.value, 0) for share in shares if np.isfinite(share.value)]
     return sum(known) if known else np.nan
 
 
@@ -258,24 +230,22 @@ def _column(table: StudyTable, name: str, names: Sequence[str]) -> str:
     return metric_of(name).title if len(titles) == len(names) else table.place(name)
 
 
-def _percent(share: Share | None) -> str:
-    if share is None or np.isnan(share.value):
+def _percent(share: Share) -> str:
+    if np.isnan(share.value):
         return "–"
     return f"{100 * max(share.value, 0):.0f} ± {100 * share.error:.0f}"
 
 
-def _number(value: float) -> str:
-    return "–" if np.isnan(value) else f"{value:.4g}"
-
-
 def _cell(value: float | str) -> str:
-    return _number(value) if isinstance(value, int | float) else str(value)
+    if isinstance(value, int | float):
+        return "–" if np.isnan(value) else f"{value:.4g}"
+    return str(value)
 
 
 # --- sections --------------------------------------------------------------------------------
 
 
-def _summary(table: StudyTable, by: str | None) -> list[doc.Block]:
+def _summary(table: StudyTable) -> list[doc.Block]:
     failed = failures(table)
     names = ", ".join(f"`{name}`" for name in varied(table))
     own = names or "inputs, which are all the same"
@@ -291,7 +261,7 @@ def _summary(table: StudyTable, by: str | None) -> list[doc.Block]:
         ),
         doc.Tiles(tiles),
     ]
-    if found := [finding(table, family, by) for family in headlines(table)]:
+    if found := [finding(table, family) for family in headlines(table)]:
         blocks += [
             doc.Heading("What we found"),
             doc.Bullets(found),
@@ -300,22 +270,21 @@ def _summary(table: StudyTable, by: str | None) -> list[doc.Block]:
     return blocks
 
 
-def finding(table: StudyTable, family: str, by: str | None = None) -> str:
+def finding(table: StudyTable, family: str) -> str:
     """How large an outcome gets, and what it comes of, in words.
 
     Args:
         table: of the study.
         family: of the outcome.
-        by: text input whose levels are told apart.
     """
     label = ", ".join(filter(None, [metric_of(family).label, table.place(family)]))
     limits: list[str] = []
     causes: dict[str, list[str]] = {}
-    for level, part in table.split(by).items():
+    for level, part in table.groups.items():
         (value,) = metric_of(family).factor * percentiles(part, family, (95,))
         if np.isnan(value):
             continue
-        where = f" with `{level}`" if by else ""
+        where = f" with `{level}`" if table.by else ""
         limits.append(f"{value:.3g}{where}")
         shares = sensitivity(part, family)
         name, share = next(iter(shares.items()), ("", Share(0, 0)))
@@ -328,31 +297,25 @@ def finding(table: StudyTable, family: str, by: str | None = None) -> str:
     return f"{text} It varies most with {listed(most)}."
 
 
-def _percentiles(table: StudyTable, families: Sequence[str], by: str | None) -> list[doc.Block]:
+def _percentiles(table: StudyTable) -> list[doc.Block]:
     about = "Over the runs that are ok; joint side, torques as shares of the motor's largest."
     return [
         doc.Text(about),
-        *(percentile_table(table, [family], by) for family in families),
-        *_by_joint(table, lambda names: [percentile_table(table, names, by)]),
+        *(percentile_table(table, [family]) for family in headlines(table)),
+        *_by_joint(table, lambda names: [percentile_table(table, names)]),
     ]
 
 
-def _worst(
-    table: StudyTable, families: Sequence[str], by: str | None, folder: Path
-) -> list[doc.Block]:
-    if not families:
-        return []
+def _worst(table: StudyTable, folder: Path) -> list[doc.Block]:
     command = f"sdt-drake study repeat {shlex.quote(str(folder))} --row N"
     return [
-        *(worst_table(table, family, by) for family in families),
+        *(worst_table(table, family) for family in headlines(table)),
         doc.Text(f"A run once more, exactly: `{command}`"),
     ]
 
 
-def _matters(
-    table: StudyTable, families: Sequence[str], by: str | None, figure: list[doc.Block]
-) -> list[doc.Block]:
-    overview = sensitivity_tables(table, families, by)
+def _matters(table: StudyTable, figure: list[doc.Block]) -> list[doc.Block]:
+    overview = sensitivity_tables(table, headlines(table))
     if not overview:
         return figure
     about = (
@@ -361,7 +324,7 @@ def _matters(
         "error. What a sum lacks to 100 %, beyond these errors, comes of inputs acting together, "
         "or is too fine for the bins of so many runs."
     )
-    by_joint = _by_joint(table, lambda names: sensitivity_tables(table, names, by))
+    by_joint = _by_joint(table, lambda names: sensitivity_tables(table, names))
     return [doc.Text(about), *overview, *figure, *by_joint]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,8 @@ COLUMNS = ("row", "status", "reason", "duration")
 """Of every study; beside its inputs and its outcomes."""
 
 ALL_RUNS = "all runs"
+
+_MOST_GROUPS = 8  # that figures can tell apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,11 +106,20 @@ class StudyTable:
             choices=self.choices,
         )
 
-    def split(self, by: str | None) -> dict[str, StudyTable]:
-        """A table for each level of a text input, by level; all under ALL_RUNS for None."""
-        if by is None:
+    @cached_property
+    def by(self) -> str | None:
+        """The text input whose levels are best told apart: the controller, or else the first of
+        few levels; None if there is no such input."""
+        levels = {name: levels_of(x) for name, x in self.inputs.items() if is_text(x)}
+        names = (name for name, own in levels.items() if 1 < len(own) <= _MOST_GROUPS)
+        return min(names, key=lambda name: not name.startswith("controller"), default=None)
+
+    @cached_property
+    def groups(self) -> dict[str, StudyTable]:
+        """A table for each level of the input `by`, by level; all under ALL_RUNS without one."""
+        if self.by is None:
             return {ALL_RUNS: self}
-        texts = self.inputs[by].astype(str)
+        texts = self.inputs[self.by].astype(str)
         return {level: self.select(texts == level) for level in levels_of(texts)}
 
     def designs(self, *outcomes: str) -> tuple[NDArray[np.int64], list[Array]]:
@@ -127,11 +139,6 @@ class StudyTable:
         accepted = np.isfinite(worst).all(axis=0)
         first = np.array([own[0] for own in runs.values()], dtype=np.int64)
         return first[accepted], [one[accepted] for one in worst]
-
-    @property
-    def text_inputs(self) -> list[str]:
-        """Names of the inputs that are texts."""
-        return [name for name, values in self.inputs.items() if is_text(values)]
 
 
 def is_column(name: str) -> bool:

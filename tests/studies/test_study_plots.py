@@ -27,11 +27,11 @@ def table():
 @pytest.fixture(scope="module")
 def figures(table):
     return {
-        "distributions": plots.distributions("title", table, FAMILIES, "controller"),
-        "tornado": plots.tornado_figure("title", table, "max_abs_position_error", "controller"),
-        "scatter": plots.scatter_matrix("title", table, INPUTS, FAMILIES, "controller"),
+        "distributions": plots.distributions("title", table, FAMILIES),
+        "tornado": plots.tornado_figure("title", table, "max_abs_position_error"),
+        "scatter": plots.scatter_matrix("title", table, INPUTS, FAMILIES),
         "pareto": plots_front.pareto_figure(
-            "title", table, "rms_torque_share", "max_abs_position_error", "controller"
+            "title", table, "rms_torque_share", "max_abs_position_error"
         ),
     }
 
@@ -80,11 +80,11 @@ def test_distributions_have_a_panel_for_each_joint_and_a_line_for_each_controlle
     assert joint2.get_xscale() == "log" and shown[8].get_xscale() == "linear"
     curves = [line for line in joint2.lines if len(line.get_xdata()) > 1]
     assert len(curves) == 3
-    for line, part in zip(curves, table.split("controller").values(), strict=True):
+    for line, part in zip(curves, table.groups.values(), strict=True):
         degrees = np.degrees(part.outcomes["max_abs_position_error_2"][part.ok])
         assert line.get_xdata()[[0, -1]] == pytest.approx([degrees.min(), degrees.max()])
     marked = [(*line.get_xdata(), *line.get_ydata()) for line in joint2.lines[1:4]]
-    first = np.degrees(table.split("controller")["pi"].outcomes["max_abs_position_error_2"])
+    first = np.degrees(table.groups["pi"].outcomes["max_abs_position_error_2"])
     assert marked == [(pytest.approx(np.nanpercentile(first, p)), p) for p in (50, 95, 99)]
 
 
@@ -95,7 +95,7 @@ def test_tornado_has_a_row_for_each_controller_and_the_longest_bars_on_top(figur
         "pi_id, joint 1", "joint 2", "joint 3", "joint 4",
     ]  # fmt: skip
     assert {ax.get_xlabel() for ax in shown[8:]} == {"mean [deg]"}
-    ax, part = shown[0], table.split("controller")["pi"]
+    ax, part = shown[0], table.groups["pi"]
     names = [label.get_text() for label in ax.get_yticklabels()]
     assert names[:2] == ["omega_r", "payload"] and "controller" not in names
     omega = [bar for bar in ax.patches if round(bar.get_y() + bar.get_height() / 2) == 0]
@@ -126,10 +126,7 @@ def test_scatter_matrix_has_an_outcome_in_each_row_and_an_input_in_each_column(f
 
 def test_scatter_matrix_of_many_runs_shows_some_always_the_same_of_each_group():
     table = make_table(1500, joints=1)
-    shown = [
-        plots.scatter_matrix("t", table, ["payload"], ["felt_share"], "controller")
-        for _ in range(2)
-    ]
+    shown = [plots.scatter_matrix("t", table, ["payload"], ["felt_share"]) for _ in range(2)]
     one, two = (figure.axes[0].collections[0] for figure in shown)
     np.testing.assert_array_equal(one.get_offsets(), two.get_offsets())
     assert len(one.get_offsets()) == plots.MOST_POINTS and np.isfinite(one.get_offsets()).all()
@@ -153,7 +150,7 @@ def test_pareto_front_is_a_line_and_the_rest_is_grey():
         outcomes={"cost": np.array([*cost, *cost, 0.1, 0.1]), "error": y},
         choices=("kind", "size"),
     )
-    figure = plots_front.pareto_figure("title", table, "cost", "error", "kind")
+    figure = plots_front.pareto_figure("title", table, "cost", "error")
     (ax,) = figure.axes
     np.testing.assert_array_equal(ax.lines[0].get_xydata(), [[1, 4], [2, 2], [3, 1]])
     rest_a, best_a, rest_b, best_b = ax.collections
@@ -174,10 +171,12 @@ def test_pareto_axes_have_units(figures):
 
 
 def test_without_groups(table):
+    numbers = {name: table.inputs[name] for name in ("omega_r", "payload")}
+    table = dataclasses.replace(table, inputs=numbers, choices=("omega_r",))
     for figure in (
         plots.distributions("t", table, ["felt_share"]),
         plots.tornado_figure("t", table, "felt_share"),
-        plots.scatter_matrix("t", table, ["controller"], ["felt_share"]),
+        plots.scatter_matrix("t", table, ["payload"], ["felt_share"]),
         plots_front.pareto_figure("t", table, "rms_torque_share_1", "felt_share"),
     ):
         assert len(figure.axes) == 1
@@ -189,15 +188,15 @@ def test_an_outcome_that_no_run_has_leaves_its_panel_empty():
     table.outcomes["max_abs_position_error_2"][:] = np.nan
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        figure = plots.tornado_figure("t", table, "max_abs_position_error", "controller")
-        plots.distributions("t", table, ["max_abs_position_error"], "controller")
+        figure = plots.tornado_figure("t", table, "max_abs_position_error")
+        plots.distributions("t", table, ["max_abs_position_error"])
     assert [len(ax.patches) > 0 for ax in figure.axes[:4]] == [True, False, True, True]
 
 
 def test_the_most_influential_inputs_come_first(table):
-    names = plots.influential(table, ["max_abs_speed_error", "peak_torque_share"], "controller")
+    names = plots.influential(table, ["max_abs_speed_error", "peak_torque_share"])
     assert set(names[:2]) == {"omega_r", "payload"} and "controller" not in names
-    assert plots.influential(table, ["max_abs_speed_error"], most=1) == ["controller"]
+    assert plots.influential(table, ["max_abs_speed_error"], most=1) == ["omega_r"]
 
 
 @pytest.mark.parametrize(

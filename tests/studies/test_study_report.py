@@ -77,17 +77,17 @@ def test_status_table(table):
 
 def test_percentile_table_is_in_the_unit_of_its_title(table):
     names = ["max_abs_position_error", "max_abs_position_error_2"]
-    made = report.percentile_table(table, names, "controller")
+    made = report.percentile_table(table, names)
     assert made.title.endswith("[deg]")
     assert made.header == ["controller", "5 %", "25 %", "50 %", "75 %", "95 %", "99 %", "largest"]
     assert [row[0] for row in made.rows[:2]] == ["pi, worst joint", "pi, joint 2"]
-    part = table.split("controller")["pi"]
+    part = table.groups["pi"]
     largest = np.degrees(np.nanmax(part.outcomes["max_abs_position_error_2"]))
     assert made.rows[1][-1] == f"{largest:.4g}"
 
 
 def test_worst_table_names_run_joint_and_inputs(table):
-    made = report.worst_table(table, "max_abs_speed_error", "controller", count=2)
+    made = report.worst_table(table, "max_abs_speed_error", count=2)
     inputs = ["controller", "omega_r", "payload", "friction", "motion"]
     assert made.header == ["row", "joint", "rad/s", *inputs]
     labels = [row[3] for row in made.rows]
@@ -100,7 +100,7 @@ def test_worst_table_names_run_joint_and_inputs(table):
 
 def test_sensitivity_table(table):
     families = ["max_abs_speed_error", "saturated_fraction"]
-    made = report.sensitivity_tables(table, families, "controller")[0]
+    made = report.sensitivity_tables(table, families)[0]
     assert made.header == ["input", "largest speed error", "saturation"]
     names = [row[0] for row in made.rows]
     assert names[:2] == ["omega_r", "payload"] and names[-1] == "sum"
@@ -109,8 +109,8 @@ def test_sensitivity_table(table):
     assert float(made.rows[-1][1]) == pytest.approx(sum(shares), abs=3) and min(shares) >= 0
     assert np.all((errors > 0) & (errors < 25))
     one = small_table(np.arange(20.0) ** 2, x=np.arange(20.0), c=["a", "b"] * 10)
-    assert report.sensitivity_tables(one, ["y"], "c") == []  # there is nothing to apportion
-    assert "varies most" not in report.finding(one, "y", "c")
+    assert report.sensitivity_tables(one, ["y"]) == []  # there is nothing to apportion
+    assert "varies most" not in report.finding(one, "y")
 
 
 @pytest.mark.parametrize(
@@ -122,12 +122,12 @@ def test_sensitivity_table(table):
     ],
 )
 def test_the_controllers_are_told_apart_where_there_are_some(inputs, by):
-    assert report.grouping(small_table(np.arange(10.0), **inputs)) == by
+    assert small_table(np.arange(10.0), **inputs).by == by
 
 
 def test_a_finding_names_the_limit_and_the_cause(table):
-    text = report.finding(table, "max_abs_position_error", "controller")
-    pi = table.split("controller")["pi"]
+    text = report.finding(table, "max_abs_position_error")
+    pi = table.groups["pi"]
     limit = np.degrees(np.nanpercentile(pi.outcome("max_abs_position_error"), 95))
     start = "**Largest position error [deg], worst joint:** 95 % of the runs stay below "
     assert text.startswith(f"{start}{limit:.3g} with `pi`")

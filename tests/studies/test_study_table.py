@@ -47,14 +47,15 @@ def test_families_and_places(table):
     assert places == ["joint 3", "worst joint", ""]
 
 
-def test_split_keeps_every_run_once_and_the_order_of_the_levels(table):
-    parts = table.split("controller")
+def test_groups_keep_every_run_once_and_the_order_of_the_levels(table):
+    parts = table.groups
     assert list(parts) == list(CONTROLLERS)
     assert sorted(np.concatenate([part.row for part in parts.values()])) == list(table.row)
     for level, part in parts.items():
         assert set(part.inputs["controller"]) == {level}
         np.testing.assert_array_equal(part.inputs["payload"], table.inputs["payload"][::3])
-    assert table.split(None) == {ALL_RUNS: table}
+    alone = small_table(np.arange(3.0))
+    assert alone.groups == {ALL_RUNS: alone}
 
 
 def test_every_family_has_title_and_unit():
