@@ -8,7 +8,7 @@ import os
 import secrets
 import stat
 import unicodedata
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 
 from sdt_drake.arrays import Array
 
-_MOST_PERIODS = 1_000_000  # what is planned in a minute, and memory holds; 83 min of 5 ms
+MOST_PERIODS = 1_000_000
+"""Of a motion: what is planned in a minute, and memory holds; 83 min of 5 ms."""
 
 
 class InputError(ValueError):
@@ -117,9 +118,9 @@ def whole_periods(duration: float, period: float, where: str) -> int:
     Raises:
         InputError: if that is not a whole number >= 1.
     """
-    if not duration / _MOST_PERIODS <= period:
+    if not duration / MOST_PERIODS <= period:
         raise InputError(
-            f"{where}: period {period:g} s, expected at least a {_MOST_PERIODS}th of {duration:g} s"
+            f"{where}: period {period:g} s, expected at least a {MOST_PERIODS}th of {duration:g} s"
         )
     count = round(duration / period)
     if count < 1 or abs(count * period - duration) > 1e-9 * max(1.0, duration):
@@ -255,24 +256,38 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises:
         InputError: if `path` cannot be written, or must not be; see `keeping_inputs`.
     """
-    status = _status(path)
-    target = path.resolve() if path.is_symlink() else path
-    # Of a name of its own: two processes may write the same file.
-    partial = target.with_name(f".{secrets.token_hex(8)}.partial{path.suffix}")
+    with replacing_all([path]) as (partial,):
+        yield partial
+
+
+@contextlib.contextmanager
+def replacing_all(paths: Sequence[Path]) -> Iterator[list[Path]]:
+    """The same of several: either all of them are replaced or none."""
+    statuses = [_status(path) for path in paths]
+    targets = [path.resolve() if path.is_symlink() else path for path in paths]
+    # Of names of their own: two processes may write the same file.
+    partials = [
+        target.with_name(f".{secrets.token_hex(8)}.partial{target.suffix}") for target in targets
+    ]
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        _partials.add(partial)
+        for target in targets:
+            target.parent.mkdir(parents=True, exist_ok=True)
+        _partials.update(partials)
         try:
-            yield partial
-            if status is not None and _inputs is not None:
-                _check_replaceable(path, status, partial)
-            partial.replace(target)
+            yield partials
+            for path, status, partial in zip(paths, statuses, partials, strict=True):
+                if status is not None and _inputs is not None:
+                    _check_replaceable(path, status, partial)
+            for partial, target in zip(partials, targets, strict=True):
+                partial.replace(target)
             _outputs.clear()  # what is new may have the number of what it replaced
         finally:
-            partial.unlink(missing_ok=True)
-            _partials.discard(partial)
+            for partial in partials:
+                partial.unlink(missing_ok=True)
+            _partials.difference_update(partials)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+        where = paths[0] if len(paths) == 1 else paths[0].parent
+        raise InputError(f"{where}: cannot be written ({error.strerror or error})") from None
 
 
 def remove_partials() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from sdt_drake.commands import common
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, checked_output
 
 EXAMPLE = "sdt-drake export graveyard_spin --drive drives --out exported"
 
@@ -34,7 +34,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.design import make_design
-    from sdt_drake.drive_files import export, load_drives, read_back, write_read_back
+    from sdt_drake.drive_files import READ_BACK, export, load_drives, read_back, write_read_back
     from sdt_drake.scenario import load_scenario
 
     if options.cam_points < 2:
@@ -45,8 +45,15 @@ def run(options: argparse.Namespace) -> None:
         design = make_design(load_scenario(options.scenario, changes))
     scenario, robot = design.scenario, design.nominal
     drives = load_drives(options.drive, robot.n)
-    with common.naming(options.drive):
-        export(design, drives, options.out, title=options.motion, cam_points=options.cam_points)
+    checked_output(options.out / READ_BACK)
+    export(
+        design,
+        drives,
+        options.out,
+        cam_points=options.cam_points,
+        title=options.motion,
+        source=options.drive,
+    )
     period, cycle = design.motion.period, drives.cycle_time
     common.say(
         f"{options.motion}: {design.motion.duration:g} s for drives with a cycle of "
@@ -58,7 +65,7 @@ def run(options: argparse.Namespace) -> None:
             "resampled, its speeds linear in between"
         )
     fed = read_back(design, drives, options.out)
-    write_read_back(options.out / "read_back.csv", fed)
+    write_read_back(options.out / READ_BACK, fed)
     common.say(
         f"read back, and fed to {scenario.controller.label} on the {scenario.plant.kind} plant: "
         "largest position error"

@@ -1,7 +1,7 @@
 """Motions as the files that drives (CiA 402), PLCs (IEC 61131-3) and ROS 2 read."""
 
 from sdt_drake.drive_files.drives import Axis, Drives, load_drives
-from sdt_drake.drive_files.export import Fed, export, read_back, write_read_back
+from sdt_drake.drive_files.export import READ_BACK, Fed, export, read_back, write_read_back
 from sdt_drake.drive_files.formats import write_drive_table
 from sdt_drake.drive_files.set_points import (
     Samples,
@@ -12,6 +12,7 @@ from sdt_drake.drive_files.set_points import (
 )
 
 __all__ = [
+    "READ_BACK",
     "Axis",
     "Drives",
     "Fed",

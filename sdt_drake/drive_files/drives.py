@@ -66,7 +66,7 @@ class Axis:
         for i, index in enumerate(self.objects):
             if index in self.objects[:i]:
                 yield f"objects[{i + 1}]", f"{index} is given twice"
-        if not {OBJECTS[x][1] for x in self.objects} & {POSITION, SPEED}:
+        if not {"607Ah", "60FFh"} & set(self.objects):  # what the offsets are added to
             yield "objects", "neither a position nor a speed, expected 607Ah or 60FFh among them"
 
 

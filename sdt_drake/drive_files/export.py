@@ -14,11 +14,12 @@ from sdt_drake.design import Design
 from sdt_drake.drive_files import formats
 from sdt_drake.drive_files.drives import Drives
 from sdt_drake.drive_files.set_points import Samples, samples_from, samples_of, set_points
-from sdt_drake.errors import InputError, replacing
+from sdt_drake.errors import MOST_PERIODS, InputError, replacing, replacing_all, within
 from sdt_drake.motion import Motion
 from sdt_drake.simulate import simulate
 
 CSV, ST, CAM, TRAJECTORY = "set_points.csv", "set_points.st", "cam.csv", "trajectory.yaml"
+READ_BACK = "read_back.csv"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,28 +51,46 @@ class Fed:
         return np.degrees(self.position_error).tolist()
 
 
-def export(design: Design, drives: Drives, folder: Path, *, cam_points: int, title: str) -> None:
-    """Write the motion of a design for its drives: CSV, ST, CAM and TRAJECTORY.
+def export(
+    design: Design,
+    drives: Drives,
+    folder: Path,
+    *,
+    cam_points: int,
+    title: str,
+    source: str = "drives",
+) -> None:
+    """Write the motion of a design for its drives: CSV, ST, CAM and TRAJECTORY; all or none.
 
     Args:
         design: whose motion it is, and whose robot's inverse dynamics are the torques.
         drives: of its joints.
         folder: for the files.
         cam_points: the most points of the cam table.
-        title: of the function block.
+        title: of the motion: that of the function block, and for errors.
+        source: of the drives, for errors.
 
     Raises:
-        InputError: for a motion from or to motion, or numbers beyond what a drive takes; nothing
-            is written then.
+        InputError: for a motion from or to motion, a cycle that is a million times in it, or
+            numbers beyond what a drive takes.
     """
     robot, motion = design.nominal, design.motion
-    samples = samples_of(robot, motion, drives.cycle_time)
-    points = set_points(robot, drives, samples)
-    formats.write_csv(folder / CSV, drives, points)
-    formats.write_st(folder / ST, drives, points, title)
-    formats.write_cam(folder / CAM, robot, drives, samples, cam_points)
-    own = samples_of(robot, motion, motion.period)
-    formats.write_trajectory(folder / TRAJECTORY, robot, own, motion.vd)
+    if motion.duration > MOST_PERIODS * drives.cycle_time:
+        raise InputError(
+            f"{source}: cycle_time: {drives.cycle_time:g} s, expected at least a {MOST_PERIODS}th "
+            f"of the motion's {motion.duration:g} s"
+        )
+    with within(title):
+        samples = samples_of(robot, motion, drives.cycle_time)
+        own = samples_of(robot, motion, motion.period)
+    with within(source):
+        points = set_points(robot, drives, samples)
+    with replacing_all([folder / name for name in (CSV, ST, CAM, TRAJECTORY)]) as partials:
+        csv, st, cam, trajectory = partials
+        formats.write_csv(csv, drives, points)
+        formats.write_st(st, drives, points, title)
+        formats.write_cam(cam, robot, drives, samples, cam_points)
+        formats.write_trajectory(trajectory, robot, own, motion.vd)
 
 
 def read_back(design: Design, drives: Drives, folder: Path) -> list[Fed]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from sdt_drake.analysis import style
 from sdt_drake.analysis.document import Cell, Document, Figure, Section, Table, Text, write_text
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
-from sdt_drake.errors import replacing
+from sdt_drake.errors import replacing_all
 from sdt_drake.learning import plots
 from sdt_drake.learning.convergence import Convergence
 from sdt_drake.learning.filter import LearningFilter
@@ -132,13 +132,11 @@ def write_learned(folder: Path, design: Design, lessons: Lessons) -> None:
     """
     scenario = copy.deepcopy(design.scenario)
     scenario.name, scenario.learned = f"{scenario.name}_learned", LEARNED
-    with ExitStack() as written:
-        flights, with_it, best = (
-            written.enter_context(replacing(folder / name)) for name in (FLIGHTS, SCENARIO, LEARNED)
-        )
-        _write_flights(flights, lessons.flights)
-        save_scenario(scenario, with_it)
+    with replacing_all([folder / name for name in (LEARNED, SCENARIO, FLIGHTS)]) as partials:
+        best, with_it, flights = partials
         lessons.best.learned.to_csv(best)
+        save_scenario(scenario, with_it)
+        _write_flights(flights, lessons.flights)
 
 
 def remove_unfinished(folder: Path) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import re
 
+import command_line
 import numpy as np
 import pytest
 import yaml
@@ -257,6 +259,7 @@ AXIS = "{increments: 4096, rated_torque: 10"
         (AXIS + ", sign: 0}", r"axes\[1\].sign: 0, expected 1 or -1"),
         (AXIS + ", objects: [607Ah, 607Ah]}", r"objects\[2\]: 607Ah is given twice"),
         (AXIS + ", objects: [60B2h]}", "neither a position nor a speed"),
+        (AXIS + ", objects: [60B1h]}", "neither a position nor a speed"),
         (AXIS + ", objects: [6071]}", "6071, expected .*6071h"),
         (AXIS + ", speed_unit: deg/s}", "speed_unit: 'deg/s', expected one of increments/s"),
         ("{increments: 0.5, rated_torque: 10}", "increments: 0.5, expected a whole number >= 1"),
@@ -293,12 +296,31 @@ def test_export_tells_what_a_loop_makes_of_its_files(tmp_path, capsys, monkeypat
     assert error["cam.csv"] == pytest.approx(error["motion, no torque"], rel=0.2)
 
 
-def test_export_refuses_in_one_line_and_writes_nothing(tmp_path, capsys, monkeypatch, motion):
-    monkeypatch.chdir(tmp_path)
+FOUR = ", ".join([AXIS + "}"] * 4)
+
+
+@pytest.mark.parametrize(
+    ("drives", "told"),
+    [
+        (f"cycle_time: 0.001\naxes: [{FOUR.replace('10', '0.01')}]", "d.yaml: joint .* 32767"),
+        (f"cycle_time: 1e-9\naxes: [{FOUR}]", "d.yaml: cycle_time: 1e-09 s, .* 1000000th of"),
+    ],
+)
+def test_export_refuses_in_one_line_and_writes_nothing(refuse, desk, motion, drives, told):
     motion.to_csv("m.csv")
-    text = "cycle_time: 0.001\naxes: [" + ", ".join([AXIS.replace("10", "0.01") + "}"] * 4) + "]\n"
-    (tmp_path / "weak.yaml").write_text(text)
-    assert main(["export", "m.csv", "--drive", "weak.yaml", "--out", "x"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "weak.yaml: joint " in line and "its drive takes 32767" in line
-    assert not (tmp_path / "x").exists()
+    (desk / "d.yaml").write_text(drives.replace("1e-9", "0.000000001"), encoding="utf-8")
+    assert re.search(told, refuse("export", "m.csv", "--drive", "d.yaml", "--out", "x"))
+
+
+def test_export_writes_all_of_its_files_or_none(refuse, given, desk, motion):
+    moving = given("moving.yaml", command_line.SHORT)
+    told = refuse("export", moving, "--drive", "drives", "--out", "x")
+    assert told.startswith(f"sdt-drake: {moving}: joint 2 'roll' ends")
+    motion.to_csv("m.csv")
+    for name, text in (("cam.csv", "notes"), ("trajectory.yaml", "x: 1")):
+        (desk / name).write_text(text, encoding="utf-8")
+        told = refuse("export", "m.csv", "--drive", "drives", "--out", ".")
+        assert told.startswith(f"sdt-drake: {name}: holds something else")
+        (desk / name).unlink()
+    (desk / "x/read_back.csv").mkdir(parents=True)
+    refuse("export", "m.csv", "--drive", "drives", "--out", "x", saying=("is a folder",))
