@@ -13,6 +13,9 @@ import pytest
 from sdt_drake import cli
 from sdt_drake.analysis.comparison import compare
 from sdt_drake.analysis.tracking import track
+from sdt_drake.learning.filter import design_filter
+from sdt_drake.learning.flights import learn
+from sdt_drake.learning.loops import loops_of
 from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import simulate
 from sdt_drake.studies.results import read_study_table
@@ -123,6 +126,16 @@ def test_a_held_mean_speed_is_not_late(designed):
         made = designed("coupled_pi", fields)
         found = track(simulate(made), made.motion).max_abs_position_error[1]
         assert np.degrees(found) == pytest.approx(float(error), abs=5e-4)
+
+
+def test_table_of_learned_torques_is_what_flights_find(designed):
+    """A cascade without a model learns the torques of one, where no reference is late."""
+    (row,) = (row for row in rows_of_table("wrong_model, `--of") if row[0].startswith("`p_pi`,"))
+    made = designed("wrong_model", {"controller.kind": "p_pi", "held_speed": "mean"})
+    filter_ = design_filter(made, loops_of(made, "torque"), "torque")
+    flights = learn(made, filter_, 2, stops=False).flights
+    found = np.degrees([flight.largest[1] for flight in flights])
+    np.testing.assert_allclose(found, [float(cell) for cell in row[1:3]], atol=6e-4)
 
 
 def test_what_springs_bend_is_what_is_left_of_the_learned(designed):

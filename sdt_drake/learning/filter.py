@@ -26,6 +26,10 @@ from sdt_drake.learning.loops import LoopSet, frequencies, known_loop, responses
 from sdt_drake.learning.response import Complex
 
 _LEFT = 0.5  # of an error, at most, after a flight of a loop that is trusted; and of |G|, at least
+_SLOW = {"start": _LEFT, "mean": 0.02}
+"""Of the largest |G| of a torque, by the speeds that are held: where it is less, slow torques are
+the loop's own. A reference whose speeds are late by half a period stays late with any torque: what
+was fed forward against it would be taken back by the integral, up to the motor's limit."""
 _ORDER = 4  # of Q: a second-order Butterworth filter, forwards and backwards
 _MARGIN = 2.0  # s, at both ends: the kernels of L and Q have died away by then
 
@@ -159,9 +163,10 @@ def design_filter(
             for k in range(design.robot.n)
         ]
     size = np.abs(mean)
-    # Slow torques are the loop's own business: what it leaves of them says little of their cause.
-    lowest = omega[(size > _LEFT * size.max(axis=0)).argmax(axis=0)] if of == "torque" else 0.0
-    lowest = lowest + np.zeros(design.robot.n)
+    lowest = np.zeros(design.robot.n)
+    if of == "torque":
+        slow = _SLOW[design.scenario.held_speed]
+        lowest = omega[(size > slow * size.max(axis=0)).argmax(axis=0)]
     return LearningFilter(omega, 1 / mean, tuple(chosen), lowest, period, of)
 
 
