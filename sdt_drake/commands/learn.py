@@ -14,7 +14,6 @@ from sdt_drake.commands.common import (
     design_of,
     print_joints,
     print_table,
-    refuse_changes,
     say,
     some_path,
 )
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 
 EXAMPLE = "sdt-drake learn wrong_model --set controller.kind=p_pi --flights 5 --out learned"
 
-_MOST = 1000  # flights
+_FLIGHTS, _MOST = 5, 1000
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -39,13 +38,14 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     add_changes(parser)
     parser.add_argument(
-        "--flights", type=int, default=5, help="at most, with the first one (default: 5)"
+        "--flights", type=int, help=f"at most, with the first one (default: {_FLIGHTS})"
     )
     parser.add_argument(
         "--of",
         choices=("reference", "torque"),
         default="reference",
-        help="what is learned: a change of the reference (default), or a torque feedforward",
+        help="what is learned: a change of the reference (default), or a torque feedforward, of "
+        "which only what changes quickly can be learned unless the scenario's held_speed is mean",
     )
     parser.add_argument(
         "--bandwidth",
@@ -78,15 +78,21 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--state", type=some_path, metavar="DIR", help="with --recording: what is known so far"
     )
-    add_out(parser, "folder for the learned reference, a scenario with it, and a report", "learned")
+    add_out(
+        parser,
+        "folder for the learned reference, a scenario with it, and a report (default: learned)",
+    )
 
 
 def run(options: argparse.Namespace) -> None:
     for name in ("flights", "draws"):
         value = getattr(options, name)
-        if not 1 <= value <= _MOST:
+        if value is not None and not 1 <= value <= _MOST:
             raise InputError(f"--{name}: {value}, expected 1 to {_MOST}")
     if options.recording:
+        for name in ("flights", "all", "out"):
+            if getattr(options, name):
+                raise InputError(f"--{name}: is for simulated flights, expected no --recording")
         _from_recordings(options)
         return
     for name in ("motion", "columns", "state"):
@@ -112,9 +118,9 @@ def _simulated(options: argparse.Namespace) -> None:
         write_report,
     )
 
-    folder: Path = options.out
+    folder: Path = options.out or Path("learned")
     check_folder(folder)
-    kept = folder / UNFINISHED
+    count, kept = options.flights or _FLIGHTS, folder / UNFINISHED
     goes_on = f"sdt-drake learn {shlex.quote(str(kept / SCENARIO))} --out OTHER goes on from them"
     if (kept / FLIGHTS).exists():
         raise InputError(
@@ -132,7 +138,7 @@ def _simulated(options: argparse.Namespace) -> None:
         say(", ".join(f"{name} {cell}" for name, cell in zip(header, cells, strict=True)))
 
     try:
-        lessons = learn(design, filter_, options.flights, stops=not options.all, report=report)
+        lessons = learn(design, filter_, count, stops=not options.all, report=report)
         for line in summary(lessons):
             say(line)
         write_learned(folder, design, lessons)
@@ -203,7 +209,8 @@ def _from_recordings(options: argparse.Namespace) -> None:
         text = f"has its scenario, {SCENARIO}; leave SCENARIO away" if begun else "is new"
         raise InputError(f"--state {folder}: {text}{'' if begun else ', expected a SCENARIO'}")
     if begun:
-        refuse_changes(options)
+        if options.changes:
+            raise InputError(f"--set: {folder} has its scenario, {SCENARIO}, which stays as it is")
         options.scenario = str(folder / SCENARIO)
     design = design_of(options)
     if options.motion:

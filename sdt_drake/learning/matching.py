@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.trajectories import PiecewisePolynomial
 
 from sdt_drake.arrays import Array
@@ -21,7 +22,7 @@ _SAMPLES = 4  # in a period of the bandwidth, at least
 _SAME = 1e-3  # rad; a recorded reference is one that it is near to
 _OFF, _OFF_ANGLE = 0.1, 0.02  # of the joint's range, rad; positions of the same motion, RMS
 _OFF_SPEED, _OFF_SLOW = 0.3, 0.02  # of the joint's speeds, rad/s; likewise
-_ITERATIONS = 4  # to a part of a sample
+_ITERATIONS = 5  # to a part of a sample
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,18 +70,23 @@ def match(
     else:
         found = [_found(recorded, q_ref, reference) for reference in references]
         number = len(found) - 1 - int(np.argmin([one[0] for one in reversed(found)]))
-        if found[number][0] > _SAME:
+        off, shift = found[number]
+        if off > _SAME:
             raise InputError(
-                f"{recorded.path}: its q_ref is up to {np.degrees(found[-1][0]):.3g} deg from the "
-                "reference that was to be flown, expected a recording of that"
+                f"{recorded.path}: its q_ref is up to {np.degrees(off):.3g} deg from the nearest "
+                "reference that was to be flown, expected a recording of one"
             )
-        shift = found[number][1]
+    _check_whole(recorded, references[number], shift)
     q = _at(recorded, recorded.signals["q"], references[-1], shift)
     _check_motion(recorded, q, _expected(design, filter_, references[number]))
     return Matched(q, shift, number)
 
 
 def _check_samples(recorded: Recorded, filter_: LearningFilter) -> None:
+    if len(recorded.time) < _SAMPLES:
+        raise InputError(
+            f"{recorded.path}: {len(recorded.time)} samples, expected those of a whole motion"
+        )
     steps = np.diff(recorded.time)
     usual = float(np.median(steps))
     i = int(steps.argmax())
@@ -126,26 +132,41 @@ def _coarse(recorded: Recorded, values: Array, motion: Motion) -> float:
 
 
 def _found(recorded: Recorded, q_ref: Array, reference: Motion) -> tuple[float, float]:
-    """How far a recorded reference is from this one [rad], and when it begins [s], to a part of a
-    sample, by Gauss and Newton."""
-    shift, v = _coarse(recorded, q_ref, reference), reference.v
+    """How far a recorded reference is from this one [rad], of what was recorded; and when it begins
+    [s], to a part of a sample, by Gauss and Newton."""
+    shift, tried = _coarse(recorded, q_ref, reference), []
     for _ in range(_ITERATIONS):
-        off = reference.q - _at(recorded, q_ref, reference, shift)
+        there = ~_missing(recorded, reference, shift)
+        v = reference.v[there]
+        if not v.any():
+            break
+        off = (reference.q - _at(recorded, q_ref, reference, shift))[there]
+        tried.append((float(np.abs(off).max()), shift))
         shift += float(np.sum(v * off) / np.sum(v * v))
-    return float(np.abs(reference.q - _at(recorded, q_ref, reference, shift)).max()), shift
+    return min(tried, default=(np.inf, shift))
 
 
 def _at(recorded: Recorded, values: Array, motion: Motion, shift: float) -> Array:
-    """Recorded values at the samples of a motion; what was not recorded has to be at rest."""
-    time, first, last = motion.time + shift, recorded.time[0], recorded.time[-1]
+    """Recorded values at the samples of a motion; at rest before and after the recording."""
+    time = np.clip(motion.time + shift, recorded.time[0], recorded.time[-1])
+    return _resampled(recorded, values, time)
+
+
+def _missing(recorded: Recorded, motion: Motion, shift: float) -> NDArray[np.bool_]:
+    """Which samples of a motion were not recorded, shape (N + 1,)."""
+    first, last = recorded.time[[0, -1]] - shift
     slack = motion.period / 1000
-    missing = (time < first - slack) | (time > last + slack)
-    if np.any(np.abs(motion.v[missing]) > 1e-6):
+    return (motion.time < first - slack) | (motion.time > last + slack)
+
+
+def _check_whole(recorded: Recorded, motion: Motion, shift: float) -> None:
+    """Refuse a motion that moves where it was not recorded."""
+    if np.any(np.abs(motion.v[_missing(recorded, motion, shift)]) > 1e-6):
+        first, last = recorded.time[[0, -1]] - shift
         raise InputError(
-            f"{recorded.path}: has {first - shift:.3f} to {last - shift:.3f} s of the motion, "
+            f"{recorded.path}: has {first:.3f} to {last:.3f} s of the motion, or another one; "
             f"expected all of its {motion.duration:g} s"
         )
-    return _resampled(recorded, values, np.clip(time, first, last))
 
 
 def _resampled(recorded: Recorded, values: Array, time: Array) -> Array:

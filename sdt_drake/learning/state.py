@@ -18,7 +18,7 @@ from pydrake.common.yaml import yaml_dump_typed
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
 from sdt_drake.errors import InputError, replacing
-from sdt_drake.fields import setting
+from sdt_drake.fields import check, setting
 from sdt_drake.identification.recordings import Recorded
 from sdt_drake.learning.filter import LearningFilter
 from sdt_drake.learning.flights import Step, next_step
@@ -32,7 +32,7 @@ _GROWN = 1.05  # of the error of the best flight
 _GAIN = 0.95
 
 
-@dataclass(slots=True)
+@dataclass(kw_only=True, slots=True)
 class FlightRecord:
     """What came of a flight, by its recordings; a file of it lies in the folder of the learning.
 
@@ -47,9 +47,9 @@ class FlightRecord:
 
     reference: int = setting(1, minimum=1)
     recordings: int = setting(1, minimum=1)
-    largest: list[float] = setting([], minimum=0, unit="rad", side="joint")
-    rms: list[float] = setting([], minimum=0, unit="rad", side="joint")
-    floor: list[float] = setting([], minimum=0, unit="rad", side="joint")
+    largest: list[float] = setting(minimum=0, per_joint=True, unit="rad", side="joint")
+    rms: list[float] = setting(minimum=0, per_joint=True, unit="rad", side="joint")
+    floor: list[float] = setting([], minimum=0, per_joint=True, unit="rad", side="joint")
     shifts: list[float] = setting([], unit="s")
 
     @property
@@ -86,9 +86,7 @@ def read_state(folder: Path, design: Design) -> State:
     flights: list[FlightRecord] = []
     while (file := flight_file(folder, len(flights) + 1)).exists():
         flight, _ = load_yaml(FlightRecord, file)
-        for name in ("largest", "rms"):
-            if len(getattr(flight, name)) != design.robot.n:
-                raise InputError(f"{file}: {name}: expected {design.robot.n} value(s)")
+        check(flight, str(file), design.robot.n)
         if flight.reference > len(references):
             raise InputError(f"{file}: reference: {flight.reference}, there is none yet")
         flights.append(flight)

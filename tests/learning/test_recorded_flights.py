@@ -128,11 +128,12 @@ def test_what_repeats_is_told_from_what_does_not(machine):
     [
         (
             lambda f: (f[0], f[1][:, [3, 1, 2, 0]], f[2][:, [3, 1, 2, 0]]),
-            "of the motion|q_ref is up to",
+            "q_ref is up to .* expected a recording of one",
         ),
         (lambda f: (f[0], f[1], f[2][:, [3, 1, 2, 0]]), "joint 1 is .* another order"),
         (lambda f: (f[0], f[1], np.degrees(f[2])), "another unit"),
-        (lambda f: (f[0][:150], f[1][:150], f[2][:150]), "q_ref is up to|of the motion"),
+        (lambda f: (f[0][:150], f[1][:150], f[2][:150]), "q_ref is up to 0"),
+        (lambda f: (f[0], 57 * f[1], f[2]), r"q_ref is up to \d"),
     ],
 )
 def test_recordings_of_something_else_are_refused(machine, spoil, words):
@@ -151,7 +152,8 @@ def test_recordings_with_gaps_or_too_few_samples_or_a_part_are_refused(machine):
 
     refused(lambda rows: rows[:100] + rows[110:], "a gap from 0.495 to 0.55 s")
     refused(lambda rows: rows[::8], "a sample every 0.04 s, expected every 0.024 s")
-    refused(lambda rows: rows[:220], "s of the motion, expected all of its 1.5 s|up to")
+    refused(lambda rows: rows[:220], r"has 0.000 to 1.095 s of the motion, .* all of its 1.5 s")
+    refused(lambda rows: rows[:2], "2 samples, expected those of a whole motion")
 
 
 def test_the_command_learns_flight_by_flight(good, refuse, given, desk):
@@ -167,6 +169,13 @@ def test_the_command_learns_flight_by_flight(good, refuse, given, desk):
     assert "the motion begins 0.00 ms" in out and "best so far: state/reference_02.csv" in out
     refuse(*again, "--motion", "leans", saying=("--motion leans: is not the motion",))
     refuse("learn", "--recording", "flight.csv", "--state", "state", late=True, saying=("grown",))
+    state = desk / "state/flight_01.yaml"
+    text = state.read_text(encoding="utf-8")
+    state.write_text(text.replace("floor: []", "floor: [1]"), encoding="utf-8")
+    refuse(*again, late=True, saying=("state/flight_01.yaml: floor: 1 value(s), expected 4",))
+    refuse(*again, "--set", "period=0.004", saying=("--set: state has its scenario",))
+    for option in (("--flights", "2"), ("--all",), ("--out", "x")):
+        refuse(*again, *option, saying=(f"{option[0]}: is for simulated flights",))
     refuse("learn", "--recording", "flight.csv", saying=("--state: missing",))
     refuse("learn", "--recording", "flight.csv", "--state", "other", saying=("expected a SCEN",))
     refuse("learn", file, "--state", "state", saying=("--state: is for --recording",))
