@@ -24,66 +24,56 @@ Tell = Callable[[float], None]
 _LOOKS = 200  # of a loop, at least that many times it is told how far it is
 
 
-class _Part:
-    """A share of other work."""
-
-    def __init__(self, outer: _Part | None, share: float) -> None:
-        self._outer, self._share, self._done = outer, share, 0.0
-
-    def tell(self, done: float) -> None:
-        with _lock:
-            self._add(done - self._done)
-
-    def _add(self, more: float) -> None:
-        more = min(more, 1.0 - self._done)
-        self._done += more
-        if self._outer is not None:
-            self._outer._add(self._share * more)
-
-
-class _Whole(_Part):
-    """What is watched; anew for every part that is no share of another one."""
-
-    def __init__(self, tell: Tell) -> None:
-        super().__init__(None, 1.0)
-        self._tell = tell
-
-    def _add(self, more: float) -> None:
-        super()._add(more)
-        self._tell(self._done)
-
-    def begin(self) -> None:
-        self._done = 0.0
-        self._tell(0.0)
-
-
 _lock = threading.RLock()
-_now: ContextVar[_Part | None] = ContextVar("work", default=None)
+_watch: ContextVar[Tell | None] = ContextVar("watch", default=None)
+_add: ContextVar[Tell | None] = ContextVar("add", default=None)  # takes what more is done
 
 
 @contextmanager
 def watching(tell: Tell) -> Iterator[None]:
     """Within, `tell` gets to know how far the work is; 0 when some begins."""
-    token = _now.set(_Whole(tell))
+    token = _watch.set(tell)
     try:
         yield
     finally:
-        _now.reset(token)
+        _watch.reset(token)
 
 
 @contextmanager
 def part(share: float = 1.0) -> Iterator[Tell]:
     """Work that is this share of what is around it; gives what takes how much of it is done."""
-    outer = _now.get()
-    own = _Part(outer, share)
-    if isinstance(outer, _Whole):
-        outer.begin()
-    token = _now.set(own)
+    around, done = _add.get() or _beginning(), 0.0
+
+    def add(more: float) -> None:
+        nonlocal done
+        more = min(more, 1.0 - done)
+        done += more
+        around(share * more)
+
+    def tell(by_now: float) -> None:
+        with _lock:
+            add(by_now - done)
+
+    token = _add.set(add)
     try:
-        yield own.tell
+        yield tell
     finally:
-        _now.reset(token)
-    own.tell(1.0)
+        _add.reset(token)
+    tell(1.0)
+
+
+def _beginning() -> Tell:
+    """What is around work that is no share of any other: who watches sees it begin."""
+    watch, done = _watch.get(), 0.0
+
+    def add(more: float) -> None:
+        nonlocal done
+        done = min(done + more, 1.0)
+        if watch is not None:
+            watch(done)
+
+    add(0.0)
+    return add
 
 
 def told(items: Collection[T]) -> Iterator[T]:
@@ -98,7 +88,7 @@ def told(items: Collection[T]) -> Iterator[T]:
 
 def told_alone(items: Collection[T]) -> Iterator[T]:
     """The same where nothing around tells how far it is: for loops within many others."""
-    return told(items) if isinstance(_now.get(), _Whole) else iter(items)
+    return told(items) if _add.get() is None else iter(items)
 
 
 def as_part(function: Callable[P, T], share: float) -> Callable[P, T]:
