@@ -285,10 +285,8 @@ def make_design(
 
 def _robots(scenario: Scenario, nominal: Robot | None) -> tuple[Robot, Robot, Robot]:
     """The nominal robot, what moves, and what the controller takes it for."""
-    if nominal is None:
-        nominal = load_device(scenario)
-    else:
-        check(scenario, _name(scenario), nominal.n)
+    nominal = nominal or load_device(scenario)
+    check(scenario, _name(scenario), nominal.n)
     with within(_name(scenario)):
         return (
             nominal,

@@ -6,7 +6,7 @@ import inspect
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -75,8 +75,7 @@ def _fields(topic: str, title: str, note: str = "") -> Chapter:
     """Of a kind of file, one of FILES."""
     first, *rest = parts(FILES[topic])
     top = Part("", f"{first.text} {note}".strip(), first.entries)
-    sheets = [Sheet(x.title, x.text, _FIELDS, [*map(astuple, x.entries)]) for x in (top, *rest)]
-    return Chapter(title, sheets)
+    return Chapter(title, [Sheet(*part[:2], _FIELDS, part.entries) for part in (top, *rest)])
 
 
 def _recording() -> Chapter:

@@ -10,10 +10,10 @@ import inspect
 import math
 import re
 import typing
-from collections.abc import Iterator
-from dataclasses import MISSING, dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import MISSING, replace
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from sdt_drake.fields import (
     Rule,
@@ -28,8 +28,7 @@ from sdt_drake.fields import (
 Schema = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Entry:
+class Entry(NamedTuple):
     """A field, for people.
 
     Attributes:
@@ -47,13 +46,12 @@ class Entry:
     meaning: str
 
 
-@dataclass(frozen=True)
-class Part:
+class Part(NamedTuple):
     """A mapping of a file: its place or tag, what it is, and its fields."""
 
     title: str
     text: str
-    entries: tuple[Entry, ...]
+    entries: Sequence[Entry]
 
 
 def parts(schema: type, name: str = "") -> Iterator[Part]:
@@ -62,12 +60,11 @@ def parts(schema: type, name: str = "") -> Iterator[Part]:
 
 
 def _parts(schema: type, title: str, prefix: str, seen: set[type]) -> Iterator[Part]:
-    rows = []
-    for field in dataclasses.fields(schema):
-        entry = entry_of(schema, field)
-        rows.append(replace(entry, name=prefix + entry.name))
-    yield Part(title, _split(schema)[0], tuple(rows))
-    for field in dataclasses.fields(schema):
+    fields = dataclasses.fields(schema)
+    entries = (entry_of(schema, field) for field in fields)
+    rows = [entry._replace(name=prefix + entry.name) for entry in entries]
+    yield Part(title, _split(schema)[0], rows)
+    for field in fields:
         place, hint = prefix + field.name, hints_of(schema)[field.name]
         if typing.get_origin(hint) is list:
             place, hint = f"{place}[]", typing.get_args(hint)[0]

@@ -71,14 +71,15 @@ def _refuse_others(data: Any, path: str | Path, kind: str) -> None:
 def _put(data: Any, name: str, value: Any) -> None:
     """Give the field of a dotted name another value; mappings on the way are made."""
     *parents, last = (_PART.fullmatch(part) for part in name.split("."))
+    wrong = InputError(f"{name}: expected the dotted name of a field, 'controller.kind'")
     for part in parents:
         if part is None or part[2] is not None or not isinstance(data, dict):
-            raise InputError(f"{name}: expected the dotted name of a field, 'controller.kind'")
+            raise wrong
         if data.get(part[1]) is None:
             data[part[1]] = {}
         data = data[part[1]]
     if last is None or not isinstance(data, dict):
-        raise InputError(f"{name}: expected the dotted name of a field, 'controller.kind'")
+        raise wrong
     if last[2] is None:
         data[last[1]] = value
         return
