@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from pydrake.systems.primitives import Adder
 
 import sdt_drake as sdt
-from sdt_drake.analysis.comparison import Comparison, run_of
+from sdt_drake.analysis.comparison import Compared, Comparison
 from sdt_drake.analysis.linear import LinearModel
 from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.shown import aligned, told
@@ -72,7 +72,7 @@ def test_objects_show_themselves_shortly(robot, short, run):
         "Motion": short.motion,
         "Plan": sdt.plan("leans", robot),
         "Recording": run,
-        "Comparison": Comparison([run_of("pi_ctc", short, run)]),
+        "Comparison": Comparison([Compared("pi_ctc", short, run)]),
         "LinearModel": short.linear(),
         "Robot": robot,
         "Tracking": sdt.track(run, short.motion),
@@ -115,7 +115,7 @@ def test_objects_plot_themselves(robot, short, run):
     plan = sdt.plan("leans", robot)
     figures = [
         *(run.plot(short, joint=2), short.plot(), short.motion.plot()),
-        *(plan.plot(robot), Comparison([run_of("pi_ctc", short, run)]).plot()),
+        *(plan.plot(robot), Comparison([Compared("pi_ctc", short, run)]).plot()),
     ]
     assert all(isinstance(figure, Figure) for figure in figures)
     titles = [figure.get_suptitle() for figure in figures]
@@ -129,7 +129,7 @@ def test_tables_of_pandas(short, run):
     assert table.index.name == "time" and np.array_equal(table.index, run.time)
     assert np.array_equal(table["tau_cmd_2"], run.tau_cmd[:, 1])
     assert np.array_equal(short.motion.to_pandas()["vd_ref_4"], short.motion.vd[:, 3])
-    compared = Comparison([run_of("pi_ctc", short, run)]).to_pandas()
+    compared = Comparison([Compared("pi_ctc", short, run)]).to_pandas()
     assert compared.loc[("pi_ctc", "roll"), "max_abs_speed_error"] == pytest.approx(
         np.abs(run.speed_error[:, 1]).max()
     )

@@ -42,25 +42,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """One controller of a comparison.
+    """A run, and what it is worth.
 
     Attributes:
-        label: as in the comparison, "p_pi+id".
+        label: of the controller, as in the comparison, "p_pi+id".
         design: what was run.
         recording: of the run.
-        tracking: how well the joints follow.
-        motors: what it takes of the motors.
-        blocks: number of Drake systems in the loop, those in sub-diagrams one by one.
-        needs: what must be known to commission it.
     """
 
     label: str
     design: Design
     recording: Recording
-    tracking: Tracking
-    motors: MotorUse
-    blocks: int
-    needs: tuple[str, ...]
+
+    @cached_property
+    def tracking(self) -> Tracking:
+        """How well the joints follow."""
+        return track(self.recording, self.design.wanted)
+
+    @cached_property
+    def motors(self) -> MotorUse:
+        """What it takes of the motors."""
+        return motor_use(self.recording, self.design.robot)
 
     @cached_property
     def head(self) -> HeadTracking:
@@ -78,6 +80,17 @@ class Compared:
             "rms_torque_share": self.motors.rms_share,
             "peak_torque_share": self.motors.peak_share,
         }
+
+    @cached_property
+    def blocks(self) -> int:
+        """Number of Drake systems in the loop, those in sub-diagrams one by one."""
+        return len(list(blocks_of(make_loop(self.design))))
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """What must be known to commission it."""
+        choice = self.design.scenario.controller
+        return CONTROLLERS[choice.kind].needs_with(choice.feedforward_in_use)
 
 
 class Comparison(list[Compared], Shown):
@@ -185,21 +198,9 @@ def _parsed(label: str, where: str) -> tuple[str, str | None]:
     return kind, checked_choice(feedforward, FEEDFORWARDS, f"{where}: feedforward of {kind}")
 
 
-def run_of(label: str, design: Design, recording: Recording | None = None) -> Compared:
-    """One controller of a comparison; run here if there is no recording of it yet."""
-    loop = make_loop(design)
-    if recording is None:
-        recording = simulate(design, loop)
-    choice = design.scenario.controller
-    return Compared(
-        label=label,
-        design=design,
-        recording=recording,
-        tracking=track(recording, design.wanted),
-        motors=motor_use(recording, design.robot),
-        blocks=len(list(blocks_of(loop))),
-        needs=CONTROLLERS[choice.kind].needs_with(choice.feedforward_in_use),
-    )
+def run_of(label: str, design: Design) -> Compared:
+    """One controller of a comparison."""
+    return Compared(label, design, simulate(design))
 
 
 # --- tables ----------------------------------------------------------------------------------

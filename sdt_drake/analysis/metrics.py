@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from typing import NamedTuple
+
+from sdt_drake.arrays import Array
 
 
 class Metric(NamedTuple):
@@ -73,6 +76,13 @@ joint side; torques are shares of what the motor can give."""
 
 COMPARED = tuple(name for name, metric in METRICS.items() if metric.column)[:-1]
 """The metrics of each joint by which controllers are compared, in the order of tables."""
+
+
+def columns_of(values: Mapping[str, Array]) -> list[tuple[str, str, Array]]:
+    """Those that are COMPARED, for tables with a row for each joint: title, format, and the values
+    shown, shape (n,)."""
+    own = ((METRICS[name], values[name]) for name in COMPARED if name in values)
+    return [(metric.column, metric.format, metric.factor * x) for metric, x in own]
 
 
 def family_of(name: str) -> tuple[str, int | None]:

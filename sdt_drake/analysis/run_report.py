@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.yaml import yaml_dump_typed
 
+from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.document import (
     Block,
     Bullets,
@@ -34,14 +35,7 @@ from sdt_drake.analysis.scope import (
     torque_over_speed,
 )
 from sdt_drake.analysis.style import PALETTE, Look, joint_title
-from sdt_drake.analysis.tracking import (
-    HeadTracking,
-    Tracking,
-    motor_use,
-    stops_passed,
-    track,
-    track_head,
-)
+from sdt_drake.analysis.tracking import stops_passed
 from sdt_drake.arrays import Array
 from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import Design
@@ -83,19 +77,18 @@ def write_run_report(
 
 def run_report(design: Design, recording: Recording, path: Path, joints: Sequence[int]) -> Document:
     """The report of a run; arguments as in `write_run_report`."""
-    scenario = design.scenario
-    tracking = track(recording, design.wanted)
+    scenario, run = design.scenario, Compared(design.scenario.controller.label, design, recording)
     response = _response(design)
-    head = track_head(recording, design.robot) if has_head(design.robot) else None
+    has_pilot = has_head(design.robot)
     sections = [
-        Section("In short", [Bullets(_answer(design, recording, tracking, response, head))]),
+        Section("In short", [Bullets(_answer(run, response))]),
         Section("What was run", _setup(design)),
         Section("Loops", _loops(design, response)),
-        Section("Tracking", _tracking(design, recording, tracking)),
-        Section("Over time", _over_time(design, recording, path, joints)),
-        Section("Torque over speed", _over_speed(design, recording, path, joints)),
-        Section("What the pilot feels", _felt(design, recording.time, head, path) if head else []),
-        Section("In 3D", _in_3d(design, recording, path)),
+        Section("Tracking", _tracking(run)),
+        Section("Over time", _over_time(run, path, joints)),
+        Section("Torque over speed", _over_speed(run, path, joints)),
+        Section("What the pilot feels", _felt(run, path) if has_pilot else []),
+        Section("In 3D", _in_3d(run, path)),
         Section("Scenario and versions", _provenance(scenario)),
     ]
     lead = f"{design.robot.name} on {Path(scenario.motion).stem}, {design.wanted.duration:g} s."
@@ -105,41 +98,39 @@ def run_report(design: Design, recording: Recording, path: Path, joints: Sequenc
 # --- in short --------------------------------------------------------------------------------
 
 
-def _answer(
-    design: Design,
-    recording: Recording,
-    tracking: Tracking,
-    response: FrequencyResponse | InputError,
-    head: HeadTracking | None,
-) -> list[str]:
-    names, time = design.robot.joint_names, recording.time
+def _answer(run: Compared, response: FrequencyResponse | InputError) -> list[str]:
+    names, recording, tracking = run.design.robot.joint_names, run.recording, run.tracking
 
     def worst(values: Array) -> tuple[int, str]:
         k = int(np.nanargmax(values))
         return k, joint_title(k, names[k])
 
+    def when(errors: Array) -> str:
+        return f"at {recording.time[np.abs(errors).argmax()]:.3f} s"
+
     k, name = worst(tracking.max_abs_speed_error)
     error, largest = tracking.max_abs_speed_error[k], np.abs(recording.v_ref[:, k]).max()
-    when = time[np.abs(recording.speed_error[:, k]).argmax()]
     share = f", {100 * error / largest:.1f} % of its largest speed" if largest > 0 else ""
-    lines = [f"**Speed:** {name}, strays most, by {error:.4g} rad/s at {when:.3f} s{share}."]
+    at = when(recording.speed_error[:, k])
+    lines = [f"**Speed:** {name}, strays most, by {error:.4g} rad/s {at}{share}."]
 
     k, name = worst(tracking.max_abs_position_error)
     lost = np.degrees(tracking.max_abs_position_error[k])
-    when = time[np.abs(recording.position_error[:, k]).argmax()]
-    lines.append(f"**Position:** {name}, strays most, by {lost:.4g} deg at {when:.3f} s.")
+    at = when(recording.position_error[:, k])
+    lines.append(f"**Position:** {name}, strays most, by {lost:.4g} deg {at}.")
 
-    use, saturated = motor_use(recording, design.robot), 100 * tracking.saturated_fraction
-    k, name = worst(use.peak_share)
+    k, name = worst(run.motors.peak_share)
     at_limit = [
-        f"joint {i} for {share:.2g} % of the time" for i, share in enumerate(saturated, 1) if share
+        f"joint {i} for {100 * share:.2g} % of the time"
+        for i, share in enumerate(tracking.saturated_fraction, 1)
+        if share
     ]
     lines.append(
-        f"**Motors:** that of {name}, is used most, up to {100 * use.peak_share[k]:.1f} % of its "
-        f"torque. Saturated: {', '.join(at_limit) or 'none at any time'}."
+        f"**Motors:** that of {name}, is used most, up to {100 * run.motors.peak_share[k]:.1f} % "
+        f"of its torque. Saturated: {', '.join(at_limit) or 'none at any time'}."
     )
-    if head is not None:
-        felt, angles = (100 * f.share for f in (head.felt, head.felt_from_angles))
+    if has_head(run.design.robot):
+        felt, angles = (100 * f.share for f in (run.head.felt, run.head.felt_from_angles))
         lines.append(
             f"**Pilot:** the error could be felt {felt:.1f} % of the time, by the wrong joint "
             f"angles alone {angles:.1f} %."
@@ -274,18 +265,13 @@ def _loops(design: Design, response: FrequencyResponse | InputError) -> list[Blo
 # --- the run ---------------------------------------------------------------------------------
 
 
-def _tracking(design: Design, recording: Recording, tracking: Tracking) -> list[Block]:
-    use = motor_use(recording, design.robot)
-    values = {name: getattr(tracking, name) for name in COMPARED if hasattr(tracking, name)}
-    values |= {"rms_torque_share": use.rms_share, "peak_torque_share": use.peak_share}
-    columns = [(METRICS[x].label, METRICS[x].format, METRICS[x].factor * values[x]) for x in values]
-    return [_by_joint(design, columns)]
+def _tracking(run: Compared) -> list[Block]:
+    shown = ((METRICS[name], run.metrics[name]) for name in COMPARED)
+    return [_by_joint(run.design, [(m.label, m.format, m.factor * x) for m, x in shown])]
 
 
-def _over_time(
-    design: Design, recording: Recording, path: Path, joints: Sequence[int]
-) -> list[Block]:
-    n = len(recording.time)
+def _over_time(run: Compared, path: Path, joints: Sequence[int]) -> list[Block]:
+    design, recording, n = run.design, run.recording, len(run.recording.time)
     shown = (
         f"Of {n} samples those are shown at which a line is least or largest."
         if n > MOST
@@ -305,13 +291,11 @@ def _over_time(
     return blocks
 
 
-def _over_speed(
-    design: Design, recording: Recording, path: Path, joints: Sequence[int]
-) -> list[Block]:
+def _over_speed(run: Compared, path: Path, joints: Sequence[int]) -> list[Block]:
     caption = "Torque of the motors over their speed, motor side, at the ends of the periods."
-    if design.scenario.plant.kind == "axis":
+    if run.design.scenario.plant.kind == "axis":
         caption += " On this plant the other motors' help widens the limits, which is not drawn."
-    columns = [[torque_over_speed(recording, design, k)] for k in joints]
+    columns = [[torque_over_speed(run.recording, run.design, k)] for k in joints]
     return [_plots(caption, columns, path, "torque")]
 
 
@@ -322,7 +306,8 @@ def _plots(caption: str, columns: Sequence[Sequence[Panel]], path: Path, name: s
 # --- the pilot and the device ----------------------------------------------------------------
 
 
-def _felt(design: Design, time: Array, head: HeadTracking, path: Path) -> list[Block]:
+def _felt(run: Compared, path: Path) -> list[Block]:
+    design, time, head = run.design, run.recording.time, run.head
     felt, just = head.felt.multiples, Line("just felt", Look("0.2"), np.ones_like(time))
     blocks: list[Block] = []
     for axis, (turn, push) in enumerate(zip(CHANNELS[:3], CHANNELS[3:], strict=True)):
@@ -344,10 +329,11 @@ def _felt(design: Design, time: Array, head: HeadTracking, path: Path) -> list[B
     return [*wanted, Text(text, "soft"), *blocks]
 
 
-def _in_3d(design: Design, recording: Recording, path: Path) -> list[Block]:
-    run, story = recording, story_of(design.scenario.motion, design.robot, design.motion)
+def _in_3d(run: Compared, path: Path) -> list[Block]:
+    robot, scenario, shown = run.design.robot, run.design.scenario, run.recording
+    story = story_of(scenario.motion, robot, run.design.motion)
     try:
-        page = recorded_page(design.robot, run.time, run.q, title=design.scenario.name, story=story)
+        page = recorded_page(robot, shown.time, shown.q, title=scenario.name, story=story)
     except InputError as error:
         return [Text(f"It is not shown: {error}.")]
     page_path = path.with_name(f"{path.stem}_3d.html")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sdt_drake.analysis.metrics import columns_of
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, checked_type
 from sdt_drake.motion import Motion
@@ -18,7 +19,7 @@ from sdt_drake.pilot import (
     head_motion_of_samples,
 )
 from sdt_drake.robot import Robot
-from sdt_drake.shown import Shown, Summary, of_joints
+from sdt_drake.shown import Shown, Summary, by_joint
 from sdt_drake.simulate import Recording
 
 SETTLED_AFTER = 1.0
@@ -45,14 +46,9 @@ class Tracking(Shown):
     max_abs_position_error: Array
 
     def summary(self) -> Summary:
-        columns = {
-            "largest speed error [rad/s]": (".4f", self.max_abs_speed_error),
-            "RMS [rad/s]": (".5f", self.rms_speed_error),
-            "at constant speed [rad/s]": (".4f", self.constant_speed_error),
-            "largest position error [deg]": (".3f", np.degrees(self.max_abs_position_error)),
-            "saturated [%]": (".2f", 100 * self.saturated_fraction),
-        }
-        return of_joints(f"of {len(self.rms_speed_error)} joints; joint side", columns)
+        n = len(self.rms_speed_error)
+        table = by_joint([""] * n, columns_of(vars(self)))
+        return Summary(f"of {n} joints; joint side", *table)
 
 
 def track(recording: Recording, motion: Motion) -> Tracking:
@@ -140,31 +136,17 @@ class HeadTracking:
     felt_from_angles: FeltDifference
 
 
-def felt_of(recording: Recording, robot: Robot) -> FeltDifference:
-    """How much of the difference between reference and run the pilot could feel.
-
-    Raises:
-        InputError: if the robot has no head, or not as many joints as the recording.
-    """
-    period, reference, achieved = _heads(recording, robot)
-    return felt_difference(reference, achieved, period)
-
-
-def _heads(recording: Recording, robot: Robot) -> tuple[float, HeadMotion, HeadMotion]:
-    """Period [s], and the head's motion in the reference and in the run."""
-    run, period = recording, float(recording.time[1] - recording.time[0])
-    reference = head_motion_of_samples(robot, period, run.q_ref, run.v_ref)
-    return period, reference, head_motion_of_samples(robot, period, run.q, run.v)
-
-
 def track_head(recording: Recording, robot: Robot) -> HeadTracking:
     """The head along a recording.
 
     Raises:
         InputError: if the robot has no head, or not as many joints as the recording.
     """
-    period, reference, achieved = _heads(recording, robot)
-    moved_away = head_motion_of_samples(robot, period, recording.q, recording.v_ref)
+    run, period = recording, float(recording.time[1] - recording.time[0])
+    reference, achieved, moved_away = (
+        head_motion_of_samples(robot, period, q, v)
+        for q, v in ((run.q_ref, run.v_ref), (run.q, run.v), (run.q, run.v_ref))
+    )
     return HeadTracking(
         reference=reference,
         achieved=achieved,

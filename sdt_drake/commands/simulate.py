@@ -28,7 +28,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis import plots
-    from sdt_drake.analysis.metrics import COMPARED, METRICS
+    from sdt_drake.analysis.metrics import columns_of
     from sdt_drake.analysis.scope import chosen_joints
     from sdt_drake.analysis.tracking import stops_passed, track
     from sdt_drake.simulate import simulate
@@ -44,9 +44,7 @@ def run(options: argparse.Namespace) -> None:
     tracking = track(recording, design.wanted)
     title = design.scenario.summary().title
     say(title)
-    own = [(METRICS[x], getattr(tracking, x)) for x in COMPARED if hasattr(tracking, x)]
-    columns = [(metric.column, metric.format, metric.factor * values) for metric, values in own]
-    common.print_joints(design.robot.joint_names, columns)
+    common.print_joints(design.robot.joint_names, columns_of(vars(tracking)))
     for line in stops_passed(recording, design.robot.joint_names):
         say(f"note: {line}")
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sdt_drake.analysis.tracking import felt_of, motor_use
+from sdt_drake.analysis.tracking import motor_use, track_head
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
 from sdt_drake.errors import InputError
@@ -66,7 +66,7 @@ def fly(design: Design, number: int) -> Flight:
         seen=error if recording.q_measured is None else wanted - recording.q_measured,
         largest=np.abs(error).max(axis=0),
         rms=np.sqrt(np.mean(error**2, axis=0)),
-        felt=felt_of(recording, design.robot).share if is_device else float("nan"),
+        felt=track_head(recording, design.robot).felt.share if is_device else float("nan"),
         peak=motor_use(recording, design.robot).peak_share,
         saturated=recording.saturated[1:].mean(axis=0),
     )

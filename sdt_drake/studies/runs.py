@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sdt_drake.analysis.tracking import felt_of, motor_use, stops_passed, track
+from sdt_drake.analysis.tracking import motor_use, stops_passed, track, track_head
 from sdt_drake.controllers import load_controllers
 from sdt_drake.design import Design, load_device, make_design, plan_of
 from sdt_drake.dynamics import TorqueGroups, torque_groups
@@ -164,7 +164,7 @@ def outcomes_of(design: Design, recording: Recording) -> tuple[float, ...]:
     parts += [motors.peak_share, motors.rms_share]
     felt = np.nan  # the axis plant is no device that one could sit in
     if has_head(design.robot) and design.scenario.plant.kind == "coupled":
-        felt = felt_of(recording, design.robot).share
+        felt = track_head(recording, design.robot).felt.share
     return tuple(np.concatenate([*parts, [felt]]).tolist())
 
 

@@ -96,8 +96,10 @@ def with_step(study, structure, **metrics):
     return dataclasses.replace(study, steps=study.steps | {structure: step})
 
 
-def with_run(study, key, **changes):
+def with_run(study, key, tracking=None, **changes):
+    """With one run changed; its tracking stays, or is another."""
     run = dataclasses.replace(study.runs[key], **changes)
+    vars(run)["tracking"] = tracking or study.runs[key].tracking
     return dataclasses.replace(study, runs=study.runs | {key: run})
 
 
@@ -105,7 +107,7 @@ def with_errors(study, key, name, joints):
     """With other numbers in the tracking of one run."""
     tracking = study.runs[key].tracking
     values = changed(getattr(tracking, name), joints)
-    return with_run(study, key, tracking=dataclasses.replace(tracking, **{name: values}))
+    return with_run(study, key, dataclasses.replace(tracking, **{name: values}))
 
 
 def largest(study, key, joints):

@@ -91,8 +91,9 @@ def make_compared(labels, shares, *, head=True):
         row = share * np.array([0.1, 0.2, 0.3])
         tracking = Tracking(row, row / 3, share * CONSTANT, 0 * row, np.radians(row))
         motors = MotorUse(row, row, 2 * row, row)
-        made.append(Compared(label, SimpleNamespace(robot=robot), None, tracking, motors, 9, ()))
-        if head:  # as if it were computed already
+        made.append(Compared(label, SimpleNamespace(robot=robot), None))
+        vars(made[-1]).update(tracking=tracking, motors=motors)  # as if computed already
+        if head:
             vars(made[-1])["head"] = SimpleNamespace(felt=SimpleNamespace(share=share))
     return made
 
