@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from sdt_drake.analysis.threads import threads
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
 from sdt_drake.device import Friction
-from sdt_drake.dynamics import Loads
 from sdt_drake.errors import InputError
 from sdt_drake.motion import Motion
 from sdt_drake.progress import as_part, part
@@ -81,55 +80,50 @@ def error_budget(design: Design) -> ErrorBudget:
 
 
 def _speed_error(design: Design) -> Array:
-    scenario = replace(design.scenario, accuracy=_ACCURACY)
-    return simulate(replace(design, scenario=scenario)).speed_error
+    return simulate(_with(design, accuracy=_ACCURACY)).speed_error
+
+
+def _with(design: Design, **fields: Any) -> Design:
+    """With other fields of its scenario, and nothing computed anew."""
+    return replace(design, scenario=replace(design.scenario, **fields))
 
 
 def _undisturbed(design: Design) -> Design:
-    scenario = copy.deepcopy(design.scenario)
-    scenario.disturbance.amplitude = 0.0
-    return replace(design, scenario=scenario)
+    return _with(design, disturbance=replace(design.scenario.disturbance, amplitude=0.0))
 
 
 def _without_limits(design: Design) -> Design:
-    scenario = copy.deepcopy(design.scenario)
-    scenario.drive.n1 = scenario.drive.n0 = None
     robot = replace(design.robot, effort_limit=_NO_LIMIT * design.robot.effort_limit)
-    return replace(design, scenario=scenario, robot=robot)
+    drive = replace(design.scenario.drive, n1=None, n0=None)
+    return replace(_with(design, drive=drive), robot=robot)
 
 
 def _without_friction(design: Design) -> Design:
-    scenario = copy.deepcopy(design.scenario)
-    scenario.plant.friction = Friction()
-    return replace(design, scenario=scenario, friction=None)
+    plant = replace(design.scenario.plant, friction=Friction())
+    return replace(_with(design, plant=plant), friction=None)
 
 
 def _without_load(design: Design) -> Design:
     """Only the reference: of the feedforward, what belongs to the joint's own motion."""
-    nothing = np.zeros_like(design.loads.load_torque)
-    tau_ff = None if design.tau_ff is None else design.tau_ff - _load_ff(design)
-    loads = Loads(nothing, design.loads.alleviating_torque)
-    return replace(
-        design, loads=loads, tau_ff=tau_ff, steady_load=0 * design.steady_load, steady_ff=0.0
-    )
+    loads = design.loads._replace(load_torque=np.zeros_like(design.loads.load_torque))
+    tau_ff = None if design.tau_ff is None else design.tau_ff - _load_ff(design, design.tau_ff)
+    no_load = 0 * design.steady_load
+    return replace(design, loads=loads, tau_ff=tau_ff, steady_load=no_load, steady_ff=0.0)
 
 
 def _without_motion(design: Design) -> Design:
     """Only the load, and of the feedforward what belongs to it, with a reference at rest."""
-    motion = design.motion
-    nothing = np.zeros_like(motion.v)
-    tau_ff = None if design.tau_ff is None else _load_ff(design)
-    at_rest = Motion(motion.period, nothing, nothing, nothing)
+    nothing = np.zeros_like(design.motion.v)
+    at_rest = Motion(design.motion.period, nothing, nothing, nothing)
+    tau_ff = None if design.tau_ff is None else _load_ff(design, design.tau_ff)
     return replace(design, wanted=at_rest, motion=at_rest, tau_ff=tau_ff)
 
 
-def _load_ff(design: Design) -> Array:
+def _load_ff(design: Design, tau_ff: Array) -> Array:
     """The part of the feedforward that answers the load, motor side [N m]: all of it but the
     inertia of the axis process."""
-    if design.tau_ff is None:
-        return np.zeros_like(design.motion.v)
     if design.scenario.controller.feedforward_in_use != "id":
-        return design.tau_ff
+        return tau_ff
     gain = np.array(design.scenario.controller.feedforward_gain or 1.0)
     own = design.i_eff * design.robot.gear_ratio * design.motion.vd
-    return design.tau_ff - gain * own
+    return tau_ff - gain * own

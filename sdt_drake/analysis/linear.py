@@ -7,7 +7,7 @@ process then has the zero-order-hold map of its period.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,10 +45,13 @@ class StateSpace:
     D: Array
     period: float = 0.0
 
+    @classmethod
+    def of(cls, system: AffineSystem) -> StateSpace:
+        """Of a system of Drake's, its offsets left out."""
+        return StateSpace(system.A(), system.B(), system.C(), system.D(), system.time_period())
+
     def response(self, omega: Array) -> NDArray[np.complex128]:
         """Frequency response at `omega` [rad/s], shape (len(omega), outputs, inputs)."""
-        if len(self.A) == 0:
-            return np.broadcast_to(self.D + 0j, (len(omega), *self.D.shape))
         s = np.exp(1j * omega * self.period) if self.period else 1j * omega
         resolvent = s[:, None, None] * np.eye(len(self.A)) - self.A
         moving: NDArray[np.complex128] = self.C @ np.linalg.solve(resolvent, self.B + 0j)
@@ -56,8 +59,8 @@ class StateSpace:
 
     def sampled(self, period: float) -> StateSpace:
         """The same behind zero-order holds, at the samples."""
-        exact = DiscreteTimeApproximation(LinearSystem(self.A, self.B, self.C, self.D), period)
-        return StateSpace(exact.A(), exact.B(), exact.C(), exact.D(), period)
+        continuous = LinearSystem(self.A, self.B, self.C, self.D)
+        return StateSpace.of(DiscreteTimeApproximation(continuous, period))
 
     def between(self) -> StateSpace:
         """The same without the states that no input reaches or no output shows."""
@@ -272,25 +275,20 @@ def close(design: Design, process: StateSpace, feedback: StateSpace) -> LinearLo
 
 
 def sampled_process(design: Design, process: StateSpace, period: float) -> StateSpace:
-    """A process at samples of a drive, with the speeds that its encoders give."""
-    process = process.sampled(period)
+    """A process at samples of a drive; speeds that its encoders measure in steps are differences of
+    its measured positions."""
+    process, n = process.sampled(period), design.robot.n
     if design.drive.encoder_resolution is None:
         return process
-    return _with_differences(process, design.robot.n)
-
-
-def _with_differences(process: StateSpace, n: int) -> StateSpace:
-    """A sampled process whose measured speeds are differences of its measured positions."""
     positions = process.C[:n]
-    zero, one = np.zeros((n, n)), np.eye(n)
     C = np.hstack([process.C, np.zeros((4 * n, n))])
-    C[n : 2 * n] = np.hstack([positions, -one]) / process.period
+    C[n : 2 * n] = np.hstack([positions, -np.eye(n)]) / period
     return StateSpace(
-        A=np.block([[process.A, np.zeros((len(process.A), n))], [positions, zero]]),
-        B=np.vstack([process.B, zero]),
+        A=np.block([[process.A, np.zeros((len(process.A), n))], [positions, np.zeros((n, n))]]),
+        B=np.vstack([process.B, np.zeros((n, n))]),
         C=C,
         D=process.D,
-        period=process.period,
+        period=period,
     )
 
 
@@ -304,12 +302,8 @@ def linear_process(design: Design, sample: int = 0) -> StateSpace:
     context.SetContinuousState(np.concatenate([at, state[2 * n :]]))
     _hold_still(diagram, context, first=2 * n)
     parts = [_taylor(diagram, context, "tau_cmd", name) for name in ("measured", "state")]
-    return StateSpace(
-        A=parts[0].A(),
-        B=parts[0].B(),
-        C=np.vstack([part.C() for part in parts]),
-        D=np.vstack([part.D() for part in parts]),
-    )
+    C, D = np.vstack([part.C for part in parts]), np.vstack([part.D for part in parts])
+    return replace(parts[0], C=C, D=D)
 
 
 def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
@@ -323,12 +317,10 @@ def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
     controller = CONTROLLERS[design.scenario.controller.kind].linear(design, sample)
     parts = feedback_parts(design, sample, controller)
     reference = parts.pop("reference")
-    feedback = StateSpace(
-        A=reference.A(),
-        B=np.hstack([reference.B(), sum(part.B() for part in parts.values())]),
-        C=reference.C(),
-        D=np.hstack([reference.D(), sum(part.D() for part in parts.values())]),
-        period=reference.time_period(),
+    feedback = replace(
+        reference,
+        B=np.hstack([reference.B, np.sum([part.B for part in parts.values()], axis=0)]),
+        D=np.hstack([reference.D, np.sum([part.D for part in parts.values()], axis=0)]),
     )
     is_sampled = isinstance(controller, Controller) and controller.is_sampled
     if is_sampled and not feedback.period:
@@ -336,18 +328,15 @@ def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
     return feedback
 
 
-def feedback_parts(design: Design, sample: int, controller: System) -> dict[str, AffineSystem]:
+def feedback_parts(design: Design, sample: int, controller: System) -> dict[str, StateSpace]:
     """From each input of a controller, by its name, to tau_fb (n): all have the same state.
 
     `controller` is the feedback of the design's, as `Controller.linear` makes it.
     """
     at = np.concatenate([design.motion.q[sample], np.zeros(design.robot.n)])
     context = controller.CreateDefaultContext()
-    resting = {
-        "reference": np.append(at, np.zeros(design.robot.n)),
-        "state": at,
-        "sampled_state": at,
-    }
+    reference = np.append(at, np.zeros(design.robot.n))
+    resting = {"reference": reference, "state": at, "sampled_state": at}
     ports = [controller.get_input_port(i) for i in range(controller.num_input_ports())]
     for port in ports:
         port.FixValue(context, resting[port.get_name()])
@@ -361,20 +350,21 @@ def _hold_still(diagram: Diagram, context: Context, first: int) -> None:
     it. The plant's state, the first in the diagram, stays; all others and the torque enter the
     derivatives linearly, so one step of Newton's method is exact.
     """
-    taylor, port = _taylor(diagram, context, "tau_cmd", "state"), diagram.get_input_port()
+    taylor = _taylor(diagram, context, "tau_cmd", "state")
     state = context.get_continuous_state_vector().CopyToVector()
-    acting = np.hstack([taylor.A()[:, first:], taylor.B()])
+    acting = np.hstack([taylor.A[:, first:], taylor.B])
     moving = diagram.EvalTimeDerivatives(context).CopyToVector()
     change = np.linalg.lstsq(acting, -moving, rcond=None)[0]
     others = len(state) - first
     context.SetContinuousState(state + np.concatenate([np.zeros(first), change[:others]]))
-    port.FixValue(context, port.Eval(context) + change[others:])
+    diagram.get_input_port().FixValue(context, change[others:])  # it was 0
 
 
-def _taylor(system: System, context: Context, input_name: str, output_name: str) -> AffineSystem:
-    return FirstOrderTaylorApproximation(
+def _taylor(system: System, context: Context, input_name: str, output_name: str) -> StateSpace:
+    taylor = FirstOrderTaylorApproximation(
         system,
         context,
         input_port_index=system.GetInputPort(input_name).get_index(),
         output_port_index=system.GetOutputPort(output_name).get_index(),
     )
+    return StateSpace.of(taylor)

@@ -175,9 +175,8 @@ def _tuned(slow: Design, omega_n: float) -> Design:
 
 
 def _elastic_process(rigid: Design, elasticity: Elasticity, sample: int) -> StateSpace:
-    scenario = copy.deepcopy(rigid.scenario)
-    scenario.plant.elasticity = elasticity
-    return linear_process(rigid.variant(scenario), sample)
+    plant = replace(rigid.scenario.plant, elasticity=elasticity)
+    return linear_process(rigid.variant(replace(rigid.scenario, plant=plant)), sample)
 
 
 def _scaled(gains: SpeedGains, factor: ArrayLike) -> SpeedGains:

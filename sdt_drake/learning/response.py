@@ -64,22 +64,22 @@ def _sampled_loop(design: Design, sample: int) -> StateSpace:
     controller = CONTROLLERS[design.scenario.controller.kind].linear(design, sample)
     parts = feedback_parts(design, sample, controller)
     own, process = parts["reference"], linear_process(design, sample)
-    step = own.time_period()
+    step = own.period
     if step:
         process = sampled_process(design, process, step)
 
     def part(name: str) -> tuple[Array, Array]:
         """B and D of an input; 0 where there is none."""
         if name in parts:
-            return parts[name].B(), parts[name].D()
-        return np.zeros((len(own.A()), 2 * n)), np.zeros((n, 2 * n))
+            return parts[name].B, parts[name].D
+        return np.zeros((len(own.A), 2 * n)), np.zeros((n, 2 * n))
 
     (b_seen, d_seen), (b_held, d_held) = part("state"), part("sampled_state")
     A, B, seen = process.A, process.B, process.C[: 2 * n]
     held = StateSpace(  # from what is held for a period: reference, sampled state, torque
-        A=np.block([[A + B @ d_seen @ seen, B @ own.C()], [b_seen @ seen, own.A()]]),
-        B=np.block([[B @ own.D(), B @ d_held, B], [own.B(), b_held, 0 * own.B()[:, :n]]]),
-        C=np.hstack([seen, np.zeros((2 * n, len(own.A())))]),
+        A=np.block([[A + B @ d_seen @ seen, B @ own.C], [b_seen @ seen, own.A]]),
+        B=np.block([[B @ own.D, B @ d_held, B], [own.B, b_held, 0 * own.B[:, :n]]]),
+        C=np.hstack([seen, np.zeros((2 * n, len(own.A)))]),
         D=np.zeros((2 * n, 6 * n)),
         period=step,
     )
