@@ -316,24 +316,31 @@ def _plots_js() -> str:
 
 
 def from_template(
-    text: str, blocks: Mapping[str, Iterable[Block]], numbers: Mapping[str, object]
+    text: str,
+    blocks: Mapping[str, Iterable[Block]],
+    numbers: Mapping[str, object],
+    figure: Callable[[str, str], Block],
 ) -> Document:
-    """A document from Markdown with headings and paragraphs.
+    """A document from Markdown with headings, paragraphs and pictures.
 
     Args:
         text: a paragraph {name} stands for blocks; in others {name:.2f} for a number.
         blocks, numbers: by these names.
+        figure: makes a picture of its caption and its path.
     """
     document = Document("")
     for part in text.strip().split("\n\n"):
         part = " ".join(part.splitlines())
         own = re.fullmatch(r"\{(\w+)\}", part)
+        picture = re.fullmatch(r"!\[(.*)\]\((.*)\)", part)
         if part.startswith("# "):
             document.title = part[2:]
         elif part.startswith("## "):
             document.sections.append(Section(part[3:]))
         elif not document.sections:
             document.lead = part.format_map(numbers)
+        elif picture:
+            document.sections[-1].blocks.append(figure(picture[1], picture[2]))
         elif own and own[1] in blocks:
             document.sections[-1].blocks += blocks[own[1]]
         elif part.startswith("### "):

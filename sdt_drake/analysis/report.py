@@ -9,12 +9,12 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from sdt_drake import paper
-from sdt_drake.analysis.block_diagrams import CAPTIONS
 from sdt_drake.analysis.claims import VERDICTS, Claims, Json, count_verdicts
 from sdt_drake.analysis.document import (
     Block,
@@ -36,16 +36,6 @@ from sdt_drake.graphviz import NO_GRAPHVIZ
 from sdt_drake.resources import page_text
 
 REPORT, RECORDING, SUMMARY = "report.html", "device.html", "summary.json"
-
-FIGURES = {
-    "figure2": "Reference motion: position, speed and acceleration of each joint (Figure 2).",
-    "figure4": "Step response of axis 1 with both structures of the PI controller (Figure 4).",
-    "figure7": "Joint speeds on the decoupled axes, Algorithm 1 as printed (Figure 7).",
-    "figure8": "Speed errors on the decoupled axes, Algorithm 1 as printed (Figure 8).",
-    "coupled_errors": "Speed errors on the coupled MultibodyPlant, with both signs of Algorithm 1.",
-    "controllers": "The paper's controllers and more on the coupled plant, model known exactly.",
-}
-"""The figures and their captions; others of the folder come last, with their names."""
 
 _MOST_BYTES = 100_000_000  # of a file
 _OTHER_FORM = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
@@ -112,7 +102,8 @@ def _read_summary(path: Path) -> Json:
 def make_report(summary: Json, folder: Path, announce: Callable[[str], None]) -> Document:
     """The report on what is in a folder; see `write_report`."""
     blocks = _blocks(summary, folder, announce)
-    report = from_template(page_text("report.md"), blocks, _numbers(summary))
+    figure = partial(_figure, folder)
+    report = from_template(page_text("report.md"), blocks, _numbers(summary), figure)
     report.symbols = True
     return report
 
@@ -170,7 +161,7 @@ def _worst(felt: Json, channels: slice) -> str:
 def _blocks(
     summary: Json, folder: Path, announce: Callable[[str], None]
 ) -> dict[str, Sequence[Block]]:
-    """The tables and figures of the report by their names in pages/report.md."""
+    """The tables of the report, and more, by their names in pages/report.md."""
     beyond = [
         {**e, "rms_torque_share": e["rms_share"], "peak_torque_share": e["peak_share"]}
         for e in summary["beyond"]
@@ -180,16 +171,12 @@ def _blocks(
     speeds = ("max_abs_speed_error", "rms_speed_error", "constant_speed_error")
     position = "max_abs_position_error"
     torques = (position, "rms_torque_share", "peak_torque_share")
-    figures = {
-        name: [Figure(text, folder / f"{name}.svg", folder)] for name, text in FIGURES.items()
-    }
-    return figures | {
+    return {
         "tiles": [Tiles(tiles)],
         "findings": [Bullets(findings(summary))],
         "claims": [Claims(claims, len(summary["table1"]))],
         "table1": [_table1(summary["table1"])],
         "steps": [_steps(summary["step_response"])],
-        "diagrams": _diagrams(folder),
         "runs_speeds": [_by_joint(_RUN, map(_run, runs), runs, speeds)],
         "runs_positions": [
             _by_joint(_RUN, map(_run, runs), runs, (position, "saturated_fraction"))
@@ -294,23 +281,21 @@ def _felt(beyond: Sequence[Json]) -> Table:
     return Table(header, rows)
 
 
-def _diagrams(folder: Path) -> list[Block]:
-    blocks: list[Block] = []
-    for name, caption in CAPTIONS.items():
-        svg = folder / "diagrams" / f"{name}.svg"
-        dot = svg.with_suffix(".dot")
-        if svg.exists() or not dot.exists():
-            blocks.append(Figure(caption, svg, folder, "wide"))
-        else:  # there was no Graphviz
-            blocks.append(Text(f"{caption} `diagrams/{dot.name}`; no .svg: {NO_GRAPHVIZ}."))
-    return blocks
+def _figure(folder: Path, caption: str, name: str) -> Block:
+    """A picture of the folder; of a block diagram without Graphviz there is its text alone."""
+    svg = folder / name
+    dot = svg.with_suffix(".dot")
+    if dot.exists() and not svg.exists():
+        place = dot.relative_to(folder).as_posix()
+        return Text(f"{caption} `{place}`; no .svg: {NO_GRAPHVIZ}.")
+    return Figure(caption, svg, folder, "wide" if dot.exists() else "")
 
 
 def _more(folder: Path, announce: Callable[[str], None]) -> list[Block]:
     """Pictures that are not of the study; the report can do without those that cannot be used."""
     blocks: list[Block] = []
     for path in sorted(folder.glob("*.svg")):
-        if path.stem in FIGURES:
+        if f"]({path.name})" in page_text("report.md"):
             continue
         try:
             read_svg(path)

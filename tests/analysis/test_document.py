@@ -141,12 +141,17 @@ def test_all_text_is_escaped(tmp_path):
 
 
 def test_a_template_takes_blocks_and_numbers():
-    parts = ["# T", "lead {x:.1f}", "## S", "a\nb {x:.2f}", "{table}", "### H", "## E", "{no}"]
+    parts = ["# T", "lead {x:.1f}", "## S", "a\nb {x:.2f}", "{table}", "### H", "![C](p.svg)"]
+    parts += ["## E", "{no}"]
     text = "\n\n".join(parts) + "\n"
-    document = from_template(text, {"table": [Text("t")], "no": []}, {"x": 1.234})
+    document = from_template(
+        text, {"table": [Text("t")], "no": []}, {"x": 1.234}, lambda *of: Text(f"picture {of}")
+    )
     assert (document.title, document.lead) == ("T", "lead 1.2")
     first, second = document.sections
-    assert first == Section("S", [Text("a b 1.23"), Text("t"), Heading("H")])
+    assert first == Section("S", [
+        Text("a b 1.23"), Text("t"), Heading("H"), Text("picture ('C', 'p.svg')"),
+    ])  # fmt: skip
     assert second == Section("E", [])
 
 
