@@ -24,11 +24,8 @@ class InverseDynamics(Diagram, Controller):
     .. pydrake_system::
 
         name: InverseDynamics
-        input_ports:
-        - reference
-        - sampled_state
-        output_ports:
-        - tau_cmd
+        input_ports: [reference, sampled_state]
+        output_ports: [tau_cmd]
     """
 
     needs = ("links' masses and geometry", "motors' inertia", "state of all joints at once")

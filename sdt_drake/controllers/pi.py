@@ -25,11 +25,8 @@ class Pi(Diagram, Controller):
     .. pydrake_system::
 
         name: Pi
-        input_ports:
-        - reference
-        - state
-        output_ports:
-        - tau_cmd
+        input_ports: [reference, state]
+        output_ports: [tau_cmd]
     """
 
     needs: ClassVar[tuple[str, ...]] = ("largest inertia of each joint",)
@@ -116,12 +113,8 @@ class PiCtc(Pi):
     .. pydrake_system::
 
         name: PiCtc
-        input_ports:
-        - reference
-        - state
-        - load_torque
-        output_ports:
-        - tau_cmd
+        input_ports: [reference, state, load_torque]
+        output_ports: [tau_cmd]
     """
 
     feedforward = "ctc"
@@ -134,11 +127,8 @@ class PiId(Pi):
     .. pydrake_system::
 
         name: PiId
-        input_ports:
-        - reference
-        - state
-        output_ports:
-        - tau_cmd
+        input_ports: [reference, state]
+        output_ports: [tau_cmd]
     """
 
     feedforward = "id"
@@ -151,12 +141,8 @@ class PPi(Pi):
     .. pydrake_system::
 
         name: PPi
-        input_ports:
-        - reference
-        - sampled_state
-        - state
-        output_ports:
-        - tau_cmd
+        input_ports: [reference, sampled_state, state]
+        output_ports: [tau_cmd]
     """
 
     options = ("anti_windup", "feedforward", "position_gain")
@@ -183,11 +169,8 @@ class PiScheduled(Pi):
     .. pydrake_system::
 
         name: PiScheduled
-        input_ports:
-        - reference
-        - state
-        output_ports:
-        - tau_cmd
+        input_ports: [reference, state]
+        output_ports: [tau_cmd]
     """
 
     needs = ("inertia along the motion",)

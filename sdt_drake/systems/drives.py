@@ -39,11 +39,8 @@ class DynamicSaturation(SymbolicLaw):
     .. pydrake_system::
 
         name: DynamicSaturation
-        input_ports:
-        - tau_cmd
-        - alleviating_torque
-        output_ports:
-        - tau
+        input_ports: [tau_cmd, alleviating_torque]
+        output_ports: [tau]
     """
 
     symbol = "dynamic\nsaturation"
@@ -114,10 +111,8 @@ class TorqueLoop(Diagram):
     .. pydrake_system::
 
         name: TorqueLoop
-        input_ports:
-        - tau_limited
-        output_ports:
-        - tau
+        input_ports: [tau_limited]
+        output_ports: [tau]
     """
 
     symbol = "torque\nloop"
@@ -174,10 +169,8 @@ class Encoder(Diagram):
     .. pydrake_system::
 
         name: Encoder
-        input_ports:
-        - state
-        output_ports:
-        - measured
+        input_ports: [state]
+        output_ports: [measured]
     """
 
     def __init__(

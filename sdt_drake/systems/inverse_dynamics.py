@@ -25,11 +25,8 @@ class InverseDynamicsController(Diagram):
     .. pydrake_system::
 
         name: InverseDynamicsController
-        input_ports:
-        - reference
-        - sampled_state
-        output_ports:
-        - tau_fb
+        input_ports: [reference, sampled_state]
+        output_ports: [tau_fb]
     """
 
     symbol = "feedback\nlinearisation"

@@ -38,10 +38,8 @@ class ReferenceTorque(LeafSystem):
     .. pydrake_system::
 
         name: ReferenceTorque
-        input_ports:
-        - reference
-        output_ports:
-        - (torques)
+        input_ports: [reference]
+        output_ports: [(torques)]
     """
 
     symbol = "inverse\ndynamics"
@@ -89,11 +87,8 @@ class LoadTorque(ReferenceTorque):
     .. pydrake_system::
 
         name: LoadTorque
-        input_ports:
-        - reference
-        output_ports:
-        - load_torque
-        - alleviating_torque
+        input_ports: [reference]
+        output_ports: [load_torque, alleviating_torque]
     """
 
     def __init__(self, *, robot: Robot, algorithm: str = "consistent") -> None:

@@ -28,10 +28,8 @@ class Disturbance(SymbolicLaw):
     .. pydrake_system::
 
         name: Disturbance
-        input_ports:
-        - load_torque
-        output_ports:
-        - disturbance
+        input_ports: [load_torque]
+        output_ports: [disturbance]
     """
 
     symbol = "A sin(omega_D t)"
@@ -75,10 +73,8 @@ class JointFriction(SymbolicLaw):
     .. pydrake_system::
 
         name: JointFriction
-        input_ports:
-        - state
-        output_ports:
-        - friction
+        input_ports: [state]
+        output_ports: [friction]
     """
 
     symbol = "friction"

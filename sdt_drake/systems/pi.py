@@ -42,11 +42,8 @@ class PiSpeedController(Diagram):
     .. pydrake_system::
 
         name: PiSpeedController
-        input_ports:
-        - reference
-        - state
-        output_ports:
-        - tau_fb
+        input_ports: [reference, state]
+        output_ports: [tau_fb]
     """
 
     symbols: ClassVar = {
@@ -120,11 +117,8 @@ class CtcFeedforward(Diagram):
     .. pydrake_system::
 
         name: CtcFeedforward
-        input_ports:
-        - tau_fb
-        - tau_ff
-        output_ports:
-        - tau_cmd
+        input_ports: [tau_fb, tau_ff]
+        output_ports: [tau_cmd]
     """
 
     def __init__(self, *, n: int) -> None:
@@ -147,11 +141,8 @@ class PositionLoop(Diagram):
     .. pydrake_system::
 
         name: PositionLoop
-        input_ports:
-        - reference
-        - sampled_state
-        output_ports:
-        - speed_reference
+        input_ports: [reference, sampled_state]
+        output_ports: [speed_reference]
     """
 
     symbol = "v_ref +\nK_V (q_ref - q)"
@@ -183,13 +174,8 @@ class GainSchedule(Diagram):
     .. pydrake_system::
 
         name: GainSchedule
-        input_ports:
-        - reference
-        - inertia_share
-        - state
-        output_ports:
-        - weighted_reference
-        - weighted_state
+        input_ports: [reference, inertia_share, state]
+        output_ports: [weighted_reference, weighted_state]
     """
 
     symbol = "speeds x\nI_eff / I_eff,max"

@@ -24,11 +24,8 @@ class AxisProcess(Diagram):
     .. pydrake_system::
 
         name: AxisProcess
-        input_ports:
-        - tau
-        - load_torque
-        output_ports:
-        - state
+        input_ports: [tau, load_torque]
+        output_ports: [state]
     """
 
     symbol = "1 / (I_eff s)"
@@ -72,11 +69,8 @@ class RobotPlant(Diagram):
     .. pydrake_system::
 
         name: RobotPlant
-        input_ports:
-        - tau
-        - load_torque
-        output_ports:
-        - state
+        input_ports: [tau, load_torque]
+        output_ports: [state]
 
     Attributes:
         plant: Drake's.
@@ -121,12 +115,8 @@ class ElasticJoints(Diagram):
     .. pydrake_system::
 
         name: ElasticJoints
-        input_ports:
-        - tau
-        - state
-        output_ports:
-        - tau_link
-        - motor_state
+        input_ports: [tau, state]
+        output_ports: [tau_link, motor_state]
     """
 
     symbol = "elastic\njoints"

@@ -24,8 +24,7 @@ class ReferenceSource(Diagram):
     .. pydrake_system::
 
         name: ReferenceSource
-        output_ports:
-        - reference
+        output_ports: [reference]
     """
 
     symbol = "planner"
@@ -48,8 +47,7 @@ class SignalTable(Diagram):
     .. pydrake_system::
 
         name: SignalTable
-        output_ports:
-        - (signals)
+        output_ports: [(signals)]
     """
 
     symbol = "table"

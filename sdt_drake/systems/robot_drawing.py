@@ -34,8 +34,7 @@ class RobotDrawing(Diagram):
     .. pydrake_system::
 
         name: RobotDrawing
-        input_ports:
-        - state
+        input_ports: [state]
 
     Attributes:
         plant, scene_graph: what is drawn, and by what.
