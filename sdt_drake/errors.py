@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import filecmp
+import math
 import os
 import secrets
 import stat
@@ -166,15 +167,17 @@ def has_control_characters(text: str) -> bool:
     return any(unicodedata.category(letter) in ("Cc", "Cs") for letter in text)
 
 
-def checked_input(path: Path) -> Path:
-    """A file that is going to be read; every reader of files begins here.
+def checked_input(path: Path, most: float = math.inf) -> Path:
+    """A file of at most `most` bytes that is going to be read; every reader of files begins here.
 
     Raises:
-        InputError: if it is none, or a file that the command writes.
+        InputError: if it is none, longer, or a file that the command writes.
     """
     status = _status(path)
     if status is None:
         raise InputError(f"{path}: no such file")
+    if status.st_size > most:
+        raise InputError(f"{path}: {status.st_size} bytes, expected at most {most}")
     if _inputs is not None:
         _inputs.add((status.st_dev, status.st_ino))
     return _separate(path)
@@ -191,6 +194,17 @@ def checked_output(path: Path) -> Path:
     if status is not None and _inputs is not None:
         _outputs.add((status.st_dev, status.st_ino))
     return _separate(path)
+
+
+def checked_suffix(path: Path, suffixes: Sequence[str]) -> Path:
+    """A path of one of these kinds.
+
+    Raises:
+        InputError: naming them.
+    """
+    if path.suffix not in suffixes:
+        raise InputError(f"{path}: unknown kind of file, expected {', '.join(suffixes)}")
+    return path
 
 
 def _status(path: Path) -> os.stat_result | None:
@@ -225,11 +239,8 @@ def read_text(path: Path, most: int) -> str:
     Raises:
         InputError: if it is no file, longer, or no UTF-8.
     """
-    size = checked_input(path).stat().st_size
-    if size > most:
-        raise InputError(f"{path}: {size} bytes, expected at most {most}")
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return checked_input(path, most).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read ({error})") from None
 

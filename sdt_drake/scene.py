@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -136,10 +134,18 @@ class Scene:
     def __init__(self, robot: Robot, frames: Frames, meshcat: Meshcat) -> None:
         self.meshcat, self.frames = meshcat, frames
         meshcat.Delete()
-        with _drawing(robot):
+        try:  # what is wrong with shapes shows here: `load_robot` reads none
             self._robot = RobotDrawing(robot=robot, meshcat=meshcat)
             self._context = self._robot.CreateDefaultContext()
             low, high = _extent(robot, self._robot, frames.q)
+        except InputError:
+            raise
+        except (Exception, SystemExit) as error:  # the latter is how Drake refuses a radius
+            reason = re.sub(rf"\S*{re.escape(robot.path.name)}:", "line ", told_by(error))
+            raise InputError(
+                f"{robot.path}: a <visual> cannot be drawn ({reason}); a robot without any is "
+                "drawn as balls and rods"
+            ) from None
         _draw_surroundings(meshcat, low, high)
         if frames.head is not None:
             _draw_head(meshcat, frames.head.position)
@@ -189,21 +195,6 @@ def arrow_pose(position: Array, specific_force: Array) -> tuple[RigidTransform, 
         return RigidTransform(position), 0.0
     rotation = RotationMatrix.MakeFromOneVector(specific_force, 2)
     return RigidTransform(rotation, position), METRES_PER_G * size / GRAVITY
-
-
-@contextmanager
-def _drawing(robot: Robot) -> Iterator[None]:
-    """What is wrong with shapes shows here: `load_robot` reads none."""
-    try:
-        yield
-    except InputError:
-        raise
-    except (Exception, SystemExit) as error:  # the latter is how Drake refuses a radius
-        reason = re.sub(rf"\S*{re.escape(robot.path.name)}:", "line ", told_by(error))
-        raise InputError(
-            f"{robot.path}: a <visual> cannot be drawn ({reason}); a robot without any is drawn as "
-            "balls and rods"
-        ) from None
 
 
 def _extent(robot: Robot, drawing: RobotDrawing, q: Array) -> tuple[Array, Array]:

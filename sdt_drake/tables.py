@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sdt_drake.arrays import Array
-from sdt_drake.errors import InputError, checked_input, needing, replacing
+from sdt_drake.errors import InputError, checked_input, checked_suffix, needing, replacing
 from sdt_drake.formats import BINARY, check_binary, flat, read_binary, write_binary
 
 if TYPE_CHECKING:
@@ -40,9 +40,7 @@ def write_table(
         InputError: for another suffix; if the file cannot be written, or needs a package that is
             not installed.
     """
-    path, whole = Path(path), {first: time, **columns}
-    if path.suffix not in TABLES:
-        raise InputError(f"{path}: unknown kind of file, expected {', '.join(TABLES)}")
+    path, whole = checked_suffix(Path(path), TABLES), {first: time, **columns}
     if path.suffix in BINARY:
         check_binary(path)
         with replacing(path) as partial:
@@ -207,7 +205,7 @@ def read_numbers(
         InputError: naming the file, and the line where there is one: no such file, not UTF-8, no
             such delimiter, a text for a number, a row of another length, more than MOST_BYTES.
     """
-    path = _checked(Path(path))
+    path = checked_input(Path(path), MOST_BYTES)
     lines = itertools.islice(_lines(path), skip, None)
     start = list(itertools.islice(lines, least + header))
     if len(start) < least + header:
@@ -230,15 +228,8 @@ def read_numbers(
     return Numbers(path, names, data, skip + header)
 
 
-def _checked(path: Path) -> Path:
-    size = checked_input(path).stat().st_size
-    if size > MOST_BYTES:
-        raise InputError(f"{path}: {size} bytes, expected at most {MOST_BYTES}")
-    return path
-
-
 def _read_binary(path: Path) -> Numbers:
-    columns = read_binary(_checked(path))
+    columns = read_binary(checked_input(path, MOST_BYTES))
     ordered = sorted(columns, key=lambda name: name != "time")  # MATLAB sorts them as it likes
     if len(columns) == 0 or len(columns[ordered[0]]) < 2:
         raise InputError(f"{path}: fewer than two rows")

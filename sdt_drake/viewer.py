@@ -14,7 +14,13 @@ from pydrake.geometry import Meshcat, MeshcatParams
 
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
-from sdt_drake.errors import InputError, checked_type, replacing
+from sdt_drake.errors import (
+    InputError,
+    checked_output,
+    checked_suffix,
+    checked_type,
+    replacing,
+)
 from sdt_drake.motion import Story
 from sdt_drake.pilot import check_head
 from sdt_drake.resources import page_text
@@ -33,8 +39,8 @@ from sdt_drake.scene import (
 )
 from sdt_drake.simulate import Recording
 
-RATES = (0.01, 1000.0)
-"""Slowest and fastest: 1 for real time, 2 for twice as fast [-]."""
+PAGES = (".html",)
+"""Kinds of files that pages are written as."""
 
 
 def record_html(
@@ -63,7 +69,7 @@ def record_html(
     Raises:
         InputError: if the motion does not fit the robot, or the file cannot be written.
     """
-    check_html(Path(path))
+    checked_suffix(checked_output(Path(path)), PAGES)
     page = recorded_page(robot, time, q, title=title, pilot=pilot, story=story)
     Animation(page, title).save(path)
 
@@ -89,8 +95,7 @@ class Animation:
         Raises:
             InputError: if the path does not end in .html, or cannot be written.
         """
-        check_html(Path(path))
-        with replacing(Path(path)) as partial:
+        with replacing(checked_suffix(Path(path), PAGES)) as partial:
             partial.write_text(self._page, encoding="utf-8")
 
 
@@ -109,18 +114,6 @@ def view(design: Design, recording: Recording | None = None, *, pilot: bool = Fa
     motion, title = design.motion, design.scenario.name
     time, q = (motion.time, motion.q) if recording is None else (recording.time, recording.q)
     return Animation(recorded_page(design.robot, time, q, title=title, pilot=pilot), title)
-
-
-def check_html(path: Path) -> None:
-    """Refuse, before anything is computed, a path that no page is written to.
-
-    Raises:
-        InputError: if it is a folder, or does not end in .html.
-    """
-    if path.is_dir():
-        raise InputError(f"{path}: is a folder, expected a file")
-    if path.suffix != ".html":
-        raise InputError(f"{path}: expected an .html file")
 
 
 def recorded_page(
@@ -197,27 +190,6 @@ def _css(colour: tuple[float, ...]) -> str:
 # --- live -----------------------------------------------------------------------------------------
 
 
-def check_port(port: int | None) -> None:
-    """Refuse a port that a server of a user cannot have; None is any free one.
-
-    Raises:
-        InputError: if it is out of range.
-    """
-    if port is not None and not 1024 <= port <= 65535:
-        raise InputError(f"port: {port}, expected 1024 to 65535")
-
-
-def check_rate(rate: float, where: str = "rate") -> None:
-    """Refuse a rate [-] at which nobody can watch.
-
-    Raises:
-        InputError: naming `where`, if it is beyond RATES.
-    """
-    slowest, fastest = RATES
-    if not slowest <= rate <= fastest:
-        raise InputError(f"{where}: {rate:g}, expected {slowest:g} to {fastest:g}")
-
-
 def open_meshcat(port: int | None = None) -> Meshcat:
     """A Meshcat server that only this machine reaches.
 
@@ -249,7 +221,7 @@ def play(
 
     Args:
         robot, time, q: as in `record_html`.
-        rate: 1 for real time, 2 for twice as fast; within RATES.
+        rate: 1 for real time, 2 for twice as fast [-].
         pilot: with the camera at the head, looking forward.
         port: of the server on this machine; by default the first free one from 7000 to 7099.
         once: return at the end of the motion.

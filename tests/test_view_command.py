@@ -101,13 +101,13 @@ def test_plays_once_and_says_where(desk, good):
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
-        (("run.yaml", "--record", "a.htm"), "a.htm: expected an .html file"),
+        (("run.yaml", "--record", "a.htm"), "a.htm: unknown kind of file, expected .html"),
         (("run.yaml", "--record", "."), "is a folder"),
-        (("run.yaml", "--rate", "0.0099"), "--rate: 0.0099, expected 0.01 to 1000"),
-        (("run.yaml", "--rate", "1000.5"), "--rate: 1000.5, expected 0.01 to 1000"),
+        (("run.yaml", "--rate", "0.0099"), "--rate: 0.0099, expected a number >= 0.01 and <= 1000"),
+        (("run.yaml", "--rate", "1000.5"), "--rate: 1000.5, expected a number >= 0.01 and <= 1000"),
         (("run.yaml", "--rate", "nan"), "--rate: nan"),
         (("run.yaml", "--record", "run.yaml/a.html"), "run.yaml: is a file, expected a folder"),
-        (("run.yaml", "--port", "80"), "port: 80, expected 1024 to 65535"),
+        (("run.yaml", "--port", "80"), "--port: 80, expected a number >= 1024 and <= 65535"),
         (("run.yaml", "--port", "65536"), "port: 65536"),
         (("run.yaml", "--robot", "other.sdf"), "--robot: the scenario names the robot"),
         (("run.yaml", "--record", "a.html", "--once"), "--once: has no effect with --record"),

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from sdt_drake.commands.bar import bar
-from sdt_drake.errors import InputError, checked_name, checked_output
+from sdt_drake.errors import InputError, checked_name, checked_output, checked_suffix
 from sdt_drake.fields import Rule
 from sdt_drake.formats import BINARY, check_binary
 from sdt_drake.shown import aligned, by_joint
@@ -246,8 +246,7 @@ def check_out(options: argparse.Namespace) -> None:
 def check_file(path: Path, suffixes: Sequence[str]) -> None:
     """Refuse a file to write that is none, of another kind, or below a file; see `replacing`."""
     checked_output(path)
-    if path.suffix not in suffixes:
-        raise InputError(f"{path}: unknown kind of file, expected {', '.join(suffixes)}")
+    checked_suffix(path, suffixes)
     check_folder(path.parent)
 
 

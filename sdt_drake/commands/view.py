@@ -38,21 +38,25 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--pilot", action="store_true", help="start with the pilot's own view")
     parser.add_argument(
-        "--rate", type=float, default=1.0, help="live: 2 for twice as fast, 0.01 to 1000"
+        "--rate",
+        type=common.number(minimum=0.01, maximum=1000),
+        default=1.0,
+        help="live: 2 for twice as fast, 0.01 to 1000",
     )
-    parser.add_argument("--port", type=int, help="live: 1024 to 65535 (default: a free one)")
+    parser.add_argument(
+        "--port",
+        type=common.number(minimum=1024, maximum=65535),
+        help="live: 1024 to 65535 (default: a free one)",
+    )
     parser.add_argument("--once", action="store_true", help="live: stop at the end of the motion")
 
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.scene import check_angles
-    from sdt_drake.viewer import check_html, check_port, check_rate, play, record_html
+    from sdt_drake.viewer import PAGES, play, record_html
 
-    check_rate(options.rate, "--rate")
-    check_port(options.port)
     if options.record is not None:
-        check_html(options.record)
-        common.check_file(options.record, [".html"])
+        common.check_file(options.record, PAGES)
         _check_live_options(options)
     title, robot, time, q, story = _motion(options)
     with common.naming(options.scenario):
@@ -68,7 +72,7 @@ def run(options: argparse.Namespace) -> None:
         q,
         rate=options.rate,
         pilot=options.pilot,
-        port=options.port,
+        port=None if options.port is None else int(options.port),
         once=options.once,
         announce=lambda address: say(f"{title}: {address}{end}"),
     )
