@@ -21,8 +21,7 @@ from sdt_drake.errors import InputError, checked_output
 
 if TYPE_CHECKING:
     from sdt_drake.design import Design
-    from sdt_drake.learning.convergence import Convergence
-    from sdt_drake.learning.filter import LearningFilter
+    from sdt_drake.learning.filter import Convergence, LearningFilter
 
 EXAMPLE = "sdt-drake learn wrong_model --set controller.kind=p_pi --flights 5 --out learned"
 
@@ -110,7 +109,6 @@ def _simulated(options: argparse.Namespace) -> None:
         LEARNED,
         SCENARIO,
         UNFINISHED,
-        Learned,
         flight_rows,
         remove_unfinished,
         summary,
@@ -142,7 +140,7 @@ def _simulated(options: argparse.Namespace) -> None:
         for line in summary(lessons):
             say(line)
         write_learned(folder, design, lessons)
-        page = write_report(folder, Learned(design, filter_, checks, lessons))
+        page = write_report(folder, design, filter_, checks, lessons)
     except KeyboardInterrupt:
         if (kept / FLIGHTS).exists():
             say(f"interrupted; flights so far are kept in {kept}: {goes_on}")
@@ -162,8 +160,7 @@ def _checked_filter(
     """
     import numpy as np
 
-    from sdt_drake.learning.convergence import convergence, refuse_divergence
-    from sdt_drake.learning.filter import design_filter
+    from sdt_drake.learning.filter import convergence, design_filter, refuse_divergence
     from sdt_drake.learning.loops import loops_of
     from sdt_drake.learning.report import check_rows
     from sdt_drake.studies.study import load_study
@@ -195,7 +192,7 @@ def _from_recordings(options: argparse.Namespace) -> None:
     import numpy as np
 
     from sdt_drake.identification.recordings import load_columns, read_recording
-    from sdt_drake.learning.state import SCENARIO, read_state, reference_file, teach, write_step
+    from sdt_drake.learning.state import SCENARIO, read_state, teach, write_step
 
     folder: Path | None = options.state
     if folder is None:
@@ -240,8 +237,7 @@ def _from_recordings(options: argparse.Namespace) -> None:
     path = write_step(folder, design, state, taught)
     say(f"{path} written: fly it, then learn from its recording")
     best = min([*state.flights, flight], key=lambda one: one.score)
-    where = "the planned motion" if best.reference == 1 else reference_file(folder, best.reference)
-    say(f"best so far: {where}, {np.degrees(best.score):.5f} deg (RMS of all joints)")
+    say(f"best so far: {best.flown(folder)}, {np.degrees(best.score):.5f} deg (RMS of all joints)")
 
 
 def _check_motion(name: str, design: Design) -> None:

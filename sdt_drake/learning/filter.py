@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
 from sdt_drake.errors import InputError
-from sdt_drake.learning.loops import LoopSet, frequencies, known_loop, responses
-from sdt_drake.learning.response import Complex
+from sdt_drake.learning.loops import Complex, LoopSet, frequencies, known_loop, responses
 
 _LEFT = 0.5  # of an error, at most, after a flight of a loop that is trusted; and of |G|, at least
 _SLOW = {"start": _LEFT, "mean": 0.02}
@@ -48,6 +47,7 @@ class LearningFilter:
     Attributes:
         omega: [rad/s], shape (m,).
         inverse: L over `omega`, [rad/rad] or [N m/rad], shape (m, n).
+        answer: of positions to their reference, by the model [rad/rad], shape (m, n).
         bandwidth: of Q, for each joint.
         lowest: below which Q lets nothing through [rad/s], shape (n,); 0 for everything.
         period: of the samples [s].
@@ -56,6 +56,7 @@ class LearningFilter:
 
     omega: Array
     inverse: Complex
+    answer: Complex
     bandwidth: tuple[Bandwidth, ...]
     lowest: Array
     period: float
@@ -143,7 +144,9 @@ def design_filter(
         InputError: for a bandwidth beyond the samples.
     """
     period, omega = design.motion.period, frequencies(design)
-    mean = np.mean([_own(response) for response in loops[0].responses], axis=0)
+    mean = answer = _mean(loops[0].responses)
+    if of != "reference":
+        answer = _mean(responses(known_loop(design), "reference"))
     if bandwidth is not None and not 0 < bandwidth < np.pi / period:
         raise InputError(
             f"--bandwidth: {bandwidth / (2 * np.pi):g} Hz, expected > 0 and less than half the "
@@ -152,10 +155,6 @@ def design_filter(
     if bandwidth is not None:
         chosen = [Bandwidth(bandwidth, "as given")] * design.robot.n
     else:
-        answer = mean
-        if of != "reference":
-            own = responses(known_loop(design), "reference")
-            answer = np.mean([_own(response) for response in own], axis=0)
         every = (response for group in loops for response in group.responses)
         spread = np.max([np.abs(1 - _own(response) / mean) for response in every], axis=0)
         chosen = [
@@ -167,7 +166,7 @@ def design_filter(
     if of == "torque":
         slow = _SLOW[design.scenario.held_speed]
         lowest = omega[(size > slow * size.max(axis=0)).argmax(axis=0)]
-    return LearningFilter(omega, 1 / mean, tuple(chosen), lowest, period, of)
+    return LearningFilter(omega, 1 / mean, answer, tuple(chosen), lowest, period, of)
 
 
 def _trusted(design: Design, omega: Array, answer: Array, spread: Array) -> Bandwidth:
@@ -183,6 +182,11 @@ def _trusted(design: Design, omega: Array, answer: Array, spread: Array) -> Band
     return min(limits, key=lambda limit: limit.omega)
 
 
+def _mean(every: Sequence[Complex]) -> Complex:
+    """Of each joint to itself, over the poses, shape (m, n)."""
+    return np.asarray(np.mean([_own(response) for response in every], axis=0))
+
+
 def _own(response: Complex) -> Complex:
     """Of each joint to itself, shape (m, n)."""
     return np.asarray(np.einsum("mkk->mk", response))
@@ -190,3 +194,61 @@ def _own(response: Complex) -> Complex:
 
 def _first(omega: Array, where: NDArray[np.bool_]) -> float:
     return float(omega[where.argmax()]) if where.any() else float("inf")
+
+
+# --- whether it converges ------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Convergence:
+    """The share of an error that is left by a flight, |Q (1 - L G)|, of the worst loop of a set.
+
+    Attributes:
+        loops: the set.
+        share: of each joint alone, over the filter's frequencies [-], shape (m, n).
+        together: of all joints with what they do to each other: the spectral radius [-], (m,).
+    """
+
+    loops: LoopSet
+    share: Array
+    together: Array
+
+    @property
+    def largest(self) -> float:
+        """Below 1, every error shrinks [-]."""
+        return float(max(self.share.max(), self.together.max()))
+
+
+def convergence(filter_: LearningFilter, loops: LoopSet) -> Convergence:
+    """How a filter does on loops that are linear, and that all flights share."""
+    share = np.zeros((len(filter_.omega), len(filter_.bandwidth)))
+    together = np.zeros(len(filter_.omega))
+    for response in loops.responses:
+        left = filter_.contraction(response)
+        share = np.maximum(share, np.abs(_own(left)))
+        together = np.maximum(together, np.abs(np.linalg.eigvals(left)).max(axis=1))
+    return Convergence(loops, share, together)
+
+
+def refuse_divergence(checks: Sequence[Convergence], filter_: LearningFilter) -> None:
+    """Raise InputError if an error could grow: naming the loops, the joint and the frequency; or if
+    motors of the one device that is going to fly would saturate, whatever is learned."""
+    for check in checks:
+        name = check.loops.name
+        if check.largest >= 1:
+            i = int(np.maximum(check.share.max(axis=1), check.together).argmax())
+            k = int(check.share[i].argmax())
+            who = f"joint {k + 1}" if check.share[i, k] >= 1 else "the joints together"
+            raise InputError(
+                f"learning does not converge for {name}: {who} would keep {check.largest:.3g} of "
+                f"an error at {filter_.omega[i] / (2 * np.pi):.3g} Hz, expected less than 1: a "
+                "lower --bandwidth, or a better model"
+            )
+        k = int(check.loops.demand.max(axis=0).argmax())
+        demand = check.loops.demand[:, k].max()
+        if check.loops.devices == 1 and demand > 1:
+            raise InputError(
+                f"learning does not converge for {name}: the motion takes {100 * demand:.1f} % of "
+                f"the torque of motor {k + 1}, which saturates whatever is learned; expected a "
+                "slower motion, or a lower torque_margin"
+            )

@@ -85,6 +85,13 @@ class Step(NamedTuple):
     share: float
     limit: str
 
+    @property
+    def note(self) -> str:
+        """What was not taken of it, and why; "" for nothing."""
+        if self.share < 1:
+            return f"scaled back to {100 * self.share:.0f} % of the step, {self.limit}"
+        return f"torque cut off, {self.limit}" if self.limit else ""
+
 
 def next_step(design: Design, filter_: LearningFilter, error: Array) -> Step:
     """What the next flight gets, as much of it as keeps the planner's limits.
@@ -100,30 +107,26 @@ def next_step(design: Design, filter_: LearningFilter, error: Array) -> Step:
     before = design.motion.q - design.wanted.q
     change = filter_.next(before, error) - before
 
-    def part(share: float) -> LearnedReference:
-        """With a share of the step.
+    scenario = design.scenario
 
-        Raises:
-            InputError: if it is beyond a limit.
-        """
+    def part(share: float) -> LearnedReference:
+        """With a share of the step, where that is within all limits."""
         motion = _beside(design.wanted, before + share * change, filter_)
-        learned, margin = LearnedReference(motion, design.learned_torque), scenario.torque_margin
-        learned.check(design.wanted, design.nominal, torque_margin=margin)
+        learned = LearnedReference(motion, design.learned_torque)
+        learned.check(design.wanted, design.nominal, torque_margin=scenario.torque_margin)
         return learned
 
-    scenario = design.scenario
-    try:
-        return Step(part(1.0), 1.0, "")
-    except InputError as problem:
-        limit = str(problem)
-    learned, low, high = LearnedReference(design.motion, design.learned_torque), 0.0, 1.0
-    for _ in range(_HALVINGS):
-        share = (low + high) / 2
+    step = Step(LearnedReference(design.motion, design.learned_torque), 0.0, "")
+    share, high = 1.0, 1.0
+    for _ in range(1 + _HALVINGS):
         try:
-            learned, low = part(share), share
-        except InputError:
-            high = share
-    return Step(learned, low, limit)
+            step = step._replace(learned=part(share), share=share)
+        except InputError as problem:
+            step, high = step._replace(limit=step.limit or str(problem)), share
+        if step.share == 1:
+            break
+        share = (step.share + high) / 2
+    return step
 
 
 def _beside(wanted: Motion, change: Array, filter_: LearningFilter) -> Motion:

@@ -14,7 +14,6 @@ from sdt_drake.design import Design
 from sdt_drake.errors import InputError
 from sdt_drake.identification.recordings import Recorded
 from sdt_drake.learning.filter import LearningFilter, through
-from sdt_drake.learning.loops import known_loop, responses
 from sdt_drake.motion import Motion
 
 _GAP = 2.5  # usual steps of time
@@ -64,7 +63,7 @@ def match(
     _check_samples(recorded, filter_)
     q_ref, number = recorded.signals.get("q_ref"), -1
     if q_ref is None or recorded.of_links:  # where `simulate` writes the planned motion
-        shift = _coarse(recorded, recorded.signals["q"], _expected(design, filter_, references[-1]))
+        shift = _coarse(recorded, recorded.signals["q"], _expected(filter_, references[-1]))
         near = 2.1 * max(design.motion.period, float(np.median(np.diff(recorded.time))))
         shift = 0.0 if abs(shift) < near else shift
     else:
@@ -78,7 +77,7 @@ def match(
             )
     _check_whole(recorded, references[number], shift)
     q = _at(recorded, recorded.signals["q"], references[-1], shift)
-    _check_motion(recorded, q, _expected(design, filter_, references[number]))
+    _check_motion(recorded, q, _expected(filter_, references[number]))
     return Matched(q, shift, number)
 
 
@@ -104,14 +103,11 @@ def _check_samples(recorded: Recorded, filter_: LearningFilter) -> None:
         )
 
 
-def _expected(design: Design, filter_: LearningFilter, reference: Motion) -> Motion:
+def _expected(filter_: LearningFilter, reference: Motion) -> Motion:
     """What the loop's model makes of a reference."""
-    answer = 1 / filter_.inverse
-    if filter_.of != "reference":
-        every = responses(known_loop(design), "reference")
-        answer = np.mean([np.einsum("mkk->mk", response) for response in every], axis=0)
-    q = reference.q + through(reference.q, answer - 1, filter_.omega, reference.period)
-    return Motion(reference.period, q, np.gradient(q, reference.period, axis=0), reference.vd)
+    period = reference.period
+    q = reference.q + through(reference.q, filter_.answer - 1, filter_.omega, period)
+    return Motion(period, q, np.gradient(q, period, axis=0), reference.vd)
 
 
 def _coarse(recorded: Recorded, values: Array, motion: Motion) -> float:

@@ -5,20 +5,29 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure as Picture
 
-from sdt_drake.analysis import style
 from sdt_drake.analysis.document import Cell, Document, Figure, Section, Table, Text, write_text
+from sdt_drake.analysis.panels import over_time, picture
+from sdt_drake.analysis.style import (
+    PALETTE,
+    Look,
+    finish,
+    grid,
+    joint_title,
+    nth_look,
+    plain_numbers,
+    save_both,
+    style,
+)
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
 from sdt_drake.errors import replacing_all
-from sdt_drake.learning import plots
-from sdt_drake.learning.convergence import Convergence
-from sdt_drake.learning.filter import LearningFilter
+from sdt_drake.learning.filter import Convergence, LearningFilter
 from sdt_drake.learning.flights import Flight, Lessons
 from sdt_drake.scenario import save_scenario
 from sdt_drake.tables import write_table
@@ -33,23 +42,6 @@ Rows = tuple[list[str], list[list[Cell]]]
 """Header and rows of a table; a cell may have a text for each joint."""
 
 
-@dataclass(frozen=True, eq=False)
-class Learned:
-    """Everything of a course of flights.
-
-    Attributes:
-        design: of the first flight.
-        filter: that was learned with.
-        checks: of its convergence.
-        lessons: the flights.
-    """
-
-    design: Design
-    filter: LearningFilter
-    checks: Sequence[Convergence]
-    lessons: Lessons
-
-
 def check_rows(
     checks: Sequence[Convergence], filter_: LearningFilter
 ) -> tuple[list[str], list[list[str]]]:
@@ -61,7 +53,7 @@ def check_rows(
     ]  # fmt: skip
     rows = [
         [
-            _name(one),
+            one.loops.title,
             *(f"{x:.3f}" for x in one.share.max(axis=0)),
             f"{one.together.max():.3f}",
             f"{100 * one.loops.demand.max():.1f}",
@@ -69,11 +61,6 @@ def check_rows(
         for one in checks
     ]
     return header, rows
-
-
-def _name(check: Convergence) -> str:
-    loops = check.loops
-    return f"{loops.name} ({loops.devices})" if loops.devices > 1 else loops.name
 
 
 def flight_rows(flights: Sequence[Flight]) -> Rows:
@@ -103,13 +90,8 @@ def summary(lessons: Lessons) -> list[str]:
     first, best = lessons.flights[0], lessons.best
     lines = []
     for number, step in enumerate(lessons.steps, start=2):
-        if step.share < 1:
-            lines.append(
-                f"flight {number}: scaled back to {100 * step.share:.0f} % of the step, "
-                f"{step.limit}"
-            )
-        elif step.limit:
-            lines.append(f"flight {number}: torque cut off, {step.limit}")
+        if step.note:
+            lines.append(f"flight {number}: {step.note}")
     if lessons.reason:
         lines.append(f"stopped after flight {lessons.flights[-1].number}: {lessons.reason}")
     worst = int(first.largest.argmax())
@@ -147,18 +129,31 @@ def remove_unfinished(folder: Path) -> None:
         (folder / UNFINISHED).rmdir()
 
 
-def write_report(folder: Path, learned: Learned) -> Path:
-    """Write figures and report; the report's page."""
-    design, lessons, names = learned.design, learned.lessons, learned.design.robot.joint_names
-    first, best = lessons.flights[0], lessons.best
+def write_report(
+    folder: Path,
+    design: Design,
+    filter_: LearningFilter,
+    checks: Sequence[Convergence],
+    lessons: Lessons,
+) -> Path:
+    """Write figures and report; the report's page.
+
+    Args:
+        folder: to write into.
+        design: of the first flight.
+        filter_: that was learned with.
+        checks: of its convergence.
+        lessons: the flights.
+    """
+    names, first, best = design.robot.joint_names, lessons.flights[0], lessons.best
     title = f"{design.scenario.name}: {design.scenario.controller.label}"
     compared = [first] if best is first else [first, best]
     pictures = {
-        "convergence": plots.check(
-            f"{title}, the error that a flight leaves", learned.checks, learned.filter, names
+        "convergence": plot_checks(
+            f"{title}, the error that a flight leaves", checks, filter_, names
         ),
-        "flights": plots.by_flight(f"{title}, by flight", lessons.flights, names),
-        "errors": plots.errors(f"{title}, position errors", design.wanted.time, compared, names),
+        "flights": plot_flights(f"{title}, by flight", lessons.flights, names),
+        "errors": plot_errors(f"{title}, position errors", design.wanted.time, compared, names),
     }
     document = Document(f"{title}: learned", lead=" ".join(f"{x}." for x in summary(lessons)))
     document.sections = [
@@ -170,9 +165,9 @@ def write_report(folder: Path, learned: Learned) -> Path:
         Section("Does it converge?", [
             Text(
                 "Told before the first flight, from linear models: the share of an error that a "
-                f"flight leaves. What is learned is the {learned.filter.of}."
+                f"flight leaves. What is learned is the {filter_.of}."
             ),
-            Table(*check_rows(learned.checks, learned.filter)),
+            Table(*check_rows(checks, filter_)),
             _figure(
                 folder, pictures, "convergence",
                 "Below 1 an error shrinks; above the bandwidth (dotted) nothing is learned, and "
@@ -185,7 +180,7 @@ def write_report(folder: Path, learned: Learned) -> Path:
 
 
 def _figure(folder: Path, pictures: dict[str, Picture], name: str, caption: str) -> Figure:
-    return Figure(caption, style.save_both(pictures[name], folder / f"{name}.png"), folder)
+    return Figure(caption, save_both(pictures[name], folder / f"{name}.png"), folder)
 
 
 def _write_flights(path: Path, flights: Sequence[Flight]) -> None:
@@ -201,3 +196,96 @@ def _write_flights(path: Path, flights: Sequence[Flight]) -> None:
         columns["felt_share"] = felt
     number = np.array([float(flight.number) for flight in flights])
     write_table(path, number, columns, first="flight")
+
+
+# --- figures -------------------------------------------------------------------------------------
+
+
+def plot_checks(
+    title: str, checks: Sequence[Convergence], filter_: LearningFilter, joint_names: Sequence[str]
+) -> Picture:
+    """What a flight leaves of an error over frequency, a panel for each joint."""
+    hertz = filter_.omega / (2 * np.pi)
+    with style():
+        figure, axes = grid(
+            (len(joint_names) + 1) // 2, 2, panel=(3.95, 1.9), gaps=(0.75, 0.45), sharex=True
+        )
+        for k, name in enumerate(joint_names):
+            ax = axes.flat[k]
+            for i, one in enumerate(checks):
+                look = nth_look(i)
+                label = f"{one.loops.title}, this joint alone"
+                ax.loglog(hertz, one.share[:, k], look.dashes, color=look.colour, label=label)
+                if i == len(checks) - 1:
+                    label = f"{one.loops.title}, all joints together"
+                    ax.loglog(hertz, one.together, color="0.6", label=label, zorder=1)
+            ax.axhline(1.0, color=PALETTE[1], linewidth=0.9)
+            cut, why = filter_.bandwidth[k]
+            ax.axvline(cut / (2 * np.pi), color="0.4", linestyle=":", linewidth=0.9)
+            ax.set_title(joint_title(k, name), loc="left", fontweight="bold")
+            ax.set_title(f"up to {cut / (2 * np.pi):.3g} Hz: {why}", loc="right", fontsize=7)
+            ax.set(ylim=(1e-4, 2), xlim=(hertz[0], hertz[-1]), ylabel="error that is left [-]")
+            plain_numbers(ax.xaxis)
+            plain_numbers(ax.yaxis)
+        for ax in axes.flat[len(joint_names) :]:
+            ax.set_visible(False)
+        for ax in axes.flat[max(0, len(joint_names) - 2) : len(joint_names)]:  # the lowest shown
+            ax.set_xlabel("frequency [Hz]")
+            ax.tick_params(labelbottom=True)
+        finish(figure, title)
+    return figure
+
+
+def plot_errors(
+    title: str, time: Array, flights: Sequence[Flight], joint_names: Sequence[str]
+) -> Picture:
+    """Position errors of some flights over time, a panel for each joint."""
+    lines = [
+        (f"flight {flight.number}", Look(PALETTE[i]), np.degrees(flight.error))
+        for flight, i in zip(flights, (1, 0), strict=False)
+    ]
+    panels = over_time("position error [deg]", time, lines, joint_names)
+    for k, panel in enumerate(panels):
+        largest = ", ".join(f"{np.degrees(flight.largest[k]):.3g}" for flight in flights)
+        panels[k] = replace(panel, note=f"largest: {largest} deg")
+    return picture(title, [panels])
+
+
+def plot_flights(title: str, flights: Sequence[Flight], joint_names: Sequence[str]) -> Picture:
+    """Largest and RMS error, what could be felt, and peak torque over the flights."""
+    number = [flight.number for flight in flights]
+    panels = (
+        ("largest position error [deg]", np.degrees([flight.largest for flight in flights])),
+        ("RMS position error [deg]", np.degrees([flight.rms for flight in flights])),
+        ("error that can be felt [% of time]", 100 * np.array([[f.felt] for f in flights])),
+        ("peak torque [% of the motor]", 100 * np.array([flight.peak for flight in flights])),
+    )
+    with style():
+        figure, axes = grid(2, 2, panel=(3.95, 1.9), gaps=(0.75, 0.45))
+        for ax, (label, values) in zip(axes.flat, panels, strict=True):
+            one = values.shape[1] != len(joint_names)
+            for k in range(values.shape[1]):
+                look = nth_look(k)
+                ax.plot(
+                    number,
+                    values[:, k],
+                    look.dashes,
+                    color="black" if one else look.colour,
+                    marker=look.marker,
+                    markersize=4,
+                    label=None if one else joint_title(k, joint_names[k]),
+                )
+            if label.endswith("[deg]") and np.all(values > 0):
+                ax.set_yscale("log")
+                plain_numbers(ax.yaxis)
+            elif np.isnan(values).all():
+                ax.text(0.5, 0.5, "no head", transform=ax.transAxes, ha="center")
+                ax.set_yticks([])
+            else:
+                ax.set_ylim(0, None)
+            ax.set_title(label, loc="left")
+            ax.set_xticks(number)
+        for ax in axes[-1]:
+            ax.set_xlabel("flight")
+        finish(figure, title)
+    return figure

@@ -57,6 +57,11 @@ class FlightRecord:
         """RMS error of all joints that repeats [rad]: less is better."""
         return math.sqrt(sum(x * x for x in self.rms) / max(1, len(self.rms)))
 
+    def flown(self, folder: Path) -> Path | str:
+        """The reference, for people; folder: of the learning."""
+        is_planned = self.reference == 1
+        return "the planned motion" if is_planned else reference_file(folder, self.reference)
+
     @property
     def noise(self) -> float:
         """Of the mean of the recordings, RMS of all joints [rad]; 0 where it is not known."""
@@ -170,31 +175,26 @@ def _refuse_growth(flight: FlightRecord, state: State, path: Path) -> None:
         return
     best = state.flights[state.best]
     if flight.score > _GROWN * best.score + flight.noise + best.noise:
-        where = (
-            "the planned motion" if best.reference == 1 else reference_file(Path(), best.reference)
-        )
         raise InputError(
             f"{path}: the error has grown, from {np.degrees(best.score):.4g} to "
             f"{np.degrees(flight.score):.4g} deg (RMS of all joints): nothing is learned of it; "
-            f"the best so far is {where}"
+            f"the best so far is {best.flown(Path())}"
         )
 
 
 def _notes(flight: FlightRecord, step: Step, state: State, unseen: bool) -> list[str]:
     notes = []
     if unseen:
-        notes.append("it holds no q_ref: that it is of the reference that was to be flown is taken")
+        notes.append(
+            "it holds no q_ref: that the reference to be flown was flown is taken on trust"
+        )
     if flight.floor and flight.score < 2 * flight.noise:
         notes.append("what repeats is within what noise leaves of it: no more can be learned")
     elif state.flights and flight.score > _GAIN * state.flights[state.best].score:
         notes.append(
             "it took less than 5 % off the error that repeats: another one is not worth it"
         )
-    if step.share < 1:
-        notes.append(f"scaled back to {100 * step.share:.0f} % of the step: {step.limit}")
-    elif step.limit:
-        notes.append(f"torque cut off: {step.limit}")
-    return notes
+    return [*notes, step.note] if step.note else notes
 
 
 def write_step(folder: Path, design: Design, state: State, taught: Taught) -> Path:

@@ -21,8 +21,7 @@ import numpy as np
 
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.design import make_design
-from sdt_drake.learning.convergence import convergence
-from sdt_drake.learning.filter import design_filter
+from sdt_drake.learning.filter import convergence, design_filter
 from sdt_drake.learning.flights import learn
 from sdt_drake.learning.loops import devices_of, loop_set, loops_of
 from sdt_drake.scenario import load_scenario
