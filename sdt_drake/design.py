@@ -18,7 +18,6 @@ from sdt_drake.device import (
     Drive,
     FrictionParameters,
     Springs,
-    chosen_robot,
     friction_parameters,
     sliding_friction,
 )
@@ -33,6 +32,7 @@ from sdt_drake.dynamics import (
 from sdt_drake.errors import InputError, checked_type, within
 from sdt_drake.fields import check
 from sdt_drake.motion import LearnedReference, Motion, Plan, load_learned, load_plan
+from sdt_drake.motors import chosen_robot
 from sdt_drake.plant import check_poles, plant_along
 from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import Scenario

@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 from sdt_drake.analysis.document import Block, Heading, Table, Text, write_text
 from sdt_drake.controllers import CONTROLLERS, Controller
-from sdt_drake.device import Catalogue
 from sdt_drake.drive_files import Drives
 from sdt_drake.errors import InputError
 from sdt_drake.identification.recordings import Columns
 from sdt_drake.motion import MotionProfile
+from sdt_drake.motors import Catalogue
 from sdt_drake.resources import page_text
 from sdt_drake.scenario import Scenario
 from sdt_drake.schema import Part, entry_of, json_schema, parts

@@ -11,11 +11,12 @@ from pydrake.common.yaml import yaml_dump_typed
 from sdt_drake.control import FEEDFORWARDS, STRUCTURES
 from sdt_drake.controllers import CONTROLLERS, Controller, load_controllers
 from sdt_drake.deviation import Deviation
-from sdt_drake.device import DeviceChoice, Drive, Elasticity, Friction
+from sdt_drake.device import Drive, Elasticity, Friction
 from sdt_drake.dynamics import SIGNS
 from sdt_drake.errors import InputError, replacing, told_by, whole_periods
 from sdt_drake.fields import given, setting
 from sdt_drake.motion import PLANNERS
+from sdt_drake.motors import DeviceChoice
 from sdt_drake.robot import DEFAULT_ROBOT
 from sdt_drake.shown import Shown, Summary
 from sdt_drake.yaml_files import load_yaml

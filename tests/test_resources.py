@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from command_line import ENDS, RUN
 
-from sdt_drake.device import load_catalogue
 from sdt_drake.errors import InputError
+from sdt_drake.motors import load_catalogue
 from sdt_drake.resources import SHIPPED, find_file, models_dir, named, shipped
 from sdt_drake.robot import load_robot
 from sdt_drake.scenario import load_scenario

@@ -9,10 +9,11 @@ import pytest
 
 from sdt_drake.design import make_design
 from sdt_drake.deviation import Deviation
-from sdt_drake.device import DeviceChoice, Drive, Elasticity, Friction
+from sdt_drake.device import Drive, Elasticity, Friction
 from sdt_drake.errors import InputError
 from sdt_drake.fields import check
 from sdt_drake.motion import Motion, load_command, load_plan
+from sdt_drake.motors import DeviceChoice
 from sdt_drake.resources import find_file, models_dir
 from sdt_drake.scenario import (
     ControllerChoice,

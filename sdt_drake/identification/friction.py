@@ -1,7 +1,7 @@
 """Laws of friction that a joint may follow, linear in their parameters but for a shape.
 
 The shape (a speed, a width) is one of few values over the range of speeds of the recording; the
-rest is linear. Stribeck's term is that of `sdt_drake.device.friction`; sigmoid with an offset in
+rest is linear. Stribeck's term is that of `sdt_drake.device`; sigmoid with an offset in
 speed as in Petrone, Ferrentino, Chiacchio, "The dynamic model of the UR10 robot and its ROS2
 integration", IEEE Trans. Industrial Informatics 2025.
 """

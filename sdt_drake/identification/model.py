@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sdt_drake.arrays import Array
-from sdt_drake.device.friction import PRESLIDING_DAMPING_TIME, Friction
+from sdt_drake.device import PRESLIDING_DAMPING_TIME, Friction
 from sdt_drake.errors import needing, replacing
 from sdt_drake.identification.friction import Term
 from sdt_drake.identification.procedure import Identified

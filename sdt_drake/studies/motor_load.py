@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from sdt_drake.analysis.tracking import motor_use
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
-from sdt_drake.device import Motor, motors_in_use
 from sdt_drake.motion import margins
+from sdt_drake.motors import Motor, motors_in_use
 from sdt_drake.scenario import Scenario
 from sdt_drake.simulate import Recording
 

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple, Optional
 import numpy as np
 
 from sdt_drake.analysis.comparison import check_labels
-from sdt_drake.device import Catalogue, DeviceChoice, load_catalogue
 from sdt_drake.errors import InputError, within
 from sdt_drake.fields import check, setting
 from sdt_drake.motion import PLANNERS
+from sdt_drake.motors import Catalogue, DeviceChoice, load_catalogue
 from sdt_drake.resources import find_file
 from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.studies.distributions import Choice, List

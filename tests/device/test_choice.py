@@ -11,11 +11,10 @@ from test_robot import chain_sdf
 
 from sdt_drake.design import make_design
 from sdt_drake.deviation import Deviation, deviated
-from sdt_drake.device import DeviceChoice, chosen_robot, load_catalogue
-from sdt_drake.device.choice import with_point_mass
 from sdt_drake.dynamics import effective_inertia, torque_groups
 from sdt_drake.errors import InputError
 from sdt_drake.motion import Motion
+from sdt_drake.motors import DeviceChoice, chosen_robot, load_catalogue, with_point_mass
 from sdt_drake.robot import edited, load_robot
 from sdt_drake.scenario import load_scenario
 

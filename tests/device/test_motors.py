@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sdt_drake.device import DEFAULT_CATALOGUE, load_catalogue
 from sdt_drake.errors import InputError
+from sdt_drake.motors import DEFAULT_CATALOGUE, load_catalogue
 
 MOTOR = """
   - id: M1

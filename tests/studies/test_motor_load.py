@@ -7,8 +7,8 @@ import pytest
 from small_studies import MOTION
 
 from sdt_drake.design import make_design
-from sdt_drake.device import DeviceChoice
 from sdt_drake.errors import InputError
+from sdt_drake.motors import DeviceChoice
 from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.simulate import simulate
 from sdt_drake.studies.motor_load import (

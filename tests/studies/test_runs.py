@@ -10,8 +10,8 @@ import pytest
 
 from sdt_drake.analysis.tracking import motor_use, track
 from sdt_drake.design import make_design
-from sdt_drake.device import DeviceChoice
 from sdt_drake.errors import InputError
+from sdt_drake.motors import DeviceChoice
 from sdt_drake.resources import models_dir
 from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.simulate import simulate

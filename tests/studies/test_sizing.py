@@ -12,8 +12,8 @@ import pytest
 import yaml
 from matplotlib.markers import MarkerStyle
 
-from sdt_drake.device import DeviceChoice
 from sdt_drake.errors import InputError
+from sdt_drake.motors import DeviceChoice
 from sdt_drake.resources import find_file
 from sdt_drake.studies import plots_front
 from sdt_drake.studies.sizing import Candidate, Requirements, Sizing, candidates, load_sizing

@@ -12,8 +12,8 @@ import pyarrow.parquet
 import pytest
 from pydrake.common.yaml import yaml_dump_typed
 
-from sdt_drake.device import DeviceChoice
 from sdt_drake.errors import InputError
+from sdt_drake.motors import DeviceChoice
 from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.studies.distributions import Choice, Grid, List, LogUniform, Normal, Uniform
 from sdt_drake.studies.job import make_job
