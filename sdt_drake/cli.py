@@ -24,6 +24,9 @@ from sdt_drake.progress import watching
 
 BAD_INPUT, FAULT, INTERRUPTED = 2, 70, 130
 
+_ORDER = """What a command works on has no option's name before it: SCENARIO, MOTION, RECORDING, ROBOT;
+what it needs beside that has one: --scenario, --robot, --drive, --study."""
+
 _LONGEST = 1000  # letters of a line about an error
 
 
@@ -80,7 +83,9 @@ def _run(arguments: Sequence[str]) -> int:
         try:
             parser = _parser()
             complete(parser)
-            options = parser.parse_args(arguments)
+            options, unknown = parser.parse_known_args(arguments)
+            if unknown:
+                options.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
             _check_surroundings(options)
             if "kinds" in options:
                 check_out(options)
@@ -133,7 +138,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="sdt-drake",
         description="Motion control of spatial disorientation trainers, in Drake.",
-        epilog=f"example: sdt-drake reproduce --out out\n\n{HOW}",
+        epilog=f"{_ORDER}\n\nexample: sdt-drake reproduce --out out\n\n{HOW}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"sdt-drake {sdt_drake.__version__}")
@@ -147,7 +152,7 @@ def _parser() -> argparse.ArgumentParser:
             description=does,
             epilog=f"example: {module.EXAMPLE}",
         )
-        command.set_defaults(command=module.run)
+        command.set_defaults(command=module.run, parser=command)
         command.add_argument(
             "--traceback", action="store_true", help="show where a fault of the program is"
         )

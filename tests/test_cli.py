@@ -112,7 +112,7 @@ def test_help_does_not_load_drake(tmp_path):
     [
         ("", "COMMAND"),
         ("explode", "simulate"),
-        ("plan --fast", "--fast"),
+        ("plan --fast", "unrecognized arguments: --fast (see sdt-drake plan --help)"),
         ("plan --period soon", "soon"),
         ("diagram run.yaml --depth 1.5", "1.5"),
         ("simulate", "SCENARIO"),
