@@ -24,8 +24,8 @@ from sdt_drake.progress import watching
 
 BAD_INPUT, FAULT, INTERRUPTED = 2, 70, 130
 
-_ORDER = """What a command works on has no option's name before it: SCENARIO, MOTION, RECORDING, ROBOT;
-what it needs beside that has one: --scenario, --robot, --drive, --study."""
+_ORDER = """What a command works on stands alone: a SCENARIO, MOTION, RECORDING or ROBOT; what it
+needs beside that follows the name of an option: --scenario, --robot, --drive, --study."""
 
 _LONGEST = 1000  # letters of a line about an error
 

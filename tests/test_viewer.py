@@ -201,6 +201,10 @@ def test_page_plays_alone(robot, page_file):
         assert page.evaluate("viewer.animator.time") == pytest.approx(1.0, abs=0.1)
         page.wait_for_function("document.getElementById('sdt-play').textContent === 'Play'")
         assert errors == [] and requests == []
+        page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+        page.reload()
+        assert page.inner_text("#sdt-time") == "no 3D: this browser has no WebGL"
+        assert page.is_disabled("#sdt-play")
 
 
 def test_page_tells_angles_g_and_segments(robot, page_file):

@@ -25,8 +25,8 @@ MEASURED, PREDICTED, NOMINAL = Look(PALETTE[0]), Look(PALETTE[1], "--"), Look(PA
 _MOST_SAMPLES = 300  # of which the load torque is computed
 
 PARAMETERS_IN_WORDS = (
-    "of a body: mass, first moments hx, hy, hz (mass times place of its centre) and inertias Ixx "
-    "to Izz, about the origin and along the axes of the frame of the joint that turns it"
+    "parameters of a body: mass, first moments hx, hy, hz (mass times place of its centre) and "
+    "inertias Ixx to Izz, in the frame of the joint that turns it"
 )
 
 _READING = """All numbers are joint side. What is left is the RMS of measured less predicted torque
@@ -201,8 +201,9 @@ def in_short(found: Identified) -> list[str]:
     if r:
         said.append(
             f"{r} base parameters of links and motors, condition number "
-            f"{found.estimate.condition:.3g}; {PARAMETERS_IN_WORDS}"
+            f"{found.estimate.condition:.3g}"
         )
+        said.append(PARAMETERS_IN_WORDS)
     return said + list(found.notes)
 
 

@@ -38,8 +38,10 @@ from sdt_drake.dynamics import InertiaRange, Loads
 from sdt_drake.motion import Motion
 from sdt_drake.pilot import has_head
 from sdt_drake.robot import Robot
+from sdt_drake.shown import told
 from sdt_drake.simulate import Recording
 
+_MANY = 4  # joints; there is no room for the numbers of more above a panel
 _STEADY = 0.005  # share of an inertia; a change that is smaller is not worth the whole panel
 
 
@@ -320,9 +322,14 @@ def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) ->
 
 
 def _of_joints(quantity: str, values: Array) -> str:
-    """A number for each joint; a dash where there is none."""
+    """A number for each joint, of many the least and the largest; a dash where there is none."""
     name, unit = quantity.rstrip("]").split(" [")
-    return f"{name} {', '.join(f'{value:.0f}'.replace('nan', '–') for value in values)} {unit}"
+    if len(values) > _MANY:
+        ends = (told(end.reduce(values), ".0f") for end in (np.fmin, np.fmax))
+        shown = " to ".join(dict.fromkeys(ends))
+    else:
+        shown = ", ".join(told(value, ".0f") for value in values)
+    return f"{name} {shown} {unit}"
 
 
 def stability(
@@ -343,6 +350,8 @@ def stability(
                     label = f"{joint_title(k, name)}, {drive}"
                     damping.plot(sweep.ratio, sweep.damping[:, k], label=label, **look)
                     overshoot.plot(sweep.ratio, sweep.overshoot_percent[:, k], **look)
+            if all(np.isnan(sweep.overshoot_percent).all() for sweep in by_drive.values()):
+                overshoot.text(0.5, 0.5, "unstable", transform=overshoot.transAxes, ha="center")
             damping.set_title(f"encoder on the {encoder}", loc="left", fontweight="bold")
             damping.axhspan(-1, 0, color=PALETTE[1], alpha=0.12, linewidth=0)
             damping.set(ylim=(-1, 1.02), ylabel="smallest damping ratio")

@@ -60,7 +60,7 @@ def pilot(title: str, time: Array, head: HeadTracking, story: Story | None = Non
     above = 0.45 + 0.17 * len(lines)
     with style():
         figure, axes = grid(
-            len(shown) + 1, 1, panel=_PANEL, left=_LEFT, bottom=1.0,
+            len(shown) + 1, 1, panel=_PANEL, left=_LEFT,
             top=above + _BAND * len(tracks) + 0.3 * bool(tracks),
         )  # fmt: skip
         for panel, ax in zip(shown, axes[:, 0], strict=False):

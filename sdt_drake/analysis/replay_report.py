@@ -20,6 +20,7 @@ RECORDED, SIMULATED = Look(PALETTE[0]), Look(PALETTE[1], "--")
 FIGURE, TABLE = "replay", "replay.csv"
 
 _SHARE = Metric("explained", "%", 100, ".1f")
+_ROUND_OFF = 1e-9  # of what was recorded
 
 _READING = f"""Position error is q - q_ref and speed error v - v_ref, joint side; torques are those
 of the motors, motor side. Positions are counted from the first sample of each. "Explained" is
@@ -74,12 +75,12 @@ def tables(replay: Replay) -> list[doc.Table]:
     made = [doc.Table(("of the mean square", _SHARE.label), rows)]
     for name in replay.measured:
         metric = QUANTITIES[name]
-        rows = [("recorded", _texts(metric, replay.recorded_rms(name)))]
-        rows += [
-            (f"difference {case}", _texts(metric, replay.difference(name, case)))
-            for case, course in replay.courses.items()
-            if name in course
-        ]
+        recorded = replay.recorded_rms(name)
+        rows = [("recorded", _texts(metric, recorded))]
+        for case in (case for case, course in replay.courses.items() if name in course):
+            off = replay.difference(name, case)
+            shown = np.where(off < _ROUND_OFF * recorded, 0.0, off)
+            rows.append((f"difference {case}", _texts(metric, shown)))
         made.append(doc.Table(("RMS", metric.label), rows))
     return made
 

@@ -14,13 +14,15 @@ from typing import Any, Literal, NamedTuple
 import matplotlib
 import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, NullFormatter, ScalarFormatter
 from numpy.typing import NDArray
 
 from sdt_drake.errors import InputError, replacing
+from sdt_drake.shown import told
 
 # Okabe and Ito, "Color universal design", 2008: colours that colour-blind people can tell apart.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
@@ -44,6 +46,10 @@ _STYLE: dict[Any, Any] = {
 }
 # matplotlib's backends that write files only.
 _PAPER = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
+
+
+_LEGEND_ROW = 0.2  # inch
+_SMALL = 3e-3  # numbers below it are counted in powers of ten
 
 
 Dashes = Literal["-", "--", "-.", ":"]
@@ -153,8 +159,12 @@ def grid(
 
 
 def finish(figure: Figure, title: str, handles: Sequence[Artist] | None = None) -> None:
-    """Title above; legend below, by default of all lines and areas that have a label."""
-    figure.suptitle(title, y=1 - 0.12 / figure.get_figheight(), verticalalignment="top")
+    """Title above; legend below, by default of all lines and areas that have a label.
+
+    The figure grows by what the legend has beyond one row.
+    """
+    for ax in figure.axes:
+        _shorten(ax)
     if handles is None:
         by_label: dict[str, Artist] = {}
         for ax in figure.axes:
@@ -168,7 +178,32 @@ def finish(figure: Figure, title: str, handles: Sequence[Artist] | None = None) 
         wide = sum(0.6 + 0.068 * len(label) for label in labels)
         rows = math.ceil(wide / figure.get_figwidth())
         columns = math.ceil(len(labels) / rows)
+        _grow_below(figure, (rows - 1) * _LEGEND_ROW)
         figure.legend(handles, labels, loc="lower center", ncols=columns)
+    figure.suptitle(title, y=1 - 0.12 / figure.get_figheight(), verticalalignment="top")
+
+
+def _grow_below(figure: Figure, inches: float) -> None:
+    before = figure.get_figheight()
+    after = before + inches
+    figure.set_figheight(after)
+    for ax in figure.axes if inches else ():
+        box = ax.get_position()
+        place = (box.x0, (box.y0 * before + inches) / after, box.width, box.height * before / after)
+        ax.set_position(place)
+
+
+def _shorten(ax: Axes) -> None:
+    """Count small numbers in powers of ten of their unit: longer ones have no room beside a panel,
+    and matplotlib's own power of ten stands where its title is."""
+    largest, label = np.abs(ax.get_ylim()).max(), ax.get_ylabel()
+    is_plain = isinstance(ax.yaxis.get_major_formatter(), ScalarFormatter) and "[" in label
+    if is_plain and 0 < largest < _SMALL:
+        exponent = math.floor(math.log10(largest))
+        ax.yaxis.set_major_formatter(
+            FuncFormatter(lambda value, _: told(value / 10**exponent, ".4g").replace("-", "−"))
+        )
+        ax.set_ylabel(label.replace("[", f"[1e{exponent} ".replace("-", "−")))
 
 
 def joint_title(k: int, name: str) -> str:

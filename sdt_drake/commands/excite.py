@@ -45,6 +45,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.identification.excitation import GENTLY, MARGIN, RATE, excite
     from sdt_drake.identification.targets import NOISE, Target
     from sdt_drake.robot import load_robot
+    from sdt_drake.shown import told
 
     out: Path | None = options.out
     if out is not None:
@@ -66,7 +67,7 @@ def run(options: argparse.Namespace) -> None:
     say()
     say(f"{'deviation':>12}{'in the file':>14}  identifiable")
     for name, value, sigma in zip(target.names, target.expected, found.sigma, strict=True):
-        known = f"{value if abs(value) > 1e-9 else 0.0:.5g}".replace("nan", "–")
+        known = told(0.0 if abs(value) < 1e-9 else value, ".5g")
         say(f"{sigma:12.3g}{known:>14}  {name}")
     say(
         f"standard deviations to be expected of a recording at {RATE:g} Hz with a noise of "

@@ -190,7 +190,5 @@ def _print_margins(robot: Robot, report: Margins, is_whole: bool) -> None:
         "largest torques, joint side, with the motors' inertia; held: back by the limiter, or all "
         "joints together by the retiming"
     )
-    say(
-        "between samples the peaks grow by at "
-        f"most {100 * growth[k]:.2g} % of the motor (joint {k + 1})"
-    )
+    most = "less than 0.0001" if growth[k] < 1e-6 else f"at most {100 * growth[k]:.2g}"
+    say(f"between samples the peaks grow by {most} % of the motor (joint {k + 1})")

@@ -219,7 +219,7 @@ def plot_checks(
                 if i == len(checks) - 1:
                     label = f"{one.loops.title}, all joints together"
                     ax.loglog(hertz, one.together, color="0.6", label=label, zorder=1)
-            ax.axhline(1.0, color=PALETTE[1], linewidth=0.9)
+            ax.axhline(1.0, color=PALETTE[1], linewidth=0.9, label="as large as before")
             cut, why = filter_.bandwidth[k]
             ax.axvline(cut / (2 * np.pi), color="0.4", linestyle=":", linewidth=0.9)
             ax.set_title(joint_title(k, name), loc="left", fontweight="bold")

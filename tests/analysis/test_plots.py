@@ -459,6 +459,15 @@ def test_bode_marks_bandwidth_and_margins(figures):
     assert axes[0, 0].get_title(loc="right") == "bandwidth 5, 10, 20 rad/s"
     assert axes[0, 1].get_title(loc="right") == "gain margin –, 6, – dB"
     assert axes[1, 1].get_title(loc="right") == "phase margin 90, 90, 90 deg"
+    assert plots._of_joints("gain margin [dB]", np.full(6, np.nan)) == "gain margin – dB"
+    many = np.array([3, 1, np.nan, 9, 4, 5])  # joints: no room for a number of each
+    assert plots._of_joints("bandwidth [rad/s]", many) == "bandwidth 1 to 9 rad/s"
+
+
+def test_stability_says_so_where_no_loop_is_stable():
+    one = StabilitySweep(np.ones(2), np.full((2, 3), -1.0), np.full((2, 3), np.nan), np.ones(3))
+    figure = plots.stability("stability", {"link": {"ideal drive": one}}, NAMES)
+    assert [text.get_text() for text in figure.axes[1].texts] == ["unstable"]
 
 
 def test_stability_shows_damping_and_overshoot(figures, sweeps):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sdt_drake.analysis.replay import ALONE, FED, UNFED, WHOLE, replay
-from sdt_drake.analysis.replay_report import findings
+from sdt_drake.analysis.replay_report import findings, tables
 from sdt_drake.cli import main
 from sdt_drake.errors import InputError
 from sdt_drake.identification.recordings import Recorded, read_recording
@@ -59,6 +59,8 @@ def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(design
         assert result.difference("position_error", case)[0] > 1e-7
     assert "with the nominal links" not in result.courses and UNFED not in result.courses
     assert np.isnan(result.due_to_model).all()
+    torques = {row[0]: row[1] for row in tables(result)[-1].rows}
+    assert torques["difference as the scenario has it"] == ["0"] * 4  # and no round-off
 
 
 def test_a_wrong_payload_is_told_from_a_wrong_gain(designed, tmp_path):

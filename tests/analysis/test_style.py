@@ -56,6 +56,25 @@ def test_a_controller_looks_the_same_whoever_else_is_there():
     assert hues == ["#0072B2", "#D55E00", "#009E73"]
 
 
+def test_small_numbers_and_long_legends_have_room():
+    figure, axes = grid(2, 1, panel=(4.0, 1.5))
+    for ax, size, label in zip(
+        axes.flat, (4e-4, 0.1), ("speed error [rad/s]", "share"), strict=True
+    ):
+        for k in range(12):
+            ax.plot([0, 1], [-size, k * size / 12], label=f"joint {k + 1} of a robot")
+        ax.set(xlabel="time [s]", ylabel=label)
+    high = axes[0, 0].get_window_extent().height
+    finish(figure, "title")
+    figure.draw_without_rendering()
+    small, large = axes.flat
+    assert (small.get_ylabel(), large.get_ylabel()) == ("speed error [1e−4 rad/s]", "share")
+    assert [t.get_text() for t in small.get_yticklabels()][1:-1] == ["−4", "−2", "0", "2", "4"]
+    assert small.get_window_extent().height == pytest.approx(high, rel=1e-6)
+    legend, below = figure.legends[0].get_window_extent(), large.xaxis.label.get_window_extent()
+    assert figure.legends[0]._ncols < 12 and legend.y1 < below.y0 and legend.y0 > 0
+
+
 @pytest.fixture
 def figure():
     with style.style():

@@ -98,6 +98,7 @@ def test_a_payload_is_excited_gently(arm, tmp_path, capsys):
     assert main([*arguments, "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert "hx of lower [kg m]" in said and "friction" not in said
+    assert "first moments hx, hy, hz (mass times" in said
     plan = load_plan(out, arm, period=0.005)
     assert not plan.limited.any()
     assert np.abs(plan.motion.v).max() <= 0.8 * GENTLY * 5 + 1e-6
