@@ -1,15 +1,26 @@
-"""`sdt-drake report`, and the page at the end of `sdt-drake reproduce`."""
+"""Files of `sdt-drake reproduce`: written, replaced, and read again by `sdt-drake report`."""
 
 from __future__ import annotations
 
+import html
+import json
+import re
 import shutil
 from pathlib import Path
 
 import pytest
 from browser import open_page
+from command_line import snapshot
+from matplotlib.figure import Figure
 
-from sdt_drake.analysis.report import RECORDING, REPORT
+from sdt_drake.analysis import plots
+from sdt_drake.analysis.block_diagrams import DIAGRAMS
+from sdt_drake.analysis.files import write_reproduction
+from sdt_drake.analysis.report import RECORDING, REPORT, write_report
+from sdt_drake.analysis.reproduction import Stopwatch
 from sdt_drake.cli import main
+from sdt_drake.errors import InputError
+from sdt_drake.resources import page_text
 from sdt_drake.scenario import load_scenario
 from sdt_drake.studies.distributions import Uniform
 from sdt_drake.studies.execute import run_study
@@ -20,8 +31,64 @@ from sdt_drake.studies.study import Study, Variable
 @pytest.fixture
 def folder(reproduced, tmp_path):
     """What the report needs of what reproduce wrote, to change."""
-    ignored = shutil.ignore_patterns("*.csv", "*.md")
+    ignored = shutil.ignore_patterns("*.csv", "*.md", "*.png")
     return Path(shutil.copytree(reproduced, tmp_path / "out", ignore=ignored))
+
+
+# --- writing --------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Figures and recording cost most of the time: write few bytes instead."""
+    svg = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
+    monkeypatch.setattr(Figure, "savefig", lambda self, path, **options: path.write(svg))
+    write = "sdt_drake.analysis.files.record_html"
+    monkeypatch.setattr(write, lambda robot, time, q, path, **options: path.write_text("3D"))
+
+
+def test_files_are_replaced_foreign_ones_left_and_no_graphviz_is_told(
+    reproduction, reproduced, tmp_path, quick, monkeypatch
+):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    used = tmp_path / "used"
+    (used / "diagrams").mkdir(parents=True)
+    for name in ("notes.txt", "diagrams/mine.dot", "report.md"):
+        (used / name).write_text("old")
+    write_reproduction(reproduction, used, Stopwatch(lambda line: None))
+
+    after, fresh = snapshot(used), snapshot(reproduced)
+    assert after.pop("notes.txt") == after.pop("diagrams/mine.dot") == b"old"
+    assert set(after) == {name for name in fresh if not re.match(r"diagrams/.*svg", name)}
+    for name in fresh:  # the same study gives the same bytes
+        if name.endswith((".csv", ".dot")):
+            assert after[name] == fresh[name], name
+    report = after["report.md"].decode()
+    for name in DIAGRAMS:
+        assert re.search(rf"`diagrams/{name}\.dot`; no \.svg: .*Graphviz", report)
+    for link in re.findall(r"\]\(([^)]+)\)", report):
+        assert (used / link).is_file(), link
+
+
+def test_a_figure_that_cannot_be_made_leaves_the_old_results(reproduction, tmp_path, monkeypatch):
+    for name in ("report.md", "summary.json", "figure2.png"):
+        (tmp_path / name).write_text("old")
+
+    def broken(*args, **kwargs):
+        raise RuntimeError("no figure today")
+
+    monkeypatch.setattr(plots, "speed_errors", broken)
+    with pytest.raises(RuntimeError, match="no figure today"):
+        write_reproduction(reproduction, tmp_path, Stopwatch(lambda line: None))
+    after = snapshot(tmp_path)
+    assert {after.pop(name) for name in ("report.md", "summary.json", "figure2.png")} == {b"old"}
+    assert set(after) == {
+        "reference.csv",
+        *(f"{plant}_{kind}.csv" for plant in ("axis", "coupled") for kind in ("pi", "pi_ctc")),
+    }
+
+
+# --- reading again -------------------------------------------------------------------------------
 
 
 def test_reproduce_ends_with_the_page_and_report_makes_the_same(folder, capsys):
@@ -60,6 +127,73 @@ def test_the_page_shows_the_device(reproduced):
         tab.frame_locator("iframe").locator("canvas").first.wait_for(timeout=60_000)
         assert tab.locator(".recording button").count() == 0
         assert errors == [] and requests == []
+
+
+def change(folder, edit):
+    path = folder / "summary.json"
+    content = json.loads(path.read_text(encoding="utf-8"))
+    edit(content)
+    path.write_text(json.dumps(content), encoding="utf-8")
+
+
+def test_other_pictures_come_last(folder):
+    shutil.copy(folder / "figure4.svg", folder / "felt_<motion>.svg")
+    page = write_report(folder).read_text(encoding="utf-8")
+    alts = list(map(html.unescape, re.findall(r'<img alt="([^"]*)"', page)))
+    captions = re.findall(r"!\[(.*)\]\(\w+\.svg\)", page_text("report.md"))
+    assert alts[0] == captions[0] and alts[-1] == "Felt <motion>." and set(captions) <= set(alts)
+
+
+def test_no_text_of_the_summary_becomes_a_tag(folder):
+    evil = '<script>alert(1)</script>" onload="x'
+
+    def edit(summary):
+        summary["claims"][0] |= {"why": evil, "statement": evil, "id": evil, "published": evil}
+        summary["versions"]["drake"] = evil
+        summary["wall_time_s"] = {evil: 1.0}
+        summary["beyond"][6] |= {"controller": evil, "needs": [evil], "blocks": evil}
+        summary["beyond"][0]["felt"]["channels"][0] = evil
+        summary["tracking"][0] |= {"controller": evil, "plant": evil, "algorithm": evil}
+
+    change(folder, edit)
+    page = write_report(folder).read_text(encoding="utf-8")
+    assert "alert(1)</script>" not in page and '" onload' not in page
+    assert page.count("alert(1)") >= 10
+
+
+def _remove(name):
+    return lambda folder: (folder / name).unlink()
+
+
+def _write(name, content):
+    return lambda folder: (folder / name).write_bytes(content)
+
+
+BROKEN = {
+    "cut summary": (_write("summary.json", b'{"a": '), "summary.json: is not JSON"),
+    "not a number": (_write("summary.json", b'{"x": NaN}'), "holds NaN, expected finite"),
+    "no claims": (lambda f: change(f, lambda s: s.pop("claims")), "has no 'claims'"),
+    "odd verdict": (
+        lambda f: change(f, lambda s: s["claims"][0].update(verdict="so so")), "'so so'"),
+    "no runs": (lambda f: change(f, lambda s: s.update(tracking=[])), "it is of another version"),
+    "no figure": (_remove("figure8.svg"), "figure8.svg: is missing"),
+    "cut figure": (_write("figure2.svg", b"<svg"), "figure2.svg: is not an SVG"),
+    "binary": (_write("figure4.svg", b"\xff\xfe\x00"), "figure4.svg: cannot be read"),
+    "no diagram": (lambda f: shutil.rmtree(f / "diagrams"), "figure3.svg: is missing"),
+    "recording": (_write("device.html", b"\xff"), "device.html: cannot be read"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_what_is_missing_is_named_and_the_old_report_stays(folder, case):
+    spoil, expected = BROKEN[case]
+    spoil(folder)
+    before = snapshot(folder)
+    with pytest.raises(InputError) as caught:
+        write_report(folder)
+    message = str(caught.value)
+    assert expected in message and f"sdt-drake reproduce --out {folder}" in message
+    assert "\n" not in message and snapshot(folder) == before
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The loops against published results, and against independent integrations."""
+"""The step loop of Figure 4, and the other loops against independent integrations."""
 
 import dataclasses
 
@@ -12,12 +12,8 @@ from pydrake.systems.primitives import ConstantVectorSource, Linearize
 from sdt_drake.control import step_metrics, tune
 from sdt_drake.device import Drive
 from sdt_drake.loops import make_loop, make_step_loop
-from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import make_simulator, simulate
 
-PUBLISHED = load_scenario("package://sdt/scenarios/axis_pi.yaml").controller
-I_EFF_MAX = np.array([4.26, 98.01, 796.3, 250.28])
-I_EFF_MIN = I_EFF_MAX * (1 - np.array([39.95, 31.82, 7.29, 25.4]) / 100)
 STRUCTURES = ("pi", "p_in_feedback")
 
 
@@ -76,72 +72,6 @@ def test_linearized_step_loop_has_the_characteristic_polynomial(structure, zeta)
     omega_n = 65.991 / 2
     polynomial = [1, 2 * zeta * omega_n, omega_n**2, 0]  # and the angle, which nothing feels
     np.testing.assert_allclose(np.poly(linear.A()), polynomial, rtol=1e-9, atol=1e-6)
-
-
-# --- tracking: the table of an independent calculation ---------------------------------------
-
-GAINS = {
-    "controller.omega_r": None,
-    "controller.zeta": None,
-    "controller.kp": PUBLISHED.kp,
-    "controller.ki": PUBLISHED.ki,
-}
-
-
-def agrees(actual, table, last_digit):
-    """Within 2 %, or half a unit of the last digit that the table gives."""
-    tolerance = np.maximum(0.02 * np.asarray(table), last_digit / 2)
-    np.testing.assert_array_less(np.abs(actual - np.asarray(table)), tolerance)
-
-
-def steady(recording):
-    """Largest error of joint 2 where its speed is constant, 11 s < t < 16.5 s."""
-    rows = (recording.time > 11) & (recording.time < 16.5)
-    return np.abs(recording.speed_error[rows, 1]).max()
-
-
-@pytest.mark.parametrize(
-    ("algorithm", "i_eff", "controller", "largest"),
-    [
-        ("printed", I_EFF_MAX, "pi", [0.0272, 0.8688, 0.0145, 0.0546]),
-        ("printed", I_EFF_MAX, "pi_ctc", [0.0271, 0.1939, 0.0099, 0.0505]),
-        ("printed", I_EFF_MIN, "pi", [0.0272, 0.9001, 0.0147, 0.0526]),
-        ("consistent", I_EFF_MAX, "pi", [0.0272, 0.2100, 0.0151, 0.0529]),
-        ("consistent", I_EFF_MAX, "pi_ctc", [0.0271, 0.1939, 0.0099, 0.0505]),
-    ],
-)
-def test_axis_loops_give_the_independent_table(run, algorithm, i_eff, controller, largest):
-    recording = run(f"axis_{controller}", {"algorithm": algorithm, "plant.i_eff": i_eff.tolist()})
-    agrees(np.abs(recording.speed_error).max(axis=0), largest, 1e-4)
-    if i_eff is I_EFF_MAX:
-        agrees(steady(recording), {"pi": 0.0470, "pi_ctc": 0.0090}[controller], 1e-4)
-
-
-@pytest.mark.parametrize(
-    ("controller", "algorithm", "largest", "rms", "constant", "drift_deg"),
-    [
-        (
-            *("pi", "consistent", [0.0273, 0.2085, 0.0130, 0.0539]),
-            *([0.01606, 0.06119, 0.00660, 0.02045], 0.0486, [8.3, 7.1, 0.5, 0.8]),
-        ),
-        (
-            *("pi_ctc", "consistent", [0.0273, 0.1865, 0.0112, 0.0523]),
-            *([0.01606, 0.05625, 0.00663, 0.02029], 0.0052, [8.3, 5.5, 0.5, 0.7]),
-        ),
-        (
-            *("pi_ctc", "printed", [0.0275, 0.9153, 0.0240, 0.0779]),
-            *([0.01607, 0.09215, 0.00685, 0.02060], 0.0970, [8.3, 8.9, 0.5, 0.8]),
-        ),
-    ],
-)
-def test_coupled_loops_give_the_independent_table(
-    run, controller, algorithm, largest, rms, constant, drift_deg
-):
-    recording = run(f"coupled_{controller}", {"algorithm": algorithm} | GAINS)
-    agrees(np.abs(recording.speed_error).max(axis=0), largest, 1e-4)
-    agrees(np.sqrt(np.mean(recording.speed_error**2, axis=0)), rms, 1e-5)
-    agrees(steady(recording), constant, 1e-4)
-    agrees(np.rad2deg(np.abs(recording.position_error).max(axis=0)), drift_deg, 0.1)
 
 
 # --- independent integrations ----------------------------------------------------------------
