@@ -218,51 +218,19 @@ def test_defaults():
     )
 
 
-POSITIVE = (
-    "period",
-    "plant.friction.stribeck_speed",
-    "plant.friction.presliding",
-    "drive.torque_bandwidth",
-    "device.structure_scale",
-    "plant.deviation.inertia_scale",
-    "controller.model.inertia_scale",
-)
-LISTS = ("plant.i_eff", "controller.kp", "controller.ki", "device.gear_ratio")
-NOT_NEGATIVE = (
-    "plant.elasticity.damping_ratio",
-    "drive.reference_delay",
-    "device.stiffness_exponent",
-    "disturbance.omega_d",
-)
+# What a field alone takes is in the committed reference (test_reference); here is one of each kind.
 AXIS = [
-    *(({name: value}, f"{name}: {value}, expected a") for name in POSITIVE for value in (0.0, nan)),
-    *(({name: value}, f"{name}: {value}, ") for name in NOT_NEGATIVE for value in (-0.1, inf)),
-    *(({name: [1.0] * 3}, f"{name}: 3 value(s), expected 4, one for each joint") for name in LISTS),
-    *(({name: [1.0, 1, 0, 1]}, f"{name}[3]: 0, expected a number > 0") for name in LISTS),
-    *(
-        ({f"plant.friction.{name}": [1.0, 1, -1e-9, 1]}, f"plant.friction.{name}[3]: -1e-09, ")
-        for name in ("coulomb", "viscous", "breakaway")
-    ),
+    ({"period": 0.0}, "period: 0.0, expected a number > 0 [s]"),
+    ({"drive.torque_bandwidth": nan}, "drive.torque_bandwidth: nan, expected a finite number > 0"),
+    ({"disturbance.omega_d": -0.1}, "disturbance.omega_d: -0.1, expected a number >= 0"),
+    ({"controller.kp": [1.0] * 3}, "controller.kp: 3 value(s), expected 4, one for each joint"),
+    ({"plant.i_eff": [1.0, 1, 0, 1]}, "plant.i_eff[3]: 0, expected a number > 0"),
     ({"motion": ""}, "motion: empty, expected a text"),
-    ({"robot": ""}, "robot: empty, expected a text"),
-    ({"torque_margin": 0.0}, "torque_margin: 0.0, expected a number > 0 and <= 1"),
     ({"torque_margin": 1.01}, "torque_margin: 1.01, expected a number > 0 and <= 1"),
     ({"planner": "fastest"}, "planner: 'fastest', expected one of limiter, retiming"),
-    ({"algorithm": "new"}, "algorithm: 'new', expected one of consistent, printed"),
-    ({"inverse_dynamics": "no"}, "inverse_dynamics: 'no', expected one of table, online"),
-    ({"accuracy": 1e-13}, "accuracy: 1e-13, expected a number >= 1e-12 and <= 0.01 [rad/s]"),
-    ({"accuracy": 0.011}, "accuracy: 0.011, expected a number >= 1e-12 and <= 0.01 [rad/s]"),
-    ({"plant.kind": "free"}, "plant.kind: 'free', expected one of axis, coupled"),
-    ({"plant.elasticity.encoder": "load"}, "plant.elasticity.encoder: 'load', expected one of mot"),
-    ({"plant.elasticity.natural_frequency": [1.0] * 3}, "plant.elasticity.natural_frequency: 3 v"),
     ({"plant.elasticity.natural_frequency": [1.0, -2, 0, 0]}, "plant.elasticity.natural_frequency"),
     ({"plant.friction.breakaway": [0, 0, 1.0, 1], "plant.friction.coulomb": [0, 0, 1.0, 1.1]},
      "plant.friction.breakaway: [0, 0, 1.0, 1], expected at least coulomb, [0, 0, 1.0, 1.1]"),
-    ({"plant.deviation.payload_mass": nan}, "plant.deviation.payload_mass: nan, expected a finite"),
-    ({"plant.deviation.payload_offset": [0.0, 1.0]}, "plant.deviation.payload_offset: 2 value(s),"),
-    ({"plant.deviation.link_scales": [1.0, 0.0]}, "plant.deviation.link_scales[2]: 0.0, expected"),
-    ({"disturbance.amplitude": -0.1}, "disturbance.amplitude: -0.1, expected a number >= 0 and <="),
-    ({"disturbance.amplitude": 10.5}, "disturbance.amplitude: 10.5, expected a number >= 0 and <="),
     ({"disturbance.omega_d": 20001.0}, "disturbance.omega_d: 20001, expected at most 20000 [rad"),
     ({"device.motors": ["AC-203"], "device.fitted": [""] * 4}, "device.motors: 1 value(s), expect"),
     ({"device.motors": ["AC-203"] * 4}, "device.fitted: missing; the difference of masses needs t"),
@@ -271,7 +239,6 @@ AXIS = [
     ({"drive.period": 0.002}, "drive.period: 0.002, does not divide the interpolation period"),
     ({"drive.period": 0.01}, "drive.period: 0.01, does not divide the interpolation period"),
     ({"drive.torque_error": [0.1, -1.0, 0, 0]}, "drive.torque_error[2]: -1.0, expected a number >"),
-    ({"drive.torque_error": [0.1, 0.0, 0, 1.0]}, "drive.torque_error[4]: 1.0, expected a number >"),
     ({"drive.encoder_resolution": [1e6] * 4}, "drive.encoder_resolution: needs period, to take t"),
     ({"drive.period": 0.005, "drive.encoder_resolution": [1e6, 1e6, 0.5, 1]},
      "drive.encoder_resolution[3]: 0.5, expected a number >= 1"),
@@ -281,7 +248,6 @@ AXIS = [
      "drive.n0: [2.0, 3, 3, 5], expected more than n1, [1.0, 2, 3, 4], everywhere"),
     ({"controller.kind": "pid"}, "controller.kind: 'pid', expected one of pi, pi_ctc, pi_id, p_pi"),
     ({"controller.file": "/no/file.py"}, "controller: /no/file.py: no such file"),
-    ({"controller.structure": "p"}, "controller.structure: 'p', expected one of pi, p_in_feedback"),
     ({"controller.kind": "inverse_dynamics"}, "controller.kind: inverse_dynamics needs plant.kind"),
     ({"controller.ki": None}, "controller.ki: missing, expected kp and ki or neither"),
     ({"controller.kp": None}, "controller.kp: missing, expected kp and ki or neither"),

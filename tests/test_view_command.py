@@ -25,12 +25,7 @@ def desk(tmp_path, monkeypatch):
     write_table(tmp_path / "motion.csv", TIME, {"q_ref": ANGLES})
     write_table(tmp_path / "speeds.csv", TIME, {"v": ANGLES})
     write_table(tmp_path / "three.csv", TIME, {"q": ANGLES[:, :3]})
-    write_table(tmp_path / "two.csv", TIME[:2], {"q": ANGLES[:2]})
     write_table(tmp_path / "long.csv", np.array([0, 1800.5, 3601]), {"q": ANGLES[:3]})
-    write_table(tmp_path / "quick.csv", 1e-9 * np.arange(101), {"q": ANGLES})
-    far = ANGLES.copy()
-    far[7, 2] = -1.1e6
-    write_table(tmp_path / "far.csv", TIME, {"q": far})
     rest = MOTION.replace("duration: 1.25", "duration: 3601").replace("[1.25,", "[3601,")
     (tmp_path / "rest.yaml").write_text(rest, encoding="utf-8")
     long = SCENARIO.replace("motion.yaml", "rest.yaml") + "period: 0.5\n"
@@ -105,10 +100,8 @@ def test_plays_once_and_says_where(desk, good):
         (("run.yaml", "--record", "."), "is a folder"),
         (("run.yaml", "--rate", "0.0099"), "--rate: 0.0099, expected a number >= 0.01 and <= 1000"),
         (("run.yaml", "--rate", "1000.5"), "--rate: 1000.5, expected a number >= 0.01 and <= 1000"),
-        (("run.yaml", "--rate", "nan"), "--rate: nan"),
         (("run.yaml", "--record", "run.yaml/a.html"), "run.yaml: is a file, expected a folder"),
         (("run.yaml", "--port", "80"), "--port: 80, expected a number >= 1024 and <= 65535"),
-        (("run.yaml", "--port", "65536"), "port: 65536"),
         (("run.yaml", "--robot", "other.sdf"), "--robot: the scenario names the robot"),
         (("run.yaml", "--record", "a.html", "--once"), "--once: has no effect with --record"),
         (("run.yaml", "--record", "a.html", "--port", "7100"), "--port: has no effect"),
@@ -118,11 +111,8 @@ def test_plays_once_and_says_where(desk, good):
         (("three.csv",), "three.csv: angles of 3 joint(s), robot 'sdt' has 4; --robot"),
         (("run.png",), "run.png: expected a"),
         (("no_such_motion",), "no_such_motion"),
-        (("two.csv",), "two.csv: time: expected at least three samples"),
         (("long.csv", "--record", "a.html"), "long.csv: lasts 3601 s, expected at most 3600 s"),
         (("long.yaml", "--record", "a.html"), "long.yaml: lasts 3601 s, expected at most 3600 s"),
-        (("far.csv",), "far.csv: q_3 is -1.1e+06 rad at 0.035 s, expected at most 1e+06 rad"),
-        (("quick.csv",), "quick.csv: time in steps of 1e-09 s, expected at least 1e-06 s"),
     ],
 )
 def test_bad_input_is_one_line(desk, call, shown, arguments, part):

@@ -127,26 +127,6 @@ def test_blocks_are_the_systems_without_logs(compared):
     assert blocks["p_pi+id"] > blocks["pi"] < blocks["pi_scheduled+ctc"]
 
 
-def test_needs_are_those_of_feedback_and_feedforward(compared):
-    geometry, rotors = "links' masses and geometry", "motors' inertia"
-    expected = {
-        "pi": {"largest inertia of each joint"},
-        "pi_ctc": {"largest inertia of each joint", geometry},
-        "p_pi+id": {"largest inertia of each joint", geometry, rotors},
-        "pi_scheduled+ctc": {"inertia along the motion", geometry},
-        "inverse_dynamics": {geometry, rotors, "state of all joints at once"},
-    }
-    assert {c.label: set(c.needs) for c in compared} == expected
-
-
-def test_online_runs_too(design):
-    motion = Motion.from_speeds(PERIOD, np.zeros(4), design.motion.v[:21])
-    online = variant(design, "coupled_pi", {"inverse_dynamics": "online"}, motion=motion)
-    table = variant(design, "coupled_pi", motion=motion)
-    for a, b in zip(compare(online, ["pi", "pi_id"]), compare(table, ["pi", "pi_id"]), strict=True):
-        np.testing.assert_allclose(a.recording.v, b.recording.v, atol=1e-5)
-
-
 # --- the pilot ----------------------------------------------------------------------------------
 
 

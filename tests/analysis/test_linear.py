@@ -267,20 +267,6 @@ def test_modes_are_the_roots_of_the_polynomial(designed):
     assert len(modes) == 12  # none of the positions, which nothing feeds back
 
 
-@pytest.mark.parametrize("encoder", ["motor", "link"])
-def test_modes_of_elastic_axes_are_the_roots_of_the_polynomial(designed, encoder):
-    design = designed("axis_pi", {"plant.elasticity": Elasticity([OMEGA_R] * 4, 0.03, encoder)})
-    expected = []
-    for rotor, inertia, kp, ki in zip(
-        ROTORS, design.i_eff, design.gains.kp, design.gains.ki, strict=True
-    ):
-        speed, below = two_mass_polynomials(rotor, inertia - rotor, OMEGA_R, 0.03)
-        loop = np.polyadd(np.polymul([1, 0], below), np.polymul([kp, ki], speed[encoder]))
-        expected.append(np.roots(loop))
-
-    same_modes(moving(all_modes(linearise(design))), np.concatenate(expected))
-
-
 def test_the_cascade_follows_a_position_that_belongs_to_its_speed(designed):
     """q_ref is the integral of v_ref."""
     k_v = np.array([3.0, 5.0, 7.0, 9.0])
@@ -290,20 +276,6 @@ def test_the_cascade_follows_a_position_that_belongs_to_its_speed(designed):
         pi = design.gains.kp[k] + design.gains.ki[k] / s
         gain = pi * (1 + k_v[k] / s) / (design.i_eff[k] * s)
         same(loop.closed(k).response(OMEGA)[:, 0, 0], gain / (1 + gain))
-
-
-@pytest.mark.parametrize("sample", [0, 2000])
-def test_scheduled_gains_are_those_of_the_sample(designed, sample):
-    design = designed("axis_pi", kind("pi_scheduled"))
-    share = design.inertia_share[sample]
-    expected = [
-        np.roots([inertia, s * kp, s * ki])
-        for inertia, kp, ki, s in zip(
-            design.i_eff, design.gains.kp, design.gains.ki, share, strict=True
-        )
-    ]
-    same_modes(moving(all_modes(linearise(design, sample))), np.concatenate(expected))
-    assert share.min() < 1
 
 
 def linearised_feedback(design, sample, zeta, T):

@@ -269,39 +269,6 @@ def test_resting_modes_do_not_count():
     assert least_damping(loop(0.0, -2e-4, 1e-5), 1e-4) == -1, "slow loops have slow modes"
 
 
-# --- findings -----------------------------------------------------------------------------------
-
-
-def at(sweep, ratio):
-    (i,) = np.flatnonzero(np.isclose(sweep.ratio, ratio))
-    return i
-
-
-def test_finding_the_rule_of_thumb_holds_with_the_encoder_on_the_motor(sweeps):
-    sweep = sweeps["motor", "ideal"]
-    half, one = at(sweep, 0.5), at(sweep, 1.0)
-
-    assert np.all(sweep.damping[half] > 0.5) and np.all(sweep.overshoot_percent[half] < 1)
-    np.testing.assert_allclose(sweep.damping[one], 0.2, atol=0.02)
-    np.testing.assert_allclose(sweep.overshoot_percent[one], 25, atol=2)
-
-
-def test_finding_the_encoder_on_the_link_breaks_the_rule(sweeps):
-    border = sweeps["link", "ideal"].border
-    np.testing.assert_allclose(border[:2], [0.35, 0.59], atol=0.01)
-    assert np.isinf(border[2:]).all()
-
-
-def test_finding_a_sampled_drive_cannot_hold_light_rotors(sweeps):
-    """1 ms is too slow for K_PS against the rotors of joints 3 and 4 alone."""
-    sweep = sweeps["motor", "real"]
-    assert (sweep.damping[at(sweep, 0.1)] < 0).tolist() == [False, False, True, True]
-    assert np.all(sweep.border[2:] < 0.1)
-
-
-# --- in the time domain -------------------------------------------------------------------------
-
-
 # --- bad input ----------------------------------------------------------------------------------
 
 

@@ -121,11 +121,6 @@ def test_whatever_happens_in_a_row_becomes_a_row(base, monkeypatch):
     assert rows[0].reason == "ZeroDivisionError: division by zero in package://sdt/sdt.sdf"
 
 
-def test_plans_are_those_of_their_own_torque_margin(base):
-    rows = run(base, of("torque_margin", List([0.001, 1.0])))
-    assert [row.status for row in rows] == ["infeasible", "ok"]
-
-
 def test_a_run_that_passes_a_stop_fails(base, monkeypatch):
     monkeypatch.setattr("sdt_drake.studies.runs.stops_passed", lambda *_: ["roll, 2 deg", "yaw"])
     [row] = run(base, of("controller", Choice(["p_pi"])))
@@ -166,13 +161,10 @@ def mixed_rows(base, mixed) -> list[Row]:
     return [runner.run(number) for number in range(len(mixed))]
 
 
-def test_rows_come_in_the_order_asked_for(mixed_rows):
+def test_rows_do_not_depend_on_their_order_and_company(base, mixed, mixed_rows, monkeypatch):
     assert [row.number for row in mixed_rows] == list(range(12))
     assert {row.status for row in mixed_rows} == {"ok"}
     assert len({row.outcomes[1] for row in mixed_rows}) > 2
-
-
-def test_rows_do_not_depend_on_their_order_and_company(base, mixed, mixed_rows, monkeypatch):
     expected = without_duration(mixed_rows)
     monkeypatch.setattr("sdt_drake.studies.runs._CACHED", 1)  # motions are planned again and again
     order = np.random.default_rng(0).permutation(12).tolist()

@@ -107,8 +107,6 @@ BAD = [
     ("  - [TM-716, TM-1430]  # yaw\n", "", "requirements.max_abs_speed_error: 4 value(s)"),
     ("  fitted:", "  structure_scale: 2\n  fitted:", "device: motors and structure_scale are"),
     ("  fitted: [AC-203, TM-3950, TM-2150, TM-2150]", "  payload: payload", "device.fitted: mis"),
-    ("[0.8, 1.0]", "[0.8, 0]", "structure_scales[2]: 0, expected a number"),
-    ("[0.8, 1.0]", "[]", "structure_scales: empty, expected a list"),
     ("[0.8, 1.0]", "[1.0, 1.00000000001]", "structure_scales: ['1', '1'] has a value twice"),
     ("fitted: [AC-203, TM-3950, ", "fitted: [AC-203, ", "device: fitted: 3 value(s), expected 4"),
     ("fitted: [AC-203", "fitted: [AC-204", "device.fitted[1]: no motor 'AC-204' in the catalogue"),
@@ -117,14 +115,8 @@ BAD = [
     ("[reference,", "[mine.yaml,", "{folder}/mine.yaml: no such file"),
     ("[reference,", "[mine/post_roll.csv,", "motions: ['post_roll', 'g_excess', 'inversion', "),
     ("[pi, pi_id", "[pi, pi_ids", "controllers: 'pi_ids', expected one of"),
-    ("planner: limiter", "planner: none", "planner: 'none', expected one of"),
-    ("torque_margin: 1.0", "torque_margin: 1.1", "torque_margin: 1.1, expected a number > 0 and"),
-    ("pause: 30.0", "pause: -1", "pause: -1, expected a number >= 0 [s]"),
-    ("[0.05, 0.25, 0.05, 0.1]", "[]", "requirements.max_abs_speed_error: empty, expected"),
     ("[0.05, 0.25, 0.05, 0.1]", "[0.1, 0.1]", "requirements.max_abs_speed_error: 2 value(s), exp"),
-    ("[0.05, 0.25, 0.05, 0.1]", "[-0.1]", "requirements.max_abs_speed_error[1]: -0.1, expected"),
     ("saturated_fraction: 0.01", "saturated_fraction: .nan", "requirements.saturated_fraction"),
-    ("saturated_fraction: 0.01", "used_torque_share: 0", "requirements.used_torque_share: 0"),
     ("saturated_fraction: 0.01", "saturation: 0", "requirements.saturation: no such field"),
 ]  # fmt: skip
 

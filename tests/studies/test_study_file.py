@@ -81,18 +81,12 @@ def test_levels():
     [
         (Uniform(1, 1), ": low 1, high 1, expected low < high"),
         (Uniform(0, math.inf), "high: inf, expected a finite number"),
-        (LogUniform(0, 1), "low: 0, expected a number > 0"),
-        (LogUniform(2, 1), "expected low < high"),
-        (Normal(0, 0), "std: 0, expected a number > 0"),
-        (Normal(math.nan, 1), "mean: nan, expected a finite number"),
         (Normal(0, 1, 2, 1), "low 2, high 1, expected low < high"),
         (Normal(0, 1, 40), "nothing of it is between low and high"),
-        (Grid(0, 1, 1), "count: 1, expected a whole number >= 2 and <= 10000000"),
         (Grid(0, 1, 10**12), "count: 1000000000000, expected"),
         (Grid(1, 1, 3), "start and stop are both 1"),
         (List([]), "values: empty, expected a list of numbers"),
         (List([1.0, 2.0, 1.0]), "values: .* has a value twice"),
-        (List([math.nan]), r"values\[1\]: nan, expected a finite number"),
     ],
 )
 def test_bad_distributions(base, distribution, message):
@@ -135,11 +129,9 @@ U = variable(Uniform(0, 1))
         ([U, U], {}, "two are named disturbance.amplitude"),
         ([variable(Uniform(0, 1), apply="times")], {}, "apply: 'times', expected one of value"),
         ([variable(Choice(["pi"]), "controller", apply="factor")], {}, "apply: factor, but"),
-        ([U], {"draws": 0}, "draws: 0, expected a whole number >= 1"),
         ([variable(Grid(0, 1))], {"draws": 2}, "draws: 2, but no variable is random; remove"),
         ([U], {"draws": 10**19}, "variables|draws"),
         ([U], {"draws": 10**8}, "too many runs, expected at most 10,000,000"),
-        ([U], {"seed": -1}, "seed: -1, expected"),
         ([U], {"seed": 2**64}, "seed: .*, expected"),
         ([U], {"name": "../x"}, "name: ../x, expected one that a folder can"),
         ([U], {"name": ".."}, "name: .., expected one that a folder can"),
@@ -170,10 +162,6 @@ U = variable(Uniform(0, 1))
             {},
             "controller.kind gets two values",
         ),
-        ([U], {"sampling": "sobol"}, "sampling: 'sobol', expected one of"),
-        ([U], {"timeout": 0.0}, "timeout: 0.0, expected a number > 0"),
-        ([U], {"pause": -1.0}, "pause: -1.0, expected a number >= 0"),
-        ([U], {"accuracy": 0.1}, "accuracy: 0.1, expected a number"),
     ],
 )
 def test_bad_studies(base, variables, options, message):
