@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-import copy
 import io
+import os
 import signal
 from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # or idle threads of it fight for the cores
 
 import matplotlib
 import numpy as np
 import pytest
 import sharing  # before anybody imports what it replaces
+from variants import with_fields
 
 matplotlib.use("Agg")
 
@@ -21,7 +24,7 @@ from sdt_drake.cli import main
 from sdt_drake.design import Design, make_design
 from sdt_drake.motion import Motion
 from sdt_drake.robot import Robot, load_robot
-from sdt_drake.scenario import Scenario, load_scenario
+from sdt_drake.scenario import load_scenario
 
 pytest_plugins = ["command_line"]  # its fixtures
 
@@ -81,55 +84,31 @@ def design(_reference_design: Design) -> Design:
     return _reference_design
 
 
-@pytest.fixture
-def make_variant(_reference_design: Design):
-    """A design from a changed copy of a shipped scenario, sharing robot and motion.
-
-    `change` gets the copy and modifies it in place.
-    """
-
-    def make(name: str, change=None) -> Design:
-        scenario: Scenario = copy.deepcopy(load_scenario(f"package://sdt/scenarios/{name}.yaml"))
-        if change is not None:
-            change(scenario)
-        base = _reference_design
-        return make_design(
-            scenario, robot=base.robot, motion=base.motion, torques=base.nominal_torques
-        )
-
-    return make
-
-
 @pytest.fixture(scope="session")
 def designed(_reference_design: Design):
-    """A design from a shipped scenario and fields by dotted name; each is made once.
+    """A design from a shipped scenario and fields by dotted name, along the reference motion.
 
-    `start` and `end` [s] cut the motion; `rest` is how many samples it rests before that. Designs
-    with the same motion share its torques.
+    `start` and `end` [s] cut it; `rest` is how many samples it rests before that; another `motion`
+    is taken instead. Designs with the same motion share its torques.
     """
-    made, torques = {}, {}
+    base, torques = _reference_design, {}
 
-    def make(name, fields=None, *, start=0.0, end=None, rest=0) -> Design:
-        key = name, repr(fields), start, end, rest
-        if key not in made:
-            scenario = load_scenario(f"package://sdt/scenarios/{name}.yaml")
-            for field, value in (fields or {}).items():
-                *parents, field = field.split(".")
-                target = scenario
-                for parent in parents:
-                    target = getattr(target, parent)
-                setattr(target, field, copy.deepcopy(value))
-            base, cut = _reference_design, (start, end, rest)
-            motion = base.motion
-            if end is not None:
-                v = motion.v[round(start / motion.period) : round(end / motion.period) + 1]
-                v = np.vstack([np.zeros((rest, base.robot.n)), v])
-                motion = Motion.from_speeds(motion.period, motion.q[0], v)
-            made[key] = make_design(
-                scenario, robot=base.robot, motion=motion, torques=torques.get(cut)
-            )
-            torques[cut] = made[key].nominal_torques
-        return made[key]
+    def cut(start, end, rest) -> Motion:
+        period = base.motion.period
+        v = base.motion.v[round(start / period) : round(end / period) + 1]
+        v = np.vstack([np.zeros((rest, base.robot.n)), v])
+        return Motion.from_speeds(period, base.motion.q[0], v)
+
+    def make(name, fields=None, *, start=0.0, end=None, rest=0, motion=None) -> Design:
+        along = motion or (base.motion if end is None else cut(start, end, rest))
+        key = None if motion else (start, end, rest)
+        made = make_design(
+            with_fields(load_scenario(name), fields or {}),
+            robot=base.robot, motion=along, torques=torques.get(key),
+        )  # fmt: skip
+        if key:
+            torques[key] = made.nominal_torques
+        return made
 
     return make
 

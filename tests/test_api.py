@@ -6,6 +6,7 @@ from importlib import import_module
 
 import numpy as np
 import pytest
+from variants import with_fields
 
 from sdt_drake.design import make_design
 from sdt_drake.errors import InputError
@@ -28,9 +29,7 @@ STILL = Motion.from_speeds(0.005, np.zeros(4), np.zeros((21, 4)))
 )
 def test_fields_of_a_scenario(design, field, value, message):
     scenario = copy.deepcopy(design.scenario)
-    *path, name = field.split(".")
-    owner = getattr(scenario, path[0]) if path else scenario
-    setattr(owner, name, value)
+    with_fields(scenario, {field: value})
     with pytest.raises(InputError) as error:
         make_design(scenario, robot=design.robot, motion=STILL)
     assert message in str(error.value)
@@ -49,9 +48,9 @@ def test_motions_that_drake_would_die_of(design):
         make_design(design.scenario, robot=design.robot, motion=motion)
 
 
-def test_the_loop_of_another_plant(design, make_variant):
+def test_the_loop_of_another_plant(design, designed):
     with pytest.raises(InputError, match="'axis_loop', expected the loop of the design"):
-        simulate(design, make_loop(make_variant("axis_pi")))
+        simulate(design, make_loop(designed("axis_pi")))
 
 
 def test_an_integrator_that_makes_no_headway_says_when(design, monkeypatch):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import functools
 
 import numpy as np
 import pytest
 from pydrake.multibody.tree import MultibodyForces
+from variants import kind, with_fields
 
 from sdt_drake.control import tune
 from sdt_drake.design import make_design
@@ -32,18 +32,15 @@ LIGHT = Deviation(payload_mass=-40.0)
 
 
 @pytest.fixture
-def make(make_variant):
+def make(designed):
     """A design of the coupled plant with changed fields of its controller, plant or drive."""
 
-    def make(kind="pi", *, name="coupled_pi", friction=None, elasticity=None, **controller):
-        def change(scenario):
-            scenario.controller.kind = kind
-            scenario.plant.friction = friction or Friction()
-            scenario.plant.elasticity = elasticity or Elasticity()
-            for field, value in controller.items():
-                setattr(scenario.controller, field, value)
-
-        return make_variant(name, change)
+    def make(name="pi", *, scenario="coupled_pi", friction=None, elasticity=None, **controller):
+        plant = {
+            "plant.friction": friction or Friction(),
+            "plant.elasticity": elasticity or Elasticity(),
+        }
+        return designed(scenario, kind(name, **controller) | plant)
 
     return make
 
@@ -85,14 +82,10 @@ def test_no_feedforward_is_none(make, kind):
 
 
 @pytest.mark.parametrize("algorithm", ["consistent", "printed"])
-@pytest.mark.parametrize("kind", ["pi_ctc", "p_pi", "pi_scheduled"])
-def test_ctc_is_the_load(make_variant, kind, algorithm):
-    def change(scenario):
-        scenario.algorithm = algorithm
-        scenario.controller.kind = kind
-        scenario.controller.feedforward = None if kind == "pi_ctc" else "ctc"
-
-    design = make_variant("coupled_pi", change)
+@pytest.mark.parametrize("name", ["pi_ctc", "p_pi", "pi_scheduled"])
+def test_ctc_is_the_load(designed, name, algorithm):
+    fields = kind(name, feedforward=None if name == "pi_ctc" else "ctc")
+    design = designed("coupled_pi", fields | {"algorithm": algorithm})
     np.testing.assert_array_equal(design.tau_ff, design.loads.load_torque)
 
 
@@ -105,7 +98,7 @@ def test_id_is_drakes_inverse_dynamics_with_the_rotors(make, kind):
 
 
 def test_id_on_axes_is_the_same(make):
-    np.testing.assert_array_equal(make("pi_id", name="axis_pi").tau_ff, make("pi_id").tau_ff)
+    np.testing.assert_array_equal(make("pi_id", scenario="axis_pi").tau_ff, make("pi_id").tau_ff)
 
 
 def test_gain_is_a_factor_on_each_joint(make):
@@ -251,7 +244,9 @@ def test_spring_and_gravity_give_the_frequency_where_the_inertia_is_largest(make
 
 
 def test_spring_of_an_axis_turns_its_constant_inertia_less_the_rotor(make):
-    design = make(name="axis_pi", elasticity=Elasticity(OMEGA.tolist()), zeta=None, omega_r=None)
+    design = make(
+        scenario="axis_pi", elasticity=Elasticity(OMEGA.tolist()), zeta=None, omega_r=None
+    )
     links = R**2 * (np.array([4.26, 98.01, 796.3, 250.28]) - ROTORS)
     np.testing.assert_allclose(design.springs.stiffness, OMEGA**2 * links, rtol=1e-12)
 
@@ -312,14 +307,9 @@ FREQUENCY = r"plant\.elasticity\.natural_frequency"
          r"controller\.model: .*inertia"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_or_would_make_the_simulation_crawl(make_variant, name, fields, message):
-    def change(scenario):
-        for field, value in fields.items():
-            *parts, last = field.split(".")
-            setattr(functools.reduce(getattr, parts, scenario), last, value)
-
+def test_what_cannot_be_or_would_make_the_simulation_crawl(designed, name, fields, message):
     with pytest.raises(InputError, match=rf"^scenario '{name}': {message}") as error:
-        make_variant(name, change)
+        designed(name, fields)
     assert "\n" not in str(error.value)
 
 
@@ -327,8 +317,7 @@ def test_what_cannot_be_or_would_make_the_simulation_crawl(make_variant, name, f
 def test_an_error_of_no_link_is_refused_before_anything_is_planned(design, field):
     scenario = copy.deepcopy(design.scenario)
     scenario.motion = "not_there.yaml"
-    part, name = field.split(".")
-    setattr(getattr(scenario, part), name, Deviation("seat", payload_mass=1.0))
+    with_fields(scenario, {field: Deviation("seat", payload_mass=1.0)})
     with pytest.raises(InputError, match=rf"{field}\.payload: no link 'seat', expected one of "):
         make_design(scenario)
 

@@ -9,6 +9,7 @@ from typing import Optional, Union
 
 import numpy as np
 import pytest
+from variants import with_fields
 
 from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.device import Drive, Elasticity
@@ -188,23 +189,13 @@ def test_lines_are_started_once():
 
 
 def axis(**fields) -> Scenario:
-    return scenario_with(load_scenario("package://sdt/scenarios/axis_pi.yaml"), fields)
+    return with_fields(load_scenario("package://sdt/scenarios/axis_pi.yaml"), fields)
 
 
 def coupled(kind: str, fields: dict) -> Scenario:
     base = load_scenario("package://sdt/scenarios/coupled_pi.yaml")
     base.controller.kind = kind
-    return scenario_with(base, fields)
-
-
-def scenario_with(scenario: Scenario, fields: dict) -> Scenario:
-    for name, value in fields.items():
-        *parents, last = name.split(".")
-        owner = scenario
-        for parent in parents:
-            owner = getattr(owner, parent)
-        setattr(owner, last, value)
-    return scenario
+    return with_fields(base, fields)
 
 
 def test_defaults():

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from by_hand import rk4
-from test_linear import R, kind, variant
+from test_linear import R
+from variants import kind
 
 from sdt_drake.analysis.budget import PARTS, error_budget
 from sdt_drake.device import Drive, Elasticity, Friction
@@ -24,29 +25,21 @@ ID = PI | kind("p_pi", feedforward="id")
 
 
 @pytest.fixture(scope="module")
-def short(_reference_design):
+def short():
     """0.8 s of constant acceleration, 0.2 s of constant speed."""
     t = PERIOD * np.arange(201)
     return Motion.from_speeds(PERIOD, START, np.outer(np.clip(t, 0, 0.8), ACCELERATION))
 
 
 @pytest.fixture(scope="module")
-def designed(_reference_design, short):
-    def make(name="axis_pi", fields=None, motion=short):
-        return variant(_reference_design, name, fields, motion=motion)
-
-    return make
-
-
-@pytest.fixture(scope="module")
-def budgets(designed):
+def budgets(designed, short):
     """A budget by scenario and fields, computed once: design and budget."""
     made = {}
 
     def get(name="axis_pi", fields=None):
         key = name, repr(fields)
         if key not in made:
-            design = designed(name, fields)
+            design = designed(name, fields, motion=short)
             made[key] = design, error_budget(design)
         return made[key]
 
@@ -183,12 +176,9 @@ def test_friction_lands_in_the_remainder(budgets, fields):
     assert largest(budget.remainder).max() > 1e-3
 
 
-def test_saturation_is_a_part(_reference_design, designed):
+def test_saturation_is_a_part(designed):
     """axis_pi as printed, from 8.9 to 9.6 s: motor 2 saturates."""
-    reference = _reference_design.motion
-    i = round(8.9 / PERIOD)
-    motion = Motion.from_speeds(PERIOD, reference.q[i], reference.v[i : i + 141])
-    design = designed("axis_pi", motion=motion)
+    design = designed("axis_pi", start=8.9, end=9.6)
     assert design.scenario.algorithm == "printed"
     recording = simulate(design)
     budget = error_budget(design)
@@ -202,10 +192,10 @@ def test_saturation_is_a_part(_reference_design, designed):
     same(budget.whole, recording.speed_error, 1e-3)
 
 
-def test_envelope_counts_as_saturation(designed, budgets):
+def test_envelope_counts_as_saturation(designed, budgets, short):
     envelope = Drive(n1=[5.0, 0.1, 1, 1], n0=[30.0, 0.5, 2, 2])
     _, free = budgets("axis_pi", PI)
-    budget = error_budget(designed("axis_pi", PI | {"drive": envelope}))
+    budget = error_budget(designed("axis_pi", PI | {"drive": envelope}, motion=short))
 
     assert largest(budget.parts["saturation"])[1] > 1e-3
     for name in ("reference lag", "load"):
@@ -218,9 +208,9 @@ def test_envelope_counts_as_saturation(designed, budgets):
 
 def test_coupled_plant_is_refused(designed):
     with pytest.raises(InputError, match=r"plant\.kind: coupled, .*expected axis"):
-        error_budget(designed("coupled_pi"))
+        error_budget(designed("coupled_pi", end=0.1))
 
 
 def test_online_inverse_dynamics_is_refused(designed):
     with pytest.raises(InputError, match=r"inverse_dynamics: online, .*needs table"):
-        error_budget(designed("axis_pi_ctc", {"inverse_dynamics": "online"}))
+        error_budget(designed("axis_pi_ctc", {"inverse_dynamics": "online"}, end=0.1))

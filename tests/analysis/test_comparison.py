@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import VectorLogSink
-from test_linear import variant
 
 from sdt_drake.analysis.comparison import (
     compare,
@@ -44,14 +43,14 @@ FELT = ["felt [% of time]", "largest rotation", "rotation about", "largest force
 
 
 @pytest.fixture(scope="module")
-def design(_reference_design):
+def design(designed):
     """Joints 1 and 2 up to speed within 0.2 s and 1.1 s on; joint 3 keeps on accelerating."""
     t = PERIOD * np.arange(261)
     # Rounded, so that a constant speed is one number.
     v = np.round(np.outer(np.clip(t / 0.2, 0, 1), [0.02, 0.2, 0, 0]), 9)
     v[:, 2] = 0.02 * t
     motion = Motion.from_speeds(PERIOD, np.zeros(4), v)
-    return variant(_reference_design, "coupled_pi", motion=motion)
+    return designed("coupled_pi", motion=motion)
 
 
 @pytest.fixture(scope="module")
@@ -83,9 +82,9 @@ def test_one_run_for_each_label_in_order(compared):
 
 
 @pytest.mark.parametrize("i", range(len(LABELS)), ids=LABELS)
-def test_same_numbers_as_the_run_alone(design, compared, i):
+def test_same_numbers_as_the_run_alone(designed, design, compared, i):
     c = compared[i]
-    alone = simulate(variant(design, "coupled_pi", own(LABELS[i]), motion=design.motion))
+    alone = simulate(designed("coupled_pi", own(LABELS[i]), motion=design.motion))
 
     for name in ("q", "v", "tau_cmd", "tau", "load_torque"):
         np.testing.assert_array_equal(getattr(c.recording, name), getattr(alone, name), name)
@@ -274,7 +273,7 @@ def test_bad_labels_are_refused(design, labels, message):
     assert str(caught.value).startswith("controllers: ") and message in str(caught.value)
 
 
-def test_what_the_plant_rules_out_is_refused(design):
-    axis = variant(design, "axis_pi", motion=design.motion)
+def test_what_the_plant_rules_out_is_refused(designed, design):
+    axis = designed("axis_pi", motion=design.motion)
     with pytest.raises(InputError, match=r"inverse_dynamics.*coupled"):
         compare(axis, ["pi", "inverse_dynamics"])

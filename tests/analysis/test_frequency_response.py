@@ -7,7 +7,8 @@ import csv
 import control
 import numpy as np
 import pytest
-from test_linear import OMEGA_R, ROTORS, R, kind, matrices, same, two_mass_polynomials, variant
+from test_linear import OMEGA_R, ROTORS, R, matrices, same, two_mass_polynomials
+from variants import kind
 
 from sdt_drake.analysis.frequency_response import (
     frequency_response,
@@ -21,21 +22,13 @@ HALF = np.sqrt(0.5)
 
 
 @pytest.fixture(scope="module")
-def designed(_reference_design):
-    def make(name="axis_pi", fields=None):
-        return variant(_reference_design, name, fields)
-
-    return make
-
-
-@pytest.fixture(scope="module")
 def damped(designed):
     """Axes with the damping ratios ZETA, by structure: design and response."""
     made = {}
     for structure in STRUCTURES:
         fields = {"plant.i_eff": None, "controller.kp": None, "controller.ki": None}
         fields |= kind("pi", omega_r=OMEGA_R, zeta=ZETA.tolist(), structure=structure)
-        design = designed(fields=fields)
+        design = designed("axis_pi", fields)
         made[structure] = design, frequency_response(design)
     return made
 
@@ -55,7 +48,7 @@ def pi(design, s):
 
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_axis_loop_is_the_analytic_one(designed, structure):
-    design = designed(fields={"controller.structure": structure})
+    design = designed("axis_pi", {"controller.structure": structure})
     response = frequency_response(design)
     s = 1j * response.omega
     p, i = pi(design, s)
@@ -84,7 +77,7 @@ def test_peak_with_p_in_feedback(damped):
 
 def test_cascade_is_the_analytic_one(designed):
     k_v = np.array([3.0, 5.0, 7.0, 20.0])
-    design = designed(fields=kind("p_pi", position_gain=k_v.tolist()))
+    design = designed("axis_pi", kind("p_pi", position_gain=k_v.tolist()))
     response = frequency_response(design)
     s = 1j * response.omega
     p, i = pi(design, s)
@@ -110,7 +103,7 @@ def judged(loop, ahead):
 @pytest.mark.parametrize("bandwidth", [None, 20.0])
 def test_margins_are_those_of_python_control(designed, structure, bandwidth):
     drive = Drive(torque_bandwidth=bandwidth, torque_error=[0.1, 0, -0.1, 0])
-    design = designed(fields={"drive": drive, "controller.structure": structure})
+    design = designed("axis_pi", {"drive": drive, "controller.structure": structure})
     response = frequency_response(design)
     for k in range(4):
         lag = 0.0 if bandwidth is None else 1 / (2 * np.pi * bandwidth)
@@ -135,7 +128,7 @@ def test_margins_are_those_of_python_control(designed, structure, bandwidth):
 def test_an_elastic_axis_is_judged_at_its_worst_crossing(designed):
     """The resonance crosses 1 again: the smallest margin counts, and the last crossing."""
     damping = 0.002
-    design = designed(fields={"plant.elasticity": Elasticity([OMEGA_R] * 4, damping, "link")})
+    design = designed("axis_pi", {"plant.elasticity": Elasticity([OMEGA_R] * 4, damping, "link")})
     response = frequency_response(design, points=8_000)
     several = 0
     for k in range(4):
@@ -161,7 +154,7 @@ def test_an_elastic_axis_is_judged_at_its_worst_crossing(designed):
 @pytest.mark.parametrize("period", [0.001, 0.005])
 def test_sampled_loop_is_the_z_transfer_function(designed, structure, bandwidth, period):
     drive = Drive(period=period, torque_bandwidth=bandwidth)
-    design = designed(fields={"drive": drive, "controller.structure": structure})
+    design = designed("axis_pi", {"drive": drive, "controller.structure": structure})
     response = frequency_response(design, points=500)
     z = np.exp(1j * response.omega * period)[:, None]
     # 1 / s behind a hold, with the lag: T / (z - 1) - tau (1 - a) / (z - a).
@@ -184,7 +177,7 @@ def test_sampled_loop_is_the_z_transfer_function(designed, structure, bandwidth,
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_encoders_give_differences_of_positions(designed, structure):
     drive = Drive(period=0.001, encoder_resolution=[4096.0] * 4)
-    design = designed(fields={"drive": drive, "controller.structure": structure})
+    design = designed("axis_pi", {"drive": drive, "controller.structure": structure})
     response, T = frequency_response(design, points=500), design.reference.period / 5
     z = np.exp(1j * response.omega * T)[:, None]
     position = T**2 * (z + 1) / (2 * (z - 1) ** 2) / design.i_eff  # 1 / s² behind a hold
@@ -205,7 +198,7 @@ def test_too_slow_a_drive_is_unstable(designed, share, stable):
     gains = {"kp": [kp] * 4, "ki": [b * inertia / T**2] * 4, "omega_r": None, "zeta": None}
     fields = {"plant.i_eff": [inertia] * 4, "drive": Drive(period=T)} | kind("pi", **gains)
 
-    assert frequency_response(designed(fields=fields)).stable.tolist() == [stable] * 4
+    assert frequency_response(designed("axis_pi", fields)).stable.tolist() == [stable] * 4
 
 
 def fastest_growth(loop, k, factor):
@@ -281,7 +274,7 @@ def test_by_default_each_joint_is_judged_at_its_largest_inertia(designed):
 
 def test_no_crossover_is_nan(designed):
     weak = Drive(torque_error=[-1 + 1e-8, 0, 0, 0])
-    response = frequency_response(designed(fields={"drive": weak}), points=300)
+    response = frequency_response(designed("axis_pi", {"drive": weak}), points=300)
     for name in ("crossover", "phase_margin", "bandwidth"):
         assert np.isnan(getattr(response, name)).tolist() == [True, False, False, False], name
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import copy
-
 import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder
+from variants import kind
 
 from sdt_drake.analysis.linear import (
     StateSpace,
@@ -15,9 +14,7 @@ from sdt_drake.analysis.linear import (
     linearise,
 )
 from sdt_drake.controllers import Pi
-from sdt_drake.design import make_design
 from sdt_drake.device import Drive, Elasticity
-from sdt_drake.scenario import load_scenario
 
 OMEGA_R = 65.991
 OMEGA = np.geomspace(0.1, 2000, 60)
@@ -27,28 +24,6 @@ ROTORS = np.array([0.1291, 1.73, 0.531, 0.531])  # kg m², motor side
 
 
 # --- shared with the other tests of this folder -------------------------------------------------
-
-
-def variant(reference, name="coupled_pi", fields=None, motion=None):
-    """A design from a shipped scenario and fields by dotted name; robot and motion are shared."""
-    scenario = load_scenario(f"package://sdt/scenarios/{name}.yaml")
-    for dotted, value in (fields or {}).items():
-        *parents, field = dotted.split(".")
-        target = scenario
-        for parent in parents:
-            target = getattr(target, parent)
-        setattr(target, field, copy.deepcopy(value))
-    return make_design(
-        scenario,
-        robot=reference.robot,
-        motion=reference.motion if motion is None else motion,
-        torques=reference.torques if motion is None else None,
-    )
-
-
-def kind(name, **fields):
-    """Fields of a controller."""
-    return {"controller.kind": name} | {f"controller.{f}": value for f, value in fields.items()}
 
 
 def expm(A):
@@ -108,14 +83,6 @@ def same(actual, expected, tolerance=1e-9):
     """Equal to a share of the largest value."""
     scale = np.abs(expected).max()
     np.testing.assert_allclose(actual, expected, rtol=0, atol=tolerance * scale)
-
-
-@pytest.fixture(scope="module")
-def designed(_reference_design):
-    def make(name="coupled_pi", fields=None):
-        return variant(_reference_design, name, fields)
-
-    return make
 
 
 # --- state space --------------------------------------------------------------------------------
@@ -212,7 +179,7 @@ def matrices(robot, q):
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_coupled_process_is_inertia_and_gravity(designed, sample):
     """At rest the motors hold the links: gravity gives the angles a stiffness, and nothing else."""
-    design = designed()
+    design = designed("coupled_pi")
     M, K = matrices(design.robot, design.motion.q[sample])
     P = linear_process(design, sample).response(OMEGA)
     s = 1j * OMEGA[:, None, None]
@@ -227,7 +194,7 @@ def test_coupled_process_is_inertia_and_gravity(designed, sample):
 @pytest.mark.parametrize("encoder", ["motor", "link"])
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_coupled_process_with_elastic_joints(designed, sample, encoder):
-    design = designed(fields={"plant.elasticity": Elasticity([OMEGA_R] * 4, 0.02, encoder)})
+    design = designed("coupled_pi", {"plant.elasticity": Elasticity([OMEGA_R] * 4, 0.02, encoder)})
     M, K = matrices(design.robot, design.motion.q[sample])
     rotors = np.diag(R**2 * ROTORS)
     spring = np.diag(design.springs.stiffness)
@@ -295,7 +262,7 @@ def linearised_feedback(design, sample, zeta, T):
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_inverse_dynamics_decouples_the_coupled_plant(designed, sample):
     """Every joint follows as if alone, sampled with the reference, and no other moves."""
-    design = designed(fields=kind("inverse_dynamics"))
+    design = designed("coupled_pi", kind("inverse_dynamics"))
     loop, T, zeta = linearise(design, sample), 0.005, np.array([0.95, 0.98, 0.99, 0.95])
     A, from_q, from_v = linearised_feedback(design, sample, zeta, T)
     omega = np.geomspace(0.1, np.pi / T, 40)
@@ -315,7 +282,7 @@ def test_inverse_dynamics_decouples_the_coupled_plant(designed, sample):
 
 
 def test_a_linear_feedback_is_any_system_with_the_ports(designed, monkeypatch):
-    design = designed()
+    design = designed("coupled_pi")
     expected = linear_feedback(design)
 
     def plain(cls, design, sample):

@@ -11,13 +11,12 @@ from test_linear import (
     ROTORS,
     R,
     held,
-    kind,
     matrices,
     moving,
     two_mass_polynomials,
     two_masses,
-    variant,
 )
+from variants import kind
 
 from sdt_drake.analysis.linear import StateSpace
 from sdt_drake.analysis.stability import RATIOS, least_damping, stability_sweep
@@ -32,8 +31,8 @@ DRIVE = load_scenario("package://sdt/scenarios/real_device.yaml").drive
 
 
 @pytest.fixture(scope="module")
-def design(_reference_design):
-    return variant(_reference_design)
+def design(designed):
+    return designed("coupled_pi")
 
 
 @pytest.fixture(scope="module")
@@ -138,10 +137,6 @@ def border_by_hand(damping_at, ratios=RATIOS):
 # --- the controller of the scenario -------------------------------------------------------------
 
 
-def controlled(reference, name, **fields):
-    return variant(reference, fields=kind(name, **fields))
-
-
 def step_of(above, below, ratio):
     """The largest value of the step response of above / below, by partial fractions."""
     t = np.linspace(0, 20 / (ratio * OMEGA_R), 5000)
@@ -161,10 +156,10 @@ def cascade(inertia, k, ratio, encoder, k_v):
     return np.polymul(both, speed["link"]), closed
 
 
-def test_the_structure_is_that_of_the_kind(_reference_design, design):
+def test_the_structure_is_that_of_the_kind(designed, design):
     """pi_id has both gains on the error, whatever the scenario's structure: the same modes, and a
     zero that makes the link overshoot."""
-    sweep = stability_sweep(controlled(_reference_design, "pi_id"), OMEGA_R, ratios=SOME)
+    sweep = stability_sweep(designed("coupled_pi", kind("pi_id")), OMEGA_R, ratios=SOME)
     plain = stability_sweep(design, OMEGA_R, ratios=SOME)
     np.testing.assert_allclose(sweep.damping, plain.damping, rtol=1e-9)
     for i, ratio in enumerate(SOME):
@@ -177,9 +172,9 @@ def test_the_structure_is_that_of_the_kind(_reference_design, design):
 
 @pytest.mark.parametrize("position_gain", [None, [3.0, 5.0, 7.0, 20.0]])
 @pytest.mark.parametrize("encoder", ENCODERS)
-def test_the_position_loop_of_a_cascade_is_swept(_reference_design, encoder, position_gain):
+def test_the_position_loop_of_a_cascade_is_swept(designed, encoder, position_gain):
     """K_V follows omega_n, or is the scenario's own."""
-    design = controlled(_reference_design, "p_pi", position_gain=position_gain)
+    design = designed("coupled_pi", kind("p_pi", position_gain=position_gain))
     sweep = stability_sweep(design, OMEGA_R, encoder=encoder, ratios=SOME)
     for k, inertia in enumerate(design.inertia.maximum):
 
@@ -200,9 +195,9 @@ def test_the_position_loop_of_a_cascade_is_swept(_reference_design, encoder, pos
 
 
 @pytest.mark.parametrize("encoder", ENCODERS)
-def test_feedback_linearisation_is_swept_on_the_coupled_plant(_reference_design, encoder):
+def test_feedback_linearisation_is_swept_on_the_coupled_plant(designed, encoder):
     """Joint 2 elastic, the others rigid, the whole state sampled every 5 ms."""
-    design = controlled(_reference_design, "inverse_dynamics")
+    design = designed("coupled_pi", kind("inverse_dynamics"))
     sweep = stability_sweep(design, OMEGA_R, encoder=encoder, ratios=[0.02, 0.5, 1.3])
     k, T = 1, 0.005
     M, K = matrices(design.robot, design.motion.q[design.torques.d_kk[:, k].argmax()])

@@ -245,10 +245,9 @@ def test_an_error_of_the_device_names_the_scenario():
         make_design(with_device(motors=["x", "", "", ""], fitted=FITTED))
 
 
-def test_omega_ratio_tunes_the_loop(make_variant):
-    def slower(scenario):
-        scenario.controller.omega_ratio = 0.25
-
-    half, quarter = make_variant("coupled_pi"), make_variant("coupled_pi", slower)
+def test_omega_ratio_tunes_the_loop(designed):
+    half, quarter = (
+        designed("coupled_pi", {"controller.omega_ratio": ratio}) for ratio in (0.5, 0.25)
+    )
     np.testing.assert_array_equal(quarter.gains.ki, half.gains.ki / 4)
     np.testing.assert_allclose(quarter.omega_n, 65.991 / 4, rtol=1e-12)

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from by_hand import GEAR
+from variants import kind
 
 from sdt_drake.design import make_design
 from sdt_drake.device import Drive, Elasticity, Friction
@@ -19,11 +20,6 @@ LIMIT = np.array([203.2, 3950, 2150, 2150])  # N m, motor side
 PERIOD = 0.005  # s
 CONSISTENT = {"algorithm": "consistent"}
 HANGING = np.array([0.4, 0.15, 0.1, 0.7])  # rad; roll and pitch out of balance
-
-
-def kind(name, **fields):
-    """Fields of a controller."""
-    return {"controller.kind": name} | {f"controller.{f}": value for f, value in fields.items()}
 
 
 def same(actual, expected, tolerance):
