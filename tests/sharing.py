@@ -5,7 +5,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import pickle
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from importlib import import_module
 
 import numpy as np
@@ -42,9 +42,11 @@ def simulate(design, diagram=None, **options):
 
 
 def _fingerprint(design, loop):
-    """Of what was asked for, the blocks of the loop, and every number in the design."""
+    """Of what was asked for by whatever name, the blocks of the loop, and every number in the
+    design."""
     blocks = [(type(loop.controller), block.get_name()) for block in blocks_of(loop)]
-    said = yaml_dump_typed(design.scenario, schema=Scenario) + repr(blocks)
+    scenario = replace(design.scenario, name="")
+    said = yaml_dump_typed(scenario, schema=Scenario) + repr(blocks)
     return hashlib.sha256(b"".join([said.encode(), *_numbers(design)])).hexdigest()
 
 

@@ -23,7 +23,7 @@ from sdt_drake.scene import FRAME_RATE, METRES_PER_G, Scene, arrow_pose, make_fr
 from sdt_drake.viewer import open_meshcat, record_html
 
 EVIL = "</script><b onload='x'>"
-SMALL = {"width": 640, "height": 400}  # WebGL in software is slow
+SMALL = {"width": 400, "height": 260}  # WebGL in software is slow
 TIME = np.arange(401) * 0.005  # 2 s
 
 

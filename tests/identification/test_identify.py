@@ -42,9 +42,9 @@ def motion(robot, seconds=20.0, rate=100.0):
     return time, *(0.5 * np.sum(size * wave, axis=2) for wave in waves)
 
 
-def recorded_of(true, noise=0.01, seed=0):
+def recorded_of(true, noise=0.01, seed=0, seconds=20.0):
     """A recording of a robot with friction; noise over the RMS of the torque."""
-    time, q, v, vd = motion(true)
+    time, q, v, vd = motion(true, seconds)
     tau = inverse_dynamics(true, q, v, vd) + COULOMB_TRUE * np.sign(v) + VISCOUS_TRUE * v
     rng = np.random.default_rng(seed)
     tau = tau + noise * np.sqrt(np.mean(tau**2, axis=0)) * rng.normal(size=tau.shape)
@@ -150,7 +150,7 @@ def suspicions(robot, recorded):
 
 
 def test_what_looks_wrong_is_said(robot, true):
-    recorded = recorded_of(true)
+    recorded = recorded_of(true, seconds=8.0)
     q, tau = recorded.signals["q"], recorded.signals["tau"]
     assert "are its positions in degrees?" in suspicions(robot, changed(recorded, q=np.degrees(q)))
     motors = suspicions(robot, changed(recorded, tau=tau / robot.gear_ratio))
