@@ -100,16 +100,6 @@ def load_controllers(path: str | Path) -> None:
 
 
 __all__ = [
-    "CONTROLLERS",
-    "Controller",
-    "InverseDynamics",
-    "PPi",
-    "Pi",
-    "PiCtc",
-    "PiId",
-    "PiScheduled",
-    "load_controllers",
-    "make_controller",
-    "own_code",
-    "register_controller",
-]
+    "CONTROLLERS", "Controller", "InverseDynamics", "PPi", "Pi", "PiCtc", "PiId", "PiScheduled",
+    "load_controllers", "make_controller", "own_code", "register_controller",
+]  # fmt: skip

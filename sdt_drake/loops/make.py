@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 from typing import Any, cast
 
 import numpy as np
@@ -12,7 +13,7 @@ from pydrake.systems.primitives import ConstantVectorSource, VectorLogSink, Zero
 
 from sdt_drake.arrays import Array
 from sdt_drake.control import SpeedGains
-from sdt_drake.controllers import Controller, make_controller
+from sdt_drake.controllers import make_controller
 from sdt_drake.controllers.base import SIGNALS, add_table
 from sdt_drake.design import Design
 from sdt_drake.errors import InputError, checked_type
@@ -21,15 +22,11 @@ from sdt_drake.loops.rest import at_rest
 from sdt_drake.systems import (
     AxisProcess,
     DynamicSaturation,
-    ElasticJoints,
     Encoder,
-    JointFriction,
     LoadTorque,
     PiSpeedController,
     ReferenceSource,
     RobotDrawing,
-    RobotPlant,
-    TorqueLoop,
     Wiring,
     hold_of,
     set_state,
@@ -125,24 +122,14 @@ class Loop(Diagram):
             context: of this diagram.
         """
         start = at_rest(self.design)
-        states: dict[type, tuple[Array, ...]] = {
-            AxisProcess: (start.q, start.v),
-            RobotPlant: (start.q, start.v),
-            ElasticJoints: (start.q_motor, start.v),
-            JointFriction: (start.v,),
-            TorqueLoop: (start.tau,),
-            Encoder: (self.design.motion.q[0], start.v),
-        }
-        if isinstance(self.controller, Controller):
-            states[type(self.controller)] = (start.tau_cmd,)
         for hold in blocks_of(self):  # of the reference and of tables; encoders have their own
             if isinstance(hold, ZeroOrderHold):
                 seen = hold.get_input_port().Eval(self.GetSubsystemContext(hold, context))
                 set_state(self, context, hold, cast(Array, seen))
-        for block in self.GetSystems():
-            if type(block) in states:
+        for block, (kind, state) in product(self.GetSystems(), start.items()):
+            if isinstance(block, kind):
                 own = self.GetMutableSubsystemContext(block, context)
-                cast(Any, block).rest(own, *states[type(block)])
+                cast(Any, block).rest(own, *state)
 
     def recorded(self, context: Context) -> dict[str, Array]:
         """Logged signals by name, each of shape (samples, size); context: of this diagram."""

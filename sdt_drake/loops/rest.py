@@ -2,51 +2,47 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from sdt_drake.arrays import Array
+from sdt_drake.controllers import Controller
 from sdt_drake.design import Design
 from sdt_drake.device import sliding_friction
 from sdt_drake.dynamics import torque_groups
+from sdt_drake.systems import (
+    AxisProcess,
+    ElasticJoints,
+    Encoder,
+    JointFriction,
+    RobotPlant,
+    TorqueLoop,
+)
 
 _ITERATIONS = 10  # of the angle by which gravity turns a link away from its motor
 
 
-@dataclass(frozen=True, eq=False)
-class Rest:
-    """Joints that have gone on at the first speed of a motion for long; each of shape (n,).
-
-    Attributes:
-        q, q_motor: of links and motors, joint side [rad]: apart where springs are wound.
-        v: of both, joint side [rad/s].
-        tau: what the motors give, motor side [N m].
-        tau_cmd: what they are asked for, motor side [N m].
-    """
-
-    q: Array
-    q_motor: Array
-    v: Array
-    tau: Array
-    tau_cmd: Array
-
-
-def at_rest(design: Design) -> Rest:
-    """Where what the encoders see is on the first sample of the motion."""
-    q = q_motor = seen = design.motion.q[0]
-    springs, elasticity = design.springs, design.scenario.plant.elasticity
-    if springs is not None:
-        wound, axes = np.zeros(len(seen)), springs.elastic
+def at_rest(design: Design) -> dict[type, tuple[Array, ...]]:
+    """What `rest` of each kind of block takes, where joints have gone on at the first speed of the
+    motion for long, and what the encoders see is on its first sample."""
+    q = seen = design.motion.q[0]
+    v, wound = design.motion.v[0], np.zeros(design.robot.n)
+    if design.springs is not None:
+        axes = design.springs.elastic
         for _ in range(_ITERATIONS):
             torque = design.robot.gear_ratio * _holding_torque(design, q)
-            wound[axes] = torque[axes] / springs.stiffness[axes]
-            q = seen if elasticity.encoder == "link" else seen - wound
-        q_motor = q + wound
+            wound[axes] = torque[axes] / design.springs.stiffness[axes]
+            q = seen if design.scenario.plant.elasticity.encoder == "link" else seen - wound
     tau = _holding_torque(design, q)
     error = design.drive.torque_error
-    tau_cmd = tau if error is None else tau / (1 + np.array(error))
-    return Rest(q, q_motor, design.motion.v[0], tau, tau_cmd)
+    return {
+        AxisProcess: (q, v),
+        RobotPlant: (q, v),
+        ElasticJoints: (q + wound, v),
+        JointFriction: (v,),
+        TorqueLoop: (tau,),
+        Encoder: (seen, v),
+        Controller: (tau if error is None else tau / (1 + np.array(error)),),
+    }
 
 
 def _holding_torque(design: Design, q: Array) -> Array:

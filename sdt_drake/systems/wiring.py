@@ -67,18 +67,14 @@ class Wiring:
         return name
 
     def log(self, signals: Sequence[str], period: float) -> dict[str, VectorLogSink]:
-        """Log each signal every `period` [s]: sinks by its names, one for each port.
+        """Log each signal every `period` [s]: sinks by its names.
 
         A log at an instant sees the values from before the updates at that instant: continuous
         signals at t, held ones and what follows from them at t-.
         """
-        sinks: dict[str, VectorLogSink] = {}
-        for name in signals:
-            same = next((sink for other, sink in sinks.items() if self[other] is self[name]), None)
-            if same is None:
-                same = LogVectorOutput(self[name], self.builder, publish_period=period)
-                same.set_name(f"log.{name}")
-            sinks[name] = same
+        sinks = {n: LogVectorOutput(self[n], self.builder, publish_period=period) for n in signals}
+        for name, sink in sinks.items():
+            sink.set_name(f"log.{name}")
         return sinks
 
     def build_into(self, diagram: Diagram, *outputs: str) -> None:
