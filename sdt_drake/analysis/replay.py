@@ -28,7 +28,7 @@ from sdt_drake.progress import as_part, part
 from sdt_drake.robot import Robot
 from sdt_drake.scenario import Scenario
 from sdt_drake.simulate import simulate
-from sdt_drake.systems import Wiring, sample_source
+from sdt_drake.systems import Wired, sample_source
 from sdt_drake.tables import write_table
 
 QUANTITIES = {
@@ -221,12 +221,12 @@ def _course(design: Design, of_links: bool, extra: Array | None = None) -> Cours
     """Of a simulation; extra: what loads the motors beside all else, motor side [N m]."""
     diagram: Diagram = make_loop(design)
     if extra is not None:
-        wiring = Wiring()
-        wiring.add("loop", diagram)
+        loaded = Wired()
+        loaded.add("loop", diagram)
         source = sample_source(design.reference.time, extra)
-        wiring.add("extra_load", source, "extra_load_torque")
-        diagram = Diagram()
-        wiring.build_into(diagram)
+        loaded.add("extra_load", source, "extra_load_torque")
+        loaded.build()
+        diagram = loaded
     run, motion = simulate(design, diagram), design.motion
     q = run.q if of_links else cast(Array, run.q_measured)
     v = run.v if of_links else cast(Array, run.v_measured)

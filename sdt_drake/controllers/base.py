@@ -10,7 +10,7 @@ from pydrake.systems.framework import Context, System
 
 from sdt_drake.arrays import Array, Index
 from sdt_drake.errors import InputError
-from sdt_drake.systems import CtcFeedforward, ReferenceTorque, SignalTable, Wiring
+from sdt_drake.systems import CtcFeedforward, ReferenceTorque, SignalTable, Wired
 
 if TYPE_CHECKING:
     from sdt_drake.design import Design
@@ -98,26 +98,26 @@ SIGNALS = ("reference", "state", "sampled_state", "load_torque", "tau_limited")
 """What a controller can have of the loop, by the names of its inputs."""
 
 
-def add_feedforward(wiring: Wiring, design: Design, at: int | None) -> None:
+def add_feedforward(diagram: Wired, design: Design, at: int | None) -> None:
     """From tau_fb to tau_cmd: the torque feedforward of a design, if it has one; none `at` a
     sample, where it stands still."""
     if design.tau_ff is None or at is not None:
-        wiring.same("tau_cmd", "tau_fb")
+        diagram.same("tau_cmd", "tau_fb")
         return
-    wiring.add("ctc_feedforward", CtcFeedforward(n=design.robot.n))
+    diagram.add("ctc_feedforward", CtcFeedforward(n=design.robot.n))
     law = design.feedforward
     if design.feeds_load_torque:
-        wiring.same("tau_ff", "load_torque")
+        diagram.same("tau_ff", "load_torque")
     elif law is None or design.scenario.inverse_dynamics == "table":
-        add_table(wiring, "feedforward_table", design, tau_ff=design.tau_ff)
+        add_table(diagram, "feedforward_table", design, tau_ff=design.tau_ff)
     else:
         torque = ReferenceTorque(
             robot=design.model, outputs=("tau_ff",), law=lambda *sample: [law(*sample)]
         )
-        wiring.add("feedforward_torque", torque)
+        diagram.add("feedforward_torque", torque)
 
 
-def add_table(wiring: Wiring, name: str, design: Design, **signals: Array) -> None:
+def add_table(diagram: Wired, name: str, design: Design, **signals: Array) -> None:
     """Signals along the motion that arrive with the reference."""
     delay = design.drive.reference_delay
-    wiring.add(name, SignalTable(motion=design.reference, signals=signals, delay=delay))
+    diagram.add(name, SignalTable(motion=design.reference, signals=signals, delay=delay))

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pydrake.systems.framework import Diagram, System
+from pydrake.systems.framework import System
 
 from sdt_drake.control import damping_ratio
 from sdt_drake.controllers.base import Controller, add_feedforward
-from sdt_drake.systems import InverseDynamicsController, Wiring
+from sdt_drake.systems import InverseDynamicsController, Wired
 
 if TYPE_CHECKING:
     from sdt_drake.design import Design
 
 
-class InverseDynamics(Diagram, Controller):
+class InverseDynamics(Wired, Controller):
     """Computed torque from the whole state.
 
         tau = M(q) (vd_ref + 2 zeta omega_n (v_ref - v) + omega_n² (q_ref - q)) + bias(q, v)
@@ -34,15 +34,14 @@ class InverseDynamics(Diagram, Controller):
     def __init__(self, design: Design, *, at: int | None = None) -> None:
         """Of a design; at: for linear analysis, its feedback alone."""
         super().__init__()
-        wiring = Wiring()
         law = InverseDynamicsController(
             model=design.model,
             omega_n=design.omega_n,
             zeta=damping_ratio(design.gains, design.gains.ki / design.omega_n**2),
         )
-        wiring.add("inverse_dynamics", law)
-        add_feedforward(wiring, design, at)
-        wiring.build_into(self, "tau_cmd")
+        self.add("inverse_dynamics", law)
+        add_feedforward(self, design, at)
+        self.build("tau_cmd")
 
     @classmethod
     def in_words(cls, design: Design) -> str:

@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Context, Diagram, System
+from pydrake.systems.framework import Context, System
 
 from sdt_drake.arrays import Array, Index
 from sdt_drake.control import SpeedGains
 from sdt_drake.controllers.base import Controller, add_feedforward, add_table
-from sdt_drake.systems import GainSchedule, PiSpeedController, PositionLoop, Wiring
+from sdt_drake.systems import GainSchedule, PiSpeedController, PositionLoop, Wired
 
 if TYPE_CHECKING:
     from sdt_drake.design import Design
 
 
-class Pi(Diagram, Controller):
+class Pi(Wired, Controller):
     """A PI speed controller for each motor (Section 3.3), sampled where the drive is.
 
     With anti-windup it has one more input, `tau_limited`.
@@ -39,7 +39,6 @@ class Pi(Diagram, Controller):
         self._design = design
         choice, gains = design.scenario.controller, design.gains
         share = 1.0 if at is None else self._share(at)
-        wiring = Wiring()
         self._pi = PiSpeedController(
             gains=SpeedGains(kp=share * gains.kp, ki=share * gains.ki),
             gear_ratio=design.robot.gear_ratio,
@@ -47,10 +46,10 @@ class Pi(Diagram, Controller):
             anti_windup=choice.anti_windup and at is None,  # nothing saturates there
             period=design.drive.period,
         )
-        ahead = self._add_ahead(wiring, at)
-        wiring.add("pi_speed_controller", self._pi, tau="tau_limited", **ahead)
-        add_feedforward(wiring, design, at)
-        wiring.build_into(self, "tau_cmd")
+        ahead = self._add_ahead(at)
+        self.add("pi_speed_controller", self._pi, tau="tau_limited", **ahead)
+        add_feedforward(self, design, at)
+        self.build("tau_cmd")
 
     @classmethod
     def in_words(cls, design: Design) -> str:
@@ -92,7 +91,7 @@ class Pi(Diagram, Controller):
 
     # --- what those below change ---------------------------------------------------------------
 
-    def _add_ahead(self, wiring: Wiring, at: int | None) -> dict[str, str]:
+    def _add_ahead(self, at: int | None) -> dict[str, str]:
         """Blocks ahead of the PI controllers, and what these get instead of their own signals."""
         return {}
 
@@ -154,8 +153,8 @@ class PPi(Pi):
         gain = "K_V = omega_n / 4" if k_v is None else f"K_V = {k_v} 1/s at every omega_n"
         return f"{super().in_words(design)} in position loops, {gain}"
 
-    def _add_ahead(self, wiring: Wiring, at: int | None) -> dict[str, str]:
-        wiring.add("position_loop", PositionLoop(position_gain=self._design.position_gain))
+    def _add_ahead(self, at: int | None) -> dict[str, str]:
+        self.add("position_loop", PositionLoop(position_gain=self._design.position_gain))
         return {"reference": "speed_reference"}
 
     def _asked(self, held: Index, sample: Index, q: Array) -> Array:
@@ -180,11 +179,11 @@ class PiScheduled(Pi):
     def in_words(cls, design: Design) -> str:
         return f"{super().in_words(design)}, their gains those at the largest inertia"
 
-    def _add_ahead(self, wiring: Wiring, at: int | None) -> dict[str, str]:
+    def _add_ahead(self, at: int | None) -> dict[str, str]:
         if at is not None:  # Drake linearises no schedule of a sampled controller
             return {}
-        add_table(wiring, "inertia_table", self._design, inertia_share=self._design.inertia_share)
-        wiring.add("gain_schedule", GainSchedule(n=self._design.robot.n))
+        add_table(self, "inertia_table", self._design, inertia_share=self._design.inertia_share)
+        self.add("gain_schedule", GainSchedule(n=self._design.robot.n))
         return {"reference": "weighted_reference", "state": "weighted_state"}
 
     def _share(self, held: Index | int) -> Array:

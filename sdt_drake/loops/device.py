@@ -16,11 +16,11 @@ from sdt_drake.systems import (
     JointFriction,
     RobotPlant,
     TorqueLoop,
-    Wiring,
+    Wired,
 )
 
 
-def add_device(wiring: Wiring, design: Design) -> None:
+def add_device(diagram: Wired, design: Design) -> None:
     """Torque loop, elastic joints and plant: from `tau_limited` and `true_load` to `state`,
     `motor_state`, `measured` (what the encoders are on) and `tau`.
 
@@ -30,60 +30,60 @@ def add_device(wiring: Wiring, design: Design) -> None:
     apart = np.zeros(robot.n, dtype=bool) if springs is None else springs.elastic  # rotors
     if design.scenario.plant.kind == "coupled":
         plant = RobotPlant(robot=robot, without_rotor=apart)
-        wiring.add("multibody_plant", plant, tau="tau_link", load_torque="true_load")
+        diagram.add("multibody_plant", plant, tau="tau_link", load_torque="true_load")
     else:
         i_eff = design.i_eff - np.where(apart, robot.rotor_inertia, 0.0)
         process = AxisProcess(i_eff=i_eff, gear_ratio=robot.gear_ratio)
-        wiring.add("axis_process", process, tau="tau_link", load_torque="true_load")
+        diagram.add("axis_process", process, tau="tau_link", load_torque="true_load")
     if springs is None:
-        wiring.same("tau_link", "tau")
-        wiring.same("motor_state", "state")
+        diagram.same("tau_link", "tau")
+        diagram.same("motor_state", "state")
     else:
         joints = ElasticJoints(
             springs=springs, rotor_inertia=robot.rotor_inertia, gear_ratio=robot.gear_ratio
         )
-        wiring.add("elastic_joints", joints)
+        diagram.add("elastic_joints", joints)
     on_link = design.scenario.plant.elasticity.encoder == "link"
-    wiring.same("measured", "state" if on_link else "motor_state")
+    diagram.same("measured", "state" if on_link else "motor_state")
     if drive.torque_bandwidth is not None or drive.torque_error is not None:
         torque_loop = TorqueLoop(
             motor_torque_limit=robot.motor_torque_limit,
             bandwidth=drive.torque_bandwidth,
             error=drive.torque_error,
         )
-        wiring.add("torque_loop", torque_loop)
+        diagram.add("torque_loop", torque_loop)
     else:
-        wiring.same("tau", "tau_limited")
+        diagram.same("tau", "tau_limited")
 
 
-def add_moved(wiring: Wiring, design: Design, q: Array, v: Array) -> None:
+def add_moved(diagram: Wired, design: Design, q: Array, v: Array) -> None:
     """The same without a plant: links and motors do what they are said to, whatever the torque."""
     # A cubic between the samples: what integrates its speed gets its position.
     moved = PiecewisePolynomial.CubicHermite(design.reference.time, q.T, v.T)
-    wiring.add("moved_joints", TrajectorySource(moved, output_derivative_order=1), "state")
-    wiring.same("motor_state", "state")
-    wiring.same("measured", "state")
-    wiring.same("tau", "tau_limited")
+    diagram.add("moved_joints", TrajectorySource(moved, output_derivative_order=1), "state")
+    diagram.same("motor_state", "state")
+    diagram.same("measured", "state")
+    diagram.same("tau", "tau_limited")
 
 
-def add_loads(wiring: Wiring, design: Design) -> None:
+def add_loads(diagram: Wired, design: Design) -> None:
     """What the motors turn against, `true_load`: on the axis plant the load torque of the
     reference; disturbance, friction, and `extra_load_torque` from outside, 0 by default."""
     n, disturbance = design.robot.n, design.scenario.disturbance
     parts = ["load_torque"] if design.scenario.plant.kind == "axis" else []
     if disturbance.amplitude > 0:
         injected = Disturbance(n=n, amplitude=disturbance.amplitude, omega_d=disturbance.omega_d)
-        wiring.add("disturbance", injected)
+        diagram.add("disturbance", injected)
         parts.append("disturbance")
     if design.friction is not None:
         friction = JointFriction(friction=design.friction, gear_ratio=design.robot.gear_ratio)
-        wiring.add("friction", friction)
+        diagram.add("friction", friction)
         parts.append("friction")
-    wiring.add("extra_load_torque", PassThrough(np.zeros(n)), "extra_load_torque", "extra")
+    diagram.add("extra_load_torque", PassThrough(np.zeros(n)), "extra_load_torque", "extra")
     if parts:
-        wiring.add("true_load", Adder(len(parts) + 1, n), *parts, "extra", "true_load")
+        diagram.add("true_load", Adder(len(parts) + 1, n), *parts, "extra", "true_load")
     else:
-        wiring.same("true_load", "extra")
+        diagram.same("true_load", "extra")
 
 
 def make_process(design: Design) -> Diagram:
@@ -93,11 +93,10 @@ def make_process(design: Design) -> Diagram:
     not saturate, and friction is left out: neither has a frequency response. The plant's state is
     the first in the diagram.
     """
-    wiring, n = Wiring(), design.robot.n
-    add_device(wiring, design)
-    wiring.add("no_load", ConstantVectorSource(np.zeros(n)), "true_load")
-    wiring.same("tau_limited", "tau_cmd")
-    process = Diagram()
-    wiring.build_into(process, "measured", "state")
+    process, n = Wired(), design.robot.n
+    add_device(process, design)
+    process.add("no_load", ConstantVectorSource(np.zeros(n)), "true_load")
+    process.same("tau_limited", "tau_cmd")
+    process.build("measured", "state")
     process.set_name("process")
     return process

@@ -27,13 +27,12 @@ from sdt_drake.systems import (
     PiSpeedController,
     ReferenceSource,
     RobotDrawing,
-    Wiring,
+    Wired,
     hold_of,
-    set_state,
 )
 
 
-class Loop(Diagram):
+class Loop(Wired):
     """A closed loop of a design, to simulate, to draw, or to build into a diagram of one's own.
 
     On the plant "axis", the paper's simulation models, all axes in one diagram (Figures 3, 5 and
@@ -78,14 +77,13 @@ class Loop(Diagram):
         self.controller = _checked_controller(
             make_controller(design) if controller is None else controller, robot.n
         )
-        wiring = Wiring()
 
         source = ReferenceSource(motion=motion, delay=drive.reference_delay)
-        wiring.add("reference_source", source, "planned")
+        self.add("reference_source", source, "planned")
         hold = hold_of(motion, 3 * robot.n, delay=drive.reference_delay)
-        wiring.add("zero_order_hold", hold, "planned", "reference")
-        _add_load_torque(wiring, design, self.controller, widened)
-        wiring.add("controller", self.controller, state="drive_state")
+        self.add("zero_order_hold", hold, "planned", "reference")
+        _add_load_torque(self, design, self.controller, widened)
+        self.add("controller", self.controller, state="drive_state")
         limits = DynamicSaturation(
             motor_torque_limit=robot.motor_torque_limit,
             gear_ratio=robot.gear_ratio,
@@ -93,21 +91,21 @@ class Loop(Diagram):
             n0=drive.n0,
             widened=widened,
         )
-        wiring.add("dynamic_saturation", limits, tau="tau_limited", state="motor_state")
+        self.add("dynamic_saturation", limits, tau="tau_limited", state="motor_state")
         if moved is None:
-            add_device(wiring, design)
-            add_loads(wiring, design)
+            add_device(self, design)
+            add_loads(self, design)
         else:
-            add_moved(wiring, design, *moved)
-        _add_encoders(wiring, design, self.controller)
+            add_moved(self, design, *moved)
+        _add_encoders(self, design, self.controller)
         if meshcat is not None:
             drawing = RobotDrawing(robot=robot, meshcat=meshcat, period=motion.period)
-            wiring.add("drawing", drawing)
+            self.add("drawing", drawing)
 
         torques, states = ("tau_cmd", "tau_limited", "tau"), ("state", "measured")
-        self.logs = wiring.log(states, motion.period)
-        self.logs |= wiring.log(torques, drive.period or motion.period)
-        wiring.build_into(self, "reference", *states, "tau_cmd", "tau")
+        self.logs = self.log(states, motion.period)
+        self.logs |= self.log(torques, drive.period or motion.period)
+        self.build("reference", *states, "tau_cmd", "tau")
         self.set_name(f"{design.scenario.plant.kind}_loop")
 
     def rest(self, context: Context) -> None:
@@ -125,7 +123,7 @@ class Loop(Diagram):
         for hold in blocks_of(self):  # of the reference and of tables; encoders have their own
             if isinstance(hold, ZeroOrderHold):
                 seen = hold.get_input_port().Eval(self.GetSubsystemContext(hold, context))
-                set_state(self, context, hold, cast(Array, seen))
+                self.set_state(context, hold, cast(Array, seen))
         for block, (kind, state) in product(self.GetSystems(), start.items()):
             if isinstance(block, kind):
                 own = self.GetMutableSubsystemContext(block, context)
@@ -180,18 +178,18 @@ def make_step_loop(
         step: motor speed asked for from time 0 on [rad/s].
         log_period: of the state [s].
     """
-    wiring, diagram = Wiring(), Diagram()
+    loop = Wired()
     step_reference = ConstantVectorSource(np.array([0.0, step, 0.0]))  # q_ref, v_ref, vd_ref
-    wiring.add("step_reference", step_reference, "reference")
+    loop.add("step_reference", step_reference, "reference")
     pi = PiSpeedController(gains=gains, gear_ratio=[1.0], structure=structure)
-    wiring.add("pi_speed_controller", pi)
-    wiring.add("no_load", ConstantVectorSource(np.zeros(1)), "load_torque")
+    loop.add("pi_speed_controller", pi)
+    loop.add("no_load", ConstantVectorSource(np.zeros(1)), "load_torque")
     process = AxisProcess(i_eff=[i_eff], gear_ratio=[1.0])
-    wiring.add("axis_process", process, tau="tau_fb")
-    wiring.log(("state",), log_period)
-    wiring.build_into(diagram, "state")
-    diagram.set_name("step_loop")
-    return diagram
+    loop.add("axis_process", process, tau="tau_fb")
+    loop.log(("state",), log_period)
+    loop.build("state")
+    loop.set_name("step_loop")
+    return loop
 
 
 def _checked_controller(controller: System, n: int) -> System:
@@ -219,7 +217,7 @@ def blocks_of(diagram: Diagram) -> Iterator[System]:
             yield system
 
 
-def _add_load_torque(wiring: Wiring, design: Design, controller: System, widened: bool) -> None:
+def _add_load_torque(diagram: Wired, design: Design, controller: System, widened: bool) -> None:
     """Load torque and alleviating torque of the reference, where the loop needs them: a table, or
     on line."""
     scenario = design.scenario
@@ -228,13 +226,13 @@ def _add_load_torque(wiring: Wiring, design: Design, controller: System, widened
     names += ["alleviating_torque"] * widened
     if names and scenario.inverse_dynamics == "table":
         signals = {name: getattr(design.loads, name) for name in names}
-        add_table(wiring, "load_torque", design, **signals)
+        add_table(diagram, "load_torque", design, **signals)
     elif names:
         block = LoadTorque(robot=design.loaded_robot, algorithm=scenario.algorithm)
-        wiring.add("load_torque", block)
+        diagram.add("load_torque", block)
 
 
-def _add_encoders(wiring: Wiring, design: Design, controller: System) -> None:
+def _add_encoders(diagram: Wired, design: Design, controller: System) -> None:
     """Of the drives, if they sample, and at the instants of the reference, for who needs that."""
     drive, n = design.drive, design.robot.n
 
@@ -245,10 +243,10 @@ def _add_encoders(wiring: Wiring, design: Design, controller: System) -> None:
             resolution=drive.encoder_resolution,
             gear_ratio=design.robot.gear_ratio,
         )
-        wiring.add(name, encoder, state="measured", measured=signal)
+        diagram.add(name, encoder, state="measured", measured=signal)
 
     if drive.period is None:
-        wiring.same("drive_state", "measured")
+        diagram.same("drive_state", "measured")
     else:
         add("encoder", drive.period, "drive_state")
     if controller.HasInputPort("sampled_state"):

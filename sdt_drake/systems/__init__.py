@@ -33,11 +33,11 @@ from sdt_drake.systems.plants import AxisProcess, ElasticJoints, RobotPlant
 from sdt_drake.systems.reference import ReferenceSource, SignalTable, hold_of, sample_source
 from sdt_drake.systems.robot_drawing import RobotDrawing
 from sdt_drake.systems.symbolic import SymbolicLaw
-from sdt_drake.systems.wiring import Wiring, set_state
+from sdt_drake.systems.wiring import Wired
 
 __all__ = [
     "AxisProcess", "CtcFeedforward", "Disturbance", "DynamicSaturation", "ElasticJoints", "Encoder",
     "GainSchedule", "InverseDynamicsController", "JointFriction", "LoadTorque", "PiSpeedController",
     "PositionLoop", "ReferenceSource", "ReferenceTorque", "RobotDrawing", "RobotPlant",
-    "SignalTable", "SymbolicLaw", "TorqueLoop", "Wiring", "hold_of", "sample_source", "set_state",
+    "SignalTable", "SymbolicLaw", "TorqueLoop", "Wired", "hold_of", "sample_source",
 ]  # fmt: skip

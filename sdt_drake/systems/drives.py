@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pydrake.symbolic as sym
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.framework import Context
 from pydrake.systems.primitives import (
     FirstOrderLowPassFilter,
     Gain,
@@ -18,7 +18,7 @@ from pydrake.systems.primitives import (
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, checked_count, checked_number, checked_positive
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
-from sdt_drake.systems.wiring import Wiring, set_state
+from sdt_drake.systems.wiring import Wired
 
 _TINY = np.finfo(float).tiny
 
@@ -68,10 +68,9 @@ class DynamicSaturation(SymbolicLaw):
         limit = checked_positive(motor_torque_limit, "motor_torque_limit")
         n, has_envelope = len(limit), n1 is not None
         if not has_envelope and not widened:
-            Diagram.__init__(self)
-            wiring = Wiring()  # Drake's own block is quicker than a law in symbols
-            wiring.add("law", Saturation(-limit, limit), "tau_cmd", "tau")
-            wiring.build_into(self, "tau")
+            Wired.__init__(self)  # Drake's own block is quicker than a law in symbols
+            self.add("law", Saturation(-limit, limit), "tau_cmd", "tau")
+            self.build("tau")
             return
 
         rated, no_load = np.asarray(n1), np.asarray(n0)
@@ -100,7 +99,7 @@ class DynamicSaturation(SymbolicLaw):
         super().__init__(inputs=inputs, output="tau", law=law)
 
 
-class TorqueLoop(Diagram):
+class TorqueLoop(Wired):
     """What the motors make of the torque that they should give.
 
         T dtau/dt = (1 + error) tau_limited - tau,    T = 1 / (2 pi bandwidth)
@@ -136,26 +135,26 @@ class TorqueLoop(Diagram):
         super().__init__()
         limit = checked_positive(motor_torque_limit, "motor_torque_limit")
         gain = np.ones(len(limit)) if error is None else 1 + np.asarray(error)
-        self._lag, wiring = None, Wiring()
+        self._lag = None
         # An error-controlled integrator takes 1 N m as seriously as 1 rad/s. In units of 100 limits
         # the torque is good to 1e-3 of the limit while it settles, the speeds to 1e-5.
         self._unit = 100 * limit
         if bandwidth is None:
-            wiring.add("gain", Gain(gain), "tau_limited", "tau")
+            self.add("gain", Gain(gain), "tau_limited", "tau")
         else:
             lag = FirstOrderLowPassFilter(1 / (2 * np.pi * bandwidth), len(limit))
-            wiring.add("share", Gain(gain / self._unit), "tau_limited", "share")
-            self._lag = wiring.add("lag", lag, "share", "lagging")
-            wiring.add("unit", Gain(self._unit), "lagging", "tau")
-        wiring.build_into(self, "tau")
+            self.add("share", Gain(gain / self._unit), "tau_limited", "share")
+            self._lag = self.add("lag", lag, "share", "lagging")
+            self.add("unit", Gain(self._unit), "lagging", "tau")
+        self.build("tau")
 
     def rest(self, context: Context, tau: ArrayLike) -> None:
         """Start with motors that give `tau` [N m], motor side, shape (n,)."""
         if self._lag is not None:
-            set_state(self, context, self._lag, np.asarray(tau) / self._unit)
+            self.set_state(context, self._lag, np.asarray(tau) / self._unit)
 
 
-class Encoder(Diagram):
+class Encoder(Wired):
     """Samples the state every `period` [s], first at time 0, and holds it: [q, v], joint side.
 
     With a resolution, the positions are those of an incremental encoder on the motor's shaft, and
@@ -194,9 +193,8 @@ class Encoder(Diagram):
         self._period = checked_number(period, "period", minimum=0, exclusive=True)
         self._increment = None
         self.symbol = f"encoder\n{1e3 * period:g} ms"
-        wiring = Wiring()
         if resolution is None:
-            self._now = wiring.add("now", ZeroOrderHold(period, 2 * n), "state", "measured")
+            self._now = self.add("now", ZeroOrderHold(period, 2 * n), "state", "measured")
         else:
             if gear_ratio is None:
                 raise InputError("gear_ratio: missing, expected with a resolution")
@@ -209,19 +207,19 @@ class Encoder(Diagram):
 
             one, zero = np.eye(n), np.zeros((n, n))
             difference = np.block([[one, zero], [one / period, -one / period]])
-            wiring.add("count", SymbolicLaw(inputs={"state": 2 * n}, output="q", law=count))
-            self._now = wiring.add("now", ZeroOrderHold(period, n), "q", "now")
+            self.add("count", SymbolicLaw(inputs={"state": 2 * n}, output="q", law=count))
+            self._now = self.add("now", ZeroOrderHold(period, n), "q", "now")
             # Updated at the same instants as `now`, it sees what `now` held until then.
-            self._before = wiring.add("before", ZeroOrderHold(period, n), "now", "before")
-            wiring.add("samples", Multiplexer([n, n]), "now", "before", "samples")
-            wiring.add("difference", MatrixGain(difference), "samples", "measured")
-        wiring.build_into(self, "measured")
+            self._before = self.add("before", ZeroOrderHold(period, n), "now", "before")
+            self.add("samples", Multiplexer([n, n]), "now", "before", "samples")
+            self.add("difference", MatrixGain(difference), "samples", "measured")
+        self.build("measured")
 
     def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
         """Start with samples taken at q [rad], moving with v [rad/s] for long; joint side."""
         if self._increment is None:
-            set_state(self, context, self._now, np.concatenate([q, v]))
+            self.set_state(context, self._now, np.concatenate([q, v]))
             return
         count = np.floor(np.asarray(q) / self._increment) * self._increment
-        set_state(self, context, self._now, count)
-        set_state(self, context, self._before, count - self._period * np.asarray(v))
+        self.set_state(context, self._now, count)
+        self.set_state(context, self._before, count - self._period * np.asarray(v))

@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems import controllers
-from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import Demultiplexer, Gain
 
 from sdt_drake.errors import checked_positive
 from sdt_drake.robot import Robot
-from sdt_drake.systems.wiring import Wiring
+from sdt_drake.systems.wiring import Wired
 
 
-class InverseDynamicsController(Diagram):
+class InverseDynamicsController(Wired):
     """Computed torque from the whole state: every joint becomes a double integrator.
 
         r tau_fb = M(q) (vd_ref + 2 zeta omega_n (v_ref - v) + omega_n² (q_ref - q)) + bias(q, v)
@@ -50,8 +49,7 @@ class InverseDynamicsController(Diagram):
             kd=2 * zeta * omega_n,
             has_reference_acceleration=True,
         )
-        wiring = Wiring()
-        wiring.add("reference", Demultiplexer([2 * n, n]), "reference", "state_ref", "vd_ref")
-        wiring.add("law", law, "sampled_state", "state_ref", "vd_ref", "torque", "unused_vd")
-        wiring.add("gears", Gain(1 / model.gear_ratio), "torque", "tau_fb")
-        wiring.build_into(self, "tau_fb")
+        self.add("reference", Demultiplexer([2 * n, n]), "reference", "state_ref", "vd_ref")
+        self.add("law", law, "sampled_state", "state_ref", "vd_ref", "torque", "unused_vd")
+        self.add("gears", Gain(1 / model.gear_ratio), "torque", "tau_fb")
+        self.build("tau_fb")

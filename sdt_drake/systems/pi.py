@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.symbolic import Expression
-from pydrake.systems.framework import Context, Diagram, System
+from pydrake.systems.framework import Context, System
 from pydrake.systems.primitives import (
     Adder,
     Gain,
@@ -20,10 +20,10 @@ from pydrake.systems.primitives import (
 from sdt_drake.control import STRUCTURES, SpeedGains
 from sdt_drake.errors import checked_choice, checked_count, checked_positive
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
-from sdt_drake.systems.wiring import Wiring, set_state
+from sdt_drake.systems.wiring import Wired
 
 
-class PiSpeedController(Diagram):
+class PiSpeedController(Wired):
     """n independent PI speed controllers (Eq. 5, Figure 5), one for each motor.
 
     With the motor speeds r v and r v_ref, all motor side:
@@ -83,30 +83,29 @@ class PiSpeedController(Diagram):
             integral = LinearSystem(A=one, B=period * one, C=one, D=zero, time_period=period)
         self._ki = gains.ki
 
-        wiring = Wiring()
         speed_ref, speed = np.hstack([zero, r, zero]), np.hstack([zero, r])
-        wiring.add("motor_speed_ref", MatrixGain(speed_ref), "reference", "r v_ref")
-        wiring.add("motor_speed", MatrixGain(-speed), "state", "-r v")
-        wiring.add("speed_error", Adder(2, n), "r v_ref", "-r v", "error")
+        self.add("motor_speed_ref", MatrixGain(speed_ref), "reference", "r v_ref")
+        self.add("motor_speed", MatrixGain(-speed), "state", "-r v")
+        self.add("speed_error", Adder(2, n), "r v_ref", "-r v", "error")
         if anti_windup:
-            wiring.add("asked", Gain(-1 / kp), "tau_cmd", "asked")
-            wiring.add("given", Gain(1 / kp), "tau", "given")
-            wiring.add("shortened_error", Adder(3, n), "error", "given", "asked", "to_integrate")
+            self.add("asked", Gain(-1 / kp), "tau_cmd", "asked")
+            self.add("given", Gain(1 / kp), "tau", "given")
+            self.add("shortened_error", Adder(3, n), "error", "given", "asked", "to_integrate")
         else:
-            wiring.same("to_integrate", "error")
-        self._integral = wiring.add("integral", integral, "to_integrate", "integral")
-        wiring.add("K_IS", Gain(gains.ki), "integral", "integral_torque")
+            self.same("to_integrate", "error")
+        self._integral = self.add("integral", integral, "to_integrate", "integral")
+        self.add("K_IS", Gain(gains.ki), "integral", "integral_torque")
         proportional_to = "error" if structure == "pi" else "-r v"
-        wiring.add("K_PS", Gain(kp), proportional_to, "proportional_torque")
-        wiring.add("tau_fb", Adder(2, n), "integral_torque", "proportional_torque", "tau_fb")
-        wiring.build_into(self, "tau_fb")
+        self.add("K_PS", Gain(kp), proportional_to, "proportional_torque")
+        self.add("tau_fb", Adder(2, n), "integral_torque", "proportional_torque", "tau_fb")
+        self.build("tau_fb")
 
     def rest(self, context: Context, tau_integral: ArrayLike) -> None:
         """Start with an integral that gives `tau_integral` [N m], motor side."""
-        set_state(self, context, self._integral, np.asarray(tau_integral) / self._ki)
+        self.set_state(context, self._integral, np.asarray(tau_integral) / self._ki)
 
 
-class CtcFeedforward(Diagram):
+class CtcFeedforward(Wired):
     """Computed torque compensation of the load (Section 3.4, Figure 6).
 
         tau_cmd = tau_fb + tau_ff        [N m], motor side
@@ -125,12 +124,11 @@ class CtcFeedforward(Diagram):
         """For n motors."""
         super().__init__()
         checked_count(n, "n")
-        wiring = Wiring()
-        wiring.add("tau_cmd", Adder(2, n), "tau_fb", "tau_ff", "tau_cmd")
-        wiring.build_into(self, "tau_cmd")
+        self.add("tau_cmd", Adder(2, n), "tau_fb", "tau_ff", "tau_cmd")
+        self.build("tau_cmd")
 
 
-class PositionLoop(Diagram):
+class PositionLoop(Wired):
     """The reference of a speed loop that also keeps the position.
 
         v_ref + K_V (q_ref - q)  takes the place of  v_ref        [rad/s], joint side
@@ -155,13 +153,12 @@ class PositionLoop(Diagram):
         law = np.eye(3 * n, 5 * n)
         law[n : 2 * n, :n] = np.diag(position_gain)
         law[n : 2 * n, 3 * n : 4 * n] = -np.diag(position_gain)
-        wiring = Wiring()
-        wiring.add("inputs", Multiplexer([3 * n, 2 * n]), "reference", "sampled_state", "inputs")
-        wiring.add("law", MatrixGain(law), "inputs", "speed_reference")
-        wiring.build_into(self, "speed_reference")
+        self.add("inputs", Multiplexer([3 * n, 2 * n]), "reference", "sampled_state", "inputs")
+        self.add("law", MatrixGain(law), "inputs", "speed_reference")
+        self.build("speed_reference")
 
 
-class GainSchedule(Diagram):
+class GainSchedule(Wired):
     """Speeds weighted with the inertia, for a PI speed controller that is tuned for the largest.
 
         v_ref, v  ->  s v_ref, s v        with s = I_eff / I_eff,max [-]
@@ -188,8 +185,7 @@ class GainSchedule(Diagram):
         def law(signal: Symbols, share: Symbols) -> list[Expression]:
             return [*signal[:n], *(share * signal[n : 2 * n]), *signal[2 * n :]]
 
-        wiring = Wiring()
         for name, size in (("reference", 3 * n), ("state", 2 * n)):
             inputs, output = {name: size, "inertia_share": n}, f"weighted_{name}"
-            wiring.add(output, SymbolicLaw(inputs=inputs, output=output, law=law))
-        wiring.build_into(self, "weighted_reference", "weighted_state")
+            self.add(output, SymbolicLaw(inputs=inputs, output=output, law=law))
+        self.build("weighted_reference", "weighted_state")

@@ -10,10 +10,10 @@ from pydrake.systems.primitives import Gain, LinearSystem, MatrixGain, Multiplex
 from sdt_drake.device import Springs
 from sdt_drake.errors import checked_positive
 from sdt_drake.robot import Robot
-from sdt_drake.systems.wiring import Wiring, set_state
+from sdt_drake.systems.wiring import Wired
 
 
-class AxisProcess(Diagram):
+class AxisProcess(Wired):
     """n motors with constant inertia, each on its own (Eq. 1).
 
         I_eff r dv/dt = tau - load_torque,    dq/dt = v
@@ -48,14 +48,13 @@ class AxisProcess(Diagram):
             C=np.eye(2 * n),
             D=np.zeros((2 * n, 2 * n)),
         )
-        wiring = Wiring()
-        wiring.add("inputs", Multiplexer([n, n]), "tau", "load_torque", "torques")
-        self._motors = wiring.add("motors", motors, "torques", "state")
-        wiring.build_into(self, "state")
+        self.add("inputs", Multiplexer([n, n]), "tau", "load_torque", "torques")
+        self._motors = self.add("motors", motors, "torques", "state")
+        self.build("state")
 
     def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
         """Start at q [rad] with v [rad/s], joint side."""
-        set_state(self, context, self._motors, np.concatenate([q, v]))
+        self.set_state(context, self._motors, np.concatenate([q, v]))
 
 
 class RobotPlant(Diagram):
@@ -99,10 +98,11 @@ class RobotPlant(Diagram):
 
     def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
         """Start at q [rad] with v [rad/s]."""
-        set_state(self, context, self.plant, np.concatenate([q, v]))
+        own = self.GetMutableSubsystemContext(self.plant, context)
+        self.plant.SetPositionsAndVelocities(own, np.concatenate([q, v]))
 
 
-class ElasticJoints(Diagram):
+class ElasticJoints(Wired):
     """Springs and dampers between the motors and the links, where a joint is elastic.
 
         r I_m dw/dt = tau - tau_link,    dtheta/dt = w
@@ -152,16 +152,15 @@ class ElasticJoints(Diagram):
         to_links = np.hstack([rigid, -back @ k, -back @ c, back @ stiffness, back @ damping])
         of_motors = np.hstack([np.kron(np.eye(2), rigid), np.kron(np.eye(2), pick.T)])
 
-        wiring = Wiring()
-        wiring.add("inputs", Multiplexer([n, 2 * n]), "tau", "state", "inputs")
-        self._motors = wiring.add("motors", motors, "inputs", "motors")
-        wiring.add("with_motors", Multiplexer([3 * n, 2 * m]), "inputs", "motors", "with_motors")
-        wiring.add("tau_link", MatrixGain(to_links), "with_motors", "tau_link")
+        self.add("inputs", Multiplexer([n, 2 * n]), "tau", "state", "inputs")
+        self._motors = self.add("motors", motors, "inputs", "motors")
+        self.add("with_motors", Multiplexer([3 * n, 2 * m]), "inputs", "motors", "with_motors")
+        self.add("tau_link", MatrixGain(to_links), "with_motors", "tau_link")
         # The motors' state apart from tau, or Drake would take it for a function of tau.
-        wiring.add("states", Multiplexer([2 * n, 2 * m]), "state", "motors", "states")
-        wiring.add("motor_state", MatrixGain(of_motors), "states", "motor_state")
-        wiring.build_into(self, "tau_link", "motor_state")
+        self.add("states", Multiplexer([2 * n, 2 * m]), "state", "motors", "states")
+        self.add("motor_state", MatrixGain(of_motors), "states", "motor_state")
+        self.build("tau_link", "motor_state")
 
     def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
         """Start with motors at q [rad] with v [rad/s], joint side, of all n joints."""
-        set_state(self, context, self._motors, np.array([q, v])[:, self._axes].ravel())
+        self.set_state(context, self._motors, np.array([q, v])[:, self._axes].ravel())

@@ -6,16 +6,15 @@ from collections.abc import Mapping
 
 import numpy as np
 from pydrake.math import BsplineBasis
-from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import TrajectorySource, ZeroOrderHold
 from pydrake.trajectories import BsplineTrajectory
 
 from sdt_drake.arrays import Array
 from sdt_drake.motion import Motion
-from sdt_drake.systems.wiring import Wiring
+from sdt_drake.systems.wiring import Wired
 
 
-class ReferenceSource(Diagram):
+class ReferenceSource(Wired):
     """The reference of the planner, [q_ref, v_ref, vd_ref], over continuous time; joint side.
 
     Exact at the samples t = i * period; between them linear in all three. It does not hold: only
@@ -33,12 +32,11 @@ class ReferenceSource(Diagram):
         """Of `motion`; with a `delay` [s] it rests on the first sample for that long."""
         super().__init__()
         samples = np.hstack([motion.q, motion.v, motion.vd])
-        wiring = Wiring()
-        wiring.add("samples", sample_source(motion.time + delay, samples), "reference")
-        wiring.build_into(self, "reference")
+        self.add("samples", sample_source(motion.time + delay, samples), "reference")
+        self.build("reference")
 
 
-class SignalTable(Diagram):
+class SignalTable(Wired):
     """Signals along a motion, computed before the run: each sample is held from its instant on.
 
     It needs no input, and no Python while the simulation runs; it knows nothing of any other
@@ -55,12 +53,11 @@ class SignalTable(Diagram):
     def __init__(self, *, motion: Motion, signals: Mapping[str, Array], delay: float = 0.0) -> None:
         """By name, samples of shape (N + 1, n) at the times of `motion`, late by `delay` [s]."""
         super().__init__()
-        wiring = Wiring()
         for name, samples in signals.items():
             hold = hold_of(motion, samples.shape[1], delay=delay)
-            wiring.add(name, sample_source(motion.time + delay, samples), f"{name} of now")
-            wiring.add(f"{name}_hold", hold, f"{name} of now", name)
-        wiring.build_into(self, *signals)
+            self.add(name, sample_source(motion.time + delay, samples), f"{name} of now")
+            self.add(f"{name}_hold", hold, f"{name} of now", name)
+        self.build(*signals)
 
 
 def hold_of(motion: Motion, size: int, *, delay: float = 0.0) -> ZeroOrderHold:

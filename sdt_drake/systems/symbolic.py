@@ -7,16 +7,15 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.symbolic import Expression, Variable
-from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import Multiplexer, SymbolicVectorSystem
 
-from sdt_drake.systems.wiring import Wiring
+from sdt_drake.systems.wiring import Wired
 
 Symbols = NDArray[np.object_]
 Law = Callable[..., Sequence[Expression]]
 
 
-class SymbolicLaw(Diagram):
+class SymbolicLaw(Wired):
     """Vector inputs, one vector output, and if need be a continuous state.
 
         dx/dt = rates(x, *inputs),    output = law(x, *inputs)
@@ -51,8 +50,7 @@ class SymbolicLaw(Diagram):
                 input=np.concatenate(signals),
                 output=np.array(law(*arguments)),
             )
-        wiring = Wiring()
         if len(inputs) > 1:
-            wiring.add("inputs", Multiplexer(list(inputs.values())), *inputs, "inputs")
-        wiring.add("law", system, "inputs" if len(inputs) > 1 else next(iter(inputs)), output)
-        wiring.build_into(self, output)
+            self.add("inputs", Multiplexer(list(inputs.values())), *inputs, "inputs")
+        self.add("law", system, "inputs" if len(inputs) > 1 else next(iter(inputs)), output)
+        self.build(output)

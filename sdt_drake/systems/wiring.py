@@ -21,15 +21,15 @@ from sdt_drake.errors import InputError
 Block = TypeVar("Block", bound=System)
 
 
-class Wiring:
-    """A DiagramBuilder whose blocks are connected by the names of the signals.
+class Wired(Diagram):
+    """A Diagram of blocks that are connected by the names of their signals: add them, then build.
 
-    Attributes:
-        builder: Drake's, for whatever else there is to add.
+    Inputs that no signal has are those of the diagram.
     """
 
     def __init__(self) -> None:
-        self.builder = DiagramBuilder()
+        super().__init__()
+        self._builder = DiagramBuilder()
         self._signals: dict[str, OutputPort] = {}
         self._same: dict[str, str] = {}
         self._inputs: list[tuple[str, InputPort]] = []
@@ -44,7 +44,7 @@ class Wiring:
                 signal,
             renamed: but for these.
         """
-        self.builder.AddNamedSystem(name, block)
+        self._builder.AddNamedSystem(name, block)
         inputs = [block.get_input_port(i) for i in range(block.num_input_ports())]
         outputs = [block.get_output_port(i) for i in range(block.num_output_ports())]
         own = [port.get_name() for port in inputs] + [port.get_name() for port in outputs]
@@ -57,10 +57,6 @@ class Wiring:
         """Another name of a signal, where no block stands between the two."""
         self._same[name] = other
 
-    def __getitem__(self, name: str) -> OutputPort:
-        """The port of a signal."""
-        return self._signals[self._name(name)]
-
     def _name(self, name: str) -> str:
         while name in self._same:
             name = self._same[name]
@@ -72,13 +68,15 @@ class Wiring:
         A log at an instant sees the values from before the updates at that instant: continuous
         signals at t, held ones and what follows from them at t-.
         """
-        sinks = {n: LogVectorOutput(self[n], self.builder, publish_period=period) for n in signals}
-        for name, sink in sinks.items():
-            sink.set_name(f"log.{name}")
+        sinks: dict[str, VectorLogSink] = {}
+        for name in signals:
+            port = self._signals[self._name(name)]
+            sinks[name] = LogVectorOutput(port, self._builder, publish_period=period)
+            sinks[name].set_name(f"log.{name}")
         return sinks
 
-    def build_into(self, diagram: Diagram, *outputs: str) -> None:
-        """Connect everything: inputs that no signal has are those of the diagram, as are `outputs`.
+    def build(self, *outputs: str) -> None:
+        """Connect everything, once; the signals that are outputs of the diagram.
 
         Raises:
             InputError: for an input that its signal does not fit in length.
@@ -88,15 +86,29 @@ class Wiring:
             signal = self._signals.get(name)
             if signal is not None:
                 _check_length(port, signal)
-                self.builder.Connect(signal, port)
+                self._builder.Connect(signal, port)
             elif name in exported:
-                self.builder.ConnectInput(name, port)
+                self._builder.ConnectInput(name, port)
             else:
-                self.builder.ExportInput(port, name)
+                self._builder.ExportInput(port, name)
                 exported.add(name)
         for name in outputs:
-            self.builder.ExportOutput(self[name], name)
-        self.builder.BuildInto(diagram)
+            self._builder.ExportOutput(self._signals[self._name(name)], name)
+        self._builder.BuildInto(self)
+
+    def set_state(self, context: Context, block: System, state: Array) -> None:
+        """Set the state of a block within, however deep, that has a continuous or a discrete one.
+
+        Args:
+            context: of this diagram.
+            block: whose state it is.
+            state: all of it.
+        """
+        own = self.GetMutableSubsystemContext(block, context)
+        if own.num_continuous_states():
+            own.SetContinuousState(state)
+        else:
+            own.SetDiscreteState(state)
 
 
 def _check_length(port: InputPort, signal: OutputPort) -> None:
@@ -105,19 +117,3 @@ def _check_length(port: InputPort, signal: OutputPort) -> None:
         raise InputError(
             f"{block}: input '{port.get_name()}' of length {port.size()}, expected {signal.size()}"
         )
-
-
-def set_state(diagram: Diagram, context: Context, block: System, state: Array) -> None:
-    """Set the state of a block within, which has a continuous or a discrete one alone.
-
-    Args:
-        diagram: that has it, however deep.
-        context: of the diagram.
-        block: whose state it is.
-        state: all of it.
-    """
-    own = diagram.GetMutableSubsystemContext(block, context)
-    if own.num_continuous_states():
-        own.SetContinuousState(state)
-    else:
-        own.SetDiscreteState(state)

@@ -7,8 +7,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from sdt_drake.systems import hold_of
-from sdt_drake.systems.wiring import Wiring
+from sdt_drake.systems import Wired, hold_of
 
 ROWS = np.hstack([MOTION.q, MOTION.v, MOTION.vd])
 
@@ -95,11 +94,11 @@ def test_hold_samples_a_delayed_source_where_its_samples_arrive(delay, offset):
 
 
 def test_logs_have_the_names_and_periods_they_are_given():
-    wiring = Wiring()
-    wiring.add("constant", ConstantVectorSource([1.0, 2.0]), "a")
-    wiring.same("b", "a")
-    sinks = wiring.log(("a", "b"), 0.25)
-    diagram = wiring.builder.Build()
+    diagram = Wired()
+    diagram.add("constant", ConstantVectorSource([1.0, 2.0]), "a")
+    diagram.same("b", "a")
+    sinks = diagram.log(("a", "b"), 0.25)
+    diagram.build()
     simulator = Simulator(diagram)
     simulator.AdvanceTo(1.0)
     for name, sink in sinks.items():
