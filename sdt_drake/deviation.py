@@ -11,19 +11,19 @@ import numpy as np
 
 from sdt_drake.errors import InputError, within
 from sdt_drake.fields import setting
-from sdt_drake.links import (
+from sdt_drake.resources import find_file
+from sdt_drake.robot import Robot, edited, parts_of
+from sdt_drake.sdf import (
     body_of,
     link_named,
     links_by_name,
+    parse_xml,
     pseudo_inertia,
     scale_link,
     set_inertia,
     shift_link,
     stretched,
 )
-from sdt_drake.resources import find_file
-from sdt_drake.robot import Robot, edited, parts_of
-from sdt_drake.sdf import parse_xml
 from sdt_drake.tables import read_numbers
 
 _PAYLOAD = "payload"  # that a robot need not have where nothing changes it

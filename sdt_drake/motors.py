@@ -13,9 +13,8 @@ import numpy as np
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, within
 from sdt_drake.fields import nearest, setting
-from sdt_drake.links import child, link_named, links_by_name, scale_link, set_inertia
 from sdt_drake.robot import Robot, edited, parts_of
-from sdt_drake.sdf import DRAKE
+from sdt_drake.sdf import DRAKE, child, link_named, links_by_name, scale_link, set_inertia
 from sdt_drake.yaml_files import load_yaml
 
 DEFAULT_CATALOGUE = "package://sdt/motors.yaml"

@@ -12,7 +12,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, told_by
-from sdt_drake.motion.resampling import interpolated
+from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.pilot import GRAVITY, HeadMotion, has_head, head_motion
 from sdt_drake.robot import Robot
 from sdt_drake.systems import RobotDrawing

@@ -23,7 +23,7 @@ from sdt_drake.errors import InputError
 from sdt_drake.identification.recordings import Recorded
 from sdt_drake.loops import Loop, make_loop
 from sdt_drake.motion import Motion
-from sdt_drake.motion.resampling import interpolated, resampled
+from sdt_drake.motion.trajectory import interpolated, resampled
 from sdt_drake.progress import as_part, part
 from sdt_drake.robot import Robot
 from sdt_drake.scenario import Scenario

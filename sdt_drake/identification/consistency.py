@@ -28,8 +28,8 @@ from pydrake.solvers import ClarabelSolver, MathematicalProgram
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
 from sdt_drake.identification.equations import Unknown
-from sdt_drake.links import SYMMETRIC, body_of, pseudo_inertia, symmetric
 from sdt_drake.robot import Robot
+from sdt_drake.sdf import SYMMETRIC, body_of, pseudo_inertia, symmetric
 
 SPREAD = 0.5
 """How far links are thought to be from those of the file, where nothing was measured [-]."""

@@ -13,9 +13,8 @@ from sdt_drake.device import PRESLIDING_DAMPING_TIME, Friction
 from sdt_drake.errors import needing, replacing
 from sdt_drake.identification.friction import Term
 from sdt_drake.identification.procedure import Identified
-from sdt_drake.links import links_by_name, set_inertia
 from sdt_drake.robot import Robot, edited
-from sdt_drake.sdf import DRAKE, parse_xml
+from sdt_drake.sdf import DRAKE, links_by_name, parse_xml, set_inertia
 
 with needing("identification needs scipy", "sdt_drake[identify]"):
     from scipy.optimize import nnls

@@ -7,9 +7,8 @@ import numpy as np
 from sdt_drake.arrays import Array
 from sdt_drake.identification.consistency import SPREAD, Link, links_of, parameters_of
 from sdt_drake.identification.procedure import Identified
-from sdt_drake.links import SYMMETRIC, links_by_name
 from sdt_drake.robot import Robot
-from sdt_drake.sdf import parse_xml
+from sdt_drake.sdf import SYMMETRIC, links_by_name, parse_xml
 
 
 def directions(found: Identified, robot: Robot) -> Array:

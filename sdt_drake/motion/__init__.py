@@ -13,9 +13,8 @@ from sdt_drake.motion.plan import (
     ends_in_motion,
 )
 from sdt_drake.motion.profile import MotionProfile, load_profile, shipped_motions
-from sdt_drake.motion.resampling import import_motion
 from sdt_drake.motion.retiming import retime
-from sdt_drake.motion.trajectory import Motion
+from sdt_drake.motion.trajectory import Motion, import_motion
 
 __all__ = [
     "INTERPOLATION_PERIOD", "PLANNERS", "Command", "Course", "LearnedReference", "Margins",

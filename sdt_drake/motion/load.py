@@ -12,9 +12,8 @@ from sdt_drake.motion.command import Command, TimedSegment, load_command
 from sdt_drake.motion.limiter import plan_motion
 from sdt_drake.motion.plan import INTERPOLATION_PERIOD, Plan, checked_plan
 from sdt_drake.motion.profile import load_profile
-from sdt_drake.motion.resampling import import_motion
 from sdt_drake.motion.retiming import retime
-from sdt_drake.motion.trajectory import Motion
+from sdt_drake.motion.trajectory import Motion, import_motion
 from sdt_drake.resources import find_file
 from sdt_drake.robot import Robot, load_robot
 

@@ -14,8 +14,7 @@ from sdt_drake.dynamics import inverse_dynamics
 from sdt_drake.errors import InputError, whole_periods
 from sdt_drake.motion.command import Command
 from sdt_drake.motion.margins import margins
-from sdt_drake.motion.resampling import Loss
-from sdt_drake.motion.trajectory import Motion
+from sdt_drake.motion.trajectory import Loss, Motion
 from sdt_drake.robot import Robot
 from sdt_drake.shown import Shown, Summary, of_joints
 
