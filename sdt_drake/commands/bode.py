@@ -6,6 +6,7 @@ import argparse
 
 import numpy as np
 
+import sdt_drake as sdt
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
 from sdt_drake.errors import InputError
@@ -27,7 +28,6 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.analysis import plots
     from sdt_drake.analysis.frequency_response import frequency_response
 
     design = common.design_of(options)
@@ -56,6 +56,6 @@ def run(options: argparse.Namespace) -> None:
         say("note: the margins of an unstable loop say nothing")
     common.deliver(
         options,
-        lambda: plots.bode(title, response, design.robot.joint_names),
+        lambda: sdt.plots.bode(title, response, design.robot.joint_names),
         response.results(title).write,
     )

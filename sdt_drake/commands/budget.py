@@ -6,6 +6,7 @@ import argparse
 
 import numpy as np
 
+import sdt_drake as sdt
 from sdt_drake.arrays import Array
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
@@ -21,7 +22,6 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.analysis import plots
     from sdt_drake.analysis.budget import error_budget
 
     design = common.design_of(options)
@@ -51,4 +51,4 @@ def run(options: argparse.Namespace) -> None:
     }
     units = {"time": "s", **dict.fromkeys(columns, "rad/s")}
     results = Results(about, {"time": budget.time, **columns}, units)
-    common.deliver(options, lambda: plots.error_budget(title, budget, names), results.write)
+    common.deliver(options, lambda: sdt.plots.error_budget(title, budget, names), results.write)

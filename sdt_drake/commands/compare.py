@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+import sdt_drake as sdt
 from sdt_drake.commands import common
 from sdt_drake.commands.common import print_table, say
 
@@ -28,14 +29,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.analysis import plots
-    from sdt_drake.analysis.comparison import (
-        check_labels,
-        compare,
-        comparison_rows,
-        felt_rows,
-        write_comparison,
-    )
+    from sdt_drake.analysis import comparison
     from sdt_drake.analysis.tracking import stops_passed
 
     design = common.design_of(options)
@@ -43,18 +37,18 @@ def run(options: argparse.Namespace) -> None:
     if text is None:
         text = CONTROLLERS[scenario.plant.kind]
     labels = [label.strip() for label in text.split(",") if label.strip()]
-    check_labels(labels, "--controllers")
+    comparison.check_labels(labels, "--controllers")
     with common.naming(options.scenario):
-        compared = compare(design, labels)
+        compared = sdt.compare(design, labels)
     count = f"{len(compared)} controller{'s' if len(compared) > 1 else ''}"
     say(f"{scenario.name}: {count} on the {scenario.plant.kind} plant")
-    print_table(*comparison_rows(compared), keys=2)
+    print_table(*comparison.comparison_rows(compared), keys=2)
     say("speeds and positions are joint side, torques motor side, % of the motor's largest")
     for c in compared:
         for line in stops_passed(c.recording, c.design.robot.joint_names):
             say(f"note: {c.label}: {line}")
     say()
-    header, rows = felt_rows(compared)
+    header, rows = comparison.felt_rows(compared)
     if rows:
         print_table(header, rows)
         say("share of time in which the pilot could feel the error; largest: multiples of what is")
@@ -66,6 +60,6 @@ def run(options: argparse.Namespace) -> None:
     )
     common.deliver(
         options,
-        lambda: plots.comparison(f"{scenario.name}: controllers", compared),
-        lambda path: write_comparison(compared, path),
+        lambda: sdt.plots.comparison(f"{scenario.name}: controllers", compared),
+        lambda path: comparison.write_comparison(compared, path),
     )

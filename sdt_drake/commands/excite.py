@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import sdt_drake as sdt
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
 
@@ -44,14 +45,13 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.identification import PARAMETERS_IN_WORDS
     from sdt_drake.identification.excitation import GENTLY, MARGIN, RATE, excite
     from sdt_drake.identification.targets import NOISE, Target
-    from sdt_drake.robot import load_robot
     from sdt_drake.shown import told
 
     out: Path | None = options.out
     if out is not None:
         common.check_file(out, (".yaml", ".yml"))
     margin, noise = options.margin or MARGIN, options.noise or NOISE
-    robot = load_robot(options.robot)
+    robot = sdt.load_robot(options.robot)
     gently = 1.0
     target = Target.everything(robot, noise)
     if options.payload is not None:

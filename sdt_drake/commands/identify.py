@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import sdt_drake as sdt
 from sdt_drake.commands import common
 from sdt_drake.commands.common import print_table, say
 
@@ -48,11 +49,10 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.identification.model import identified_robot, plant_friction
     from sdt_drake.identification.procedure import identify
     from sdt_drake.identification.recordings import load_columns, read_recording
-    from sdt_drake.robot import load_robot
 
     folder: Path = options.out
     common.check_folder(folder)
-    robot = load_robot(options.robot)
+    robot = sdt.load_robot(options.robot)
     columns = None if options.columns is None else load_columns(options.columns)
     fitted, judged = (
         [read_recording(path, robot, columns, side=options.side) for path in paths]

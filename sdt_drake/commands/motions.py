@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import sdt_drake as sdt
 from sdt_drake.commands import common
 from sdt_drake.commands.common import print_table, say
 from sdt_drake.errors import InputError
@@ -31,9 +32,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.robot import load_robot
-
-    robot = load_robot(options.robot)
+    robot = sdt.load_robot(options.robot)
     if options.motion is None:
         _print_all(robot)
     else:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import sdt_drake as sdt
 from sdt_drake.arrays import Array
 from sdt_drake.commands import common
 from sdt_drake.commands.common import print_table, say
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from sdt_drake.motion import Story
     from sdt_drake.pilot import HeadMotion
     from sdt_drake.robot import Robot
-    from sdt_drake.simulate import Recording
 
     Rows = tuple[Sequence[str], Sequence[Sequence[str]]]
 
@@ -69,23 +69,21 @@ def run(options: argparse.Namespace) -> None:
     )
 
 
-def _recorded(options: argparse.Namespace) -> tuple[str, Recording, Robot, Story]:
+def _recorded(options: argparse.Namespace) -> tuple[str, sdt.Recording, Robot, Story]:
     """Name, recording, robot and story of what was asked for."""
     from sdt_drake.motion import Story, story_of
     from sdt_drake.pilot import check_head
-    from sdt_drake.robot import load_robot
-    from sdt_drake.simulate import Recording, simulate
 
     if Path(options.scenario).suffix in TABLES:
         common.refuse_changes(options)
-        robot = load_robot(options.robot or common.ROBOT)
+        robot = sdt.load_robot(options.robot or common.ROBOT)
         check_head(robot)
-        return Path(options.scenario).stem, Recording.load(options.scenario), robot, Story()
+        return Path(options.scenario).stem, sdt.Recording.load(options.scenario), robot, Story()
     if options.robot is not None:
         raise InputError(f"--robot: for a recording only, {options.scenario} names its own robot")
     design = common.design_of(options, check_head)
     story = story_of(design.scenario.motion, design.robot, design.motion)
-    return design.scenario.name, simulate(design), design.robot, story
+    return design.scenario.name, sdt.simulate(design), design.robot, story
 
 
 def _motion_rows(head: HeadTracking, period: float) -> Rows:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import sdt_drake as sdt
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
 from sdt_drake.errors import InputError, within
@@ -59,14 +60,12 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.analysis import plots_motion
     from sdt_drake.drive_files import samples_of, write_drive_table
     from sdt_drake.motion import load_plan, margins
-    from sdt_drake.robot import load_robot
 
     if options.drive_table is not None:
         _check_drive_table(options.drive_table, options.out)
-    robot = load_robot(options.robot)
+    robot = sdt.load_robot(options.robot)
     n1, n0 = _envelope(options.envelope, robot.n)
     plan = load_plan(
         options.motion,
@@ -84,7 +83,7 @@ def run(options: argparse.Namespace) -> None:
     if options.drive_table:
         say(f"{options.drive_table} written")
     title = f"{Path(options.motion).name}, {options.planner}: {_duration(plan)}"
-    figure = partial(plots_motion.plan, title, robot, plan, report)
+    figure = partial(sdt.plots_motion.plan, title, robot, plan, report)
     common.deliver(options, figure, plan.motion.to_csv)
 
 
@@ -97,11 +96,9 @@ def _check_drive_table(table: Path, out: Path | None) -> None:
 
 def _envelope(path: str | None, n: int) -> tuple[list[float] | None, list[float] | None]:
     """n1 and n0 of a scenario's drive [rad/s], motor side; None without a scenario."""
-    from sdt_drake.scenario import load_scenario
-
     if path is None:
         return None, None
-    scenario = load_scenario(path)
+    scenario = sdt.load(path)
     check(scenario, path, n)
     drive = scenario.drive
     if drive.n1 is None:
@@ -145,7 +142,10 @@ def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report:
             f"{loss.position_time[k]:.3f} s)"
         )
     angles, speed = np.degrees(motion.q), np.abs(motion.v).max(axis=0)
-    tightest = [report.tightest(k) for k in range(robot.n)]
+    tightest = [
+        f"{place.quantity}, {told(100 * place.share, '.1f')} % at {place.time:.3f} s"
+        for place in map(report.tightest, range(robot.n))
+    ]
     common.print_joints(
         robot.joint_names,
         [
@@ -157,14 +157,7 @@ def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report:
             ("of limit [%]", ".1f", 100 * speed / robot.velocity_limit),
             ("from [deg]", ".1f", angles.min(axis=0)),
             ("to [deg]", ".1f", angles.max(axis=0)),
-            (
-                "tightest",
-                "",
-                [
-                    f"{place.quantity}, {told(100 * place.share, '.1f')} % at {place.time:.3f} s"
-                    for place in tightest
-                ],
-            ),
+            ("tightest", "", tightest),
         ],
     )
     _print_margins(robot, report, is_whole)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+import sdt_drake as sdt
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
 
@@ -33,10 +34,9 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.replay_report import findings, replay_figure, tables, write_replay
     from sdt_drake.design import load_device
     from sdt_drake.identification.recordings import load_columns, read_recording
-    from sdt_drake.scenario import load_scenario
 
     with common.naming_changes(options):
-        scenario = load_scenario(options.scenario, dict(options.changes))
+        scenario = sdt.load(options.scenario, dict(options.changes))
         robot = load_device(scenario)
         columns = None if options.columns is None else load_columns(options.columns)
         recorded = read_recording(options.recording, robot, columns, needs=(), side=options.side)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import sdt_drake as sdt
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
 from sdt_drake.errors import InputError
@@ -27,11 +28,9 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.analysis import plots
     from sdt_drake.analysis.metrics import columns_of
     from sdt_drake.analysis.scope import chosen_joints
-    from sdt_drake.analysis.tracking import stops_passed, track
-    from sdt_drake.simulate import simulate
+    from sdt_drake.analysis.tracking import stops_passed
 
     is_drawn = options.show or (options.out is not None and options.out.suffix not in TABLES)
     if options.joint is not None and not is_drawn:
@@ -40,8 +39,8 @@ def run(options: argparse.Namespace) -> None:
         )
     design = common.design_of(options)
     joints = chosen_joints(options.joint, design.robot.n, "--joint")
-    recording = simulate(design)
-    tracking = track(recording, design.wanted)
+    recording = sdt.simulate(design)
+    tracking = sdt.track(recording, design.wanted)
     title = design.scenario.summary().title
     say(title)
     common.print_joints(design.robot.joint_names, columns_of(vars(tracking)))
@@ -58,4 +57,4 @@ def run(options: argparse.Namespace) -> None:
         if path.suffix == ".html":
             say(f"{path}: {path.stat().st_size / 1e6:.1f} MB, all in one file")
 
-    common.deliver(options, lambda: plots.scope(title, recording, design, options.joint), write)
+    common.deliver(options, lambda: sdt.plots.scope(title, recording, design, options.joint), write)

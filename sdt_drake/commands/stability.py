@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+import sdt_drake as sdt
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
 from sdt_drake.errors import InputError
@@ -40,7 +41,6 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.analysis import plots
     from sdt_drake.analysis.stability import IDEAL, SLOWEST, stability_sweep
     from sdt_drake.controllers import CONTROLLERS
     from sdt_drake.device import ENCODERS
@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> None:
     about = {"title": title, "omega_r": omega_r, "damping_ratio": damping}
     common.deliver(
         options,
-        lambda: plots.stability(title, sweeps, design.robot.joint_names),
+        lambda: sdt.plots.stability(title, sweeps, design.robot.joint_names),
         Results(about, _columns(sweeps), _UNITS).write,
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import asdict
 
+import sdt_drake as sdt
 from sdt_drake import paper
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
@@ -45,7 +46,6 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.analysis import plots
     from sdt_drake.analysis.reproduction import step_response
     from sdt_drake.control import STRUCTURES, tune
     from sdt_drake.errors import checked_choice
@@ -74,6 +74,6 @@ def run(options: argparse.Namespace) -> None:
     response = {"time": step.time, "v": step.speed}
     common.deliver(
         options,
-        lambda: plots.step_responses("Step response", {step.structure: step}),
+        lambda: sdt.plots.step_responses("Step response", {step.structure: step}),
         Results({"structure": step.structure, **about, **metrics}, response, _UNITS).write,
     )

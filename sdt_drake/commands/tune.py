@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import sdt_drake as sdt
 from sdt_drake import paper
 from sdt_drake.arrays import Array
 from sdt_drake.commands import common
@@ -54,7 +55,6 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.analysis import plots
     from sdt_drake.analysis.reproduction import tuning
     from sdt_drake.dynamics import effective_inertia
     from sdt_drake.resources import find_file
@@ -74,7 +74,7 @@ def run(options: argparse.Namespace) -> None:
     about = {"title": options.scenario, "omega_r": _omega_r(design)}
     common.deliver(
         options,
-        lambda: plots.effective_inertia(
+        lambda: sdt.plots.effective_inertia(
             f"{options.scenario}: effective inertia, motor side",
             design.motion.time,
             effective_inertia(design.robot, design.torques.d_kk),
@@ -95,7 +95,6 @@ def _of_scenario(options: argparse.Namespace) -> Design:
 
 
 def _of_motion(options: argparse.Namespace) -> Design:
-    from sdt_drake.design import make_design
     from sdt_drake.scenario import ControllerChoice, Scenario
 
     common.refuse_changes(options)
@@ -116,7 +115,7 @@ def _of_motion(options: argparse.Namespace) -> Design:
         period=0.005 if options.period is None else options.period,
         controller=ControllerChoice(omega_r=omega_r, zeta=zeta),
     )
-    return make_design(scenario)
+    return sdt.design(scenario)
 
 
 def _is_shipped(robot: str) -> bool:
@@ -146,17 +145,11 @@ def _notes(options: argparse.Namespace, design: Design, is_scenario: bool) -> It
         yield "K_PS, K_IS: the scenario's kp and ki"
         return
     elsewhere = "the scenario's" if is_scenario else _PUBLISHED
-    whose = {
-        name: f"--{name}".replace("_", "-") if given else elsewhere if has else "default"
-        for name, given, has in (
-            ("omega_r", options.omega_r is not None, True),
-            ("zeta", options.zeta is not None, choice.zeta is not None),
-        )
-    }
-    yield (
-        f"omega_r = {omega_r:g} rad/s ({whose['omega_r']}), "
-        f"zeta at the largest inertia ({whose['zeta']})"
-    )
+    omega_r_from = elsewhere if options.omega_r is None else "--omega-r"
+    zeta_from = elsewhere if options.zeta is None else "--zeta"
+    if choice.zeta is None:
+        zeta_from = "default"
+    yield f"omega_r = {omega_r:g} rad/s ({omega_r_from}), zeta at the largest inertia ({zeta_from})"
     fastest = natural_frequency(design.gains, design.inertia.minimum)
     too_fast = np.flatnonzero(fastest > 0.5 * omega_r * (1 + _BEYOND)) + 1
     if len(too_fast):

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import sdt_drake as sdt
 from sdt_drake.arrays import Array
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
@@ -89,7 +90,6 @@ def _motion(options: argparse.Namespace) -> tuple[str, Robot, Array, Array, Stor
     from sdt_drake.motion import Story, load_plan, story_of
     from sdt_drake.pilot import check_head
     from sdt_drake.resources import find_file, named
-    from sdt_drake.robot import load_robot
 
     kinds = ("scenario", "motion")
     if Path(named(options.scenario, *kinds)).suffix not in ("", ".yaml", *TABLES):
@@ -100,7 +100,7 @@ def _motion(options: argparse.Namespace) -> tuple[str, Robot, Array, Array, Stor
     if file.suffix == ".yaml" and not common.is_motion(options.scenario):
         return _simulated(options)
     common.refuse_changes(options)
-    robot = load_robot(options.robot or common.ROBOT)
+    robot = sdt.load_robot(options.robot or common.ROBOT)
     if options.pilot:
         check_head(robot)
     if file.suffix in TABLES:
@@ -114,14 +114,13 @@ def _simulated(options: argparse.Namespace) -> tuple[str, Robot, Array, Array, S
     from sdt_drake.motion import story_of
     from sdt_drake.pilot import check_head
     from sdt_drake.scene import check_duration
-    from sdt_drake.simulate import simulate
 
     if options.robot is not None:
         raise InputError("--robot: the scenario names the robot")
     design = common.design_of(options, check_head if options.pilot else None)
     with common.naming(options.scenario):
         check_duration(design.motion.duration)
-    recording = simulate(design)
+    recording = sdt.simulate(design)
     story = story_of(design.scenario.motion, design.robot, design.motion)
     return design.scenario.name, design.robot, recording.time, recording.q, story
 

@@ -7,7 +7,8 @@ import json
 import math
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from contextlib import AbstractContextManager
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from sdt_drake.errors import InputError
 from sdt_drake.studies.table import STATUSES
 
 JOURNAL = "rows.jsonl"
+_KEYS = ("row", "status", "reason", "duration", "outcomes")  # of the fields of a Row
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class Row:
     outcomes: tuple[float, ...]
 
 
-class Journal:
+class Journal(AbstractContextManager["Journal"]):
     """The file of finished rows of a study folder, open for more. Only one process may have it.
 
     A line is complete once it ends; what a killed process left of its last one is cut off.
@@ -62,9 +64,6 @@ class Journal:
         except BaseException:
             self._file.close()
             raise
-
-    def __enter__(self) -> Journal:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._file.close()
@@ -153,18 +152,12 @@ def _number_of(line: bytes, width: int) -> int:
 
 
 def _to_json(row: Row) -> bytes:
-    outcomes = [None if math.isnan(value) else value for value in row.outcomes]
-    data = {
-        "row": row.number,
-        "status": row.status,
-        "reason": row.reason,
-        "duration": row.duration,
-        "outcomes": outcomes,
-    }
+    data = dict(zip(_KEYS, astuple(row), strict=True))
+    data["outcomes"] = [None if math.isnan(value) else value for value in row.outcomes]
     return json.dumps(data, allow_nan=False).encode() + b"\n"
 
 
 def _from_json(line: bytes) -> Row:
-    data = json.loads(line)
-    outcomes = tuple(math.nan if value is None else value for value in data["outcomes"])
-    return Row(data["row"], data["status"], data["reason"], data["duration"], outcomes)
+    number, status, reason, duration, values = map(json.loads(line).__getitem__, _KEYS)
+    outcomes = tuple(math.nan if value is None else value for value in values)
+    return Row(number, status, reason, duration, outcomes)
