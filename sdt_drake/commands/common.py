@@ -198,16 +198,23 @@ def naming_changes(options: argparse.Namespace) -> Iterator[None]:
         raise InputError(*(f"--set {x[1]}" if x else line + also for line, x in found)) from None
 
 
-def is_motion(path: str) -> bool:
-    """Whether this is a motion to plan: the name of a shipped one, or YAML that no scenario is."""
+def is_scenario(path: str) -> bool:
+    """Whether this is a scenario, not a motion or a table: the name of a shipped one, or YAML.
+
+    Raises:
+        InputError: if there is no such file.
+    """
     from sdt_drake.resources import find_file
     from sdt_drake.yaml_files import read_yaml
 
-    try:
-        data = read_yaml(find_file(path, "scenario", "motion"))
-    except InputError:  # whoever loads it says what is wrong
+    file = find_file(path, "scenario", "motion")
+    if file.suffix != ".yaml":
         return False
-    return isinstance(data, dict) and ("tracks" in data or "joints" in data)
+    try:
+        data = read_yaml(file)
+    except InputError:  # whoever loads it says what is wrong
+        return True
+    return not isinstance(data, dict) or not {"tracks", "joints"} & data.keys()
 
 
 def check_folder(folder: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from functools import partial
 from typing import Any
 
 from sdt_drake.errors import needing
@@ -34,14 +35,11 @@ def add_names(parser: argparse.ArgumentParser) -> None:
         words = " ".join([*action.option_strings, f"{action.metavar}", action.dest]).lower()
         kinds = [kind for kind in SHIPPED if kind in words]
         if kinds and action.type is None:
-            setattr(action, "completer", _Names(kinds))  # noqa: B010, an attribute of argcomplete's
+            complete_names = partial(_names, kinds)
+            setattr(action, "completer", complete_names)  # noqa: B010, an attribute of argcomplete's
 
 
-class _Names:
-    def __init__(self, kinds: list[str]) -> None:
-        self.kinds = kinds
+def _names(kinds: list[str], prefix: str, **_: Any) -> list[str]:
+    from argcomplete.completers import FilesCompleter
 
-    def __call__(self, prefix: str, **_: Any) -> list[str]:
-        from argcomplete.completers import FilesCompleter
-
-        return [*shipped(*self.kinds), *FilesCompleter()(prefix)]
+    return [*shipped(*kinds), *FilesCompleter()(prefix)]

@@ -57,10 +57,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.reproduction import tuning
     from sdt_drake.dynamics import effective_inertia
-    from sdt_drake.resources import find_file
 
-    is_scenario = find_file(options.scenario, "scenario", "motion").suffix == ".yaml"
-    is_scenario = is_scenario and not common.is_motion(options.scenario)
+    is_scenario = common.is_scenario(options.scenario)
     try:
         design = _of_scenario(options) if is_scenario else _of_motion(options)
     except InputError as error:

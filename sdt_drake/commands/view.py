@@ -96,9 +96,9 @@ def _motion(options: argparse.Namespace) -> tuple[str, Robot, Array, Array, Stor
         raise InputError(
             f"{options.scenario}: expected a .yaml, .csv, .mat or .parquet file, or a shipped name"
         )
-    file = find_file(options.scenario, *kinds)
-    if file.suffix == ".yaml" and not common.is_motion(options.scenario):
+    if common.is_scenario(options.scenario):
         return _simulated(options)
+    file = find_file(options.scenario, *kinds)
     common.refuse_changes(options)
     robot = sdt.load_robot(options.robot or common.ROBOT)
     if options.pilot:

@@ -17,6 +17,10 @@ from sdt_drake.studies.plots import BOTTOM, group_handles, outcome_label, scale
 from sdt_drake.studies.table import StudyTable, pareto
 from sdt_drake.studies.verdicts import Verdict, front_of
 
+_RING: dict[str, Any] = {
+    "color": "0.2", "marker": "o", "markersize": 9, "markerfacecolor": "none",
+}  # fmt: skip
+
 
 def pareto_figure(title: str, table: StudyTable, cost: str, error: str) -> Figure:
     """Error over cost: the designs that no other beats in both, and the rest in grey.
@@ -69,29 +73,20 @@ def sizing_front(title: str, verdicts: Sequence[Verdict]) -> Figure:
         figure, (axes,) = grid(
             1, len(labels), panel=(2.6, 2.6), gaps=(0.25, 0), left=0.85, bottom=BOTTOM,
         )  # fmt: skip
-        errors = np.array([v.error for v in verdicts if not math.isnan(v.error)])
+        known = [v for v in verdicts if not math.isnan(v.error)]
         for ax, label, look in zip(axes, labels, looks_of(labels), strict=True):
-            own = [v for v in verdicts if v.controller == label and not math.isnan(v.error)]
-            _candidates(ax, own, look)
+            _candidates(ax, [v for v in known if v.controller == label], look)
             ax.set_title(label, loc="left")
             ax.set_xlabel("mass of all motors [kg]")
             ax.sharey(axes[0])
             ax.tick_params(labelleft=ax is axes[0])
-        scale(axes[0], "y", errors)
+        scale(axes[0], "y", np.array([v.error for v in known]))
         axes[0].set_ylabel(METRICS["max_abs_speed_error"].label)
         dot: dict[str, Any] = {"linestyle": "", "marker": "o"}
         handles = [
             Line2D([], [], color="0.2", label="keeps all requirements", **dot),
             Line2D([], [], color="0.65", markerfacecolor="none", label="misses some", **dot),
-            Line2D(
-                [],
-                [],
-                color="0.2",
-                marker="o",
-                markersize=9,
-                markerfacecolor="none",
-                label="of these, no other is lighter and better",
-            ),
+            Line2D([], [], label="of these, no other is lighter and better", **_RING),
         ]
         finish(figure, title, handles)
     return figure
@@ -106,7 +101,4 @@ def _candidates(ax: Axes, verdicts: Sequence[Verdict], look: Look) -> None:
         )  # fmt: skip
     front = [v for v, best in zip(verdicts, front_of(verdicts), strict=True) if best]
     front.sort(key=lambda v: (v.mass, -v.error))
-    ax.plot(
-        [v.mass for v in front], [v.error for v in front], "o", color="0.2", markersize=9,
-        markerfacecolor="none", linestyle="-", linewidth=1,
-    )  # fmt: skip
+    ax.plot([v.mass for v in front], [v.error for v in front], linewidth=1, **_RING)

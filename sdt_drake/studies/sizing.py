@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Optional
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.comparison import check_labels
 from sdt_drake.errors import InputError, within
@@ -51,17 +52,18 @@ class Requirements:
     def limits(self, n: int) -> dict[str, float]:
         """Largest value of each outcome of a run by its name, what matters first; in its unit."""
         position = self.max_abs_position_error_deg
-        by_family = {
-            "torque_at_speed_share": [self.torque_at_speed_share],
-            "used_torque_share": [self.used_torque_share],
-            "winding_temperature": [self.winding_temperature],
-            "saturated_fraction": [self.saturated_fraction],
+        by_family: dict[str, ArrayLike] = {
+            "torque_at_speed_share": self.torque_at_speed_share,
+            "used_torque_share": self.used_torque_share,
+            "winding_temperature": self.winding_temperature,
+            "saturated_fraction": self.saturated_fraction,
             "max_abs_speed_error": self.max_abs_speed_error,
-            "max_abs_position_error": [] if position is None else np.radians(position).tolist(),
         }
+        if position is not None:
+            by_family["max_abs_position_error"] = np.radians(position)
         limits = {"stretch": self.stretch}
         for family, values in by_family.items():
-            for k, value in enumerate(values * n if len(values) == 1 else values):
+            for k, value in enumerate(np.broadcast_to(values, n).tolist()):
                 limits[f"{family}_{k + 1}"] = value
         return limits
 

@@ -149,13 +149,7 @@ def worst_runs(table: StudyTable, outcome: str, count: int = 5) -> StudyTable:
 
 def varied(table: StudyTable) -> list[str]:
     """Names of the inputs that differ between the runs."""
-    return list(_varied_inputs(table, slice(None)))
-
-
-def _varied_inputs(table: StudyTable, runs: NDArray[np.bool_] | slice) -> dict[str, NDArray[Any]]:
-    """The inputs of some runs, by name; those that differ between them."""
-    chosen = ((name, values[runs]) for name, values in table.inputs.items())
-    return {name: values for name, values in chosen if _differ(values)}
+    return [name for name, values in table.inputs.items() if _differ(values)]
 
 
 def _differ(values: NDArray[Any]) -> bool:
@@ -182,9 +176,9 @@ def sensitivity(table: StudyTable, outcome: str) -> dict[str, Share]:
     Args:
         table, outcome: as in `percentiles`.
     """
-    y = values_of(table, outcome)
-    inputs = _varied_inputs(table, usable(table, outcome))
-    shares = {name: explained_share(x, y) for name, x in inputs.items()}
+    runs = table.select(usable(table, outcome))
+    y = runs.outcome(outcome)
+    shares = {name: explained_share(runs.inputs[name], y) for name in varied(runs)}
     if len(shares) == 1 and _varies(y):
         return dict.fromkeys(shares, Share(1.0, 0.0))
     return dict(sorted(shares.items(), key=lambda item: -np.nan_to_num(item[1].value, nan=-np.inf)))
@@ -280,9 +274,9 @@ def tornado(table: StudyTable, outcome: str) -> list[Swing]:
     Args:
         table, outcome: as in `percentiles`.
     """
-    y = values_of(table, outcome)
-    inputs = _varied_inputs(table, usable(table, outcome))
-    swings = [_swing(name, x, y) for name, x in inputs.items()]
+    runs = table.select(usable(table, outcome))
+    y = runs.outcome(outcome)
+    swings = [_swing(name, runs.inputs[name], y) for name in varied(runs)]
     return sorted(swings, key=lambda swing: -swing.width)
 
 
