@@ -11,6 +11,7 @@ from sdt_drake import errors
 from sdt_drake.errors import (
     InputError,
     checked_input,
+    checked_number,
     checked_output,
     keeping_inputs,
     read_text,
@@ -133,3 +134,9 @@ def test_a_duration_is_whole_periods_but_for_round_off():
     assert errors.whole_periods(0.1 + 0.2, 0.005, "x") == 60
     with pytest.raises(errors.InputError, match=r"x: 0\.3004 s is not a whole multiple"):
         errors.whole_periods(0.3004, 0.005, "x")
+
+
+def test_a_number_that_is_its_bound():
+    assert checked_number(0, "x", minimum=0) == 0
+    with pytest.raises(InputError, match=r"^x: 0, expected a finite number > 0$"):
+        checked_number(0, "x", minimum=0, exclusive=True)
