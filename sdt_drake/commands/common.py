@@ -52,15 +52,16 @@ def some_path(text: str) -> Path:
         raise argparse.ArgumentTypeError(f"{text}: {error}") from None
 
 
-def number(**bounds: Any) -> Callable[[str], float]:
-    """The type of an option: a number that a `Rule` of these takes; number(above=0, unit="s")."""
-    rule = Rule(**bounds)
+def number(kind: type[float] = float, **bounds: Any) -> Callable[[str], float]:
+    """The type of an option: a number that a `Rule` of these takes; number(above=0, unit="s"), or
+    number(int, minimum=1) for a whole one."""
+    rule, whole = Rule(**bounds), "whole " if kind is int else ""
 
     def checked(text: str) -> float:
         with contextlib.suppress(ValueError):
-            if rule.takes(value := float(text)):
+            if rule.takes(value := kind(text)):
                 return value
-        raise argparse.ArgumentTypeError(f"{text}, expected a number{rule.bounds()}")
+        raise argparse.ArgumentTypeError(f"{text}, expected a {whole}number{rule.bounds()}")
 
     return checked
 

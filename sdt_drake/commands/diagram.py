@@ -8,7 +8,7 @@ from pathlib import Path
 
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
-from sdt_drake.errors import InputError, checked_choice
+from sdt_drake.errors import checked_choice
 
 EXAMPLE = "sdt-drake diagram axis_pi_ctc --format svg --out loop.svg"
 
@@ -16,7 +16,12 @@ EXAMPLE = "sdt-drake diagram axis_pi_ctc --format svg --out loop.svg"
 def add(parser: argparse.ArgumentParser) -> None:
     common.add_scenario(parser)
     parser.add_argument("--format", help="dot, svg or png (default: by --out, or dot)")
-    parser.add_argument("--depth", type=int, default=2, help="levels of diagrams to open")
+    parser.add_argument(
+        "--depth",
+        type=common.number(int, minimum=0, maximum=100),
+        default=2,
+        help="levels of diagrams to open",
+    )
     parser.add_argument("--drake", action="store_true", help="Drake's own picture")
     common.add_out(parser, "file; by default the scenario's name")
 
@@ -28,8 +33,6 @@ def run(options: argparse.Namespace) -> None:
     suffix = options.out.suffix.removeprefix(".") if options.out else ""
     format_ = options.format or (suffix if suffix in FORMATS else "dot")
     checked_choice(format_, FORMATS, "--format")
-    if not 0 <= options.depth <= 100:
-        raise InputError(f"--depth: {options.depth}, expected 0 to 100")
     if options.out is not None:
         common.check_file(
             options.out, [f".{format_}"] if options.format else [f".{f}" for f in FORMATS]

@@ -46,7 +46,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--port",
-        type=common.number(minimum=1024, maximum=65535),
+        type=common.number(int, minimum=1024, maximum=65535),
         help="live: 1024 to 65535 (default: a free one)",
     )
     parser.add_argument("--once", action="store_true", help="live: stop at the end of the motion")
@@ -73,7 +73,7 @@ def run(options: argparse.Namespace) -> None:
         q,
         rate=options.rate,
         pilot=options.pilot,
-        port=None if options.port is None else int(options.port),
+        port=options.port,
         once=options.once,
         announce=lambda address: say(f"{title}: {address}{end}"),
     )
