@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
 from sdt_drake.analysis.budget import ErrorBudget
 from sdt_drake.analysis.comparison import Compared
@@ -271,54 +273,51 @@ def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) ->
     margin, where there is one.
     """
     columns = (
-        ("speed over its reference", response.tracking, response.bandwidth, -3),
-        ("loop, cut at the motor", response.loop_gain, response.crossover, 0),
+        ("speed over its reference", response.tracking, response.bandwidth, -3, 20),
+        ("loop, cut at the motor", response.loop_gain, response.crossover, 0, 60),
     )
+    told = {header: values for header, _, values in response.columns()}
+    joints = [joint_title(k, name) for k, name in enumerate(joint_names)]
     with style():
         figure, axes = grid(2, 2, panel=(3.95, 2.4), gaps=(1.15, 0.35))
-        for column, (label, values, marked, level) in enumerate(columns):
-            magnitude, phase = axes[:, column]
-            degrees = unwrapped_degrees(values, at_crossover=column == 1)
-            for k, name in enumerate(joint_names):
-                look, decibel = nth_look(k), 20 * np.log10(np.abs(values[:, k]))
-                own = {
-                    "color": look.colour,
-                    "linestyle": look.dashes,
-                    "label": joint_title(k, name),
-                }
-                thin = {"color": look.colour, "linewidth": 0.8}
-                dot = {"color": look.colour, "marker": look.marker, "markersize": 4}
-                magnitude.semilogx(response.omega, decibel, **own)
+        for (magnitude, phase), column in zip(axes.T, columns, strict=True):
+            label, values, marked, level, top = column
+            decibel = 20 * np.log10(np.abs(values))
+            degrees = unwrapped_degrees(values, at_crossover=level == 0)
+            for k, joint in enumerate(joints):
+                look = nth_look(k)
+                own = {"color": look.colour, "linestyle": look.dashes, "label": joint}
+                magnitude.semilogx(response.omega, decibel[:, k], **own)
                 phase.semilogx(response.omega, degrees[:, k], **own)
-                magnitude.plot(marked[k], level, **dot)
-                if column == 1:
-                    at = np.interp(np.log(marked[k]), np.log(response.omega), degrees[:, k])
-                    phase.plot(marked[k], at, **dot)
-                    phase.vlines(marked[k], -180, at, **thin)
-                    margin = response.gain_margin[k]
-                    if np.isfinite(margin):
-                        i = np.abs(1 + margin * values[:, k]).argmin()
-                        foot = -20 * np.log10(margin)
-                        magnitude.vlines(response.omega[i], foot, 0, **thin)
+                magnitude.plot(marked[k], level, look.marker, color=look.colour, markersize=4)
             magnitude.axhline(level, color="0.4", linewidth=0.8)
             magnitude.set_title(label, loc="left", fontweight="bold")
-            magnitude.set_ylabel("magnitude [dB]")
-            magnitude.set_ylim(-60, 60 if column else 20)
-            phase.set_ylabel("phase [deg]")
+            magnitude.set(ylim=(-60, top), ylabel="magnitude [dB]")
+            phase.set(xlabel="frequency [rad/s]", ylabel="phase [deg]")
             phase.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 1.5, 3, 4.5, 9, 10]))
-            phase.set_xlabel("frequency [rad/s]")
             phase.margins(x=0)
             plain_numbers(phase.xaxis)
-        told = {header: values for header, _, values in response.columns()}
-        for ax, name in (
-            (axes[0, 0], "bandwidth [rad/s]"),
-            (axes[0, 1], "gain margin [dB]"),
-            (axes[1, 1], "phase margin [deg]"),
-        ):
+        _mark_margins(axes[:, 1], response, degrees)
+        quantities = ("bandwidth [rad/s]", "gain margin [dB]", "phase margin [deg]")
+        for ax, name in zip((*axes[0], axes[1, 1]), quantities, strict=True):
             ax.set_title(_of_joints(name, told[name]), loc="right")
-        axes[1, 1].axhline(-180, color="0.4", linewidth=0.8)
         finish(figure, title)
     return figure
+
+
+def _mark_margins(axes: NDArray[np.object_], response: FrequencyResponse, degrees: Array) -> None:
+    """In magnitude and phase of the loop gain; the latter is `degrees`."""
+    magnitude, phase = axes
+    for k, crossover in enumerate(response.crossover):
+        look, margin = nth_look(k), response.gain_margin[k]
+        thin: dict[str, Any] = {"color": look.colour, "linewidth": 0.8}
+        at = np.interp(np.log(crossover), np.log(response.omega), degrees[:, k])
+        phase.plot(crossover, at, look.marker, color=look.colour, markersize=4)
+        phase.vlines(crossover, -180, at, **thin)
+        if np.isfinite(margin):
+            i = np.abs(1 + margin * response.loop_gain[:, k]).argmin()
+            magnitude.vlines(response.omega[i], -20 * np.log10(margin), 0, **thin)
+    phase.axhline(-180, color="0.4", linewidth=0.8)
 
 
 def _of_joints(quantity: str, values: Array) -> str:
