@@ -130,15 +130,10 @@ class LinearLoop:
 
         q_ref and vd_ref are the integral and the derivative of v_ref.
         """
-        n = self.n
-        P, F = self.process.response(omega), self.feedback.response(omega)
-        H = -F[:, :, 3 * n :] @ P[:, : 2 * n]
-        s = 1j * omega
-        one = np.eye(n)
-        reference = np.stack([np.vstack([one / s_i, one, one * s_i]) for s_i in s])
-        tau = np.linalg.solve(np.eye(n) + H, F[:, :, : 3 * n] @ reference)
-        v = P[:, 3 * n :] @ tau
-        return np.einsum("ikk->ik", v)
+        n, s = self.n, 1j * omega[:, None]
+        v = self.whole().response(omega)[:, n : 2 * n]
+        q_ref, v_ref, vd_ref = (np.einsum("ikk->ik", v[:, :, k : k + n]) for k in (0, n, 2 * n))
+        return q_ref / s + v_ref + s * vd_ref
 
     def whole(self) -> StateSpace:
         """From [reference (3n), tau_ff (n)] to [state (2n), tau_cmd (n)], all loops closed.
