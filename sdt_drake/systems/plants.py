@@ -135,22 +135,19 @@ class ElasticJoints(Wired):
         n = len(springs.stiffness)
         r = checked_positive(gear_ratio, "gear_ratio", n)
         self._axes = axes = np.flatnonzero(springs.elastic)
-        m = len(axes)
-        pick, one, zero = np.eye(n)[axes], np.eye(m), np.zeros((m, m))
-        stiffness, damping = np.diag(springs.stiffness[axes]), np.diag(springs.damping[axes])
-        reflected = np.diag(1 / (r**2 * np.asarray(rotor_inertia))[axes])
-        rigid, back = np.diag(1.0 * ~springs.elastic), (pick / r).T
-        k, c = stiffness @ pick, damping @ pick
-        forces = np.hstack([np.diag(r[axes]) @ pick, k, c])
+        m, reflected = len(axes), np.diag(1 / (r**2 * np.asarray(rotor_inertia))[axes])
+        pick, rigid = np.eye(n)[axes], np.diag(1.0 * ~springs.elastic)
+        both, back = np.kron(np.eye(2), pick), (pick / r).T  # of [q, v]; to the motors' side
+        wound = np.hstack([np.diag(springs.stiffness[axes]), np.diag(springs.damping[axes])])
         # Inputs in the order tau, q, v; a state [theta, w] of the elastic joints alone.
         motors = LinearSystem(
-            A=np.block([[zero, one], [-reflected @ stiffness, -reflected @ damping]]),
-            B=np.vstack([np.zeros((m, 3 * n)), reflected @ forces]),
+            A=np.vstack([np.eye(2 * m)[m:], -reflected @ wound]),
+            B=np.vstack([np.zeros((m, 3 * n)), reflected @ np.hstack([pick * r, wound @ both])]),
             C=np.eye(2 * m),
             D=np.zeros((2 * m, 3 * n)),
         )
-        to_links = np.hstack([rigid, -back @ k, -back @ c, back @ stiffness, back @ damping])
-        of_motors = np.hstack([np.kron(np.eye(2), rigid), np.kron(np.eye(2), pick.T)])
+        to_links = np.hstack([rigid, -back @ wound @ both, back @ wound])
+        of_motors = np.hstack([np.kron(np.eye(2), rigid), both.T])
 
         self.add("inputs", Multiplexer([n, 2 * n]), "tau", "state", "inputs")
         self._motors = self.add("motors", motors, "inputs", "motors")

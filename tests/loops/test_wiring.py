@@ -186,49 +186,12 @@ def test_an_exact_model_is_of_the_nominal_robot_and_not_of_what_moves(designed, 
         np.testing.assert_allclose(tau_ff, loads[0][i], rtol=1e-9, atol=1e-9)
 
 
-# --- limits ----------------------------------------------------------------------------------
+# --- one's own -------------------------------------------------------------------------------
 
 
 def weaker(design, share):
     robot = dataclasses.replace(design.robot, effort_limit=share * design.robot.effort_limit)
     return dataclasses.replace(design, robot=robot)
-
-
-@pytest.mark.parametrize("share", [0.01, 1.0, 1000.0])
-def test_the_saturation_block_is_the_one_limiter(designed, share):
-    """Torques beyond the limits in the SDF reach the links, if the block lets them through."""
-    design = weaker(designed("coupled_pi", end=0.1), share)
-    robot, limit = design.robot, share * LIMIT
-    loop = make_loop(design)
-    root = loop.CreateDefaultContext()
-    plant, own = of(loop, root, "multibody_plant", "plant")
-    q, v = np.array([0.3, -0.5, 0.2, 0.7]), np.array([-9.0, 3.0, -2.0, 2.5])
-    plant.SetPositionsAndVelocities(own, [*q, *v])
-    tau = loop.GetOutputPort("tau").Eval(root)
-    np.testing.assert_allclose(tau, np.clip(-design.gains.kp * GEAR * v, -limit, limit))
-    assert share <= 1 or np.all(np.abs(tau) > LIMIT)
-    context = robot.plant.CreateDefaultContext()
-    robot.plant.SetPositionsAndVelocities(context, [*q, *v])
-    rest = robot.plant.CalcGravityGeneralizedForces(context) - robot.plant.CalcBiasTerm(context)
-    vd = np.linalg.solve(robot.plant.CalcMassMatrix(context), GEAR * tau + rest)
-    derivatives = plant.EvalTimeDerivatives(own).CopyToVector()
-    np.testing.assert_allclose(derivatives, [*v, *vd], rtol=1e-9)
-
-
-def test_the_coupled_loop_widens_its_limits_when_asked(designed):
-    """As the axis loop always does (test_simulate)."""
-    design = weaker(designed("coupled_pi_ctc", start=8.5, end=10.0), 0.4)
-    recording = simulate(design, make_loop(design, widened=True))
-    limit = 0.4 * LIMIT
-    # A row has the torques of the sample before it.
-    help_ = design.loads.alleviating_torque[:-1]
-    lower, upper = -limit + np.minimum(help_, 0), limit + np.maximum(help_, 0)
-    tau, tau_cmd = recording.tau[1:], recording.tau_cmd[1:]
-    np.testing.assert_allclose(tau, np.clip(tau_cmd, lower, upper), rtol=1e-12)
-    assert np.any(tau != tau_cmd) and np.any(np.abs(tau) > limit * 1.01)
-
-
-# --- one's own -------------------------------------------------------------------------------
 
 
 class Own(LeafSystem):
