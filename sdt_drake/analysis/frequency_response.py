@@ -137,7 +137,7 @@ def frequency_response(
         peak_db=20 * np.log10(size.max(axis=0)),
         peak_omega=omega[size.argmax(axis=0)],
         crossover=np.array([_last_fall(omega, np.abs(gain[:, k]), 1.0) for k in range(n)]),
-        phase_margin=np.array([_phase_margin(omega, gain[:, k]) for k in range(n)]),
+        phase_margin=np.array([_phase_margin(gain[:, k]) for k in range(n)]),
         gain_margin=np.array([min(f[f > 1], default=np.inf) for f in factors]),
         gain_reduction=np.array([max(f[f < 1], default=0.0) for f in factors]),
         modulus_margin=np.abs(1 + gain).min(axis=0),
@@ -153,31 +153,23 @@ def is_stable(modes: Complex, omega_n: float) -> bool:
 
 
 def _last_fall(omega: Array, size: Array, level: float) -> float:
-    """Where `size` falls below `level` for the last time; NaN if it does not end below."""
+    """Where `size` falls below `level` for the last time, between points straight in the
+    logarithms; NaN if it does not end below."""
     above = np.flatnonzero(size >= level)
     if len(above) == 0 or above[-1] == len(size) - 1:
         return float("nan")
-    return _between(omega, size, int(above[-1]), level)
+    i = int(above[-1])
+    share = np.log(level / size[i]) / np.log(size[i + 1] / size[i])
+    return float(omega[i] * (omega[i + 1] / omega[i]) ** share)
 
 
-def _between(omega: Array, size: Array, i: int, level: float) -> float:
-    """Between points i and i + 1, straight in the logarithms."""
-    x, y = np.log(omega[i : i + 2]), np.log(size[i : i + 2])
-    return float(np.exp(x[0] + (np.log(level) - y[0]) / (y[1] - y[0]) * (x[1] - x[0])))
-
-
-def _phase_margin(omega: Array, gain: Complex) -> float:
-    size = np.abs(gain)
-    crossings = np.flatnonzero((size[:-1] >= 1) != (size[1:] >= 1))
-    if len(crossings) == 0:
-        return float("nan")
-    margins = []
-    for i in crossings:
-        share = np.log(_between(omega, size, int(i), 1.0) / omega[i])
-        share /= np.log(omega[i + 1] / omega[i])
-        angle = np.angle(gain[i]) + share * np.angle(gain[i + 1] / gain[i])
-        margins.append(abs(np.degrees(np.angle(np.exp(1j * (angle + np.pi))))))
-    return float(min(margins))
+def _phase_margin(gain: Complex) -> float:
+    """Between points angle and logarithm of the size are straight; NaN without a crossover."""
+    size = np.log(np.abs(gain))
+    i = np.flatnonzero((size[:-1] >= 0) != (size[1:] >= 0))
+    share = size[i] / (size[i] - size[i + 1])
+    crossing = gain[i] * np.exp(1j * share * np.angle(gain[i + 1] / gain[i]))
+    return float(min(np.degrees(np.abs(np.angle(-crossing))), default=np.nan))
 
 
 def _border_gains(gain: Complex) -> Array:
