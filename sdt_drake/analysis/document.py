@@ -10,7 +10,7 @@ import base64
 import html
 import json
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,6 @@ from string import Template
 from typing import Protocol
 from xml.etree import ElementTree
 
-from sdt_drake.analysis.marks import marked
 from sdt_drake.errors import InputError, read_text, replacing
 from sdt_drake.resources import page_text
 
@@ -288,7 +287,7 @@ class Document:
         Raises:
             InputError: naming a picture that is missing or is none.
         """
-        inline = partial(marked, symbols=self.symbols)
+        inline = partial(_inline, symbols=self.symbols)
         body, links = "", ""
         for number, section in enumerate(self._shown(), start=1):
             title = inline(section.title)
@@ -313,41 +312,6 @@ def _plots_js() -> str:
     """What draws plots, with its licence."""
     own = map(page_text, ("uplot/LICENSE", "uplot/uPlot.iife.min.js", "plots.js"))
     return "/*! {} */\n{}\n{}".format(*own)
-
-
-def from_template(
-    text: str,
-    blocks: Mapping[str, Iterable[Block]],
-    numbers: Mapping[str, object],
-    figure: Callable[[str, str], Block],
-) -> Document:
-    """A document from Markdown with headings, paragraphs and pictures.
-
-    Args:
-        text: a paragraph {name} stands for blocks; in others {name:.2f} for a number.
-        blocks, numbers: by these names.
-        figure: makes a picture of its caption and its path.
-    """
-    document = Document("")
-    for part in text.strip().split("\n\n"):
-        part = " ".join(part.splitlines())
-        own = re.fullmatch(r"\{(\w+)\}", part)
-        picture = re.fullmatch(r"!\[(.*)\]\((.*)\)", part)
-        if part.startswith("# "):
-            document.title = part[2:]
-        elif part.startswith("## "):
-            document.sections.append(Section(part[3:]))
-        elif not document.sections:
-            document.lead = part.format_map(numbers)
-        elif picture:
-            document.sections[-1].blocks.append(figure(picture[1], picture[2]))
-        elif own and own[1] in blocks:
-            document.sections[-1].blocks += blocks[own[1]]
-        elif part.startswith("### "):
-            document.sections[-1].blocks.append(Heading(part[4:]))
-        else:
-            document.sections[-1].blocks.append(Text(part.format_map(numbers)))
-    return document
 
 
 def write_text(path: Path, text: str) -> Path:
@@ -381,3 +345,35 @@ def read_svg(path: Path) -> str:
 
 def _class(look: str) -> str:
     return f' class="{look}"' if look else ""
+
+
+# --- marks in texts ---------------------------------------------------------------------------
+
+_GREEK = {"omega": "ω", "zeta": "ζ", "tau": "τ"}
+_SYMBOL = re.compile(
+    r"(?<![A-Za-z_])(?:(omega|zeta|tau|I|K|d)_([A-Za-z0-9]+(?:,(?:max|min|\d)(?![\w]))?)"
+    r"|(omega|zeta|tau)(?![A-Za-z_]))"
+)
+
+
+def _inline(text: str, *, symbols: bool) -> str:
+    """HTML of a text; code is taken as it is."""
+    words, *rest = re.split(r"`([^`]*)`", html.escape(text))
+    result = _marked(words, symbols)
+    for code, words in zip(rest[::2], rest[1::2], strict=True):
+        result += f"<code>{code}</code>{_marked(words, symbols)}"
+    return result
+
+
+def _marked(text: str, symbols: bool) -> str:
+    text = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", text)
+    text = re.sub(r"\*(\S[^*]*)\*", r"<i>\1</i>", text)
+    return _SYMBOL.sub(_symbol, text) if symbols else text
+
+
+def _symbol(match: re.Match[str]) -> str:
+    """As it is printed in an equation."""
+    letter, index, alone = match.groups()
+    if alone:
+        return _GREEK[alone]
+    return f"{_GREEK.get(letter, letter)}<sub>{index}</sub>"

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,11 +22,11 @@ from sdt_drake.analysis.document import (
     Document,
     EmbeddedPage,
     Figure,
+    Heading,
     Section,
     Table,
     Text,
     Tiles,
-    from_template,
     read_svg,
     write_text,
 )
@@ -102,10 +102,44 @@ def _read_summary(path: Path) -> Json:
 def make_report(summary: Json, folder: Path, announce: Callable[[str], None]) -> Document:
     """The report on what is in a folder; see `write_report`."""
     blocks = _blocks(summary, folder, announce)
-    figure = partial(_figure, folder)
-    report = from_template(page_text("report.md"), blocks, _numbers(summary), figure)
+    report = from_template(page_text("report.md"), blocks, _numbers(summary), folder)
     report.symbols = True
     return report
+
+
+def from_template(
+    text: str,
+    blocks: Mapping[str, Iterable[Block]],
+    numbers: Mapping[str, object],
+    folder: Path,
+) -> Document:
+    """A document from Markdown with headings, paragraphs and pictures.
+
+    Args:
+        text: a paragraph {name} stands for blocks; in others {name:.2f} for a number.
+        blocks, numbers: by these names.
+        folder: of the document, with its pictures.
+    """
+    document = Document("")
+    for part in text.strip().split("\n\n"):
+        part = " ".join(part.splitlines())
+        own = re.fullmatch(r"\{(\w+)\}", part)
+        picture = re.fullmatch(r"!\[(.*)\]\((.*)\)", part)
+        if part.startswith("# "):
+            document.title = part[2:]
+        elif part.startswith("## "):
+            document.sections.append(Section(part[3:]))
+        elif not document.sections:
+            document.lead = part.format_map(numbers)
+        elif picture:
+            document.sections[-1].blocks.append(_figure(folder, picture[1], picture[2]))
+        elif own and own[1] in blocks:
+            document.sections[-1].blocks += blocks[own[1]]
+        elif part.startswith("### "):
+            document.sections[-1].blocks.append(Heading(part[4:]))
+        else:
+            document.sections[-1].blocks.append(Text(part.format_map(numbers)))
+    return document
 
 
 def _numbers(summary: Json) -> dict[str, object]:

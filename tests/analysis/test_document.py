@@ -22,10 +22,9 @@ from sdt_drake.analysis.document import (
     Table,
     Text,
     Tiles,
-    from_template,
     write_text,
 )
-from sdt_drake.analysis.report import write_report
+from sdt_drake.analysis.report import from_template, write_report
 from sdt_drake.errors import InputError
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"/>'
@@ -144,13 +143,12 @@ def test_a_template_takes_blocks_and_numbers():
     parts = ["# T", "lead {x:.1f}", "## S", "a\nb {x:.2f}", "{table}", "### H", "![C](p.svg)"]
     parts += ["## E", "{no}"]
     text = "\n\n".join(parts) + "\n"
-    document = from_template(
-        text, {"table": [Text("t")], "no": []}, {"x": 1.234}, lambda *of: Text(f"picture {of}")
-    )
+    blocks, folder = {"table": [Text("t")], "no": []}, Path("there")
+    document = from_template(text, blocks, {"x": 1.234}, folder)
     assert (document.title, document.lead) == ("T", "lead 1.2")
     first, second = document.sections
     assert first == Section("S", [
-        Text("a b 1.23"), Text("t"), Heading("H"), Text("picture ('C', 'p.svg')"),
+        Text("a b 1.23"), Text("t"), Heading("H"), Figure("C", folder / "p.svg", folder),
     ])  # fmt: skip
     assert second == Section("E", [])
 
