@@ -33,6 +33,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
+    import numpy as np
+
     from sdt_drake.design import make_design
     from sdt_drake.drive_files import READ_BACK, export, load_drives, read_back, write_read_back
     from sdt_drake.scenario import load_scenario
@@ -73,9 +75,9 @@ def run(options: argparse.Namespace) -> None:
     joints = [f"{k + 1} {name} [deg]" for k, name in enumerate(robot.joint_names)]
     common.print_table(
         ("from", *joints),
-        [(x.source, *(f"{degrees:.2g}" for degrees in x.position_error_deg)) for x in fed],
+        [(x.source, *(f"{error:.2g}" for error in np.degrees(x.position_error))) for x in fed],
     )
     common.say(
         f"cam.csv: up to {options.cam_points} points, cubics between them are at most "
-        f"{max(fed[-1].position_off_deg):.2g} deg from the motion; it has no torques"
+        f"{np.degrees(fed[-1].position_off.max()):.2g} deg from the motion; it has no torques"
     )

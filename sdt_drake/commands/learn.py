@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -103,50 +104,42 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _simulated(options: argparse.Namespace) -> None:
+    from sdt_drake.learning import report
     from sdt_drake.learning.flights import Lessons, learn
-    from sdt_drake.learning.report import (
-        FLIGHTS,
-        LEARNED,
-        SCENARIO,
-        UNFINISHED,
-        flight_rows,
-        remove_unfinished,
-        summary,
-        write_learned,
-        write_report,
-    )
 
     folder: Path = options.out or Path("learned")
     check_folder(folder)
-    count, kept = options.flights or _FLIGHTS, folder / UNFINISHED
-    goes_on = f"sdt-drake learn {shlex.quote(str(kept / SCENARIO))} --out OTHER goes on from them"
-    if (kept / FLIGHTS).exists():
+    count, kept = options.flights or _FLIGHTS, folder / report.UNFINISHED
+    with_them = shlex.quote(str(kept / report.SCENARIO))
+    goes_on = f"sdt-drake learn {with_them} --out OTHER goes on from them"
+    if (kept / report.FLIGHTS).exists():
         raise InputError(
             f"{kept}: has flights of an interrupted run, expected another --out; {goes_on}"
         )
     design = design_of(options)
-    for name in (LEARNED, SCENARIO, FLIGHTS):
+    for name in report.FILES:
         checked_output(folder / name)  # a scenario that was learned goes on in another folder
     filter_, checks = _checked_filter(options, design)
 
-    def report(lessons: Lessons) -> None:
-        write_learned(kept, design, lessons)
-        header, rows = flight_rows(lessons.flights[-1:])
+    def tell(lessons: Lessons) -> None:
+        report.write_learned(kept, design, lessons)
+        header, rows = report.flight_rows(lessons.flights[-1:])
         cells = (cell if isinstance(cell, str) else " ".join(cell) for cell in rows[0])
         say(", ".join(f"{name} {cell}" for name, cell in zip(header, cells, strict=True)))
 
     try:
-        lessons = learn(design, filter_, count, stops=not options.all, report=report)
-        for line in summary(lessons):
+        lessons = learn(design, filter_, count, stops=not options.all, report=tell)
+        for line in report.summary(lessons):
             say(line)
-        write_learned(folder, design, lessons)
-        page = write_report(folder, design, filter_, checks, lessons)
+        report.write_learned(folder, design, lessons)
+        page = report.write_report(folder, design, filter_, checks, lessons)
     except KeyboardInterrupt:
-        if (kept / FLIGHTS).exists():
+        if (kept / report.FLIGHTS).exists():
             say(f"interrupted; flights so far are kept in {kept}: {goes_on}")
         raise
-    remove_unfinished(folder)
-    say(f"{folder / LEARNED} and {folder / SCENARIO} written: sdt-drake simulate uses them")
+    report.remove_unfinished(folder)
+    learned, scenario = folder / report.LEARNED, folder / report.SCENARIO
+    say(f"{learned} and {scenario} written: sdt-drake simulate uses them")
     say(f"{page} written")
 
 
@@ -222,14 +215,15 @@ def _from_recordings(options: argparse.Namespace) -> None:
     flight = taught.flight
     for recorded, shift in zip(recordings, flight.shifts, strict=True):
         say(f"{recorded.path}: the motion begins {1e3 * shift:.2f} ms after its start")
-    degrees = [np.degrees(values) for values in (flight.largest, flight.rms, flight.floor)]
-    columns_ = [
-        ("largest error [deg]", ".4f", degrees[0]),
-        ("repeats, RMS [deg]", ".5f", degrees[1]),
+    errors = [
+        ("largest error [deg]", ".4f", flight.largest),
+        ("repeats, RMS [deg]", ".5f", flight.rms),
+        ("does not repeat, RMS [deg]", ".5f", flight.floor),
     ]
-    if flight.floor:
-        columns_.append(("does not repeat, RMS [deg]", ".5f", degrees[2]))
-    print_joints(design.robot.joint_names, columns_)
+    print_joints(
+        design.robot.joint_names,
+        [(header, spec, np.degrees(values)) for header, spec, values in errors if values],
+    )
     for note in taught.notes:
         say(f"note: {note}")
     if len(recordings) < 3:
@@ -244,16 +238,9 @@ def _check_motion(name: str, design: Design) -> None:
     """Refuse another motion than that of the state."""
     import numpy as np
 
-    from sdt_drake.motion import load_plan
+    from sdt_drake.design import plan_of
 
     scenario = design.scenario
-    plan = load_plan(
-        name,
-        design.nominal,
-        period=scenario.period,
-        torque_margin=scenario.torque_margin,
-        planner=scenario.planner,
-    )
-    own = plan.motion.q
+    own = plan_of(replace(scenario, motion=name), design.nominal).motion.q
     if own.shape != design.wanted.q.shape or np.abs(own - design.wanted.q).max() > 1e-6:
         raise InputError(f"--motion {name}: is not the motion of the scenario, {scenario.motion}")

@@ -14,9 +14,10 @@ from sdt_drake.design import Design
 from sdt_drake.drive_files import formats
 from sdt_drake.drive_files.drives import Drives
 from sdt_drake.drive_files.set_points import Samples, samples_from, samples_of, set_points
-from sdt_drake.errors import MOST_PERIODS, InputError, replacing, replacing_all, within
+from sdt_drake.errors import MOST_PERIODS, InputError, replacing_all, within
 from sdt_drake.motion import Motion
 from sdt_drake.simulate import simulate
+from sdt_drake.tables import Results
 
 CSV, ST, CAM, TRAJECTORY = "set_points.csv", "set_points.st", "cam.csv", "trajectory.yaml"
 READ_BACK = "read_back.csv"
@@ -39,16 +40,6 @@ class Fed:
     position_off: Array
     position_error: Array
     speed_error: Array
-
-    @property
-    def position_off_deg(self) -> list[float]:
-        """`position_off` in degrees."""
-        return np.degrees(self.position_off).tolist()
-
-    @property
-    def position_error_deg(self) -> list[float]:
-        """`position_error` in degrees."""
-        return np.degrees(self.position_error).tolist()
 
 
 def export(
@@ -103,8 +94,10 @@ def read_back(design: Design, drives: Drives, folder: Path) -> list[Fed]:
         InputError: for a file that cannot be used, or has another number of rows.
     """
     robot, motion = design.nominal, design.motion
-    whole, m = samples_of(robot, motion, drives.cycle_time), _cycles(design, drives)
+    m = max(1, round(motion.period / drives.cycle_time))
+    whole = samples_of(robot, motion, drives.cycle_time)
     exact = samples_of(robot, motion, m * drives.cycle_time)
+    own = samples_of(robot, motion, motion.period)
     points = [formats.read_csv(folder / CSV, drives), formats.read_st(folder / ST, drives)]
     files = dict(zip((CSV, ST), (samples_from(robot, drives, x) for x in points), strict=True))
     files[CAM] = formats.read_cam(folder / CAM, robot, drives)
@@ -116,17 +109,12 @@ def read_back(design: Design, drives: Drives, folder: Path) -> list[Fed]:
     sources = [
         ("motion", exact, exact),
         *((name, files[name].every(m), exact) for name in (CSV, ST)),
-        (TRAJECTORY, formats.read_trajectory(folder / TRAJECTORY, robot), None),
+        (TRAJECTORY, formats.read_trajectory(folder / TRAJECTORY, robot), own),
         ("motion, no torque", replace(exact, tau=np.zeros_like(exact.tau)), exact),
         (CAM, files[CAM].every(m), exact),
     ]
-    own = samples_of(robot, motion, motion.period)
     with threads(2) as pool:
-        return list(pool.map(lambda x: _fed(design, x[0], x[1], x[2] or own), sources))
-
-
-def _cycles(design: Design, drives: Drives) -> int:
-    return max(1, round(design.motion.period / drives.cycle_time))
+        return list(pool.map(lambda source: _fed(design, *source), sources))
 
 
 def _fed(design: Design, source: str, samples: Samples, like: Samples) -> Fed:
@@ -155,11 +143,13 @@ def _fed_with(design: Design, samples: Samples) -> Design:
 
 def write_read_back(path: Path, fed: Sequence[Fed]) -> None:
     """Write what `read_back` found as CSV: a row for each source and joint, joint side, exactly."""
-    header = "source,torque,joint,position_off_rad,position_error_rad,rms_speed_error_rad_s"
-    with replacing(path) as partial, partial.open("w", encoding="utf-8") as file:
-        file.write(header + "\n")
-        for x in fed:
-            rows = zip(x.position_off, x.position_error, x.speed_error, strict=True)
-            for k, row in enumerate(rows):
-                values = ",".join(repr(float(value)) for value in row)
-                file.write(f'"{x.source}",{int(x.has_torque)},{k + 1},{values}\n')
+    n = len(fed[0].position_off)
+    columns = {
+        "source": np.repeat([x.source for x in fed], n),
+        "torque": np.repeat([int(x.has_torque) for x in fed], n),
+        "joint": np.tile(np.arange(1, n + 1), len(fed)),
+        "position_off_rad": np.concatenate([x.position_off for x in fed]),
+        "position_error_rad": np.concatenate([x.position_error for x in fed]),
+        "rms_speed_error_rad_s": np.concatenate([x.speed_error for x in fed]),
+    }
+    Results({}, columns, {}).write(path)

@@ -204,9 +204,12 @@ def write_cam(path: Path, robot: Robot, drives: Drives, samples: Samples, most: 
     rows, per_rad = cam_rows(samples, most), drives.increments_per_rad(robot)
     position = np.round(drives.zeros() + samples.q[rows] * per_rad)
     table = np.hstack([np.array(rows)[:, None], position, np.round(samples.v[rows] * per_rad)])
-    n = len(drives.axes)
-    names = [f"{what}_{k + 1}" for what in ("position", "speed") for k in range(n)]
-    _write_integers(path, ["cycle", *names], table.astype(np.int64))
+    _write_integers(path, _cam_header(drives), table.astype(np.int64))
+
+
+def _cam_header(drives: Drives) -> list[str]:
+    axes = range(1, len(drives.axes) + 1)
+    return ["cycle", *(f"{what}_{k}" for what in ("position", "speed") for k in axes)]
 
 
 def read_cam(path: Path, robot: Robot, drives: Drives) -> Samples:
@@ -215,10 +218,8 @@ def read_cam(path: Path, robot: Robot, drives: Drives) -> Samples:
     Raises:
         InputError: naming the file: not for these drives, no growing cycles, no integers.
     """
-    n, per_rad = len(drives.axes), drives.increments_per_rad(robot)
-    names = [f"{what}_{k + 1}" for what in ("position", "speed") for k in range(n)]
-    table = _read_integers(path, ["cycle", *names])
-    cycles, position, speed = table[:, 0], table[:, 1 : n + 1], table[:, n + 1 :]
+    per_rad, table = drives.increments_per_rad(robot), _read_integers(path, _cam_header(drives))
+    cycles, (position, speed) = table[:, 0], np.hsplit(table[:, 1:], 2)
     if cycles[0] != 0 or np.any(np.diff(cycles) <= 0):
         raise InputError(f"{path}: cycles do not grow from 0")
     cubics = PiecewisePolynomial.CubicHermite(

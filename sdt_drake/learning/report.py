@@ -33,7 +33,8 @@ from sdt_drake.scenario import save_scenario
 from sdt_drake.tables import write_table
 
 LEARNED, SCENARIO, FLIGHTS = "learned.csv", "scenario.yaml", "flights.csv"
-"""Files of the folder: the best reference, a scenario with it, and the numbers of each flight."""
+FILES = (LEARNED, SCENARIO, FLIGHTS)
+"""Of the folder: the best reference, a scenario with it, and the numbers of each flight."""
 
 UNFINISHED = "unfinished"
 """Folder within, with the same files, of flights that are not yet, or never were, all flown."""
@@ -71,18 +72,14 @@ def flight_rows(flights: Sequence[Flight]) -> Rows:
     rows = [
         [
             f"{flight.number}",
-            _joints(np.degrees(flight.largest), ".4f"),
-            _joints(np.degrees(flight.rms), ".5f"),
+            [f"{x:.4f}" for x in np.degrees(flight.largest)],
+            [f"{x:.5f}" for x in np.degrees(flight.rms)],
             f"{100 * flight.felt:.1f}".replace("nan", "–"),
-            _joints(100 * flight.peak, ".1f"),
+            [f"{x:.1f}" for x in 100 * flight.peak],
         ]
         for flight in flights
     ]
     return header, rows
-
-
-def _joints(values: Array, spec: str) -> list[str]:
-    return [format(value, spec) for value in values]
 
 
 def summary(lessons: Lessons) -> list[str]:
@@ -114,7 +111,7 @@ def write_learned(folder: Path, design: Design, lessons: Lessons) -> None:
     """
     scenario = copy.deepcopy(design.scenario)
     scenario.name, scenario.learned = f"{scenario.name}_learned", LEARNED
-    with replacing_all([folder / name for name in (LEARNED, SCENARIO, FLIGHTS)]) as partials:
+    with replacing_all([folder / name for name in FILES]) as partials:
         best, with_it, flights = partials
         lessons.best.learned.to_csv(best)
         save_scenario(scenario, with_it)
@@ -123,7 +120,7 @@ def write_learned(folder: Path, design: Design, lessons: Lessons) -> None:
 
 def remove_unfinished(folder: Path) -> None:
     """Remove what `write_learned` has kept in UNFINISHED; all is in `folder` now."""
-    for name in (FLIGHTS, SCENARIO, LEARNED):
+    for name in FILES:
         (folder / UNFINISHED / name).unlink(missing_ok=True)
     with suppress(OSError):  # somebody keeps something else there
         (folder / UNFINISHED).rmdir()

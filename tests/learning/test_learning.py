@@ -23,6 +23,7 @@ from sdt_drake.learning.loops import (
     LoopSet,
     demand,
     devices_of,
+    known_loop,
     loops_of,
     position_response,
 )
@@ -134,6 +135,8 @@ def test_a_loop_that_would_diverge_is_refused_before_a_flight(cascade):
     tired = convergence(filter_, replace(loops[0], demand=np.array([[0.5, 1.06, 0.2, 0.3]])))
     with pytest.raises(InputError, match=r"takes 106\.0 % of the torque of motor 2"):
         refuse_divergence([tired], filter_)
+    some = np.array([[0.5, 1.06, 0.2, 0.3], [0.5, 0.8, 0.2, 0.3]])
+    refuse_divergence([convergence(filter_, replace(loops[0], demand=some))], filter_)
     # A filter that knows of such loops learns less.
     careful = design_filter(design, [*loops, lively], "reference")
     assert careful.bandwidth[1].why == "the spread of the loops"
@@ -150,6 +153,8 @@ def test_what_a_motion_takes_of_a_device_is_what_it_needs_there(cascade):
     load = np.abs(calm.loads.load_torque * calm.robot.gear_ratio / calm.robot.effort_limit)
     assert np.all(demand(shaken) <= demand(calm) + 0.1 * load.max(axis=0) + 1e-9)
     assert np.any(demand(shaken) > demand(calm))
+    rough = cascade("inverse_dynamics", name="wrong_model", end=1.0)
+    assert np.all((demand(rough) > demand(calm))[[0, 2]])  # which move
 
 
 def test_the_bandwidth_is_what_the_model_is_trusted_in(cascade, designed):
@@ -209,9 +214,12 @@ def test_a_learned_torque_takes_off_what_changes_quickly(cascade):
     assert second.learned.motion is design.wanted
     change = [np.abs(np.diff(flight.error[:, 3])).max() for flight in (first, second)]
     assert change[1] < 0.6 * change[0]
-    step = next_step(design, filter_, 100 * first.seen)
-    assert "available" in step.limit
-    assert np.all(np.abs(step.learned.torque) <= design.nominal.motor_torque_limit)
+    careful = copy.deepcopy(design.scenario)
+    careful.torque_margin = 0.5
+    step = next_step(replace(design, scenario=careful), filter_, 100 * first.seen)
+    assert "available" in step.limit and step.note == f"torque cut off, {step.limit}"
+    most = np.abs(step.learned.torque) / design.nominal.motor_torque_limit
+    assert most.max() == pytest.approx(0.5)
 
 
 def test_a_step_beyond_a_limit_is_scaled_back(cascade):
@@ -238,6 +246,14 @@ def test_it_stops_where_another_flight_is_not_worth_it():
     assert "has grown" in reason_to_stop(flights(1.0, 0.5, 0.6), [whole] * 2)
     near = SimpleNamespace(share=0.3, limit="joint 2 needs torque")
     assert reason_to_stop(flights(1.0, 0.5), [near]) == "a limit is near: joint 2 needs torque"
+
+
+def test_the_model_is_what_the_controller_knows(cascade):
+    model, plant = {"controller.model.payload_mass": -40}, {"plant.deviation.payload_mass": 40}
+    known = known_loop(cascade(fields=model | plant)).inertia.maximum
+    np.testing.assert_allclose(
+        known, cascade(fields={"plant.deviation.payload_mass": -40}).inertia.maximum
+    )
 
 
 def test_the_devices_of_a_study_are_of_its_variables_with_the_loop_s_own_controller(cascade):

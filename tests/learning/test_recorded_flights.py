@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import command_line
 import numpy as np
 import pytest
@@ -13,7 +16,15 @@ from sdt_drake.identification.recordings import read_recording
 from sdt_drake.learning.filter import design_filter
 from sdt_drake.learning.loops import loops_of
 from sdt_drake.learning.matching import match
-from sdt_drake.learning.state import State, read_state, reference_file, teach, write_step
+from sdt_drake.learning.state import (
+    FlightRecord,
+    State,
+    _refuse_growth,
+    read_state,
+    reference_file,
+    teach,
+    write_step,
+)
 from sdt_drake.motion import LearnedReference, Motion
 from sdt_drake.simulate import simulate
 from sdt_drake.tables import write_table
@@ -99,6 +110,9 @@ def test_a_step_from_recordings_is_that_of_simulated_flights(machine):
     assert scores[1] < 0.1 * scores[0]
     state = read_state(folder, design)
     assert len(state.flights) == 2 and state.best == 1
+    motions = [reference.motion for reference in state.references]
+    first = machine.read(machine.folder / "recorded_1.csv")
+    assert match(first, design, machine.filter, motions).reference == 0
     worse = machine.flight(state.references[1])
     worse[2][:, 3] += 0.001 * np.sin(5 * worse[0])
     before = {file: file.read_bytes() for file in folder.iterdir()}
@@ -121,6 +135,18 @@ def test_what_repeats_is_told_from_what_does_not(machine):
     paths = [machine.record(quiet, noise=noise, seed=i) for i in range(3)]
     taught = teach(machine.design, machine.filter, state, [machine.read(path) for path in paths])
     assert any("within what noise leaves" in note for note in taught.notes)
+    np.testing.assert_allclose(taught.flight.floor, noise, rtol=0.1)
+    quiet[2][:] += noise
+    paths = [machine.record(quiet, noise=noise, seed=i) for i in range(3)]
+    taught = teach(machine.design, machine.filter, state, [machine.read(path) for path in paths])
+    np.testing.assert_allclose(taught.flight.rms, noise, rtol=0.1)
+    # A larger error that noise may have made is no growth.
+    best, larger = ([x] * 4 for x in (1e-5, 2e-5))
+    best = FlightRecord(largest=best, rms=best, floor=[noise] * 4, recordings=3)
+    larger = FlightRecord(largest=larger, rms=larger)
+    _refuse_growth(larger, State([best], []), Path("a.csv"))
+    with pytest.raises(InputError, match="the error has grown"):
+        _refuse_growth(larger, State([replace(best, floor=[])], []), Path("a.csv"))
 
 
 @pytest.mark.parametrize(
