@@ -148,11 +148,15 @@ def nearest_consistent(
     A = np.hstack(maps)[unknown.columns]
     K = unknown.base.combination
     sure = spread * _whitening(covariance)
-    program.Add2NormSquaredCost(
-        np.sqrt(0.5) * sure @ K @ A,
-        np.sqrt(0.5) * sure @ (beta - K @ fixed[unknown.columns]),
-        np.concatenate(unknowns),
+    # What is missed are variables: their squares, not those of all that is measured, are what the
+    # solver's tolerance is of.
+    missed, one = program.NewContinuousVariables(len(beta)), np.eye(len(beta))
+    program.AddLinearEqualityConstraint(
+        np.hstack([sure @ K @ A, one]),
+        sure @ (beta - K @ fixed[unknown.columns]),
+        np.concatenate([*unknowns, missed]),
     )
+    program.Add2NormSquaredCost(np.sqrt(0.5) * one, np.zeros(len(beta)), missed)
     result = ClarabelSolver().Solve(program)
     if not result.is_success():
         raise InputError(
