@@ -89,13 +89,12 @@ def estimate(eq: Equations, prior: Prior, chosen: Sequence[Law] | None = None) -
             fitted decides.
     """
     given, chosen = chosen is not None, list(chosen or [USUAL] * eq.n)
-    x, weights, _ = _robust(eq, prior, chosen)
+    x, weights, X = _robust(eq, prior, chosen)
     for _ in range(0 if given else _PASSES):
         selection = _Selection(eq, prior, weights)
         for k in range(eq.n):
             chosen[k] = selection.best(k, chosen)
-        x, weights, _ = _robust(eq, prior, chosen)
-    x, weights, X = _robust(eq, prior, chosen)
+        x, weights, X = _robust(eq, prior, chosen)
     r = eq.rigid.shape[2]
     covariance, condition = _covariance(eq, prior, x, weights, X)
     return Estimate(x[:r], tuple(chosen), x[r:], covariance, condition)
@@ -174,22 +173,24 @@ def _covariance(
     middle = np.zeros_like(whole)
     middle[:r, :r] = prior.precision
     for k, Xk in enumerate(X):
-        left = eq.tau[:, k] - eq.known[:, k] - Xk @ x
+        w, left = weights[:, k], eq.tau[:, k] - eq.known[:, k] - Xk @ x
         for part in np.unique(eq.part):
             rows = eq.fit & (eq.part == part)
             if rows.sum() > 2:
-                middle += _coloured(
-                    weights[rows, k, None] * Xk[rows], Xk[rows], left[rows], inverse
-                )
+                middle += _coloured(Xk[rows], w[rows], left[rows], inverse)
     return inverse @ middle @ inverse, float(np.sqrt(values[-1] / max(values[0], 1e-300)))
 
 
-def _coloured(WX: Array, X: Array, left: Array, inverse: Array) -> Array:
-    """X' W Gamma W X for what is left of a joint in a stretch: frequency by frequency."""
+def _coloured(X: Array, w: Array, left: Array, inverse: Array) -> Array:
+    """X' W Gamma W X for what is left of a joint in a stretch: frequency by frequency.
+
+    W left counts, as the fit has it: nothing where the joint rests, less where it is far off.
+    """
     count = len(left)
-    F, spectrum = np.fft.rfft(WX, axis=0), np.abs(np.fft.rfft(left)) ** 2 / count
+    F, spectrum = np.fft.rfft(X, axis=0), np.abs(np.fft.rfft(w * left)) ** 2 / count
     # A fit takes its share of what there was at the frequencies of its columns.
-    taken = np.einsum("fi,ij,fj->f", F.conj(), inverse, np.fft.rfft(X, axis=0)).real / count
+    weighted = np.fft.rfft(w[:, None] * X, axis=0)
+    taken = np.einsum("fi,ij,fj->f", weighted.conj(), inverse, F).real / count
     window = np.ones(max(3, int(np.sqrt(len(spectrum)))))
     smooth = np.convolve(spectrum, window, "same")
     power = smooth / np.maximum(np.convolve(1 - taken, window, "same"), 0.2 * len(window))
@@ -233,10 +234,10 @@ class _Selection:
                 A, b = A + own[0], b + own[1]
         found, least, limit = USUAL, np.inf, np.inf
         candidates = self.eq.laws[k]
-        size = len(candidates[0].terms)
+        size = candidates[0].size
         for law in candidates:
-            if len(law.terms) > size:
-                size, limit = len(law.terms), _WORTH * least
+            if law.size > size:
+                size, limit = law.size, _WORTH * least
             left = self._left(k, self._places(k, law), A, b)
             if left < min(least, limit):
                 found, least = law, left

@@ -15,7 +15,9 @@ import numpy as np
 
 from sdt_drake.arrays import Array
 
-_SHAPES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)  # of the largest speed
+# Shares of the largest speed: widths of sigmoids, and of Stribeck's peak.
+_WIDTHS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
+_PEAKS = (0.005, 0.007, 0.01, 0.014, 0.02, 0.03, 0.04, 0.06, 0.1, 0.2, 0.4)
 _OFFSETS = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)  # of the width of a sigmoid
 
 
@@ -57,6 +59,11 @@ class Law:
     name: str
     terms: tuple[Term, ...]
 
+    @property
+    def size(self) -> int:
+        """How many numbers a fit chooses: parameters, widths and middles."""
+        return len(self.terms) + sum((t.width > 0) + (t.kind == "sigmoid") for t in self.terms)
+
 
 VISCOUS, COULOMB, OFFSET = Term("viscous"), Term("coulomb"), Term("offset")
 USUAL = Law("coulomb and offset", (VISCOUS, COULOMB, OFFSET))
@@ -70,15 +77,17 @@ def laws(fastest: float) -> tuple[Law, ...]:
         USUAL,
         Law("asymmetric", (VISCOUS, COULOMB, OFFSET, Term("viscous forwards"))),
     ]
-    for share in _SHAPES:
+    for share in _PEAKS:
+        peak = Term("stribeck", share * fastest)
+        found.append(Law("stribeck", (VISCOUS, COULOMB, OFFSET, peak)))
+    for share in _WIDTHS:
         width = share * fastest
-        found.append(Law("stribeck", (VISCOUS, COULOMB, OFFSET, Term("stribeck", width))))
         for offset in _OFFSETS:
             sigmoid = Term("sigmoid", width, offset * width)
             found.append(Law("sigmoid", (VISCOUS, OFFSET, sigmoid)))
-            if share > _SHAPES[0]:  # the narrowest is Coulomb friction itself
+            if share > _WIDTHS[0]:  # the narrowest is Coulomb friction itself
                 found.append(Law("sigmoid and coulomb", (VISCOUS, COULOMB, OFFSET, sigmoid)))
-    return tuple(sorted(found, key=lambda law: len(law.terms)))
+    return tuple(sorted(found, key=lambda law: law.size))
 
 
 def terms_of(candidates: Sequence[Law]) -> tuple[Term, ...]:
