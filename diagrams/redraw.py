@@ -160,10 +160,10 @@ def identification() -> Figure:
     scenario.controller.model = Deviation()
     design = make_design(scenario)
     device, run = design.robot, simulate(design)
-    tau = run.tau * device.gear_ratio
+    tau = run.tau_mean * device.gear_ratio
     noise = np.random.default_rng(0).normal(size=tau.shape)
     tau += 0.01 * np.sqrt(np.mean(tau**2, axis=0)) * noise
-    recorded = Recorded(HERE / "exciting.csv", run.time, {"q": run.q, "tau": tau})
+    recorded = Recorded(HERE / "exciting.csv", run.time, {"q": run.q, "tau": tau, "tau_mean": tau})
     identified = identified_robot(identify(design.nominal, [recorded]))
 
     motion = load_plan("coriolis").motion

@@ -23,11 +23,13 @@ class PeriodTorque(NamedTuple):
     Attributes:
         peak: largest magnitude, motor side [N m].
         rms: root of the mean square, motor side [N m].
+        mean: with its sign, motor side [N m].
         saturated: share of the period in which the motor gives less than is asked [-].
     """
 
     peak: Array
     rms: Array
+    mean: Array
     saturated: Array
 
 
@@ -90,7 +92,7 @@ def period_torque(
     grid = _GRID if seen is None else seen.shares
     grid = np.sort([*grid, late, late]) if late else grid
     steps = np.diff(grid)
-    peaks, squares, saturated = [], [], []
+    peaks, squares, means, saturated = [], [], [], []
     rows = np.arange(len(tau_cmd) - 1)
     for at in np.array_split(rows, -(-len(rows) // _AT_ONCE)):
         i = at // samples
@@ -108,11 +110,13 @@ def period_torque(
         start, end = given[:, :-1], given[:, 1:]
         peaks.append(np.abs(given).max(axis=1))
         squares.append(_mean(steps, (start**2 + start * end + end**2) / 3))
+        means.append(_mean(steps, (start + end) / 2))
         saturated.append(_mean(steps, saturated_share(command, limited)))
-    peak, square, share = (
-        np.vstack(parts).reshape(-1, samples, n) for parts in (peaks, squares, saturated)
+    peak, square, mean, share = (
+        np.vstack(parts).reshape(-1, samples, n) for parts in (peaks, squares, means, saturated)
     )
-    return PeriodTorque(peak.max(axis=1), np.sqrt(square.mean(axis=1)), share.mean(axis=1))
+    rms = np.sqrt(square.mean(axis=1))
+    return PeriodTorque(peak.max(axis=1), rms, mean.mean(axis=1), share.mean(axis=1))
 
 
 def _mean(steps: Array, of_parts: Array) -> Array:

@@ -50,7 +50,7 @@ SHORTEST_STEP = 1e-6
 # What goes into a CSV file, in this order.
 COLUMNS = (
     "v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error", "q_ref", "q", "tau_limited",
-    "tau_peak", "tau_rms", "saturated", "beyond_stop",
+    "tau_peak", "tau_rms", "tau_mean", "saturated", "beyond_stop",
 )  # fmt: skip
 
 
@@ -61,9 +61,10 @@ class Recording(Shown):
 
     Continuous signals are those at `time`; torques are those just before the update at `time`, so
     at the end of the period that ends there. The first row is just after its update. What motors
-    give within the periods is in `tau_peak`, `tau_rms` and `saturated`. Where a controller has its
-    proportional gain on the error, the held reference makes torques fall within each period, by
-    K_PS r times what the speed gains in it: those at its end do not tell what moves the links.
+    give within the periods is in `tau_peak`, `tau_rms`, `tau_mean` and `saturated`. Where a
+    controller has its proportional gain on the error, the held reference makes torques fall within
+    each period, by K_PS r times what the speed gains in it: `tau_mean` tells what moves the links,
+    `tau` at the ends does not.
 
     Attributes:
         time: since the start.
@@ -78,6 +79,7 @@ class Recording(Shown):
         load_torque: tau_LD of Algorithm 1.
         tau_peak: largest torque that the motors give in the period that ends at `time`.
         tau_rms: RMS torque of that period.
+        tau_mean: mean torque of that period: its time integral is the motors' impulse.
         saturated: share of that period in which a motor gives less than is asked.
         beyond_stop: how far the coupled plant's joints are beyond their stops, which do not act in
             the simulation; 0 within them, and on the axis plant.
@@ -97,6 +99,7 @@ class Recording(Shown):
     load_torque: Array = setting(unit="N m", side="motor")
     tau_peak: Array = setting(unit="N m", side="motor")
     tau_rms: Array = setting(unit="N m", side="motor")
+    tau_mean: Array = setting(unit="N m", side="motor")
     saturated: Array = setting(unit="-", side="motor")
     beyond_stop: Array = setting(unit="rad", side="joint")
     q_measured: Array | None = setting(None, unit="rad", side="joint")
@@ -344,6 +347,7 @@ def _recording(
         load_torque=_held(design, design.loads.load_torque),
         tau_peak=np.vstack([first, within.peak]),
         tau_rms=np.vstack([first, within.rms]),
+        tau_mean=np.vstack([torques["tau"][:1], within.mean]),
         saturated=np.vstack([np.zeros_like(first), within.saturated]),
         beyond_stop=_beyond_stop(design, q),
         q_measured=q_seen,

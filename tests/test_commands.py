@@ -284,7 +284,7 @@ def test_simulate_prints_and_writes_the_same_run(good, desk):
     np.testing.assert_allclose(time, 0.005 * np.arange(251), atol=1e-12)
     assert list(columns) == [
         "v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error", "q_ref", "q", "tau_limited",
-        "tau_peak", "tau_rms", "saturated", "beyond_stop",
+        "tau_peak", "tau_rms", "tau_mean", "saturated", "beyond_stop",
     ]  # fmt: skip
     error, lost = columns["speed_error"], np.degrees(columns["q"] - columns["q_ref"])
     for name, expected, within in (

@@ -35,7 +35,7 @@ def design_of(base, label, plant, drive, elasticity=None):
 
 
 def walked(design):
-    """Peak, RMS and share of time saturated of each period, (3, N, n), by small steps."""
+    """Peak, RMS, mean and share of time saturated of each period, (4, N, n), by small steps."""
     loop, period = make_loop(design), design.reference.period
     simulator = make_simulator(loop, period=period, accuracy=1e-4)
     context = simulator.get_mutable_context()
@@ -60,7 +60,8 @@ def walked(design):
             saturated.append(np.mean(ends, axis=0))
         a, b = np.array(torque[::2]), np.array(torque[1::2])
         rms = np.sqrt(np.mean((a * a + a * b + b * b) / 3, axis=0))
-        found.append((np.abs(torque).max(axis=0), rms, np.mean(saturated, axis=0)))
+        mean = np.mean((a + b) / 2, axis=0)
+        found.append((np.abs(torque).max(axis=0), rms, mean, np.mean(saturated, axis=0)))
     return np.moveaxis(np.array(found), 1, 0)
 
 
@@ -84,11 +85,16 @@ CASES = {
 }
 
 
+def within(run):
+    return run.tau_peak[1:], run.tau_rms[1:], run.tau_mean[1:], run.saturated[1:]
+
+
 def agree(run, expected, limit, off):
-    """Peak and RMS as shares of the motor, and how long it saturates in all."""
-    peak, rms, saturated = expected
+    """Peak, RMS and mean as shares of the motor, and how long it saturates in all."""
+    peak, rms, mean, saturated = expected
     np.testing.assert_allclose(run.tau_peak[1:] / limit, peak / limit, rtol=0, atol=off)
     np.testing.assert_allclose(run.tau_rms[1:] / limit, rms / limit, rtol=0, atol=off)
+    np.testing.assert_allclose(run.tau_mean[1:] / limit, mean / limit, rtol=0, atol=max(off, 5e-3))
     share = run.saturated[1:].mean(axis=0)
     np.testing.assert_allclose(share, saturated.mean(axis=0), atol=4e-3)
 
@@ -118,10 +124,8 @@ def test_torque_of_a_controller_that_tells_nothing(design, case):
     own = design_of(design, opaque, plant, drive)
     run, told = simulate(own), simulate(design_of(design, label, plant, drive))
     np.testing.assert_allclose(run.v, told.v, rtol=0, atol=2e-4)  # each is good to 1e-4
-    if case == "lag":  # at a jolt the other is not better
-        expected = walked(design_of(design, label, plant, drive))
-    else:
-        expected = told.tau_peak[1:], told.tau_rms[1:], told.saturated[1:]
+    lags = case == "lag"  # at a jolt the other is not better
+    expected = walked(design_of(design, label, plant, drive)) if lags else within(told)
     agree(run, expected, own.robot.motor_torque_limit, 2e-2 if case == "late" else 3e-3)
 
 
@@ -156,8 +160,7 @@ def test_torque_of_a_controller_without_an_integral(design):
     register_controller("told", ToldDamper)
     own = design_of(design, "told", "coupled", Drive())
     run, seen = simulate(own), simulate(design_of(design, "damper", "coupled", Drive()))
-    expected = seen.tau_peak[1:], seen.tau_rms[1:], seen.saturated[1:]
-    agree(run, expected, own.robot.motor_torque_limit, 3e-3)
+    agree(run, within(seen), own.robot.motor_torque_limit, 3e-3)
 
 
 def test_motors_behind_springs_are_taken_as_their_encoders_see_them(design):

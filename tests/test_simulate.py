@@ -20,7 +20,7 @@ PLANTS = ("axis", "coupled")
 SIGNALS = ("q_ref", "v_ref", "q", "v", "tau_cmd", "tau", "load_torque")
 COLUMNS = (
     "v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error", "q_ref", "q", "tau_limited",
-    "tau_peak", "tau_rms", "saturated", "beyond_stop",
+    "tau_peak", "tau_rms", "tau_mean", "saturated", "beyond_stop",
 )  # fmt: skip
 
 
@@ -115,7 +115,7 @@ def write_columns(path, names, n=2):
 
 READ = (
     "q_ref", "v_ref", "q", "v", "tau_cmd", "tau_limited", "tau", "load_torque",
-    "tau_peak", "tau_rms", "saturated", "beyond_stop",
+    "tau_peak", "tau_rms", "tau_mean", "saturated", "beyond_stop",
 )  # fmt: skip
 
 
@@ -285,7 +285,7 @@ def test_other_numbers_of_joints(tmp_path, plant, n, inverse_dynamics):
     np.testing.assert_allclose(recording.v[-1], 0, atol=1.2 * acceleration / 15)
     recording.to_csv(tmp_path / "run.csv")
     header = (tmp_path / "run.csv").read_text().partition("\n")[0]
-    assert header.count(",") == 13 * n
+    assert header.count(",") == 14 * n
     assert header.endswith(f"beyond_stop_{n}")
 
 

@@ -85,6 +85,8 @@ def stretches(recorded: Recorded) -> tuple[list[Stretch], list[str]]:
             f"uneven time, steps of {1e3 * within.min():.3g} to {1e3 * within.max():.3g} ms: "
             f"resampled at {1 / usual:.4g} Hz"
         )
+    if "tau_mean" in recorded.signals:
+        notes.append("torques are the recorded means between samples (tau_mean)")
     parts = []
     for rows in np.split(np.arange(len(time)), gaps + 1):
         if time[rows[-1]] - time[rows[0]] >= _SHORTEST and len(rows) > 10 * _ORDER:
@@ -99,13 +101,24 @@ def stretches(recorded: Recorded) -> tuple[list[Stretch], list[str]]:
 
 def _even(recorded: Recorded, rows: Index, period: float, *, resample: bool) -> Stretch:
     time, q, tau = recorded.time[rows], recorded.signals["q"][rows], recorded.signals["tau"][rows]
-    if resample:
-        even = np.arange(time[0], time[-1], period)
-        q = make_interp_spline(time, q, k=3)(even)
+    even = np.arange(time[0], time[-1], period) if resample else time
+    if "tau_mean" in recorded.signals:
+        tau = _of_means(time, recorded.signals["tau_mean"][rows], even)
+    elif resample:
         tau = np.column_stack([np.interp(even, time, x) for x in tau.T])
+    if resample:
+        q = make_interp_spline(time, q, k=3)(even)
     else:
         period = float(time[-1] - time[0]) / (len(time) - 1)
     return Stretch(float(time[0]), period, q, tau)
+
+
+def _of_means(time: Array, mean: Array, at: Array) -> Array:
+    """The smooth signal that has these means between the times; its integral is a spline's."""
+    steps = np.diff(time, prepend=time[0])[:, None]  # the first mean is of before
+    return np.asarray(
+        make_interp_spline(time, np.cumsum(steps * mean, axis=0), k=5).derivative()(at)
+    )
 
 
 def low_pass(x: Array, cutoff: float, period: float) -> Array:

@@ -18,9 +18,10 @@ from sdt_drake.yaml_files import load_yaml
 SIDES = ("joint", "motor")
 _DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
 _ANGLES = ("q", "v", "q_ref", "v_ref", "vd_ref")
-_TORQUES = ("tau", "tau_ff")
+_TORQUES = ("tau", "tau_mean", "tau_ff")
 SIGNALS = (*_ANGLES, *_TORQUES)
-"""Of each joint: position, speed, torque of the motor; what was asked for; torque fed forward."""
+"""Of each joint: position, speed, torque of the motor, its mean over the period that ends there;
+what was asked for; torque fed forward."""
 
 _OWN = ("tau_cmd", "tau_limited", "load_torque")  # columns that `simulate` writes
 
@@ -43,6 +44,7 @@ class Columns:
         q: columns of the positions.
         v: columns of the speeds, which are not needed.
         tau: columns of the torques.
+        tau_mean: columns of the mean torques since the sample before; `identify` prefers them.
         q_ref: columns of the position reference, for `replay`.
         v_ref: columns of the speed reference, likewise.
         vd_ref: columns of the acceleration reference, likewise.
@@ -67,6 +69,7 @@ class Columns:
     q: list[str] = setting(["q_{k}"])
     v: list[str] = setting(["v_{k}"], empty=True)
     tau: list[str] = setting(["tau_{k}"])
+    tau_mean: list[str] = setting(["tau_mean_{k}"], empty=True)
     q_ref: list[str] = setting(["q_ref_{k}"], empty=True)
     v_ref: list[str] = setting(["v_ref_{k}"], empty=True)
     vd_ref: list[str] = setting(["vd_ref_{k}"], empty=True)

@@ -50,6 +50,7 @@ def make_recording(motion, error):
         load_torque=-torque,
         tau_peak=torque / 2,
         tau_rms=torque / 2,
+        tau_mean=torque / 2,
         saturated=0 * torque,
         beyond_stop=0 * torque,
     )

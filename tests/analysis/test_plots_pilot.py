@@ -16,7 +16,7 @@ def head_of(motion, robot, scale):
     """Tracking of a run whose speeds and angles are off by a share of the reference."""
     zero = np.zeros_like(motion.v)
     torques = dict.fromkeys(
-        ("tau_cmd", "tau_limited", "tau", "load_torque", "tau_peak", "tau_rms"), zero
+        ("tau_cmd", "tau_limited", "tau", "load_torque", "tau_peak", "tau_rms", "tau_mean"), zero
     )
     recording = Recording(
         time=motion.time,

@@ -65,8 +65,8 @@ FILES = {
     "coupled_pi_ctc": ("coupled", "multibody", "consistent", "pi_ctc", False),
 }
 RUN_COLUMNS = (
-    "v_ref v tau_cmd tau load_torque speed_error q_ref q tau_limited tau_peak tau_rms saturated "
-    "beyond_stop"
+    "v_ref v tau_cmd tau load_torque speed_error q_ref q tau_limited tau_peak tau_rms tau_mean "
+    "saturated beyond_stop"
 )
 REFERENCE_COLUMNS = (
     "q_ref v_ref vd_ref tau_inertial tau_reaction tau_velocity tau_gravity tau_coupled "

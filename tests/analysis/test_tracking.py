@@ -33,7 +33,7 @@ def make_recording(motion, **signals):
     perfect = {"q": motion.q, "v": motion.v, "tau_cmd": zero, "tau": zero, "load_torque": zero}
     signals = perfect | signals
     signals.setdefault("tau_limited", signals["tau"])
-    for name in ("tau_peak", "tau_rms", "saturated", "beyond_stop"):
+    for name in ("tau_peak", "tau_rms", "tau_mean", "saturated", "beyond_stop"):
         signals.setdefault(name, zero)
     return Recording(time=motion.time, q_ref=motion.q, v_ref=motion.v, **signals)
 

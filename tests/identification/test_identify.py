@@ -116,6 +116,35 @@ def test_intervals_cover_the_truth(robot, true):
     assert 0.91 < np.mean(inside) < 0.985
 
 
+def test_what_is_left_where_a_joint_rests_says_nothing_of_the_rest(robot, true):
+    """Friction may be anything there; it is not fitted, and makes nothing uncertain."""
+    (stretch,), _ = stretches(recorded_of(true))
+    usual = [USUAL] * robot.n
+    eq = equations(
+        robot, Unknown.everything(robot), [(0, np.inf, stretch)], 4.0, lambda _: (USUAL,)
+    )
+    rests = np.zeros_like(eq.moves)
+    rests[:20] = True
+    eq = replace(eq, moves=eq.moves & ~rests)
+    odd = replace(eq, tau=eq.tau + 100.0 * np.std(eq.tau, axis=0) * rests)
+    one, other = (estimate(x, belief(robot, Unknown.everything(robot)), usual) for x in (eq, odd))
+    np.testing.assert_allclose(other.beta, one.beta, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(other.covariance, one.covariance, rtol=1e-6, atol=1e-12)
+
+
+def test_means_between_samples_tell_what_samples_do_not(robot):
+    """A drive whose torque falls in each period by a fifth of it, as a held reference makes it."""
+    fine = 8
+    time, q, v, vd = motion(robot, 10.0, 200.0 * fine)
+    tau = inverse_dynamics(robot, q, v, vd)
+    impulse = np.cumsum(np.vstack([tau[:1] * 0, (tau[1:] + tau[:-1]) / 2]), axis=0)[::fine] / fine
+    mean = np.vstack([tau[:1], np.diff(impulse, axis=0)])
+    signals = {"q": q[::fine], "tau": 0.8 * tau[::fine], "tau_mean": mean}
+    (found,), notes = stretches(Recorded(Path("held.csv"), time[::fine], signals))
+    np.testing.assert_allclose(found.tau, tau[::fine], rtol=0, atol=1e-5 * np.abs(tau).max())
+    assert "tau_mean" in notes[0]
+
+
 def test_payload_alone(robot):
     """Another pilot in a device that is known: a kilogram, a centimetre."""
     found = identify(robot, [recorded_of(deviated(robot, PILOT), noise=0.003)], only="payload")
