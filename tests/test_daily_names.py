@@ -18,7 +18,7 @@ from sdt_drake.analysis.comparison import Compared, Comparison
 from sdt_drake.analysis.linear import LinearModel
 from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.shown import aligned, told
-from sdt_drake.simulate import Recording, simulate
+from sdt_drake.simulate import simulate
 
 SOURCE = Path(sdt.__file__)
 
@@ -175,10 +175,6 @@ def test_every_state_has_a_name(designed, kind, fields):
 def test_a_sample_that_is_not_there(short):
     with pytest.raises(sdt.InputError, match="sample: 101, expected 0 to 100"):
         short.linear(101)
-
-
-def test_recording_is_the_class_of_daily_use():
-    assert sdt.Recording is Recording
 
 
 def test_one_kind_for_another_is_one_line():

@@ -195,10 +195,6 @@ def test_inertia_share_is_1_where_the_inertia_is_largest(make, model):
     assert share.min(axis=0)[:2].max() < 0.95
 
 
-def test_natural_frequency_is_half_the_structure(make):
-    np.testing.assert_allclose(make().omega_n, OMEGA_R / 2, rtol=1e-12)
-
-
 def test_natural_frequency_of_given_gains(make):
     ki = [4.64e3, 1.07e5, 8.67e5, 2.73e5]
     design = make(omega_r=None, zeta=None, kp=[267.1, 6.34e3, 5.2e4, 1.57e4], ki=ki)

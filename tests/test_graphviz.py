@@ -153,13 +153,6 @@ def test_write_svg(tmp_path):
     assert path.read_bytes() == first
 
 
-@needs_graphviz
-def test_write_png(tmp_path):
-    path = write_diagram(make_small(), tmp_path / "loop.png", format_="png")
-
-    assert path.read_bytes().startswith(b"\x89PNG")
-
-
 @pytest.mark.parametrize("format_", ["pdf", "", "SVG", "dot "])
 def test_unknown_format_is_refused_with_the_choices(tmp_path, format_):
     with pytest.raises(InputError, match="dot, svg, png"):

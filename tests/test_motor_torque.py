@@ -171,15 +171,6 @@ def test_motors_behind_springs_are_taken_as_their_encoders_see_them(design):
     np.testing.assert_allclose(peak[smooth] / limit, walked(own)[0][smooth] / limit, atol=5e-3)
 
 
-def test_ends_of_the_periods_are_not_all(design):
-    """With K_PS on the error, the start has K_PS r times a period's acceleration more."""
-    own = design_of(design, "pi_id", "coupled", Drive())
-    run = simulate(own)
-    more = run.tau_peak[20:, 0] - np.abs(run.tau[20:, 0])
-    jump = own.gains.kp[0] * own.robot.gear_ratio[0] * 0.45 * 0.005
-    np.testing.assert_allclose(more, jump, rtol=0.35)
-
-
 def test_limits_of_an_axis_are_widened_on_the_side_on_which_the_others_help(design):
     limit, periods = design.robot.motor_torque_limit, np.arange(2)
     help_ = np.array([[3.0, -2, 0, 1], [-1, 5, 2, 0], [0, 0, 0, 0]])

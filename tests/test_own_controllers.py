@@ -60,9 +60,6 @@ def test_a_scenario_brings_its_controller(desk, capsys):
     assert main(["simulate", str(desk / "run.yaml"), "--out", "run.csv"]) == 0
     assert "proportional on the coupled plant" in capsys.readouterr().out
     assert Path("run.csv").stat().st_size > 1000
-
-
-def test_compared_with_others(desk, capsys):
     labels = "pi,proportional"
     assert main(["compare", str(desk / "run.yaml"), "--controllers", labels]) == 0
     assert "largest inertia of each joint" in capsys.readouterr().out.splitlines()[-1]

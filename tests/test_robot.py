@@ -247,10 +247,8 @@ BAD = [
     ("<mass>4", "<mass>0", _UPPER + "<inertia> without <mass>"),
     ("<mass>4", "<mass>-4", _UPPER + "<mass> -4 kg"),
     ("<mass>4", "<mass>NaN", _UPPER + "<mass> is 'NaN'"),
-    ("<iyy>0.2<", "<iyy>nan<", _LOWER + "<iyy> is 'nan'"),
     # Numbers that Drake would take up to some letter, or of which it would take the first.
     ("<effort>40", "<effort>4_0", _ELBOW + "<effort> is '4_0', expected a number"),
-    ("<effort>40", "<effort>0x10", _ELBOW + "<effort> is '0x10'"),
     ("<effort>40", "<effort>\uff14\uff10", _ELBOW + "<effort> is '\uff14\uff10'"),
     ("<effort>40", "<effort>4 0", _ELBOW + "<effort> is '4 0'"),
     ("<effort>40", "<effort>4<b/>0", _ELBOW + "<effort> is '4'"),
@@ -307,7 +305,6 @@ BAD = [
     ("<effort>40", "<effort>0", _ELBOW + "actuator effort limit 0"),
     ("inertia>0.01", "inertia>-0.01", _SHOULDER + r"rotor inertia -0\.01"),
     ("ratio>10", "ratio>0", _SHOULDER + "gear ratio 0"),
-    ("ratio>10", "ratio>nan", _SHOULDER + "<gear_ratio> is 'nan'"),
     ('<link name="lower">', '<link name="lower"><gravity>false</gravity>', "gravity: false"),
     ("drake:rotor_inertia", "rotor_inertia", _SHOULDER + ".*did you mean 'drake:rotor_inertia'"),
     # Files.

@@ -234,17 +234,6 @@ def test_modes_are_the_roots_of_the_polynomial(designed):
     assert len(modes) == 12  # none of the positions, which nothing feeds back
 
 
-def test_the_cascade_follows_a_position_that_belongs_to_its_speed(designed):
-    """q_ref is the integral of v_ref."""
-    k_v = np.array([3.0, 5.0, 7.0, 9.0])
-    design = designed("axis_pi", kind("p_pi", position_gain=k_v.tolist()))
-    loop, s = linearise(design), 1j * OMEGA
-    for k in range(4):
-        pi = design.gains.kp[k] + design.gains.ki[k] / s
-        gain = pi * (1 + k_v[k] / s) / (design.i_eff[k] * s)
-        same(loop.closed(k).response(OMEGA)[:, 0, 0], gain / (1 + gain))
-
-
 def linearised_feedback(design, sample, zeta, T):
     """The coupled plant under M (2 zeta omega_n (v_ref - v) + omega_n² (q_ref - q)) + K q, all of
     it sampled and held: its map of [q, v] over a period, and what q_ref and v_ref add."""
