@@ -48,9 +48,8 @@ class Bodies:
     @staticmethod
     def of(robot: Robot) -> Bodies:
         """The bodies of a robot."""
-        plant, context = robot.plant, robot.plant.CreateDefaultContext()
+        plant, context = robot.plant, robot.context_at_zero()
         joints = [plant.GetJointByName(name) for name in robot.joint_names]
-        plant.SetPositions(context, np.zeros(robot.n))
         names, rotation, position, axis, parameters = [], [], [], [], []
         parent: Frame = plant.world_frame()
         for joint in joints:

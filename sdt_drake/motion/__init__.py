@@ -4,13 +4,14 @@ from sdt_drake.motion.command import Command, Course, TimedSegment, command_of, 
 from sdt_drake.motion.learned import LearnedReference, load_learned
 from sdt_drake.motion.limiter import plan_motion
 from sdt_drake.motion.load import PLANNERS, Story, load_plan, story_of
-from sdt_drake.motion.margins import Margins, margins
 from sdt_drake.motion.plan import (
     INTERPOLATION_PERIOD,
+    Margins,
     Plan,
     checked_torque,
     commanded_motion,
     ends_in_motion,
+    margins,
 )
 from sdt_drake.motion.profile import MotionProfile, load_profile, shipped_motions
 from sdt_drake.motion.retiming import retime
