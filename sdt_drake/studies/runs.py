@@ -8,7 +8,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sdt_drake.analysis.tracking import motor_use, stops_passed, track, track_head
+from sdt_drake.analysis.comparison import Compared
+from sdt_drake.analysis.tracking import stops_passed
 from sdt_drake.controllers import load_controllers
 from sdt_drake.design import Design, load_device, make_design, plan_of
 from sdt_drake.dynamics import TorqueGroups, torque_groups
@@ -25,14 +26,10 @@ from sdt_drake.studies.journal import Row
 from sdt_drake.studies.motor_load import has_motor_loads, motor_load_names, motor_loads
 from sdt_drake.studies.study import Study
 
-_TRACKING = (
-    "max_abs_speed_error",
-    "rms_speed_error",
-    "constant_speed_error",
-    "saturated_fraction",
-    "max_abs_position_error",
-)
-_MOTORS = ("peak_torque_share", "rms_torque_share")
+_BY_JOINT = (
+    "max_abs_speed_error", "rms_speed_error", "constant_speed_error", "saturated_fraction",
+    "max_abs_position_error", "peak_torque_share", "rms_torque_share",
+)  # fmt: skip
 _CACHED = 16  # planned motions, with their robots, that a process keeps
 
 _Planned = tuple[Robot, Plan, TorqueGroups]
@@ -54,7 +51,7 @@ def with_files(scenario: Scenario, places: Mapping[str, str]) -> Scenario:
 
 def outcome_names(base: Scenario, n: int) -> tuple[str, ...]:
     """Of the numbers that a run ends with: joint k's of n are called name_k."""
-    names = [f"{name}_{k + 1}" for name in (*_TRACKING, *_MOTORS) for k in range(n)]
+    names = [f"{name}_{k + 1}" for name in _BY_JOINT for k in range(n)]
     loads = motor_load_names(n) if has_motor_loads(base) else ()
     return (*names, "felt_share", *loads)
 
@@ -158,14 +155,11 @@ class InfeasibleError(InputError):
 
 def outcomes_of(design: Design, recording: Recording) -> tuple[float, ...]:
     """The numbers of a run up to felt_share, as `outcome_names` names them."""
-    tracking = track(recording, design.wanted)
-    motors = motor_use(recording, design.robot)
-    parts = [getattr(tracking, name) for name in _TRACKING]
-    parts += [motors.peak_share, motors.rms_share]
+    run = Compared(design.scenario.controller.label, design, recording)
     felt = np.nan  # the axis plant is no device that one could sit in
     if has_head(design.robot) and design.scenario.plant.kind == "coupled":
-        felt = track_head(recording, design.robot).felt.share
-    return tuple(np.concatenate([*parts, [felt]]).tolist())
+        felt = run.head.felt.share
+    return tuple(np.concatenate([*(run.metrics[name] for name in _BY_JOINT), [felt]]).tolist())
 
 
 def _plan(scenario: Scenario) -> _Planned | InfeasibleError:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -95,15 +95,14 @@ class StudyTable:
 
     def select(self, runs: NDArray[np.bool_] | NDArray[np.int64]) -> StudyTable:
         """The table of some runs: their mask, shape (N,), or their indices."""
-        return StudyTable(
-            name=self.name,
+        return replace(
+            self,
             row=self.row[runs],
             inputs={name: values[runs] for name, values in self.inputs.items()},
             outcomes={name: values[runs] for name, values in self.outcomes.items()},
             status=self.status[runs],
             reason=self.reason[runs],
             duration=self.duration[runs],
-            choices=self.choices,
         )
 
     @cached_property

@@ -96,7 +96,7 @@ def _verdict(
     ran = {motion: i for motion, i in rows.items() if table.status[i] == "ok"}
     worst, used = {}, {}
     for name, limit in limits.items():
-        values = {short_name(motion): float(table.outcome(name)[i]) for motion, i in ran.items()}
+        values = {short_name(motion): float(table.outcomes[name][i]) for motion, i in ran.items()}
         if values:
             motion = max(values, key=lambda m: (math.isnan(values[m]), values[m]))
             worst[name] = values[motion], motion
@@ -124,11 +124,9 @@ def _share(value: float, limit: float) -> float:
 
 def _missed(name: str, value: float, motion: str, limit: float) -> str:
     metric, joint = metric_of(name), family_of(name)[1]
-    called = metric.title + (f" of joint {joint}" if joint else "")
-    return (
-        f"{called} is {value * metric.factor:.4g} {metric.unit} in {motion}, at most "
-        f"{limit * metric.factor:.4g} allowed"
-    )
+    of_joint = f" of joint {joint}" if joint else ""
+    number, most = (f"{metric.factor * x:.4g}" for x in (value, limit))
+    return f"{metric.title}{of_joint} is {number} {metric.unit} in {motion}, at most {most} allowed"
 
 
 # --- recommendations -------------------------------------------------------------------------
