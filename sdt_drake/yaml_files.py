@@ -42,8 +42,10 @@ def load_yaml(
             would be right.
     """
     file = find_file(path, kind)
-    if file.suffix in (".sdf", ".urdf"):
-        raise InputError(f"{path}: is a robot, expected {a_kind(kind)}")
+    if file.suffix in _NO_YAML:
+        raise InputError(
+            f"{path}: is {_NO_YAML[file.suffix]}, expected {a_kind(kind or 'YAML file')}"
+        )
     data = read_yaml(file)
     _refuse_others(data, path, kind)
     for name, value in (changes or {}).items():
@@ -51,6 +53,7 @@ def load_yaml(
     return made(schema, data, file, changes or ()), file
 
 
+_NO_YAML = {".sdf": "a robot", ".urdf": "a robot", ".csv": "a table"}
 _KEYS = {
     "scenario": {"controller", "plant"},
     "motion": {"tracks", "joints"},

@@ -97,3 +97,9 @@ def test_a_file_of_another_kind_is_one_line(file, told):
     with pytest.raises(InputError) as refused:
         load_scenario(models_dir() / file)
     assert refused.value.args == (f"{models_dir() / file}: {told}",)
+
+
+def test_a_table_is_no_yaml(tmp_path):
+    (tmp_path / "run.csv").write_text("time,q_1\n")
+    with pytest.raises(InputError, match=r"run\.csv: is a table, expected a scenario$"):
+        load_scenario(tmp_path / "run.csv")
