@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sdt_drake.analysis import document as doc
+from sdt_drake.analysis.metrics import PARAMETERS_IN_WORDS
 from sdt_drake.analysis.panels import Line, Panel, picture
 from sdt_drake.analysis.report import REPORT
 from sdt_drake.analysis.style import PALETTE, Look, joint_title, save_both
@@ -23,11 +24,6 @@ from sdt_drake.shown import told
 
 MEASURED, PREDICTED, NOMINAL = Look(PALETTE[0]), Look(PALETTE[1], "--"), Look(PALETTE[7], ":")
 _MOST_SAMPLES = 300  # of which the load torque is computed
-
-PARAMETERS_IN_WORDS = (
-    "parameters of a body: mass, first moments hx, hy, hz (mass times place of its centre) and "
-    "inertias Ixx to Izz, in the frame of the joint that turns it"
-)
 
 _READING = """All numbers are joint side. What is left is the RMS of measured less predicted torque
 over the RMS of the measured one, below the cut-off frequency, where the joint moves. "Held out" is

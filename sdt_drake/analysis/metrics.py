@@ -99,3 +99,10 @@ def family_of(name: str) -> tuple[str, int | None]:
 def metric_of(name: str) -> Metric:
     """How an outcome is shown; one that is not known, by its name and as it is."""
     return METRICS.get(family_of(name)[0], Metric(name, ""))
+
+
+PARAMETERS_IN_WORDS = (
+    "parameters of a body: mass, first moments hx, hy, hz (mass times place of its centre) and "
+    "inertias Ixx to Izz, in the frame of the joint that turns it"
+)
+"""Names of what identification finds of a link."""

@@ -42,7 +42,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.analysis.identification import PARAMETERS_IN_WORDS
+    from sdt_drake.analysis.metrics import PARAMETERS_IN_WORDS
     from sdt_drake.identification.excitation import GENTLY, MARGIN, RATE, excite
     from sdt_drake.identification.targets import NOISE, Target
     from sdt_drake.shown import told
