@@ -6,7 +6,7 @@ import dh
 import numpy as np
 import pytest
 
-from sdt_drake.analysis.replay import ALONE, FED, UNFED, WHOLE, replay
+from sdt_drake.analysis.replay import ALONE, FED, UNFED, WHOLE, _smoothed, replay
 from sdt_drake.analysis.replay_report import findings, tables
 from sdt_drake.cli import main
 from sdt_drake.errors import InputError
@@ -101,10 +101,17 @@ def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
     fields = {"controller.structure": "pi"}
     made = designed("coupled_pi", fields, start=1.0, end=1.5)
     motion, ratio = made.motion, made.robot.gear_ratio
-    q = motion.q - 0.02 * (1 - np.cos(8 * motion.time))[:, None]
+    q = motion.q + 0.3 - 0.02 * (1 - np.cos(8 * motion.time))[:, None]
     v = motion.v - 0.02 * 8 * np.sin(8 * motion.time)[:, None]
     signals = {"v_ref": motion.v, "q_ref": motion.q, "q": q, "v": v, "tau": 0 * v}
-    result = replayed(made, Recorded("run.csv", motion.time, signals))
+    recorded = Recorded("run.csv", 2.0 + motion.time, signals)
+    result = replayed(made, recorded, lambda scenario: setattr(scenario, "learned", "no such file"))
+    np.testing.assert_allclose(result.start, 0.3)  # an encoder's zero is no error
+    error = q - 0.3 - motion.q
+    np.testing.assert_allclose(result.measured["position_error"], error, atol=1e-9)
+    left = result.courses[WHOLE]["position_error"] - error
+    explained = 1 - np.mean(left**2, axis=0) / np.mean(error**2, axis=0)
+    np.testing.assert_allclose(result.explained("position_error"), explained, rtol=1e-9)
     held = np.vstack([motion.v[:1], motion.v[:-1]])
     integral = np.vstack([0 * v[:1], np.cumsum(motion.v[:-1], axis=0) * motion.period])
     gone = integral - (q - q[0])
@@ -112,6 +119,13 @@ def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
     expected = (asked - asked.mean(axis=0))[1:]
     found = result.courses[ALONE]["torque"][1:]
     assert found == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
+
+
+def test_a_load_is_smoothed_in_phase():
+    step = np.repeat([[0.0], [1.0]], 50, axis=0)
+    smooth = _smoothed(step, 0.005)
+    np.testing.assert_allclose(smooth, 1 - smooth[::-1], atol=1e-12)
+    assert 0 < smooth[49, 0] < 0.5 < smooth[50, 0] < 1 and smooth[0, 0] == 0
 
 
 def test_bad_recordings_are_refused(design):

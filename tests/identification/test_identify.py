@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from dh import DATA, UR10, needs_data
+from test_robot import chain_sdf
 
 from sdt_drake.deviation import Deviation, deviated
 from sdt_drake.dynamics import inverse_dynamics
 from sdt_drake.errors import InputError
 from sdt_drake.identification.base_parameters import rigid_parameters
-from sdt_drake.identification.consistency import links_of
+from sdt_drake.identification.consistency import links_of, nearest_consistent
 from sdt_drake.identification.equations import Unknown, equations
 from sdt_drake.identification.estimation import estimate
 from sdt_drake.identification.filtering import compared, low_pass, smooth, stretches
@@ -21,6 +23,7 @@ from sdt_drake.identification.friction import COULOMB, USUAL, VISCOUS, Law, Term
 from sdt_drake.identification.model import identified_robot, plant_friction, save_robot
 from sdt_drake.identification.procedure import belief, identify
 from sdt_drake.identification.recordings import Recorded, read_recording
+from sdt_drake.identification.suspicions import weakly_excited
 from sdt_drake.identification.uncertainty import directions
 from sdt_drake.robot import load_robot
 from sdt_drake.tables import write_table
@@ -145,6 +148,41 @@ def test_means_between_samples_tell_what_samples_do_not(robot):
     assert "tau_mean" in notes[0]
 
 
+def test_neither_units_of_a_joint_nor_what_is_held_out_change_the_estimate(found):
+    eq, prior = found.equations, belief(found.nominal, found.unknown)
+    size = np.array([1.0, 30.0, 0.1, 5.0])
+    columns = {name: getattr(eq, name) * size[:, None] for name in ("rigid", "friction")}
+    larger = replace(eq, tau=eq.tau * size, known=eq.known * size, **columns)
+    other = replace(eq, tau=np.where(eq.fit[:, None], eq.tau, 0.0))
+    one, *same = (estimate(x, prior, [USUAL] * eq.n) for x in (eq, larger, other))
+    for again in same:
+        np.testing.assert_allclose(again.beta, one.beta, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(again.friction, one.friction, rtol=1e-6, atol=1e-6)
+
+
+def test_friction_follows_the_links_to_where_it_is_likeliest(found):
+    r = len(found.estimate.beta)
+    links = found.consistent.beta - found.estimate.beta
+    friction = found.friction - found.estimate.friction
+    size = np.sqrt(np.diagonal(found.estimate.covariance))
+    information = np.linalg.inv(found.estimate.covariance / np.outer(size, size))
+    change = np.concatenate([links, friction]) / size
+    slope = information[r:] @ change
+    assert np.abs(slope).max() < 1e-3 * np.abs(information[r:, :r] @ change[:r]).max()
+
+
+def test_damping_of_the_file_is_no_friction_of_the_scenario(tmp_path):
+    text = re.sub("<damping>.*?<", "<damping>9<", chain_sdf(4))
+    (tmp_path / "chain.sdf").write_text(text)
+    chain = load_robot(tmp_path / "chain.sdf")
+    time, q, v, vd = motion(chain)
+    tau = inverse_dynamics(chain, q, v, vd)
+    found = identify(chain, [Recorded(Path("r.csv"), time, {"q": q, "tau": tau})], only="friction")
+    assert np.all(chain.damping == 9)
+    assert np.all(found.left(found.equations.nominal, held_out=True) < 0.01)
+    assert np.max(plant_friction(found).friction.viscous) < 0.1
+
+
 def test_payload_alone(robot):
     """Another pilot in a device that is known: a kilogram, a centimetre."""
     found = identify(robot, [recorded_of(deviated(robot, PILOT), noise=0.003)], only="payload")
@@ -200,6 +238,12 @@ def test_what_looks_wrong_is_said(robot, true):
     assert any("base parameters are hardly excited" in line for line in still)
 
 
+def test_what_stays_nearly_as_it_was_believed_is_hardly_excited():
+    words = ["hx of arm + 2 mass of hand", "Izz of arm"]
+    (line,) = weakly_excited(10.0, np.array([1.0, 1.0]), np.array([0.9, 0.1]), words)
+    assert line.startswith("1 of 2 base parameters") and line.endswith("named after hx of arm")
+
+
 def test_recordings_that_say_nothing_are_refused(robot, true):
     recorded = recorded_of(true)
     tau, q = recorded.signals["tau"], recorded.signals["q"]
@@ -231,18 +275,38 @@ def test_uneven_time_and_gaps(robot, true):
             assert np.abs(values[at] - wanted).max() < 0.02 * np.abs(exact).max()
 
 
-def test_draws_have_the_measured_covariance(found, tmp_path):
-    robot = identified_robot(found)
-    along = directions(found, robot)
-    base, r = found.unknown.base, len(found.estimate.beta)
-    names = [link.name for link in links_of(robot)]
-    assert along.shape[1] == 10 * len(names)
-    file, step, changes = tmp_path / "spread.csv", 1e-3, []
+def changes_along(found, robot, along, file):
+    """What a step in each direction does to the base parameters, shape (directions, r)."""
+    step, changes = 1e-3, []
     write_table(file, np.arange(1.0, len(along) + 1), {"entry": along}, first="direction")
     for one in step * np.eye(len(along)):
         other = deviated(robot, Deviation(spread=str(file), along=one.tolist()))
-        change = rigid_parameters(other) - rigid_parameters(robot)
-        changes.append(base.combination @ change / step)
+        change = (rigid_parameters(other) - rigid_parameters(robot))[found.unknown.columns]
+        changes.append(found.unknown.base.combination @ change / step)
+    return np.array(changes)
+
+
+def test_draws_where_nothing_was_measured_are_as_likely_as_the_nearest_links(robot, tmp_path):
+    """Something measured as well as that was known before counts half."""
+    found = identify(robot, [recorded_of(robot)], only="payload", cutoff=3.0)
+    nothing = replace(found.estimate, covariance=1e12 * found.estimate.covariance)
+    along = directions(replace(found, estimate=nothing), robot)
+    changes = changes_along(found, robot, along, tmp_path / "spread.csv")
+    believed = changes.T @ changes
+    base = found.unknown.base.combination @ rigid_parameters(robot)[found.unknown.columns]
+    for measured in 0.02 * changes:
+        near = nearest_consistent(robot, found.unknown, ["payload"], base + measured, believed)
+        size = np.sqrt(np.diagonal(believed))
+        np.testing.assert_allclose((near.beta - base) / size, measured / size / 2, atol=5e-4)
+
+
+def test_draws_have_the_measured_covariance(found, tmp_path):
+    robot = identified_robot(found)
+    along = directions(found, robot)
+    r = len(found.estimate.beta)
+    names = [link.name for link in links_of(robot)]
+    assert along.shape[1] == 10 * len(names)
+    changes, file = changes_along(found, robot, along, tmp_path / "s.csv"), tmp_path / "s.csv"
     drawn = np.sqrt(np.sum(np.square(changes), axis=0))
     # As it was measured, less what the belief in the file knows better, and what is the motors'.
     measured = np.sqrt(np.diagonal(found.estimate.covariance))[:r]

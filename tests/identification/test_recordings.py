@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,10 @@ def test_a_text_without_header_of_motors_in_degrees(tmp_path, table, robot):
         recorded.signals["tau"], table[:, 5:] * 2 * robot.gear_ratio * turned, rtol=1e-14
     )
     assert set(recorded.signals) == {"q", "tau"}
+    asked = replace(load_columns(mapping), q_ref=["2", "3", "4", "5"])
+    np.testing.assert_array_equal(
+        read_recording(path, robot, asked).signals["q_ref"], recorded.signals["q"]
+    )
 
 
 def test_side_of_own_recordings_is_known(tmp_path, table, robot):
@@ -68,6 +74,7 @@ BAD = [
     ({"header": HEADER.replace("tau_4", "q_5")}, r"5 or more column\(s\) q_k \(q\), but the robot"),
     ({"header": HEADER.replace("time", "t")}, r"no column 'time' \(time\)"),
     ({"row": (2, 0, 0.0)}, r"line 4: time goes from 0.01 to 0, expected a growing time"),
+    ({"row": (2, 0, 0.01)}, r"line 4: time goes from 0.01 to 0.01, expected a growing time"),
     ({"row": (3, 6, np.nan)}, r"line 5: tau_2 is nan, expected a finite number"),
     ({"delimiter": ";"}, r"line 2: 1 value\(s\), expected 9"),
 ]
