@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple, cast
 
 import numpy as np
-from pydrake.systems.framework import System
 
 from sdt_drake.arrays import Array, Index
 from sdt_drake.controllers import Controller
 from sdt_drake.design import Design
 from sdt_drake.device import Drive
+from sdt_drake.loops import Loop
 
-# Points within a period, as shares of it: denser at its start, where torque jumps and then falls.
-_GRID = (np.arange(17) / 16) ** 2
+# Points within a part of a period, as shares of it: denser at its start, where torque jumps and
+# then falls.
+_POINTS = (np.arange(17) / 16) ** 2
+_LOOKS = 3  # within a period, at a continuous controller that does not tell its command
 _AT_ONCE = 4096  # periods: what they need stays in the cache
 
 
@@ -33,34 +36,33 @@ class PeriodTorque(NamedTuple):
     saturated: Array
 
 
-class Seen(NamedTuple):
-    """What a controller was seen to command within its periods, linear between.
+def knows_its_command(loop: Loop) -> bool:
+    """Whether a loop's controller tells what it commands within a period, from what is logged."""
+    controller, drive = loop.controller, loop.design.drive
+    if not isinstance(controller, Controller) or controller.is_sampled:
+        return isinstance(controller, Controller)
+    return drive.period is None and type(controller).memoryless is not Controller.memoryless
 
-    Attributes:
-        shares: of a period at which it was looked at, from 0 to 1, shape (M,); those within twice,
-            just before the updates there and just after.
-        command: motor side [N m], shape (periods, M, n).
+
+def cuts(loop: Loop) -> Array:
+    """Between which times of a period a loop's command is smooth, from 0 to the period [s].
+
+    A period is one of the drives, or of the reference where they are continuous. The reference may
+    arrive within it, and a controller that does not know its command is looked at within, unless
+    its drive holds what it sees.
     """
-
-    shares: Array
-    command: Array
-
-
-def knows_its_command(controller: System) -> bool:
-    """Whether a controller tells what it commands within a period, from what is logged."""
-    if not isinstance(controller, Controller):
-        return False
-    return controller.is_sampled or type(controller).memoryless is not Controller.memoryless
+    drive = loop.design.drive
+    period = drive.period or loop.design.reference.period
+    looks, late = np.array([0.0, period]), drive.reference_delay % period
+    if isinstance(loop.controller, Controller) and loop.controller.is_sampled:
+        return looks
+    if drive.period is None and not knows_its_command(loop):
+        looks = np.linspace(0, period, _LOOKS + 1)
+    return looks if min(late, period - late) < 1e-6 * period else np.union1d(looks, late)
 
 
 def period_torque(
-    design: Design,
-    controller: System,
-    q: Array,
-    v: Array,
-    tau_cmd: Array,
-    tau: Array,
-    seen: Seen | None = None,
+    loop: Loop, signals: Mapping[str, Array], seen: Array | None = None
 ) -> PeriodTorque:
     """What the motors give in each interpolation period, their limits and drives included.
 
@@ -70,98 +72,95 @@ def period_torque(
     - a sampled controller asks for one torque from sample to sample, that at its end;
     - a continuous one for  y + memoryless(t),  with y and v parabolas, through both ends and the
       way that q went: a third-order error;
-    - of any other system it was looked at, at both ends and within.
+    - of any other system it was looked at, and is linear in between.
 
     Good to 0.3 % of the motor; to 2 % where the reference arrives within a period. Behind an
     elastic joint a light rotor answers a jolt faster than a parabola can: an estimate. What arrives
     between two samples of a sampled controller counts from the next one on.
 
     Args:
-        design, controller: of the loop.
-        q, v: as measured, at the samples, joint side [rad, rad/s], shape (N + 1, n).
-        tau_cmd, tau: just before each update of the controller, the first row just after it; motor
-            side [N m], shape (N k + 1, n) with k samples of the controller per period.
-        seen: what it was seen to command in its N k periods; needed where it does not know it.
+        loop: that was run.
+        signals: what it logged, just before each update, the first row just after it.
+        seen: command of the controller at both ends of each part between `cuts`, motor side [N m],
+            shape (rows, parts, 2, n), a row for each period of the drives; needed where it does not
+            know it.
     """
-    n, drive = design.robot.n, design.drive
-    samples = (len(tau_cmd) - 1) // (len(q) - 1)
-    is_sampled = isinstance(controller, Controller) and controller.is_sampled
-    whole, late = divmod(drive.reference_delay / design.motion.period + 1e-9, 1.0)
-    if late < 1e-6 or is_sampled or seen is not None:
-        late = 0.0
-    grid = _GRID if seen is None else seen.shares
-    grid = np.sort([*grid, late, late]) if late else grid
-    steps = np.diff(grid)
-    peaks, squares, means, saturated = [], [], [], []
-    rows = np.arange(len(tau_cmd) - 1)
-    for at in np.array_split(rows, -(-len(rows) // _AT_ONCE)):
-        i = at // samples
-        newest = i - int(whole)
-        begin = (at % samples)[:, None, None] / samples
-        speed = v[i, None] + (begin + grid[:, None] / samples) * (v[i + 1] - v[i])[:, None]
-        if is_sampled:
-            command = np.repeat(tau_cmd[at + 1, None], len(grid), axis=1)
-        elif seen is not None:
-            command = seen.command[at]
-        elif isinstance(controller, Controller):
-            command = _continuous(controller, (grid, late), (i, newest), design, q, v, tau_cmd)
-        limited = np.clip(command, *torque_limits(design, newest[:, None], speed))
-        given = _given(drive, limited, tau[at], steps * design.motion.period / samples)
-        start, end = given[:, :-1], given[:, 1:]
-        peaks.append(np.abs(given).max(axis=1))
-        squares.append(_mean(steps, (start**2 + start * end + end**2) / 3))
-        means.append(_mean(steps, (start + end) / 2))
-        saturated.append(_mean(steps, saturated_share(command, limited)))
+    rows, n = np.arange(len(signals["tau"]) - 1), loop.design.robot.n
+    samples = len(rows) // (len(signals["measured"]) - 1)
+    chunks = np.array_split(rows, -(-len(rows) // _AT_ONCE))
+    found = [_in_rows(loop, signals, seen, at, samples) for at in chunks]
     peak, square, mean, share = (
-        np.vstack(parts).reshape(-1, samples, n) for parts in (peaks, squares, means, saturated)
+        np.vstack(parts).reshape(-1, samples, n) for parts in zip(*found, strict=True)
     )
     rms = np.sqrt(square.mean(axis=1))
     return PeriodTorque(peak.max(axis=1), rms, mean.mean(axis=1), share.mean(axis=1))
 
 
-def _mean(steps: Array, of_parts: Array) -> Array:
-    """Over a period, of values (M, len(steps), n) of its parts."""
-    return np.asarray(np.einsum("g,mgn->mn", steps, of_parts))
+def _in_rows(
+    loop: Loop, signals: Mapping[str, Array], seen: Array | None, at: Index, samples: int
+) -> tuple[Array, Array, Array, Array]:
+    """Peak, mean square, mean, and share saturated, of the periods `at`, (M,), of the drives, of
+    which there are `samples` in one of the reference; each (M, n)."""
+    design, controller, i = loop.design, loop.controller, at // samples
+    ends, period = cuts(loop), design.reference.period
+    grid = (np.outer(ends[:-1], 1 - _POINTS) + np.outer(ends[1:], _POINTS)).ravel() / ends[-1]
+    newest = i - int(design.drive.reference_delay / period + 1e-6)
+    speed = _speeds(signals, i, (at % samples)[:, None] / samples + grid / samples, period)
+    if isinstance(controller, Controller) and controller.is_sampled:
+        command = np.repeat(signals["tau_cmd"][at + 1, None], len(grid), axis=1)
+    elif seen is not None:
+        way = _POINTS[:, None]
+        command = (1 - way) * seen[at, :, None, 0] + way * seen[at, :, None, 1]
+        command = command.reshape(speed.shape)
+    else:
+        command = _continuous(loop, signals, i, newest, speed, grid)
+    limited = np.clip(command, *torque_limits(design, newest[:, None], speed))
+    steps = np.diff(grid)
+    given = _given(design.drive, limited, signals["tau"][at], steps * period / samples)
+    start, end = given[:, :-1], given[:, 1:]
+
+    def mean(of_parts: Array) -> Array:
+        return np.asarray(np.einsum("g,mgn->mn", steps, of_parts))
+
+    return (
+        np.abs(given).max(axis=1),
+        mean((start**2 + start * end + end**2) / 3),
+        mean((start + end) / 2),
+        mean(saturated_share(command, limited)),
+    )
+
+
+def _speeds(signals: Mapping[str, Array], i: Index, share: Array, period: float) -> Array:
+    """Of what the encoders are on, at shares (M, G) of the periods i, joint side [rad/s]: parabolas
+    through both ends and the way that q went, shape (M, G, n)."""
+    q, v = np.hsplit(signals["measured"], 2)
+    bulge = 1.5 * ((q[i + 1] - q[i]) / period - (v[i] + v[i + 1]) / 2)
+    s = share[..., None]
+    return v[i, None] + s * (v[i + 1] - v[i])[:, None] + 4 * s * (1 - s) * bulge[:, None]
 
 
 def _continuous(
-    controller: Controller,
-    points: tuple[Array, float],
-    periods: tuple[Index, Index],
-    design: Design,
-    q: Array,
-    v: Array,
-    tau_cmd: Array,
+    loop: Loop, signals: Mapping[str, Array], i: Index, newest: Index, speed: Array, grid: Array
 ) -> Array:
-    """What a continuous controller asks for in some periods, shape (M, points, n).
+    """What a continuous controller asks for at shares `grid`, (G,), of the periods `i`, (M,), in
+    which the samples `newest`, (M,), of the reference arrive; (M, G, n), as is `speed` there."""
+    controller, period = cast(Controller, loop.controller), loop.design.reference.period
+    (q, v), tau_cmd = np.hsplit(signals["measured"], 2), signals["tau_cmd"]
 
-    Args:
-        controller: of the loop.
-        points: shares of a period, and that at which the reference arrives, twice among them.
-        periods: their numbers i, and those of the samples of the reference that arrive in them.
-        design: of the loop.
-        q, v, tau_cmd: of the whole run, see `period_torque`.
-    """
-    (grid, late), (i, newest), period = points, periods, design.motion.period
-
-    def memoryless(held: Index, sample: Index, speed: Array) -> Array:
-        told = controller.memoryless(np.maximum(held, 0), np.maximum(sample, 0), q, speed)
-        return cast(Array, told)
+    def memoryless(held: Index, sample: Index, v: Array) -> Array:
+        held, sample = (np.maximum(index, 0).ravel() for index in (held, sample))
+        told = cast(Array, controller.memoryless(held, sample, q, v.reshape(-1, v.shape[-1])))
+        return told.reshape(v.shape)
 
     first = (i == 0).astype(int)  # whose first torque is just after its update
     y0 = tau_cmd[i] - memoryless(newest - 1 + first, i - 1 + first, v[i])
     y1 = tau_cmd[i + 1] - memoryless(newest, i, v[i + 1])
-    change = v[i + 1] - v[i]
-    bulge_y = controller.integral_gain(np.maximum(newest, 0)) * period * change / 8
-    bulge_v = 1.5 * ((q[i + 1] - q[i]) / period - (v[i] + v[i + 1]) / 2)
-    arrives = np.searchsorted(grid, late, side="right") - 1
-    parts = []
-    for g, s in enumerate(grid):
-        hump = 4 * s * (1 - s)
-        speed = v[i] + s * change + hump * bulge_v
-        rest = memoryless(newest - (g < arrives), i, speed)
-        parts.append(y0 + s * (y1 - y0) + hump * bulge_y + rest)
-    return np.stack(parts, axis=1)
+    bulge = controller.integral_gain(np.maximum(newest, 0)) * period * (v[i + 1] - v[i]) / 8
+    part = np.arange(len(grid)) // len(_POINTS)  # a later sample is in force in the last one
+    held = newest[:, None] - (part[-1] - part)
+    s = grid[:, None]
+    y = y0[:, None] + s * (y1 - y0)[:, None] + 4 * s * (1 - s) * bulge[:, None]
+    return y + memoryless(held, np.broadcast_to(i[:, None], held.shape), speed)
 
 
 def arrived(design: Design, count: int) -> Index:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,13 +15,12 @@ from pydrake.systems.framework import Diagram, System
 import sdt_drake
 from sdt_drake.arrays import Array
 from sdt_drake.controllers import own_code
-from sdt_drake.design import Design, make_design
+from sdt_drake.design import Design
 from sdt_drake.errors import InputError, checked_number, checked_type
 from sdt_drake.fields import setting
 from sdt_drake.loops import Loop, make_loop
-from sdt_drake.motor_torque import Seen, arrived, knows_its_command, period_torque
+from sdt_drake.motor_torque import arrived, cuts, knows_its_command, period_torque
 from sdt_drake.progress import told
-from sdt_drake.scenario import Scenario
 from sdt_drake.shown import Shown, Summary, of_joints
 from sdt_drake.tables import check_columns, data_frame, read_table, write_table
 
@@ -38,8 +36,6 @@ _FINEST = 1e-12  # that Drake takes
 _MOST_STEPS = 1_000_000  # of the integrator in a period; a loop that needs more does not end
 
 _SLICES = 200  # of a run, to tell how far it is; between samples, where steps end anyway
-
-_LOOKS, _POINTS = 3, 9  # within a period at a command that nobody tells, and within such a look
 
 LIMITS = {"q": (1e6, "rad"), "q_ref": (1e6, "rad"), "v": (1e4, "rad/s"), "v_ref": (1e4, "rad/s")}
 """Of angles and speeds in files, joint side: what is beyond has another unit, or is no motion."""
@@ -257,55 +253,44 @@ def simulate(
     loop.rest(own)
     with own_code(design.scenario.controller.kind):
         try:
-            seen = _run(simulator, design, loop)
+            simulator.Initialize()
+            seen = None
+            if knows_its_command(loop):
+                _run(simulator, loop)
+            else:
+                seen = _watch(simulator, loop)
         except RuntimeError as error:
             reason = " ".join(str(error).split())
             raise InputError(
                 f"scenario '{design.scenario.name}': the simulation is stuck at "
                 f"{context.get_time():.6g} s ({reason})"
             ) from None
-    return _recording(design, loop, loop.recorded(own), seen)
+    return _recording(loop, loop.recorded(own), seen)
 
 
-def _run(simulator: Simulator, design: Design, loop: Loop) -> Seen | None:
-    """Advance over the motion; what is commanded within the periods, where that cannot be told
-    afterwards."""
-    simulator.Initialize()
-    period, context = design.reference.period, simulator.get_context()
-    duration = (len(design.motion.v) - 1) * period
-    if knows_its_command(loop.controller):
-        # Only the main thread hears Ctrl-C; in others, listening for it would take the
-        # interpreter's lock at every step, and let no two runs go at the same time.
-        hears = threading.current_thread() is threading.main_thread()
-        samples = len(design.motion.v) - 1
-        for end in told(range(-(-samples // _SLICES), samples, -(-samples // _SLICES))):
-            simulator.AdvanceTo(end * period, interruptible=hears)
-        simulator.AdvanceTo(duration, interruptible=hears)
-        return None
-    step, tau_cmd = design.drive.period or period, loop.GetOutputPort("tau_cmd")
-    own = loop.GetMyContextFromRoot(context)
-    late = design.drive.reference_delay % step
-    looks, values = _looks(design, step, late), []
-    for i in told(range(round(duration / step))):
-        for begin, end in pairwise(looks):
-            if begin in (0.0, late):
-                simulator.AdvancePendingEvents()
-            values.append(np.array(tau_cmd.Eval(own)))
-            simulator.AdvanceTo((i + 1) * step if end == step else end + i * step)
-            values.append(np.array(tau_cmd.Eval(own)))
-    # A lag answers within a look: points in between, the command linear from one end to the other.
-    way = np.linspace(0.0, 1.0, _POINTS)[:, None]
-    ends = np.reshape(values, (-1, len(looks) - 1, 2, 1, design.robot.n))
-    command = (1 - way) * ends[:, :, 0] + way * ends[:, :, 1]
-    shares = looks[:-1, None] + way.T * np.diff(looks)[:, None]
-    return Seen(shares.ravel() / step, command.reshape(len(ends), shares.size, -1))
+def _run(simulator: Simulator, loop: Loop) -> None:
+    """Advance over the motion."""
+    # Only the main thread hears Ctrl-C; in others, listening for it would take the interpreter's
+    # lock at every step, and let no two runs go at the same time.
+    hears = threading.current_thread() is threading.main_thread()
+    samples, period = len(loop.design.motion.v) - 1, loop.design.reference.period
+    for end in told(np.unique(np.linspace(0, samples, _SLICES + 1, dtype=int))[1:]):
+        simulator.AdvanceTo(end * period, interruptible=hears)
 
 
-def _looks(design: Design, step: float, late: float) -> Array:
-    """When to look at a command within `step`, both ends among them, and when the reference
-    arrives [s]: a sampled drive holds what a controller sees, a continuous one does not."""
-    looks = np.linspace(0.0, step, 2 if design.drive.period is not None else _LOOKS + 1)
-    return looks if min(late, step - late) < 1e-6 * step else np.union1d(looks, late)
+def _watch(simulator: Simulator, loop: Loop) -> Array:
+    """The same, looking at what is commanded; see `period_torque`."""
+    design, tau_cmd = loop.design, loop.GetOutputPort("tau_cmd")
+    own, looks, seen = loop.GetMyContextFromRoot(simulator.get_context()), cuts(loop), []
+    step = looks[-1]
+    rows = round((len(design.motion.v) - 1) * design.reference.period / step)
+    for i in told(range(rows)):
+        for end in looks[1:]:
+            simulator.AdvancePendingEvents()
+            seen.append(np.array(tau_cmd.Eval(own)))
+            simulator.AdvanceTo((i + 1) * step if end == step else i * step + end)
+            seen.append(np.array(tau_cmd.Eval(own)))
+    return np.reshape(seen, (rows, len(looks) - 1, 2, -1))
 
 
 def _loop_in(design: Design, diagram: Diagram) -> Loop:
@@ -326,39 +311,31 @@ def _loops(system: System) -> Iterator[Loop]:
             yield from _loops(part)
 
 
-def _recording(
-    design: Design, loop: Loop, signals: Mapping[str, Array], seen: Seen | None
-) -> Recording:
-    motion = design.wanted
+def _recording(loop: Loop, signals: Mapping[str, Array], seen: Array | None) -> Recording:
+    design = loop.design
+    motion, load = design.wanted, design.loads.load_torque
     q, v = np.hsplit(signals["state"], 2)
     q_seen, v_seen = np.hsplit(signals["measured"], 2)
-    within = period_torque(
-        design, loop.controller, q_seen, v_seen, signals["tau_cmd"], signals["tau"], seen
-    )
+    within = period_torque(loop, signals, seen)
     samples = (len(signals["tau"]) - 1) // (len(q) - 1)
     torques = {name: signals[name][::samples] for name in ("tau_cmd", "tau_limited", "tau")}
-    first = np.abs(torques["tau"][:1])
+    start = torques["tau"][:1]
     return Recording(
         time=motion.time,
         q_ref=motion.q,
         v_ref=motion.v,
         q=q,
         v=v,
-        load_torque=_held(design, design.loads.load_torque),
-        tau_peak=np.vstack([first, within.peak]),
-        tau_rms=np.vstack([first, within.rms]),
-        tau_mean=np.vstack([torques["tau"][:1], within.mean]),
-        saturated=np.vstack([np.zeros_like(first), within.saturated]),
+        load_torque=load[arrived(design, len(load))],  # as a hold has it just before each update
+        tau_peak=np.vstack([np.abs(start), within.peak]),
+        tau_rms=np.vstack([np.abs(start), within.rms]),
+        tau_mean=np.vstack([start, within.mean]),
+        saturated=np.vstack([np.zeros_like(start), within.saturated]),
         beyond_stop=_beyond_stop(design, q),
         q_measured=q_seen,
         v_measured=v_seen,
         **torques,
     )
-
-
-def _held(design: Design, samples: Array) -> Array:
-    """Samples that arrive with the reference, as a hold has them just before each update."""
-    return np.asarray(samples[arrived(design, len(samples))])
 
 
 def _beyond_stop(design: Design, q: Array) -> Array:
@@ -367,12 +344,3 @@ def _beyond_stop(design: Design, q: Array) -> Array:
         return np.zeros_like(q)
     beyond = np.maximum(robot.position_lower - q, q - robot.position_upper)
     return np.asarray(np.maximum(0.0, beyond))
-
-
-def simulate_scenario(scenario: Scenario) -> Recording:
-    """Load, plan, tune and run a scenario.
-
-    Raises:
-        InputError: for any bad input on the way.
-    """
-    return simulate(make_design(scenario))

@@ -155,11 +155,12 @@ class ToldDamper(Damper):
         return self._gain * (self._motion.v[held] - v)
 
 
-def test_torque_of_a_controller_without_an_integral(design):
+@pytest.mark.parametrize("drive", [Drive(), Drive(period=0.001)], ids=["continuous", "sampled"])
+def test_torque_of_a_controller_without_an_integral(design, drive):
     register_controller("damper", Damper)
     register_controller("told", ToldDamper)
-    own = design_of(design, "told", "coupled", Drive())
-    run, seen = simulate(own), simulate(design_of(design, "damper", "coupled", Drive()))
+    own = design_of(design, "told", "coupled", drive)
+    run, seen = simulate(own), simulate(design_of(design, "damper", "coupled", drive))
     agree(run, within(seen), own.robot.motor_torque_limit, 3e-3)
 
 

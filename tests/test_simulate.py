@@ -13,7 +13,7 @@ from sdt_drake.errors import InputError
 from sdt_drake.loops import make_loop
 from sdt_drake.motion import Motion
 from sdt_drake.scenario import ControllerChoice, PlantChoice, Scenario
-from sdt_drake.simulate import LIMITS, Recording, _beyond_stop, simulate, simulate_scenario
+from sdt_drake.simulate import LIMITS, Recording, _beyond_stop, simulate
 from sdt_drake.tables import write_table
 
 PLANTS = ("axis", "coupled")
@@ -243,7 +243,7 @@ def scenario_of(folder, links, *, plant, duration=1.2, **fields):
 def test_other_numbers_of_joints(tmp_path, plant, n, inverse_dynamics):
     links = [{"axis": "0 0 1"}, {"gear": 35}][:n]
     scenario = scenario_of(tmp_path, links, plant=plant, inverse_dynamics=inverse_dynamics)
-    recording = simulate_scenario(scenario)
+    recording = simulate(make_design(scenario))
     assert recording.v.shape == recording.tau.shape == (241, n)
     # omega_n = 30 rad/s and zeta = 1: the loop lags by 2 zeta / omega_n times the acceleration.
     acceleration = np.abs(np.diff(recording.v_ref, axis=0)).max() / 0.005
@@ -259,7 +259,7 @@ def test_other_numbers_of_joints(tmp_path, plant, n, inverse_dynamics):
 def test_one_joint_is_the_same_robot_in_both_plants(tmp_path):
     """Nothing to couple with, no gravity about the axis: the plants are one equation."""
     axis, coupled = (
-        simulate_scenario(scenario_of(tmp_path, [{"axis": "0 0 1"}], plant=plant))
+        simulate(make_design(scenario_of(tmp_path, [{"axis": "0 0 1"}], plant=plant)))
         for plant in PLANTS
     )
     np.testing.assert_allclose(axis.v, coupled.v, rtol=0, atol=1e-5)

@@ -14,10 +14,11 @@ import time
 import numpy as np
 
 from sdt_drake.analysis.tracking import track_head
+from sdt_drake.design import make_design
 from sdt_drake.pilot import canals, false_sensation_after_stop, felt_upright
 from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import load_scenario
-from sdt_drake.simulate import Recording, simulate_scenario
+from sdt_drake.simulate import Recording, simulate
 
 TARGET = 0.2
 
@@ -41,7 +42,7 @@ def main() -> None:
     rounds = parser.parse_args().rounds
 
     robot = load_robot()
-    recording = simulate_scenario(load_scenario("package://sdt/scenarios/coupled_pi.yaml"))
+    recording = simulate(make_design(load_scenario("package://sdt/scenarios/coupled_pi.yaml")))
     times = []
     for _ in range(rounds + 1):
         start = time.perf_counter()
