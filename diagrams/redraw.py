@@ -196,7 +196,7 @@ def monte_carlo(studies: Path) -> Figure:
     title = "Devices that are not what their controllers know: share that stays below an error"
     outcomes = ("max_abs_speed_error", "max_abs_position_error")
     table = read_study_table(studies / "monte_carlo")
-    return distributions(title, table, outcomes, "controller")
+    return distributions(title, table, outcomes)
 
 
 def sizing(studies: Path) -> Figure:
