@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -32,11 +33,12 @@ LONG = ("export", "study", "size", "excite", "identify", "replay", "learn", "rep
 def short(monkeypatch):
     """Scenarios end after 3 s; their numbers are not looked at."""
 
-    def first(scenario, robot, whole=design._planned):
-        motion = whole(scenario, robot)
-        return Motion(motion.period, motion.q[:601], motion.v[:601], motion.vd[:601])
+    def first(scenario, robot, whole=design.plan_of):
+        plan = whole(scenario, robot)
+        start = (values[:601] for values in (plan.motion.q, plan.motion.v, plan.motion.vd))
+        return replace(plan, motion=Motion(plan.motion.period, *start))
 
-    monkeypatch.setattr(design, "_planned", first)
+    monkeypatch.setattr(design, "plan_of", first)
 
 
 def test_commands_run_in_their_order(short, tmp_path, monkeypatch, capsys):
