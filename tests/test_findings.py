@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import re
 import shlex
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sdt_drake import cli
-from sdt_drake.analysis.comparison import compare
+from sdt_drake.analysis.comparison import Compared, compare
 from sdt_drake.analysis.tracking import track
+from sdt_drake.design import make_design
 from sdt_drake.learning.filter import design_filter
 from sdt_drake.learning.flights import learn
 from sdt_drake.learning.loops import loops_of
@@ -39,27 +39,19 @@ def labels_of(rows: list[list[str]]) -> list[str]:
     return [re.match(r"`(.*?)`", row[0])[1] for row in rows]
 
 
-@pytest.fixture(scope="module")
-def compare_all(_reference_design):
-    """Every controller of the tables on a scenario, by label."""
-    tables = ("controller | position", "controller | share of time")
-    labels = list(dict.fromkeys(label for t in tables for label in labels_of(rows_of_table(t))))
-
-    @cache
-    def compare_all(scenario: str):
-        made = _reference_design.variant(load_scenario(f"package://sdt/scenarios/{scenario}.yaml"))
-        return dict(zip(labels, compare(made, labels), strict=True))
-
-    return compare_all
+def compared_in(rows: list[list[str]], scenario: str) -> list[tuple[list[str], Compared]]:
+    """Each row of a table with its controller's run."""
+    return list(
+        zip(rows, compare(make_design(load_scenario(scenario)), labels_of(rows)), strict=True)
+    )
 
 
 @pytest.mark.parametrize(
     ("scenario", "first"), [("coupled_pi", 1), ("wrong_model", 3)], ids=["exact", "wrong"]
 )
-def test_table_of_controllers_is_what_compare_finds(compare_all, scenario, first):
-    rows, compared = rows_of_table("controller | position"), compare_all(scenario)
-    for row, label in zip(rows, labels_of(rows), strict=True):
-        tracking = compared[label].tracking
+def test_table_of_controllers_is_what_compare_finds(scenario, first):
+    for row, found in compared_in(rows_of_table("controller | position"), scenario):
+        tracking = found.tracking
         position = np.rad2deg(tracking.max_abs_position_error)
         np.testing.assert_allclose(
             np.array(row[first].split(), dtype=float), position, atol=5.1e-4, err_msg=row[0]
@@ -67,10 +59,9 @@ def test_table_of_controllers_is_what_compare_finds(compare_all, scenario, first
         assert float(row[first + 1]) == pytest.approx(tracking.rms_speed_error[1], abs=5.1e-6)
 
 
-def test_table_of_what_is_felt_is_what_compare_finds(compare_all):
-    rows, compared = rows_of_table("controller | share of time"), compare_all("coupled_pi")
-    for row, label in zip(rows, labels_of(rows), strict=True):
-        head = compared[label].head
+def test_table_of_what_is_felt_is_what_compare_finds():
+    for row, found in compared_in(rows_of_table("controller | share of time"), "coupled_pi"):
+        head = found.head
         shares = 100 * head.felt.share, 100 * head.felt_from_angles.share
         assert [float(cell) for cell in row[1:]] == pytest.approx(shares, abs=0.051)
 

@@ -113,6 +113,7 @@ def test_sampled_is_the_exponential_series(period):
     same(sampled.A, A, 1e-12)
     same(sampled.B, B, 1e-12)
     assert sampled.period == period
+    same_modes(sampled.modes(), SWING.modes())
 
 
 def test_step_of_a_swing():

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from multiprocessing import resource_tracker
 from pathlib import Path
 from queue import SimpleQueue
 from types import SimpleNamespace
@@ -91,6 +92,7 @@ def test_ctrl_c_in_the_terminal_is_not_for_a_process_but_a_death_is_survived(wor
 def test_rows_that_end_their_process_or_hang(tmp_path, temporary, capfd):
     """The others go on meanwhile."""
     acts = {0: "hang", 1: "abort", 2: "kill", 3: "leave", 4: "kill once"}
+    resource_tracker.ensure_running()  # of multiprocessing, which keeps a descriptor
     inbox, before = SimpleQueue(), descriptors()
     workers = Workers(OddJob(str(tmp_path), acts, timeout=3.0), 2)
     workers.start(range(8), inbox.put)
