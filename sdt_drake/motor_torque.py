@@ -17,7 +17,7 @@ from sdt_drake.loops import Loop
 # then falls.
 _POINTS = (np.arange(17) / 16) ** 2
 _LOOKS = 3  # within a period, at a continuous controller that does not tell its command
-_AT_ONCE = 4096  # periods: what they need stays in the cache
+_AT_ONCE = 256  # periods: what they need stays in the cache
 
 
 class PeriodTorque(NamedTuple):

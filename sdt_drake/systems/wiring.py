@@ -63,16 +63,19 @@ class Wired(Diagram):
         return name
 
     def log(self, signals: Sequence[str], period: float) -> dict[str, VectorLogSink]:
-        """Log each signal every `period` [s]: sinks by its names.
+        """Log each signal every `period` [s]: sinks by its names, one for each port.
 
         A log at an instant sees the values from before the updates at that instant: continuous
         signals at t, held ones and what follows from them at t-.
         """
         sinks: dict[str, VectorLogSink] = {}
-        for name in signals:
-            port = self._signals[self._name(name)]
-            sinks[name] = LogVectorOutput(port, self._builder, publish_period=period)
-            sinks[name].set_name(f"log.{name}")
+        for name, own in ((name, self._name(name)) for name in signals):
+            same = next((sink for other, sink in sinks.items() if self._name(other) == own), None)
+            if same is None:  # each costs time at every instant of the log
+                port = self._signals[own]
+                same = LogVectorOutput(port, self._builder, publish_period=period)
+                same.set_name(f"log.{name}")
+            sinks[name] = same
         return sinks
 
     def build(self, *outputs: str) -> None:
