@@ -13,7 +13,9 @@ from pydrake.systems.framework import System
 
 from sdt_drake.controllers.base import Controller
 from sdt_drake.controllers.inverse_dynamics import InverseDynamics
-from sdt_drake.controllers.pi import Pi, PiCtc, PiId, PiScheduled, PPi
+from sdt_drake.controllers.p_pi import PPi
+from sdt_drake.controllers.pi import Pi, PiCtc, PiId
+from sdt_drake.controllers.pi_scheduled import PiScheduled
 from sdt_drake.errors import InputError, read_text, told_by
 
 if TYPE_CHECKING:

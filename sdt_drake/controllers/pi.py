@@ -1,4 +1,4 @@
-"""PI speed controllers: alone, with a torque feedforward, in a cascade, with scheduled gains."""
+"""PI speed controllers, alone and with a torque feedforward (Sections 3.3 and 3.4)."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pydrake.systems.framework import Context, System
 
 from sdt_drake.arrays import Array, Index
 from sdt_drake.control import SpeedGains
-from sdt_drake.controllers.base import Controller, add_feedforward, add_table
-from sdt_drake.systems import GainSchedule, PiSpeedController, PositionLoop, Wired
+from sdt_drake.controllers.base import Controller, add_feedforward
+from sdt_drake.systems import PiSpeedController, Wired
 
 if TYPE_CHECKING:
     from sdt_drake.design import Design
@@ -132,59 +132,3 @@ class PiId(Pi):
 
     feedforward = "id"
     structure = "pi"
-
-
-class PPi(Pi):
-    """The industrial cascade: v_ref + K_V (q_ref - q) as the reference of PI speed controllers.
-
-    .. pydrake_system::
-
-        name: PPi
-        input_ports: [reference, sampled_state, state]
-        output_ports: [tau_cmd]
-    """
-
-    options = ("anti_windup", "feedforward", "position_gain")
-    structure = "pi"
-
-    @classmethod
-    def in_words(cls, design: Design) -> str:
-        k_v = design.scenario.controller.position_gain
-        gain = "K_V = omega_n / 4" if k_v is None else f"K_V = {k_v} 1/s at every omega_n"
-        return f"{super().in_words(design)} in position loops, {gain}"
-
-    def _add_ahead(self, at: int | None) -> dict[str, str]:
-        self.add("position_loop", PositionLoop(position_gain=self._design.position_gain))
-        return {"reference": "speed_reference"}
-
-    def _asked(self, held: Index, sample: Index, q: Array) -> Array:
-        reference = self._design.reference
-        return reference.v[held] + self._design.position_gain * (reference.q[held] - q[sample])
-
-
-class PiScheduled(Pi):
-    """K_PS and K_IS in proportion to I_eff(q_ref), the inertia along the motion.
-
-    .. pydrake_system::
-
-        name: PiScheduled
-        input_ports: [reference, state]
-        output_ports: [tau_cmd]
-    """
-
-    needs = ("inertia along the motion",)
-    options = ("anti_windup", "feedforward")
-
-    @classmethod
-    def in_words(cls, design: Design) -> str:
-        return f"{super().in_words(design)}, their gains those at the largest inertia"
-
-    def _add_ahead(self, at: int | None) -> dict[str, str]:
-        if at is not None:  # Drake linearises no schedule of a sampled controller
-            return {}
-        add_table(self, "inertia_table", self._design, inertia_share=self._design.inertia_share)
-        self.add("gain_schedule", GainSchedule(n=self._design.robot.n))
-        return {"reference": "weighted_reference", "state": "weighted_state"}
-
-    def _share(self, held: Index | int) -> Array:
-        return self._design.inertia_share[held]

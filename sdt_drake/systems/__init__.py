@@ -1,4 +1,4 @@
-"""The Drake blocks.
+"""The Drake blocks, one file per kind.
 
 A block is a LeafSystem, or a Diagram of Drake's own systems, with named ports and a keyword-only
 constructor; each works alone in any DiagramBuilder. `rest(context, ...)` sets what it starts with,
@@ -24,15 +24,23 @@ where it remembers anything; `context` is its own. Sizes and numbers that do not
     tau_link             what an elastic joint passes on, motor side [N m]
 """
 
-from sdt_drake.systems.drives import DynamicSaturation, Encoder, TorqueLoop
+from sdt_drake.systems.axis_process import AxisProcess
+from sdt_drake.systems.disturbance import Disturbance
+from sdt_drake.systems.elastic_joints import ElasticJoints
+from sdt_drake.systems.encoder import Encoder
+from sdt_drake.systems.feedforward import CtcFeedforward
+from sdt_drake.systems.friction import JointFriction
+from sdt_drake.systems.gain_schedule import GainSchedule
 from sdt_drake.systems.inverse_dynamics import InverseDynamicsController
 from sdt_drake.systems.load_torque import LoadTorque, ReferenceTorque
-from sdt_drake.systems.loads import Disturbance, JointFriction
-from sdt_drake.systems.pi import CtcFeedforward, GainSchedule, PiSpeedController, PositionLoop
-from sdt_drake.systems.plants import AxisProcess, ElasticJoints, RobotPlant
+from sdt_drake.systems.pi import PiSpeedController
+from sdt_drake.systems.position_loop import PositionLoop
 from sdt_drake.systems.reference import ReferenceSource, SignalTable, hold_of, sample_source
 from sdt_drake.systems.robot_drawing import RobotDrawing
+from sdt_drake.systems.robot_plant import RobotPlant
+from sdt_drake.systems.saturation import DynamicSaturation
 from sdt_drake.systems.symbolic import SymbolicLaw
+from sdt_drake.systems.torque_loop import TorqueLoop
 from sdt_drake.systems.wiring import Wired
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""PI speed controllers, and what stands around them: cascade, schedule, feedforward."""
+"""PI speed controllers. State: the integral of the speed error of each motor."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.symbolic import Expression
 from pydrake.systems.framework import Context, System
 from pydrake.systems.primitives import (
     Adder,
@@ -14,12 +13,10 @@ from pydrake.systems.primitives import (
     Integrator,
     LinearSystem,
     MatrixGain,
-    Multiplexer,
 )
 
 from sdt_drake.control import STRUCTURES, SpeedGains
-from sdt_drake.errors import checked_choice, checked_count, checked_positive
-from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
+from sdt_drake.errors import checked_choice, checked_positive
 from sdt_drake.systems.wiring import Wired
 
 
@@ -103,89 +100,3 @@ class PiSpeedController(Wired):
     def rest(self, context: Context, tau_integral: ArrayLike) -> None:
         """Start with an integral that gives `tau_integral` [N m], motor side."""
         self.set_state(context, self._integral, np.asarray(tau_integral) / self._ki)
-
-
-class CtcFeedforward(Wired):
-    """Computed torque compensation of the load (Section 3.4, Figure 6).
-
-        tau_cmd = tau_fb + tau_ff        [N m], motor side
-
-    The paper's tau_ff is the load torque tau_LD: it leaves the joint's own acceleration
-    (d_kk vd_ref) to the feedback. What tau_ff holds is not decided here.
-
-    .. pydrake_system::
-
-        name: CtcFeedforward
-        input_ports: [tau_fb, tau_ff]
-        output_ports: [tau_cmd]
-    """
-
-    def __init__(self, *, n: int) -> None:
-        """For n motors."""
-        super().__init__()
-        checked_count(n, "n")
-        self.add("tau_cmd", Adder(2, n), "tau_fb", "tau_ff", "tau_cmd")
-        self.build("tau_cmd")
-
-
-class PositionLoop(Wired):
-    """The reference of a speed loop that also keeps the position.
-
-        v_ref + K_V (q_ref - q)  takes the place of  v_ref        [rad/s], joint side
-
-    The state must be sampled at the instants of the reference: against the state of now, a held
-    q_ref is late by half its period. It does not limit the speed that it asks for.
-
-    .. pydrake_system::
-
-        name: PositionLoop
-        input_ports: [reference, sampled_state]
-        output_ports: [speed_reference]
-    """
-
-    symbol = "v_ref +\nK_V (q_ref - q)"
-
-    def __init__(self, *, position_gain: ArrayLike) -> None:
-        """K_V [1/s], shape (n,), > 0."""
-        super().__init__()
-        position_gain = checked_positive(position_gain, "position_gain")
-        n = len(position_gain)
-        law = np.eye(3 * n, 5 * n)
-        law[n : 2 * n, :n] = np.diag(position_gain)
-        law[n : 2 * n, 3 * n : 4 * n] = -np.diag(position_gain)
-        self.add("inputs", Multiplexer([3 * n, 2 * n]), "reference", "sampled_state", "inputs")
-        self.add("law", MatrixGain(law), "inputs", "speed_reference")
-        self.build("speed_reference")
-
-
-class GainSchedule(Wired):
-    """Speeds weighted with the inertia, for a PI speed controller that is tuned for the largest.
-
-        v_ref, v  ->  s v_ref, s v        with s = I_eff / I_eff,max [-]
-
-    Behind it the controller has the gains s K_PS and s K_IS, and so the same natural frequency and
-    damping at every inertia. The weight is inside the integral, so that what has been integrated
-    does not change with s. What K_PS feeds back does: with P in the feedback path a motor at
-    constant speed feels a change of s like a load. Positions and vd_ref pass unchanged.
-
-    .. pydrake_system::
-
-        name: GainSchedule
-        input_ports: [reference, inertia_share, state]
-        output_ports: [weighted_reference, weighted_state]
-    """
-
-    symbol = "speeds x\nI_eff / I_eff,max"
-
-    def __init__(self, *, n: int) -> None:
-        """For n joints."""
-        super().__init__()
-        checked_count(n, "n")
-
-        def law(signal: Symbols, share: Symbols) -> list[Expression]:
-            return [*signal[:n], *(share * signal[n : 2 * n]), *signal[2 * n :]]
-
-        for name, size in (("reference", 3 * n), ("state", 2 * n)):
-            inputs, output = {name: size, "inertia_share": n}, f"weighted_{name}"
-            self.add(output, SymbolicLaw(inputs=inputs, output=output, law=law))
-        self.build("weighted_reference", "weighted_state")

@@ -1,0 +1,55 @@
+"""The decoupled axes. State: position and speed of each joint."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydrake.systems.framework import Context
+from pydrake.systems.primitives import LinearSystem, Multiplexer
+
+from sdt_drake.errors import checked_positive
+from sdt_drake.systems.wiring import Wired
+
+
+class AxisProcess(Wired):
+    """n motors with constant inertia, each on its own (Eq. 1).
+
+        I_eff r dv/dt = tau - load_torque,    dq/dt = v
+
+    Torques and I_eff motor side, q and v joint side. It knows no coupling, gravity or friction
+    but what `load_torque` brings.
+
+    .. pydrake_system::
+
+        name: AxisProcess
+        input_ports: [tau, load_torque]
+        output_ports: [state]
+    """
+
+    symbol = "1 / (I_eff s)"
+
+    def __init__(self, *, i_eff: ArrayLike, gear_ratio: ArrayLike) -> None:
+        """Of n motors.
+
+        Args:
+            i_eff: effective inertia, motor side [kg m²], shape (n,), > 0.
+            gear_ratio: r [-], shape (n,), > 0.
+        """
+        super().__init__()
+        i_eff = checked_positive(i_eff, "i_eff")
+        n = len(i_eff)
+        zero, one = np.zeros((n, n)), np.eye(n)
+        per_torque = np.diag(1 / (i_eff * checked_positive(gear_ratio, "gear_ratio", n)))
+        motors = LinearSystem(
+            A=np.block([[zero, one], [zero, zero]]),
+            B=np.block([[zero, zero], [per_torque, -per_torque]]),
+            C=np.eye(2 * n),
+            D=np.zeros((2 * n, 2 * n)),
+        )
+        self.add("inputs", Multiplexer([n, n]), "tau", "load_torque", "torques")
+        self._motors = self.add("motors", motors, "torques", "state")
+        self.build("state")
+
+    def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
+        """Start at q [rad] with v [rad/s], joint side."""
+        self.set_state(context, self._motors, np.concatenate([q, v]))

@@ -1,0 +1,42 @@
+"""Disturbance injection: the error of the load torque model. No state: functions of time."""
+
+from __future__ import annotations
+
+import pydrake.symbolic as sym
+
+from sdt_drake.errors import checked_count, checked_number
+from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
+
+
+class Disturbance(SymbolicLaw):
+    """The part of the load that the model does not know (Section 3.4, Figure 6).
+
+        disturbance = A sin(omega_D t) load_torque        [N m], motor side
+
+    so that the true load is tau_LD (1 + A sin(omega_D t)). It does not add it to anything.
+
+    .. pydrake_system::
+
+        name: Disturbance
+        input_ports: [load_torque]
+        output_ports: [disturbance]
+    """
+
+    symbol = "A sin(omega_D t)"
+
+    def __init__(self, *, n: int, amplitude: float, omega_d: float) -> None:
+        """Of n motors.
+
+        Args:
+            n: number of joints.
+            amplitude: A, share of the load torque [-], >= 0.
+            omega_d: omega_D [rad/s], >= 0.
+        """
+        checked_count(n, "n")
+        checked_number(amplitude, "amplitude", minimum=0)
+        checked_number(omega_d, "omega_d", minimum=0)
+
+        def law(load_torque: Symbols) -> list[sym.Expression]:
+            return [amplitude * sym.sin(omega_d * self.time) * tau for tau in load_torque]
+
+        super().__init__(inputs={"load_torque": n}, output="disturbance", law=law, timed=True)

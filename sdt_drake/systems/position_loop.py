@@ -1,0 +1,43 @@
+"""The position loop of a cascade. No state: a function of held samples."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydrake.systems.primitives import (
+    MatrixGain,
+    Multiplexer,
+)
+
+from sdt_drake.errors import checked_positive
+from sdt_drake.systems.wiring import Wired
+
+
+class PositionLoop(Wired):
+    """The reference of a speed loop that also keeps the position.
+
+        v_ref + K_V (q_ref - q)  takes the place of  v_ref        [rad/s], joint side
+
+    The state must be sampled at the instants of the reference: against the state of now, a held
+    q_ref is late by half its period. It does not limit the speed that it asks for.
+
+    .. pydrake_system::
+
+        name: PositionLoop
+        input_ports: [reference, sampled_state]
+        output_ports: [speed_reference]
+    """
+
+    symbol = "v_ref +\nK_V (q_ref - q)"
+
+    def __init__(self, *, position_gain: ArrayLike) -> None:
+        """K_V [1/s], shape (n,), > 0."""
+        super().__init__()
+        position_gain = checked_positive(position_gain, "position_gain")
+        n = len(position_gain)
+        law = np.eye(3 * n, 5 * n)
+        law[n : 2 * n, :n] = np.diag(position_gain)
+        law[n : 2 * n, 3 * n : 4 * n] = -np.diag(position_gain)
+        self.add("inputs", Multiplexer([3 * n, 2 * n]), "reference", "sampled_state", "inputs")
+        self.add("law", MatrixGain(law), "inputs", "speed_reference")
+        self.build("speed_reference")

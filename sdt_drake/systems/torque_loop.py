@@ -1,0 +1,69 @@
+"""The torque loop of the drives. State: the torque where it lags, over 100 times its limit."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydrake.systems.framework import Context
+from pydrake.systems.primitives import (
+    FirstOrderLowPassFilter,
+    Gain,
+)
+
+from sdt_drake.errors import checked_positive
+from sdt_drake.systems.wiring import Wired
+
+
+class TorqueLoop(Wired):
+    """What the motors make of the torque that they should give.
+
+        T dtau/dt = (1 + error) tau_limited - tau,    T = 1 / (2 pi bandwidth)
+
+    Torques motor side [N m]. Without a bandwidth it does not lag, without an error it is exact.
+    State, where it lags: the torque over 100 times its limit. It does not limit the torques.
+
+    .. pydrake_system::
+
+        name: TorqueLoop
+        input_ports: [tau_limited]
+        output_ports: [tau]
+    """
+
+    symbol = "torque\nloop"
+
+    def __init__(
+        self,
+        *,
+        motor_torque_limit: ArrayLike,
+        bandwidth: float | None = None,
+        error: ArrayLike | None = None,
+    ) -> None:
+        """Of n motors.
+
+        Args:
+            motor_torque_limit: largest torque of the motors, motor side [N m], shape (n,), > 0; the
+                size of the signal.
+            bandwidth: frequency at which the gain has fallen by 3 dB [Hz], > 0; infinite by
+                default.
+            error: share of the torque [-], shape (n,); 0 by default.
+        """
+        super().__init__()
+        limit = checked_positive(motor_torque_limit, "motor_torque_limit")
+        gain = np.ones(len(limit)) if error is None else 1 + np.asarray(error)
+        self._lag = None
+        # An error-controlled integrator takes 1 N m as seriously as 1 rad/s. In units of 100 limits
+        # the torque is good to 1e-3 of the limit while it settles, the speeds to 1e-5.
+        self._unit = 100 * limit
+        if bandwidth is None:
+            self.add("gain", Gain(gain), "tau_limited", "tau")
+        else:
+            lag = FirstOrderLowPassFilter(1 / (2 * np.pi * bandwidth), len(limit))
+            self.add("share", Gain(gain / self._unit), "tau_limited", "share")
+            self._lag = self.add("lag", lag, "share", "lagging")
+            self.add("unit", Gain(self._unit), "lagging", "tau")
+        self.build("tau")
+
+    def rest(self, context: Context, tau: ArrayLike) -> None:
+        """Start with motors that give `tau` [N m], motor side, shape (n,)."""
+        if self._lag is not None:
+            self.set_state(context, self._lag, np.asarray(tau) / self._unit)
