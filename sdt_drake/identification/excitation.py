@@ -32,13 +32,16 @@ RATE = 200.0  # samples that are recorded in a second [Hz]
 
 _BASE_PERIODS = (10.0, 5.0)  # s, of the first harmonic, about: heavy robots are slow
 _HARMONICS = 5
-_GRID = 48  # samples in a period, for the optimisation
+_GRID, _FINER = 48, 2  # samples in a period, for the optimisation; times as many at its end
 _FINE = 400  # and for what the motion comes to
 _STARTS = 40
 _STEP = 1e-6  # of a coefficient, for the gradient
-_STRICTNESS = 100.0  # of the penalty of a sample
+_STRICTNESS, _STRICTER = 100.0, 10.0  # of the penalty of a sample; times as much at the end
 _SOFT = 0.95  # of the limits, from where on a penalty grows
-_TRIED, _FIRST_ROUNDS, _MOST_ROUNDS = 2, 12, 50
+_FIRST_ROUNDS, _SHRINKINGS = 12, 50
+_SEARCH = {True: (6, 100, _FINER), False: (2, 50, 1)}
+"""Of up to four joints, and of more, whose rounds take longer: how many starts are tried of each
+base period, rounds of the best one, and how much finer its samples are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,14 +224,18 @@ def excite(
         return found.fun, problem, found.x
 
     tried = []
-    all_rounds = len(_BASE_PERIODS) * _TRIED * _FIRST_ROUNDS + _MOST_ROUNDS
+    starts, last_rounds, finer = _SEARCH[robot.n <= 4]
+    all_rounds = len(_BASE_PERIODS) * starts * _FIRST_ROUNDS + last_rounds
     with part():
         for about in _BASE_PERIODS:
             series = Series(robot.n, duration / max(1, round(duration / about)))
             problem = _Problem(target, series, limits)
-            starts = problem.starts(np.random.default_rng(seed))
-            tried += [better(problem, x, _FIRST_ROUNDS) for x in starts[:_TRIED]]
-        _, problem, x = better(*min(tried, key=lambda found: found[0])[1:], _MOST_ROUNDS)
+            begin = problem.starts(np.random.default_rng(seed))[:starts]
+            tried += [better(problem, x, _FIRST_ROUNDS) for x in begin]
+        _, problem, x = min(tried, key=lambda found: found[0])
+        # What is beyond a limit in the end shrinks the motion, and costs more than a stricter look.
+        stricter = _Problem(target, problem.series, limits, finer * _GRID, _STRICTER * _STRICTNESS)
+        _, problem, x = better(stricter, x, last_rounds)
     series, coefficients = problem.series, problem.shrunk(problem.coefficients(x[None])[0])
     q, v, vd = (x[0] for x in _motion(coefficients[None], series.bases(_FINE)))
     columns, torque = target.rows(q, v, vd)
@@ -247,10 +254,17 @@ class _Problem:
     """Minus the information, and what limits take; coefficients in shares of what moves a joint as
     far and as fast as it may, so that all are of one size."""
 
-    def __init__(self, target: Target, series: Series, limits: Limits):
+    def __init__(
+        self,
+        target: Target,
+        series: Series,
+        limits: Limits,
+        grid: int = _GRID,
+        strictness: float = _STRICTNESS,
+    ):
         self.target, self.series, self.limits = target, series, limits
-        self.bases = series.bases(_GRID)
-        q, v, vd = (np.linalg.norm(x, axis=0).max() / np.sqrt(_GRID) for x in self.bases)
+        self.bases, self.strictness = series.bases(grid), strictness
+        q, v, vd = (np.linalg.norm(x, axis=0).max() / np.sqrt(grid) for x in self.bases)
         sizes = [limits.range / q, limits.speed / v, limits.acceleration / vd]
         self.size = np.min(sizes, axis=0)  # of coefficients, (n,)
 
@@ -269,7 +283,7 @@ class _Problem:
         columns = columns.reshape(count, -1, columns.shape[2])
         use = self.limits.use(q, v, vd, torque.reshape(q.shape))
         beyond = np.maximum(use - _SOFT, 0) ** 2
-        penalty = _STRICTNESS * beyond.sum(axis=(0, 2, 3))
+        penalty = self.strictness * beyond.sum(axis=(0, 2, 3))
         return penalty - _information(columns)
 
     def value_and_slope(self, x: Array) -> tuple[float, Array]:
@@ -290,7 +304,7 @@ class _Problem:
             InputError: if no size is.
         """
         fine = self.series.bases(_FINE)
-        for _ in range(_MOST_ROUNDS):
+        for _ in range(_SHRINKINGS):
             q, v, vd = (x[0] for x in _motion(coefficients[None], fine))
             use = self.limits.use(q, v, vd, self.target.rows(q, v, vd)[1]).max(axis=1)
             if use.max() <= 1:

@@ -6,7 +6,7 @@ from command_line import ARM
 
 from sdt_drake.cli import main
 from sdt_drake.errors import InputError
-from sdt_drake.identification.excitation import GENTLY, RATE, excite
+from sdt_drake.identification.excitation import _SEARCH, GENTLY, RATE, excite
 from sdt_drake.identification.targets import Target
 from sdt_drake.motion import Motion, load_plan, plan_motion
 from sdt_drake.motion.command import command_of
@@ -19,6 +19,12 @@ def arm(tmp_path_factory):
     limit = "</velocity><drake:acceleration>50</drake:acceleration>"
     path.write_text(ARM.replace("</velocity>", limit, 1))  # of the first joint alone
     return load_robot(path)
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    """Searches like those for many joints; `excitation` is made before."""
+    monkeypatch.setitem(_SEARCH, True, _SEARCH[False])
 
 
 @pytest.fixture(scope="module")
