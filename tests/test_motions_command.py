@@ -114,7 +114,7 @@ def test_a_robot_without_these_joints_gets_the_reason_for_each(good, desk):
         (["nowhere.yaml"], ["nowhere.yaml: no such file"]),
         (["bad.yaml"], ["bad.yaml: tracks[1].segments[2].at: overlap, 2 s", "3 s"]),
         (["leans", "--robot", "arm.sdf"], ["leans.yaml: tracks[1].joint: 'roll'", "shoulder"]),
-        (["folder.yaml/table.csv"], ["table.csv: 'time,v_ref_1 0,0 1,0'", "expected a mapping"]),
+        (["folder.yaml/table.csv"], ["table.csv: is a table, expected a motion"]),
         (["empty.yaml"], ["empty.yaml: empty, expected a mapping with", "tracks"]),
         (["folder.yaml"], ["folder.yaml: is a folder, expected a file"]),
         (["long.yaml"], ["long.yaml: ", "duration: 1e+06 s, expected at most 3600 s"]),
