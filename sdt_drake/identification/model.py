@@ -21,6 +21,7 @@ with needing("identification needs scipy", "sdt_drake[identify]"):
 
 _PEAKS = (0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s, of Stribeck friction
 _WORTH = 0.5  # of what is left, for a peak to be believed: it trades with the other two
+_SEEN = 0.1  # of its height, where a peak shows: one that no speed comes near could be any size
 _PLACES = 200
 _STIFFEST = 2e4  # rad/s, of a joint that sticks: far above every loop, and quick to simulate
 
@@ -139,7 +140,8 @@ def _basis(v: Array, peak: float | None) -> Array:
     """Viscous, Coulomb and, with a peak at some speed, Stribeck friction."""
     columns = [v, np.ones_like(v)]
     if peak is not None:
-        columns.append(Term("stribeck", peak).at(v, 1.0))
+        shown = Term("stribeck", peak).at(v, 1.0)
+        columns.append(shown if shown.max() > _SEEN else np.zeros_like(v))
     return np.column_stack(columns)
 
 
@@ -147,5 +149,6 @@ def _nearest(v: Array, tau: Array, peak: float | None) -> tuple[Array, float]:
     """Viscous, Coulomb, Stribeck >= 0, and the share of tau that they leave."""
     basis = _basis(v, peak)
     size = np.linalg.norm(basis, axis=0)
+    size[size == 0] = 1.0  # a peak that was not seen gets nothing
     x, left = nnls(basis / size, tau)
     return x / size, float(left / max(np.linalg.norm(tau), 1e-12))

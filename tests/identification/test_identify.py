@@ -208,6 +208,18 @@ def test_friction_alone_has_its_law(robot):
     assert all(one.name.startswith(law.name) for one in found.estimate.laws)
 
 
+def test_joints_that_never_slow_down_show_no_peak_of_friction(robot):
+    """At speeds where a Stribeck peak is 0 to the last digit, or next to it."""
+    time, q, v, vd = motion(robot)
+    fast = np.abs(v).max(axis=0) + np.array([0.05, 0.2, 1.0, 3.0])  # rad/s
+    q, v = q + fast * time[:, None], v + fast
+    tau = inverse_dynamics(robot, q, v, vd) + COULOMB_TRUE + VISCOUS_TRUE * v
+    recorded = Recorded(Path("fast.csv"), time, {"q": q, "tau": tau})
+    friction = plant_friction(identify(robot, [recorded], only="friction")).friction
+    assert friction.breakaway is None
+    np.testing.assert_allclose(friction.viscous, VISCOUS_TRUE, rtol=0.05)
+
+
 def changed(recorded, **signals):
     return replace(recorded, signals={**recorded.signals, **signals})
 
