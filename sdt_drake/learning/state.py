@@ -149,7 +149,12 @@ def teach(
     error = design.wanted.q - np.mean([one.q for one in found], axis=0)
     given = design if number == 0 else design.given(state.references[number])
     step = next_step(given, filter_, error)
-    return Taught(flight, step, _notes(flight, step, state, found[0].reference < 0))
+    notes = _notes(flight, step, state)
+    if found[0].reference < 0:
+        planned = "its q_ref is that of the plan, as `simulate` writes it"
+        why = planned if recordings[0].of_links else "it holds no q_ref"
+        notes.insert(0, f"{why}: that the reference to be flown was flown is taken on trust")
+    return Taught(flight, step, notes)
 
 
 def _record(wanted: Array, flown: Sequence[Array], reference: int) -> FlightRecord:
@@ -182,12 +187,8 @@ def _refuse_growth(flight: FlightRecord, state: State, path: Path) -> None:
         )
 
 
-def _notes(flight: FlightRecord, step: Step, state: State, unseen: bool) -> list[str]:
+def _notes(flight: FlightRecord, step: Step, state: State) -> list[str]:
     notes = []
-    if unseen:
-        notes.append(
-            "it holds no q_ref: that the reference to be flown was flown is taken on trust"
-        )
     if flight.floor and flight.score < 2 * flight.noise:
         notes.append("what repeats is within what noise leaves of it: no more can be learned")
     elif state.flights and flight.score > _GAIN * state.flights[state.best].score:

@@ -189,6 +189,7 @@ def test_the_command_learns_flight_by_flight(good, refuse, given, desk):
     good("simulate", file, *changed, "--out", "flight.csv")
     out = good("learn", file, "--recording", "flight.csv", "--state", "state").out
     assert "state/reference_02.csv written" in out
+    assert "its q_ref is that of the plan, as `simulate` writes it: that" in out
     good("simulate", file, *changed, "--set", "learned=state/reference_02.csv", "--out", "next.csv")
     again = ("learn", "--recording", "next.csv", "--state", "state")
     out = good(*again, "--motion", command_line.SHORT_MOTION).out
