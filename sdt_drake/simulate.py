@@ -167,7 +167,8 @@ class Recording(Shown):
         check_limits(path, time, columns)
         names = [x.name for x in fields(Recording) if x.name != "time" and x.default is MISSING]
         told = ", ".join(f"{name}_k" for name in names)
-        expected = f"a recording as `simulate` writes it: time and, for every joint k, {told}"
+        again = "an older one has to be simulated again"
+        expected = f"a recording as `simulate` writes it ({again}): time and for joint k {told}"
         check_columns(path, columns, names, expected)
         return Recording(time=time, **{name: columns[name] for name in names})
 

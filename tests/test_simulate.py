@@ -125,6 +125,7 @@ def test_a_recording_without_a_column_is_refused(tmp_path, missing):
         Recording.from_csv(path)
     message = str(caught.value)
     assert message.startswith(f"{path}: no column {missing}_1, expected") and "\n" not in message
+    assert "has to be simulated again" in message
 
 
 def test_a_recording_with_different_numbers_of_joints_is_refused(tmp_path):

@@ -48,14 +48,16 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.identified_files import write_identified
     from sdt_drake.identification.model import identified_robot, plant_friction
     from sdt_drake.identification.procedure import identify
-    from sdt_drake.identification.recordings import load_columns, read_recording
+    from sdt_drake.identification.recordings import Columns, load_columns, read_recording
 
     folder: Path = options.out
     common.check_folder(folder)
     robot = sdt.load_robot(options.robot)
     columns = None if options.columns is None else load_columns(options.columns)
+    named = columns is not None and columns.tau_mean not in ([], Columns().tau_mean)
+    needs = ("q", "tau", "tau_mean") if named else ("q", "tau")
     fitted, judged = (
-        [read_recording(path, robot, columns, side=options.side) for path in paths]
+        [read_recording(path, robot, columns, needs=needs, side=options.side) for path in paths]
         for paths in (options.recordings, options.validate)
     )
     found = identify(

@@ -87,6 +87,11 @@ def stretches(recorded: Recorded) -> tuple[list[Stretch], list[str]]:
         )
     if "tau_mean" in recorded.signals:
         notes.append("torques are the recorded means between samples (tau_mean)")
+    elif recorded.of_links:
+        notes.append(
+            "torques are those at the ends of periods, not what moved the links within them: "
+            "simulated again, it has their means (tau_mean)"
+        )
     parts = []
     for rows in np.split(np.arange(len(time)), gaps + 1):
         if time[rows[-1]] - time[rows[0]] >= _SHORTEST and len(rows) > 10 * _ORDER:

@@ -14,6 +14,7 @@ from test_robot import chain_sdf
 from sdt_drake.deviation import Deviation, deviated
 from sdt_drake.dynamics import inverse_dynamics
 from sdt_drake.errors import InputError
+from sdt_drake.identification import model
 from sdt_drake.identification.base_parameters import rigid_parameters
 from sdt_drake.identification.consistency import links_of, nearest_consistent
 from sdt_drake.identification.equations import Unknown, equations
@@ -145,7 +146,12 @@ def test_means_between_samples_tell_what_samples_do_not(robot):
     signals = {"q": q[::fine], "tau": 0.8 * tau[::fine], "tau_mean": mean}
     (found,), notes = stretches(Recorded(Path("held.csv"), time[::fine], signals))
     np.testing.assert_allclose(found.tau, tau[::fine], rtol=0, atol=1e-5 * np.abs(tau).max())
-    assert "tau_mean" in notes[0]
+    assert notes == ["torques are the recorded means between samples (tau_mean)"]
+    ends = {"q": signals["q"], "tau": signals["tau"]}
+    _, notes = stretches(Recorded(Path("held.csv"), time[::fine], ends, of_links=True))
+    assert "simulated again, it has their means" in notes[0]
+    _, notes = stretches(Recorded(Path("held.csv"), time[::fine], ends))  # of a robot
+    assert notes == []
 
 
 def test_neither_units_of_a_joint_nor_what_is_held_out_change_the_estimate(found):
@@ -218,6 +224,12 @@ def test_joints_that_never_slow_down_show_no_peak_of_friction(robot):
     friction = plant_friction(identify(robot, [recorded], only="friction")).friction
     assert friction.breakaway is None
     np.testing.assert_allclose(friction.viscous, VISCOUS_TRUE, rtol=0.05)
+
+    v = np.linspace(0.5, 3.0, 200)
+    rounded = 60 + 16 * v + 1e-9 * (v == v[0])  # the slowest speed alone sees anything of a peak
+    for peak in (0.01, 0.05, 0.1):  # there 0, 1e-20, 1e-5 of its height
+        (_, _, stribeck), _ = model._nearest(v, rounded, peak)
+        assert stribeck == 0
 
 
 def changed(recorded, **signals):

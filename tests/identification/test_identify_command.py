@@ -63,3 +63,10 @@ def test_bad_input_is_one_line(call, recording, tmp_path, options, message):
     done = call("identify", "sdt", recording, "--out", out, *options)
     assert done.code == 2 and message in done.err and done.err.count("\n") == 1
     assert not out.exists()
+
+
+def test_means_that_a_mapping_file_names_have_to_be_there(call, recording, tmp_path):
+    mapping = tmp_path / "names.yaml"
+    mapping.write_text("tau_mean: ['mean_{k}']\n")
+    done = call("identify", "sdt", recording, "--columns", mapping, "--out", tmp_path / "out")
+    assert done.code == 2 and "no column 'mean_1' (tau_mean), there are time, q_1" in done.err
