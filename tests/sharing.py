@@ -15,9 +15,11 @@ from sdt_drake.loops import Loop, blocks_of, make_loop
 from sdt_drake.scenario import Scenario
 
 LONG = 1000  # samples
-module = import_module("sdt_drake.simulate")  # the name in the package is the function
+# The names in the package are functions.
+module, designs = import_module("sdt_drake.simulate"), import_module("sdt_drake.design")
 folder = None  # for the results; without one, every run is a new one
-_simulate = module.simulate
+_simulate, _along = module.simulate, designs._along
+_torques = {}  # by fingerprint of robot and motion
 
 
 def once(name, make):
@@ -41,13 +43,25 @@ def simulate(design, diagram=None, **options):
     return once(_fingerprint(design, loop), lambda: _simulate(design, loop))
 
 
+def along(robot, motion):
+    """As the package's, computed once in a process: designs that differ elsewhere ask for it."""
+    key = _hashed(robot.sdf, robot, motion)
+    if key not in _torques:
+        _torques[key] = _along(robot, motion)
+    return _torques[key]
+
+
 def _fingerprint(design, loop):
     """Of what was asked for by whatever name, the blocks of the loop, and every number in the
     design."""
     blocks = [(type(loop.controller), block.get_name()) for block in blocks_of(loop)]
     scenario = replace(design.scenario, name="")
-    said = yaml_dump_typed(scenario, schema=Scenario) + repr(blocks)
-    return hashlib.sha256(b"".join([said.encode(), *_numbers(design)])).hexdigest()
+    return _hashed(yaml_dump_typed(scenario, schema=Scenario) + repr(blocks), design)
+
+
+def _hashed(said, *numbers):
+    parts = (part for value in numbers for part in _numbers(value))
+    return hashlib.sha256(b"".join([said.encode(), *parts])).hexdigest()
 
 
 def _numbers(value):
@@ -61,4 +75,4 @@ def _numbers(value):
             yield from _numbers(part)
 
 
-module.simulate = simulate
+module.simulate, designs._along = simulate, along
