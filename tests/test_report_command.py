@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from browser import open_page
-from command_line import snapshot
+from command_line import AXIS, snapshot
 from matplotlib.figure import Figure
 
 from sdt_drake.analysis import plots
@@ -104,10 +104,10 @@ def test_reproduce_ends_with_the_page_and_report_makes_the_same(folder, capsys):
     assert (folder / REPORT).read_bytes() == made
 
 
-def test_studies_in_the_folder_become_chapters(folder):
-    base = load_scenario("package://sdt/scenarios/axis_pi.yaml")
-    inertia = Variable("inertia", ["plant.i_eff"], "factor", Uniform(0.8, 1.1))
-    study = Study("own", draws=4, variables=[inertia])
+def test_studies_in_the_folder_become_chapters(folder, desk):
+    base = load_scenario(AXIS)
+    ratios = Variable("zeta", ["controller.zeta"], "factor", Uniform(0.8, 1.0))
+    study = Study("own", draws=4, variables=[ratios])
     run_study(make_job(study, base), folder / "own")
     (folder / RECORDING).unlink()
 
