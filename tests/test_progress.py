@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import itertools
+from types import SimpleNamespace
 
 import pytest
 
@@ -52,7 +53,7 @@ def test_the_bar_comes_late_and_tells_what_is_left(monkeypatch):
     terminal.isatty = lambda: True
     clock = itertools.count()  # a second for every look
     monkeypatch.setattr(module.sys, "stderr", terminal)
-    monkeypatch.setattr(module.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: next(clock)))
     bar = Bar()  # 0 s
     bar.tell(0.0)  # 1 s
     bar.tell(0.1)  # 2 s: a command of 2 s needs none

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -355,8 +356,11 @@ def test_parts_of_the_device_pass_each_other_freely():
 
 def test_play_once_shows_every_second_at_its_time(robot, monkeypatch):
     shown, now = [], [0.0]
-    monkeypatch.setattr(viewer.clock, "perf_counter", lambda: now[0])
-    monkeypatch.setattr(viewer.clock, "sleep", lambda s: now.__setitem__(0, now[0] + s))
+    # Its own clock: other threads of the process sleep by that of everybody.
+    clock = SimpleNamespace(
+        perf_counter=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s)
+    )
+    monkeypatch.setattr(viewer, "clock", clock)
     show = viewer.Scene.show
 
     def spy(scene, k, **options):
