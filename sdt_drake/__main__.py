@@ -70,7 +70,7 @@ class _Stop:
         time.sleep(_PATIENCE)
         if not self._over:
             if errors := sys.modules.get("sdt_drake.errors"):
-                errors.remove_partials()
+                errors.remove_temporaries()
             os._exit(128 + number)
 
     def _lost(self, unraisable: "sys.UnraisableHookArgs") -> None:

@@ -7,6 +7,7 @@ import filecmp
 import math
 import os
 import secrets
+import shutil
 import stat
 import unicodedata
 from collections.abc import Iterator, Sequence
@@ -135,7 +136,9 @@ def whole_periods(duration: float, period: float, where: str) -> int:
 
 _inputs: set[tuple[int, int]] | None = None  # device and number of the files; None: not kept
 _outputs: set[tuple[int, int]] = set()
-_partials: set[Path] = set()
+temporaries: set[Path] = set()
+"""Files and folders that this process removes before it ends, whatever ends it."""
+
 _IS_READ = "is read by this command, expected another file to write"
 
 
@@ -283,7 +286,7 @@ def replacing_all(paths: Sequence[Path]) -> Iterator[list[Path]]:
     try:
         for target in targets:
             target.parent.mkdir(parents=True, exist_ok=True)
-        _partials.update(partials)
+        temporaries.update(partials)
         try:
             yield partials
             for path, status, partial in zip(paths, statuses, partials, strict=True):
@@ -295,17 +298,18 @@ def replacing_all(paths: Sequence[Path]) -> Iterator[list[Path]]:
         finally:
             for partial in partials:
                 partial.unlink(missing_ok=True)
-            _partials.difference_update(partials)
+            temporaries.difference_update(partials)
     except OSError as error:
         where = paths[0] if len(paths) == 1 else paths[0].parent
         raise InputError(f"{where}: cannot be written ({error.strerror or error})") from None
 
 
-def remove_partials() -> None:
-    """For a process that is about to end: all that `replacing` has begun."""
-    for partial in tuple(_partials):
+def remove_temporaries() -> None:
+    """For a process that is about to end: all that it has begun."""
+    for path in tuple(temporaries):
+        shutil.rmtree(path, ignore_errors=True)
         with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
+            path.unlink(missing_ok=True)
 
 
 def _check_replaceable(path: Path, status: os.stat_result, new: Path) -> None:

@@ -60,7 +60,7 @@ RUN = """
 import contextlib, ctypes, os, signal, threading, time
 from pathlib import Path
 import sdt_drake.commands.step as step
-from sdt_drake.errors import replacing
+from sdt_drake.errors import replacing, temporaries
 from sdt_drake.analysis.threads import threads
 class Dying:
     def __del__(self):
@@ -79,16 +79,20 @@ def writing(options):
         partial.write_text("all of it")
 def in_a_long_call(options):  # within which Python hears nothing; signals come all the time
     lock, mutex = ctypes.CDLL(None).pthread_mutex_lock, ctypes.create_string_buffer(64)
+    Path("folder/1").mkdir(parents=True)
+    temporaries.add(Path("folder"))
     def send():
         while True:
             os.kill(os.getpid(), signal.SIGINT)
             time.sleep(0.01)
     with replacing(Path("o.csv")) as partial:
         partial.write_text("half of it")
-        threading.Thread(target=send, daemon=True).start()
-        while True:
-            with contextlib.suppress(KeyboardInterrupt):
-                lock(mutex)
+        with contextlib.suppress(KeyboardInterrupt):  # which comes once
+            threading.Thread(target=send, daemon=True).start()
+            while True:
+                pass
+        lock(mutex)
+        lock(mutex)
 step.run = """
 
 

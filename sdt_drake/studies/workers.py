@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from pebble import ProcessPool
 
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, temporaries
 from sdt_drake.studies.journal import Row
 
 if TYPE_CHECKING:
@@ -40,7 +40,9 @@ class Worker:
         self._job = job
         self._stopping = Future() if stopping is None else stopping
         self._folder = tempfile.TemporaryDirectory(prefix="sdt-drake-")
+        temporaries.add(Path(self._folder.name))
         self._pool: ProcessPool | None = None
+        self._rows = 0  # that the process has begun
         self.close = util.Finalize(None, self._close, exitpriority=1)  # at exit, or earlier
 
     def run(self, number: int) -> Row | None:
@@ -81,17 +83,18 @@ class Worker:
                 return Row(number, "crashed", reason, 0.0, ())
 
     def _schedule(self, number: int, timeout: float) -> Future[Row]:
-        if self._pool is None or not self._pool.active:
+        if self._pool is None or not self._pool.active or self._rows == _MOST_ROWS:
             self._end()
+            self._rows = 0
             # The workers of Dask may have no children; ours end with them.
             multiprocessing.current_process().daemon = False
             self._pool = ProcessPool(
                 max_workers=1,
-                max_tasks=_MOST_ROWS,
                 initializer=_begin,
                 initargs=(self._job, self._folder.name),
                 context=multiprocessing.get_context("spawn"),
             )
+        self._rows += 1
         resource_tracker.ensure_running()  # later it would unblock what is blocked here
         # What is started here inherits this: Ctrl-C is for the main process.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -116,6 +119,7 @@ class Worker:
     def _close(self) -> None:
         self._end()
         self._folder.cleanup()
+        temporaries.discard(Path(self._folder.name))
 
 
 class Workers:
@@ -171,12 +175,15 @@ _runner: Runner
 def _begin(job: Job, folder: str) -> None:
     global _runner
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # at once, in the middle of Drake's steps too
-    threading.Thread(target=_end_with_parent, args=(folder,), daemon=True).start()
     for descriptor, file in ((1, os.devnull), (2, _log_in(folder))):
         with open(file, "ab") as target:
             os.dup2(target.fileno(), descriptor)
     logging.getLogger("drake").addFilter(lambda record: False)  # it also logs what it raises
     _runner = job.runner(Path(folder))
+    watching = threading.Thread(target=_end_with_parent, args=(folder,), daemon=True)
+    watching.start()
+    # The end of its pipe lets the main thread leave, too, which must not cut that short.
+    util.Finalize(None, watching.join, exitpriority=0)
 
 
 def _log_in(folder: str) -> Path:

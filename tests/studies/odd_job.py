@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import time
 from dataclasses import dataclass, field
@@ -17,7 +18,8 @@ from sdt_drake.versions import versions
 class OddJob:
     """Stands for a Job; `acts` tells what happens in a row instead of it being run.
 
-    "hang", "kill", "abort", "leave"; "kill once", which leaves a file in `folder`.
+    "hang", "kill", "abort", "leave", "tidy slowly" from then on; "kill once", which leaves a file
+    in `folder`.
     """
 
     folder: str
@@ -54,6 +56,9 @@ def _act(what: str, folder: Path) -> None:
         os.abort()
     elif what == "leave":
         raise SystemExit("a controller of one's own may do that")
+    elif what == "tidy slowly":
+        remove = shutil.rmtree
+        shutil.rmtree = lambda *args, **options: (time.sleep(0.5), remove(*args, **options))
     elif what == "raise":
         raise RuntimeError("no start")
     elif what == "kill once":

@@ -17,7 +17,7 @@ from types import SimpleNamespace
 import pytest
 from odd_job import OddJob, process_of
 
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, temporaries
 from sdt_drake.studies import workers as module
 from sdt_drake.studies.journal import Row
 from sdt_drake.studies.workers import Worker, Workers
@@ -76,8 +76,10 @@ def test_a_process_is_replaced_after_50_rows(worker, temporary):
     assert list(processes.values()) == [50, 50, 1]
     assert os.getpid() not in processes
 
+    assert temporaries == set(temporary.iterdir())  # should it have to end in a hurry
     one.close()
     assert not any(map(is_running, processes)) and list(temporary.iterdir()) == []
+    assert not temporaries
 
 
 def test_ctrl_c_in_the_terminal_is_not_for_a_process_but_a_death_is_survived(worker):
@@ -166,23 +168,25 @@ from sdt_drake.studies.workers import Workers
 
 if __name__ == "__main__":
     inbox = SimpleQueue()
-    Workers(OddJob(sys.argv[1], {1: "hang"}), 1).start(range(2), inbox.put)
+    job = OddJob(sys.argv[1], {1: "hang"}, start="tidy slowly")
+    Workers(job, 1).start(range(int(sys.argv[2])), inbox.put)
     print(process_of(inbox.get()), flush=True)
     threading.Event().wait()
 """
 
 
-def test_a_process_ends_with_the_one_that_started_it(tmp_path, temporary):
-    """In the middle of a row, and leaves no files."""
+@pytest.mark.parametrize("rows", [1, 2])
+def test_a_process_ends_with_the_one_that_started_it(tmp_path, temporary, rows):
+    """While it waits for a row or in the middle of one, and leaves no files."""
     (tmp_path / "main.py").write_text(MAIN)
     path = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
     main = subprocess.Popen(
-        [sys.executable, tmp_path / "main.py", tmp_path],
+        [sys.executable, tmp_path / "main.py", tmp_path, str(rows)],
         stdout=subprocess.PIPE,
         env={**os.environ, "TMPDIR": str(temporary), "PYTHONPATH": path},
     )
     with main:
         process = int(main.stdout.readline())
-        wait_until((tmp_path / "hangs").exists)
+        wait_until((tmp_path / "hangs").exists) if rows == 2 else None
         main.kill()
     wait_until(lambda: not is_running(process) and list(temporary.iterdir()) == [])
