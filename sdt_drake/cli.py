@@ -38,7 +38,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command.
+    """Run one command of the command line.
 
     Returns:
         The exit code: 0; 1 if runs of a study failed; after one line 2 for bad input, and 70 for

@@ -51,7 +51,7 @@ _BITS = 31  # of a period: 2^22 multiples of it are exact, and it is off by 5e-1
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Design(Shown):
-    """A scenario, resolved.
+    """A scenario, resolved: all that its loop is made of.
 
     Attributes:
         scenario: what was asked for.
@@ -113,7 +113,7 @@ class Design(Shown):
         return of_joints(title, columns, self.robot.joint_names)
 
     def plot(self) -> Figure:
-        """Effective inertia along the motion, motor side."""
+        """A figure of the effective inertia along the motion, motor side."""
         robot, title = self.robot, f"{self.scenario.name}: effective inertia, motor side"
         i_eff = effective_inertia(robot, self.torques.d_kk)
         return sdt_drake.plots.effective_inertia(title, self.motion.time, i_eff, robot.joint_names)
@@ -124,8 +124,8 @@ class Design(Shown):
 
     @property
     def loaded_robot(self) -> Robot:
-        """Whose load torque is that of the loop: on the axis plant of what moves, as it loads the
-        motors there; on the coupled plant, which has its own, of the nominal robot."""
+        """The robot whose load torque is that of the loop: on the axis plant what moves, as it
+        loads the motors there; on the coupled plant, which has its own, the nominal robot."""
         return self.robot if self.scenario.plant.kind == "axis" else self.nominal
 
     @property
@@ -160,7 +160,7 @@ class Design(Shown):
 
     @cached_property
     def drive(self) -> Drive:
-        """That of the scenario, on the clock of the loop."""
+        """The drive of the scenario, on the clock of the loop."""
         drive = self.scenario.drive
         if drive.period is None:
             return drive
@@ -185,7 +185,7 @@ class Design(Shown):
         return make_design(scenario, robot=self.nominal, motion=self.wanted, torques=torques)
 
     def given(self, learned: LearnedReference) -> Design:
-        """The same with what flights have taught.
+        """The same design with what flights have taught.
 
         Raises:
             InputError: for what was learned of another motion, or is beyond a limit.
@@ -193,8 +193,8 @@ class Design(Shown):
         return make_design(self.scenario, robot=self.nominal, motion=self.wanted, learned=learned)
 
     def with_feedforward(self, tau_ff: Array) -> Design:
-        """The same with this torque feedforward instead of the controller's own, motor side [N m],
-        shape (N + 1, n).
+        """The same design with this torque feedforward instead of the controller's own, motor side
+        [N m], shape (N + 1, n).
 
         What it had been before is taken for the same without what the first acceleration takes: of
         the controller's own, or of the nominal links and motors.

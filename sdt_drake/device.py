@@ -96,7 +96,8 @@ class Springs:
 
 
 def springs_of(elasticity: Elasticity, inertia: Array, gravity_stiffness: Array) -> Springs:
-    """k = omega² d - k_g and c = 2 zeta omega d, so that (k + k_g) / d = omega².
+    """Springs and dampers of a choice: k = omega² d - k_g and c = 2 zeta omega d, so that (k + k_g)
+    / d = omega².
 
     Args:
         elasticity: gives omega and zeta.

@@ -51,7 +51,8 @@ class TorqueGroups:
 def groups_of_sample(
     robot: Robot, context: Context, q_and_v: Array, vd: Array
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """The fields of `TorqueGroups` for one sample: inertial, reaction, velocity, gravity, d_kk.
+    """The torque groups of one sample, as fields of `TorqueGroups`: inertial, reaction, velocity,
+    gravity, d_kk.
 
     `context` is scratch of `robot.plant`; q_and_v is [q, v] [rad, rad/s], shape (2n,), and vd
     [rad/s²] has shape (n,). Nothing is checked here: this is the inner loop of a motion and of the
@@ -139,7 +140,7 @@ def decouple(
     gear_ratio: ArrayLike,
     sign: str = "consistent",
 ) -> Loads:
-    """Algorithm 1 of the paper.
+    """Loads of the motors by Algorithm 1 of the paper, from the torque groups of the joints.
 
     The three branches are one expression. With own = d_kk vd_k, the help is that part of
     -tau_coupled which points along `own` and does not exceed it:

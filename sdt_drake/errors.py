@@ -144,7 +144,8 @@ _IS_READ = "is read by this command, expected another file to write"
 
 @contextlib.contextmanager
 def keeping_inputs() -> Iterator[None]:
-    """Within, no file is replaced that was read, or that begins otherwise than what is written."""
+    """Keep files within: none is replaced that was read, or that begins otherwise than what is
+    written."""
     global _inputs
     _inputs = set()
     try:
@@ -276,7 +277,8 @@ def replacing(path: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def replacing_all(paths: Sequence[Path]) -> Iterator[list[Path]]:
-    """The same of several: either all of them are replaced or none."""
+    """Temporary paths beside several paths, which take their places only if the block succeeds: all
+    or none."""
     statuses = [_status(path) for path in paths]
     targets = [path.resolve() if path.is_symlink() else path for path in paths]
     # Of names of their own: two processes may write the same file.
@@ -305,7 +307,7 @@ def replacing_all(paths: Sequence[Path]) -> Iterator[list[Path]]:
 
 
 def remove_temporaries() -> None:
-    """For a process that is about to end: all that it has begun."""
+    """Remove all of `temporaries`, for a process that is about to end."""
     for path in tuple(temporaries):
         shutil.rmtree(path, ignore_errors=True)
         with contextlib.suppress(OSError):

@@ -86,7 +86,7 @@ class Rule:
         return within and (isinstance(number, int) or math.isfinite(number))
 
     def bounds(self) -> str:
-        """For people: " > 0 and <= 1 [s]"."""
+        """The bounds for people: " > 0 and <= 1 [s]"."""
         limits = {">": self.above, ">=": self.minimum, "<=": self.maximum, "<": self.below}
         told = [f"{sign} {limit:.12g}" for sign, limit in limits.items() if math.isfinite(limit)]
         unit = f" [{self.unit}]" if self.unit not in ("", "-") else ""
@@ -157,7 +157,8 @@ def is_within(name: str, field: str) -> bool:
 
 
 def nearest(name: str, known: Iterable[str], otherwise: str = "") -> str:
-    """For people: "did you mean 'kind'?", or else `otherwise`, by default all that is known."""
+    """The known name that is like a wrong one, for people: "did you mean 'kind'?"; or else
+    `otherwise`, by default all that is known."""
     known = list(known)
     near = difflib.get_close_matches(name, known, n=3)
     if near:
@@ -313,7 +314,7 @@ def _is_taken(rule: Rule, data: int | bool | str) -> bool:
 
 
 def expected(hint: Any, rule: Rule) -> str:
-    """For people: what a field of a type takes."""
+    """What a field of a type takes, for people."""
     schema = options_of(hint)[0]
     if rule.choices:
         few = "some" if typing.get_origin(schema) is list else "one"
@@ -336,17 +337,17 @@ def _kinds(hint: Any) -> str:
 
 
 def dataclasses_of(hint: Any) -> list[type]:
-    """The members of a union that are."""
+    """The members of a union that are dataclasses."""
     return [o for o in options_of(hint) if isinstance(o, type) and dataclasses.is_dataclass(o)]
 
 
 def rule_of(field: dataclasses.Field[Any]) -> Rule:
-    """What a field takes."""
+    """The rule of a field; one that takes everything where none was set."""
     return cast(Rule, field.metadata.get("rule", Rule()))
 
 
 def default_of(field: dataclasses.Field[Any]) -> Any:
-    """Of a field; MISSING where it must be given."""
+    """The default of a field; MISSING where it must be given."""
     return field.default if field.default_factory is MISSING else field.default_factory()
 
 

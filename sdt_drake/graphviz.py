@@ -34,7 +34,7 @@ def dot_text(diagram: Diagram, *, max_depth: int = 2) -> str:
 
 
 def drake_dot_text(diagram: Diagram, *, max_depth: int = 2) -> str:
-    """The same by Drake's own export, but that equal diagrams give equal texts."""
+    """The diagram by Drake's own export, in Graphviz' language; equal diagrams give equal texts."""
     text = diagram.GetGraphvizString(max_depth=max_depth + 1)
     numbers: dict[str, str] = {}
 
@@ -78,12 +78,12 @@ def write_diagram(
 
 
 def fingerprint(text: str) -> str:
-    """Tells one .dot text from another."""
+    """A text of fixed length that tells one .dot text from another."""
     return f"dot sha256 {hashlib.sha256(text.encode()).hexdigest()}"
 
 
 def has_graphviz() -> bool:
-    """Whether svg and png can be written."""
+    """Whether Graphviz is there, so that .svg and .png can be written."""
     return shutil.which("dot") is not None
 
 

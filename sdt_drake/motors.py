@@ -173,7 +173,7 @@ class DeviceChoice:
 
 
 def chosen_robot(robot: Robot, choice: DeviceChoice) -> Robot:
-    """The device of this choice: `robot` itself if it changes nothing.
+    """The device of a choice of motors, gears and structure: `robot` itself if it changes nothing.
 
     A motor stands on the link that carries its joint, as a point mass where the joint's axis has
     its origin. Motors are no structure and do not scale: with m_f in the masses of the SDF and m

@@ -330,7 +330,7 @@ CHANNELS = ("roll", "pitch", "yaw", "fore-aft", "lateral", "vertical")
 
 @dataclass(frozen=True, eq=False)
 class FeltDifference:
-    """A difference in multiples of what is just felt.
+    """A difference of head motions, in multiples of what is just felt.
 
     Attributes:
         multiples: by channel, in the order of CHANNELS [-], shape (N, 6); above 1 it could be felt.
@@ -345,7 +345,7 @@ class FeltDifference:
 
     @property
     def channel_share(self) -> Array:
-        """The same for each channel [-], shape (6,)."""
+        """Share of time in which each channel could be felt [-], shape (6,)."""
         return np.mean(self.multiples > 1, axis=0)
 
     @property

@@ -87,12 +87,13 @@ def told(items: Collection[T]) -> Iterator[T]:
 
 
 def told_alone(items: Collection[T]) -> Iterator[T]:
-    """The same where nothing around tells how far it is: for loops within many others."""
+    """The items of a loop that tells how far it is only where nothing around it does: for loops
+    within many others."""
     return told(items) if _add.get() is None else iter(items)
 
 
 def as_part(function: Callable[P, T], share: float) -> Callable[P, T]:
-    """The same function, as this share of what is around its call."""
+    """The function, whose progress counts as this share of what is around its call."""
 
     @wraps(function)
     def within(*args: P.args, **kwargs: P.kwargs) -> T:

@@ -45,8 +45,8 @@ SCHEMAS = "schemas"
 
 
 class Sheet(NamedTuple):
-    """A table: its title, "" for the only one or the first; what it is; the first cell of a row
-    names it, the last one says what it means."""
+    """A table of the reference: its title, "" for the only one or the first; what it is; the first
+    cell of a row names it, the last one says what it means."""
 
     title: str
     text: str
@@ -62,7 +62,7 @@ class Chapter:
     sheets: Sequence[Sheet]
 
     def markdown(self) -> str:
-        """As a section of a page."""
+        """The chapter as a section of a page."""
         blocks: list[Block] = []
         for title, text, header, rows in self.sheets:
             named = [[f"`{name}`", *cells] for name, *cells in rows]

@@ -91,7 +91,7 @@ def find_file(text: str | Path, *kinds: str, base: Path | None = None) -> Path:
 
 
 def a_kind(kind: str) -> str:
-    """For people: "a scenario", "a file of motors"."""
+    """A kind of file for people: "a scenario", "a file of motors"."""
     return f"a file of {kind}" if kind.endswith("s") else f"a {kind}"
 
 

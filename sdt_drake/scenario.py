@@ -28,7 +28,7 @@ HELD_SPEEDS = ("start", "mean")
 
 @dataclass(slots=True)
 class PlantChoice:
-    """What moves.
+    """What moves: axes on their own, or the whole coupled robot, with what is not ideal of them.
 
     Attributes:
         kind: "axis", each motor on its own with constant inertia and the load torque of the
@@ -56,7 +56,7 @@ class PlantChoice:
 
 @dataclass(slots=True)
 class ControllerChoice:
-    """What drives it.
+    """What drives the plant: kind, gains, feedforward and model of the controller.
 
     Attributes:
         kind: name of a controller; one of the package, or one that `file` registers.
@@ -126,17 +126,18 @@ class ControllerChoice:
 
     @property
     def feedforward_in_use(self) -> str:
-        """One of FEEDFORWARDS: the chosen one, or that of the kind."""
+        """The feedforward, one of FEEDFORWARDS: the chosen one, or that of the kind."""
         return self.feedforward or CONTROLLERS[self.kind].feedforward
 
     @property
     def structure_in_use(self) -> str:
-        """Of the PI controller: that of the kind, or the chosen one."""
+        """The structure of the PI controller: that of the kind, or the chosen one."""
         return CONTROLLERS[self.kind].structure or self.structure
 
     @property
     def label(self) -> str:
-        """Short name: the kind, and the feedforward where it was chosen; "p_pi+id"."""
+        """Short name of the controller: the kind, and the feedforward where it was chosen;
+        "p_pi+id"."""
         chosen = self.feedforward not in (None, "none")
         return f"{self.kind}+{self.feedforward}" if chosen else self.kind
 
@@ -156,7 +157,7 @@ class Disturbance:
 
 @dataclass(slots=True, repr=False)
 class Scenario(Shown):
-    """A run.
+    """A run: robot, motion, controller, drive and plant.
 
     Attributes:
         name: short name; that of the file by default.

@@ -48,7 +48,7 @@ _HEAD_PATH, _ARROW_PATH = "/head", "/arrow"
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """What is shown, picture by picture.
+    """The pictures of a motion, one after the other.
 
     Attributes:
         time: k / FRAME_RATE from the start of the motion [s], shape (F,).
@@ -189,7 +189,7 @@ class Scene:
 
 
 def arrow_pose(position: Array, specific_force: Array) -> tuple[RigidTransform, float]:
-    """Where the arrow starts, with z along `specific_force` [m/s²]; and how long it is [m]."""
+    """Pose of the arrow of a specific force [m/s²], with z along it; and how long it is [m]."""
     size = float(np.linalg.norm(specific_force))
     if size < 1e-6:  # in free fall there is no direction
         return RigidTransform(position), 0.0

@@ -29,7 +29,7 @@ Schema = dict[str, Any]
 
 
 class Entry(NamedTuple):
-    """A field, for people.
+    """A field of a file, for people.
 
     Attributes:
         name: dotted, from the top of the file; entries of a list are [].

@@ -293,7 +293,7 @@ def set_inertia(link: ET.Element, mass: float, com: Array, central: Array) -> No
 
 
 def pseudo_inertia(mass: float, com: Array, central: Array) -> Array:
-    """Of a body, shape (4, 4): mass [kg], centre [m], inertia about it [kg m²]."""
+    """Pseudo-inertia of a body, shape (4, 4): mass [kg], centre [m], inertia about it [kg m²]."""
     sigma = np.trace(central) / 2 * np.eye(3) - central + mass * np.outer(com, com)
     h = mass * np.asarray(com)[:, None]
     return np.block([[sigma, h], [h.T, np.array([[mass]])]])
@@ -312,7 +312,7 @@ SYMMETRIC = tuple(zip(*np.triu_indices(4), strict=True))
 
 
 def symmetric(entries: Array) -> Array:
-    """The matrix of these ten entries."""
+    """The symmetric (4, 4) matrix of the ten entries SYMMETRIC."""
     matrix = np.zeros((4, 4))
     for value, (i, j) in zip(entries, SYMMETRIC, strict=True):
         matrix[i, j] = matrix[j, i] = value

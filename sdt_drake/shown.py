@@ -30,7 +30,7 @@ class Shown:
     __slots__ = ()
 
     def summary(self) -> Summary:
-        """What it is, in a line, and its numbers."""
+        """What the object is, in a line, and its numbers."""
         raise NotImplementedError
 
     def __repr__(self) -> str:
@@ -52,7 +52,7 @@ class Shown:
 
 
 def listed(texts: Sequence[str]) -> str:
-    """a, b and c"""
+    """Words as a list for people: "a, b and c"."""
     return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
 
 
@@ -72,14 +72,14 @@ def by_joint(
 
 
 def told(value: Any, spec: str) -> str:
-    """For people: a dash for NaN, and never -0.0."""
+    """A number for people: a dash for NaN, and never -0.0."""
     return re.sub(r"^-(?=0[.0]*$)", "", format(value, spec).replace("nan", "–"))
 
 
 def of_joints(
     title: str, columns: Mapping[str, tuple[str, Array]], names: Sequence[str] = ()
 ) -> Summary:
-    """The same as a summary, by header; joints may have no names."""
+    """Columns with a value for each joint as a summary, by header; joints may have no names."""
     table = [(header, *column) for header, column in columns.items()]
     return Summary(title, *by_joint(names or [""] * len(table[0][-1]), table))
 
@@ -107,7 +107,7 @@ def aligned(
 
 
 def terminal_width() -> int:
-    """Of the terminal, where there is one, or $COLUMNS [characters]; at least 80."""
+    """Width of the terminal, where there is one, or $COLUMNS [characters]; at least 80."""
     return max(_LEAST, shutil.get_terminal_size().columns)
 
 

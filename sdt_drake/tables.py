@@ -104,7 +104,7 @@ RESULTS = (".csv", ".json")
 
 
 def in_json(value: object) -> object:
-    """As JSON has it: lists for arrays, null for what is not finite."""
+    """A value as JSON has it: lists for arrays, null for what is not finite."""
     if isinstance(value, Mapping):
         return {key: in_json(inner) for key, inner in value.items()}
     if isinstance(value, np.ndarray | np.generic):

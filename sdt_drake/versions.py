@@ -11,7 +11,7 @@ import sdt_drake
 
 
 def versions() -> dict[str, str]:
-    """Of the package, Drake, numpy and Python."""
+    """Versions of the package, Drake, numpy and Python."""
     return {
         "package": sdt_drake.__version__,
         "drake": metadata.version("drake"),

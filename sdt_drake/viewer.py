@@ -90,7 +90,7 @@ class Animation:
         return f'<iframe title="{title}" style="{style}" srcdoc="{page}"></iframe>'
 
     def save(self, path: str | Path) -> None:
-        """Write it as a web page; see `record_html`.
+        """Write the animation as a web page; see `record_html`.
 
         Raises:
             InputError: if the path does not end in .html, or cannot be written.
@@ -125,7 +125,7 @@ def recorded_page(
     pilot: bool = False,
     story: Story | None = None,
 ) -> str:
-    """The text of that page; see `record_html`."""
+    """The text of the page that `record_html` writes."""
     if pilot:
         check_head(robot)
     story = story or Story()

@@ -79,7 +79,7 @@ class _Found:
 
 
 def judge_claims(results: Reproduction) -> list[Claim]:
-    """All claims, in the order of the paper."""
+    """Judge all claims of the paper, in its order."""
     finders = (_figure4, _table1, _frequencies, _algorithm1, _tracking, _inertia, _coupled)
     found = {f.id: f for find in finders for f in find(results)}
     claims = []

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """A run, and what it is worth.
+    """The run of one controller, and what it is worth.
 
     Attributes:
         label: of the controller, as in the comparison, "p_pi+id".
@@ -61,7 +61,7 @@ class Compared:
 
     @cached_property
     def motors(self) -> MotorUse:
-        """What it takes of the motors."""
+        """What the run takes of the motors."""
         return motor_use(self.recording, self.design.robot)
 
     @cached_property
@@ -88,7 +88,7 @@ class Compared:
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """What must be known to commission it."""
+        """What must be known to commission the controller."""
         choice = self.design.scenario.controller
         return CONTROLLERS[choice.kind].needs_with(choice.feedforward_in_use)
 
@@ -107,7 +107,7 @@ class Comparison(list[Compared], Shown):
     __repr__ = Shown.__repr__  # not that of a list
 
     def plot(self) -> Figure:
-        """Errors and torques of all, side by side."""
+        """A figure of errors and torques of all controllers, side by side."""
         return sdt_drake.plots.comparison(f"Comparison {self.summary().title}", self)
 
     def to_pandas(self) -> pd.DataFrame:
@@ -152,7 +152,7 @@ def design_with(design: Design, label: str) -> Design:
 
 
 def with_controller(scenario: Scenario, label: str) -> Scenario:
-    """A copy with another controller; options that it would not use are left out.
+    """A copy of a scenario with another controller; options that it would not use are left out.
 
     Raises:
         InputError: for an unknown label.
@@ -199,7 +199,7 @@ def _parsed(label: str, where: str) -> tuple[str, str | None]:
 
 
 def run_of(label: str, design: Design) -> Compared:
-    """One controller of a comparison."""
+    """Run a design, as one controller of a comparison."""
     return Compared(label, design, simulate(design))
 
 

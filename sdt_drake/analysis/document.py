@@ -31,10 +31,10 @@ class Block(Protocol):
     """A part of a document."""
 
     def markdown(self) -> str:
-        """Without a line break at the end."""
+        """The block in Markdown, without a line break at the end."""
 
     def html(self, inline: Inline) -> str:
-        """Its texts passed through `inline`."""
+        """The block in HTML, with its texts passed through `inline`."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Text:
 
 @dataclass(frozen=True)
 class Heading:
-    """Within a section."""
+    """A heading within a section."""
 
     text: str
 
@@ -199,7 +199,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Details:
-    """Blocks to unfold."""
+    """Blocks that the reader unfolds."""
 
     summary: str
     blocks: Sequence[Block]
@@ -215,7 +215,7 @@ class Details:
 
 @dataclass(frozen=True)
 class Code:
-    """A text as it is."""
+    """A text shown as it is, in a typewriter's letters."""
 
     text: str
 
@@ -248,7 +248,7 @@ class EmbeddedPage:
 
 
 def json_in_page(value: object) -> str:
-    """For a script of data, where a text ends at "</script", and only there."""
+    """Data as JSON for a script in a page, where a text ends at "</script", and only there."""
     return json.dumps(value).replace("<", "\\u003c")
 
 
@@ -282,7 +282,7 @@ class Document:
         return "\n\n".join(filter(None, parts)) + "\n"
 
     def html(self) -> str:
-        """A page that needs nothing else.
+        """A page that needs no other file and no network.
 
         Raises:
             InputError: naming a picture that is missing or is none.
@@ -326,7 +326,7 @@ def write_text(path: Path, text: str) -> Path:
 
 
 def read_svg(path: Path) -> str:
-    """The text of a picture.
+    """The text of an .svg file, to stand within a page.
 
     Raises:
         InputError: if there is none, or it is no SVG.

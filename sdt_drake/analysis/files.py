@@ -32,7 +32,8 @@ def write_reproduction(
     watch: Stopwatch,
     announce: Callable[[str], None] = print,
 ) -> dict[str, Any]:
-    """Write all files into `folder`, each replaced whole; returns the content of summary.json.
+    """Write all files of `reproduce` into `folder`, each replaced whole; returns the content of
+    summary.json.
 
     `announce` is called as by `write_report`.
     """

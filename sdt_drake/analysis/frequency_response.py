@@ -28,7 +28,7 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
-    """Of each joint's loop; arrays of shape (len(omega), n) or (n,).
+    """Frequency responses of each joint's loop; arrays of shape (len(omega), n) or (n,).
 
     Attributes:
         omega: [rad/s], shape (len(omega),).
@@ -64,7 +64,7 @@ class FrequencyResponse:
     sample: NDArray[np.intp]
 
     def results(self, title: str) -> Results:
-        """To write: omega, and of each joint magnitude and phase of both responses."""
+        """The numbers to write: omega, and of each joint magnitude and phase of both responses."""
         columns = {"omega": self.omega}
         for name, values in (("tracking", self.tracking), ("loop_gain", self.loop_gain)):
             columns[f"{name}_magnitude"] = np.abs(values)
@@ -75,7 +75,8 @@ class FrequencyResponse:
         return Results({"title": title, **judged}, columns, _UNITS)
 
     def columns(self) -> list[tuple[str, str, NDArray[Any]]]:
-        """For tables with a row for each joint: header, format, values; NaN where there is none."""
+        """What it says of each joint, for tables: header, format, values; NaN where there is
+        none."""
         with np.errstate(divide="ignore"):
             margins = 20 * np.log10([self.gain_margin, self.gain_reduction])
         rise, fall = np.where(np.isinf(margins), np.nan, margins)
@@ -187,7 +188,7 @@ def _border_gains(gain: Complex) -> Array:
 
 
 def unwrapped_degrees(response: Complex, *, at_crossover: bool = False) -> Array:
-    """Phase along the first axis, without jumps [deg].
+    """Phase of complex numbers along their first axis, without jumps [deg].
 
     It starts between -180 and 180 deg; or it has between -270 and 90 deg where the size falls
     below 1 for the last time, for loop gains, whose phase at low frequency says little.

@@ -38,7 +38,7 @@ the file."""
 
 
 def title(found: Identified) -> str:
-    """What was identified."""
+    """The title of a report: what was identified."""
     return f"{found.nominal.name} identified"
 
 
@@ -186,7 +186,7 @@ def links_table(found: Identified) -> doc.Table:
 
 
 def in_short(found: Identified) -> list[str]:
-    """Sentences for the console and the page."""
+    """The result in sentences, for the console and the page."""
     eq = found.equations
     names = ", ".join(recorded.path.name for recorded in found.recordings)
     r = len(found.estimate.beta)
@@ -268,7 +268,7 @@ def _running_time(found: Identified) -> Array:
 def make_report(
     found: Identified, robot: Robot, files: PlantFriction, folder: Path
 ) -> doc.Document:
-    """The report; its figures have to be in the folder."""
+    """The report of an identification; its figures have to be in the folder."""
 
     def figure(name: str, caption: str) -> doc.Figure:
         return doc.Figure(caption, folder / f"{name}.svg", folder, "wide")

@@ -42,7 +42,7 @@ variables:
 def write_identified(
     found: Identified, robot: Robot, friction: PlantFriction, folder: Path, base: str | None = None
 ) -> Path:
-    """Write everything into a folder, each file replaced whole.
+    """Write all files of an identification into a folder, each replaced whole.
 
     Args:
         found: what was identified.

@@ -47,7 +47,7 @@ class StateSpace:
 
     @classmethod
     def of(cls, system: AffineSystem) -> StateSpace:
-        """Of a system of Drake's, its offsets left out."""
+        """The linear part of a linear or affine system of Drake's, its offsets left out."""
         return StateSpace(system.A(), system.B(), system.C(), system.D(), system.time_period())
 
     def response(self, omega: Array) -> NDArray[np.complex128]:
@@ -58,12 +58,12 @@ class StateSpace:
         return moving + self.D
 
     def sampled(self, period: float) -> StateSpace:
-        """The same behind zero-order holds, at the samples."""
+        """The system behind zero-order holds, at their samples."""
         continuous = LinearSystem(self.A, self.B, self.C, self.D)
         return StateSpace.of(DiscreteTimeApproximation(continuous, period))
 
     def between(self) -> StateSpace:
-        """The same without the states that no input reaches or no output shows."""
+        """The system without the states that no input reaches or no output shows."""
         wired = self.A != 0
         reached, shown = (self.B != 0).any(axis=1), (self.C != 0).any(axis=0)
         for _ in range(len(wired)):
@@ -136,7 +136,7 @@ class LinearLoop:
         return q_ref / s + v_ref + s * vd_ref
 
     def whole(self) -> StateSpace:
-        """From [reference (3n), tau_ff (n)] to [state (2n), tau_cmd (n)], all loops closed.
+        """The closed loop from [reference (3n), tau_ff (n)] to [state (2n), tau_cmd (n)].
 
         tau_ff is added to the feedback, motor side [N m]. The states are those of the process,
         then those of the feedback.
@@ -155,7 +155,7 @@ class LinearLoop:
         )
 
     def closed(self, k: int) -> StateSpace:
-        """From v_ref of joint k to v of its link, all loops closed; q_ref is the integral of v_ref.
+        """The closed loop from v_ref of joint k to v of its link; q_ref is the integral of v_ref.
 
         vd_ref is 0: a step has none. Of the states only those that come between: on decoupled axes
         those of joint k.
@@ -171,7 +171,8 @@ class LinearLoop:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(Shown, StateSpace):
-    """The same with names; speeds, angles and their references joint side, torques motor side.
+    """A closed loop in state space, with names; speeds, angles and their references joint side,
+    torques motor side.
 
     Attributes:
         states, inputs, outputs: names, `name_k` for joint k.
@@ -191,7 +192,7 @@ class LinearModel(Shown, StateSpace):
         return Summary(kind, ("", "number", "names"), rows)
 
     def to_control(self) -> control.StateSpace:
-        """The same for python-control.
+        """The model as a StateSpace of python-control, with the same names.
 
         Raises:
             InputError: where that is not installed.
@@ -252,7 +253,7 @@ def _leaves(system: System) -> Iterator[System]:
 
 
 def linearise(design: Design, sample: int = 0) -> LinearLoop:
-    """The loop of a design around a sample of its motion, at rest there.
+    """The loop of a design, linear around a sample of its motion, at rest there.
 
     What is not sampled in the loop counts as continuous; of the sampling, that of the drive's
     speed loop is exact, and that of a controller of the whole state; with encoders of a resolution
@@ -263,7 +264,8 @@ def linearise(design: Design, sample: int = 0) -> LinearLoop:
 
 
 def close(design: Design, process: StateSpace, feedback: StateSpace) -> LinearLoop:
-    """A loop of both; the process at the feedback's samples if that is sampled."""
+    """The loop of a process and a feedback; the process at the feedback's samples if that is
+    sampled."""
     if feedback.period:
         process = sampled_process(design, process, feedback.period)
     return LinearLoop(process, feedback, design.robot.n)
@@ -288,7 +290,7 @@ def sampled_process(design: Design, process: StateSpace, period: float) -> State
 
 
 def linear_process(design: Design, sample: int = 0) -> StateSpace:
-    """From tau_cmd (n) to [measured (2n), state (2n)], continuous."""
+    """The process from tau_cmd (n) to [measured (2n), state (2n)], linear and continuous."""
     diagram, n = make_process(design), design.robot.n
     at = np.concatenate([design.motion.q[sample], np.zeros(n)])
     context = diagram.CreateDefaultContext()
@@ -302,7 +304,8 @@ def linear_process(design: Design, sample: int = 0) -> StateSpace:
 
 
 def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
-    """From [reference (3n), measured (2n)] to tau_fb (n), of the period that it is sampled with.
+    """The feedback from [reference (3n), measured (2n)] to tau_fb (n), linear, of the period that
+    it is sampled with.
 
     Encoders are ideal and never late.
 
@@ -324,7 +327,8 @@ def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
 
 
 def feedback_parts(design: Design, sample: int, controller: System) -> dict[str, StateSpace]:
-    """From each input of a controller, by its name, to tau_fb (n): all have the same state.
+    """The feedback from each input of a controller, by its name, to tau_fb (n): all parts have the
+    same state.
 
     `controller` is the feedback of the design's, as `Controller.linear` makes it.
     """

@@ -79,8 +79,8 @@ COMPARED = tuple(name for name, metric in METRICS.items() if metric.column)[:-1]
 
 
 def columns_of(values: Mapping[str, Array]) -> list[tuple[str, str, Array]]:
-    """Those that are COMPARED, for tables with a row for each joint: title, format, and the values
-    shown, shape (n,)."""
+    """Columns of the metrics that are COMPARED, for tables with a row for each joint: title,
+    format, and the values shown, shape (n,)."""
     own = ((METRICS[name], values[name]) for name in COMPARED if name in values)
     return [(metric.column, metric.format, metric.factor * x) for metric, x in own]
 

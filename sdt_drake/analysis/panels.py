@@ -57,8 +57,8 @@ class Panel:
     note: str = ""
 
     def kept(self) -> Index:
-        """Rows that a page gets: all; of more than MOST, of each run of rows those where any line
-        is least or largest. So no peak is lost, and every point is a sample."""
+        """Rows that a page gets: all, or, of more than MOST, those of each run of rows where any
+        line is least or largest. So no peak is lost, and every point is a sample."""
         n = len(self.x)
         if n <= MOST:
             return np.arange(n)
@@ -71,7 +71,7 @@ class Panel:
         return np.unique(np.minimum(np.concatenate(rows), n - 1))
 
     def spans(self) -> list[tuple[float, float]]:
-        """Where x is marked: ends of each stretch."""
+        """Ends of each stretch where x is marked."""
         if self.marked is None:
             return []
         turns = np.flatnonzero(np.diff(np.concatenate([[False], self.marked, [False]])))
@@ -84,7 +84,7 @@ def over_time(
     lines: Sequence[tuple[str, Look, Array]],
     joint_names: Sequence[str] = (),
 ) -> list[Panel]:
-    """A panel for each joint.
+    """Panels of signals over time, one for each joint.
 
     Args:
         y_label: with unit.
@@ -115,7 +115,7 @@ def picture(title: str, columns: Sequence[Sequence[Panel]], *, width: float = 3.
 
 
 def draw(ax: Axes, panel: Panel) -> None:
-    """All of a panel but the label of its x."""
+    """Draw a panel into axes: all but the label of its x."""
     for line in panel.lines:
         dashes, marker = ("", ".") if line.dots else (line.look.dashes, "")
         ax.plot(
@@ -160,7 +160,7 @@ class Plots:
     png: Path
 
     def save_picture(self) -> None:
-        """Write what Markdown shows."""
+        """Write the picture that stands for the panels in Markdown."""
         save(picture("", self.columns), self.png)
 
     def markdown(self) -> str:

@@ -20,7 +20,8 @@ _FAR = 3  # speeds; a limit farther off would squeeze them into a line
 
 
 def plan(title: str, robot: Robot, planned: Plan, margins: Margins) -> Figure:
-    """A row for each joint: its torque and its speed against their limits, joint side.
+    """A figure of a planned motion, a row for each joint: its torque and its speed against their
+    limits, joint side.
 
     Held back: where the planner did not let a joint accelerate, or a path go on, as commanded.
 

@@ -31,7 +31,8 @@ _BAND, _LETTER = 0.2, 0.052  # height of a track's names, width of a letter in t
 
 
 def pilot(title: str, time: Array, head: HeadTracking, story: Story | None = None) -> Figure:
-    """What changes of specific force and rotation of the head, and the error that could be felt.
+    """A figure of what changes of specific force and rotation of the head, and of the error that
+    could be felt.
 
     A panel for each axis of the head along or about which something changes, one below the other.
 

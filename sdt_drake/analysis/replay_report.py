@@ -59,7 +59,7 @@ def replay_figure(replay: Replay) -> Figure:
 
 
 def title(replay: Replay) -> str:
-    """What is replayed in what."""
+    """The title of a report: what is replayed in what."""
     return f"{replay.recorded.path.name} in {replay.design.scenario.name}"
 
 
@@ -86,7 +86,7 @@ def tables(replay: Replay) -> list[doc.Table]:
 
 
 def findings(replay: Replay) -> list[str]:
-    """What the numbers say, a sentence each."""
+    """What the numbers of a replay say, a sentence each."""
     design, said = replay.design, []
     scenario, motion = design.scenario, design.motion
     said.append(
@@ -117,7 +117,7 @@ def findings(replay: Replay) -> list[str]:
 
 
 def make_report(replay: Replay, folder: Path) -> doc.Document:
-    """The report; its figure has to be in the folder."""
+    """The report of a replay; its figure has to be in the folder."""
     explained, *differences = tables(replay)
     caption = "Recorded and simulated: errors joint side, torques motor side."
     figure = doc.Figure(caption, folder / f"{FIGURE}.svg", folder, "wide")

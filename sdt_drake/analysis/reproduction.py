@@ -56,7 +56,7 @@ class StepResponse:
 
 
 class Case(NamedTuple):
-    """What tells a tracking run from the others.
+    """What tells a tracking run of the reproduction from the others.
 
     Attributes:
         plant: "axis" or "coupled".
@@ -113,7 +113,7 @@ _SHARES = {"simulations": 0.5, "CSV files": 0.12, "figures": 0.2, "block diagram
 
 
 class Stopwatch:
-    """Wall time by stage, told as it goes."""
+    """Wall time of each stage of a computation, told as it goes."""
 
     def __init__(self, tell: Report) -> None:
         self.seconds: dict[str, float] = {}

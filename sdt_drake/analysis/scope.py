@@ -46,7 +46,7 @@ def _name(design: Design | None, k: int) -> str:
 
 
 def chosen_joints(joint: int | None, n: int, where: str = "joint") -> Sequence[int]:
-    """All n joints, from 0, or that one of 1..n.
+    """Indices of the joints to show: all n, from 0, or that one of 1..n.
 
     Raises:
         InputError: naming `where`, if there is no such joint.

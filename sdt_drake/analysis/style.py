@@ -159,7 +159,8 @@ def grid(
 
 
 def finish(figure: Figure, title: str, handles: Sequence[Artist] | None = None) -> None:
-    """Title above; legend below, by default of all lines and areas that have a label.
+    """Put the title above a figure, and a legend below it, by default of all lines and areas that
+    have a label.
 
     The figure grows by what the legend has beyond one row.
     """
@@ -207,7 +208,7 @@ def _shorten(ax: Axes) -> None:
 
 
 def joint_title(k: int, name: str) -> str:
-    """Of a panel or line of joint k, from 0."""
+    """Title of a panel or a line of joint k, from 0."""
     return f"joint {k + 1}, {name}"
 
 

@@ -121,7 +121,7 @@ def stops_passed(recording: Recording, joint_names: Sequence[str]) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class HeadTracking:
-    """How well the pilot's head follows.
+    """How well the pilot's head follows the motion that was wanted.
 
     Attributes:
         reference, achieved: motion of the head.
@@ -137,7 +137,7 @@ class HeadTracking:
 
 
 def track_head(recording: Recording, robot: Robot) -> HeadTracking:
-    """The head along a recording.
+    """How well the head follows along a recording.
 
     Raises:
         InputError: if the robot has no head, or not as many joints as the recording.

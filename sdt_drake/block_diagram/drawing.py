@@ -15,7 +15,7 @@ _SHAPES = {"box": "box", "sum": "circle", "end": "plaintext", "dot": "point"}
 
 
 def drawn(picture: BlockDiagram) -> str:
-    """The picture as .dot: `dot` draws it as it stands."""
+    """The picture of a block diagram as .dot: `dot` draws it as it stands."""
     if not any(picture.frame.blocks()):
         return f"digraph {_quoted(picture.frame.title)} {{\n}}\n"
     return _Drawing(picture).text()

@@ -24,7 +24,7 @@ Edge = tuple[Path, Path]  # from an item of a frame to another
 
 @dataclass(frozen=True)
 class Rect:
-    """Cells from (left, top) to (right, bottom), and the height y of its line."""
+    """A rectangle of cells from (left, top) to (right, bottom), and the height y of its line."""
 
     left: float
     top: float
@@ -33,7 +33,7 @@ class Rect:
     y: float = 0
 
     def moved(self, dx: float, dy: float) -> Rect:
-        """The same elsewhere."""
+        """A rectangle of the same size elsewhere."""
         return Rect(self.left + dx, self.top + dy, self.right + dx, self.bottom + dy, self.y + dy)
 
     def overlaps(self, other: Rect, margin: float = 0) -> bool:

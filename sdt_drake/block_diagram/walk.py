@@ -42,13 +42,13 @@ class Block:
     shape: str = "box"
 
     def blocks(self) -> Iterator[Block]:
-        """Itself."""
+        """The block itself, as a frame has its blocks."""
         yield self
 
 
 @dataclass(frozen=True)
 class Frame:
-    """An opened Diagram.
+    """A Diagram that is opened: a frame around its blocks.
 
     Attributes:
         path: of the Diagram, () for the outermost one.
@@ -66,7 +66,7 @@ class Frame:
             yield from item.blocks()
 
     def frames(self) -> Iterator[Frame]:
-        """It and all frames in it."""
+        """The frame and all frames in it."""
         yield self
         for item in self.items:
             if isinstance(item, Frame):
@@ -75,7 +75,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Wire:
-    """From an output of a block to an input of another.
+    """A connection from an output of a block to an input of another.
 
     Attributes:
         source: path of the block.

@@ -12,13 +12,13 @@ _WIDTH = 30
 
 
 class Bar:
-    """The one of a command; without a terminal it draws nothing."""
+    """The progress bar of a command; without a terminal it draws nothing."""
 
     def __init__(self) -> None:
         self.begin()
 
     def begin(self) -> None:
-        """A command begins."""
+        """Tell that a command begins."""
         self.has_terminal = sys.stderr.isatty()
         self._start = self._began = time.monotonic()
         self._drawn = 0.0  # when; 0 if there is nothing on the line
@@ -48,7 +48,7 @@ class Bar:
 
 
 def duration(seconds: float) -> str:
-    """For people: "12 s", "3 min", "1.5 h"."""
+    """A time [s] for people: "12 s", "3 min", "1.5 h"."""
     if seconds < 100:
         return f"{seconds:.0f} s"
     if seconds < 6000:

@@ -67,7 +67,7 @@ def number(kind: type[float] = float, **bounds: Any) -> Callable[[str], float]:
 
 
 def add_figure(parser: argparse.ArgumentParser, help_: str, kinds: Sequence[str]) -> None:
-    """--out and --show; see `check_out` and `deliver`.
+    """Add --out and --show; see `check_out` and `deliver`.
 
     Args:
         parser: of the command.
@@ -80,7 +80,7 @@ def add_figure(parser: argparse.ArgumentParser, help_: str, kinds: Sequence[str]
 
 
 def add_recorded(parser: argparse.ArgumentParser) -> None:
-    """--columns and --side, of every command that takes recordings of a real machine."""
+    """Add --columns and --side, of every command that takes recordings of a real machine."""
     parser.add_argument(
         "--columns", metavar="FILE", help="YAML file that says what the columns are called"
     )
@@ -121,7 +121,7 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
 
 
 def add_changes(parser: argparse.ArgumentParser) -> None:
-    """--set, of every command that takes a scenario; see `load` and `naming_changes`."""
+    """Add --set, of every command that takes a scenario; see `load` and `naming_changes`."""
     parser.add_argument(
         "--set",
         dest="changes",
@@ -148,7 +148,7 @@ def _change(text: str) -> tuple[str, Any]:
 
 
 def add_omega_r(parser: argparse.ArgumentParser, default: str) -> None:
-    """--omega-r; None if it is not given: the command says what it takes then."""
+    """Add --omega-r; None if it is not given: the command says what it takes then."""
     parser.add_argument(
         "--omega-r",
         type=float,
@@ -157,7 +157,7 @@ def add_omega_r(parser: argparse.ArgumentParser, default: str) -> None:
 
 
 def refuse_changes(options: argparse.Namespace) -> None:
-    """Where no scenario is given that --set could change."""
+    """Refuse --set where no scenario is given that it could change."""
     if options.changes:
         raise InputError(f"--set: changes a scenario, which {options.scenario} is not")
 

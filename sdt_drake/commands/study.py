@@ -64,7 +64,7 @@ def _refuse_unused(options: argparse.Namespace, *names: str) -> None:
 
 
 def add_running(parser: argparse.ArgumentParser) -> None:
-    """Options of what runs a study."""
+    """Add the options of what runs a study."""
     parser.add_argument(
         "--out", type=common.some_path, help="folder of the study (default: its name)"
     )
@@ -94,7 +94,7 @@ def run_file(path: str, options: argparse.Namespace) -> None:
 
 
 def say_failures(table: StudyTable) -> str:
-    """Say what has failed, and return it; "" if nothing has."""
+    """Say what has failed in a study, and return it; "" if nothing has."""
     from sdt_drake.studies.summary import failures
 
     if failed := failures(table):

@@ -24,7 +24,8 @@ _FEEDFORWARD_NEEDS = {
 
 
 class Controller:
-    """A controller beside its being a Drake system: derive from one of both, and register it.
+    """What makes a Drake system a controller here: derive from a system and from this, and register
+    it.
 
     The system is made with a `Design`, and has the output `tau_cmd` [N m], motor side, and inputs
     named after signals of the loop, which `sdt_drake.systems` describes: `reference`, `state` (as
@@ -49,17 +50,17 @@ class Controller:
 
     @classmethod
     def needs_with(cls, feedforward: str) -> tuple[str, ...]:
-        """What must be known to commission it with a torque feedforward."""
+        """What must be known to commission the controller with a torque feedforward."""
         return cls.needs + _FEEDFORWARD_NEEDS[feedforward]
 
     @classmethod
     def in_words(cls, design: Design) -> str:
-        """What its feedback is, with what a design has of it."""
+        """What the feedback is, in words, with what a design has of it."""
         return cls.__name__
 
     @classmethod
     def linear(cls, design: Design, sample: int) -> System:
-        """Its feedback alone, as it is around a sample of the motion: for linear analysis.
+        """The feedback alone, as it is around a sample of the motion: for linear analysis.
 
         Raises:
             InputError: if it has none that Drake can linearise.
@@ -76,7 +77,8 @@ class Controller:
         """Start with that command, on the reference; nothing to do for one without a memory."""
 
     def memoryless(self, held: Index, sample: Index, q: Array, v: Array) -> Array | None:
-        """Of the command, what does not come from an integral; motor side [N m], shape (M, n).
+        """The part of the command that does not come from an integral; motor side [N m], shape (M,
+        n).
 
         None where that is not known: then a run looks at the command within each period.
 
@@ -99,7 +101,7 @@ SIGNALS = ("reference", "state", "sampled_state", "load_torque", "tau_limited")
 
 
 def add_feedforward(diagram: Wired, design: Design, at: int | None) -> None:
-    """From tau_fb to tau_cmd: the torque feedforward of a design, if it has one; none `at` a
+    """Add the torque feedforward of a design, if it has one, from tau_fb to tau_cmd; none `at` a
     sample, where it stands still."""
     if design.tau_ff is None or at is not None:
         diagram.same("tau_cmd", "tau_fb")
@@ -118,6 +120,6 @@ def add_feedforward(diagram: Wired, design: Design, at: int | None) -> None:
 
 
 def add_table(diagram: Wired, name: str, design: Design, **signals: Array) -> None:
-    """Signals along the motion that arrive with the reference."""
+    """Add signals along the motion that arrive with the reference."""
     delay = design.drive.reference_delay
     diagram.add(name, SignalTable(motion=design.reference, signals=signals, delay=delay))

@@ -105,7 +105,8 @@ class Pi(Wired, Controller):
 
 
 class PiCtc(Pi):
-    """The same and the load torque of the reference fed forward (Section 3.4, Figure 6).
+    """PI speed controllers, and the load torque of the reference fed forward (Section 3.4, Figure
+    6).
 
     Where that is not the load torque of the loop, it is computed here, and no input.
 
@@ -120,8 +121,8 @@ class PiCtc(Pi):
 
 
 class PiId(Pi):
-    """The same and the whole inverse dynamics of the reference, with both gains on the error:
-    nothing is left for the feedback.
+    """PI speed controllers, and the whole inverse dynamics of the reference fed forward, with both
+    gains on the error: nothing is left for the feedback.
 
     .. pydrake_system::
 

@@ -85,11 +85,11 @@ class Drives:
     axes: list[Axis] = setting(per_joint=True)
 
     def zeros(self) -> Array:
-        """Increments at the joint angles 0, shape (n,)."""
+        """Increments of the drives at the joint angles 0, shape (n,)."""
         return np.array([axis.zero for axis in self.axes], dtype=float)
 
     def increments_per_rad(self, robot: Robot) -> Array:
-        """Of a joint angle, with the sign of the axis; shape (n,)."""
+        """Increments per rad of a joint angle, with the sign of the axis; shape (n,)."""
         return self._per_joint(robot, lambda axis: axis.increments / tau)
 
     def speed_per_increment(self) -> Array:
@@ -99,7 +99,8 @@ class Drives:
         return np.array([x / unit if unit else 1.0 for x, unit in zip(turns, rpm, strict=True)])
 
     def per_mille_per_torque(self, robot: Robot) -> Array:
-        """Per mille of the rated torque in 1 N m at the joint, with its sign; shape (n,)."""
+        """Per mille of the motors' rated torque in 1 N m at the joint, with its sign; shape
+        (n,)."""
         return 1 / self._per_joint(robot, lambda axis: axis.rated_torque / 1000)
 
     def most_per_mille(self) -> Array:

@@ -73,7 +73,7 @@ def _header(drives: Drives) -> list[str]:
 
 
 def read_csv(path: Path, drives: Drives) -> SetPoints:
-    """What `write_csv` wrote.
+    """Read what `write_csv` wrote.
 
     Raises:
         InputError: naming the file: not for these drives, a cycle missing, no integers.
@@ -148,7 +148,7 @@ def _type_of(index: str) -> str:
 
 
 def read_st(path: Path, drives: Drives) -> SetPoints:
-    """The arrays of what `write_st` wrote.
+    """Read the arrays of what `write_st` wrote.
 
     Raises:
         InputError: naming the file: not for these drives, an array missing or cut off.
@@ -213,7 +213,7 @@ def _cam_header(drives: Drives) -> list[str]:
 
 
 def read_cam(path: Path, robot: Robot, drives: Drives) -> Samples:
-    """What cubics between the points of `write_cam` command in each cycle, without a torque.
+    """Read what cubics between the points of `write_cam` command in each cycle, without a torque.
 
     Raises:
         InputError: naming the file: not for these drives, no growing cycles, no integers.
@@ -255,7 +255,7 @@ _FIELDS = ("positions", "velocities", "accelerations", "effort")
 
 
 def read_trajectory(path: Path, robot: Robot) -> Samples:
-    """What `write_trajectory` wrote.
+    """Read what `write_trajectory` wrote.
 
     Raises:
         InputError: naming the file: other joints, times that do not grow evenly, no points.

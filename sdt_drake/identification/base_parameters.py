@@ -52,7 +52,8 @@ class BaseParameters:
 
     @cached_property
     def identifiable(self) -> list[str]:
-        """Of each parameter, shape (p,): "alone", "in combination" or "not at all"."""
+        """How each parameter can be identified, shape (p,): "alone", "in combination" or "not at
+        all"."""
         # Its own part of its projection onto the row space: 1 where beta determines it.
         own = np.diagonal(np.linalg.pinv(self.combination) @ self.combination)
         said = {True: "alone", False: "in combination"}
@@ -70,13 +71,13 @@ def rigid_columns(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
 
 
 def rigid_names(robot: Robot) -> tuple[str, ...]:
-    """Of each of `rigid_columns`: "hx of gondola + payload", "motor inertia of roll"."""
+    """Names of `rigid_columns`: "hx of gondola + payload", "motor inertia of roll"."""
     links = [f"{name} of {body}" for body in Bodies.of(robot).names for name in PARAMETERS]
     return (*links, *(f"motor inertia of {joint}" for joint in robot.joint_names))
 
 
 def rigid_parameters(robot: Robot) -> Array:
-    """Those of the robot's file, for `rigid_columns`, shape (11 n,)."""
+    """The parameters of the robot's file, for `rigid_columns`, shape (11 n,)."""
     return np.concatenate([Bodies.of(robot).parameters.ravel(), robot.reflected_inertia])
 
 
@@ -97,7 +98,7 @@ def base_parameters(robot: Robot) -> BaseParameters:
 
 
 def base_parameters_of(columns: Array, names: tuple[str, ...], order: Index) -> BaseParameters:
-    """Base parameters of any columns.
+    """Base parameters of any columns, links and motors or not.
 
     Args:
         columns: W of torque = W phi, without noise, shape (rows, p), rows > p.

@@ -60,7 +60,7 @@ class Link:
 
 @dataclass(frozen=True, eq=False)
 class Consistent:
-    """What can be.
+    """What can be: links and motors, the nearest to what was measured.
 
     Attributes:
         links: those that were free.
@@ -93,7 +93,7 @@ def links_of(robot: Robot) -> list[Link]:
 
 
 def parameters_of(pseudo: Array) -> Array:
-    """The ten parameters of `regressor` of a pseudo-inertia; linear in it."""
+    """The ten parameters of `regressor` that a pseudo-inertia stands for; linear in it."""
     sigma = pseudo[:3, :3]
     moments = np.trace(sigma) * np.eye(3) - sigma
     return np.array([pseudo[3, 3], *pseudo[:3, 3], *moments[np.triu_indices(3)]])

@@ -99,7 +99,7 @@ class Equations:
 
     @cached_property
     def terms(self) -> list[tuple[Term, ...]]:
-        """Of the columns of friction of each joint."""
+        """Which columns of friction belong to each joint."""
         return list(map(terms_of, self.laws))
 
     @cached_property

@@ -48,7 +48,7 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What the equations say.
+    """What the equations say: parameters, and how sure they are.
 
     Attributes:
         beta: base parameters, shape (r,).
@@ -69,18 +69,19 @@ class Estimate:
         return _joint_part(self.laws, k)
 
     def friction_torque(self, eq: Equations, friction: Array) -> Array:
-        """In every row of equations, of these parameters, joint side [N m], shape (M, n)."""
+        """Friction torque in every row of equations, of these parameters, joint side [N m], shape
+        (M, n)."""
         r = len(self.beta)
         return np.stack([X[:, r:] @ friction for X in _columns(eq, self.laws)], axis=1)
 
     def torque(self, eq: Equations) -> Array:
-        """Predicted in every row of equations, joint side [N m], shape (M, n)."""
+        """Predicted torque in every row of equations, joint side [N m], shape (M, n)."""
         x = np.concatenate([self.beta, self.friction])
         return eq.known + np.stack([X @ x for X in _columns(eq, self.laws)], axis=1)
 
 
 def estimate(eq: Equations, prior: Prior, chosen: Sequence[Law] | None = None) -> Estimate:
-    """Base parameters and friction.
+    """Estimate base parameters and friction from equations.
 
     Args:
         eq: its rows `fit` are used.

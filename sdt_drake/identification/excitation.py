@@ -68,7 +68,7 @@ class Series:
 
     @property
     def size(self) -> int:
-        """Coefficients of a joint."""
+        """Number of coefficients of a joint."""
         return 1 + self.rest.shape[1]
 
     def bases(self, count: int) -> tuple[Array, Array, Array]:
@@ -85,7 +85,7 @@ class Series:
         return tuple(np.hstack([middle, x @ self.rest]) for middle, x in parts)  # type: ignore
 
     def profile(self, coefficients: Array, duration: float, name: str) -> MotionProfile:
-        """As a motion file has it; coefficients of shape (n, size)."""
+        """The motion profile of coefficients of shape (n, size), as a motion file has it."""
         series = coefficients[:, 1:] @ self.rest.T
         joints = [
             Fourier(period=self.period, sine=sine.tolist(), cosine=cosine.tolist(), end=duration)
@@ -112,7 +112,8 @@ class Limits:
 
     @staticmethod
     def of(robot: Robot, margin: float, gently: float = 1.0) -> Limits:
-        """The share `margin` of those of a robot; of speeds and accelerations `gently` of that.
+        """The share `margin` of the limits of a robot; of speeds and accelerations `gently` of
+        that.
 
         A joint without stops turns by up to half a turn to both sides of 0. Gently, one without a
         limit of acceleration has that which its motor gives it alone, where all joints are at 0.
@@ -132,7 +133,7 @@ class Limits:
         )
 
     def use(self, q: Array, v: Array, vd: Array, torque: Array) -> Array:
-        """Share of each limit, shape (4, ..., n)."""
+        """Share of each limit that a motion uses, shape (4, ..., n)."""
         return np.abs(
             [
                 (q - self.middle) / self.range,
@@ -164,7 +165,7 @@ class Excitation:
 
     @property
     def base_frequency(self) -> float:
-        """Of the first harmonic [Hz]."""
+        """Frequency of the first harmonic [Hz]."""
         return 1 / self.profile.joints[0].period  # type: ignore[union-attr]
 
     def save(self, path: str | Path) -> None:

@@ -162,8 +162,8 @@ def smooth(stretch: Stretch, cutoff: float) -> Smooth:
 
 
 def compared(count: int, cutoff: float, period: float) -> slice:
-    """Which of `count` samples to compare below `cutoff` [Hz]: as few as tell it, without the
-    ends, which the filter knows less of."""
+    """Which of `count` samples to compare below `cutoff` [Hz]: as few as tell it, without the ends,
+    which the filter knows less of."""
     every = max(1, int(1 / (4 * cutoff * period)))
     end = int(0.5 / (cutoff * period))
     return slice(end, count - end, every)

@@ -37,7 +37,8 @@ class Term:
     middle: float = 0.0
 
     def at(self, v: Array, slowest: float) -> Array:
-        """Its torque for a parameter of one, at speeds v [rad/s]; below `slowest`, signs fade."""
+        """The torque of this term for a parameter of one, at speeds v [rad/s]; below `slowest`,
+        signs fade."""
         if self.kind == "offset":
             return np.ones_like(v)
         if self.kind == "stribeck":
@@ -54,7 +55,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Law:
-    """A candidate: `name`, and its terms."""
+    """A candidate for the friction of a joint: `name`, and its terms."""
 
     name: str
     terms: tuple[Term, ...]
@@ -70,7 +71,7 @@ USUAL = Law("coulomb and offset", (VISCOUS, COULOMB, OFFSET))
 
 
 def laws(fastest: float) -> tuple[Law, ...]:
-    """Candidates for a joint that moves at up to `fastest` [rad/s], the simpler ones first."""
+    """Candidate laws for a joint that moves at up to `fastest` [rad/s], the simpler ones first."""
     found = [
         Law("viscous", (VISCOUS,)),
         Law("coulomb", (VISCOUS, COULOMB)),

@@ -183,7 +183,8 @@ def _unknown(robot: Robot, only: str | None, payload: str) -> tuple[Unknown, lis
 
 
 def belief(robot: Robot, unknown: Unknown) -> Prior:
-    """Base parameters of the file, good to the scale of what they are made of."""
+    """Prior of the base parameters: those of the file, good to the scale of what they are made
+    of."""
     bodies = Bodies.of(robot)
     mass = np.maximum(bodies.parameters[:, 0], 1e-3 * bodies.parameters[:, 0].sum())
     trace = bodies.parameters[:, [4, 7, 9]].sum(axis=1) / 2

@@ -27,7 +27,7 @@ _SLOW = 0.02  # of the largest speed: friction changes its sign over it
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """What is to be found, and what of the torques is known beside it.
+    """What an exciting motion is to tell of, and what of the torques is known beside it.
 
     Attributes:
         robot: gives kinematics, limits, and what is expected.
@@ -45,13 +45,14 @@ class Target:
 
     @staticmethod
     def everything(robot: Robot, noise: float = NOISE) -> Target:
-        """Links, motors and friction; noise: over the largest torque of each joint [-]."""
+        """The target of links, motors and friction; noise: over the largest torque of each joint
+        [-]."""
         base, all_columns = base_parameters(robot), np.arange(11 * robot.n)
         return Target(robot, base, all_columns, True, noise * robot.effort_limit)
 
     @staticmethod
     def payload(robot: Robot, link: str, noise: float = NOISE) -> Target:
-        """The body that a link is part of, all else being known.
+        """The target of the body that a link is part of, all else being known.
 
         Raises:
             InputError: if no joint turns such a link.
@@ -69,7 +70,7 @@ class Target:
 
     @property
     def names(self) -> list[str]:
-        """Of what is to be found, with units."""
+        """Names of what is to be found, with units."""
         links = [f"{name} [{_unit(name)}]" for name in self.base.words]
         if not self.friction:
             return links
@@ -79,7 +80,7 @@ class Target:
 
     @property
     def expected(self) -> Array:
-        """Values of the robot's file; NaN of friction, which it does not know."""
+        """Values that the robot's file expects; NaN of friction, which it does not know."""
         values = self.base.combination @ rigid_parameters(self.robot)[self.columns]
         unknown = np.full(3 * self.robot.n, np.nan) if self.friction else np.zeros(0)
         return np.concatenate([values, unknown])

@@ -42,7 +42,7 @@ class Bandwidth(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LearningFilter:
-    """L and Q of each joint.
+    """The learning filter L and the robustness filter Q of each joint.
 
     Attributes:
         omega: [rad/s], shape (m,).
@@ -75,7 +75,7 @@ class LearningFilter:
         return np.asarray(robust[:, :, None] * (np.eye(n) - self.inverse[:, :, None] * response))
 
     def next(self, learned: Array, error: Array) -> Array:
-        """What the next flight gets, shape (N + 1, n).
+        """What the next flight gets from what this one had and its error, shape (N + 1, n).
 
         Both ends are those of a motion at rest: before it, nothing was learned and nothing is off;
         after it, both stay what they are at its end. At the start it sets in within a period of
@@ -89,7 +89,8 @@ class LearningFilter:
         return (robust + self._filtered(error, self.inverse)) * self.onset(len(error))
 
     def onset(self, count: int) -> Array:
-        """From 0 at the first sample to 1 within a period of each joint's bandwidth, (count, n)."""
+        """A weight from 0 at the first sample to 1 within a period of each joint's bandwidth,
+        (count, n)."""
         cut = np.array([bandwidth.omega for bandwidth in self.bandwidth])
         share = np.arange(count)[:, None] * self.period * cut / (2 * np.pi)
         return np.asarray((1 - np.cos(np.pi * np.clip(share, 0, 1))) / 2)
@@ -220,7 +221,7 @@ class Convergence:
 
 
 def convergence(filter_: LearningFilter, loops: LoopSet) -> Convergence:
-    """How a filter does on loops that are linear, and that all flights share."""
+    """How fast a filter converges on loops that are linear, and that all flights share."""
     share = np.zeros((len(filter_.omega), len(filter_.bandwidth)))
     together = np.zeros(len(filter_.omega))
     for response in loops.responses:

@@ -73,7 +73,7 @@ def fly(design: Design, number: int) -> Flight:
 
 
 class Step(NamedTuple):
-    """From one flight to the next.
+    """What is learned from one flight for the next.
 
     Attributes:
         learned: what the next one gets.
@@ -199,7 +199,7 @@ def reason_to_stop(flights: Sequence[Flight], steps: Sequence[Step]) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Lessons:
-    """Flights one after the other.
+    """Flights one after the other, and what was learned.
 
     Attributes:
         flights: in their order.
@@ -213,5 +213,5 @@ class Lessons:
 
     @property
     def best(self) -> Flight:
-        """With the least error."""
+        """The flight with the least error."""
         return min(self.flights, key=lambda flight: flight.score)

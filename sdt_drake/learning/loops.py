@@ -55,12 +55,12 @@ class LoopSet:
 
     @property
     def devices(self) -> int:
-        """How many they are of."""
+        """How many devices the loops are of."""
         return len(self.demand)
 
     @property
     def title(self) -> str:
-        """The name, with how many."""
+        """The name of the set, with how many devices it is of."""
         return f"{self.name} ({self.devices})" if self.devices > 1 else self.name
 
 
@@ -112,7 +112,7 @@ def loops_of(
 
 
 def responses(design: Design, of: str) -> tuple[Complex, ...]:
-    """Of a device to what is learned, in its poses."""
+    """Responses of a device to what is learned, in its poses."""
     omega = frequencies(design)
     return tuple(position_response(design, pose, omega, of=of) for pose in poses(design))
 
@@ -152,7 +152,8 @@ def _is_of_controller(targets: Sequence[object]) -> bool:
 
 
 def frequencies(design: Design) -> Array:
-    """At which loops are known [rad/s]: below the Nyquist frequency, shape (POINTS,)."""
+    """Frequencies at which loops are known [rad/s]: below the Nyquist frequency, shape
+    (POINTS,)."""
     return np.geomspace(_LOWEST, _HIGHEST * np.pi / design.motion.period, POINTS)
 
 

@@ -83,7 +83,7 @@ def flight_rows(flights: Sequence[Flight]) -> Rows:
 
 
 def summary(lessons: Lessons) -> list[str]:
-    """For people: how it went, and why it ended."""
+    """How the learning went, and why it ended, for people."""
     first, best = lessons.flights[0], lessons.best
     lines = []
     for number, step in enumerate(lessons.steps, start=2):
@@ -133,7 +133,7 @@ def write_report(
     checks: Sequence[Convergence],
     lessons: Lessons,
 ) -> Path:
-    """Write figures and report; the report's page.
+    """Write figures and report of the learning; the report's page.
 
     Args:
         folder: to write into.

@@ -34,7 +34,8 @@ _GAIN = 0.95
 
 @dataclass(kw_only=True, slots=True)
 class FlightRecord:
-    """What came of a flight, by its recordings; a file of it lies in the folder of the learning.
+    """What came of a real flight, by its recordings; a file of it lies in the folder of the
+    learning.
 
     Attributes:
         reference: number of the reference that was flown; 1 is the planned motion.
@@ -58,13 +59,13 @@ class FlightRecord:
         return math.sqrt(sum(x * x for x in self.rms) / max(1, len(self.rms)))
 
     def flown(self, folder: Path) -> Path | str:
-        """The reference, for people; folder: of the learning."""
+        """The reference that was flown, for people; folder: of the learning."""
         is_planned = self.reference == 1
         return "the planned motion" if is_planned else reference_file(folder, self.reference)
 
     @property
     def noise(self) -> float:
-        """Of the mean of the recordings, RMS of all joints [rad]; 0 where it is not known."""
+        """Noise of the mean of the recordings, RMS of all joints [rad]; 0 where it is not known."""
         mean = sum(x * x for x in self.floor) / max(1, len(self.floor))
         return math.sqrt(mean / self.recordings)
 
@@ -82,7 +83,7 @@ class State(NamedTuple):
 
 
 def read_state(folder: Path, design: Design) -> State:
-    """Of a folder that may still be empty.
+    """The state of a learning that a folder holds, which may still be empty.
 
     Raises:
         InputError: naming a file that is missing, or was learned of another motion.
@@ -102,12 +103,12 @@ def read_state(folder: Path, design: Design) -> State:
 
 
 def flight_file(folder: Path, number: int) -> Path:
-    """What came of a flight."""
+    """The file of what came of a flight."""
     return folder / f"flight_{number:02d}.yaml"
 
 
 def reference_file(folder: Path, number: int) -> Path:
-    """What a flight is given; the first flies the planned motion."""
+    """The file of the reference that a flight is given; the first flies the planned motion."""
     return folder / f"reference_{number:02d}.csv"
 
 

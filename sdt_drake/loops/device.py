@@ -21,7 +21,7 @@ from sdt_drake.systems import (
 
 
 def add_device(diagram: Wired, design: Design) -> None:
-    """Torque loop, elastic joints and plant: from `tau_limited` and `true_load` to `state`,
+    """Add torque loop, elastic joints and plant: from `tau_limited` and `true_load` to `state`,
     `motor_state`, `measured` (what the encoders are on) and `tau`.
 
     The plant comes first: its state is the first in the diagram.
@@ -57,7 +57,8 @@ def add_device(diagram: Wired, design: Design) -> None:
 
 
 def add_moved(diagram: Wired, design: Design, q: Array, v: Array) -> None:
-    """The same without a plant: links and motors do what they are said to, whatever the torque."""
+    """Add a device without a plant: links and motors do what they are said to, whatever the
+    torque."""
     # A cubic between the samples: what integrates its speed gets its position.
     moved = PiecewisePolynomial.CubicHermite(design.reference.time, q.T, v.T)
     diagram.add("moved_joints", TrajectorySource(moved, output_derivative_order=1), "state")
@@ -67,7 +68,7 @@ def add_moved(diagram: Wired, design: Design, q: Array, v: Array) -> None:
 
 
 def add_loads(diagram: Wired, design: Design) -> None:
-    """What the motors turn against, `true_load`: on the axis plant the load torque of the
+    """Add what the motors turn against, `true_load`: on the axis plant the load torque of the
     reference; disturbance, friction, and `extra_load_torque` from outside, 0 by default."""
     n, disturbance = design.robot.n, design.scenario.disturbance
     parts = ["load_torque"] if design.scenario.plant.kind == "axis" else []

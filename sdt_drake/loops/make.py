@@ -144,7 +144,7 @@ def make_loop(
     meshcat: Meshcat | None = None,
     widened: bool | None = None,
 ) -> Loop:
-    """The loop of the scenario's plant, see `Loop`.
+    """Make the loop of the scenario's plant, see `Loop`.
 
     Args:
         design: a resolved scenario.
@@ -169,7 +169,7 @@ def make_step_loop(
     step: float = 1.0,
     log_period: float = 1e-4,
 ) -> Diagram:
-    """One linear speed loop without load or limit (Figures 4 and 5): a step of its reference.
+    """Make one linear speed loop without load or limit (Figures 4 and 5): a step of its reference.
 
     Args:
         gains: of one controller, motor side; arrays of length 1.
@@ -209,7 +209,7 @@ def _checked_controller(controller: System, n: int) -> System:
 
 
 def blocks_of(diagram: Diagram) -> Iterator[System]:
-    """Its systems, those in sub-diagrams one by one, without logs."""
+    """The systems of a loop, those in sub-diagrams one by one, without logs."""
     for system in diagram.GetSystems():
         if isinstance(system, Diagram):
             yield from blocks_of(system)

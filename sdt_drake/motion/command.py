@@ -41,11 +41,11 @@ class Course:
 
     @staticmethod
     def linear(times: Sequence[float] | Array, values: Sequence[float] | Array) -> Course:
-        """Straight from point to point."""
+        """The course straight from point to point."""
         return Course(np.array(times), np.array(values), np.zeros(len(times) - 1, dtype=np.bool_))
 
     def speed(self, time: Array) -> Array:
-        """[rad/s] at `time` [s], shape (N,)."""
+        """Speed of the course [rad/s] at `time` [s], shape (N,)."""
         i, s, _ = self._piece(time)
         blended = self.values[i] + np.diff(self.values)[i] * (1 - np.cos(np.pi * s)) / 2
         linear = np.interp(time, self.times, self.values)
@@ -53,7 +53,8 @@ class Course:
         return speed + sum(swing.speed(time - start) for start, swing in self.swings)
 
     def acceleration(self, time: Array) -> Array:
-        """Of the pieces, without swings [rad/s²], shape (N,); at a jump that of the later piece."""
+        """Acceleration of the pieces, without swings [rad/s²], shape (N,); at a jump that of the
+        later piece."""
         i, s, duration = self._piece(time)
         share = np.where(self.cosine[i], np.pi / 2 * np.sin(np.pi * s), 1.0)
         return np.diff(self.values)[i] / duration * share

@@ -59,7 +59,7 @@ class Segment(ABC):
         """
 
     def text(self) -> str:
-        """What it does, in a few words."""
+        """What the segment does, in a few words."""
         return type(self).__name__.lower()
 
 
@@ -170,7 +170,7 @@ class Given(Segment):
         """Speeds and their times since the start of the segment, from 0 on."""
 
     def start_speed(self, speed: float) -> float:
-        """That of the first point [rad/s]."""
+        """Speed of the first point [rad/s]."""
         return self.points()[0][1]
 
     def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:

@@ -32,13 +32,13 @@ class SpinGeometry:
     sign: float
 
     def speed(self, resultant_g: float) -> float:
-        """Spin speed [rad/s] that makes G: omega² R / g = sqrt(G² - 1)."""
+        """Spin speed [rad/s] that makes a wanted G: omega² R / g = sqrt(G² - 1)."""
         ratio = np.sqrt(resultant_g - 1) * np.sqrt(resultant_g + 1)
         return float(np.sqrt(ratio * self.gravity / self.radius))
 
     @property
     def largest_g(self) -> float:
-        """The G of the speed limit."""
+        """The G of the spin joint's speed limit [-]."""
         return float(np.hypot(1, self.fastest**2 * self.radius / self.gravity))
 
     def alignment_speed(self, omega: Array, omegad: Array) -> Array:

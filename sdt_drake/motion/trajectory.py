@@ -97,11 +97,11 @@ class Motion(Shown):
 
     @property
     def in_time(self) -> str:
-        """Its time in words."""
+        """Duration and period in words."""
         return f"{self.duration:.9g} s in steps of {1000 * self.period:.6g} ms"
 
     def plot(self, joint_names: Sequence[str] = ()) -> Figure:
-        """Positions, speeds and accelerations over time."""
+        """A figure of positions, speeds and accelerations over time."""
         names = joint_names or [f"{k + 1}" for k in range(self.n)]
         return sdt_drake.plots.trajectories("Motion", self, names)
 
@@ -115,7 +115,7 @@ class Motion(Shown):
 
     @property
     def columns(self) -> dict[str, Array]:
-        """What goes into tables, by COLUMNS."""
+        """Positions, speeds and accelerations by the names that they have in tables."""
         return dict(zip(COLUMNS, (self.q, self.v, self.vd), strict=True))
 
     def to_csv(self, path: str | Path) -> None:
@@ -209,7 +209,8 @@ def import_motion(path: str | Path, period: float) -> tuple[Motion, Loss | None]
 def resampled(
     where: str | Path, time: Array, q: Array | None, v: Array | None, period: float
 ) -> tuple[Motion, Loss]:
-    """The same of samples: q [rad] or v [rad/s] or both, shape (N, n), at growing times [s].
+    """A motion through samples of q [rad], of v [rad/s] or of both, shape (N, n), at growing times
+    [s], and how much of them it loses.
 
     Raises:
         InputError: as `import_motion`, naming `where`.

@@ -49,11 +49,12 @@ class Field:
         return [self]
 
     def get(self, scenario: Scenario) -> Any:
-        """What the scenario has there; of a list, all entries."""
+        """What the scenario has in the field; of a list, all entries."""
         return getattr(self._owner(scenario), self.parts[-1])
 
     def put(self, scenario: Scenario, value: Value, apply: str = "value") -> None:
-        """Put a value there, or multiply what is there by it ("factor"), or add it ("offset").
+        """Put a value into the field, or multiply what is there by it ("factor"), or add it
+        ("offset").
 
         A list gets it in every entry.
 
@@ -133,7 +134,7 @@ def check_changes(changes: Iterable[str], own: Iterable[str], file: Path) -> Non
 
 
 def field_names(schema: Any = Scenario, prefix: str = "") -> list[str]:
-    """Dotted names of all fields, lists without their entries."""
+    """Dotted names of all fields of a scenario, lists without their entries."""
     names = []
     for field, hint in hints_of(schema).items():
         plain = options_of(hint)[0]

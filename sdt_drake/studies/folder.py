@@ -24,7 +24,7 @@ STUDY, BASE, STATE, FILES = "study.yaml", "scenario.yaml", "state.json", "files"
 
 
 def claim(job: Job, folder: Path, resume: bool) -> None:
-    """Make the folder this study's, or see that it is.
+    """Make the folder that of this study, or see that it is.
 
     Raises:
         InputError: if it holds another study; this one, and `resume` is not set; none, and it is;
@@ -81,7 +81,7 @@ def _places(job: Job) -> dict[str, str]:
 
 
 def holds_study(folder: Path) -> bool:
-    """Whether a study was begun there."""
+    """Whether a study was begun in a folder."""
     return (folder / STATE).is_file()
 
 
@@ -97,7 +97,8 @@ def load_folder(folder: Path) -> tuple[Study, Scenario, tuple[str, ...]]:
 
 
 def load_runner(folder: Path) -> tuple[Runner, str]:
-    """Runs rows of a study folder once more; and what it was begun with that is different here.
+    """What runs rows of a study folder once more; and what it was begun with that is different
+    here.
 
     Raises:
         InputError: if it holds no study, or a file of it cannot be used.

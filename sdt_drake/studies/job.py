@@ -43,8 +43,8 @@ class Job:
     versions: dict[str, str]
 
     def runner(self, folder: Path) -> Runner:
-        """Runs rows here, on copies of the files in `folder`: the originals may be changed, or be
-        on another machine."""
+        """What runs rows here, on copies of the files in `folder`: the originals may be changed, or
+        be on another machine."""
         return Runner(self.study, self.base, self.save_files(folder))
 
     def save_files(self, folder: Path) -> dict[str, str]:

@@ -21,7 +21,8 @@ LOADS = ("used_torque_share", "rated_torque_share", "winding_temperature", "torq
 
 
 def has_motor_loads(scenario: Scenario) -> bool:
-    """Whether `motor_loads` can tell them: of a coupled plant with motors of a catalogue."""
+    """Whether `motor_loads` can tell of a scenario: of a coupled plant with motors of a
+    catalogue."""
     device = scenario.device
     if scenario.plant.kind != "coupled" or not scenario.plant.elasticity.is_rigid:
         return False
@@ -30,7 +31,7 @@ def has_motor_loads(scenario: Scenario) -> bool:
 
 
 def motor_load_names(n: int) -> tuple[str, ...]:
-    """Of the numbers that `motor_loads` tells of n joints."""
+    """Names of the numbers that `motor_loads` tells of n joints."""
     return (*(f"{name}_{k + 1}" for name in LOADS for k in range(n)), "stretch")
 
 

@@ -309,7 +309,7 @@ def _few_ticks(ax: Axes) -> None:
 
 
 def group_handles(groups: Iterable[str], *, lines: bool = True) -> list[Line2D]:
-    """Of the legend, as lines or as markers."""
+    """Handles of a legend of groups, as lines or as markers."""
     labels = list(groups)
     handles = []
     for label, look in zip(labels, looks_of(labels), strict=True):

@@ -108,7 +108,7 @@ def families_there(table: StudyTable) -> list[str]:
 
 
 def headlines(table: StudyTable) -> list[str]:
-    """Of these the ones to look at first."""
+    """The families of outcomes to look at first."""
     there = families_there(table)
     return [family for family in _HEADLINES if family in there] or there[: len(_HEADLINES)]
 

@@ -50,7 +50,7 @@ def with_files(scenario: Scenario, places: Mapping[str, str]) -> Scenario:
 
 
 def outcome_names(base: Scenario, n: int) -> tuple[str, ...]:
-    """Of the numbers that a run ends with: joint k's of n are called name_k."""
+    """Names of the numbers that a run ends with: joint k's of n are called name_k."""
     names = [f"{name}_{k + 1}" for name in _BY_JOINT for k in range(n)]
     loads = motor_load_names(n) if has_motor_loads(base) else ()
     return (*names, "felt_share", *loads)
@@ -67,7 +67,7 @@ class Runner:
         self._plans: dict[tuple[str | float, ...], _Planned | InfeasibleError] = {}
 
     def scenario(self, number: int) -> Scenario:
-        """Of a row.
+        """The scenario of a row.
 
         Raises:
             InputError: for values that their fields do not take.
@@ -79,7 +79,7 @@ class Runner:
         return with_files(scenario, self._places)
 
     def design(self, scenario: Scenario) -> tuple[Design, Plan]:
-        """Of a scenario of the study; and the plan of its motion.
+        """The design of a scenario of the study, and the plan of its motion.
 
         Raises:
             InfeasibleError: if the device cannot do the motion.
@@ -103,7 +103,7 @@ class Runner:
         return planned
 
     def run(self, number: int) -> Row:
-        """What becomes of a row."""
+        """Run a row: what becomes of it."""
         start = time.perf_counter()
         try:
             design, recording, outcomes = self._simulated(number)

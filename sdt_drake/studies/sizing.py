@@ -148,7 +148,7 @@ class Sizing:
 
     @property
     def masses(self) -> dict[str, float]:
-        """Of the motors to choose from [kg], by id."""
+        """Masses of the motors to choose from [kg], by id."""
         return {motor.id: motor.mass for motor in self.catalogue.motors}
 
     @property
@@ -252,6 +252,6 @@ class Candidate(NamedTuple):
 
 
 def candidates(sizing: Sizing) -> list[Candidate]:
-    """All of them, in the order of the study."""
+    """All candidates of a sizing, in the order of the study."""
     motor_sets = product(*sizing.motors)
     return [Candidate(ids, scale) for ids in motor_sets for scale in sizing.structure_scales]

@@ -37,7 +37,7 @@ _MOST = 2**64 - 1
 
 @dataclass
 class Variable:
-    """What varies.
+    """What varies in a study: one field of the scenario or several, and how.
 
     Attributes:
         name: of the column in the results; the first field by default.
@@ -79,7 +79,7 @@ class Variable:
 
     @cached_property
     def targets(self) -> list[Field]:
-        """The fields.
+        """The fields of the scenario that the variable sets.
 
         Raises:
             InputError: for a name that no scenario has.
@@ -88,7 +88,7 @@ class Variable:
 
     @property
     def examples(self) -> list[Value]:
-        """Some of its values; all if they are listed."""
+        """Some values of the variable; all if they are listed."""
         if isinstance(self.distribution, Random):
             return self.distribution.quantile(np.array([0.5])).tolist()
         if isinstance(self.distribution, Grid):
@@ -96,7 +96,7 @@ class Variable:
         return self.distribution.levels()
 
     def put(self, scenario: Scenario, value: Value) -> Scenario:
-        """The scenario, changed in place, with a draw in it.
+        """Put a draw into a scenario, which is changed in place.
 
         Raises:
             InputError: for a value that the field does not take.
@@ -178,7 +178,7 @@ class Study:
                 others[target.entry] = variable.name
 
     def validate(self, base: Scenario) -> None:
-        """Check everything, also that the base scenario has what varies.
+        """Check everything that a study says, also that the base scenario has what varies.
 
         Raises:
             InputError: naming the field and what would be right.
