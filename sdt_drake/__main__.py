@@ -69,6 +69,9 @@ class _Stop:
             pass
         time.sleep(_PATIENCE)
         if not self._over:
+            if processes := sys.modules.get("multiprocessing"):
+                for process in processes.active_children():
+                    process.kill()
             if errors := sys.modules.get("sdt_drake.errors"):
                 errors.remove_temporaries()
             os._exit(128 + number)
@@ -92,6 +95,9 @@ def main() -> int:
     stop, code = _Stop(), None
     stop.listen()
     os.environ.setdefault("PYTHONSAFEPATH", "1")  # the same for the processes of a study
+    # Python's own helper tidies up after a process that was ended by force, and need not say so.
+    own = os.environ.get("PYTHONWARNINGS")
+    os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (own, "ignore:resource_tracker")))
     try:
         from sdt_drake.cli import main as run
 

@@ -106,6 +106,23 @@ def test_interrupted_while_it_starts(desk, event, word):
     assert running.ended() == (130, "") and (desk / "seen").exists()
 
 
+HURRIED = """
+import runpy, sys, time
+real = time.sleep
+time.sleep = lambda seconds: real(0 if seconds > 0.5 else seconds)  # all its patience
+sys.argv = ["sdt-drake", *sys.argv[1:]]
+runpy.run_module("sdt_drake", run_name="__main__", alter_sys=True)
+"""
+
+
+def test_ended_in_a_hurry(desk):
+    """By force, where tidying up takes longer than its patience."""
+    running = Running(desk, "-c", HURRIED, "study", "many.yaml", "--workers", "2")
+    running.wait_for(4)
+    running.process.send_signal(signal.SIGINT)
+    assert running.ended() == (130, "")
+
+
 def test_full_disk_at_the_results(copied, files, monkeypatch, capfd):
     """The old results stay until the new ones are whole."""
     before = (copied / "results.parquet").read_bytes()
