@@ -62,6 +62,7 @@ class Design(Shown):
         motion: the reference: `wanted` itself, or what flights of it have taught, feasible, too.
         nominal_torques: inverse dynamics of the nominal links along the motion, joint side.
         torques: the same of `loaded_robot`.
+        model_torques: the same of `model`.
         loads: of each motor by Algorithm 1 with the scenario's sign, motor side.
         inertia: range of the effective inertia along the motion, motor side.
         i_eff: inertia of the axis process, motor side [kg m²], shape (n,).
@@ -87,6 +88,7 @@ class Design(Shown):
     motion: Motion
     nominal_torques: TorqueGroups
     torques: TorqueGroups
+    model_torques: TorqueGroups
     loads: Loads
     inertia: InertiaRange
     i_eff: Array
@@ -181,8 +183,12 @@ class Design(Shown):
         Raises:
             InputError: for what does not fit them.
         """
-        torques = self.nominal_torques if self.motion is self.wanted else None
-        return make_design(scenario, robot=self.nominal, motion=self.wanted, torques=torques)
+        known: dict[str, TorqueGroups] = {}
+        if self.motion is self.wanted:
+            known[self.nominal.sdf] = self.nominal_torques
+            known[self.loaded_robot.sdf] = self.torques
+            known[self.model.sdf] = self.model_torques
+        return _resolved(scenario, _robots(scenario, self.nominal), self.wanted, known)
 
     def given(self, learned: LearnedReference) -> Design:
         """The same design with what flights have taught.
@@ -229,18 +235,34 @@ def make_design(
     Raises:
         InputError: for any bad input on the way.
     """
-    checked_type(scenario, Scenario, "scenario", "sdt_drake.load")
-    nominal, robot, model = _robots(scenario, robot)
-    wanted = plan_of(scenario, nominal).motion if motion is None else motion
+    robots = _robots(scenario, robot)
+    wanted = plan_of(scenario, robots[0]).motion if motion is None else motion
+    known = {} if torques is None else {robots[0].sdf: torques}
+    return _resolved(scenario, robots, wanted, known, learned)
+
+
+def _resolved(
+    scenario: Scenario,
+    robots: tuple[Robot, Robot, Robot],
+    wanted: Motion,
+    known: dict[str, TorqueGroups],
+    learned: LearnedReference | None = None,
+) -> Design:
+    """The design of these robots, torques along the planned motion known by SDF of the robot."""
+    nominal, robot, model = robots
     with within(_name(scenario)):
         taught = _learned(scenario, nominal, wanted, learned)
-        motion, torques = (wanted, torques) if taught is None else (taught.motion, None)
+        motion, known = (wanted, known) if taught is None else (taught.motion, {})
         _check_reference(scenario, motion)
+
+        def torques_of(robot: Robot) -> TorqueGroups:
+            if robot.sdf not in known:
+                known[robot.sdf] = _along(robot, motion)
+            return known[robot.sdf]
+
         loaded = robot if scenario.plant.kind == "axis" else nominal
-        nominal_torques = torques or _along(nominal, motion)
-        torques = nominal_torques if loaded is nominal else _along(loaded, motion)
+        torques, modelled = torques_of(loaded), torques_of(model)
         inertia, i_eff, springs, friction = plant_along(scenario, robot, motion, torques)
-        modelled = nominal_torques if model is nominal else _along(model, motion)
         i_eff_modelled = effective_inertia(model, modelled.d_kk)
         largest = i_eff_modelled.max(axis=0)
         gains = _gains(scenario, largest, nominal)
@@ -261,8 +283,9 @@ def make_design(
         model=model,
         wanted=wanted,
         motion=motion,
-        nominal_torques=nominal_torques,
+        nominal_torques=torques_of(nominal),
         torques=torques,
+        model_torques=modelled,
         loads=_loads(scenario, robot, torques),
         inertia=inertia,
         i_eff=i_eff,
@@ -285,6 +308,7 @@ def make_design(
 
 def _robots(scenario: Scenario, nominal: Robot | None) -> tuple[Robot, Robot, Robot]:
     """The nominal robot, what moves, and what the controller takes it for."""
+    checked_type(scenario, Scenario, "scenario", "sdt_drake.load")
     nominal = nominal or load_device(scenario)
     check(scenario, _name(scenario), nominal.n)
     with within(_name(scenario)):
