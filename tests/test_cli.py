@@ -148,14 +148,24 @@ def test_wrong_usage(refuse, line, word):
         ("plan ../given/arm.sdf", ["arm.sdf", ".yaml", ".csv"]),
         (f"plan {SHORT_MOTION} --robot {SHORT_MOTION}", ["short.yaml", ".sdf"]),
         (f"plan {SHORT_MOTION} --envelope {RUN}", ["run.yaml: drive.n1 and drive.n0 missing"]),
-        ("plan --robot ../given/arm.sdf", ["reference.yaml: joints: 4 value(s)", "2"]),
+        ("plan --robot ../given/arm.sdf", ["reference.yaml: joints: 4 value(s)", "2", "--robot"]),
+        ("plan ../given/two.csv", ["2 joints, robot 'sdt' has 4; --robot names"]),
+        ("tune ../given/arm.yaml", ["joints: 2 value(s), expected 4", "; --robot names"]),
+        ("motions ../given/elbow.yaml", ["expected a joint of 'sdt'", "; --robot names"]),
+        ("export ../given/two.csv --drive drives", ["robot 'sdt' has 4; --scenario names"]),
+        (
+            f"export {RUN} --scenario training --drive drives",
+            ["--scenario", "run.yaml is a scenario"],
+        ),
         ("tune ../given/arm.yaml --robot ../given/arm.sdf", ["--omega-r: missing", "65.991"]),
         (f"simulate {SHORT_MOTION}", ["short.yaml: is a motion, expected a scenario"]),
         (f"simulate {RUN} --joint 5 --out x.png", ["--joint: 5, expected 1 to 4"]),
         (f"simulate {RUN} --joint 2 --out x.csv", ["--joint: has no effect without a figure"]),
     ],
 )
-def test_wrong_numbers_choices_and_files(refuse, line, words):
+def test_wrong_numbers_choices_and_files(refuse, given, line, words):
+    given("two.csv", "time,v_ref_1,v_ref_2\n0,0,0\n0.5,0,0\n")
+    given("elbow.yaml", "duration: 1\ntracks: [{joint: elbow, segments: [!Hold {duration: 1}]}]\n")
     refuse(*line.split(), saying=words)
 
 

@@ -199,6 +199,17 @@ def naming_changes(options: argparse.Namespace) -> Iterator[None]:
         raise InputError(*(f"--set {x[1]}" if x else line + also for line, x in found)) from None
 
 
+@contextlib.contextmanager
+def naming_robot(option: str) -> Iterator[None]:
+    """Errors within that a motion is none of the robot's name the option that has another robot."""
+    other = re.compile(r"joints, robot '|expected a joint of '|: joints: \d+ value")
+    try:
+        yield
+    except InputError as error:
+        hint = f"; {option} names the robot of the motion"
+        raise InputError(*(x + hint if other.search(x) else x for x in error.args)) from None
+
+
 def is_scenario(path: str) -> bool:
     """Whether this is a scenario, not a motion or a table: the name of a shipped one, or YAML.
 

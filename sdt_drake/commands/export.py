@@ -11,7 +11,13 @@ EXAMPLE = "sdt-drake export graveyard_spin --drive drives --out exported"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    common.add_motion(parser)
+    parser.add_argument(
+        "motion",
+        metavar="SCENARIO|MOTION",
+        nargs="?",
+        default=common.MOTION,
+        help="a scenario, or a motion: name of one that ships, or file (default: %(default)s)",
+    )
     parser.add_argument(
         "--drive",
         required=True,
@@ -21,10 +27,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     common.add_out(parser, "folder for the files", default="exported")
     parser.add_argument(
         "--scenario",
-        default="training",
         metavar="SCENARIO",
-        help="its robot, its planner, and the loop that is fed from the files read back (default: "
-        "%(default)s: the shipped device, position loops, torque feedforward)",
+        help="of a motion: its robot, its planner, and the loop that is fed from the files read "
+        "back (default: training: the shipped device, position loops, torque feedforward)",
     )
     common.add_changes(parser)
     parser.add_argument(
@@ -42,9 +47,14 @@ def run(options: argparse.Namespace) -> None:
     if options.cam_points < 2:
         raise InputError(f"--cam-points: {options.cam_points}, expected at least 2")
     common.check_folder(options.out)
-    changes = {**dict(options.changes), "motion": options.motion}
-    with common.naming_changes(options):
-        design = make_design(load_scenario(options.scenario, changes))
+    source, changes = options.motion, dict(options.changes)
+    if not common.is_scenario(source):
+        changes["motion"] = source
+        source = options.scenario or "training"
+    elif options.scenario is not None:
+        raise InputError(f"--scenario: of a motion, {source} is a scenario itself")
+    with common.naming_robot("--scenario"), common.naming_changes(options):
+        design = make_design(load_scenario(source, changes))
     scenario, robot = design.scenario, design.nominal
     drives = load_drives(options.drive, robot.n)
     checked_output(options.out / READ_BACK)

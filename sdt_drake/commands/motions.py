@@ -62,7 +62,9 @@ def _print_all(robot: Robot) -> None:
 def _print_one(motion: str, robot: Robot) -> None:
     from sdt_drake.motion import load_command, load_profile
 
-    profile, command = load_profile(motion), load_command(motion, robot)
+    profile = load_profile(motion)
+    with common.naming_robot("--robot"):
+        command = load_command(motion, robot)
     with common.naming(motion):
         g = _largest_g(command, robot)
     say(f"{profile.title or profile.name}: {profile.duration:g} s, largest G at the head {g}")

@@ -67,13 +67,14 @@ def run(options: argparse.Namespace) -> None:
         _check_drive_table(options.drive_table, options.out)
     robot = sdt.load_robot(options.robot)
     n1, n0 = _envelope(options.envelope, robot.n)
-    plan = load_plan(
-        options.motion,
-        robot,
-        period=options.period,
-        torque_margin=options.torque_margin,
-        planner=options.planner,
-    )
+    with common.naming_robot("--robot"):
+        plan = load_plan(
+            options.motion,
+            robot,
+            period=options.period,
+            torque_margin=options.torque_margin,
+            planner=options.planner,
+        )
     report = margins(robot, plan.motion, n1=n1, n0=n0)
     if options.drive_table:
         with within(options.drive_table):

@@ -113,7 +113,8 @@ def _of_motion(options: argparse.Namespace) -> Design:
         period=0.005 if options.period is None else options.period,
         controller=ControllerChoice(omega_r=omega_r, zeta=zeta),
     )
-    return sdt.design(scenario)
+    with common.naming_robot("--robot"):
+        return sdt.design(scenario)
 
 
 def _is_shipped(robot: str) -> bool:

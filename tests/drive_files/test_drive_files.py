@@ -297,6 +297,14 @@ def test_export_tells_what_a_loop_makes_of_its_files(tmp_path, capsys, monkeypat
     assert error["cam.csv"] == pytest.approx(error["motion, no torque"], rel=0.2)
 
 
+def test_export_of_a_scenario_is_of_its_motion_and_its_loop(good, given, motion):
+    motion.to_csv("../given/m.csv")
+    pi = given("pi.yaml", command_line.SCENARIO.replace("motion.yaml", "m.csv"))
+    out = good("export", pi, "--drive", "drives").out
+    assert out.startswith(f"{pi}: {motion.duration:g} s for drives with a cycle of 1 ms")
+    assert "fed to pi on the axis plant" in out
+
+
 FOUR = ", ".join([AXIS + "}"] * 4)
 
 
