@@ -197,7 +197,7 @@ def _found(
     if pattern:
         one_more = places.pop() is not None
         if one_more or (places[0] is not None and None in places):
-            count = n + 1 if one_more else places.index(None)
+            count = n + 1 if one_more else n - places.count(None)
             told = (
                 f"{count} {'or more ' if one_more else ''}column(s) {pattern.replace('{k}', 'k')}"
             )
@@ -207,7 +207,7 @@ def _found(
     found = [place for place in places if place is not None]
     if len(found) == n:
         return found
-    if needed or (found and not pattern):
+    if needed or found:
         raise _missing(numbers, said[places.index(None)], signal)
     return None
 

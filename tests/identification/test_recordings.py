@@ -72,6 +72,8 @@ BAD = [
     ({"header": HEADER.replace("tau_1", "i_1")}, r"no column 'tau_1' \(tau\), there are time, q_1"),
     ({"header": HEADER.replace("tau_4", "x")}, r"3 column\(s\) tau_k \(tau\), but the robot has 4"),
     ({"header": HEADER.replace("tau_4", "q_5")}, r"5 or more column\(s\) q_k \(q\), but the robot"),
+    ({"header": HEADER.replace("tau_2", "x")}, r"3 column\(s\) tau_k \(tau\), but the robot"),
+    ({"header": HEADER.replace("tau_1", "v_2")}, r"no column 'v_1' \(v\), there are time, q_1"),
     ({"header": HEADER.replace("time", "t")}, r"no column 'time' \(time\)"),
     ({"row": (2, 0, 0.0)}, r"line 4: time goes from 0.01 to 0, expected a growing time"),
     ({"row": (2, 0, 0.01)}, r"line 4: time goes from 0.01 to 0.01, expected a growing time"),
