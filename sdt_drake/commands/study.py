@@ -25,7 +25,7 @@ FAILED = 1
 
 _USAGE = """sdt-drake study STUDY [--out DIR] [--workers N | --cluster ADDRESS] [--resume]
                  [--set FIELD=VALUE]
-       sdt-drake study show DIR
+       sdt-drake study show DIR [--out DIR_OF_PAGE]
        sdt-drake study repeat DIR --row N [--out FILE.csv]"""
 
 
@@ -39,8 +39,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     match options.what:
         case ["show", folder]:
-            _refuse_unused(options, "changes")
-            show(Path(folder))
+            _refuse_unused(options, "workers", "cluster", "resume", "changes", "row")
+            show(Path(folder), options.out)
         case ["repeat", folder]:
             _refuse_unused(options, "workers", "cluster", "resume", "changes")
             repeat(Path(folder), options.row, options.out)
@@ -175,14 +175,16 @@ def repeat(folder: Path, row: int | None, out: Path | None) -> None:
         say(f"{out} written")
 
 
-def show(folder: Path) -> None:
+def show(folder: Path, out: Path | None) -> None:
     from sdt_drake.analysis.document import Table
     from sdt_drake.studies.report import write_study_report
     from sdt_drake.studies.results import read_study_table
 
+    if out is not None:
+        common.check_folder(out)
     if say_failures(read_study_table(folder)):
         say()
-    page, report = write_study_report(folder)
+    page, report = write_study_report(folder, out)
     for block in (block for section in report.sections for block in section.blocks):
         if isinstance(block, Table):
             say(block.title)

@@ -52,8 +52,12 @@ _NEAR_NOTHING = 0.05  # of the variance: not worth a sentence
 _BRACKETS = "In brackets: share of the variance that the input explains alone, and standard error."
 
 
-def write_study_report(folder: Path) -> tuple[Path, doc.Document]:
-    """Write the figures and report.html into the folder of a study; each file replaced whole.
+def write_study_report(folder: Path, out: Path | None = None) -> tuple[Path, doc.Document]:
+    """Write the figures and report.html of a study; each file replaced whole.
+
+    Args:
+        folder: of the study.
+        out: folder for the files; that of the study if None.
 
     Returns:
         The path of the page, and what it shows.
@@ -61,9 +65,8 @@ def write_study_report(folder: Path) -> tuple[Path, doc.Document]:
     Raises:
         InputError: if the folder holds no study with a run, or a file cannot be written.
     """
-    table = read_study_table(folder)
-    document = make_study_report(table, folder)
-    return doc.write_text(folder / REPORT, document.html()), document
+    document = make_study_report(read_study_table(folder), folder, out)
+    return doc.write_text((out or folder) / REPORT, document.html()), document
 
 
 def study_chapter(folder: Path) -> doc.Section:
@@ -79,14 +82,15 @@ def study_chapter(folder: Path) -> doc.Section:
     return doc.Section(f"Study {table.name}", blocks)
 
 
-def make_study_report(table: StudyTable, folder: Path) -> doc.Document:
-    """The report on a study; its figures are written into the folder.
+def make_study_report(table: StudyTable, folder: Path, out: Path | None = None) -> doc.Document:
+    """The report on a study; its figures are written.
 
     Args:
         table: of the study.
         folder: it is in; named in the command that repeats a run.
+        out: folder for the figures; that of the study if None.
     """
-    figures = _figures(table, folder)
+    figures = _figures(table, out or folder)
     sections = [
         doc.Section("Summary", _summary(table)),
         doc.Section("Status", [status_table(table)]),

@@ -99,6 +99,8 @@ def test_bad_study(refuse, desk, old, new, message):
         ("few.yaml --out . --resume", ".: holds no study to resume"),
         ("few.yaml --row 1", "--row has no use here"),
         ("show nowhere", "nowhere: holds no study"),
+        ("show nowhere --out few.yaml", "few.yaml: is a file, expected a folder"),
+        ("show nowhere --workers 2", "--workers has no use here"),
         ("repeat nowhere --row 1", "nowhere: holds no study"),
         ("repeat . --row 1", ".: holds no study"),
         ("show", "study: 'show', expected sdt-drake study STUDY [--out"),
@@ -275,6 +277,7 @@ def test_failed_runs_are_said_first(copied, files, capfd, monkeypatch, kept, cod
 
     assert main(["study", str(files / "many.yaml"), "--out", str(copied), "--resume"]) == code
     assert capfd.readouterr().out.splitlines()[1] == said
-    monkeypatch.setattr(report, "write_study_report", lambda folder: (folder / "it", Document("")))
-    assert main(["study", "show", str(copied)]) == 0
-    assert capfd.readouterr().out.startswith(said + "\n")
+    monkeypatch.setattr(report, "write_study_report", lambda _, out: (out / "it", Document("")))
+    assert main(["study", "show", str(copied), "--out", "page"]) == 0
+    out = capfd.readouterr().out
+    assert out.startswith(said + "\n") and out.endswith("\npage/it written\n")

@@ -173,7 +173,9 @@ def test_a_study_with_little_to_show(tmp_path, status):
 
 
 def test_nothing_varies_and_all_is_known(tmp_path):
-    document = report.make_study_report(small_table(np.arange(3.0)), tmp_path)
+    study = tmp_path / "study"
+    document = report.make_study_report(small_table(np.arange(3.0)), study, tmp_path)
+    assert not study.exists() and f"study repeat {study} --row N" in text_of(document)
     assert (tmp_path / "distributions.svg").exists() and not (tmp_path / "tornado.svg").exists()
     assert "95 % of the runs stay below 1.9" in text_of(document)
 
