@@ -149,6 +149,8 @@ class Friction:
             default.
         stribeck_speed: v_s, at which friction has that peak.
         presliding: z_c, how far a joint gives way before it slides.
+        offset: F_0, what the motor carries beside all that, at any speed and at rest, as of a
+            counterbalance that no link has; 0 by default.
     """
 
     coulomb: Optional[list[float]] = setting(
@@ -162,11 +164,12 @@ class Friction:
     )
     stribeck_speed: float = setting(0.02, above=0, unit="rad/s", side="joint")
     presliding: float = setting(1e-5, above=0, unit="rad", side="joint")
+    offset: Optional[list[float]] = setting(None, per_joint=True, unit="N m", side="joint")
 
     @property
     def is_none(self) -> bool:
         """Whether there is no friction."""
-        return self.coulomb is self.viscous is self.breakaway is None
+        return self.coulomb is self.viscous is self.breakaway is self.offset is None
 
     def problems(self) -> Iterator[tuple[str, str]]:
         largest, sliding = self.breakaway or [], self.coulomb or []
@@ -183,6 +186,7 @@ class FrictionParameters:
     breakaway: Array
     stribeck_speed: float
     presliding: float
+    offset: Array
 
 
 def friction_parameters(friction: Friction, n: int) -> FrictionParameters:
@@ -198,19 +202,20 @@ def friction_parameters(friction: Friction, n: int) -> FrictionParameters:
         filled(friction.breakaway, coulomb),
         friction.stribeck_speed,
         friction.presliding,
+        filled(friction.offset, np.zeros(n)),
     )
 
 
 def sliding_friction(friction: FrictionParameters, v: ArrayLike) -> Array:
-    """Friction of joints that slide steadily at v [rad/s], shape (n,) or (N, n); 0 at rest [N m].
+    """Friction of joints that slide steadily at v [rad/s], shape (n,) or (N, n); F_0 at rest [N m].
 
-    F_c sign(v) + (F_b - F_c) (v / v_s) exp((1 - (v / v_s)²) / 2) + b v, joint side. The Stribeck
-    term has its peak F_b - F_c at v_s.
+    F_c sign(v) + (F_b - F_c) (v / v_s) exp((1 - (v / v_s)²) / 2) + b v + F_0, joint side. The
+    Stribeck term has its peak F_b - F_c at v_s.
     """
     v = np.asarray(v, dtype=float)
     s = v / friction.stribeck_speed
     stribeck = (friction.breakaway - friction.coulomb) * s * np.exp((1 - s**2) / 2)
-    return friction.coulomb * np.sign(v) + stribeck + friction.viscous * v
+    return friction.coulomb * np.sign(v) + stribeck + friction.viscous * v + friction.offset
 
 
 def sliding_stretch(friction: FrictionParameters, v: ArrayLike) -> Array:

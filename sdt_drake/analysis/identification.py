@@ -81,31 +81,23 @@ def errors_table(found: Identified, robot: Robot) -> doc.Table:
 def friction_table(found: Identified, files: PlantFriction) -> doc.Table:
     """Laws, and what a scenario has of them."""
     friction, names = files.friction, found.nominal.joint_names
-    coulomb, viscous = friction.coulomb or [], friction.viscous or []
+    coulomb, viscous, offset = friction.coulomb or [], friction.viscous or [], friction.offset or []
     rows = []
     for k, name in enumerate(names):
-        law = found.estimate.laws[k]
-        offsets = [
-            f"{x:.3g}"
-            for term, x in zip(
-                law.terms, found.friction[found.estimate.friction_of(k)], strict=True
-            )
-            if term.kind == "offset"
-        ]
         rows.append(
             (
                 f"{k + 1} {name}",
-                law.name,
+                found.estimate.laws[k].name,
                 f"{coulomb[k]:.4g} ± {files.std[0, k]:.2g}",
                 f"{viscous[k]:.4g} ± {files.std[1, k]:.2g}",
                 f"{friction.breakaway[k]:.4g}" if friction.breakaway else "–",
-                "".join(offsets) or "–",
+                f"{offset[k]:.3g}",
                 f"{100 * files.left[k]:.1f}",
             )
         )
     return doc.Table(
         ("joint", "law", "Coulomb [N m]", "viscous [N m s/rad]", "breakaway [N m]",
-         "offset, left out [N m]", "left of the law [%]"),
+         "offset [N m]", "left of the law [%]"),
         rows,
     )  # fmt: skip
 

@@ -30,12 +30,13 @@ _STIFFEST = 2e4  # rad/s, of a joint that sticks: far above every loop, and quic
 class PlantFriction:
     """Friction as `plant.friction` of a scenario has it, the nearest to the identified laws.
 
-    That is the same both ways, and never drives: an offset is left out.
+    But for an offset, that is the same both ways, and never drives.
 
     Attributes:
         friction: joint side; beside the damping of the robot's file.
         std: standard deviations of coulomb [N m] and viscous [N m s/rad], shape (2, n).
-        left: RMS difference to the laws at the recorded speeds, over the RMS of these, shape (n,).
+        left: RMS difference to what of the laws is the same both ways, at the recorded speeds, over
+            the RMS of this, shape (n,).
     """
 
     friction: Friction
@@ -86,10 +87,13 @@ def plant_friction(found: Identified) -> PlantFriction:
     covariance = estimate.covariance[r:, r:]
     speeds = [_speeds(found.equations.v[found.equations.moves[:, k], k]) for k in range(robot.n)]
     parts = [estimate.friction_of(k) for k in range(robot.n)]
-    laws = [_odd(law.terms, v) for law, v in zip(estimate.laws, speeds, strict=True)]
+    odd, even = (
+        [_half(law.terms, v, sign) for law, v in zip(estimate.laws, speeds, strict=True)]
+        for sign in (-1, 1)
+    )
     wanted = [
         law @ found.friction[part] - damping * v
-        for law, part, v, damping in zip(laws, parts, speeds, robot.damping, strict=True)
+        for law, part, v, damping in zip(odd, parts, speeds, robot.damping, strict=True)
     ]
     simple = [_nearest(v, tau, None) for v, tau in zip(speeds, wanted, strict=True)]
     best, peak = simple, None
@@ -104,9 +108,12 @@ def plant_friction(found: Identified) -> PlantFriction:
     if peak is not None:
         friction.breakaway = (x[:, 1] + x[:, 2]).tolist()
         friction.stribeck_speed = peak
+    friction.offset = [
+        float(np.mean(law @ found.friction[part])) for law, part in zip(even, parts, strict=True)
+    ]
     friction.presliding = max(friction.presliding, _softest(found, x[:, 1]))
     std = []
-    for v, law, part, (values, _) in zip(speeds, laws, parts, best, strict=True):
+    for v, law, part, (values, _) in zip(speeds, odd, parts, best, strict=True):
         basis = _basis(v, peak)[:, : len(values)]
         J = np.linalg.pinv(basis) @ law
         std.append(np.sqrt(np.maximum(np.diagonal(J @ covariance[part, part] @ J.T), 0.0))[:2])
@@ -129,10 +136,11 @@ def _speeds(v: Array) -> Array:
     return np.quantile(np.abs(v), np.linspace(0.02, 1, _PLACES)) if len(v) else np.ones(1)
 
 
-def _odd(terms: tuple[Term, ...], v: Array) -> Array:
-    """What terms of friction do against the motion, the same both ways, shape (places, terms)."""
+def _half(terms: tuple[Term, ...], v: Array, sign: int) -> Array:
+    """What terms of friction do against the motion, the same both ways (sign -1), or in one
+    direction whichever way it goes (1), shape (places, terms)."""
     least = 1e-9
-    columns = [(term.at(v, least) - term.at(-v, least)) / 2 for term in terms]
+    columns = [(term.at(v, least) + sign * term.at(-v, least)) / 2 for term in terms]
     return np.column_stack(columns)
 
 

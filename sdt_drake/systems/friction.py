@@ -27,11 +27,12 @@ class JointFriction(SymbolicLaw):
 
         dz/dt = v - lambda (z - clip(z, -z_c, z_c))
         F     = F_c clip(z / z_c, -1, 1) + T F_c / z_c max(0, 1 - (z / z_c)²) v
-                + (F_b - F_c) (v / v_s) exp((1 - (v / v_s)²) / 2) + b v
+                + (F_b - F_c) (v / v_s) exp((1 - (v / v_s)²) / 2) + b v + F_0
         friction = F / r                                    [N m], motor side
 
-    with v, z and F joint side. The second term damps a joint that sticks. Energy only falls: with
-    W = int F_c clip(z / z_c) dz stored in the bristles, F v - dW/dt is a sum of terms >= 0.
+    with v, z and F joint side. The second term damps a joint that sticks. But for F_0,
+    energy only falls: with W = int F_c clip(z / z_c) dz stored in the bristles, (F - F_0) v - dW/dt
+    is a sum of terms >= 0.
 
     Sliding, z rests at z_c + v / lambda and F is `sliding_friction`. A load between F_c and F_b
     does not hold still: it makes the joint creep, at less than v_s. State: z / z_c / 100.
@@ -75,7 +76,8 @@ class JointFriction(SymbolicLaw):
                 damping = PRESLIDING_DAMPING_TIME / z_c * sticks * v
                 bristles = friction.coulomb[k] * (within(stretch) + damping)
                 stribeck = extra[k] * s * sym.exp((1 - s * s) / 2)
-                forces.append((bristles + stribeck + friction.viscous[k] * v) / r[k])
+                steady = friction.viscous[k] * v + friction.offset[k]
+                forces.append((bristles + stribeck + steady) / r[k])
             return forces
 
         super().__init__(inputs={"state": 2 * n}, output="friction", law=law, rates=rates, states=n)

@@ -14,6 +14,7 @@ COULOMB = [300.0, 60.0, 0.0, 20.0]
 VISCOUS = [40.0, 0.0, 8.0, 2.0]
 BREAKAWAY = [450.0, 60.0, 10.0, 50.0]
 FRICTION = Friction(COULOMB, VISCOUS, BREAKAWAY, stribeck_speed=V_S)
+LOADED = dataclasses.replace(FRICTION, offset=[0.0, -70.0, 5.0, 0.0])
 DRY = dataclasses.replace(FRICTION, viscous=None)
 
 
@@ -33,6 +34,9 @@ def test_law_by_hand():
     assert at(FRICTION, V_S / 2)[2] == pytest.approx(7.2749571 + 0.12, rel=1e-7)
     np.testing.assert_array_equal(at(FRICTION, 0.0), 0)
     np.testing.assert_array_equal(at(FRICTION, -V_S), -at(FRICTION, V_S))
+    np.testing.assert_array_equal(at(LOADED, 0.0), LOADED.offset)
+    # Joint 3 at -v_s / 2, less what it carries both ways.
+    assert at(LOADED, -V_S / 2)[2] == pytest.approx(5 - 7.2749571 - 0.12, rel=1e-7)
 
 
 def test_peak_at_the_stribeck_speed_is_breakaway():
@@ -58,7 +62,7 @@ def test_a_sample_or_a_whole_motion():
 def test_no_friction_by_default():
     assert Friction().is_none and Friction(stribeck_speed=1.0).is_none
     assert not any(
-        Friction(**{name: [0.0]}).is_none for name in ("coulomb", "viscous", "breakaway")
+        Friction(**{name: [0.0]}).is_none for name in ("coulomb", "viscous", "breakaway", "offset")
     )
     np.testing.assert_array_equal(at(Friction(), np.linspace(-1, 1, 21)), 0)
 

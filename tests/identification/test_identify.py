@@ -202,9 +202,13 @@ def test_payload_alone(robot):
 
 
 def test_friction_alone_has_its_law(robot):
-    recorded = recorded_of(robot)
-    found = identify(robot, [recorded], only="friction")
-    np.testing.assert_allclose(plant_friction(found).friction.coulomb, COULOMB_TRUE, rtol=0.04)
+    recorded, offset = recorded_of(robot), [700.0, -400.0, 0.0, 20.0]
+    found = identify(
+        robot, [changed(recorded, tau=recorded.signals["tau"] + offset)], only="friction"
+    )
+    friction = plant_friction(found).friction
+    np.testing.assert_allclose(friction.coulomb, COULOMB_TRUE, rtol=0.04)
+    np.testing.assert_allclose(friction.offset, offset, rtol=0.01, atol=4)
     same = rigid_parameters(identified_robot(found))
     np.testing.assert_allclose(same, rigid_parameters(robot), rtol=1e-12)
     law = Law("sigmoid", (VISCOUS, COULOMB, Term("sigmoid", 0.3, 0.0)))

@@ -25,6 +25,7 @@ STICKY = FrictionParameters(
     breakaway=np.array([700.0, 500.0, 300.0, 130.0]),
     stribeck_speed=0.02,
     presliding=1e-5,
+    offset=np.zeros(4),
 )
 
 

@@ -68,6 +68,20 @@ def test_a_joint_that_turns_goes_on(design, label, change):
     assert np.abs(recording.speed_error).max() < 1e-5
 
 
+@pytest.mark.parametrize("speed", [0.0, 1.5])
+def test_motors_carry_the_offset_of_friction(design, speed):
+    offset = np.array([900.0, -1300.0, 40.0, -5.0])  # N m, joint side
+
+    def offset_too(scenario):
+        scenario.plant.friction = Friction(offset=offset.tolist())
+
+    with_it, without = (
+        simulate(steady(design, "pi", speed, change)).tau for change in (offset_too, lambda _: None)
+    )
+    carried = (with_it - without) * design.robot.gear_ratio
+    np.testing.assert_allclose(carried, offset + np.zeros_like(carried), atol=0.01)
+
+
 @pytest.mark.parametrize("encoder", ["motor", "link"])
 @pytest.mark.parametrize("label", ["pi", "p_pi"])
 def test_springs_are_wound_and_encoders_on_the_reference(design, label, encoder):

@@ -23,6 +23,7 @@ FRICTION = FrictionParameters(
     breakaway=np.array([750.0, 90.0, 3.5]),
     stribeck_speed=0.02,
     presliding=1e-5,
+    offset=np.array([-200.0, 40.0, 0.5]),
 )
 SPRINGS = Springs(
     elastic=np.array([True, False, True]),

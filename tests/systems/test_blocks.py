@@ -252,14 +252,15 @@ def test_friction_starts_sliding_or_loose(speed):
 
 
 def test_friction_only_takes_energy_and_leads_to_steady_sliding():
-    """F v - dW/dt >= 0, with W = int F_c clip(z / z_c) dz; from any z dz/dt leads to z_c + v/l."""
+    """(F - F_0) v - dW/dt >= 0, with W = int F_c clip(z / z_c) dz; any z leads to z_c + v/l."""
     block, z_c, rng = Alone("JointFriction"), FRICTION.presliding, np.random.default_rng(5)
     for _ in range(3000):
         z = rng.choice([-1, 1], size=N) * z_c * 10 ** rng.uniform(-3, 3, size=N)
         v = rng.choice([-1, 1], size=N) * 10 ** rng.uniform(-9, 1, size=N)
         block.context.SetContinuousState(z / z_c / 100)
         block.give(state=[*np.zeros(N), *v])
-        force, rate = GEAR * block.output("friction"), 100 * z_c * block.derivatives()
+        force = GEAR * block.output("friction") - FRICTION.offset
+        rate = 100 * z_c * block.derivatives()
         stored = FRICTION.coulomb * np.clip(z / z_c, -1, 1) * rate
         round_off = 1e-12 * (np.abs(force * v) + np.abs(stored))
         assert np.all(force * v - stored >= -round_off)

@@ -161,6 +161,7 @@ def friction(x, state):
         + damping * np.maximum(0, 1 - stretch**2) * v
         + (FRICTION.breakaway - FRICTION.coulomb) * s * np.exp((1 - s**2) / 2)
         + FRICTION.viscous * v
+        + FRICTION.offset
     )
     return {"friction": force / GEAR}, rate / 100
 
