@@ -175,6 +175,9 @@ _runner: Runner
 def _begin(job: Job, folder: str) -> None:
     global _runner
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # at once, in the middle of Drake's steps too
+    parent = multiprocessing.parent_process()
+    if parent is None or not parent.is_alive():  # it takes a second to get here
+        _end_with_parent(folder)
     for descriptor, file in ((1, os.devnull), (2, _log_in(folder))):
         with open(file, "ab") as target:
             os.dup2(target.fileno(), descriptor)
