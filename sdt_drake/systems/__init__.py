@@ -1,9 +1,10 @@
 """The Drake blocks, one file per kind.
 
 A block is a LeafSystem, or a Diagram of Drake's own systems, with named ports and a keyword-only
-constructor; each works alone in any DiagramBuilder. `rest(context, ...)` sets what it starts with,
-where it remembers anything; `context` is its own. Sizes and numbers that do not fit are an
-`InputError`. Signals on the wires, all vectors of length n unless said otherwise:
+constructor; each works alone in any DiagramBuilder. It has no state but what it tells of;
+`rest(context, ...)` sets what that starts with, and `context` is its own. Sizes and
+numbers that do not fit are an `InputError`. Signals on the wires, all vectors of length n unless
+said otherwise:
 
     reference            [q_ref, v_ref, vd_ref], joint side [rad, rad/s, rad/s²], length 3n
     speed_reference      the same with the speed that a position loop asks for

@@ -1,5 +1,3 @@
-"""The decoupled axes. State: position and speed of each joint."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -16,8 +14,12 @@ class AxisProcess(Wired):
 
         I_eff r dv/dt = tau - load_torque,    dq/dt = v
 
-    Torques and I_eff motor side, q and v joint side. It knows no coupling, gravity or friction
-    but what `load_torque` brings.
+    Torques and I_eff motor side, q and v joint side. State: q and v. It knows no coupling, gravity
+    or friction but what `load_torque` brings.
+
+    Args:
+        i_eff: effective inertia, motor side [kg m²], shape (n,), > 0.
+        gear_ratio: r [-], shape (n,), > 0.
 
     .. pydrake_system::
 
@@ -29,12 +31,6 @@ class AxisProcess(Wired):
     symbol = "1 / (I_eff s)"
 
     def __init__(self, *, i_eff: ArrayLike, gear_ratio: ArrayLike) -> None:
-        """Of n motors.
-
-        Args:
-            i_eff: effective inertia, motor side [kg m²], shape (n,), > 0.
-            gear_ratio: r [-], shape (n,), > 0.
-        """
         super().__init__()
         i_eff = checked_positive(i_eff, "i_eff")
         n = len(i_eff)

@@ -1,5 +1,3 @@
-"""Disturbance injection: the error of the load torque model. No state: functions of time."""
-
 from __future__ import annotations
 
 import pydrake.symbolic as sym
@@ -15,6 +13,11 @@ class Disturbance(SymbolicLaw):
 
     so that the true load is tau_LD (1 + A sin(omega_D t)). It does not add it to anything.
 
+    Args:
+        n: number of joints.
+        amplitude: A, share of the load torque [-], >= 0.
+        omega_d: omega_D [rad/s], >= 0.
+
     .. pydrake_system::
 
         name: Disturbance
@@ -25,13 +28,6 @@ class Disturbance(SymbolicLaw):
     symbol = "A sin(omega_D t)"
 
     def __init__(self, *, n: int, amplitude: float, omega_d: float) -> None:
-        """Of n motors.
-
-        Args:
-            n: number of joints.
-            amplitude: A, share of the load torque [-], >= 0.
-            omega_d: omega_D [rad/s], >= 0.
-        """
         checked_count(n, "n")
         checked_number(amplitude, "amplitude", minimum=0)
         checked_number(omega_d, "omega_d", minimum=0)

@@ -1,5 +1,3 @@
-"""Elastic joints. State: position and speed of the motors behind them."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -20,7 +18,12 @@ class ElasticJoints(Wired):
 
     Torques and I_m motor side; theta, w of the motors, q, v of the links, k and c joint side. The
     plant behind it must not have the rotor inertia of an elastic joint once more. At rigid joints
-    tau_link is tau, and the motor has the state of the link.
+    tau_link is tau, and the motor has the state of the link. State: theta and w of the others.
+
+    Args:
+        springs: of n joints, at least one of them elastic.
+        rotor_inertia: I_m, motor side [kg m²], shape (n,), > 0 at elastic joints.
+        gear_ratio: r [-], shape (n,), > 0.
 
     .. pydrake_system::
 
@@ -34,13 +37,6 @@ class ElasticJoints(Wired):
     def __init__(
         self, *, springs: Springs, rotor_inertia: ArrayLike, gear_ratio: ArrayLike
     ) -> None:
-        """Of n joints.
-
-        Args:
-            springs: of n joints, at least one of them elastic.
-            rotor_inertia: I_m, motor side [kg m²], shape (n,), > 0 at elastic joints.
-            gear_ratio: r [-], shape (n,), > 0.
-        """
         super().__init__()
         n = len(springs.stiffness)
         r = checked_positive(gear_ratio, "gear_ratio", n)

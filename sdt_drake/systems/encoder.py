@@ -1,16 +1,10 @@
-"""Encoders. State: the last two samples."""
-
 from __future__ import annotations
 
 import numpy as np
 import pydrake.symbolic as sym
 from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context
-from pydrake.systems.primitives import (
-    MatrixGain,
-    Multiplexer,
-    ZeroOrderHold,
-)
+from pydrake.systems.primitives import MatrixGain, Multiplexer, ZeroOrderHold
 
 from sdt_drake.errors import InputError, checked_count, checked_number, checked_positive
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
@@ -28,6 +22,12 @@ class Encoder(Wired):
     State: the last sample, or the last two. It does not delay: a sample is in force from its own
     instant on.
 
+    Args:
+        n: number of joints.
+        period: [s], > 0.
+        resolution: N, increments per revolution of the motor [-], shape (n,); ideal by default.
+        gear_ratio: r [-], shape (n,); needed with a resolution.
+
     .. pydrake_system::
 
         name: Encoder
@@ -43,14 +43,6 @@ class Encoder(Wired):
         resolution: ArrayLike | None = None,
         gear_ratio: ArrayLike | None = None,
     ) -> None:
-        """Of n joints.
-
-        Args:
-            n: number of joints.
-            period: [s], > 0.
-            resolution: N, increments per revolution of the motor [-], shape (n,); ideal by default.
-            gear_ratio: r [-], shape (n,); needed with a resolution.
-        """
         super().__init__()
         checked_count(n, "n")
         self._period = checked_number(period, "period", minimum=0, exclusive=True)

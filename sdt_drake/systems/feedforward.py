@@ -1,10 +1,6 @@
-"""Torque feedforward: its sum with the feedback. No state."""
-
 from __future__ import annotations
 
-from pydrake.systems.primitives import (
-    Adder,
-)
+from pydrake.systems.primitives import Adder
 
 from sdt_drake.errors import checked_count
 from sdt_drake.systems.wiring import Wired
@@ -18,6 +14,9 @@ class CtcFeedforward(Wired):
     The paper's tau_ff is the load torque tau_LD: it leaves the joint's own acceleration
     (d_kk vd_ref) to the feedback. What tau_ff holds is not decided here.
 
+    Args:
+        n: number of motors.
+
     .. pydrake_system::
 
         name: CtcFeedforward
@@ -26,7 +25,6 @@ class CtcFeedforward(Wired):
     """
 
     def __init__(self, *, n: int) -> None:
-        """For n motors."""
         super().__init__()
         checked_count(n, "n")
         self.add("tau_cmd", Adder(2, n), "tau_fb", "tau_ff", "tau_cmd")

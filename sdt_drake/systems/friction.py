@@ -1,5 +1,3 @@
-"""Friction of the joints. State: stretch z of the bristles of each joint, as z / z_c / 100."""
-
 from __future__ import annotations
 
 import pydrake.symbolic as sym
@@ -37,6 +35,10 @@ class JointFriction(SymbolicLaw):
     Sliding, z rests at z_c + v / lambda and F is `sliding_friction`. A load between F_c and F_b
     does not hold still: it makes the joint creep, at less than v_s. State: z / z_c / 100.
 
+    Args:
+        friction: of n joints, joint side.
+        gear_ratio: r [-], shape (n,), > 0.
+
     .. pydrake_system::
 
         name: JointFriction
@@ -47,12 +49,6 @@ class JointFriction(SymbolicLaw):
     symbol = "friction"
 
     def __init__(self, *, friction: FrictionParameters, gear_ratio: ArrayLike) -> None:
-        """Of n joints.
-
-        Args:
-            friction: of n joints, joint side.
-            gear_ratio: r [-], shape (n,), > 0.
-        """
         n = len(friction.coulomb)
         r = checked_positive(gear_ratio, "gear_ratio", n)
         v_s, z_c = friction.stribeck_speed, friction.presliding

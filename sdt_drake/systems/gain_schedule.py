@@ -1,5 +1,3 @@
-"""Gains that follow the inertia. No state."""
-
 from __future__ import annotations
 
 from pydrake.symbolic import Expression
@@ -19,6 +17,9 @@ class GainSchedule(Wired):
     does not change with s. What K_PS feeds back does: with P in the feedback path a motor at
     constant speed feels a change of s like a load. Positions and vd_ref pass unchanged.
 
+    Args:
+        n: number of joints.
+
     .. pydrake_system::
 
         name: GainSchedule
@@ -29,7 +30,6 @@ class GainSchedule(Wired):
     symbol = "speeds x\nI_eff / I_eff,max"
 
     def __init__(self, *, n: int) -> None:
-        """For n joints."""
         super().__init__()
         checked_count(n, "n")
 

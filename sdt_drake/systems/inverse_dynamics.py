@@ -1,5 +1,3 @@
-"""Feedback linearisation with Drake's InverseDynamicsController. State: an integral without use."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -18,8 +16,13 @@ class InverseDynamicsController(Wired):
         r tau_fb = M(q) (vd_ref + 2 zeta omega_n (v_ref - v) + omega_n² (q_ref - q)) + bias(q, v)
 
     with the inertia of the motors in M, and gravity in bias; q, v joint side, tau_fb motor side
-    [N m]. It has no integral: a wrong model leaves an error at rest. The state must be sampled at
-    the instants of the reference, as for the position loop.
+    [N m]. The state must be sampled at the instants of the reference, as for the position loop. It
+    has no integral: a wrong model leaves an error at rest (Drake's own has one, of the gain 0).
+
+    Args:
+        model: what the controller takes the robot for.
+        omega_n: natural frequency of the error [rad/s], shape (n,), > 0.
+        zeta: its damping ratio [-], shape (n,), > 0.
 
     .. pydrake_system::
 
@@ -31,13 +34,6 @@ class InverseDynamicsController(Wired):
     symbol = "feedback\nlinearisation"
 
     def __init__(self, *, model: Robot, omega_n: ArrayLike, zeta: ArrayLike) -> None:
-        """Of the errors' poles.
-
-        Args:
-            model: what the controller takes the robot for.
-            omega_n: natural frequency of the error [rad/s], shape (n,), > 0.
-            zeta: its damping ratio [-], shape (n,), > 0.
-        """
         super().__init__()
         # Drake's own ends the process where their lengths do not fit.
         omega_n = checked_positive(omega_n, "omega_n", n := model.n)

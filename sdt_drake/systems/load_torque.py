@@ -1,10 +1,8 @@
-"""Load torque of the reference, on line from the MultibodyPlant. No state."""
+"""Torques of the reference, on line from the MultibodyPlant. No state."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
 from typing import Any, cast
 
 from pydrake.common.value import AbstractValue
@@ -14,15 +12,6 @@ from sdt_drake.arrays import Array
 from sdt_drake.dynamics import SIGNS, Loads, decouple, groups_of_sample
 from sdt_drake.errors import checked_choice
 from sdt_drake.robot import Robot
-
-
-@dataclass
-class _Scratch:
-    """What one context of a block works with: a context of the plant, and the results."""
-
-    plant_context: Context
-    torques: Sequence[Array]
-
 
 Law = Callable[[Sequence[Array], Array, Array], Sequence[Array]]
 """From the torque groups of Eq. 2, v_ref and vd_ref, joint side, to each output."""
@@ -51,30 +40,26 @@ class ReferenceTorque(LeafSystem):
         # Without these, Drake takes every output to depend on time, and Python would be called
         # at every derivative evaluation.
         depends_on = {self._reference.ticket()}
-        self._torques = self.DeclareCacheEntry(
-            "torques", ValueProducer(self._allocate, cast(Any, self._calc_torques)), depends_on
-        )
+
+        def scratch() -> Any:
+            """Of each context of the block: one of the plant to work in, and the torques."""
+            return AbstractValue.Make([robot.plant.CreateDefaultContext(), ()])
+
+        calc = ValueProducer(scratch, cast(Any, self._calc))
+        cached = cast(Any, self.DeclareCacheEntry("torques", calc, depends_on))
+
+        def output(i: int) -> Callable[[Context, BasicVector], None]:
+            return lambda context, torque: torque.SetFromVector(cached.Eval(context)[1][i])
+
         for i, name in enumerate(outputs):
-            self.DeclareVectorOutputPort(
-                name,
-                robot.n,
-                partial(self._calc_output, i),
-                prerequisites_of_calc=depends_on,
-            )
+            self.DeclareVectorOutputPort(name, robot.n, output(i), prerequisites_of_calc=depends_on)
 
-    def _allocate(self) -> AbstractValue:
-        scratch = _Scratch(self._robot.plant.CreateDefaultContext(), ())
-        return cast(AbstractValue, AbstractValue.Make(scratch))
-
-    def _calc_torques(self, context: Context, value: AbstractValue) -> None:
+    def _calc(self, context: Context, value: AbstractValue) -> None:
         scratch, n = cast(Any, value).get_mutable_value(), self._robot.n
         reference = cast(Array, self._reference.Eval(context))
         q_and_v, vd = reference[: 2 * n], reference[2 * n :]
-        groups = groups_of_sample(self._robot, scratch.plant_context, q_and_v, vd)[:4]
-        scratch.torques = self._law(groups, q_and_v[n:], vd)
-
-    def _calc_output(self, i: int, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(cast(_Scratch, self._torques.Eval(context)).torques[i])
+        groups = groups_of_sample(self._robot, scratch[0], q_and_v, vd)[:4]
+        scratch[1] = self._law(groups, q_and_v[n:], vd)
 
 
 class LoadTorque(ReferenceTorque):

@@ -1,5 +1,3 @@
-"""PI speed controllers. State: the integral of the speed error of each motor."""
-
 from __future__ import annotations
 
 from typing import ClassVar
@@ -7,13 +5,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, System
-from pydrake.systems.primitives import (
-    Adder,
-    Gain,
-    Integrator,
-    LinearSystem,
-    MatrixGain,
-)
+from pydrake.systems.primitives import Adder, Gain, Integrator, LinearSystem, MatrixGain
 
 from sdt_drake.control import STRUCTURES, SpeedGains
 from sdt_drake.errors import checked_choice, checked_positive
@@ -35,6 +27,14 @@ class PiSpeedController(Wired):
     while the motor saturates, the integral follows what the motor can give, with the time constant
     K_PS / K_IS. The block then has two more inputs, `tau_cmd` and `tau`, before and after the
     saturation. Without it the integral does not stop when the motor saturates.
+
+    Args:
+        gains: K_PS and K_IS, motor side.
+        gear_ratio: r [-], shape (n,).
+        structure: "pi" or "p_in_feedback".
+        anti_windup: see above.
+        period: of a sampled controller [s], whose state is sampled at the same instants: the
+            integral grows by period times the error at each. Continuous by default.
 
     .. pydrake_system::
 
@@ -60,16 +60,6 @@ class PiSpeedController(Wired):
         anti_windup: bool = False,
         period: float | None = None,
     ) -> None:
-        """Built from integrator, gains and sums, as Figure 5 draws it.
-
-        Args:
-            gains: K_PS and K_IS, motor side.
-            gear_ratio: r [-], shape (n,).
-            structure: "pi" or "p_in_feedback".
-            anti_windup: see above.
-            period: of a sampled controller [s], whose state is sampled at the same instants: the
-                integral grows by period times the error at each. Continuous by default.
-        """
         super().__init__()
         checked_choice(structure, STRUCTURES, "structure")
         n, kp = len(gains.kp), gains.kp

@@ -1,13 +1,8 @@
-"""The position loop of a cascade. No state: a function of held samples."""
-
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.primitives import (
-    MatrixGain,
-    Multiplexer,
-)
+from pydrake.systems.primitives import MatrixGain, Multiplexer
 
 from sdt_drake.errors import checked_positive
 from sdt_drake.systems.wiring import Wired
@@ -21,6 +16,9 @@ class PositionLoop(Wired):
     The state must be sampled at the instants of the reference: against the state of now, a held
     q_ref is late by half its period. It does not limit the speed that it asks for.
 
+    Args:
+        position_gain: K_V [1/s], shape (n,), > 0.
+
     .. pydrake_system::
 
         name: PositionLoop
@@ -31,7 +29,6 @@ class PositionLoop(Wired):
     symbol = "v_ref +\nK_V (q_ref - q)"
 
     def __init__(self, *, position_gain: ArrayLike) -> None:
-        """K_V [1/s], shape (n,), > 0."""
         super().__init__()
         position_gain = checked_positive(position_gain, "position_gain")
         n = len(position_gain)

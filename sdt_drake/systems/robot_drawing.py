@@ -1,5 +1,3 @@
-"""The robot in Meshcat while it moves. No state."""
-
 from __future__ import annotations
 
 from itertools import pairwise
@@ -26,7 +24,7 @@ _ROD_RADIUS = 0.07  # m
 
 
 class RobotDrawing(Diagram):
-    """Draws a robot where it is, every `period` [s].
+    """Draws a robot where it is in Meshcat, below the path "/robot", every `period` [s].
 
     As its **file** draws it; changes in memory are not seen. A robot without a single visual gets
     a ball at each joint and rods between them. It moves nothing.
@@ -43,7 +41,6 @@ class RobotDrawing(Diagram):
     symbol = "Meshcat"
 
     def __init__(self, *, robot: Robot, meshcat: Meshcat, period: float = 1 / 32) -> None:
-        """In `meshcat`, below the path "/robot"."""
         super().__init__()
         builder = DiagramBuilder()
         self.scene_graph = SceneGraph()

@@ -1,5 +1,3 @@
-"""The MultibodyPlant behind its gears. State: q and v of the joints."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -16,7 +14,11 @@ class RobotPlant(Diagram):
         joint torque = r tau,    generalised force = -r load_torque
 
     tau and load_torque (what acts beside the plant's own dynamics: disturbance, friction) motor
-    side [N m]. It does not limit the torques.
+    side [N m]. State: q and v of the joints. It does not limit the torques.
+
+    Args:
+        robot: what moves.
+        without_rotor: joints whose motor turns apart from them, shape (n,); none by default.
 
     .. pydrake_system::
 
@@ -31,7 +33,6 @@ class RobotPlant(Diagram):
     symbol = "Multibody\nPlant"
 
     def __init__(self, *, robot: Robot, without_rotor: NDArray[np.bool_] | None = None) -> None:
-        """Of `robot`; without_rotor: joints whose motor turns apart from them, shape (n,)."""
         super().__init__()
         builder = DiagramBuilder()
         self.plant = robot.make_plant()

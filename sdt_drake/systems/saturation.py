@@ -1,13 +1,9 @@
-"""Dynamic saturation of the motors' torque. No state."""
-
 from __future__ import annotations
 
 import numpy as np
 import pydrake.symbolic as sym
 from numpy.typing import ArrayLike
-from pydrake.systems.primitives import (
-    Saturation,
-)
+from pydrake.systems.primitives import Saturation
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, checked_positive
@@ -23,12 +19,19 @@ class DynamicSaturation(SymbolicLaw):
         tau = clip(tau_cmd, -L + min(a, 0), L + max(a, 0))      [N m], motor side
 
     with L the largest motor torque and a the alleviating torque. The paper widens the limit in the
-    direction of the reference acceleration; a always has the sign of that. No state. It does not
-    tell the controller that it saturates.
+    direction of the reference acceleration; a always has the sign of that. It does not tell the
+    controller that it saturates.
 
     With a torque-speed envelope, L falls on a straight line from its full value at the motor speed
     n1 to 0 at n0, in the direction in which the motor turns; against it (braking) the supply
     voltage limits nothing. The block then has one more input, `state`.
+
+    Args:
+        motor_torque_limit: L, motor side [N m], shape (n,), > 0.
+        gear_ratio: r [-], shape (n,), for the envelope.
+        n1, n0: motor speeds of the envelope [rad/s], shape (n,), 0 < n1 < n0; a constant limit
+            by default.
+        widened: whether there is an input `alleviating_torque`; else a = 0.
 
     .. pydrake_system::
 
@@ -48,15 +51,6 @@ class DynamicSaturation(SymbolicLaw):
         n0: ArrayLike | None = None,
         widened: bool = True,
     ) -> None:
-        """Of n motors.
-
-        Args:
-            motor_torque_limit: L, motor side [N m], shape (n,), > 0.
-            gear_ratio: r [-], shape (n,), for the envelope.
-            n1, n0: motor speeds of the envelope [rad/s], shape (n,), 0 < n1 < n0; a constant limit
-                by default.
-            widened: whether there is an input `alleviating_torque`; else a = 0.
-        """
         if (n1 is None) != (n0 is None):
             raise InputError("n1, n0: one is missing, expected both or neither")
         limit = checked_positive(motor_torque_limit, "motor_torque_limit")

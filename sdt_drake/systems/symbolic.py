@@ -1,5 +1,3 @@
-"""A law in symbols, which Drake evaluates without Python and can differentiate."""
-
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,14 +1,9 @@
-"""The torque loop of the drives. State: the torque where it lags, over 100 times its limit."""
-
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context
-from pydrake.systems.primitives import (
-    FirstOrderLowPassFilter,
-    Gain,
-)
+from pydrake.systems.primitives import FirstOrderLowPassFilter, Gain
 
 from sdt_drake.errors import checked_positive
 from sdt_drake.systems.wiring import Wired
@@ -21,6 +16,13 @@ class TorqueLoop(Wired):
 
     Torques motor side [N m]. Without a bandwidth it does not lag, without an error it is exact.
     State, where it lags: the torque over 100 times its limit. It does not limit the torques.
+
+    Args:
+        motor_torque_limit: largest torque of the motors, motor side [N m], shape (n,), > 0; the
+            size of the signal.
+        bandwidth: frequency at which the gain has fallen by 3 dB [Hz], > 0; infinite by
+            default.
+        error: share of the torque [-], shape (n,); 0 by default.
 
     .. pydrake_system::
 
@@ -38,15 +40,6 @@ class TorqueLoop(Wired):
         bandwidth: float | None = None,
         error: ArrayLike | None = None,
     ) -> None:
-        """Of n motors.
-
-        Args:
-            motor_torque_limit: largest torque of the motors, motor side [N m], shape (n,), > 0; the
-                size of the signal.
-            bandwidth: frequency at which the gain has fallen by 3 dB [Hz], > 0; infinite by
-                default.
-            error: share of the torque [-], shape (n,); 0 by default.
-        """
         super().__init__()
         limit = checked_positive(motor_torque_limit, "motor_torque_limit")
         gain = np.ones(len(limit)) if error is None else 1 + np.asarray(error)

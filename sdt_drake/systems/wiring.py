@@ -68,15 +68,13 @@ class Wired(Diagram):
         A log at an instant sees the values from before the updates at that instant: continuous
         signals at t, held ones and what follows from them at t-.
         """
-        sinks: dict[str, VectorLogSink] = {}
+        of_ports: dict[str, VectorLogSink] = {}  # each costs time at every instant of the log
         for name, own in ((name, self._name(name)) for name in signals):
-            same = next((sink for other, sink in sinks.items() if self._name(other) == own), None)
-            if same is None:  # each costs time at every instant of the log
+            if own not in of_ports:
                 port = self._signals[own]
-                same = LogVectorOutput(port, self._builder, publish_period=period)
-                same.set_name(f"log.{name}")
-            sinks[name] = same
-        return sinks
+                of_ports[own] = LogVectorOutput(port, self._builder, publish_period=period)
+                of_ports[own].set_name(f"log.{name}")
+        return {name: of_ports[self._name(name)] for name in signals}
 
     def build(self, *outputs: str) -> None:
         """Connect everything, once; the signals that are outputs of the diagram.
@@ -86,10 +84,9 @@ class Wired(Diagram):
         """
         exported = set[str]()
         for name, port in ((self._name(name), port) for name, port in self._inputs):
-            signal = self._signals.get(name)
-            if signal is not None:
-                _check_length(port, signal)
-                self._builder.Connect(signal, port)
+            if name in self._signals:
+                _check_length(port, self._signals[name])
+                self._builder.Connect(self._signals[name], port)
             elif name in exported:
                 self._builder.ConnectInput(name, port)
             else:
@@ -100,13 +97,8 @@ class Wired(Diagram):
         self._builder.BuildInto(self)
 
     def set_state(self, context: Context, block: System, state: Array) -> None:
-        """Set the state of a block within, however deep, that has a continuous or a discrete one.
-
-        Args:
-            context: of this diagram.
-            block: whose state it is.
-            state: all of it.
-        """
+        """Set all of the state, continuous or discrete, of a block within, however deep; `context`
+        is that of this diagram."""
         own = self.GetMutableSubsystemContext(block, context)
         if own.num_continuous_states():
             own.SetContinuousState(state)
