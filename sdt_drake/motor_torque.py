@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple, cast
+from typing import cast
 
 import numpy as np
 
@@ -20,51 +20,39 @@ _LOOKS = 3  # within a period, at a continuous controller that does not tell its
 _AT_ONCE = 256  # periods: what they need stays in the cache
 
 
-class PeriodTorque(NamedTuple):
-    """Torque of the motors in each interpolation period, each of shape (N, n).
-
-    Attributes:
-        peak: largest magnitude, motor side [N m].
-        rms: root of the mean square, motor side [N m].
-        mean: with its sign, motor side [N m].
-        saturated: share of the period in which the motor gives less than is asked [-].
-    """
-
-    peak: Array
-    rms: Array
-    mean: Array
-    saturated: Array
+def tells_command(loop: Loop) -> bool:
+    """Whether what a loop logs tells its command within a period; else somebody has to look."""
+    own = getattr(type(loop.controller), "memoryless", Controller.memoryless)
+    knows = own is not Controller.memoryless and loop.design.drive.period is None
+    return knows or _is_sampled(loop)
 
 
-def knows_its_command(loop: Loop) -> bool:
-    """Whether a loop's controller tells what it commands within a period, from what is logged."""
-    controller, drive = loop.controller, loop.design.drive
-    if not isinstance(controller, Controller) or controller.is_sampled:
-        return isinstance(controller, Controller)
-    return drive.period is None and type(controller).memoryless is not Controller.memoryless
+def _is_sampled(loop: Loop) -> bool:
+    return isinstance(loop.controller, Controller) and loop.controller.is_sampled
 
 
 def cuts(loop: Loop) -> Array:
     """Between which times of a period a loop's command is smooth, from 0 to the period [s].
 
     A period is one of the drives, or of the reference where they are continuous. The reference may
-    arrive within it, and a controller that does not know its command is looked at within, unless
+    arrive within it, and a controller that does not tell its command is looked at within, unless
     its drive holds what it sees.
     """
     drive = loop.design.drive
     period = drive.period or loop.design.reference.period
-    looks, late = np.array([0.0, period]), drive.reference_delay % period
-    if isinstance(loop.controller, Controller) and loop.controller.is_sampled:
-        return looks
-    if drive.period is None and not knows_its_command(loop):
-        looks = np.linspace(0, period, _LOOKS + 1)
+    late = drive.reference_delay % period
+    if _is_sampled(loop):
+        return np.array([0.0, period])
+    parts = 1 if drive.period or tells_command(loop) else _LOOKS
+    looks = np.linspace(0, period, parts + 1)
     return looks if min(late, period - late) < 1e-6 * period else np.union1d(looks, late)
 
 
 def period_torque(
     loop: Loop, signals: Mapping[str, Array], seen: Array | None = None
-) -> PeriodTorque:
-    """What the motors give in each interpolation period, their limits and drives included.
+) -> dict[str, Array]:
+    """What the motors give in each interpolation period, their limits and drives included: columns
+    of a `Recording`, motor side, shape (N + 1, n): tau_peak, tau_rms, tau_mean and saturated.
 
     A log shows the ends of the periods. At their starts the reference jumps, and with it what the
     controller asks for; while it is held, the integral of the error swings out. So:
@@ -88,25 +76,29 @@ def period_torque(
     rows, n = np.arange(len(signals["tau"]) - 1), loop.design.robot.n
     samples = len(rows) // (len(signals["measured"]) - 1)
     chunks = np.array_split(rows, -(-len(rows) // _AT_ONCE))
-    found = [_in_rows(loop, signals, seen, at, samples) for at in chunks]
-    peak, square, mean, share = (
-        np.vstack(parts).reshape(-1, samples, n) for parts in zip(*found, strict=True)
-    )
-    rms = np.sqrt(square.mean(axis=1))
-    return PeriodTorque(peak.max(axis=1), rms, mean.mean(axis=1), share.mean(axis=1))
+    found = np.hstack([_in_rows(loop, signals, seen, at, samples) for at in chunks])
+    peak, square, mean, share = found.reshape(4, -1, samples, n)
+    start = signals["tau"][:1]
+    columns = {
+        "tau_peak": (np.abs(start), peak.max(axis=1)),
+        "tau_rms": (np.abs(start), np.sqrt(square.mean(axis=1))),
+        "tau_mean": (start, mean.mean(axis=1)),
+        "saturated": (np.zeros_like(start), share.mean(axis=1)),
+    }
+    return {name: np.vstack(parts) for name, parts in columns.items()}
 
 
 def _in_rows(
     loop: Loop, signals: Mapping[str, Array], seen: Array | None, at: Index, samples: int
-) -> tuple[Array, Array, Array, Array]:
+) -> Array:
     """Peak, mean square, mean, and share saturated, of the periods `at`, (M,), of the drives, of
-    which there are `samples` in one of the reference; each (M, n)."""
-    design, controller, i = loop.design, loop.controller, at // samples
+    which there are `samples` in one of the reference; shape (4, M, n)."""
+    design, i = loop.design, at // samples
     ends, period = cuts(loop), design.reference.period
     grid = (np.outer(ends[:-1], 1 - _POINTS) + np.outer(ends[1:], _POINTS)).ravel() / ends[-1]
     newest = i - int(design.drive.reference_delay / period + 1e-6)
     speed = _speeds(signals, i, (at % samples)[:, None] / samples + grid / samples, period)
-    if isinstance(controller, Controller) and controller.is_sampled:
+    if _is_sampled(loop):
         command = np.repeat(signals["tau_cmd"][at + 1, None], len(grid), axis=1)
     elif seen is not None:
         way = _POINTS[:, None]
@@ -119,15 +111,9 @@ def _in_rows(
     given = _given(design.drive, limited, signals["tau"][at], steps * period / samples)
     start, end = given[:, :-1], given[:, 1:]
 
-    def mean(of_parts: Array) -> Array:
-        return np.asarray(np.einsum("g,mgn->mn", steps, of_parts))
-
-    return (
-        np.abs(given).max(axis=1),
-        mean((start**2 + start * end + end**2) / 3),
-        mean((start + end) / 2),
-        mean(saturated_share(command, limited)),
-    )
+    squares, saturated = (start**2 + start * end + end**2) / 3, saturated_share(command, limited)
+    means = [np.einsum("g,mgn->mn", steps, x) for x in (squares, (start + end) / 2, saturated)]
+    return np.stack([np.abs(given).max(axis=1), *means])
 
 
 def _speeds(signals: Mapping[str, Array], i: Index, share: Array, period: float) -> Array:

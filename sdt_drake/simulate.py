@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
-from pydrake.systems.framework import Diagram, System
+from pydrake.systems.framework import Diagram
 
 import sdt_drake
 from sdt_drake.arrays import Array
@@ -18,8 +18,8 @@ from sdt_drake.controllers import own_code
 from sdt_drake.design import Design
 from sdt_drake.errors import InputError, checked_number, checked_type
 from sdt_drake.fields import setting
-from sdt_drake.loops import Loop, make_loop
-from sdt_drake.motor_torque import arrived, cuts, knows_its_command, period_torque
+from sdt_drake.loops import Loop, make_loop, systems_in
+from sdt_drake.motor_torque import arrived, cuts, period_torque, tells_command
 from sdt_drake.progress import told
 from sdt_drake.shown import Shown, Summary, of_joints
 from sdt_drake.tables import check_columns, data_frame, read_table, write_table
@@ -255,11 +255,7 @@ def simulate(
     with own_code(design.scenario.controller.kind):
         try:
             simulator.Initialize()
-            seen = None
-            if knows_its_command(loop):
-                _run(simulator, loop)
-            else:
-                seen = _watch(simulator, loop)
+            seen = _run(simulator, loop)
         except RuntimeError as error:
             reason = " ".join(str(error).split())
             raise InputError(
@@ -269,22 +265,20 @@ def simulate(
     return _recording(loop, loop.recorded(own), seen)
 
 
-def _run(simulator: Simulator, loop: Loop) -> None:
-    """Advance over the motion."""
+def _run(simulator: Simulator, loop: Loop) -> Array | None:
+    """Advance over the motion, looking at what is commanded where `period_torque` needs that."""
     # Only the main thread hears Ctrl-C; in others, listening for it would take the interpreter's
     # lock at every step, and let no two runs go at the same time.
     hears = threading.current_thread() is threading.main_thread()
     samples, period = len(loop.design.motion.v) - 1, loop.design.reference.period
-    for end in told(np.unique(np.linspace(0, samples, _SLICES + 1, dtype=int))[1:]):
-        simulator.AdvanceTo(end * period, interruptible=hears)
-
-
-def _watch(simulator: Simulator, loop: Loop) -> Array:
-    """The same, looking at what is commanded; see `period_torque`."""
-    design, tau_cmd = loop.design, loop.GetOutputPort("tau_cmd")
-    own, looks, seen = loop.GetMyContextFromRoot(simulator.get_context()), cuts(loop), []
+    if tells_command(loop):
+        for end in told(np.unique(np.linspace(0, samples, _SLICES + 1, dtype=int))[1:]):
+            simulator.AdvanceTo(end * period, interruptible=hears)
+        return None
+    own, tau_cmd = loop.GetMyContextFromRoot(simulator.get_context()), loop.GetOutputPort("tau_cmd")
+    looks, seen = cuts(loop), []
     step = looks[-1]
-    rows = round((len(design.motion.v) - 1) * design.reference.period / step)
+    rows = round(samples * period / step)
     for i in told(range(rows)):
         for end in looks[1:]:
             simulator.AdvancePendingEvents()
@@ -295,7 +289,7 @@ def _watch(simulator: Simulator, loop: Loop) -> Array:
 
 
 def _loop_in(design: Design, diagram: Diagram) -> Loop:
-    loops = list(_loops(diagram))
+    loops = [system for system in systems_in(diagram) if isinstance(system, Loop)]
     if len(loops) != 1 or loops[0].design is not design:
         raise InputError(
             f"diagram: {diagram.get_name()!r}, expected the loop of the design or a diagram that "
@@ -304,23 +298,13 @@ def _loop_in(design: Design, diagram: Diagram) -> Loop:
     return loops[0]
 
 
-def _loops(system: System) -> Iterator[Loop]:
-    if isinstance(system, Loop):
-        yield system
-    elif isinstance(system, Diagram):
-        for part in system.GetSystems():
-            yield from _loops(part)
-
-
 def _recording(loop: Loop, signals: Mapping[str, Array], seen: Array | None) -> Recording:
     design = loop.design
     motion, load = design.wanted, design.loads.load_torque
     q, v = np.hsplit(signals["state"], 2)
     q_seen, v_seen = np.hsplit(signals["measured"], 2)
-    within = period_torque(loop, signals, seen)
     samples = (len(signals["tau"]) - 1) // (len(q) - 1)
     torques = {name: signals[name][::samples] for name in ("tau_cmd", "tau_limited", "tau")}
-    start = torques["tau"][:1]
     return Recording(
         time=motion.time,
         q_ref=motion.q,
@@ -328,14 +312,11 @@ def _recording(loop: Loop, signals: Mapping[str, Array], seen: Array | None) -> 
         q=q,
         v=v,
         load_torque=load[arrived(design, len(load))],  # as a hold has it just before each update
-        tau_peak=np.vstack([np.abs(start), within.peak]),
-        tau_rms=np.vstack([np.abs(start), within.rms]),
-        tau_mean=np.vstack([start, within.mean]),
-        saturated=np.vstack([np.zeros_like(start), within.saturated]),
         beyond_stop=_beyond_stop(design, q),
         q_measured=q_seen,
         v_measured=v_seen,
         **torques,
+        **period_torque(loop, signals, seen),
     )
 
 

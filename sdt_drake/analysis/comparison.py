@@ -84,7 +84,7 @@ class Compared:
     @cached_property
     def blocks(self) -> int:
         """Number of Drake systems in the loop, those in sub-diagrams one by one."""
-        return len(list(blocks_of(make_loop(self.design))))
+        return len(blocks_of(make_loop(self.design)))
 
     @property
     def needs(self) -> tuple[str, ...]:

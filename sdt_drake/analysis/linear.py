@@ -6,7 +6,6 @@ process then has the zero-order-hold map of its period.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -24,7 +23,7 @@ from sdt_drake.arrays import Array
 from sdt_drake.controllers import CONTROLLERS, Controller
 from sdt_drake.design import Design
 from sdt_drake.errors import InputError, checked_type, needing
-from sdt_drake.loops import make_process
+from sdt_drake.loops import blocks_of, make_process
 from sdt_drake.shown import Shown, Summary
 
 if TYPE_CHECKING:
@@ -236,20 +235,11 @@ def _of_joints(n: int, *names: str) -> list[str]:
 def _state_names(system: System) -> list[str]:
     """Of the continuous state, or else the discrete one, by the names of the blocks."""
     names = []
-    for block in _leaves(system):
+    for block in blocks_of(system):  # in the order of their states
         context = block.CreateDefaultContext()
         size = context.num_continuous_states() or context.num_total_states()
         names += _of_joints(size, block.get_name())
     return names
-
-
-def _leaves(system: System) -> Iterator[System]:
-    """The blocks in the order of their states."""
-    if isinstance(system, Diagram):
-        for inner in system.GetSystems():
-            yield from _leaves(inner)
-    else:
-        yield system
 
 
 def linearise(design: Design, sample: int = 0) -> LinearLoop:

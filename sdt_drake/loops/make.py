@@ -208,13 +208,17 @@ def _checked_controller(controller: System, n: int) -> System:
     return controller
 
 
-def blocks_of(diagram: Diagram) -> Iterator[System]:
-    """The systems of a loop, those in sub-diagrams one by one, without logs."""
-    for system in diagram.GetSystems():
-        if isinstance(system, Diagram):
-            yield from blocks_of(system)
-        elif not isinstance(system, VectorLogSink):
-            yield system
+def systems_in(system: System) -> Iterator[System]:
+    """The system itself and, if it is a diagram, all systems in it, however deep."""
+    yield system
+    if isinstance(system, Diagram):
+        for inner in system.GetSystems():
+            yield from systems_in(inner)
+
+
+def blocks_of(system: System) -> list[System]:
+    """The systems that a loop or another system consists of in the end, without logs."""
+    return [s for s in systems_in(system) if not isinstance(s, Diagram | VectorLogSink)]
 
 
 def _add_load_torque(diagram: Wired, design: Design, controller: System, widened: bool) -> None:
