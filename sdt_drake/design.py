@@ -61,8 +61,8 @@ class Design(Shown):
         wanted: the planned motion, feasible for the nominal robot; errors are against it.
         motion: the reference: `wanted` itself, or what flights of it have taught, feasible, too.
         nominal_torques: inverse dynamics of the nominal links along the motion, joint side.
-        torques: the same of `loaded_robot`.
-        model_torques: the same of `model`.
+        torques: those of `loaded_robot` along it, joint side.
+        model_torques: those of `model` along it, joint side.
         loads: of each motor by Algorithm 1 with the scenario's sign, motor side.
         inertia: range of the effective inertia along the motion, motor side.
         i_eff: inertia of the axis process, motor side [kg m²], shape (n,).

@@ -66,9 +66,17 @@ def write_diagram(
     Raises:
         InputError: for another format, or if Graphviz is needed and missing.
     """
-    path = Path(path)
     checked_choice(format_, FORMATS, "format")
     text = (drake_dot_text if drake else dot_text)(diagram, max_depth=max_depth)
+    return write_dot(text, Path(path), format_)
+
+
+def write_dot(text: str, path: Path, format_: str) -> Path:
+    """Write a text in Graphviz' language as one of FORMATS.
+
+    Raises:
+        InputError: if Graphviz is needed and missing.
+    """
     with replacing(path) as partial:
         if format_ == "dot":
             partial.write_text(text, encoding="utf-8")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -39,8 +40,31 @@ class OpenPage:
         return iter((self.page, self.errors, self.requests))
 
 
+@pytest.fixture(scope="session")
+def browser():
+    """Chromium, started once for all pages of a process.
+
+    Tests are skipped where it or Playwright is missing.
+    """
+    playwright = pytest.importorskip("playwright.sync_api")
+    chromium = next(filter(None, map(shutil.which, NAMES)), None)
+    if chromium is None:
+        pytest.skip("needs Chromium")
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=chromium, args=list(FLAGS))
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def open_page(browser):
+    """Opens a local HTML file: `with open_page(path) as (page, errors, requests)`."""
+    return functools.partial(_open_page, browser)
+
+
 @contextlib.contextmanager
-def open_page(
+def _open_page(
+    browser,
     path: str | Path,
     *,
     width: int = 1280,
@@ -48,38 +72,28 @@ def open_page(
     dark: bool = False,
     javascript: bool = True,
 ) -> Iterator[OpenPage]:
-    """Open a local HTML file; the test is skipped where Chromium or Playwright is missing.
-
-    Use as `with open_page(path) as (page, errors, requests)`.
-    """
-    playwright = pytest.importorskip("playwright.sync_api")
-    chromium = next(filter(None, map(shutil.which, NAMES)), None)
-    if chromium is None:
-        pytest.skip("needs Chromium")
     address = Path(path).resolve().as_uri()
-    with playwright.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=chromium, args=list(FLAGS))
-        page = browser.new_page(
-            viewport={"width": width, "height": height},
-            color_scheme="dark" if dark else "light",
-            java_script_enabled=javascript,
-        )
-        opened = OpenPage(page)
+    page = browser.new_page(
+        viewport={"width": width, "height": height},
+        color_scheme="dark" if dark else "light",
+        java_script_enabled=javascript,
+    )
+    opened = OpenPage(page)
 
-        def answer(route) -> None:
-            url = route.request.url
-            if url.split("#")[0] == address or url.startswith(("data:", "blob:")):
-                route.continue_()
-            else:
-                opened.requests.append(url)
-                route.abort()
+    def answer(route) -> None:
+        url = route.request.url
+        if url.split("#")[0] == address or url.startswith(("data:", "blob:")):
+            route.continue_()
+        else:
+            opened.requests.append(url)
+            route.abort()
 
-        page.on("console", lambda m: m.type == "error" and opened.errors.append(m.text))
-        page.on("pageerror", lambda error: opened.errors.append(str(error)))
-        page.on("websocket", lambda socket: opened.requests.append(socket.url))
-        page.route("**/*", answer)
-        try:
-            page.goto(address)
-            yield opened
-        finally:
-            browser.close()
+    page.on("console", lambda m: m.type == "error" and opened.errors.append(m.text))
+    page.on("pageerror", lambda error: opened.errors.append(str(error)))
+    page.on("websocket", lambda socket: opened.requests.append(socket.url))
+    page.route("**/*", answer)
+    try:
+        page.goto(address)
+        yield opened
+    finally:
+        page.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import io
 import os
 import signal
@@ -26,7 +27,16 @@ from sdt_drake.motion import Motion
 from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import load_scenario
 
-pytest_plugins = ["command_line"]  # its fixtures
+pytest_plugins = ["browser", "command_line"]  # their fixtures
+
+gc.disable()  # until all tests are collected
+
+
+def pytest_collection_finish():
+    """What is imported and collected by now stays: nobody looks for garbage in it again and
+    again."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(autouse=True)

@@ -9,7 +9,6 @@ import shutil
 from pathlib import Path
 
 import pytest
-from browser import open_page
 from command_line import AXIS, snapshot
 from matplotlib.figure import Figure
 
@@ -104,7 +103,7 @@ def test_reproduce_ends_with_the_page_and_report_makes_the_same(folder, capsys):
     assert (folder / REPORT).read_bytes() == made
 
 
-def test_studies_in_the_folder_become_chapters(folder, desk):
+def test_studies_in_the_folder_become_chapters(open_page, folder, desk):
     base = load_scenario(AXIS)
     ratios = Variable("zeta", ["controller.zeta"], "factor", Uniform(0.8, 1.0))
     study = Study("own", draws=4, variables=[ratios])
@@ -121,7 +120,7 @@ def test_studies_in_the_folder_become_chapters(folder, desk):
         assert (errors, requests) == ([], [])
 
 
-def test_the_page_shows_the_device(reproduced):
+def test_the_page_shows_the_device(open_page, reproduced):
     with open_page(reproduced / REPORT) as (tab, errors, requests):
         tab.locator(".recording button").click()
         tab.frame_locator("iframe").locator("canvas").first.wait_for(timeout=60_000)

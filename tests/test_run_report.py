@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import open_page
 from command_line import RUN, SHORT
 
 from sdt_drake.analysis.panels import MOST, Line, Panel
@@ -76,7 +75,7 @@ def test_a_page_gets_every_sample_or_every_peak():
     assert marked.spans() == [(0, 0), (0.01, 0.02)]
 
 
-def test_plots_of_the_page_are_zoomed_and_read_off(good, desk, given):
+def test_plots_of_the_page_are_zoomed_and_read_off(open_page, good, desk, given):
     given("short.yaml", f"{SHORT}feels: a turn to the right\n")
     said = good("simulate", RUN, "--out", "report.html").out
     good("simulate", RUN, "--out", "run.csv")

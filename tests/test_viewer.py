@@ -8,7 +8,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from browser import open_page
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import JacobianWrtVariable
@@ -170,7 +169,7 @@ def colours(page):
     )
 
 
-def test_page_plays_alone(robot, page_file):
+def test_page_plays_alone(open_page, robot, page_file):
     text = page_file.read_text(encoding="utf-8")
     assert "<title>Leans &lt;1&gt;</title>" in text and "<b>Leans &lt;1&gt;</b>" in text
     assert not re.search(r"<(script|link|img)[^>]*(src|href)=.?https?:", text)
@@ -208,7 +207,7 @@ def test_page_plays_alone(robot, page_file):
         assert page.is_disabled("#sdt-play")
 
 
-def test_page_tells_angles_g_and_segments(robot, page_file):
+def test_page_tells_angles_g_and_segments(open_page, robot, page_file):
     q = smooth(robot)[0]
     frames = make_frames(robot, TIME, q)
     with open_page(page_file, **SMALL) as (page, errors, requests):
@@ -234,7 +233,7 @@ def test_page_tells_angles_g_and_segments(robot, page_file):
         assert errors == [] and requests == []
 
 
-def test_pilots_view_rides_along(robot, tmp_path):
+def test_pilots_view_rides_along(open_page, robot, tmp_path):
     q = smooth(robot)[0]
     frames = make_frames(robot, TIME, q)
     head = frames.head
@@ -258,7 +257,7 @@ def test_pilots_view_rides_along(robot, tmp_path):
         assert errors == []
 
 
-def test_robot_without_a_head_and_without_visuals(tmp_path):
+def test_robot_without_a_head_and_without_visuals(open_page, tmp_path):
     other = without_head(tmp_path)
     q = smooth(other)[0]
     frames = make_frames(other, TIME, q)

@@ -11,7 +11,7 @@ from pydrake.systems.framework import Diagram
 from sdt_drake import paper
 from sdt_drake.control import tune
 from sdt_drake.design import Design
-from sdt_drake.graphviz import has_graphviz, write_diagram
+from sdt_drake.graphviz import dot_text, has_graphviz, write_dot
 from sdt_drake.loops import make_loop, make_step_loop
 from sdt_drake.scenario import load_scenario
 
@@ -48,6 +48,6 @@ def write_block_diagram(name: str, base: Design, folder: str | Path) -> list[Pat
         base: any design of the reference device and motion.
         folder: made if need be.
     """
-    diagram, path = DIAGRAMS[name](base), Path(folder) / name
+    text, path = dot_text(DIAGRAMS[name](base)), Path(folder) / name
     formats = ("dot", "svg") if has_graphviz() else ("dot",)
-    return [write_diagram(diagram, path.with_suffix(f".{x}"), format_=x) for x in formats]
+    return [write_dot(text, path.with_suffix(f".{x}"), x) for x in formats]

@@ -8,7 +8,6 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from browser import open_page
 
 from sdt_drake.analysis.claims import VERDICTS
 from sdt_drake.analysis.document import (
@@ -194,7 +193,7 @@ def test_nothing_is_loaded_from_elsewhere(page):
     assert len(links) > 8 and set(links) <= set(ids)
 
 
-def test_filter_theme_and_recording_work_without_complaint(page):
+def test_filter_theme_and_recording_work_without_complaint(open_page, page):
     with open_page(page) as (tab, errors, requests):
         shown = tab.locator("article:visible")
         everything = shown.count()
@@ -220,7 +219,7 @@ def test_filter_theme_and_recording_work_without_complaint(page):
         assert errors == [] and requests == []
 
 
-def test_light_and_dark_on_any_width_and_on_paper(page):
+def test_light_and_dark_on_any_width_and_on_paper(open_page, page):
     with open_page(page, width=1280) as (tab, errors, _):
         light = tab.evaluate(GROUND)
         for dark in (False, True):
@@ -249,7 +248,7 @@ def test_light_and_dark_on_any_width_and_on_paper(page):
         assert errors == []
 
 
-def test_without_scripts_all_is_there_but_buttons_and_dark_is_dark(page):
+def test_without_scripts_all_is_there_but_buttons_and_dark_is_dark(open_page, page):
     with open_page(page, javascript=False, dark=True) as (tab, errors, _):
         assert tab.locator("article:visible").count() > 20
         assert tab.locator("button:visible").count() == 0

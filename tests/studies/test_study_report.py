@@ -8,7 +8,6 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 import sharing
-from browser import open_page
 from synthetic import CONTROLLERS, make_table, small_table
 
 from sdt_drake.analysis.document import Details, Section, Table
@@ -187,7 +186,7 @@ def test_a_chapter_has_what_matters_most(copied):
     assert " runs, each" in chapter.blocks[0].text and (copied / "tornado.svg").exists()
 
 
-def test_in_a_browser(document, tmp_path):
+def test_in_a_browser(open_page, document, tmp_path):
     path = tmp_path / "report.html"
     path.write_text(document.html(), encoding="utf-8")
     with open_page(path, width=390) as (tab, errors, requests):
