@@ -1,10 +1,18 @@
-"""Robots from tables of Denavit and Hartenberg, as SDF: those whose recordings are in shared/data.
+"""Robots from tables of Denavit and Hartenberg, as SDF: two of which recordings are published.
+
+The recordings have licences of their own and are not part of the project. Tests that need them are
+skipped unless a folder has them, `$SDT_RECORDINGS` or else `shared/data` beside the project:
+ur10/exciting.csv (of github.com/unisa-acg/inverse-dynamics-solver; time, q_k, v_k, tau_k, joint
+side) and kuka_kr300/recording_A.csv, recording_B.csv (of github.com/JonasWeigand/
+Robot_Identification; time, q_ref_k, v_ref_k, vd_ref_k, q_motor_k, q_link_k, joint side,
+motor_torque_k, motor_feedforward_k, motor side), in SI units.
 
 Link k is turned and moved from link k - 1 by Rz(q + theta) Tz(d) Tx(a) Rx(alpha) (the standard
 convention). The frame of a link is that of the table, in which centres of mass are published, and
 its joint turns about z of the link before.
 """
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,8 +20,9 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
-needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="recordings of real robots are not here")
+_BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
+DATA = Path(os.environ.get("SDT_RECORDINGS", _BESIDE))
+needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="$SDT_RECORDINGS: no such folder")
 
 _LINK = """
     <link name="link_{k}">
@@ -112,7 +121,7 @@ def _told(pose: RigidTransform) -> str:
 
 _RIGHT = np.pi / 2
 
-UR10 = DhTable(  # what shared/data/README.md says of it; the motors' inertia is in no table
+UR10 = DhTable(  # the maker's; the motors' inertia is in no table
     name="ur10",
     d=[0.1273, 0.0, 0.0, 0.163941, 0.1157, 0.0922],
     a=[0.0, -0.612, -0.5723, 0.0, 0.0, 0.0],
@@ -134,7 +143,7 @@ UR10 = DhTable(  # what shared/data/README.md says of it; the motors' inertia is
     gear_ratio=[1.0] * 6,
 )
 
-KUKA_KR300 = DhTable(  # likewise; angles are those of its recordings. Centres of mass are assumed.
+KUKA_KR300 = DhTable(  # of its recordings, as are its angles; centres of mass are assumed
     name="kuka_kr300",
     d=[-0.675, -0.189, 0.189, -1.0, 0.0, -0.24],
     a=[0.350, 1.15, 0.041, 0.0, 0.0, 0.0],
