@@ -19,12 +19,14 @@ from pydrake.systems.primitives import (
     ZeroOrderHold,
 )
 
+from sdt_drake import loops
 from sdt_drake.analysis.block_diagrams import DIAGRAMS
 from sdt_drake.block_diagram import drawn, walk
 from sdt_drake.block_diagram.layout import Layout
 from sdt_drake.block_diagram.routing import routed
 from sdt_drake.block_diagram.text import rich, text_size
 from sdt_drake.control import tune
+from sdt_drake.device import Friction
 from sdt_drake.loops import make_step_loop
 
 
@@ -304,6 +306,16 @@ def test_lines_lead_from_block_to_block_without_running_on_others(page):
             used[min(a, b), max(a, b)] += 1
         earlier.update(line)
     assert set(router.lines) == set(picture.wires) and set(used.values()) == {1}
+
+
+def test_what_stands_highest_enters_a_sum_from_above_so_that_no_other_crosses_it(designed):
+    design = designed("coupled_pi", {"plant.friction": Friction([300.0] * 4)})
+    router = routed(walk(loops.make_loop(design)))
+    lines = {w.source[-1]: line for w, line in router.lines.items() if w.target[-1] == "true_load"}
+    (left, right), (before, (x, y)) = lines.values(), lines["friction"][-2:]
+
+    assert before == (x, y - 1)
+    assert not set(left) & set(right)
 
 
 def inside(rect, point):

@@ -52,14 +52,13 @@ class Layout:
     Attributes:
         rects: by path, of blocks and of frames.
         back: wires that run from right to left.
-        fed: those and all that carry on what these bring, and nothing else.
     """
 
     def __init__(self, picture: BlockDiagram, *, gap: int = GAP) -> None:
         self.picture = picture
         self.gap = gap
         self.back: set[Wire] = set()
-        self.fed: set[Wire] = set()
+        self._fed: set[Wire] = set()  # back, and all that carry on what these bring alone
         self._below: set[Path] = set()  # what is fed back
         self.rects = self._placed(picture.frame)
 
@@ -159,14 +158,14 @@ class Layout:
                 core = _cyclic(ahead)
                 ahead = [edge for edge in ahead if edge[1] != path or edge not in core]
         self.back.update(*(edges[edge] for edge in edges.keys() - set(ahead)))
-        self.fed |= self.back
+        self._fed |= self.back
         order = _sorted(items, ahead)
         for path in order:
             leaving = {w for w in self.picture.wires if within.get(w.source) == path} - self.back
             entering = {w for w in self.picture.wires if within.get(w.target) == path} - leaving
-            if entering and entering <= self.fed:
+            if entering and entering <= self._fed:
                 self._below.add(path)
-                self.fed |= leaving
+                self._fed |= leaving
         longest: dict[Path, list[Path]] = {}
         for path in reversed(order):
             tails = [longest[t] for s, t in ahead if s == path]

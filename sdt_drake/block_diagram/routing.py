@@ -43,6 +43,10 @@ class Router:
         self.lines: dict[Wire, list[Point]] = {}
         self.joints: set[Point] = set()
         self._blocks = {block.path: block for block in picture.frame.blocks()}
+        self._highest = {
+            path: min(self.rects[w.source].y for w in picture.wires if w.target == path)
+            for path in {wire.target for wire in picture.wires}
+        }
         self._trees: dict[Signal, set[Point]] = {}
         # What a step to a point along an axis costs.
         size = int(around.right - around.left) + 1, int(around.bottom - around.top) + 1
@@ -101,14 +105,15 @@ class Router:
         return {state: cost for state, cost in outlets.items() if not self._used[state[0]]}
 
     def _inlets(self, wire: Wire) -> dict[_State, float]:
-        """Ends for a line: what each costs. What is fed back comes from below, if it can."""
-        rect = self.rects[wire.target]
+        """Ends for a line: what each costs. From above comes what stands highest, if it can."""
+        rect, source = self.rects[wire.target], self.rects[wire.source]
+        is_highest = source.bottom <= rect.top and source.y == self._highest[wire.target]
         ys = _cells(rect.top + 1, rect.bottom)
         inlets = {((int(rect.left), y), 0): _ASIDE * abs(y - rect.y) for y in ys}
         if self._blocks[wire.target].shape != "end":
             for x in _cells(rect.left + 1, rect.right):
                 cost = 1.0 + abs(x - (rect.left + rect.right) // 2)
-                inlets[(x, int(rect.top)), 1] = cost + _FROM_ABOVE * (wire in self.layout.fed)
+                inlets[(x, int(rect.top)), 1] = cost + _FROM_ABOVE * (not is_highest)
                 inlets[(x, int(rect.bottom)), 3] = cost
         return {state: cost for state, cost in inlets.items() if not self._used[state[0]]}
 
