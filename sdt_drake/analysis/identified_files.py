@@ -17,6 +17,7 @@ from sdt_drake.identification.model import PlantFriction, save_robot
 from sdt_drake.identification.procedure import Identified
 from sdt_drake.identification.uncertainty import directions
 from sdt_drake.motion import Motion
+from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.robot import DEFAULT_ROBOT, Robot, load_robot
 from sdt_drake.scenario import Scenario, load_scenario, save_scenario
 from sdt_drake.tables import write_table
@@ -89,7 +90,7 @@ def recorded_motion(found: Identified, period: float) -> Motion:
     longest = max(stretches(found.recordings[0])[0], key=lambda part: len(part.q) * part.period)
     motion = smooth(longest, found.cutoff)
     time = np.arange(motion.time[0], motion.time[-1], period)
-    v = np.column_stack([np.interp(time, motion.time, x) for x in motion.v.T])
+    v = interpolated(time, motion.time, motion.v)
     return Motion.from_speeds(period, motion.q[0], v)
 
 

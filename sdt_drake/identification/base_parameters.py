@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from sdt_drake.arrays import Array, Index
+from sdt_drake.errors import InputError
 from sdt_drake.identification.regressor import PARAMETERS, Bodies, regressor
 from sdt_drake.robot import Robot
 
@@ -81,20 +82,59 @@ def rigid_parameters(robot: Robot) -> Array:
     return np.concatenate([Bodies.of(robot).parameters.ravel(), robot.reflected_inertia])
 
 
-def random_columns(robot: Robot) -> Array:
-    """`rigid_columns` of random motions, shape (rows, 11 n): what is tied there is tied always."""
-    rng = np.random.default_rng(0)
-    q, v, vd = rng.uniform(-np.pi, np.pi, (3, _SAMPLES, robot.n))
-    return rigid_columns(robot, q, v, vd).reshape(-1, 11 * robot.n)
+@dataclass(frozen=True, eq=False)
+class Unknown:
+    """Which of `rigid_columns` are unknown; the others are those of the robot's file.
+
+    Attributes:
+        columns: the unknown ones.
+        base: base parameters of these.
+    """
+
+    columns: Index
+    base: BaseParameters
+
+    @property
+    def independent(self) -> Index:
+        """Those of `rigid_columns` that the base parameters are named after."""
+        return self.columns[self.base.independent]
+
+    @staticmethod
+    def everything(robot: Robot) -> Unknown:
+        """Links and motors."""
+        # Masses are last: they are what can be said by others; motors after them.
+        links = np.arange(10 * robot.n)
+        is_mass = links % 10 == 0
+        order = [*links[~is_mass], *links[is_mass], *range(10 * robot.n, 11 * robot.n)]
+        return _unknown(robot, np.arange(11 * robot.n), np.array(order))
+
+    @staticmethod
+    def body(robot: Robot, link: str) -> Unknown:
+        """The ten parameters of the body that a link is part of.
+
+        Raises:
+            InputError: if no joint turns such a link.
+        """
+        names = Bodies.of(robot).names
+        found = [k for k, name in enumerate(names) if link in name.split(" + ")]
+        if not found:
+            there = "; ".join(names)
+            raise InputError(f"{robot.path}: no link '{link}' that moves, expected one of {there}")
+        columns = 10 * found[0] + np.arange(len(PARAMETERS))
+        return _unknown(robot, columns, np.array([*range(1, 10), 0]))
+
+    @staticmethod
+    def nothing() -> Unknown:
+        """All is known."""
+        return Unknown(np.arange(0), BaseParameters((), np.arange(0), np.zeros((0, 0))))
 
 
-def base_parameters(robot: Robot) -> BaseParameters:
-    """Base parameters of links and motors."""
-    # Masses are last: they are what can be said by others; motors after them.
-    links = np.arange(10 * robot.n)
-    is_mass = links % 10 == 0
-    order = [*links[~is_mass], *links[is_mass], *range(10 * robot.n, 11 * robot.n)]
-    return base_parameters_of(random_columns(robot), rigid_names(robot), np.array(order))
+def _unknown(robot: Robot, columns: Index, order: Index) -> Unknown:
+    """Of random motions: what is tied there is tied always; `order` as of `base_parameters_of`."""
+    q, v, vd = np.random.default_rng(0).uniform(-np.pi, np.pi, (3, _SAMPLES, robot.n))
+    every = rigid_columns(robot, q, v, vd).reshape(-1, 11 * robot.n)
+    names = tuple(rigid_names(robot)[i] for i in columns)
+    return Unknown(columns, base_parameters_of(every[:, columns], names, order))
 
 
 def base_parameters_of(columns: Array, names: tuple[str, ...], order: Index) -> BaseParameters:

@@ -27,7 +27,7 @@ from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
-from sdt_drake.identification.equations import Unknown
+from sdt_drake.identification.base_parameters import Unknown
 from sdt_drake.robot import Robot
 from sdt_drake.sdf import SYMMETRIC, body_of, pseudo_inertia, symmetric
 
@@ -131,7 +131,7 @@ def nearest_consistent(
         Z = program.NewSymmetricContinuousVariables(4)
         program.AddMaximizeLogDeterminantCost(Z)
         program.AddLinearCost(Z[0, 0] + Z[1, 1] + Z[2, 2] + Z[3, 3])
-        maps.append(_effect(robot, link))
+        maps.append(effect_of(robot, link, _root(link.pseudo)))
         unknowns.append(np.array([Z[i, j] for i, j in SYMMETRIC]))
     scale = motor_scale(robot)
     is_free = np.isin(10 * robot.n + np.arange(robot.n), unknown.columns)
@@ -172,14 +172,13 @@ def nearest_consistent(
     return Consistent(links, pseudo, phi[10 * robot.n :], K @ phi[unknown.columns])
 
 
-def _effect(robot: Robot, link: Link) -> Array:
-    """Of the ten entries of Z on all parameters, shape (11 n, 10)."""
-    root, effect = _root(link.pseudo), np.zeros((11 * robot.n, 10))
-    for column, (i, j) in enumerate(SYMMETRIC):
-        unit = np.zeros((4, 4))
-        unit[i, j] = unit[j, i] = 1.0
-        rows = slice(10 * link.body, 10 * link.body + 10)
-        effect[rows, column] = parameters_of(root @ unit @ root.T)
+def effect_of(robot: Robot, link: Link, factor: Array) -> Array:
+    """Of the ten entries SYMMETRIC of Z on all parameters, shape (11 n, 10), where the link has the
+    pseudo-inertia F Z F' in the frame of its body, F the factor."""
+    effect = np.zeros((11 * robot.n, 10))
+    units = map(symmetric, np.eye(10))
+    own = [parameters_of(factor @ unit @ factor.T) for unit in units]
+    effect[10 * link.body : 10 * link.body + 10] = np.column_stack(own)
     return effect
 
 

@@ -10,50 +10,13 @@ from typing import Any
 import numpy as np
 
 from sdt_drake.arrays import Array, Index, Mask
-from sdt_drake.identification.base_parameters import (
-    BaseParameters,
-    base_parameters,
-    base_parameters_of,
-    random_columns,
-    rigid_columns,
-    rigid_names,
-    rigid_parameters,
-)
+from sdt_drake.identification.base_parameters import Unknown, rigid_columns, rigid_parameters
 from sdt_drake.identification.filtering import Smooth, Stretch, compared, low_pass, smooth
 from sdt_drake.identification.friction import Law, Term, laws, terms_of
 from sdt_drake.robot import Robot
 
 _SLOW = 0.01
 """Of the largest speed: below that, nobody takes a joint to slide."""
-
-
-@dataclass(frozen=True, eq=False)
-class Unknown:
-    """Which of `rigid_columns` are unknown; the others are those of the robot's file.
-
-    Attributes:
-        columns: the unknown ones.
-        base: base parameters of these.
-    """
-
-    columns: Index
-    base: BaseParameters
-
-    @staticmethod
-    def everything(robot: Robot) -> Unknown:
-        return Unknown(np.arange(11 * robot.n), base_parameters(robot))
-
-    @staticmethod
-    def body(robot: Robot, k: int) -> Unknown:
-        """The ten parameters of the body that joint k, from 0, turns."""
-        columns = np.arange(10 * k, 10 * k + 10)
-        names = tuple(rigid_names(robot)[i] for i in columns)
-        few = random_columns(robot)[:, columns]
-        return Unknown(columns, base_parameters_of(few, names, np.array([*range(1, 10), 0])))
-
-    @staticmethod
-    def nothing() -> Unknown:
-        return Unknown(np.arange(0), BaseParameters((), np.arange(0), np.zeros((0, 0))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +140,7 @@ def _rows(
         "tau": motion.tau,
         "known": columns[:, :, is_known] @ parameters[is_known],
         "nominal": columns @ parameters + robot.damping * motion.v,
-        "rigid": columns[:, :, unknown.columns[unknown.base.independent]],
+        "rigid": columns[:, :, unknown.independent],
         "friction": np.stack(friction, axis=1),
         "moves": (np.abs(motion.v) > slowest).astype(float),
     }

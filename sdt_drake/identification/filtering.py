@@ -14,6 +14,7 @@ import numpy as np
 from sdt_drake.arrays import Array, Index
 from sdt_drake.errors import InputError, needing
 from sdt_drake.identification.recordings import Recorded
+from sdt_drake.motion.trajectory import interpolated
 
 with needing("identification needs scipy", "sdt_drake[identify]"):
     from scipy.interpolate import make_interp_spline
@@ -110,7 +111,7 @@ def _even(recorded: Recorded, rows: Index, period: float, *, resample: bool) -> 
     if "tau_mean" in recorded.signals:
         tau = _of_means(time, recorded.signals["tau_mean"][rows], even)
     elif resample:
-        tau = np.column_stack([np.interp(even, time, x) for x in tau.T])
+        tau = interpolated(even, time, tau)
     if resample:
         q = make_interp_spline(time, q, k=3)(even)
     else:

@@ -9,14 +9,14 @@ import numpy as np
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
-from sdt_drake.identification.base_parameters import rigid_parameters
+from sdt_drake.identification.base_parameters import Unknown, rigid_parameters
 from sdt_drake.identification.consistency import (
     Consistent,
     links_of,
     motor_scale,
     nearest_consistent,
 )
-from sdt_drake.identification.equations import Equations, Unknown, equations
+from sdt_drake.identification.equations import Equations, equations
 from sdt_drake.identification.estimation import Estimate, Prior, estimate
 from sdt_drake.identification.filtering import Stretch, stretches
 from sdt_drake.identification.friction import USUAL
@@ -170,16 +170,11 @@ def _check_alive(recorded: Recorded) -> None:
 
 def _unknown(robot: Robot, only: str | None, payload: str) -> tuple[Unknown, list[str]]:
     """What is to be found, and the links that may change."""
-    links = {link.name: link for link in links_of(robot)}
     if only == "friction":
         return Unknown.nothing(), []
     if only == "payload":
-        if payload not in links:
-            raise InputError(
-                f"{robot.path}: no link '{payload}', expected one of {', '.join(links)}"
-            )
-        return Unknown.body(robot, links[payload].body), [payload]
-    return Unknown.everything(robot), list(links)
+        return Unknown.body(robot, payload), [payload]
+    return Unknown.everything(robot), [link.name for link in links_of(robot)]
 
 
 def belief(robot: Robot, unknown: Unknown) -> Prior:
@@ -189,14 +184,8 @@ def belief(robot: Robot, unknown: Unknown) -> Prior:
     mass = np.maximum(bodies.parameters[:, 0], 1e-3 * bodies.parameters[:, 0].sum())
     trace = bodies.parameters[:, [4, 7, 9]].sum(axis=1) / 2
     gyration = np.maximum(trace / mass, 0.05**2)  # m², about the frame
-    ones = np.ones((1, 3)), np.ones((1, 6))
-    scale = np.hstack(
-        [
-            mass[:, None],
-            (mass * np.sqrt(gyration))[:, None] * ones[0],
-            (mass * gyration)[:, None] * ones[1],
-        ]
-    )
+    # Of mass, first moments and inertias.
+    scale = np.repeat(mass * gyration ** np.array([[0], [0.5], [1]]), [1, 3, 6], axis=0).T
     whole = _BELIEF * np.concatenate([scale.ravel(), motor_scale(robot)])
     K = unknown.base.combination
     covariance = (K * whole[unknown.columns] ** 2) @ K.T

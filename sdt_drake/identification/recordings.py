@@ -11,6 +11,7 @@ import numpy as np
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
 from sdt_drake.fields import setting
+from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.robot import Robot
 from sdt_drake.tables import Numbers, read_numbers
 from sdt_drake.yaml_files import load_yaml
@@ -162,8 +163,7 @@ def read_recording(
             numbers.check_finite(found)
             signals[name] = numbers.data[:, found]
     if "tau" in signals and columns.torque_delay != 0:
-        at = time + columns.torque_delay
-        signals["tau"] = np.column_stack([np.interp(at, time, x) for x in signals["tau"].T])
+        signals["tau"] = interpolated(time + columns.torque_delay, time, signals["tau"])
     return Recorded(numbers.path, time, _converted(signals, robot, columns, side), own)
 
 

@@ -6,17 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sdt_drake.arrays import Array, Index
-from sdt_drake.errors import InputError
-from sdt_drake.identification.base_parameters import (
-    BaseParameters,
-    base_parameters,
-    base_parameters_of,
-    rigid_columns,
-    rigid_names,
-    rigid_parameters,
-)
-from sdt_drake.identification.regressor import PARAMETERS, Bodies
+from sdt_drake.arrays import Array
+from sdt_drake.identification.base_parameters import Unknown, rigid_columns, rigid_parameters
 from sdt_drake.robot import Robot
 
 NOISE = 0.01  # of the largest torque of each joint
@@ -31,15 +22,13 @@ class Target:
 
     Attributes:
         robot: gives kinematics, limits, and what is expected.
-        base: base parameters of some of `rigid_columns`.
-        columns: which these are.
+        unknown: of its links and motors.
         friction: whether viscous and Coulomb friction and an offset of each joint are unknown, too.
         noise: standard deviation of the torques in each sample, joint side [N m], shape (n,).
     """
 
     robot: Robot
-    base: BaseParameters
-    columns: Index
+    unknown: Unknown
     friction: bool
     noise: Array
 
@@ -47,8 +36,7 @@ class Target:
     def everything(robot: Robot, noise: float = NOISE) -> Target:
         """The target of links, motors and friction; noise: over the largest torque of each joint
         [-]."""
-        base, all_columns = base_parameters(robot), np.arange(11 * robot.n)
-        return Target(robot, base, all_columns, True, noise * robot.effort_limit)
+        return Target(robot, Unknown.everything(robot), True, noise * robot.effort_limit)
 
     @staticmethod
     def payload(robot: Robot, link: str, noise: float = NOISE) -> Target:
@@ -57,21 +45,12 @@ class Target:
         Raises:
             InputError: if no joint turns such a link.
         """
-        names = Bodies.of(robot).names
-        bodies = [k for k, name in enumerate(names) if link in name.split(" + ")]
-        if not bodies:
-            there = "; ".join(names)
-            raise InputError(f"{robot.path}: no link '{link}' that moves, expected one of {there}")
-        columns = 10 * bodies[0] + np.arange(len(PARAMETERS))
-        few = _random_columns(robot)[:, columns]
-        own = tuple(rigid_names(robot)[i] for i in columns)
-        base = base_parameters_of(few, own, np.array([*range(1, 10), 0]))
-        return Target(robot, base, columns, False, noise * robot.effort_limit)
+        return Target(robot, Unknown.body(robot, link), False, noise * robot.effort_limit)
 
     @property
     def names(self) -> list[str]:
         """Names of what is to be found, with units."""
-        links = [f"{name} [{_unit(name)}]" for name in self.base.words]
+        links = [f"{name} [{_unit(name)}]" for name in self.unknown.base.words]
         if not self.friction:
             return links
         units = {"viscous friction": "N m s/rad", "Coulomb friction": "N m", "offset": "N m"}
@@ -81,9 +60,9 @@ class Target:
     @property
     def expected(self) -> Array:
         """Values that the robot's file expects; NaN of friction, which it does not know."""
-        values = self.base.combination @ rigid_parameters(self.robot)[self.columns]
-        unknown = np.full(3 * self.robot.n, np.nan) if self.friction else np.zeros(0)
-        return np.concatenate([values, unknown])
+        known = rigid_parameters(self.robot)[self.unknown.columns]
+        friction = np.full(3 * self.robot.n if self.friction else 0, np.nan)
+        return np.concatenate([self.unknown.base.combination @ known, friction])
 
     def rows(self, q: Array, v: Array, vd: Array) -> tuple[Array, Array]:
         """Columns of what is to be found, over the noise, shape (N, n, p); and the torque that the
@@ -91,18 +70,12 @@ class Target:
         robot = self.robot
         rigid = rigid_columns(robot, q, v, vd)
         torque = rigid @ rigid_parameters(robot) + robot.damping * v
-        columns = rigid[:, :, self.columns[self.base.independent]]
+        columns = rigid[:, :, self.unknown.independent]
         if self.friction:
             slow = _SLOW * np.minimum(robot.velocity_limit, ANY_SPEED)
             own = (v, np.tanh(v / slow), np.ones_like(v))
             columns = np.concatenate([columns, *(x[:, :, None] * np.eye(robot.n) for x in own)], 2)
         return columns / self.noise[:, None], torque
-
-
-def _random_columns(robot: Robot) -> Array:
-    rng = np.random.default_rng(0)
-    q, v, vd = rng.uniform(-np.pi, np.pi, (3, 200, robot.n))
-    return rigid_columns(robot, q, v, vd).reshape(-1, 11 * robot.n)
 
 
 def _unit(name: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sdt_drake.arrays import Array
-from sdt_drake.identification.consistency import SPREAD, Link, links_of, parameters_of
+from sdt_drake.identification.consistency import SPREAD, effect_of, links_of
 from sdt_drake.identification.procedure import Identified
 from sdt_drake.robot import Robot
 from sdt_drake.sdf import SYMMETRIC, links_by_name, parse_xml
@@ -31,7 +31,9 @@ def directions(found: Identified, robot: Robot) -> Array:
     for link in links_of(robot):
         if link.name in names:
             at = 10 * order.index(link.name)
-            effect[10 * link.body : 10 * link.body + 10, at : at + 10] = _effect(link)
+            root = np.linalg.cholesky(link.to_link @ link.pseudo @ link.to_link.T)
+            factor = np.asarray(np.linalg.solve(link.to_link, root))
+            effect[:, at : at + 10] = effect_of(robot, link, factor)
     A = found.unknown.base.combination @ effect[found.unknown.columns]
     r = len(A)
     # Of S as of a symmetric matrix: its entries off the diagonal stand for two.
@@ -46,16 +48,3 @@ def directions(found: Identified, robot: Robot) -> Array:
     keep = values > 1e-12 * values.max(initial=0.0)
     back = believed[:, None] * A.T @ np.linalg.pinv(spread, rcond=1e-12, hermitian=True)
     return np.asarray((back @ (vectors[:, keep] * np.sqrt(values[keep]))).T)
-
-
-def _effect(link: Link) -> Array:
-    """What the entries of S do to the ten parameters of the body, to first order, shape (10,
-    10)."""
-    root = np.linalg.cholesky(link.to_link @ link.pseudo @ link.to_link.T)
-    home = np.linalg.inv(link.to_link)
-    columns = []
-    for i, j in SYMMETRIC:
-        unit = np.zeros((4, 4))
-        unit[i, j] = unit[j, i] = 1.0
-        columns.append(parameters_of(home @ root @ unit @ root.T @ home.T))
-    return np.column_stack(columns)

@@ -15,6 +15,7 @@ from sdt_drake.errors import InputError
 from sdt_drake.identification.recordings import Recorded
 from sdt_drake.learning.filter import LearningFilter, through
 from sdt_drake.motion import Motion
+from sdt_drake.motion.trajectory import interpolated
 
 _GAP = 2.5  # usual steps of time
 _SAMPLES = 4  # in a period of the bandwidth, at least
@@ -115,8 +116,8 @@ def _coarse(recorded: Recorded, values: Array, motion: Motion) -> float:
     step = float(np.median(np.diff(recorded.time)))
     count = int((recorded.time[-1] - recorded.time[0]) / step) + 1
     own = _resampled(recorded, values, np.arange(float(count)) * step)
-    sought = np.arange(round(motion.duration / step) + 1) * step
-    course = np.stack([np.interp(sought, motion.time, q) for q in motion.q.T], axis=1)
+    sought: Array = np.arange(round(motion.duration / step) + 1) * step
+    course = interpolated(sought, motion.time, motion.q)
     own, course = np.diff(own, axis=0), np.diff(course, axis=0)
     if not course.any():
         raise InputError(f"{recorded.path}: nothing moves in the motion, so it cannot be found")

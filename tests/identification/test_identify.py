@@ -15,9 +15,9 @@ from sdt_drake.deviation import Deviation, deviated
 from sdt_drake.dynamics import inverse_dynamics
 from sdt_drake.errors import InputError
 from sdt_drake.identification import model
-from sdt_drake.identification.base_parameters import rigid_parameters
+from sdt_drake.identification.base_parameters import Unknown, rigid_parameters
 from sdt_drake.identification.consistency import links_of, nearest_consistent
-from sdt_drake.identification.equations import Unknown, equations
+from sdt_drake.identification.equations import equations
 from sdt_drake.identification.estimation import estimate
 from sdt_drake.identification.filtering import compared, low_pass, smooth, stretches
 from sdt_drake.identification.friction import COULOMB, USUAL, VISCOUS, Law, Term
@@ -197,7 +197,7 @@ def test_payload_alone(robot):
     was, centre, _ = link.inertial(link.pseudo)
     assert abs(mass - was - 18) < 1
     assert np.linalg.norm(com - centre - PILOT.payload_offset) < 0.01
-    with pytest.raises(InputError, match="no link 'pilot', expected one of arm, roll_frame"):
+    with pytest.raises(InputError, match="no link 'pilot' that moves, expected one of arm; roll"):
         identify(robot, [recorded_of(robot)], only="payload", payload="pilot")
 
 

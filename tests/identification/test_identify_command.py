@@ -9,7 +9,7 @@ import pytest
 from test_identify import HEAVIER, recorded_of
 
 from sdt_drake.deviation import deviated
-from sdt_drake.identification.base_parameters import base_parameters
+from sdt_drake.identification.base_parameters import Unknown
 from sdt_drake.robot import load_robot
 from sdt_drake.scenario import load_scenario
 from sdt_drake.studies.study import load_study
@@ -41,7 +41,7 @@ def test_a_recording_becomes_a_robot_a_scenario_and_a_study(call, recording, rob
     assert base.plant.deviation.along and len(study) == 100
     rows = list(csv.DictReader((out / "parameters.csv").open()))
     kinds = [row["kind"] for row in rows]
-    assert kinds.count("base") == len(base_parameters(robot).words)
+    assert kinds.count("base") == len(Unknown.everything(robot).base.words)
     assert all(float(row["std"]) > 0 for row in rows if row["kind"] == "base")
     assert "coulomb" in (out / "friction.yaml").read_text()
     page = (out / "report.html").read_text()
@@ -52,7 +52,7 @@ def test_a_recording_becomes_a_robot_a_scenario_and_a_study(call, recording, rob
 BAD = [
     (["--held-out", "1.5"], "--held-out: 1.5, expected a number > 0 and < 1"),
     (["--cutoff", "0"], "--cutoff: 0, expected a number >= 0.1 and <= 1000 [Hz]"),
-    (["--only", "payload", "--payload", "seat"], "no link 'seat', expected one of arm"),
+    (["--only", "payload", "--payload", "seat"], "no link 'seat' that moves, expected one of arm"),
     (["--columns", "none.yaml"], "none.yaml: no such file"),
 ]
 
