@@ -125,6 +125,13 @@ class Design(Shown):
         return sdt_drake.linear(self, sample)
 
     @property
+    def omega_r(self) -> float | None:
+        """Lowest natural frequency of the structure of the device [rad/s]; None where the scenario
+        gives the gains instead."""
+        omega_r = self.scenario.controller.omega_r
+        return None if omega_r is None else omega_r * self.nominal.frequency_factor
+
+    @property
     def loaded_robot(self) -> Robot:
         """The robot whose load torque is that of the loop: on the axis plant what moves, as it
         loads the motors there; on the coupled plant, which has its own, the nominal robot."""

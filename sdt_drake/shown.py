@@ -66,9 +66,13 @@ def by_joint(
         columns: header, format and a value for each joint; NaN is a dash.
     """
     cells = [[told(x, spec) for x in values] for _, spec, values in columns]
-    joints = [f"{k + 1} {name}".strip() for k, name in enumerate(names)]
-    rows = [list(row) for row in zip(joints, *cells, strict=True)]
+    rows = [list(row) for row in zip(numbered(names), *cells, strict=True)]
     return ["joint", *(header for header, _, _ in columns)], rows
+
+
+def numbered(names: Sequence[str]) -> list[str]:
+    """Joints by number and name: "1 planetary"."""
+    return [f"{k + 1} {name}".strip() for k, name in enumerate(names)]
 
 
 def told(value: Any, spec: str) -> str:

@@ -37,6 +37,7 @@ from sdt_drake.scene import (
     Scene,
     make_frames,
 )
+from sdt_drake.shown import numbered
 from sdt_drake.simulate import Recording
 
 PAGES = (".html",)
@@ -148,7 +149,7 @@ def _told(robot: Robot, frames: Frames, story: Story) -> str:
     """What the page tells, as JSON: angles [deg] and G at the head of each picture; segments."""
     told = {
         "rate": FRAME_RATE,
-        "names": [f"{k + 1} {name}" for k, name in enumerate(robot.joint_names)],
+        "names": numbered(robot.joint_names),
         "angles": np.degrees(frames.q).round(1).tolist(),
         "g": [] if frames.head is None else frames.head.resultant_g.round(2).tolist(),
         "segments": story.segments,

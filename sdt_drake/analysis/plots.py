@@ -40,7 +40,7 @@ from sdt_drake.dynamics import InertiaRange, Loads
 from sdt_drake.motion import Motion
 from sdt_drake.pilot import has_head
 from sdt_drake.robot import Robot
-from sdt_drake.shown import told
+from sdt_drake.shown import numbered, told
 from sdt_drake.simulate import Recording
 
 _MANY = 4  # joints; there is no room for the numbers of more above a panel
@@ -197,7 +197,7 @@ def _looks(runs: Mapping[str, Recording]) -> list[tuple[str, Look]]:
 def comparison(title: str, compared: Sequence[Compared]) -> Figure:
     """Controllers side by side: errors as dots on a logarithmic scale, torques as bars, and what
     could be felt."""
-    names = [f"{k + 1} {name}" for k, name in enumerate(compared[0].design.robot.joint_names)]
+    names = numbered(compared[0].design.robot.joint_names)
     has_heads = all(has_head(c.design.robot) for c in compared)
     looks = looks_of([c.label for c in compared])
     with style():

@@ -10,6 +10,7 @@ import sdt_drake as sdt
 from sdt_drake.arrays import Array
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
+from sdt_drake.shown import numbered
 from sdt_drake.tables import RESULTS, Results
 
 EXAMPLE = "sdt-drake budget axis_pi_ctc --out budget.png"
@@ -32,15 +33,12 @@ def run(options: argparse.Namespace) -> None:
     say(f"{design.scenario.name}: RMS of the speed error and of its parts [rad/s]; in brackets the")
     say("largest. The parts add up to the whole at every instant; their sizes do not.")
 
-    def size(values: Array, k: int) -> str:
-        return f"{np.sqrt(np.mean(values[:, k] ** 2)):.2g} ({np.abs(values[:, k]).max():.2g})"
+    def size(error: Array) -> str:
+        return f"{np.sqrt(np.mean(error**2)):.2g} ({np.abs(error).max():.2g})"
 
     common.print_table(
-        ("part", *(f"{k + 1} {name}" for k, name in enumerate(names))),
-        [
-            (label, *(size(values, k) for k in range(len(names))))
-            for label, values in signals.items()
-        ],
+        ("part", *numbered(names)),
+        [(label, *map(size, values.T)) for label, values in signals.items()],
     )
     title = f"{design.scenario.name}: parts of the speed error"
     columns = {name.replace(" ", "_"): values for name, values in signals.items()}

@@ -15,11 +15,12 @@ from sdt_drake.commands.bar import bar
 from sdt_drake.errors import InputError, checked_name, checked_output, checked_suffix
 from sdt_drake.fields import Rule
 from sdt_drake.formats import BINARY, check_binary
-from sdt_drake.shown import aligned, by_joint
+from sdt_drake.shown import aligned, by_joint, numbered
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from sdt_drake.analysis.document import Table
     from sdt_drake.design import Design
     from sdt_drake.robot import Robot
 
@@ -323,6 +324,16 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], keys: int 
     """Print aligned columns within 80 characters; see `aligned`."""
     for line in aligned(header, rows, keys):
         say(line)
+
+
+def print_document_table(table: Table, joint_names: Sequence[str] = ()) -> None:
+    """Print a table of a document; one whose rows are a name and a text for each joint has its
+    whole header above the names."""
+    header, rows = table.header, [list(map(str, row)) for row in table.rows]
+    if joint_names:
+        header = [", ".join(filter(None, header)), *numbered(joint_names)]
+        rows = [[f"{name}", *cells] for name, cells in table.rows]
+    print_table(header, rows)
 
 
 def print_joints(names: Sequence[str], columns: Sequence[tuple[str, str, Iterable[Any]]]) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 
 from sdt_drake.commands import common
-from sdt_drake.errors import InputError, checked_output
+from sdt_drake.errors import checked_output
+from sdt_drake.shown import numbered
 
 EXAMPLE = "sdt-drake export graveyard_spin --drive drives --out exported"
 
@@ -33,7 +34,10 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     common.add_changes(parser)
     parser.add_argument(
-        "--cam-points", type=int, default=1000, help="most points of the cam table (default: 1000)"
+        "--cam-points",
+        type=common.number(int, minimum=2),
+        default=1000,
+        help="most points of the cam table (default: 1000)",
     )
 
 
@@ -44,8 +48,6 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.drive_files import READ_BACK, export, load_drives, read_back, write_read_back
     from sdt_drake.scenario import load_scenario
 
-    if options.cam_points < 2:
-        raise InputError(f"--cam-points: {options.cam_points}, expected at least 2")
     common.check_folder(options.out)
     source, changes = options.motion, dict(options.changes)
     if not common.is_scenario(source):
@@ -82,9 +84,8 @@ def run(options: argparse.Namespace) -> None:
         f"read back, and fed to {scenario.controller.label} on the {scenario.plant.kind} plant: "
         "largest position error"
     )
-    joints = [f"{k + 1} {name} [deg]" for k, name in enumerate(robot.joint_names)]
     common.print_table(
-        ("from", *joints),
+        ("from", *(f"{joint} [deg]" for joint in numbered(robot.joint_names))),
         [(x.source, *(f"{error:.2g}" for error in np.degrees(x.position_error))) for x in fed],
     )
     common.say(

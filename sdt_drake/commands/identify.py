@@ -7,7 +7,7 @@ from pathlib import Path
 
 import sdt_drake as sdt
 from sdt_drake.commands import common
-from sdt_drake.commands.common import print_table, say
+from sdt_drake.commands.common import say
 
 EXAMPLE = "sdt-drake identify sdt run.csv --out identified"
 
@@ -75,11 +75,8 @@ def run(options: argparse.Namespace) -> None:
     for line in found.warnings:
         say(f"warning: {line}")
     say()
-    table = analysis.errors_table(found, better)
-    joints = [f"{k + 1} {name}" for k, name in enumerate(robot.joint_names)]
-    print_table((table.header[1], *joints), [(str(a), *b) for a, b in table.rows])
+    common.print_document_table(analysis.errors_table(found, better), robot.joint_names)
     say()
-    friction = analysis.friction_table(found, files)
-    print_table(friction.header, [tuple(map(str, row)) for row in friction.rows])
+    common.print_document_table(analysis.friction_table(found, files))
     say()
     say(f"{write_identified(found, better, files, folder, options.base)} written")

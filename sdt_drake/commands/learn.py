@@ -8,16 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sdt_drake.commands.common import (
-    add_changes,
-    add_out,
-    check_folder,
-    design_of,
-    print_joints,
-    print_table,
-    say,
-    some_path,
-)
+from sdt_drake.commands import common
+from sdt_drake.commands.common import say
 from sdt_drake.errors import InputError, checked_output
 
 if TYPE_CHECKING:
@@ -36,9 +28,11 @@ def add(parser: argparse.ArgumentParser) -> None:
         metavar="SCENARIO",
         help="name of one that ships, or .yaml file; with --recording for the first one only",
     )
-    add_changes(parser)
+    common.add_changes(parser)
     parser.add_argument(
-        "--flights", type=int, help=f"at most, with the first one (default: {_FLIGHTS})"
+        "--flights",
+        type=common.number(int, minimum=1, maximum=_MOST),
+        help=f"at most, with the first one (default: {_FLIGHTS})",
     )
     parser.add_argument(
         "--of",
@@ -59,7 +53,10 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="whose variables are the uncertainty of the device, which learning must converge for",
     )
     parser.add_argument(
-        "--draws", type=int, default=20, help="devices of the study to check, at most (default: 20)"
+        "--draws",
+        type=common.number(int, minimum=1, maximum=_MOST),
+        default=20,
+        help="devices of the study to check, at most (default: 20)",
     )
     parser.add_argument(
         "--all", action="store_true", help="fly all flights, though another one is not worth it"
@@ -76,19 +73,18 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--columns", metavar="FILE", help="YAML file with the recordings' columns, as `identify`"
     )
     parser.add_argument(
-        "--state", type=some_path, metavar="DIR", help="with --recording: what is known so far"
+        "--state",
+        type=common.some_path,
+        metavar="DIR",
+        help="with --recording: what is known so far",
     )
-    add_out(
+    common.add_out(
         parser,
         "folder for the learned reference, a scenario with it, and a report (default: learned)",
     )
 
 
 def run(options: argparse.Namespace) -> None:
-    for name in ("flights", "draws"):
-        value = getattr(options, name)
-        if value is not None and not 1 <= value <= _MOST:
-            raise InputError(f"--{name}: {value}, expected 1 to {_MOST}")
     if options.recording:
         for name in ("flights", "all", "out"):
             if getattr(options, name):
@@ -108,7 +104,7 @@ def _simulated(options: argparse.Namespace) -> None:
     from sdt_drake.learning.flights import Lessons, learn
 
     folder: Path = options.out or Path("learned")
-    check_folder(folder)
+    common.check_folder(folder)
     count, kept = options.flights or _FLIGHTS, folder / report.UNFINISHED
     with_them = shlex.quote(str(kept / report.SCENARIO))
     goes_on = f"sdt-drake learn {with_them} --out OTHER goes on from them"
@@ -116,7 +112,7 @@ def _simulated(options: argparse.Namespace) -> None:
         raise InputError(
             f"{kept}: has flights of an interrupted run, expected another --out; {goes_on}"
         )
-    design = design_of(options)
+    design = common.design_of(options)
     for name in report.FILES:
         checked_output(folder / name)  # a scenario that was learned goes on in another folder
     filter_, checks = _checked_filter(options, design)
@@ -163,12 +159,11 @@ def _checked_filter(
     bandwidth = None if options.bandwidth is None else 2 * np.pi * options.bandwidth
     filter_ = design_filter(design, loops, options.of, bandwidth=bandwidth)
     checks = [convergence(filter_, group) for group in loops]
-    scenario = design.scenario
-    say(f"{scenario.name}: {scenario.controller.label} on the {scenario.plant.kind} plant")
+    say(design.scenario.summary().title)
     for k, (omega, why) in enumerate(filter_.bandwidth):
         say(f"joint {k + 1}: errors are learned up to {omega / (2 * np.pi):.3g} Hz ({why})")
     say()
-    print_table(*check_rows(checks, filter_))
+    common.print_table(*check_rows(checks, filter_))
     refuse_divergence(checks, filter_)
     for check in checks:
         beyond = int((check.loops.demand.max(axis=1) > 1).sum())
@@ -185,12 +180,12 @@ def _from_recordings(options: argparse.Namespace) -> None:
     import numpy as np
 
     from sdt_drake.identification.recordings import load_columns, read_recording
-    from sdt_drake.learning.state import SCENARIO, read_state, teach, write_step
+    from sdt_drake.learning.state import SCENARIO, State, read_state, teach, write_step
 
     folder: Path | None = options.state
     if folder is None:
         raise InputError("--state: missing, expected the folder that keeps what is learned")
-    check_folder(folder)
+    common.check_folder(folder)
     files = [Path(path).resolve() for path in options.recording]
     if len(set(files)) < len(files):
         raise InputError("--recording: names a file twice, expected another recording each time")
@@ -202,7 +197,7 @@ def _from_recordings(options: argparse.Namespace) -> None:
         if options.changes:
             raise InputError(f"--set: {folder} has its scenario, {SCENARIO}, which stays as it is")
         options.scenario = str(folder / SCENARIO)
-    design = design_of(options)
+    design = common.design_of(options)
     if options.motion:
         _check_motion(options.motion, design)
     columns = load_columns(options.columns) if options.columns else None
@@ -220,7 +215,7 @@ def _from_recordings(options: argparse.Namespace) -> None:
         ("repeats, RMS [deg]", ".5f", flight.rms),
         ("does not repeat, RMS [deg]", ".5f", flight.floor),
     ]
-    print_joints(
+    common.print_joints(
         design.robot.joint_names,
         [(header, spec, np.degrees(values)) for header, spec, values in errors if values],
     )
@@ -230,7 +225,7 @@ def _from_recordings(options: argparse.Namespace) -> None:
         say("note: with three recordings of a flight or more, what does not repeat is told apart")
     path = write_step(folder, design, state, taught)
     say(f"{path} written: fly it, then learn from its recording")
-    best = min([*state.flights, flight], key=lambda one: one.score)
+    best = State([*state.flights, flight], []).best
     say(f"best so far: {best.flown(folder)}, {np.degrees(best.score):.5f} deg (RMS of all joints)")
 
 

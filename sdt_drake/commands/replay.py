@@ -45,10 +45,7 @@ def run(options: argparse.Namespace) -> None:
         say(line.replace("`", ""))
     for table in tables(replayed):
         say()
-        joints = [f"{k + 1} {name}" for k, name in enumerate(robot.joint_names)]
-        common.print_table(
-            (", ".join(table.header), *joints), [(str(row[0]), *row[1]) for row in table.rows]
-        )
+        common.print_document_table(table, robot.joint_names)
     if options.out is not None and not options.out.suffix:
         say(f"\n{write_replay(replayed, options.out)} written")
         options.out = None

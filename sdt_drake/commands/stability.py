@@ -104,29 +104,26 @@ _UNITS = {
 def _columns(sweeps: Mapping[str, Mapping[str, StabilitySweep]]) -> dict[str, NDArray[Any]]:
     """A row for each encoder, drive and ratio omega_n / omega_r."""
     every = [(encoder, drive, s) for encoder, by in sweeps.items() for drive, s in by.items()]
-    return {
-        "encoder": np.concatenate([np.full(len(s.ratio), encoder) for encoder, _, s in every]),
-        "drive": np.concatenate([np.full(len(s.ratio), drive) for _, drive, s in every]),
-        "ratio": np.concatenate([s.ratio for *_, s in every]),
-        "damping": np.concatenate([s.damping for *_, s in every]),
-        "overshoot_percent": np.concatenate([s.overshoot_percent for *_, s in every]),
-        "unstable_from": np.concatenate([np.tile(s.border, (len(s.ratio), 1)) for *_, s in every]),
-    }
+    encoders, drives, of_each = zip(*every, strict=True)
+    counts = [len(sweep.ratio) for sweep in of_each]
+    columns = {"encoder": np.repeat(encoders, counts), "drive": np.repeat(drives, counts)}
+    for name in ("ratio", "damping", "overshoot_percent"):
+        columns[name] = np.concatenate([getattr(sweep, name) for sweep in of_each])
+    return columns | {"unstable_from": np.repeat([s.border for s in of_each], counts, axis=0)}
 
 
 def _omega_r(design: Design, options: argparse.Namespace) -> tuple[float, str]:
     """Lowest natural frequency of the structure [rad/s], and where it comes from."""
     if options.omega_r is not None:
         return options.omega_r, "--omega-r"
-    omega_r, factor = design.scenario.controller.omega_r, design.nominal.frequency_factor
-    if omega_r is None:
+    if design.omega_r is None:
         raise InputError(
             f"--omega-r: missing; {options.scenario} gives kp and ki but no controller.omega_r, "
             "expected the lowest natural frequency of its structure [rad/s]"
         )
-    if factor == 1:
-        return omega_r, "controller.omega_r"
-    return omega_r * factor, f"controller.omega_r, {omega_r:g}, times {factor:.4g} for the device"
+    given, factor = design.scenario.controller.omega_r, design.nominal.frequency_factor
+    times = "" if factor == 1 else f", {given:g}, times {factor:.4g} for the device"
+    return design.omega_r, f"controller.omega_r{times}"
 
 
 def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:

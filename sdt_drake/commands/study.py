@@ -188,7 +188,7 @@ def show(folder: Path, out: Path | None) -> None:
     for block in (block for section in report.sections for block in section.blocks):
         if isinstance(block, Table):
             say(block.title)
-            print_table(block.header, [[str(cell) for cell in row] for row in block.rows])
+            common.print_document_table(block)
             say()
     say(f"a run once more, exactly: sdt-drake study repeat {shlex.quote(str(folder))} --row N")
     say(f"{page} written")

@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> None:
         say(line)
     joints = range(1, design.robot.n + 1)
     columns: dict[str, Any] = {"joint": joints, "name": design.robot.joint_names, **numbers}
-    about = {"title": options.scenario, "omega_r": _omega_r(design)}
+    about = {"title": options.scenario, "omega_r": design.omega_r}
     common.deliver(
         options,
         lambda: sdt.plots.effective_inertia(
@@ -129,24 +129,18 @@ def _as_option(line: str) -> str:
     return option.sub(lambda match: f"--{match[1].replace('_', '-')}", line)
 
 
-def _omega_r(design: Design) -> float | None:
-    """Lowest natural frequency of the structure [rad/s]; None where the gains are given."""
-    omega_r = design.scenario.controller.omega_r
-    return None if omega_r is None else omega_r * design.nominal.frequency_factor
-
-
 def _notes(options: argparse.Namespace, design: Design, is_scenario: bool) -> Iterator[str]:
     """Where the numbers are from, and where the rule for omega_n does not hold."""
     from sdt_drake.control import natural_frequency
 
-    omega_r, choice = _omega_r(design), design.scenario.controller
+    omega_r = design.omega_r
     if omega_r is None:
         yield "K_PS, K_IS: the scenario's kp and ki"
         return
     elsewhere = "the scenario's" if is_scenario else _PUBLISHED
     omega_r_from = elsewhere if options.omega_r is None else "--omega-r"
     zeta_from = elsewhere if options.zeta is None else "--zeta"
-    if choice.zeta is None:
+    if design.scenario.controller.zeta is None:
         zeta_from = "default"
     yield f"omega_r = {omega_r:g} rad/s ({omega_r_from}), zeta at the largest inertia ({zeta_from})"
     fastest = natural_frequency(design.gains, design.inertia.minimum)
@@ -172,10 +166,9 @@ _UNITS = {
 
 
 def _print_gains(design: Design, numbers: Mapping[str, Array]) -> None:
-    omega_r = _omega_r(design)
-    slow, fast = numbers["omega_n_max"], numbers["omega_n_min"]
+    omega_r = design.omega_r
     unit = " [rad/s]" if omega_r is None else "/omega_r"
-    ends = zip(slow / (omega_r or 1.0), fast / (omega_r or 1.0), strict=True)
+    ends = zip(*(numbers[f"omega_n_{x}"] / (omega_r or 1.0) for x in ("max", "min")), strict=True)
     common.print_joints(
         design.robot.joint_names,
         [

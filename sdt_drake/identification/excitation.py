@@ -196,7 +196,7 @@ class Excitation:
 
 
 def excite(
-    target: Target, duration: float, *, margin: float = MARGIN, gently: float = 1.0, seed: int = 0
+    target: Target, duration: float, *, margin: float = MARGIN, gently: float = 1.0
 ) -> Excitation:
     """The motion of a duration [s] that tells most of a target.
 
@@ -205,7 +205,6 @@ def excite(
         duration: of the motion [s].
         margin: share of the robot's limits that it may take, in (0, 1].
         gently: share of that for speeds and accelerations, in (0, 1].
-        seed: of the motions that the optimisation starts from.
 
     Raises:
         InputError: if no motion is within the limits.
@@ -231,7 +230,7 @@ def excite(
         for about in _BASE_PERIODS:
             series = Series(robot.n, duration / max(1, round(duration / about)))
             problem = _Problem(target, series, limits)
-            begin = problem.starts(np.random.default_rng(seed))[:starts]
+            begin = problem.starts()[:starts]
             tried += [better(problem, x, _FIRST_ROUNDS) for x in begin]
         _, problem, x = min(tried, key=lambda found: found[0])
         # What is beyond a limit in the end shrinks the motion, and costs more than a stricter look.
@@ -292,9 +291,9 @@ class _Problem:
         values = self.values(np.vstack([x, x + _STEP * np.eye(len(x))]))
         return float(values[0]), (values[1:] - values[0]) / _STEP
 
-    def starts(self, rng: np.random.Generator) -> Array:
+    def starts(self) -> Array:
         """Random motions, large and small, the best first, shape (_STARTS, n size)."""
-        x = rng.normal(0, 1, (_STARTS, self.series.n * self.series.size))
+        x = np.random.default_rng(0).normal(0, 1, (_STARTS, self.series.n * self.series.size))
         x *= np.geomspace(0.02, 0.4, _STARTS)[:, None]
         return np.asarray(x[np.argsort(self.values(x))])
 

@@ -30,7 +30,6 @@ from sdt_drake.identification.suspicions import (
 )
 from sdt_drake.robot import Robot
 
-ONLY = ("payload", "friction")
 HELD_OUT = 1 / 3
 """Of each recording, its end, if none are named to validate."""
 

@@ -177,9 +177,8 @@ def _trusted(design: Design, omega: Array, answer: Array, spread: Array) -> Band
         Bandwidth(_first(omega, answer < _LEFT), "the loop's own bandwidth"),
         Bandwidth(_first(omega, spread > _LEFT), "the spread of the loops"),
     ]
-    if design.scenario.controller.omega_r is not None:
-        lowest = design.scenario.controller.omega_r * design.nominal.frequency_factor
-        limits.append(Bandwidth(lowest, "the structure's natural frequency"))
+    if design.omega_r is not None:
+        limits.append(Bandwidth(design.omega_r, "the structure's natural frequency"))
     return min(limits, key=lambda limit: limit.omega)
 
 

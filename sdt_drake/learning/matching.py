@@ -116,7 +116,7 @@ def _coarse(recorded: Recorded, values: Array, motion: Motion) -> float:
     step = float(np.median(np.diff(recorded.time)))
     count = int((recorded.time[-1] - recorded.time[0]) / step) + 1
     own = _resampled(recorded, values, np.arange(float(count)) * step)
-    sought: Array = np.arange(round(motion.duration / step) + 1) * step
+    sought = np.arange(round(motion.duration / step) + 1.0) * step
     course = interpolated(sought, motion.time, motion.q)
     own, course = np.diff(own, axis=0), np.diff(course, axis=0)
     if not course.any():

@@ -77,9 +77,9 @@ class State(NamedTuple):
     references: list[LearnedReference]
 
     @property
-    def best(self) -> int:
-        """Index of the flight with the least error that repeats."""
-        return min(range(len(self.flights)), key=lambda i: self.flights[i].score)
+    def best(self) -> FlightRecord:
+        """The flight with the least error that repeats."""
+        return min(self.flights, key=lambda flight: flight.score)
 
 
 def read_state(folder: Path, design: Design) -> State:
@@ -177,9 +177,7 @@ def _record(wanted: Array, flown: Sequence[Array], reference: int) -> FlightReco
 
 
 def _refuse_growth(flight: FlightRecord, state: State, path: Path) -> None:
-    if not state.flights:
-        return
-    best = state.flights[state.best]
+    best = State([*state.flights, flight], []).best
     if flight.score > _GROWN * best.score + flight.noise + best.noise:
         raise InputError(
             f"{path}: the error has grown, from {np.degrees(best.score):.4g} to "
@@ -192,7 +190,7 @@ def _notes(flight: FlightRecord, step: Step, state: State) -> list[str]:
     notes = []
     if flight.floor and flight.score < 2 * flight.noise:
         notes.append("what repeats is within what noise leaves of it: no more can be learned")
-    elif state.flights and flight.score > _GAIN * state.flights[state.best].score:
+    elif state.flights and flight.score > _GAIN * state.best.score:
         notes.append(
             "it took less than 5 % off the error that repeats: another one is not worth it"
         )

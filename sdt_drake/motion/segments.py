@@ -270,12 +270,7 @@ class Oscillation(Swing):
 
     def problems(self) -> Problems:
         """The swings can be counted."""
-        least = self.end / _MOST_SWINGS
-        if self.period < least:
-            yield (
-                "period",
-                f"{self.period:g} s, expected at least {least:g} s, for {_MOST_SWINGS} swings",
-            )
+        yield from _too_many(self.period, self.end)
 
     def speed(self, time: Array) -> Array:
         """Joint speed [rad/s] at `time` [s] since the start."""
@@ -322,12 +317,8 @@ class Fourier(Swing):
         if len(self.sine) != len(self.cosine):
             yield "cosine", f"{len(self.cosine)} value(s), expected {len(self.sine)} as in sine"
             return
-        least = self.end * len(self.sine) / _MOST_SWINGS
-        if self.period < least:
-            yield (
-                "period",
-                f"{self.period:g} s, expected at least {least:g} s, for {_MOST_SWINGS} swings",
-            )
+        if any(too_many := list(_too_many(self.period, self.end * len(self.sine)))):
+            yield from too_many
         elif abs(self.end / self.period - round(self.end / self.period)) > _SAME:
             yield "end", f"{self.end:g} s, expected a multiple of the period, {self.period:g} s"
         start = float(self.speed(np.zeros(1))[0])
@@ -354,6 +345,14 @@ class Fourier(Swing):
     def angle(self) -> float:
         """It ends where it starts."""
         return 0.0
+
+
+def _too_many(period: float, end: float) -> Problems:
+    """A problem where there are more swings until the end than memory holds."""
+    least = end / _MOST_SWINGS
+    if period < least:
+        text = f"{period:g} s, expected at least {least:g} s, for {_MOST_SWINGS} swings"
+        yield "period", text
 
 
 def either(thing: object, one: str, other: str) -> Problems:

@@ -109,7 +109,7 @@ def test_a_step_from_recordings_is_that_of_simulated_flights(machine):
         scores.append(taught.flight.score)
     assert scores[1] < 0.1 * scores[0]
     state = read_state(folder, design)
-    assert len(state.flights) == 2 and state.best == 1
+    assert len(state.flights) == 2 and state.best is state.flights[1]
     motions = [reference.motion for reference in state.references]
     first = machine.read(machine.folder / "recorded_1.csv")
     assert match(first, design, machine.filter, motions).reference == 0
