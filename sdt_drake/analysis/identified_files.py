@@ -13,9 +13,8 @@ from sdt_drake.analysis.identification import write_parameters, write_report
 from sdt_drake.deviation import Deviation
 from sdt_drake.device import Friction
 from sdt_drake.identification.filtering import smooth, stretches
-from sdt_drake.identification.model import PlantFriction, save_robot
+from sdt_drake.identification.model import PlantFriction, directions, save_robot
 from sdt_drake.identification.procedure import Identified
-from sdt_drake.identification.uncertainty import directions
 from sdt_drake.motion import Motion
 from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.robot import DEFAULT_ROBOT, Robot, load_robot

@@ -88,12 +88,7 @@ def _recorded(options: argparse.Namespace) -> tuple[str, sdt.Recording, Robot, S
 
 def _motion_rows(head: HeadTracking, period: float) -> Rows:
     """Header and rows: largest quantities of the reference and of what was achieved."""
-    from sdt_drake.pilot import (
-        UNPERCEIVED_RATE,
-        canals,
-        false_sensation_after_stop,
-        felt_upright,
-    )
+    from sdt_drake.pilot import UNPERCEIVED_RATE, canals, false_sensation_after_stop, felt_upright
 
     def values(motion: HeadMotion) -> list[str]:
         omega = motion.angular_velocity

@@ -156,14 +156,14 @@ class Progress:
 
 
 def repeat(folder: Path, row: int | None, out: Path | None) -> None:
-    from sdt_drake.studies.folder import load_folder, load_runner
+    from sdt_drake.studies.folder import load_runner
 
-    study, _, names = load_folder(folder)
+    runner, names, other = load_runner(folder)
+    study = runner.study
     if row is None or not 0 <= row < len(study):
         raise InputError(f"study repeat: --row {row}, expected 0 to {len(study) - 1}")
     if out is not None:
         common.check_file(out, [".csv"])
-    runner, other = load_runner(folder)
     outcomes, recording = runner.repeat(row)
     print_table(("input", "value"), [(k, f"{v}") for k, v in study.inputs(row).items()])
     say()

@@ -96,7 +96,7 @@ class Unknown:
 
     @property
     def independent(self) -> Index:
-        """Those of `rigid_columns` that the base parameters are named after."""
+        """The columns that the base parameters are named after."""
         return self.columns[self.base.independent]
 
     @staticmethod
@@ -130,7 +130,7 @@ class Unknown:
 
 
 def _unknown(robot: Robot, columns: Index, order: Index) -> Unknown:
-    """Of random motions: what is tied there is tied always; `order` as of `base_parameters_of`."""
+    """The unknown columns, tied as in random motions: what is tied there is tied always."""
     q, v, vd = np.random.default_rng(0).uniform(-np.pi, np.pi, (3, _SAMPLES, robot.n))
     every = rigid_columns(robot, q, v, vd).reshape(-1, 11 * robot.n)
     names = tuple(rigid_names(robot)[i] for i in columns)

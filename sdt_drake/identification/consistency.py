@@ -173,8 +173,8 @@ def nearest_consistent(
 
 
 def effect_of(robot: Robot, link: Link, factor: Array) -> Array:
-    """Of the ten entries SYMMETRIC of Z on all parameters, shape (11 n, 10), where the link has the
-    pseudo-inertia F Z F' in the frame of its body, F the factor."""
+    """What the ten entries SYMMETRIC of Z do to all parameters, shape (11 n, 10), where a link has
+    the pseudo-inertia F Z F' in the frame of its body, F the factor of shape (4, 4)."""
     effect = np.zeros((11 * robot.n, 10))
     units = map(symmetric, np.eye(10))
     own = [parameters_of(factor @ unit @ factor.T) for unit in units]

@@ -22,7 +22,7 @@ class Target:
 
     Attributes:
         robot: gives kinematics, limits, and what is expected.
-        unknown: of its links and motors.
+        unknown: which parameters of its links and motors are to be found.
         friction: whether viscous and Coulomb friction and an offset of each joint are unknown, too.
         noise: standard deviation of the torques in each sample, joint side [N m], shape (n,).
     """

@@ -9,12 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.analysis.linear import (
-    StateSpace,
-    feedback_parts,
-    linear_process,
-    sampled_process,
-)
+from sdt_drake.analysis.linear import StateSpace, feedback_parts, linear_process, sampled_process
 from sdt_drake.arrays import Array
 from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import Design

@@ -96,17 +96,17 @@ def load_folder(folder: Path) -> tuple[Study, Scenario, tuple[str, ...]]:
     return study, base, tuple(state["outcomes"])
 
 
-def load_runner(folder: Path) -> tuple[Runner, str]:
-    """What runs rows of a study folder once more; and what it was begun with that is different
-    here.
+def load_runner(folder: Path) -> tuple[Runner, tuple[str, ...], str]:
+    """What runs rows of a study folder once more; names of its outcomes; and what it was begun with
+    that is different here.
 
     Raises:
         InputError: if it holds no study, or a file of it cannot be used.
     """
     state = _state(folder)
-    study, base, _ = load_folder(folder)
+    study, base, outcomes = load_folder(folder)
     places = {name: str(folder / place) for name, place in state["files"].items()}
-    return Runner(study, base, places), other_versions(state["versions"], versions())
+    return Runner(study, base, places), outcomes, other_versions(state["versions"], versions())
 
 
 def _state(folder: Path) -> Mapping[str, Any]:

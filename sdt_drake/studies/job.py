@@ -18,7 +18,8 @@ from sdt_drake.resources import PACKAGE_PREFIX, find_file, named
 from sdt_drake.robot import load_robot
 from sdt_drake.scenario import Scenario
 from sdt_drake.studies.fields import Field
-from sdt_drake.studies.runs import FILE_FIELDS, Runner, outcome_names, with_files
+from sdt_drake.studies.outcomes import outcome_names
+from sdt_drake.studies.runs import FILE_FIELDS, Runner, with_files
 from sdt_drake.studies.study import Study
 from sdt_drake.versions import versions
 

@@ -30,7 +30,7 @@ class Row:
         status: one of STATUSES.
         reason: one line; "" where it is ok.
         duration: of the computation [s].
-        outcomes: in the order of `runs.outcome_names`; empty where it is not ok.
+        outcomes: in the order of `outcomes.outcome_names`; empty where it is not ok.
     """
 
     number: int

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.tracking import stops_passed
 from sdt_drake.controllers import load_controllers
 from sdt_drake.design import Design, load_device, make_design, plan_of
@@ -16,20 +15,15 @@ from sdt_drake.dynamics import TorqueGroups, torque_groups
 from sdt_drake.errors import InputError
 from sdt_drake.fields import check
 from sdt_drake.motion import Plan
-from sdt_drake.pilot import has_head
 from sdt_drake.resources import PACKAGE_PREFIX, models_dir
 from sdt_drake.robot import Robot
 from sdt_drake.scenario import Scenario
 from sdt_drake.simulate import Recording, simulate
 from sdt_drake.studies.fields import find_field
 from sdt_drake.studies.journal import Row
-from sdt_drake.studies.motor_load import has_motor_loads, motor_load_names, motor_loads
+from sdt_drake.studies.outcomes import outcomes_of
 from sdt_drake.studies.study import Study
 
-_BY_JOINT = (
-    "max_abs_speed_error", "rms_speed_error", "constant_speed_error", "saturated_fraction",
-    "max_abs_position_error", "peak_torque_share", "rms_torque_share",
-)  # fmt: skip
 _CACHED = 16  # planned motions, with their robots, that a process keeps
 
 _Planned = tuple[Robot, Plan, TorqueGroups]
@@ -49,13 +43,6 @@ def with_files(scenario: Scenario, places: Mapping[str, str]) -> Scenario:
     return scenario
 
 
-def outcome_names(base: Scenario, n: int) -> tuple[str, ...]:
-    """Names of the numbers that a run ends with: joint k's of n are called name_k."""
-    names = [f"{name}_{k + 1}" for name in _BY_JOINT for k in range(n)]
-    loads = motor_load_names(n) if has_motor_loads(base) else ()
-    return (*names, "felt_share", *loads)
-
-
 class Runner:
     """Runs rows of a study; keeps robots and planned motions that they share."""
 
@@ -63,7 +50,7 @@ class Runner:
         self, study: Study, base: Scenario, places: Mapping[str, str] | None = None
     ) -> None:
         """Of a study and its base scenario; places: where files are that go by other names."""
-        self._study, self._base, self._places = study, base, dict(places or {})
+        self.study, self._base, self._places = study, base, dict(places or {})
         self._plans: dict[tuple[str | float, ...], _Planned | InfeasibleError] = {}
 
     def scenario(self, number: int) -> Scenario:
@@ -74,8 +61,8 @@ class Runner:
         """
         if file := self._base.controller.file:  # the row may name what that registers
             load_controllers(self._places.get(file, file))
-        scenario = self._study.scenario_of(self._base, self._study.inputs(number))
-        scenario.name = f"{self._study.name}, row {number}"
+        scenario = self.study.scenario_of(self._base, self.study.inputs(number))
+        scenario.name = f"{self.study.name}, row {number}"
         return with_files(scenario, self._places)
 
     def design(self, scenario: Scenario) -> tuple[Design, Plan]:
@@ -129,13 +116,8 @@ class Runner:
     def _simulated(self, number: int) -> tuple[Design, Recording, tuple[float, ...]]:
         design, plan = self.design(self.scenario(number))
         recording = simulate(design)
-        outcomes = outcomes_of(design, recording)
-        if has_motor_loads(self._base) and has_motor_loads(design.scenario):
-            commanded, pause = plan.commanded.duration, self._study.pause
-            outcomes += motor_loads(design, recording, commanded, pause)
-        # What other rows of the study have and this one does not.
-        missing = len(outcome_names(self._base, design.robot.n)) - len(outcomes)
-        return design, recording, outcomes + (np.nan,) * missing
+        commanded, pause = plan.commanded.duration, self.study.pause
+        return design, recording, outcomes_of(self._base, design, recording, commanded, pause)
 
     def _failed(self, number: int, error: Exception, duration: float) -> Row:
         status = "infeasible" if isinstance(error, InfeasibleError) else "failed"
@@ -151,15 +133,6 @@ class Runner:
 
 class InfeasibleError(InputError):
     """The device cannot do the motion."""
-
-
-def outcomes_of(design: Design, recording: Recording) -> tuple[float, ...]:
-    """The numbers of a run up to felt_share, as `outcome_names` names them."""
-    run = Compared(design.scenario.controller.label, design, recording)
-    felt = np.nan  # the axis plant is no device that one could sit in
-    if has_head(design.robot) and design.scenario.plant.kind == "coupled":
-        felt = run.head.felt.share
-    return tuple(np.concatenate([*(run.metrics[name] for name in _BY_JOINT), [felt]]).tolist())
 
 
 def _plan(scenario: Scenario) -> _Planned | InfeasibleError:

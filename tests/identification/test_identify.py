@@ -21,11 +21,10 @@ from sdt_drake.identification.equations import equations
 from sdt_drake.identification.estimation import estimate
 from sdt_drake.identification.filtering import compared, low_pass, smooth, stretches
 from sdt_drake.identification.friction import COULOMB, USUAL, VISCOUS, Law, Term
-from sdt_drake.identification.model import identified_robot, plant_friction, save_robot
+from sdt_drake.identification.model import directions, identified_robot, plant_friction, save_robot
 from sdt_drake.identification.procedure import belief, identify
 from sdt_drake.identification.recordings import Recorded, read_recording
 from sdt_drake.identification.suspicions import weakly_excited
-from sdt_drake.identification.uncertainty import directions
 from sdt_drake.robot import load_robot
 from sdt_drake.tables import write_table
 

@@ -22,13 +22,7 @@ from test_robot import ARM
 
 from sdt_drake.dynamics import torque_groups
 from sdt_drake.errors import InputError
-from sdt_drake.motion import (
-    Motion,
-    checked_torque,
-    commanded_motion,
-    plan_motion,
-    retime,
-)
+from sdt_drake.motion import Motion, checked_torque, commanded_motion, plan_motion, retime
 from sdt_drake.motion.command import Course
 from sdt_drake.motion.limiter import limit_accelerations
 from sdt_drake.motion.segments import Oscillation

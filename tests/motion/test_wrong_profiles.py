@@ -6,9 +6,7 @@ import pytest
 from motions import ALIGNED, BACK, PLANETARY, ROLL, SPIN, YAW, profile_text
 
 from sdt_drake.errors import InputError
-from sdt_drake.motion import (
-    load_command,
-)
+from sdt_drake.motion import load_command
 
 END = "!Ramp {to_deg_s: 0, duration: 1}"
 GO = "!Ramp {to_deg_s: 5, duration: 1}"

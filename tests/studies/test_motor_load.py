@@ -11,7 +11,7 @@ from sdt_drake.errors import InputError
 from sdt_drake.motors import DeviceChoice
 from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.simulate import simulate
-from sdt_drake.studies.motor_load import (
+from sdt_drake.studies.outcomes import (
     has_motor_loads,
     motor_load_names,
     motor_loads,

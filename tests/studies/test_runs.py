@@ -18,7 +18,8 @@ from sdt_drake.simulate import simulate
 from sdt_drake.studies.distributions import Choice, Grid, List, Uniform
 from sdt_drake.studies.job import make_job
 from sdt_drake.studies.journal import Row
-from sdt_drake.studies.runs import Runner, outcome_names
+from sdt_drake.studies.outcomes import outcome_names
+from sdt_drake.studies.runs import Runner
 from sdt_drake.studies.study import Study, Variable
 
 
@@ -129,7 +130,7 @@ def test_a_run_that_passes_a_stop_fails(base, monkeypatch):
 
 @pytest.mark.parametrize(("joint", "worst"), [(0, math.inf), (3, math.nan)])
 def test_speeds_that_are_not_finite_fail(base, monkeypatch, joint, worst):
-    def outcomes_of(design, recording):
+    def outcomes_of(*_):
         outcomes = np.zeros(29)
         outcomes[joint] = worst
         return tuple(outcomes.tolist())

@@ -18,8 +18,8 @@ from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.studies.distributions import Choice, Grid, List, LogUniform, Normal, Uniform
 from sdt_drake.studies.job import make_job
 from sdt_drake.studies.journal import Row
+from sdt_drake.studies.outcomes import outcome_names
 from sdt_drake.studies.results import write_results
-from sdt_drake.studies.runs import outcome_names
 from sdt_drake.studies.study import Study, Variable, load_study
 from sdt_drake.yaml_files import load_yaml
 

@@ -1,4 +1,4 @@
-"""What a run takes of the motors of a catalogue: heat, and torque at speed."""
+"""The numbers that a run ends with: how well joints follow, and what it takes of the motors."""
 
 from __future__ import annotations
 
@@ -8,16 +8,53 @@ from itertools import zip_longest
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.tracking import motor_use
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
 from sdt_drake.motion import margins
 from sdt_drake.motors import Motor, motors_in_use
+from sdt_drake.pilot import has_head
 from sdt_drake.scenario import Scenario
 from sdt_drake.simulate import Recording
 
+TRACKING = (
+    "max_abs_speed_error", "rms_speed_error", "constant_speed_error", "saturated_fraction",
+    "max_abs_position_error", "peak_torque_share", "rms_torque_share",
+)  # fmt: skip
+"""Of every run, one for each joint."""
+
 LOADS = ("used_torque_share", "rated_torque_share", "winding_temperature", "torque_at_speed_share")
 """Of `motor_loads`, one for each joint."""
+
+
+def outcome_names(base: Scenario, n: int) -> tuple[str, ...]:
+    """Names of the numbers that a run ends with: joint k's of n are called name_k."""
+    loads = motor_load_names(n) if has_motor_loads(base) else ()
+    return (*_of_joints(TRACKING, n), "felt_share", *loads)
+
+
+def outcomes_of(
+    base: Scenario, design: Design, recording: Recording, commanded: float, pause: float
+) -> tuple[float, ...]:
+    """The numbers of a run, as `outcome_names` names them; NaN for those it does not have.
+
+    Args:
+        base: scenario of the study.
+        design, recording, commanded, pause: as of `motor_loads`.
+    """
+    run = Compared(design.scenario.controller.label, design, recording)
+    felt = np.nan  # the axis plant is no device that one could sit in
+    if has_head(design.robot) and design.scenario.plant.kind == "coupled":
+        felt = run.head.felt.share
+    own = (*np.concatenate([run.metrics[name] for name in TRACKING]).tolist(), felt)
+    if has_motor_loads(base) and has_motor_loads(design.scenario):
+        own += motor_loads(design, recording, commanded, pause)
+    # What other rows of the study have and this one does not.
+    return own + (np.nan,) * (len(outcome_names(base, design.robot.n)) - len(own))
+
+
+# --- motors of a catalogue -----------------------------------------------------------------------
 
 
 def has_motor_loads(scenario: Scenario) -> bool:
@@ -32,7 +69,7 @@ def has_motor_loads(scenario: Scenario) -> bool:
 
 def motor_load_names(n: int) -> tuple[str, ...]:
     """Names of the numbers that `motor_loads` tells of n joints."""
-    return (*(f"{name}_{k + 1}" for name in LOADS for k in range(n)), "stretch")
+    return (*_of_joints(LOADS, n), "stretch")
 
 
 def motor_loads(
@@ -101,6 +138,10 @@ def winding_temperature(
     time = period * np.arange(len(cold))[:, None]
     start = cold[-1] * np.exp(-pause / T) / -np.expm1(-(time[-1] + pause) / T)
     return (cold + start * np.exp(-time / T)).max(axis=0)
+
+
+def _of_joints(names: Sequence[str], n: int) -> list[str]:
+    return [f"{name}_{k + 1}" for name in names for k in range(n)]
 
 
 def _each(motors: Sequence[Motor], name: str) -> Array:
