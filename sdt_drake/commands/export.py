@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from sdt_drake.commands import common
-from sdt_drake.errors import checked_output
+from sdt_drake.errors import InputError, checked_output
 from sdt_drake.shown import numbered
 
 EXAMPLE = "sdt-drake export graveyard_spin --drive drives --out exported"
