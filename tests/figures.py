@@ -31,3 +31,16 @@ def check_same_numbers(shown: list, expected: list, name: str) -> None:
     for one, other in zip(shown, expected, strict=True):
         size = np.nanmax(np.abs(other), initial=1e-9)
         np.testing.assert_allclose(one, other, rtol=0, atol=2e-3 * size, err_msg=name)
+
+
+def line(ax, label):
+    """The one line of that label."""
+    (found,) = [line for line in ax.get_lines() if line.get_label() == label]
+    return found
+
+
+def shown_ticks(axis) -> set[str]:
+    """Texts of the ticks that are within the limits."""
+    low, high = axis.get_view_interval()
+    at = axis.axis_name == "y"
+    return {x.get_text() for x in axis.get_ticklabels() if low <= x.get_position()[at] <= high}

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import html
 import json
+import os
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -85,6 +87,48 @@ def test_a_figure_that_cannot_be_made_leaves_the_old_results(reproduction, tmp_p
         "reference.csv",
         *(f"{plant}_{kind}.csv" for plant in ("axis", "coupled") for kind in ("pi", "pi_ctc")),
     }
+
+
+# --- the command -------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def quick_study(monkeypatch):
+    """A study that is computed and written at once: one stage, one claim, one file."""
+
+    def write_reproduction(results, folder, watch, announce):
+        with watch.stage("first"), watch.stage("second"):
+            (folder / "report.md").write_text("report")
+        return {"claims": [{"verdict": "reproduced"}]}
+
+    monkeypatch.setattr("sdt_drake.analysis.report.findings", lambda summary: ["**A** finds `b`."])
+    monkeypatch.setattr("sdt_drake.analysis.reproduction.reproduce", lambda watch: None)
+    monkeypatch.setattr("sdt_drake.analysis.files.write_reproduction", write_reproduction)
+
+
+def test_reproduce(good, refuse, desk, quick_study, monkeypatch, tmp_path):
+    out = good("reproduce").out
+    assert (desk / "out" / "report.md").read_text() == "report"
+    assert re.search(r"^\s+second\s+0\.\d\d s$", out, re.M)
+    assert "Of 1 claims of the paper: 1 reproduced, 0 not reproduced, 0 not comparable" in out
+    assert "\n- A finds b.\n" in out
+    assert re.search(r"^Open out/report.html; \d+\.\d s in all$", out, re.M)
+    assert ("Graphviz" in out) == (shutil.which("dot") is None)
+
+    monkeypatch.setenv("PATH", str(tmp_path / "nothing"))
+    (line,) = [x for x in good("reproduce", "--out", "b").out.splitlines() if "Graphviz" in x]
+    assert ".svg" in line and "install" in line
+    for place in ("out/report.md", "out/report.md/d"):
+        refuse("reproduce", "--out", place, saying=["out/report.md: is a file, expected a folder"])
+
+
+@pytest.mark.parametrize("arguments", [["reproduce"], ["--help"]])
+def test_a_reader_that_has_enough_costs_no_results(desk, monkeypatch, quick_study, arguments):
+    read, write = os.pipe()
+    os.close(read)  # like `| head -0`
+    monkeypatch.setattr(sys, "stdout", os.fdopen(write, "w"))
+    assert main(arguments) == 0
+    assert Path("out/report.md").is_file() or arguments != ["reproduce"]
 
 
 # --- reading again -------------------------------------------------------------------------------

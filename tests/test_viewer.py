@@ -1,4 +1,4 @@
-"""Pictures of a motion: what is in them, and the page that plays them."""
+"""The page that plays pictures of a motion, and pictures that are played live."""
 
 from __future__ import annotations
 
@@ -8,30 +8,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
-from pydrake.multibody.tree import JacobianWrtVariable
-from pydrake.systems.framework import DiagramBuilder
-from test_robot import ARM
-from test_urdf import URDF
+from test_scene import TIME, smooth
 
 from sdt_drake import scene, viewer
 from sdt_drake.errors import InputError
 from sdt_drake.motion import Story, TimedSegment
 from sdt_drake.robot import load_robot
-from sdt_drake.scene import FRAME_RATE, METRES_PER_G, Scene, arrow_pose, make_frames
+from sdt_drake.scene import FRAME_RATE, METRES_PER_G, Scene, make_frames
 from sdt_drake.viewer import open_meshcat, record_html
 
 EVIL = "</script><b onload='x'>"
 SMALL = {"width": 400, "height": 260}  # WebGL in software is slow
-TIME = np.arange(401) * 0.005  # 2 s
-
-
-def smooth(robot, time=TIME):
-    """Angles, speeds and accelerations of joints that all turn."""
-    a, w = np.linspace(0.3, 0.6, robot.n), np.linspace(1.0, 2.5, robot.n)
-    s, c = np.sin(np.outer(time, w)), np.cos(np.outer(time, w))
-    return a * s, a * w * c, -a * w**2 * s
 
 
 def without_head(folder):
@@ -42,71 +29,6 @@ def without_head(folder):
     path = folder / "other.sdf"
     path.write_text(text, encoding="utf-8")
     return load_robot(path)
-
-
-# --- the pictures -----------------------------------------------------------------------------
-
-
-def test_frames_are_even_and_are_the_motion(robot):
-    q, _, _ = smooth(robot)
-    frames = make_frames(robot, TIME, q)
-    assert len(frames.time) == 2 * FRAME_RATE + 1
-    np.testing.assert_allclose(np.diff(frames.time), 1 / FRAME_RATE, rtol=1e-9)
-    # 0.1 s is both the third picture and the twentieth sample.
-    np.testing.assert_allclose(frames.q[::3], q[::20], rtol=0, atol=1e-12)
-    exact, _, _ = smooth(robot, frames.time)
-    np.testing.assert_allclose(frames.q, exact, rtol=0, atol=2e-5)
-
-
-def test_head_and_its_specific_force_are_drakes(robot):
-    q, _, _ = smooth(robot)
-    frames = make_frames(robot, TIME, q)
-    shown = frames.head
-    exact_q, v, vd = smooth(robot, frames.time)
-    plant = robot.plant
-    context, head = plant.CreateDefaultContext(), plant.GetFrameByName("head")
-    world, gravity = plant.world_frame(), np.array([0.0, 0.0, -9.81])
-    for k in range(2, len(frames.time) - 2, 7):
-        plant.SetPositions(context, frames.q[k])
-        pose = head.CalcPoseInWorld(context)
-        np.testing.assert_allclose(shown.position[k], pose.translation(), atol=1e-9)
-        np.testing.assert_allclose(shown.rotation[k], pose.rotation().matrix(), atol=1e-9)
-        plant.SetPositions(context, exact_q[k])
-        plant.SetVelocities(context, v[k])
-        where = (context, JacobianWrtVariable.kV, head, np.zeros(3), world, world)
-        a = plant.CalcJacobianTranslationalVelocity(*where) @ vd[k]
-        a += plant.CalcBiasTranslationalAcceleration(*where).ravel()
-        np.testing.assert_allclose(shown.force_in_world[k], a - gravity, atol=0.01)
-
-
-@pytest.mark.parametrize("force", [(0, 0, 9.81), (3, -4, 2), (0, 0, -19.62), (-9.81, 0, 0)])
-def test_arrow_points_along_the_force(force):
-    pose, length = arrow_pose(np.array([1.0, 2.0, 3.0]), np.array(force, dtype=float))
-    tip = pose.multiply([0.0, 0.0, length])
-    assert pose.translation().tolist() == [1.0, 2.0, 3.0]
-    expected = np.array(force) * METRES_PER_G / 9.80665
-    np.testing.assert_allclose(tip - [1.0, 2.0, 3.0], expected, rtol=1e-3, atol=1e-12)
-
-
-def test_arrow_of_free_fall_has_no_length():
-    assert arrow_pose(np.zeros(3), np.zeros(3))[1] == 0
-
-
-@pytest.mark.parametrize(
-    ("change", "part"),
-    [
-        (lambda t, q: (t[:2], q[:2]), "at least three samples"),
-        (lambda t, q: (np.where(t == 1, np.nan, t), q), "at least three samples"),
-        (lambda t, q: (t * 1801, q), "lasts 3602 s, expected at most 3600 s"),
-        (lambda t, q: (t, q[:, :3]), "expected (401, 4)"),
-        (lambda t, q: (t, np.where(t[:, None] == 1, np.inf, q)), "not finite"),
-    ],
-)
-def test_refuses_what_is_no_motion_of_the_robot(robot, tmp_path, change, part):
-    time, q = change(TIME, smooth(robot)[0])
-    with pytest.raises(InputError, match=re.escape(part)):
-        record_html(robot, time, q, tmp_path / "a.html")
-    assert list(tmp_path.iterdir()) == []
 
 
 # --- the page -----------------------------------------------------------------------------------
@@ -272,82 +194,6 @@ def test_robot_without_a_head_and_without_visuals(open_page, tmp_path):
         names = page.evaluate("Object.keys(viewer.scene_tree.children)")
         assert "robot" in names and not {"trace", "arrow", "head"} & set(names)
         assert errors == [] and requests == []
-
-
-def with_shape(folder, shape):
-    """A planar arm, its upper link drawn as `shape`."""
-    visual = f'<visual name="v"><geometry>{shape}</geometry></visual>'
-    path = folder / "arm.sdf"
-    path.write_text(ARM.replace('<link name="upper">', f'<link name="upper">{visual}'), "utf-8")
-    return load_robot(path)
-
-
-def draw(robot):
-    Scene(robot, make_frames(robot, TIME, smooth(robot)[0]), open_meshcat())
-
-
-@pytest.mark.parametrize(
-    "shape, message",
-    [
-        ("<sphere><radius>nan</radius></sphere>", "<visual> cannot be drawn .*radius = nan"),
-        ("<sphere><radius>1e300</radius></sphere>", "at most 1000 m to show"),
-        ("<plane><normal>0 0 0</normal></plane>", "<visual> cannot be drawn .*norm"),
-        ("<mesh><uri>none.obj</uri></mesh>", r"none\.obj"),
-        ("<mesh><uri>arm.stl</uri></mesh>", r"<visual> cannot be drawn .*\.stl"),
-        ("<mesh><uri>arm.obj</uri></mesh>", "<visual> cannot be drawn .*three vertices"),
-    ],
-)
-def test_a_shape_that_cannot_be_drawn_is_one_line(tmp_path, shape, message):
-    for name in ("arm.stl", "arm.obj"):
-        (tmp_path / name).write_text("v 0 0 x\n")
-    with pytest.raises(InputError, match=message) as caught:
-        draw(with_shape(tmp_path, shape))
-    assert "\n" not in str(caught.value) and len(str(caught.value)) < 500
-
-
-def test_a_robot_with_nothing_but_a_plane_gets_a_skeleton(tmp_path):
-    draw(with_shape(tmp_path, "<plane><normal>0 0 1</normal><size>1 1</size></plane>"))
-
-
-def test_a_urdf_is_drawn_with_its_root_fixed(tmp_path):
-    path = tmp_path / "arm.urdf"
-    path.write_text(
-        URDF.replace('<link name="base"/>', f'<link name="base">{BALL}</link>'), "utf-8"
-    )
-    draw(load_robot(path))
-
-
-BALL = "<visual><geometry><sphere radius='0.1'/></geometry></visual>"
-
-
-# --- the device as it is drawn ------------------------------------------------------------------
-
-
-def test_parts_of_the_device_pass_each_other_freely():
-    """At any angles, links touch at the flanges of their joints only."""
-    text = re.sub(r"<material>.*?</material>", "", load_robot().path.read_text(encoding="utf-8"))
-    text = text.replace("<visual ", "<collision ").replace("</visual>", "</collision>")
-    builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
-    Parser(plant).AddModelsFromString(text, "sdf")
-    plant.Finalize()
-    diagram = builder.Build()
-    context = diagram.CreateDefaultContext()
-    inspector = scene_graph.model_inspector()
-    parts = []
-    for geometry in inspector.GetAllGeometryIds():
-        body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry)).name()
-        name = inspector.GetName(geometry).split("::")[-1]
-        if "flange" not in name and name != "yaw_motor":
-            parts.append((body.replace("payload", "gondola"), name, geometry))
-    pairs = [(a, b) for i, a in enumerate(parts) for b in parts[:i] if a[0] != b[0]]
-    assert len(pairs) > 500
-    for q in np.random.default_rng(0).uniform(-np.pi, np.pi, (40, plant.num_positions())):
-        plant.SetPositions(plant.GetMyMutableContextFromRoot(context), q)
-        query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(context))
-        for (one, a, first), (other, b, second) in pairs:
-            distance = query.ComputeSignedDistancePairClosestPoints(first, second).distance
-            assert distance > 0, f"{one}: {a} in {other}: {b} at {np.degrees(q).round()} deg"
 
 
 # --- live -----------------------------------------------------------------------------------------

@@ -1,21 +1,18 @@
 """Figures: panels, labels, colours, and files."""
 
-from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from figures import line, shown_ticks
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
 from sdt_drake.analysis import plots
 from sdt_drake.analysis.budget import ErrorBudget
-from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.frequency_response import FrequencyResponse
 from sdt_drake.analysis.reproduction import StepResponse
 from sdt_drake.analysis.stability import StabilitySweep
-from sdt_drake.analysis.style import save
-from sdt_drake.analysis.tracking import MotorUse, Tracking
 from sdt_drake.control import step_metrics
 from sdt_drake.dynamics import Loads
 from sdt_drake.motion import Motion
@@ -78,33 +75,6 @@ def steps():
     }
 
 
-LABELS = ("pi", "p_pi+id", "inverse_dynamics")
-SHARES = (1.0, 0.1, 0.004)
-TORQUES = ("rms_share", "peak_share")
-CONSTANT = np.array([0.02, np.nan, 0.04])
-
-
-def make_compared(labels, shares, *, head=True):
-    """Controllers whose errors are these shares; the second joint has no constant speed."""
-    plant = SimpleNamespace(HasFrameNamed=lambda name: head)
-    robot, made = SimpleNamespace(joint_names=NAMES, plant=plant), []
-    for label, share in zip(labels, shares, strict=True):
-        row = share * np.array([0.1, 0.2, 0.3])
-        tracking = Tracking(row, row / 3, share * CONSTANT, 0 * row, np.radians(row))
-        motors = MotorUse(row, row, 2 * row, row)
-        made.append(Compared(label, SimpleNamespace(robot=robot), None))
-        vars(made[-1]).update(tracking=tracking, motors=motors)  # as if computed already
-        if head:
-            vars(made[-1])["head"] = SimpleNamespace(felt=SimpleNamespace(share=share))
-    return made
-
-
-@pytest.fixture(scope="module")
-def compared():
-    """Three controllers."""
-    return make_compared(LABELS, SHARES)
-
-
 @pytest.fixture(scope="module")
 def budget(motion):
     t = motion.time[:, None] * np.array([1.0, 2.0, 3.0])
@@ -144,7 +114,7 @@ def sweeps():
 
 
 @pytest.fixture(scope="module")
-def figures(motion, runs, steps, compared, budget, response, sweeps):
+def figures(motion, runs, steps, budget, response, sweeps):
     """One of each kind."""
     robot = SimpleNamespace(motor_torque_limit=np.array([5.0, 6.0, 7.0]), joint_names=NAMES)
     rows = np.ones_like(motion.v)
@@ -156,7 +126,6 @@ def figures(motion, runs, steps, compared, budget, response, sweeps):
         "speed_errors": plots.speed_errors("errors", runs, NAMES, motion),
         "torques": plots.torques("torques", runs["pi"], loads, robot),
         "error_budget": plots.error_budget("budget", budget, NAMES),
-        "comparison": plots.comparison("comparison", compared),
         "bode": plots.bode("bode", response, NAMES),
         "stability": plots.stability("stability", sweeps, NAMES),
     }
@@ -164,11 +133,6 @@ def figures(motion, runs, steps, compared, budget, response, sweeps):
 
 KINDS = ("trajectories", "step_responses", "speeds", "speed_errors", "torques", "error_budget")
 PANELS = ("speeds", "speed_errors", "torques", "error_budget")
-
-
-def line(ax, label):
-    (found,) = [line for line in ax.get_lines() if line.get_label() == label]
-    return found
 
 
 def legend_texts(figure):
@@ -320,7 +284,7 @@ def test_step_responses_name_structure_damping_and_metrics(figures, steps):
         assert f"{metrics.overshoot_percent:.2f} %" in label
 
 
-# --- comparison, budget, bode, stability -----------------------------------------------------
+# --- budget, bode, stability -------------------------------------------------------------------
 
 
 def grid(figure):
@@ -329,76 +293,8 @@ def grid(figure):
     return np.reshape(figure.axes, (rows, columns))
 
 
-def test_powers_of_ten_are_written_out(figures, tmp_path):
-    def shown(axis, limits):
-        return {
-            label.get_text()
-            for label in axis.get_ticklabels()
-            if limits[0] <= (label.get_position()[axis.axis_name == "y"]) <= limits[1]
-        }
-
-    ax = figures["comparison"].axes[0]
-    save(figures["comparison"], tmp_path / "figure.png")
-    assert {"0.001", "0.01", "0.1"} <= shown(ax.yaxis, ax.get_ylim())
-    ax = figures["bode"].axes[-1]
-    save(figures["bode"], tmp_path / "figure.png")
-    assert {"0.1", "1", "10", "100"} <= shown(ax.xaxis, ax.get_xlim())
-
-
-def test_comparison_has_a_dot_or_a_bar_for_each_controller_and_joint(figures, compared):
-    figure = figures["comparison"]
-    errors = (
-        [c.tracking.max_abs_speed_error for c in compared],
-        [c.tracking.rms_speed_error for c in compared],
-        [c.tracking.constant_speed_error for c in compared],
-        [np.degrees(c.tracking.max_abs_position_error) for c in compared],
-    )
-    torques = ([100 * getattr(c.motors, name) for c in compared] for name in TORQUES)
-    for ax, rows in zip(figure.axes[:4], errors, strict=True):
-        dots = [line(ax, label) for label in LABELS]
-        assert not ax.containers and [dot.get_linestyle() for dot in dots] == ["None"] * 3
-        for dot, expected in zip(dots, rows, strict=True):
-            np.testing.assert_allclose(dot.get_ydata(), expected)
-        places = np.array([dot.get_xdata() for dot in dots])
-        assert np.abs(places - np.arange(3)).max() < 0.5 and np.diff(places, axis=0).min() > 0
-    for ax, rows in zip(figure.axes[4:6], torques, strict=True):
-        assert [c.get_label() for c in ax.containers] == list(LABELS)
-        for bars, expected in zip(ax.containers, rows, strict=True):
-            np.testing.assert_allclose([bar.get_height() for bar in bars], expected)
-        edges = sorted((bar.get_x(), bar.get_x() + bar.get_width()) for bar in ax.patches)
-        assert all(a[1] <= b[0] + 1e-9 for a, b in pairwise(edges))
-
-
-def test_comparison_says_where_there_is_nothing_to_compare(figures):
-    """A joint without constant speed, and errors that are 0, have no dot."""
-    constant = figures["comparison"].axes[2]
-    assert [(t.get_position()[0], t.get_text()) for t in constant.texts] == [(1, "not\napplicable")]
-    none = plots.comparison("none", make_compared(LABELS, (0, 0, 0), head=False))
-    texts = [[t.get_text() for t in ax.texts] for ax in none.axes]
-    assert texts[0] == 3 * ["none"] and texts[2] == ["none", "not\napplicable", "none"]
-
-
-def test_comparison_of_errors_is_logarithmic_and_that_of_torques_starts_at_zero(figures):
-    axes = figures["comparison"].axes
-    assert [ax.get_yscale() for ax in axes] == 4 * ["log"] + 3 * ["linear"]
-    assert [ax.get_ylim()[0] for ax in axes[4:]] == [0, 0, 0]
-
-
-def test_comparison_shows_what_could_be_felt(figures):
-    *others, ax = figures["comparison"].axes
-    assert ax.get_title(loc="left") == "error that can be felt [% of time]"
-    assert [bar.get_height() for bar in ax.patches] == pytest.approx([100, 10, 0.4])
-    assert [text.get_text() for text in ax.texts] == ["100.0", "10.0", "0.4"]
-    names = [label.get_text().replace("\n", "") for label in ax.get_xticklabels()]
-    assert names == list(LABELS)
-    for bar, label in zip(ax.patches, LABELS, strict=True):
-        assert same_color(bar.get_facecolor(), line(others[0], label).get_color())
-
-
-def test_comparison_without_a_head_has_no_panel_for_it(compared, figures):
-    headless = plots.comparison("headless", make_compared(LABELS, SHARES, head=False))
-    assert len(headless.axes) == 6 == len(figures["comparison"].axes) - 1
-    assert headless.get_figheight() < figures["comparison"].get_figheight()
+def test_powers_of_ten_are_written_out(figures):
+    assert {"0.1", "1", "10", "100"} <= shown_ticks(figures["bode"].axes[-1].xaxis)
 
 
 def test_budget_shows_the_whole_and_its_parts(figures, budget):
