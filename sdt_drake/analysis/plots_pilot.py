@@ -142,10 +142,13 @@ def _name_segments(
         for segment, end in zip(own, ends, strict=True):
             length = segment.end - segment.start
             band.broken_barh([(segment.start, length)], (row, 0.9), color="0.88", edgecolor="0.6")
-            fitting = int((end - segment.start) / (high - low) * _PANEL[0] / _LETTER) - 1
             name = segment.text.partition(",")[0]
+            # Within the segment, else behind it, else over both.
+            places = [(segment.start, segment.end), (segment.end, end), (segment.start, end)]
+            rooms = [(a, int((b - a) / (high - low) * _PANEL[0] / _LETTER) - 1) for a, b in places]
+            at, fitting = max(rooms, key=lambda room: min(room[1], len(name)))
             text = name if len(name) <= fitting else name[: max(fitting - 1, 0)] + "…"
-            band.text(segment.start, row + 0.42, f" {text}", fontsize=7.5, va="center")
+            band.text(at, row + 0.42, f" {text}", fontsize=7.5, va="center")
             for ax in axes:
                 for at in (segment.start, segment.end):
                     ax.axvline(at, color="0.75", linewidth=0.6, zorder=0.5)

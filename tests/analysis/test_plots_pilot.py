@@ -67,7 +67,10 @@ def test_only_what_changes_is_shown_and_segments_have_names(robot):
     recording, head = head_of(Motion.from_speeds(PERIOD, np.zeros(4), v), robot, 1.0)
     segments = (
         TimedSegment("yaw", 0, 2, "to 1 deg/s, cosine"),
-        TimedSegment("yaw", 2, 10, "hold"),
+        TimedSegment("yaw", 2, 7, "hold"),
+        TimedSegment("yaw", 7, 7.5, "to 0 deg/s"),
+        TimedSegment("roll", 3, 3.1, "to 1.5 G"),
+        TimedSegment("roll", 3.4, 4, "hold"),
     )
     story = Story("Spin", "It stops.", segments)
     *panels, error, band = plots_pilot.pilot("run", recording.time, head, story).axes
@@ -78,8 +81,10 @@ def test_only_what_changes_is_shown_and_segments_have_names(robot):
     assert title[:2] == ["Spin", "To be felt: It stops."] and "force along z, up" in title[2]
     assert "%" not in "".join(title)
     assert error.get_title(loc="right") == "never felt: at most 0 of what is just felt"
-    assert [text.get_text() for text in band.texts] == [" to 1 deg/s", " hold"]
-    assert [text.get_position()[0] for text in band.texts] == [0, 2]
+    names = [(text.get_text(), text.get_position()[0]) for text in band.texts]
+    # Within the segment, behind one that is too short, and over both where that is not enough.
+    assert names[:3] == [(" to 1 deg/s", 0), (" hold", 2), (" to 0 deg/s", 7.5)]
+    assert names[3:] == [(" to 1…", 3), (" hold", 3.4)]
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.99, 0.0])
