@@ -22,7 +22,7 @@ from sdt_drake.loops import Loop, make_loop, systems_in
 from sdt_drake.motor_torque import arrived, cuts, period_torque, tells_command
 from sdt_drake.progress import told
 from sdt_drake.shown import Shown, Summary, of_joints
-from sdt_drake.tables import check_columns, data_frame, read_table, write_table
+from sdt_drake.tables import check_columns, check_limits, data_frame, read_table, write_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,12 +36,6 @@ _FINEST = 1e-12  # that Drake takes
 _MOST_STEPS = 1_000_000  # of the integrator in a period; a loop that needs more does not end
 
 _SLICES = 200  # of a run, to tell how far it is; between samples, where steps end anyway
-
-LIMITS = {"q": (1e6, "rad"), "q_ref": (1e6, "rad"), "v": (1e4, "rad/s"), "v_ref": (1e4, "rad/s")}
-"""Of angles and speeds in files, joint side: what is beyond has another unit, or is no motion."""
-
-SHORTEST_STEP = 1e-6
-"""Of time in files [s]."""
 
 # What goes into a CSV file, in this order.
 COLUMNS = (
@@ -173,32 +167,6 @@ class Recording(Shown):
         return Recording(time=time, **{name: columns[name] for name in names})
 
     to_csv, from_csv = save, load  # as they are called of a motion
-
-
-def check_limits(path: str | Path, time: Array, columns: Mapping[str, Array]) -> None:
-    """Refuse angles and speeds that no joint has, and time in steps that nobody records.
-
-    Args:
-        path: of the file that holds them.
-        time: in equal steps [s], shape (N,), N >= 2.
-        columns: by name, shape (N, n); those that LIMITS does not name may hold anything.
-
-    Raises:
-        InputError: naming the file, the column and the time.
-    """
-    step = time[1] - time[0]
-    if step < SHORTEST_STEP:
-        raise InputError(
-            f"{path}: time in steps of {step:g} s, expected at least {SHORTEST_STEP:g} s"
-        )
-    for name, (limit, unit) in LIMITS.items():
-        beyond = np.argwhere(np.abs(columns.get(name, np.zeros((0, 0)))) > limit)
-        if len(beyond):
-            row, k = beyond[0]
-            raise InputError(
-                f"{path}: {name}_{k + 1} is {columns[name][row, k]:g} {unit} at {time[row]:g} s, "
-                f"expected at most {limit:g} {unit}"
-            )
 
 
 def make_simulator(

@@ -150,6 +150,39 @@ def check_columns(
         raise InputError(f"{path}: {', '.join(names)} differ in their number of joints")
 
 
+LIMITS = {"q": (1e6, "rad"), "q_ref": (1e6, "rad"), "v": (1e4, "rad/s"), "v_ref": (1e4, "rad/s")}
+"""Of angles and speeds in files, joint side: what is beyond has another unit, or is no motion."""
+
+SHORTEST_STEP = 1e-6
+"""Of time in files [s]."""
+
+
+def check_limits(path: str | Path, time: Array, columns: Mapping[str, Array]) -> None:
+    """Refuse angles and speeds that no joint has, and time in steps that nobody records.
+
+    Args:
+        path: of the file that holds them.
+        time: in equal steps [s], shape (N,), N >= 2.
+        columns: by name, shape (N, n); those that LIMITS does not name may hold anything.
+
+    Raises:
+        InputError: naming the file, the column and the time.
+    """
+    step = time[1] - time[0]
+    if step < SHORTEST_STEP:
+        raise InputError(
+            f"{path}: time in steps of {step:g} s, expected at least {SHORTEST_STEP:g} s"
+        )
+    for name, (limit, unit) in LIMITS.items():
+        beyond = np.argwhere(np.abs(columns.get(name, np.zeros((0, 0)))) > limit)
+        if len(beyond):
+            row, k = beyond[0]
+            raise InputError(
+                f"{path}: {name}_{k + 1} is {columns[name][row, k]:g} {unit} at {time[row]:g} s, "
+                f"expected at most {limit:g} {unit}"
+            )
+
+
 @dataclass(frozen=True, eq=False)
 class Numbers:
     """What a file of columns holds.

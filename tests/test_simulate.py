@@ -13,8 +13,8 @@ from sdt_drake.errors import InputError
 from sdt_drake.loops import make_loop
 from sdt_drake.motion import Motion
 from sdt_drake.scenario import ControllerChoice, PlantChoice, Scenario
-from sdt_drake.simulate import LIMITS, Recording, _beyond_stop, simulate
-from sdt_drake.tables import write_table
+from sdt_drake.simulate import Recording, _beyond_stop, simulate
+from sdt_drake.tables import LIMITS, write_table
 
 PLANTS = ("axis", "coupled")
 SIGNALS = ("q_ref", "v_ref", "q", "v", "tau_cmd", "tau", "load_torque")

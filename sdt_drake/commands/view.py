@@ -11,7 +11,7 @@ from sdt_drake.arrays import Array
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
 from sdt_drake.errors import InputError
-from sdt_drake.tables import TABLES, read_table
+from sdt_drake.tables import TABLES, check_limits, read_table
 
 if TYPE_CHECKING:
     from sdt_drake.motion import Story
@@ -127,8 +127,6 @@ def _simulated(options: argparse.Namespace) -> tuple[str, Robot, Array, Array, S
 
 def _angles(path: Path, robot: Robot) -> tuple[Array, Array]:
     """Time [s] and joint angles [rad] of a table."""
-    from sdt_drake.simulate import check_limits
-
     time, columns = read_table(path)
     q = columns.get("q", columns.get("q_ref"))
     if q is None:

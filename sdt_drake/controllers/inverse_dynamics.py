@@ -1,5 +1,3 @@
-"""Feedback linearisation by one controller of all joints, at the interpolation period."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -15,9 +13,8 @@ if TYPE_CHECKING:
 
 
 class InverseDynamics(Wired, Controller):
-    """Computed torque from the whole state.
-
-        tau = M(q) (vd_ref + 2 zeta omega_n (v_ref - v) + omega_n² (q_ref - q)) + bias(q, v)
+    """Computed torque from the state of all joints at the interpolation period, the law of
+    `sdt_drake.systems.InverseDynamicsController`, with the poles of the speed loops.
 
     It has no integral: with a wrong model it does not start in equilibrium.
 

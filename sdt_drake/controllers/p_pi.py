@@ -1,5 +1,3 @@
-"""The industrial cascade: a position loop around the speed loop."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

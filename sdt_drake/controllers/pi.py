@@ -38,6 +38,7 @@ class Pi(Wired, Controller):
         super().__init__()
         self._design = design
         choice, gains = design.scenario.controller, design.gains
+        self._kp = gains.kp * design.robot.gear_ratio  # on the joint speed [N m s/rad]
         share = 1.0 if at is None else self._share(at)
         self._pi = PiSpeedController(
             gains=SpeedGains(kp=share * gains.kp, ki=share * gains.ki),
@@ -66,23 +67,18 @@ class Pi(Wired, Controller):
 
     def rest(self, context: Context, tau_cmd: ArrayLike) -> None:
         # Gone on at the first speed for long: no error of speed, whatever is held from now on.
-        start, design = np.zeros(1, dtype=int), self._design
-        v = (design.reference if self._is_on_error else design.motion).v[:1]
-        proportional = self._proportional(start, start, design.motion.q, v)[0]
-        integral = tau_cmd - proportional - self._design.steady_ff
+        v_fed_back = 0.0 if self._is_on_error else self._design.motion.v[0]
+        fed_back = self._share(0) * self._kp * v_fed_back
+        integral = np.asarray(tau_cmd) + fed_back - self._design.steady_ff
         self._pi.rest(self.GetMutableSubsystemContext(self._pi, context), integral)
 
     def memoryless(self, held: Index, sample: Index, q: Array, v: Array) -> Array:
+        asked = self._asked(held, sample, q) if self._is_on_error else 0.0
         tau_ff = 0.0 if self._design.tau_ff is None else self._design.tau_ff[held]
-        return self._proportional(held, sample, q, v) + tau_ff
+        return self._share(held) * self._kp * (asked - v) + tau_ff
 
     def integral_gain(self, held: Index) -> Array:
         return self._share(held) * self._design.gains.ki * self._design.robot.gear_ratio
-
-    def _proportional(self, held: Index, sample: Index, q: Array, v: Array) -> Array:
-        design = self._design
-        asked = self._asked(held, sample, q) if self._is_on_error else 0.0
-        return self._share(held) * design.gains.kp * design.robot.gear_ratio * (asked - v)
 
     @property
     def _is_on_error(self) -> bool:

@@ -1,5 +1,3 @@
-"""PI speed controllers whose gains follow the inertia along the motion."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -14,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class PiScheduled(Pi):
-    """K_PS and K_IS in proportion to I_eff(q_ref), the inertia along the motion.
+    """PI speed controllers with K_PS and K_IS in proportion to I_eff(q_ref), along the motion.
 
     .. pydrake_system::
 
