@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from matplotlib.figure import Figure
 
 from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.metrics import PARAMETERS_IN_WORDS
-from sdt_drake.analysis.panels import Line, Panel, picture
+from sdt_drake.analysis.panels import Line, Panel, over_time, picture
 from sdt_drake.analysis.report import REPORT
 from sdt_drake.analysis.style import PALETTE, Look, joint_title, save_both
 from sdt_drake.arrays import Array
@@ -200,25 +201,22 @@ def in_short(found: Identified) -> list[str]:
 
 def torques_figure(found: Identified) -> Figure:
     """Measured torque, what the identified and the nominal robot predict, and what is left."""
-    eq, names = found.equations, found.nominal.joint_names
-    time = _running_time(found)
-    held = ~eq.fit
-    torques, errors = [], []
-    for k, name in enumerate(names):
-        torques.append(
-            Panel(
-                joint_title(k, name), "time [s]", "torque [N m]", time,
-                [
-                    Line("measured", MEASURED, eq.tau[:, k]),
-                    Line("identified", PREDICTED, found.predicted[:, k]),
-                    Line("file as it is", NOMINAL, eq.nominal[:, k]),
-                ],
-                held, "held out",
-            )
-        )  # fmt: skip
-        left = Line("measured - identified", MEASURED, (eq.tau - found.predicted)[:, k])
-        errors.append(Panel("", "time [s]", "left [N m]", time, [left], held, "held out"))
-    return picture(f"{title(found)}: torques, joint side", [torques, errors])
+    eq, time = found.equations, _running_time(found)
+    lines = [
+        ("measured", MEASURED, eq.tau),
+        ("identified", PREDICTED, found.predicted),
+        ("file as it is", NOMINAL, eq.nominal),
+    ]
+    left = [("measured - identified", MEASURED, eq.tau - found.predicted)]
+    columns = [
+        over_time("torque [N m]", time, lines, found.nominal.joint_names),
+        over_time("left [N m]", time, left),
+    ]
+    shaded = [
+        [replace(panel, marked=~eq.fit, marked_label="held out") for panel in column]
+        for column in columns
+    ]
+    return picture(f"{title(found)}: torques, joint side", shaded)
 
 
 def residuals_figure(found: Identified) -> Figure:

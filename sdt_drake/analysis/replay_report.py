@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 
 from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.metrics import Metric
-from sdt_drake.analysis.panels import Line, Panel, picture
+from sdt_drake.analysis.panels import Panel, over_time, picture
 from sdt_drake.analysis.replay import ALONE, FED, QUANTITIES, WHOLE, Replay
 from sdt_drake.analysis.report import REPORT
-from sdt_drake.analysis.style import PALETTE, Look, joint_title, save_both
+from sdt_drake.analysis.style import PALETTE, Look, save_both
 from sdt_drake.arrays import Array
 
 RECORDED, SIMULATED = Look(PALETTE[0]), Look(PALETTE[1], "--")
@@ -37,24 +37,14 @@ Where it is far from the recorded one, the law or the gains of the machine are o
 def replay_figure(replay: Replay) -> Figure:
     """Recorded and simulated errors and torques, a row for each joint."""
     time, names = replay.design.motion.time, replay.design.robot.joint_names
-    columns = []
-    for i, (name, measured) in enumerate(replay.measured.items()):
+    columns: list[list[Panel]] = []
+    for name, measured in replay.measured.items():
         metric, simulated = QUANTITIES[name], replay.courses[WHOLE][name]
-        columns.append(
-            [
-                Panel(
-                    joint_title(k, joint) if i == 0 else "",
-                    "time [s]",
-                    metric.label,
-                    time,
-                    [
-                        Line("recorded", RECORDED, metric.factor * measured[:, k]),
-                        Line("simulated", SIMULATED, metric.factor * simulated[:, k]),
-                    ],
-                )
-                for k, joint in enumerate(names)
-            ]
-        )
+        lines = [
+            ("recorded", RECORDED, metric.factor * measured),
+            ("simulated", SIMULATED, metric.factor * simulated),
+        ]
+        columns.append(over_time(metric.label, time, lines, () if columns else names))
     return picture(f"{title(replay)}: recorded and simulated", columns)
 
 
