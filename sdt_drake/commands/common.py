@@ -102,22 +102,26 @@ def add_motion(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_robot(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--robot", default=ROBOT, help="SDF or URDF file (default: the shipped device)"
-    )
+def add_robot(
+    parser: argparse.ArgumentParser,
+    help_: str = "SDF or URDF file (default: the shipped device)",
+    default: str | None = ROBOT,
+) -> None:
+    parser.add_argument("--robot", default=default, help=help_)
 
 
 def add_period(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--period", type=float, default=0.005, help="interpolation period [s]")
 
 
-def add_scenario(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "scenario",
-        metavar="SCENARIO",
-        help="name of one that ships (`sdt-drake scenarios`), or .yaml file",
-    )
+def add_scenario(
+    parser: argparse.ArgumentParser,
+    help_: str = "name of one that ships (`sdt-drake scenarios`), or .yaml file",
+    metavar: str = "SCENARIO",
+    **more: Any,
+) -> None:
+    """Add a scenario, or what else the help says, and --set; `more` are those of `add_argument`."""
+    parser.add_argument("scenario", metavar=metavar, help=help_, **more)
     add_changes(parser)
 
 

@@ -22,13 +22,8 @@ _FLIGHTS, _MOST = 5, 1000
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "scenario",
-        nargs="?",
-        metavar="SCENARIO",
-        help="name of one that ships, or .yaml file; with --recording for the first one only",
-    )
-    common.add_changes(parser)
+    text = "name of one that ships, or .yaml file; with --recording for the first one only"
+    common.add_scenario(parser, text, nargs="?")
     parser.add_argument(
         "--flights",
         type=common.number(int, minimum=1, maximum=_MOST),

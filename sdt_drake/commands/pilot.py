@@ -28,15 +28,10 @@ EXAMPLE = "sdt-drake pilot coupled_pi --out pilot.png"
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "scenario",
-        metavar="SCENARIO|RECORDING",
-        help="what to run, or what `simulate` wrote (.csv, .mat, .parquet)",
-    )
-    common.add_changes(parser)
-    parser.add_argument(
-        "--robot", help="SDF or URDF file of a recording's robot (default: the shipped device)"
-    )
+    text = "what to run, or what `simulate` wrote (.csv, .mat, .parquet)"
+    common.add_scenario(parser, text, "SCENARIO|RECORDING")
+    text = "SDF or URDF file of a recording's robot (default: the shipped device)"
+    common.add_robot(parser, text, None)
     text = "CSV file for what is felt over time, or a figure of it (.png, .svg, .pdf)"
     common.add_figure(parser, text, [".csv"])
 

@@ -28,15 +28,9 @@ _BEYOND = 0.01  # of 0.5 omega_r; nobody knows omega_r better
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "scenario",
-        metavar="SCENARIO|MOTION",
-        nargs="?",
-        default=common.MOTION,
-        help="a scenario, or a motion and its robot: name of one that ships, or file "
-        "(default: %(default)s)",
-    )
-    common.add_changes(parser)
+    text = "a scenario, or a motion and its robot: name of one that ships, or file "
+    text += "(default: %(default)s)"
+    common.add_scenario(parser, text, "SCENARIO|MOTION", nargs="?", default=common.MOTION)
     common.add_robot(parser)
     common.add_period(parser)
     parser.set_defaults(robot=None, period=None)  # a scenario has its own

@@ -24,16 +24,14 @@ PERIOD = 0.005  # of the paper's planner [s]
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "scenario",
-        metavar="SCENARIO|MOTION|FILE.csv",
-        help="a scenario, which is simulated; a motion, which is planned; a recording or a planned "
+    common.add_scenario(
+        parser,
+        "a scenario, which is simulated; a motion, which is planned; a recording or a planned "
         "motion: .yaml or .csv file, or the name of a scenario or motion that ships",
+        "SCENARIO|MOTION|FILE.csv",
     )
-    common.add_changes(parser)
-    parser.add_argument(
-        "--robot", help="SDF or URDF file (default: the shipped device, or the scenario's)"
-    )
+    text = "SDF or URDF file (default: the shipped device, or the scenario's)"
+    common.add_robot(parser, text, None)
     parser.add_argument(
         "--record", type=common.some_path, metavar="FILE.html", help="write a page that plays"
     )
