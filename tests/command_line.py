@@ -124,6 +124,7 @@ def desk(tmp_path, monkeypatch):
     files = {"short.yaml": SHORT, "motion.yaml": MOTION, "arm.sdf": ARM, "arm.yaml": ARM_PROFILE}
     files |= {f"{name}.yaml": text for name, text in ENDS.items()}
     files["run.yaml"] = ENDS["coupled"].replace("motion.yaml", "short.yaml")
+    files["cascade.yaml"] = files["run.yaml"].replace("kind: pi,", "kind: p_pi,")
     files["short_axis.yaml"] = SCENARIO.replace("motion.yaml", "short.yaml")
     for name, text in files.items():
         (given / name).write_text(text, encoding="utf-8")
@@ -183,9 +184,9 @@ def is_one_line(text: str) -> bool:
 
 
 def snapshot(folder) -> dict:
-    """Every file below a folder with its content."""
-    files = (path for path in folder.rglob("*") if path.is_file() and not path.is_symlink())
-    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+    """Every file below a folder with its content, and every other folder with None."""
+    every = (path for path in folder.rglob("*") if path.exists() and not path.is_symlink())
+    return {str(x.relative_to(folder)): x.read_bytes() if x.is_file() else None for x in every}
 
 
 def tables(out: str) -> list[list[list[str]]]:

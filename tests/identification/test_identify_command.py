@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 
-import command_line
 import pytest
 from test_identify import HEAVIER, recorded_of
 
@@ -14,8 +13,6 @@ from sdt_drake.robot import load_robot
 from sdt_drake.scenario import load_scenario
 from sdt_drake.studies.study import load_study
 from sdt_drake.tables import write_table
-
-call = command_line.call
 
 
 @pytest.fixture(scope="module")

@@ -268,9 +268,8 @@ def test_the_devices_of_a_study_are_of_its_variables_with_the_loop_s_own_control
         devices_of(design, only, base, 2)
 
 
-def test_the_command_leaves_what_simulate_and_plan_take(good, refuse, given, desk):
-    text = (desk.parent / "given" / "run.yaml").read_text(encoding="utf-8")
-    file = given("cascade.yaml", text.replace("kind: pi,", "kind: p_pi,"))
+def test_the_command_leaves_what_simulate_and_plan_take(good, refuse, desk):
+    file = "../given/cascade.yaml"
     payload = "plant.deviation.payload_mass=30"
     out = good("learn", file, "--set", payload, "--flights", "2", "--out", "learned").out
     assert "flight 2, largest error" in out and "best: flight 2" in out
@@ -288,12 +287,9 @@ def test_the_command_leaves_what_simulate_and_plan_take(good, refuse, given, des
 
 
 @pytest.mark.parametrize("at", ["fly", "write_table"])
-def test_interrupted_in_its_third_flight_it_keeps_two(
-    call, good, refuse, given, desk, monkeypatch, at
-):
+def test_interrupted_in_its_third_flight_it_keeps_two(call, good, refuse, desk, monkeypatch, at):
     """By the flight itself, or while its numbers are written; when finished nothing is kept."""
-    text = (desk.parent / "given" / "run.yaml").read_text(encoding="utf-8")
-    command = ("learn", given("cascade.yaml", text.replace("kind: pi,", "kind: p_pi,")), "--all")
+    command = ("learn", "../given/cascade.yaml", "--all")
     monkeypatch.setattr(report, "write_report", lambda folder, *rest: folder)  # it takes long
     good(*command, "--flights", "2", "--out", "two")
     module = flights if at == "fly" else report
@@ -310,7 +306,8 @@ def test_interrupted_in_its_third_flight_it_keeps_two(
     assert (done.code, done.err) == (130, "")
     assert "interrupted; flights so far are kept in five/unfinished: sdt-drake learn" in done.out
     files = {"flights.csv", "learned.csv", "scenario.yaml"}
-    assert set(command_line.snapshot(desk / "five")) == {f"unfinished/{name}" for name in files}
+    kept = {"unfinished", *(f"unfinished/{name}" for name in files)}
+    assert set(command_line.snapshot(desk / "five")) == kept
     for name in files:
         assert (desk / "five/unfinished" / name).read_bytes() == (desk / "two" / name).read_bytes()
     refuse(*command, "--out", "five", saying=("five/unfinished: has flights of an inter",))
@@ -319,7 +316,7 @@ def test_interrupted_in_its_third_flight_it_keeps_two(
     assert after[1][1:] == before[2][1:] and "unfinished" not in os.listdir(desk / "on")
 
 
-def test_the_command_refuses_what_it_cannot_do(refuse, given):
+def test_the_command_refuses_what_it_cannot_do(refuse):
     refuse("learn", "../given/coupled.yaml", "--flights", "0", saying=("--flights: 0",))
     refuse("learn", "../given/coupled.yaml", "--bandwidth", "0", saying=("--bandwidth: 0 Hz",))
     refuse("learn", "../given/coupled.yaml", "--study", "nothing", saying=("nothing",))

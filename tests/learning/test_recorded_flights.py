@@ -26,11 +26,9 @@ from sdt_drake.learning.state import (
     write_step,
 )
 from sdt_drake.motion import LearnedReference, Motion
+from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.simulate import simulate
 from sdt_drake.tables import write_table
-
-call, good, desk = command_line.call, command_line.good, command_line.desk
-given, refuse = command_line.given, command_line.refuse
 
 
 class Machine:
@@ -56,7 +54,7 @@ class Machine:
         def sampled(values):
             motion = Motion.from_speeds(time[1], values[0], np.gradient(values, time[1], axis=0))
             inside = np.clip(at, 0, time[-1])
-            smooth = np.stack([np.interp(inside, time, x) for x in values.T], axis=1)
+            smooth = interpolated(inside, time, values)
             return smooth if step == time[1] else motion.trajectory.vector_values(inside).T
 
         values = {"q_ref": sampled(q_ref), "q": sampled(q) + spread}
@@ -67,6 +65,12 @@ class Machine:
 
     def read(self, path):
         return read_recording(path, self.design.robot, needs=("q",))
+
+    def taught(self, flight, count, noise):
+        """What so many noisy recordings of a first flight teach."""
+        paths = [self.record(flight, noise=noise, seed=i) for i in range(count)]
+        state = State([], [LearnedReference(self.design.motion)])
+        return teach(self.design, self.filter, state, [self.read(path) for path in paths])
 
 
 @pytest.fixture
@@ -124,21 +128,17 @@ def test_a_step_from_recordings_is_that_of_simulated_flights(machine):
 def test_what_repeats_is_told_from_what_does_not(machine):
     """Of eight noisy recordings: the floor is the noise, what repeats is the error without it."""
     flight, noise = machine.flight(), 3e-5
-    paths = [machine.record(flight, noise=noise, seed=i) for i in range(8)]
-    state = State([], [LearnedReference(machine.design.motion)])
-    taught = teach(machine.design, machine.filter, state, [machine.read(path) for path in paths])
+    taught = machine.taught(flight, 8, noise)
     np.testing.assert_allclose(taught.flight.floor, noise, rtol=0.1)
     true = np.sqrt(np.mean((machine.design.wanted.q - flight[2]) ** 2, axis=0))
     np.testing.assert_allclose(taught.flight.rms, true, rtol=0.05, atol=0.4 * noise)
     quiet = machine.flight()
     quiet[2][:] = machine.design.wanted.q
-    paths = [machine.record(quiet, noise=noise, seed=i) for i in range(3)]
-    taught = teach(machine.design, machine.filter, state, [machine.read(path) for path in paths])
+    taught = machine.taught(quiet, 3, noise)
     assert any("within what noise leaves" in note for note in taught.notes)
     np.testing.assert_allclose(taught.flight.floor, noise, rtol=0.1)
     quiet[2][:] += noise
-    paths = [machine.record(quiet, noise=noise, seed=i) for i in range(3)]
-    taught = teach(machine.design, machine.filter, state, [machine.read(path) for path in paths])
+    taught = machine.taught(quiet, 3, noise)
     np.testing.assert_allclose(taught.flight.rms, noise, rtol=0.1)
     # A larger error that noise may have made is no growth.
     best, larger = ([x] * 4 for x in (1e-5, 2e-5))
@@ -182,9 +182,8 @@ def test_recordings_with_gaps_or_too_few_samples_or_a_part_are_refused(machine):
     refused(lambda rows: rows[:2], "2 samples, expected those of a whole motion")
 
 
-def test_the_command_learns_flight_by_flight(good, refuse, given, desk):
-    text = (desk.parent / "given" / "run.yaml").read_text(encoding="utf-8")
-    file = given("cascade.yaml", text.replace("kind: pi,", "kind: p_pi,"))
+def test_the_command_learns_flight_by_flight(good, refuse, desk):
+    file = "../given/cascade.yaml"
     changed = ("--set", "plant.deviation.payload_mass=30")
     good("simulate", file, *changed, "--out", "flight.csv")
     out = good("learn", file, "--recording", "flight.csv", "--state", "state").out

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from test_robot import ARM
 
 from sdt_drake.motion import Command, Course, Motion, load_command
 from sdt_drake.robot import Robot, load_robot
@@ -65,6 +66,14 @@ def write_robot(folder, text: str, *changes: tuple[str, str]) -> Robot:
     path = folder / "robot.sdf"
     path.write_text(text, encoding="utf-8")
     return load_robot(path)
+
+
+def tough_swing(folder) -> tuple[Robot, Command]:
+    """A textbook arm of much friction and weak motors, and a swing of its first joint."""
+    changes = ("<damping>0.7", "<damping>20"), ("<effort>90", "<effort>45")
+    swing = knots([0, 0], [0.1, 1], [0.6, 1], [1, 0])
+    swing = command(swing, knots([0, 0], [1, 0]), q0=[-1.5, 0.2])
+    return write_robot(folder, ARM, *changes), swing
 
 
 def sampled(whole: Command, period: float = PERIOD) -> Motion:

@@ -11,14 +11,12 @@ from motions import (
     LIMITS,
     PERIOD,
     alone,
-    command,
     faster,
     knots,
     reference,
     sampled,
-    write_robot,
+    tough_swing,
 )
-from test_robot import ARM
 
 from sdt_drake.dynamics import torque_groups
 from sdt_drake.errors import InputError
@@ -105,9 +103,8 @@ def test_a_joint_that_cannot_accelerate_as_commanded_catches_up_later(robot):
 
 
 def test_the_limiter_counts_gravity_and_viscous_friction(tmp_path):
-    arm = write_robot(tmp_path, ARM, ("<damping>0.7", "<damping>20"), ("<effort>90", "<effort>45"))
-    swing = knots([0, 0], [0.1, 1], [0.6, 1], [1, 0])
-    plan = plan_motion(arm, command(swing, knots([0, 0], [1, 0]), q0=[-1.5, 0.2]))
+    arm, swing = tough_swing(tmp_path)
+    plan = plan_motion(arm, swing)
     torque, limited = needed_torque(arm, plan.motion)[:, 0], plan.limited[:, 0]
     assert np.sum(limited) > 5
     np.testing.assert_allclose(torque[limited], 45, atol=1e-6)
@@ -173,16 +170,6 @@ def test_a_joint_that_is_not_back_on_its_command_at_the_end_is_refused(robot):
         rf"N m; .*ends at {reached:.4g} rad/s, commanded is 1\.6 rad/s",
     ):
         plan_motion(robot, spin_up())
-
-
-def test_a_motor_that_cannot_hold_its_link_is_refused(tmp_path):
-    arm = write_robot(tmp_path, ARM, ("<effort>40", "<effort>3"))
-    needed = -2 * 9.81 * 0.3  # N m: 2 kg at 0.3 m
-    with pytest.raises(
-        InputError,
-        match=rf"joint 2 'elbow' at 0\.000 s needs torque {needed:g} N m, available ±3 N m",
-    ):
-        plan_motion(arm, alone(knots([0, 0], [1, 0]), joints=2))
 
 
 @pytest.mark.parametrize(

@@ -43,27 +43,26 @@ def make_table(draws: int = 200, joints: int = 4) -> StudyTable:
         reason[i] = f"joint 2 needs {100 + i}.5 N m, expected at most 90 N m"
     for values in outcomes.values():
         values[status != "ok"] = np.nan
-    return StudyTable(
-        name="gains",
-        row=np.arange(n),
-        inputs=inputs,
-        outcomes=outcomes,
-        status=status,
-        reason=reason,
-        duration=np.full(n, 0.5),
-        choices=("omega_r", "controller"),
-    )
+    choices = ("omega_r", "controller")
+    return table_of(inputs, outcomes, status, reason, name="gains", choices=choices)
 
 
 def small_table(y: np.ndarray, status: list[str] | None = None, **inputs) -> StudyTable:
     """One outcome, "y", and inputs."""
-    n = len(y)
+    own = {name: np.asarray(values) for name, values in inputs.items()}
+    return table_of(own, {"y": np.asarray(y, dtype=float)}, status)
+
+
+def table_of(inputs, outcomes, status=None, reason=None, *, name="small", choices=None):
+    """A table of columns; runs are ok unless a status says something else."""
+    n = len(next(iter(outcomes.values())))
     return StudyTable(
-        name="small",
+        name=name,
         row=np.arange(n),
-        inputs={name: np.asarray(values) for name, values in inputs.items()},
-        outcomes={"y": np.asarray(y, dtype=float)},
-        status=np.array(status or ["ok"] * n, dtype="<U12"),
-        reason=np.full(n, "", dtype=object),
-        duration=np.ones(n),
+        inputs=inputs,
+        outcomes=outcomes,
+        status=np.array(["ok"] * n if status is None else status, dtype="<U12"),
+        reason=np.array([""] * n if reason is None else reason, dtype=object),
+        duration=np.full(n, 0.5),
+        choices=choices,
     )

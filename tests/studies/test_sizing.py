@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import yaml
 from matplotlib.markers import MarkerStyle
+from synthetic import table_of
 
 from sdt_drake.errors import InputError
 from sdt_drake.motors import DeviceChoice
@@ -162,24 +163,17 @@ GOOD = {
 }  # fmt: skip
 
 
-def table_of(sizing, outcome, keep=lambda inputs: True) -> StudyTable:
+def sized(sizing, outcome, keep=lambda inputs: True) -> StudyTable:
     """The table of a sizing with made-up outcomes: a dict, or a reason why there are none."""
     study = sizing.study()
     inputs = [study.inputs(i) for i in range(len(study)) if keep(study.inputs(i))]
     results = [outcome(x) for x in inputs]
     ok = [isinstance(result, dict) for result in results]
-    return StudyTable(
-        name=sizing.name,
-        row=np.arange(len(inputs)),
-        inputs={name: np.array([x[name] for x in inputs]) for name in inputs[0]},
-        outcomes={
-            name: np.array([r[name] if o else math.nan for r, o in zip(results, ok, strict=True)])
-            for name in GOOD
-        },
-        status=np.where(ok, "ok", "infeasible"),
-        reason=np.array(["" if o else r for r, o in zip(results, ok, strict=True)], dtype=object),
-        duration=np.zeros(len(inputs)),
-    )
+    columns = {name: np.array([x[name] for x in inputs]) for name in inputs[0]}
+    numbers = [r if o else dict.fromkeys(GOOD, math.nan) for r, o in zip(results, ok, strict=True)]
+    outcomes = {name: np.array([x[name] for x in numbers]) for name in GOOD}
+    reason = ["" if o else r for r, o in zip(results, ok, strict=True)]
+    return table_of(columns, outcomes, np.where(ok, "ok", "infeasible"), reason)
 
 
 def story(inputs):
@@ -200,7 +194,7 @@ def story(inputs):
 
 @pytest.fixture
 def verdicts():
-    return judge_candidates(SMALL, table_of(SMALL, story))
+    return judge_candidates(SMALL, sized(SMALL, story))
 
 
 def test_every_candidate_is_judged_with_every_controller(verdicts):
@@ -260,7 +254,7 @@ def test_no_motor_set_is_said_honestly():
         error = 0.5 if inputs["controller"] == "pi" else 0.0
         return {**GOOD, "max_abs_speed_error_1": error, "stretch": 0.0}
 
-    verdicts = judge_candidates(SMALL, table_of(SMALL, never))
+    verdicts = judge_candidates(SMALL, sized(SMALL, never))
     assert recommend(verdicts, "pi") is None
     assert nearest(verdicts, "pi").candidate == Candidate(("AC-150", "TM-2860"), 0.8)
     lines = sizing_lines(SMALL, verdicts)
@@ -270,7 +264,7 @@ def test_no_motor_set_is_said_honestly():
         "  largest speed error of joint 1 is 0.5 rad/s in leans, at most 0.1 allowed",
     ]
     assert "joint 2: with pi_id TM-2860 is enough" in lines
-    nobody = judge_candidates(SMALL, table_of(SMALL, lambda inputs: "too weak"))
+    nobody = judge_candidates(SMALL, sized(SMALL, lambda inputs: "too weak"))
     assert sizing_lines(SMALL, nobody)[-1] == "joint 2: no controller meets the requirements"
     assert not front_of(nobody).any()
 
@@ -282,7 +276,7 @@ def failing(inputs):
 
 
 def test_failed_runs_are_no_verdict():
-    table = table_of(SMALL, failing)
+    table = sized(SMALL, failing)
     table = dataclasses.replace(table, status=np.where(table.ok, "ok", "failed"))
     verdicts = judge_candidates(SMALL, table)
     assert [v.judged for v in verdicts] == [True, True, False, False] * 2 + [False] * 8
@@ -302,7 +296,7 @@ def test_failed_runs_are_no_verdict():
 
 
 def test_what_has_not_been_run_is_not_recommended():
-    table = table_of(SMALL, story, keep=lambda x: x["motion"] == "leans")
+    table = sized(SMALL, story, keep=lambda x: x["motion"] == "leans")
     verdicts = judge_candidates(SMALL, table)
     assert recommend(verdicts, "pi") is None
     assert all("reference has not been run" in v.missed for v in verdicts)
@@ -313,19 +307,19 @@ def test_a_number_that_is_missing_is_not_kept():
     def without(inputs):
         return {**GOOD, "winding_temperature_1": 0.9 if inputs["motion"] == "leans" else math.nan}
 
-    assert judge_candidates(SMALL, table_of(SMALL, without))[0].missed == (
+    assert judge_candidates(SMALL, sized(SMALL, without))[0].missed == (
         "winding temperature of joint 1 is nan % of rated in reference, at most 100 allowed",
     )
 
 
 def test_a_limit_may_be_used_to_the_full():
     full = {"used_torque_share_1": 1 + 1e-12, "torque_at_speed_share_1": 1 + 1e-12}
-    assert judge_candidates(SMALL, table_of(SMALL, lambda x: {**GOOD, **full}))[0].feasible
+    assert judge_candidates(SMALL, sized(SMALL, lambda x: {**GOOD, **full}))[0].feasible
 
 
 def test_angles_and_shares_are_in_the_units_of_people():
     bad = {"max_abs_position_error_2": 0.1, "saturated_fraction_1": 0.02}
-    verdict = judge_candidates(SMALL, table_of(SMALL, lambda x: {**GOOD, **bad}))[0]
+    verdict = judge_candidates(SMALL, sized(SMALL, lambda x: {**GOOD, **bad}))[0]
     assert verdict.missed == (
         "saturation of joint 1 is 2 % of time in leans, at most 0 allowed",
         "largest position error of joint 2 is 5.73 deg in leans, at most 3 allowed",
@@ -351,6 +345,6 @@ def test_errors_that_differ_by_less_than_their_accuracy_are_equal():
     def noisy(inputs):
         return {**GOOD, "max_abs_speed_error_2": 0.02 - 1e-8 * TORQUE[inputs["motor_2"]]}
 
-    verdicts = judge_candidates(SMALL, table_of(SMALL, noisy))
+    verdicts = judge_candidates(SMALL, sized(SMALL, noisy))
     front = [v.candidate.motors for v, on in zip(verdicts, front_of(verdicts), strict=True) if on]
     assert set(front) == {("AC-150", "TM-2860")}

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import shutil
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,28 +20,10 @@ from sdt_drake.studies import report
 from sdt_drake.studies.results import read_study_table
 
 
-def snapshot(folder: Path) -> dict[str, bytes]:
-    return {
-        str(path.relative_to(folder)): path.read_bytes() if path.is_file() else b""
-        for path in folder.rglob("*")
-    }
-
-
 @pytest.fixture
-def refuse(desk, capfd):
-    """Run a command that must be refused, and leave everything as it was."""
-
-    def run(*arguments) -> str:
-        before = snapshot(desk)
-        capfd.readouterr()
-        code = main(["study", *map(str, arguments)])
-        out, err = capfd.readouterr()
-        assert (code, out) == (2, "")
-        assert all(line.startswith("sdt-drake: ") for line in err.splitlines())
-        assert snapshot(desk) == before
-        return err
-
-    return run
+def refuse(refuse):
+    """Run `study`, which must refuse its arguments; what it says."""
+    return functools.partial(refuse, "study")
 
 
 # --- bad input -------------------------------------------------------------------------------
