@@ -96,7 +96,7 @@ def _in_rows(
     design, i = loop.design, at // samples
     ends, period = cuts(loop), design.reference.period
     grid = (np.outer(ends[:-1], 1 - _POINTS) + np.outer(ends[1:], _POINTS)).ravel() / ends[-1]
-    newest = i - int(design.drive.reference_delay / period + 1e-6)
+    newest = arrived(design, i[-1] + 2)[i + 1]
     speed = _speeds(signals, i, (at % samples)[:, None] / samples + grid / samples, period)
     if _is_sampled(loop):
         command = np.repeat(signals["tau_cmd"][at + 1, None], len(grid), axis=1)
@@ -141,7 +141,7 @@ def _continuous(
     first = (i == 0).astype(int)  # whose first torque is just after its update
     y0 = tau_cmd[i] - memoryless(newest - 1 + first, i - 1 + first, v[i])
     y1 = tau_cmd[i + 1] - memoryless(newest, i, v[i + 1])
-    bulge = controller.integral_gain(np.maximum(newest, 0)) * period * (v[i + 1] - v[i]) / 8
+    bulge = controller.integral_gain(newest) * period * (v[i + 1] - v[i]) / 8
     part = np.arange(len(grid)) // len(_POINTS)  # a later sample is in force in the last one
     held = newest[:, None] - (part[-1] - part)
     s = grid[:, None]
@@ -169,7 +169,7 @@ def torque_limits(design: Design, newest: Index, speed: Array) -> tuple[Array, A
     """
     lower, upper = envelope(design, speed)
     if design.scenario.plant.kind == "axis":  # which widens them by what the other motors help
-        help_ = design.loads.alleviating_torque[np.maximum(newest, 0)]
+        help_ = design.loads.alleviating_torque[newest]
         lower, upper = lower + np.minimum(help_, 0), upper + np.maximum(help_, 0)
     return lower, upper
 

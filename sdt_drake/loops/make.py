@@ -49,6 +49,20 @@ class Loop(Wired):
     where nothing is connected. Outputs: `reference`, `state`, `measured` (what the encoders are
     on), `tau_cmd`, `tau`, as `sdt_drake.systems` says. It logs what a `Recording` holds.
 
+    Args:
+        design: a resolved scenario.
+        controller: a system of one's own instead of the scenario's controller, see
+            `sdt_drake.controllers.Controller` for its ports.
+        meshcat: to watch the run in.
+        widened: whether the alleviating torque widens the motors' limits; as the plant has it by
+            default.
+        moved: q [rad] and v [rad/s] at the samples of the motion, joint side, shape (N + 1, n):
+            what the joints do instead of what the motors make them do. So it is no loop, but shows
+            what the controller asks for then. None by default.
+
+    Raises:
+        InputError: for a controller with ports that no signals of the loop fit.
+
     Attributes:
         design: what it was made from.
         controller: the system that commands the torque.
@@ -64,13 +78,8 @@ class Loop(Wired):
         widened: bool | None = None,
         moved: tuple[Array, Array] | None = None,
     ) -> None:
-        """As `make_loop` says.
-
-        moved: q [rad] and v [rad/s] at the samples of the motion, joint side, shape (N + 1, n):
-        what the joints do instead of what the motors make them do. So it is no loop, but shows what
-        the controller asks for then.
-        """
         super().__init__()
+        checked_type(design, Design, "design", "sdt_drake.design")
         robot, drive, motion = design.robot, design.drive, design.reference
         self.design = design
         widened = design.scenario.plant.kind == "axis" if widened is None else widened
@@ -137,28 +146,7 @@ class Loop(Wired):
         }
 
 
-def make_loop(
-    design: Design,
-    *,
-    controller: System | None = None,
-    meshcat: Meshcat | None = None,
-    widened: bool | None = None,
-) -> Loop:
-    """Make the loop of the scenario's plant, see `Loop`.
-
-    Args:
-        design: a resolved scenario.
-        controller: a system of one's own instead of the scenario's controller, see
-            `sdt_drake.controllers.Controller` for its ports.
-        meshcat: to watch the run in.
-        widened: whether the alleviating torque widens the motors' limits; as the plant has it by
-            default.
-
-    Raises:
-        InputError: for a controller with ports that no signals of the loop fit.
-    """
-    checked_type(design, Design, "design", "sdt_drake.design")
-    return Loop(design, controller=controller, meshcat=meshcat, widened=widened)
+make_loop = Loop  # as it is called beside `make_process` and `make_step_loop`
 
 
 def make_step_loop(
