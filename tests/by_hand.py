@@ -3,6 +3,7 @@
 import numpy as np
 
 GEAR = np.array([67.2, 1, 1, 1])
+LIMIT = np.array([203.2, 3950, 2150, 2150])  # N m, motor side
 ROTORS = np.array([0.1291, 1.73, 0.531, 0.531])  # kg m², motor side, as published
 
 

@@ -1,15 +1,13 @@
 """What motors give within the periods, against a walk through the loop in small steps."""
 
-import copy
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from pydrake.systems.framework import LeafSystem
+from variants import kind
 
-from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.controllers import Controller, Pi, PiId, PPi, register_controller
-from sdt_drake.design import make_design
 from sdt_drake.device import Drive, Elasticity
 from sdt_drake.loops import make_loop
 from sdt_drake.motion import Motion
@@ -27,11 +25,13 @@ def short_motion():
     return Motion.from_speeds(0.005, np.array([0.0, 0.3, 0.1, 0.1]), v)
 
 
-def design_of(base, label, plant, drive, elasticity=None):
-    scenario = with_controller(copy.deepcopy(base.scenario), label)
-    scenario.plant.kind, scenario.drive = plant, drive
-    scenario.plant.elasticity = elasticity or Elasticity()
-    return make_design(scenario, robot=base.robot, motion=short_motion())
+@pytest.fixture
+def design_of(designed):
+    def make(label, plant, drive, **fields):
+        fields |= kind(label) | {"plant.kind": plant, "drive": drive}
+        return designed("coupled_pi_ctc", fields, motion=short_motion())
+
+    return make
 
 
 def walked(design):
@@ -100,8 +100,8 @@ def agree(run, expected, limit, off):
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_torque_within_the_periods(design, case):
-    own = design_of(design, *CASES[case])
+def test_torque_within_the_periods(design_of, case):
+    own = design_of(*CASES[case])
     run, expected = simulate(own), walked(own)
     off = 2e-2 if case == "late" else 3e-3
     agree(run, expected, own.robot.motor_torque_limit, off)
@@ -109,23 +109,23 @@ def test_torque_within_the_periods(design, case):
 
 
 OPAQUE = {
-    kind.__name__: type(f"Opaque{kind.__name__}", (kind,), {"memoryless": Controller.memoryless})
-    for kind in (Pi, PiId, PPi)
+    shipped.__name__: type("Opaque", (shipped,), {"memoryless": Controller.memoryless})
+    for shipped in (Pi, PiId, PPi)
 }
 
 
 @pytest.mark.parametrize("case", ["pi", "p_pi+id", "envelope", "late", "lag", "axis pi"])
-def test_torque_of_a_controller_that_tells_nothing(design, case):
+def test_torque_of_a_controller_that_tells_nothing(design_of, case):
     """As of the same one that does, from its command at both ends of each period."""
     label, plant, drive = CASES.get(case, ("pi", "axis", Drive()))
-    for name, kind in OPAQUE.items():
-        register_controller(name, kind)
+    for name, controller in OPAQUE.items():
+        register_controller(name, controller)
     opaque = {"pi": "Pi", "pi_id": "PiId", "p_pi+id": "PPi+id"}[label]
-    own = design_of(design, opaque, plant, drive)
-    run, told = simulate(own), simulate(design_of(design, label, plant, drive))
+    own, telling = design_of(opaque, plant, drive), design_of(label, plant, drive)
+    run, told = simulate(own), simulate(telling)
     np.testing.assert_allclose(run.v, told.v, rtol=0, atol=2e-4)  # each is good to 1e-4
     lags = case == "lag"  # at a jolt the other is not better
-    expected = walked(design_of(design, label, plant, drive)) if lags else within(told)
+    expected = walked(telling) if lags else within(told)
     agree(run, expected, own.robot.motor_torque_limit, 2e-2 if case == "late" else 3e-3)
 
 
@@ -156,28 +156,28 @@ class ToldDamper(Damper):
 
 
 @pytest.mark.parametrize("drive", [Drive(), Drive(period=0.001)], ids=["continuous", "sampled"])
-def test_torque_of_a_controller_without_an_integral(design, drive):
+def test_torque_of_a_controller_without_an_integral(design_of, drive):
     register_controller("damper", Damper)
     register_controller("told", ToldDamper)
-    own = design_of(design, "told", "coupled", drive)
-    run, seen = simulate(own), simulate(design_of(design, "damper", "coupled", drive))
+    own = design_of("told", "coupled", drive)
+    run, seen = simulate(own), simulate(design_of("damper", "coupled", drive))
     agree(run, within(seen), own.robot.motor_torque_limit, 3e-3)
 
 
-def test_motors_behind_springs_are_taken_as_their_encoders_see_them(design):
-    springs = Elasticity([60.0, 80.0, 100.0, 100.0], damping_ratio=0.05)
-    own = design_of(design, "pi_id", "coupled", Drive(), springs)
+def test_motors_behind_springs_are_taken_as_their_encoders_see_them(design_of):
+    springs = {"plant.elasticity": Elasticity([60.0, 80.0, 100.0, 100.0], damping_ratio=0.05)}
+    own = design_of("pi_id", "coupled", Drive(), **springs)
     limit, smooth = own.robot.motor_torque_limit, slice(0, 7)  # before the jolt
     peak = simulate(own).tau_peak[1:]
     np.testing.assert_allclose(peak[smooth] / limit, walked(own)[0][smooth] / limit, atol=5e-3)
 
 
-def test_limits_of_an_axis_are_widened_on_the_side_on_which_the_others_help(design):
-    limit, periods = design.robot.motor_torque_limit, np.arange(2)
+def test_limits_of_an_axis_are_widened_on_the_side_on_which_the_others_help(design_of):
     help_ = np.array([[3.0, -2, 0, 1], [-1, 5, 2, 0], [0, 0, 0, 0]])
-    axis = design_of(design, "pi", "axis", Drive())
+    axis = design_of("pi", "axis", Drive())
     axis = replace(axis, loads=axis.loads._replace(alleviating_torque=help_))
-    lower, upper = torque_limits(axis, periods, np.zeros((2, 4)))
+    lower, upper = torque_limits(axis, np.arange(2), np.zeros((2, 4)))
+    limit = axis.robot.motor_torque_limit
     np.testing.assert_allclose(upper - limit, [[3, 0, 0, 1], [0, 5, 2, 0]], atol=1e-9)
     np.testing.assert_allclose(lower + limit, [[0, -2, 0, 0], [-1, 0, 0, 0]], atol=1e-9)
 

@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from by_hand import LIMIT
+from variants import weaker
 
 from sdt_drake.design import make_design
 from sdt_drake.errors import InputError
 from sdt_drake.loops import make_loop
-from sdt_drake.motion import Motion
 from sdt_drake.scenario import ControllerChoice, PlantChoice, Scenario
 from sdt_drake.simulate import Recording, _beyond_stop, simulate
 from sdt_drake.tables import LIMITS, write_table
@@ -25,18 +26,12 @@ COLUMNS = (
 
 
 @pytest.fixture(scope="module")
-def designs(_reference_design):
+def designs(designed):
     """By plant: PI + CTC, disturbed, 2 s, with motors that are too weak by 40 %."""
-    base, made = _reference_design, {}
-    motion = Motion(base.motion.period, *(getattr(base.motion, x)[:401] for x in ("q", "v", "vd")))
-    weak = dataclasses.replace(base.robot, effort_limit=0.6 * base.robot.effort_limit)
-    for plant in PLANTS:
-        scenario = copy.deepcopy(base.scenario)
-        scenario.plant.kind = plant
-        scenario.disturbance.amplitude = 0.05
-        whole = make_design(scenario, robot=base.robot, motion=motion)
-        made[plant] = dataclasses.replace(whole, robot=weak)
-    return made
+    fields = {plant: {"plant.kind": plant, "disturbance.amplitude": 0.05} for plant in PLANTS}
+    return {
+        plant: weaker(designed("coupled_pi_ctc", fields[plant], end=2.0), 0.6) for plant in PLANTS
+    }
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +62,7 @@ def test_torques_are_those_before_the_update(designs, recordings, plant):
     design, recording = designs[plant], recordings[plant]
     load, help_ = design.loads
     np.testing.assert_array_equal(recording.load_torque[1:], load[:-1])
-    limit = 0.6 * np.array([203.2, 3950, 2150, 2150])
+    limit = 0.6 * LIMIT
     help_ = help_[:-1] if plant == "axis" else np.zeros((400, 4))
     lower, upper = -limit + np.minimum(help_, 0), limit + np.maximum(help_, 0)
     np.testing.assert_allclose(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import functools
+from dataclasses import replace
 
 from sdt_drake.scenario import Scenario
 
@@ -16,6 +17,15 @@ def with_fields(scenario: Scenario, fields: dict) -> Scenario:
     return scenario
 
 
-def kind(name: str, **fields) -> dict:
-    """Fields of a controller."""
-    return {"controller.kind": name} | {f"controller.{f}": value for f, value in fields.items()}
+def kind(label: str, **fields) -> dict:
+    """Fields of a controller, "p_pi" or "p_pi+id" with its feedforward."""
+    name, _, feedforward = label.partition("+")
+    fields |= {"kind": name} | ({"feedforward": feedforward} if feedforward else {})
+    return {f"controller.{field}": value for field, value in fields.items()}
+
+
+def weaker(design, share):
+    """With a share of its torque."""
+    return replace(
+        design, robot=replace(design.robot, effort_limit=share * design.robot.effort_limit)
+    )

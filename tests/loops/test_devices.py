@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from by_hand import GEAR
+from by_hand import GEAR, LIMIT
 from variants import kind
 
 from sdt_drake.design import make_design
@@ -16,7 +16,6 @@ from sdt_drake.loops import make_loop
 from sdt_drake.motion import Motion
 from sdt_drake.simulate import make_simulator, simulate
 
-LIMIT = np.array([203.2, 3950, 2150, 2150])  # N m, motor side
 PERIOD = 0.005  # s
 CONSISTENT = {"algorithm": "consistent"}
 HANGING = np.array([0.4, 0.15, 0.1, 0.7])  # rad; roll and pitch out of balance

@@ -1,13 +1,12 @@
 """The step loop of Figure 4, and the other loops against independent integrations."""
 
-import dataclasses
-
 import control
 import numpy as np
 import pytest
 from by_hand import axes_by_hand, inverse_dynamics, robot_by_hand
 from pydrake.systems.framework import DiagramBuilder, InputPortSelection, OutputPortSelection
 from pydrake.systems.primitives import ConstantVectorSource, Linearize
+from variants import weaker
 
 from sdt_drake.control import step_metrics, tune
 from sdt_drake.device import Drive
@@ -75,12 +74,6 @@ def test_linearized_step_loop_has_the_characteristic_polynomial(structure, zeta)
 
 
 # --- independent integrations ----------------------------------------------------------------
-
-
-def weaker(design, share):
-    """With a share of its torque."""
-    robot = dataclasses.replace(design.robot, effort_limit=share * design.robot.effort_limit)
-    return dataclasses.replace(design, robot=robot)
 
 
 # Share of the torque limits of each joint: they all saturate, but none is lost.

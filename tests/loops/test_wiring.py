@@ -4,9 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from by_hand import GEAR
+from by_hand import GEAR, LIMIT
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, PassThrough
+from variants import weaker
 
 from sdt_drake.analysis.tracking import motor_use, track
 from sdt_drake.deviation import Deviation
@@ -17,7 +18,6 @@ from sdt_drake.loops import blocks_of, make_loop
 from sdt_drake.simulate import make_simulator, simulate
 from sdt_drake.viewer import open_meshcat
 
-LIMIT = np.array([203.2, 3950, 2150, 2150])  # N m, motor side
 FRICTION = Friction([300.0, 60.0, 10.0, 20.0], [40.0, 0.0, 8.0, 2.0])
 REAL = Drive(period=0.001, torque_bandwidth=300.0, n1=[150.0, 4, 4, 4], n0=[210.0, 5, 6, 7])
 
@@ -187,11 +187,6 @@ def test_an_exact_model_is_of_the_nominal_robot_and_not_of_what_moves(designed, 
 
 
 # --- one's own -------------------------------------------------------------------------------
-
-
-def weaker(design, share):
-    robot = dataclasses.replace(design.robot, effort_limit=share * design.robot.effort_limit)
-    return dataclasses.replace(design, robot=robot)
 
 
 class Own(LeafSystem):
