@@ -14,13 +14,7 @@ from pydrake.geometry import Meshcat, MeshcatParams
 
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
-from sdt_drake.errors import (
-    InputError,
-    checked_output,
-    checked_suffix,
-    checked_type,
-    replacing,
-)
+from sdt_drake.errors import InputError, checked_output, checked_suffix, checked_type, replacing
 from sdt_drake.motion import Story
 from sdt_drake.pilot import check_head
 from sdt_drake.resources import page_text

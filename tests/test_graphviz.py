@@ -17,13 +17,7 @@ from sdt_drake.analysis.block_diagrams import DIAGRAMS
 from sdt_drake.block_diagram import walk
 from sdt_drake.control import tune
 from sdt_drake.errors import InputError
-from sdt_drake.graphviz import (
-    dot_text,
-    drake_dot_text,
-    fingerprint,
-    has_graphviz,
-    write_diagram,
-)
+from sdt_drake.graphviz import dot_text, drake_dot_text, fingerprint, has_graphviz, write_diagram
 from sdt_drake.loops import make_step_loop
 
 needs_graphviz = pytest.mark.skipif(shutil.which("dot") is None, reason="needs Graphviz")

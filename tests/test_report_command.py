@@ -16,8 +16,9 @@ from matplotlib.figure import Figure
 
 from sdt_drake.analysis import plots
 from sdt_drake.analysis.block_diagrams import DIAGRAMS
+from sdt_drake.analysis.document import REPORT
 from sdt_drake.analysis.files import write_reproduction
-from sdt_drake.analysis.report import RECORDING, REPORT, write_report
+from sdt_drake.analysis.report import RECORDING, write_report
 from sdt_drake.analysis.reproduction import Stopwatch
 from sdt_drake.cli import main
 from sdt_drake.errors import InputError

@@ -21,6 +21,8 @@ from xml.etree import ElementTree
 from sdt_drake.errors import InputError, read_text, replacing
 from sdt_drake.resources import page_text
 
+REPORT = "report.html"
+
 _MOST_BYTES = 100_000_000  # of a file
 
 Inline = Callable[[str], str]
@@ -303,6 +305,17 @@ class Document:
             js=page_text("page.js") + has_plots * _plots_js(),
             body=body,
         )
+
+    def write(self, folder: Path) -> Path:
+        """Write the document into a folder, as report.md and as a page; the path of the page.
+
+        Raises:
+            InputError: naming a picture that is missing or is none, or a file that cannot be
+                written.
+        """
+        page = self.html()
+        write_text(folder / "report.md", self.markdown())
+        return write_text(folder / REPORT, page)
 
     def _shown(self) -> list[Section]:
         return [section for section in self.sections if section.blocks]

@@ -27,10 +27,7 @@ from sdt_drake.viewer import record_html
 
 
 def write_reproduction(
-    results: Reproduction,
-    folder: Path,
-    watch: Stopwatch,
-    announce: Callable[[str], None] = print,
+    results: Reproduction, folder: Path, watch: Stopwatch, announce: Callable[[str], None] = print
 ) -> dict[str, Any]:
     """Write all files of `reproduce` into `folder`, each replaced whole; returns the content of
     summary.json.

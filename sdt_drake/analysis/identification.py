@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.metrics import PARAMETERS_IN_WORDS
-from sdt_drake.analysis.panels import Line, Panel, over_time, picture
-from sdt_drake.analysis.report import REPORT
-from sdt_drake.analysis.style import PALETTE, Look, joint_title, save_both
+from sdt_drake.analysis.panels import Line, Panel, as_block, over_time, picture
+from sdt_drake.analysis.style import PALETTE, Look, joint_title
 from sdt_drake.arrays import Array
 from sdt_drake.dynamics import decouple, torque_groups
 from sdt_drake.errors import replacing
@@ -103,40 +103,59 @@ def friction_table(found: Identified, files: PlantFriction) -> doc.Table:
     )  # fmt: skip
 
 
-PARAMETERS = ("kind", "name", "unit", "value", "std", "nominal", "identifiable", "words")
-_UNITS = {"m": "kg", "h": "kg m", "I": "kg m²"}
+class Parameter(NamedTuple):
+    """What was found of a parameter: a row of parameters.csv.
+
+    Attributes:
+        kind: "base", of sums that torques tell; "link", of links and motors; or "friction".
+        name: of the parameter.
+        unit: of the numbers.
+        value: that was found.
+        std: its standard deviation.
+        nominal: what the file has.
+        identifiable: whether torques tell it alone, in combination, or not at all.
+        words: what it means.
+    """
+
+    kind: str
+    name: str
+    unit: str
+    value: float
+    std: float | None
+    nominal: float | None
+    identifiable: str
+    words: str
 
 
-def parameter_rows(found: Identified, robot: Robot) -> list[tuple[str, ...]]:
-    """Everything that was found, a row each; see PARAMETERS."""
+_UNITS = {"mass": "kg", "hx": "kg m", "hy": "kg m", "hz": "kg m"}  # others are inertias
+
+
+def parameters(found: Identified, robot: Robot) -> list[Parameter]:
+    """Everything that was found."""
     base, estimate = found.unknown.base, found.estimate
-    std = np.sqrt(np.diagonal(estimate.covariance))
-    nominal = base.combination @ _parameters(found, found.nominal)
-    rows = []
-    for i, own in enumerate(base.independent):
-        name = base.names[own]
-        told = (float(estimate.beta[i]), float(std[i]), float(nominal[i]))
-        rows.append(("base", name, _unit(name), *map(repr, told), "alone", base.words[i]))
-    identified = _parameters(found, robot)
-    for i, name in enumerate(base.names):
-        was = float(_parameters(found, found.nominal)[i])
-        said = base.identifiable[i]
-        row = ("link", name, _unit(name), repr(float(identified[i])), "", repr(was), said)
-        rows.append((*row, _IN_WORDS[said]))
+    nominal, identified = (
+        rigid_parameters(one)[found.unknown.columns] for one in (found.nominal, robot)
+    )
+    units = [_UNITS.get(name.split()[0], "kg m²") for name in base.names]
+    std = np.sqrt(np.diagonal(estimate.covariance)).tolist()
+    beta, was = estimate.beta.tolist(), (base.combination @ nominal).tolist()
+    rows = [
+        Parameter("base", base.names[own], units[own], beta[i], std[i], was[i], "alone", words)
+        for i, (own, words) in enumerate(zip(base.independent, base.words, strict=True))
+    ]
+    of_links = base.names, units, identified.tolist(), nominal.tolist(), base.identifiable
+    rows += [
+        Parameter("link", name, unit, value, None, before, said, _IN_WORDS[said])
+        for name, unit, value, before, said in zip(*of_links, strict=True)
+    ]
     for k, joint in enumerate(found.nominal.joint_names):
         part = estimate.friction_of(k)
-        values = zip(
-            estimate.laws[k].terms,
-            found.friction[part],
-            std[len(estimate.beta) :][part],
-            strict=True,
-        )
-        for term, value, spread in values:
+        values = found.friction[part].tolist(), std[len(beta) :][part]
+        for term, value, spread in zip(estimate.laws[k].terms, *values, strict=True):
             unit = "N m s/rad" if term.kind.startswith("viscous") else "N m"
             shape = f"width {term.width:.4g}, zero at {term.middle:.4g} rad/s" if term.width else ""
             name = f"{term.kind} of {joint}"
-            rows.append(("friction", name, unit, repr(float(value)), repr(float(spread)), "",
-                         "alone", shape))  # fmt: skip
+            rows.append(Parameter("friction", name, unit, value, spread, None, "alone", shape))
     return rows
 
 
@@ -147,34 +166,16 @@ _IN_WORDS = {
 }
 
 
-def _unit(name: str) -> str:
-    return _UNITS.get(name[0], "kg m²") if not name.startswith("motor") else "kg m²"
-
-
-def _parameters(found: Identified, robot: Robot) -> Array:
-
-    return rigid_parameters(robot)[found.unknown.columns]
-
-
 def links_table(found: Identified) -> doc.Table:
     """Mass and centre of mass of each link that was free, before and after."""
     rows = []
     for link, pseudo in zip(found.consistent.links, found.consistent.pseudo, strict=True):
-        before, after = link.inertial(link.pseudo), link.inertial(pseudo)
-        rows.append(
-            (
-                link.name,
-                *(f"{mass:.4g}" for mass, *_ in (before, after)),
-                *(" ".join(told(1e3 * x, ".1f") for x in com) for _, com, _ in (before, after)),
-            )
-        )
+        (mass, centre, _), (new_mass, new_centre, _) = map(link.inertial, (link.pseudo, pseudo))
+        places = (" ".join(told(1e3 * x, ".1f") for x in xyz) for xyz in (centre, new_centre))
+        rows.append((link.name, f"{mass:.4g}", f"{new_mass:.4g}", *places))
     header = (
-        "link",
-        "mass in the file [kg]",
-        "mass [kg]",
-        "centre in the file [mm]",
-        "centre [mm]",
-    )
+        "link", "mass in the file [kg]", "mass [kg]", "centre in the file [mm]", "centre [mm]",
+    )  # fmt: skip
     return doc.Table(header, rows)
 
 
@@ -185,7 +186,7 @@ def in_short(found: Identified) -> list[str]:
     r = len(found.estimate.beta)
     said = [
         f"{names}: torques compared below {found.cutoff:.3g} Hz, {int(eq.fit.sum())} samples "
-        f"fitted and {int((~eq.fit).sum())} held out",
+        f"fitted and {int((~eq.fit).sum())} held out"
     ]
     if r:
         said.append(
@@ -208,15 +209,10 @@ def torques_figure(found: Identified) -> Figure:
         ("file as it is", NOMINAL, eq.nominal),
     ]
     left = [("measured - identified", MEASURED, eq.tau - found.predicted)]
-    columns = [
-        over_time("torque [N m]", time, lines, found.nominal.joint_names),
-        over_time("left [N m]", time, left),
-    ]
-    shaded = [
-        [replace(panel, marked=~eq.fit, marked_label="held out") for panel in column]
-        for column in columns
-    ]
-    return picture(f"{title(found)}: torques, joint side", shaded)
+    names, held, why = found.nominal.joint_names, ~eq.fit[:, None], "held out"
+    torques = over_time("torque [N m]", time, lines, names, marked=held, marked_label=why)
+    errors = over_time("left [N m]", time, left, marked=held, marked_label=why)
+    return picture(f"{title(found)}: torques, joint side", [torques, errors])
 
 
 def residuals_figure(found: Identified) -> Figure:
@@ -255,62 +251,57 @@ def _running_time(found: Identified) -> Array:
 # --- files -----------------------------------------------------------------------------------
 
 
-def make_report(
-    found: Identified, robot: Robot, files: PlantFriction, folder: Path
-) -> doc.Document:
-    """The report of an identification; its figures have to be in the folder."""
+def write_parameters(found: Identified, robot: Robot, path: Path) -> None:
+    """The table of all parameters, as CSV."""
+    with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows([Parameter._fields, *parameters(found, robot)])
 
-    def figure(name: str, caption: str) -> doc.Figure:
-        return doc.Figure(caption, folder / f"{name}.svg", folder, "wide")
 
-    rows = parameter_rows(found, robot)
-    base = [[row[-1], *map(_short, row[3:6]), row[2]] for row in rows if row[0] == "base"]
-    link = [
-        [row[1], *map(_short, (row[3], row[5])), row[2], row[6]] for row in rows if row[0] == "link"
+def write_report(found: Identified, robot: Robot, files: PlantFriction, folder: Path) -> Path:
+    """Write figures and report into a folder, each replaced whole; the path of the page."""
+    caption = "Measured and predicted, joint side."
+    torques = as_block(torques_figure(found), caption, folder / "torques")
+    caption = "What is left, and friction, over speed."
+    residuals = as_block(residuals_figure(found), caption, folder / "residuals")
+    report = doc.Document(
+        f"{found.nominal.name}, identified",
+        f"From {', '.join(recorded.path.name for recorded in found.recordings)}.",
+        [
+            doc.Section("In short", [doc.Bullets(in_short(found)), errors_table(found, robot)]),
+            doc.Section(
+                "Warnings", [doc.Bullets(found.warnings) if found.warnings else doc.Text("None.")]
+            ),
+            doc.Section("Torques", [torques]),
+            doc.Section("Friction", [friction_table(found, files), residuals]),
+            doc.Section("Links", [links_table(found), *_details(parameters(found, robot))]),
+            doc.Section("How to read it", [doc.Text(_READING.replace("\n", " "))]),
+        ],
+    )
+    return report.write(folder)
+
+
+def _details(found: Sequence[Parameter]) -> list[doc.Details]:
+    """The parameters of links and motors, to unfold."""
+
+    def numbers(*values: float | None) -> list[str]:
+        return ["–" if x is None else f"{x:.5g}" for x in values]
+
+    base = [
+        [p.words, *numbers(p.value, p.std, p.nominal), p.unit] for p in found if p.kind == "base"
     ]
-    parameters: list[doc.Block] = [
+    link = [
+        [p.name, *numbers(p.value, p.nominal), p.unit, p.identifiable]
+        for p in found
+        if p.kind == "link"
+    ]
+    header = ("parameter", "value", "in the file", "unit", "identifiable")
+    return [
         doc.Details(
             "Base parameters: what was measured",
             [doc.Table(("sum", "value", "std", "in the file", "unit"), base)],
         ),
         doc.Details(
             "Parameters of the links and motors, about the joints' frames",
-            [doc.Table(("parameter", "value", "in the file", "unit", "identifiable"), link)],
+            [doc.Table(header, link)],
         ),
     ]
-    warnings = doc.Bullets(found.warnings) if found.warnings else doc.Text("None.")
-    return doc.Document(
-        f"{found.nominal.name}, identified",
-        f"From {', '.join(recorded.path.name for recorded in found.recordings)}.",
-        [
-            doc.Section("In short", [doc.Bullets(in_short(found)), errors_table(found, robot)]),
-            doc.Section("Warnings", [warnings]),
-            doc.Section("Torques", [figure("torques", "Measured and predicted, joint side.")]),
-            doc.Section(
-                "Friction",
-                [friction_table(found, files),
-                 figure("residuals", "What is left, and friction, over speed.")],
-            ),
-            doc.Section("Links", [links_table(found), *parameters]),
-            doc.Section("How to read it", [doc.Text(_READING.replace("\n", " "))]),
-        ],
-    )  # fmt: skip
-
-
-def _short(number: str) -> str:
-    return f"{float(number):.5g}" if number else "–"
-
-
-def write_parameters(found: Identified, robot: Robot, path: Path) -> None:
-    """The table of all parameters, as CSV."""
-    with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file).writerows([PARAMETERS, *parameter_rows(found, robot)])
-
-
-def write_report(found: Identified, robot: Robot, files: PlantFriction, folder: Path) -> Path:
-    """Write figures and report into a folder, each replaced whole; the path of the page."""
-    save_both(torques_figure(found), folder / "torques")
-    save_both(residuals_figure(found), folder / "residuals")
-    report = make_report(found, robot, files, folder)
-    doc.write_text(folder / "report.md", report.markdown())
-    return doc.write_text(folder / REPORT, report.html())

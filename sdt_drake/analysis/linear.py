@@ -13,11 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.analysis import DiscreteTimeApproximation
 from pydrake.systems.framework import Context, Diagram, System
-from pydrake.systems.primitives import (
-    AffineSystem,
-    FirstOrderTaylorApproximation,
-    LinearSystem,
-)
+from pydrake.systems.primitives import AffineSystem, FirstOrderTaylorApproximation, LinearSystem
 
 from sdt_drake.arrays import Array
 from sdt_drake.controllers import CONTROLLERS, Controller

@@ -13,8 +13,8 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sdt_drake.analysis.document import Inline, json_in_page
-from sdt_drake.analysis.style import Look, finish, grid, joint_title, save, style
+from sdt_drake.analysis import document as doc
+from sdt_drake.analysis.style import Look, finish, grid, joint_title, save, save_both, style
 from sdt_drake.arrays import Array, Index
 
 MOST = 10_000
@@ -78,25 +78,38 @@ class Panel:
         return [(float(self.x[i]), float(self.x[j - 1])) for i, j in turns.reshape(-1, 2)]
 
 
+Lines = Sequence[tuple[str, Look, Array]]
+"""Of several joints: label, look, and samples of shape (N, n)."""
+
+
 def over_time(
     y_label: str,
     time: Array,
-    lines: Sequence[tuple[str, Look, Array]],
+    lines: Lines,
     joint_names: Sequence[str] = (),
+    *,
+    marked: NDArray[np.bool_] | None = None,
+    marked_label: str = "",
+    notes: Sequence[str] = (),
 ) -> list[Panel]:
     """Panels of signals over time, one for each joint.
 
     Args:
         y_label: with unit.
         time: [s], shape (N,).
-        lines: label, look, and samples of shape (N, n).
+        lines: in each panel, those of its joint.
         joint_names: n names, of the titles; none for panels beside others that have them.
+        marked: where the ground is grey, shape (N, n) or (N, 1), and `marked_label`, why.
+        notes: n texts above on the right.
     """
-    titles = [joint_title(k, name) for k, name in enumerate(joint_names)]
-    return [
-        Panel(title, "time [s]", y_label, time, [Line(x, look, y[:, k]) for x, look, y in lines])
-        for k, title in enumerate(titles or [""] * lines[0][2].shape[1])
-    ]
+    n = lines[0][2].shape[1]
+    titles = [joint_title(k, name) for k, name in enumerate(joint_names)] or [""] * n
+    grounds = [None] * n if marked is None else np.broadcast_to(marked, (len(time), n)).T
+    panels = []
+    for title, ground, note, k in zip(titles, grounds, notes or [""] * n, range(n), strict=True):
+        own = [Line(label, look, values[:, k]) for label, look, values in lines]
+        panels.append(Panel(title, "time [s]", y_label, time, own, ground, marked_label, note))
+    return panels
 
 
 def picture(title: str, columns: Sequence[Sequence[Panel]], *, width: float = 3.4) -> Figure:
@@ -145,6 +158,18 @@ def shade(ax: Axes, x: Array, where: NDArray[np.bool_], label: str) -> None:
     ax.set_ylim(low, high)
 
 
+def as_block(figure: Figure, caption: str, path: Path, look: str = "wide") -> doc.Figure:
+    """A figure as a block of the document beside it, written as .png and as .svg.
+
+    Args:
+        figure: to write.
+        caption: in words.
+        path: of the figure, without a suffix.
+        look: as in `document.Figure`.
+    """
+    return doc.Figure(caption, save_both(figure, path), path.parent, look)
+
+
 @dataclass(frozen=True, eq=False)
 class Plots:
     """A block of a document: panels to zoom and read off; in Markdown their picture.
@@ -166,7 +191,7 @@ class Plots:
     def markdown(self) -> str:
         return f"![{self.caption}]({self.png.name})"
 
-    def html(self, inline: Inline) -> str:
+    def html(self, inline: doc.Inline) -> str:
         arrays: dict[str, int] = {}  # each is sent once, however many panels show it
 
         def number(values: Array) -> int:
@@ -196,7 +221,7 @@ class Plots:
                     "marked": panel.spans(),
                 }
             )
-        data = json_in_page({"arrays": list(arrays), "panels": panels})
+        data = doc.json_in_page({"arrays": list(arrays), "panels": panels})
         return (
             f'<figure><div class="plots"><script type="application/json">{data}</script>'
             "<noscript>Plots need JavaScript.</noscript></div>"

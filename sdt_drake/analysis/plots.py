@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -110,29 +109,27 @@ def speed_errors(
         motion: shaded where a joint counts as having constant speed.
     """
     lines = [(label, look, runs[label].speed_error) for label, look in _looks(runs)]
-    panels = over_time("speed error [rad/s]", motion.time, lines, joint_names)
-    for k, steady in enumerate(constant_speed_segments(motion).T):
-        largest = [f"{label} {np.abs(error[:, k]).max():.3g}" for label, _, error in lines]
-        note = f"largest: {', '.join(largest)} rad/s"
-        panels[k] = replace(panels[k], marked=steady, marked_label="constant speed", note=note)
+    largest = [[f"{label} {x:.3g}" for x in np.abs(v).max(axis=0)] for label, _, v in lines]
+    panels = over_time(
+        "speed error [rad/s]", motion.time, lines, joint_names,
+        marked=constant_speed_segments(motion), marked_label="constant speed",
+        notes=[f"largest: {', '.join(of_joint)} rad/s" for of_joint in zip(*largest, strict=True)],
+    )  # fmt: skip
     return picture(title, [panels])
 
 
 def torques(title: str, recording: Recording, loads: Loads, robot: Robot) -> Figure:
     """Motor torques against load torques and the widened limits, motor side (Figure 3)."""
     limit = np.broadcast_to(robot.motor_torque_limit, recording.tau.shape)
+    upper = limit + np.maximum(loads.alleviating_torque, 0)
+    lower = -limit + np.minimum(loads.alleviating_torque, 0)
     lines = [
-        (
-            "limits, widened by the alleviating torque",
-            LIMIT,
-            limit + np.maximum(loads.alleviating_torque, 0),
-        ),
-        ("_lower", LIMIT, -limit + np.minimum(loads.alleviating_torque, 0)),
+        ("limits, widened by the alleviating torque", LIMIT, upper),
+        ("_lower", LIMIT, lower),
         ("load torque", Look(PALETTE[0]), recording.load_torque),
         ("motor torque", Look(PALETTE[1]), recording.tau),
     ]
-    panels = over_time("torque [N m]", recording.time, lines, robot.joint_names)
-    return picture(title, [panels])
+    return picture(title, [over_time("torque [N m]", recording.time, lines, robot.joint_names)])
 
 
 def effective_inertia(
@@ -162,9 +159,8 @@ def effective_inertia(
         levels.append((label, Look(PALETTE[6], ":"), np.asarray(published_maximum)))
     lines = [("effective inertia", Look(PALETTE[0]), i_eff)]
     lines += [(label, look, np.broadcast_to(x, i_eff.shape)) for label, look, x in levels]
-    panels = over_time("inertia [kg m²]", time, lines, joint_names)
     notes = [f"variation {percent:.2f} %" for percent in span.variation_percent]
-    figure = picture(title, [[replace(p, note=x) for p, x in zip(panels, notes, strict=True)]])
+    figure = picture(title, [over_time("inertia [kg m²]", time, lines, joint_names, notes=notes)])
     highest = np.max([values for _, _, values in levels], axis=0)
     for ax, low, high in zip(figure.axes, span.minimum, highest, strict=True):
         room = max(0.1 * (high - low), _STEADY * high)  # round-off does not look like a change
@@ -332,9 +328,7 @@ def _of_joints(quantity: str, values: Array) -> str:
 
 
 def stability(
-    title: str,
-    sweeps: Mapping[str, Mapping[str, StabilitySweep]],
-    joint_names: Sequence[str],
+    title: str, sweeps: Mapping[str, Mapping[str, StabilitySweep]], joint_names: Sequence[str]
 ) -> Figure:
     """Least damping and overshoot over omega_n / omega_r.
 

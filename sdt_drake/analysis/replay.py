@@ -231,11 +231,7 @@ def _course(design: Design, of_links: bool, extra: Array | None = None) -> Cours
     q = run.q if of_links else cast(Array, run.q_measured)
     v = run.v if of_links else cast(Array, run.v_measured)
     q_error = q - motion.q
-    return {
-        "speed_error": v - motion.v,
-        "position_error": q_error - q_error[0],
-        "torque": run.tau,
-    }
+    return {"speed_error": v - motion.v, "position_error": q_error - q_error[0], "torque": run.tau}
 
 
 def _alone(design: Design, at: Mapping[str, Array]) -> Course:

@@ -10,10 +10,9 @@ from matplotlib.figure import Figure
 
 from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.metrics import Metric
-from sdt_drake.analysis.panels import Panel, over_time, picture
+from sdt_drake.analysis.panels import Panel, as_block, over_time, picture
 from sdt_drake.analysis.replay import ALONE, FED, QUANTITIES, WHOLE, Replay
-from sdt_drake.analysis.report import REPORT
-from sdt_drake.analysis.style import PALETTE, Look, save_both
+from sdt_drake.analysis.style import PALETTE, Look
 from sdt_drake.arrays import Array
 
 RECORDED, SIMULATED = Look(PALETTE[0]), Look(PALETTE[1], "--")
@@ -106,12 +105,17 @@ def findings(replay: Replay) -> list[str]:
     return said
 
 
-def make_report(replay: Replay, folder: Path) -> doc.Document:
-    """The report of a replay; its figure has to be in the folder."""
+def write_replay(replay: Replay, folder: Path) -> Path:
+    """Write figure, table and report into a folder, each replaced whole; the path of the page.
+
+    Raises:
+        InputError: if a file cannot be written.
+    """
     explained, *differences = tables(replay)
     caption = "Recorded and simulated: errors joint side, torques motor side."
-    figure = doc.Figure(caption, folder / f"{FIGURE}.svg", folder, "wide")
-    return doc.Document(
+    figure = as_block(replay_figure(replay), caption, folder / FIGURE)
+    replay.to_csv(folder / TABLE)
+    report = doc.Document(
         f"Replay of {title(replay)}",
         "A recorded reference through the simulated loop.",
         [
@@ -121,19 +125,7 @@ def make_report(replay: Replay, folder: Path) -> doc.Document:
             doc.Section("How to read it", [doc.Text(_READING.replace("\n", " "))]),
         ],
     )
-
-
-def write_replay(replay: Replay, folder: Path) -> Path:
-    """Write figure, table and report into a folder, each replaced whole; the path of the page.
-
-    Raises:
-        InputError: if a file cannot be written.
-    """
-    save_both(replay_figure(replay), folder / FIGURE)
-    replay.to_csv(folder / TABLE)
-    report = make_report(replay, folder)
-    doc.write_text(folder / "report.md", report.markdown())
-    return doc.write_text(folder / REPORT, report.html())
+    return report.write(folder)
 
 
 def _texts(metric: Metric, values: Array) -> Sequence[str]:

@@ -15,27 +15,14 @@ from pathlib import Path
 import numpy as np
 
 from sdt_drake import paper
+from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.claims import VERDICTS, Claims, Json, count_verdicts
-from sdt_drake.analysis.document import (
-    Block,
-    Bullets,
-    Document,
-    EmbeddedPage,
-    Figure,
-    Heading,
-    Section,
-    Table,
-    Text,
-    Tiles,
-    read_svg,
-    write_text,
-)
 from sdt_drake.analysis.metrics import METRICS
 from sdt_drake.errors import InputError, read_text
 from sdt_drake.graphviz import NO_GRAPHVIZ
 from sdt_drake.resources import page_text
 
-REPORT, RECORDING, SUMMARY = "report.html", "device.html", "summary.json"
+RECORDING, SUMMARY = "device.html", "summary.json"
 
 _MOST_BYTES = 100_000_000  # of a file
 _OTHER_FORM = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
@@ -43,9 +30,7 @@ _OTHER_FORM = (LookupError, TypeError, ValueError, AttributeError, ArithmeticErr
 
 
 def write_report(
-    folder: Path,
-    announce: Callable[[str], None] = print,
-    chapters: Sequence[Section] = (),
+    folder: Path, announce: Callable[[str], None] = print, chapters: Sequence[doc.Section] = ()
 ) -> Path:
     """Write report.html, report.md and table1.md into a folder that `reproduce` has filled.
 
@@ -65,10 +50,10 @@ def write_report(
         report.sections += chapters
         page = report.html()
     of_table1 = [s for s in report.sections if s.title in ("Table 1", "Provenance")]
-    table1 = Document("Table 1, from the SDF and the reference motion", sections=of_table1)
-    write_text(folder / "table1.md", table1.markdown())
-    write_text(folder / "report.md", report.markdown())
-    return write_text(folder / REPORT, page)
+    table1 = doc.Document("Table 1, from the SDF and the reference motion", sections=of_table1)
+    doc.write_text(folder / "table1.md", table1.markdown())
+    doc.write_text(folder / "report.md", report.markdown())
+    return doc.write_text(folder / doc.REPORT, page)
 
 
 @contextmanager
@@ -99,7 +84,7 @@ def _read_summary(path: Path) -> Json:
         raise InputError(f"{path}: is not JSON") from None
 
 
-def make_report(summary: Json, folder: Path, announce: Callable[[str], None]) -> Document:
+def make_report(summary: Json, folder: Path, announce: Callable[[str], None]) -> doc.Document:
     """The report on what is in a folder; see `write_report`."""
     blocks = _blocks(summary, folder, announce)
     report = from_template(page_text("report.md"), blocks, _numbers(summary), folder)
@@ -109,10 +94,10 @@ def make_report(summary: Json, folder: Path, announce: Callable[[str], None]) ->
 
 def from_template(
     text: str,
-    blocks: Mapping[str, Iterable[Block]],
+    blocks: Mapping[str, Iterable[doc.Block]],
     numbers: Mapping[str, object],
     folder: Path,
-) -> Document:
+) -> doc.Document:
     """A document from Markdown with headings, paragraphs and pictures.
 
     Args:
@@ -120,7 +105,7 @@ def from_template(
         blocks, numbers: by these names.
         folder: of the document, with its pictures.
     """
-    document = Document("")
+    document = doc.Document("")
     for part in text.strip().split("\n\n"):
         part = " ".join(part.splitlines())
         own = re.fullmatch(r"\{(\w+)\}", part)
@@ -128,7 +113,7 @@ def from_template(
         if part.startswith("# "):
             document.title = part[2:]
         elif part.startswith("## "):
-            document.sections.append(Section(part[3:]))
+            document.sections.append(doc.Section(part[3:]))
         elif not document.sections:
             document.lead = part.format_map(numbers)
         elif picture:
@@ -136,9 +121,9 @@ def from_template(
         elif own and own[1] in blocks:
             document.sections[-1].blocks += blocks[own[1]]
         elif part.startswith("### "):
-            document.sections[-1].blocks.append(Heading(part[4:]))
+            document.sections[-1].blocks.append(doc.Heading(part[4:]))
         else:
-            document.sections[-1].blocks.append(Text(part.format_map(numbers)))
+            document.sections[-1].blocks.append(doc.Text(part.format_map(numbers)))
     return document
 
 
@@ -194,7 +179,7 @@ def _worst(felt: Json, channels: slice) -> str:
 
 def _blocks(
     summary: Json, folder: Path, announce: Callable[[str], None]
-) -> dict[str, Sequence[Block]]:
+) -> dict[str, Sequence[doc.Block]]:
     """The tables of the report, and more, by their names in pages/report.md."""
     beyond = [
         {**e, "rms_torque_share": e["rms_share"], "peak_torque_share": e["peak_share"]}
@@ -206,8 +191,8 @@ def _blocks(
     position = "max_abs_position_error"
     torques = (position, "rms_torque_share", "peak_torque_share")
     return {
-        "tiles": [Tiles(tiles)],
-        "findings": [Bullets(findings(summary))],
+        "tiles": [doc.Tiles(tiles)],
+        "findings": [doc.Bullets(findings(summary))],
         "claims": [Claims(claims, len(summary["table1"]))],
         "table1": [_table1(summary["table1"])],
         "steps": [_steps(summary["step_response"])],
@@ -219,7 +204,7 @@ def _blocks(
         "beyond_torques": [_by_joint(["controller"], map(_label, beyond), beyond, torques)],
         "felt": [_felt(beyond)],
         "needs": [
-            Table(
+            doc.Table(
                 ["controller", "blocks", "needs to know"],
                 [[*_label(e), str(e["blocks"]), ", ".join(e["needs"])] for e in beyond],
                 look="words",
@@ -236,13 +221,13 @@ def _by_joint(
     names: Iterable[Sequence[str]],
     entries: Sequence[Json],
     metrics: Sequence[str],
-) -> Table:
+) -> doc.Table:
     """A row for each entry, beginning with its names; of each metric a value for each joint."""
     rows = [
         [*own, *([METRICS[m].text(value) for value in entry[m]] for m in metrics)]
         for own, entry in zip(names, entries, strict=True)
     ]
-    return Table([*labels, *(METRICS[m].column for m in metrics)], rows)
+    return doc.Table([*labels, *(METRICS[m].column for m in metrics)], rows)
 
 
 _RUN = ("plant", "process", "Algorithm 1", "controller", "A")
@@ -257,7 +242,7 @@ def _label(entry: Json) -> list[str]:
     return [f"`{entry['controller']}`"]
 
 
-def _table1(rows: Sequence[Json]) -> Table:
+def _table1(rows: Sequence[Json]) -> doc.Table:
     columns = {
         "i_eff_max": ("I_eff,max [kg m²]", ".2f"),
         "i_eff_median": ("median", ".2f"),
@@ -277,7 +262,7 @@ def _table1(rows: Sequence[Json]) -> Table:
     return _pairs(columns, names, rows, published)
 
 
-def _steps(steps: Json) -> Table:
+def _steps(steps: Json) -> doc.Table:
     columns = {
         "rise_time": ("rise, 10–90 % [s]", ".4f"),
         "settling_time": ("settling, 2 % [s]", ".4f"),
@@ -293,16 +278,16 @@ def _pairs(
     names: Iterable[str],
     computed: Sequence[Json],
     published: Sequence[Sequence[str]],
-) -> Table:
+) -> doc.Table:
     """Two rows for each name; columns by key: title and format."""
     rows = []
     for name, values, printed in zip(names, computed, published, strict=True):
         rows.append([name, *(format(values[key], spec) for key, (_, spec) in columns.items())])
         rows.append(["*published*", *printed])
-    return Table(["", *(title for title, _ in columns.values())], rows, look="pairs")
+    return doc.Table(["", *(title for title, _ in columns.values())], rows, look="pairs")
 
 
-def _felt(beyond: Sequence[Json]) -> Table:
+def _felt(beyond: Sequence[Json]) -> doc.Table:
     rows = [
         [
             *_label(entry),
@@ -312,45 +297,45 @@ def _felt(beyond: Sequence[Json]) -> Table:
         for entry in beyond
     ]
     header = ["controller", METRICS["felt_share"].column, *beyond[0]["felt"]["channels"]]
-    return Table(header, rows)
+    return doc.Table(header, rows)
 
 
-def _figure(folder: Path, caption: str, name: str) -> Block:
+def _figure(folder: Path, caption: str, name: str) -> doc.Block:
     """A picture of the folder; of a block diagram without Graphviz there is its text alone."""
     svg = folder / name
     dot = svg.with_suffix(".dot")
     if dot.exists() and not svg.exists():
         place = dot.relative_to(folder).as_posix()
-        return Text(f"{caption} `{place}`; no .svg: {NO_GRAPHVIZ}.")
-    return Figure(caption, svg, folder, "wide" if dot.exists() else "")
+        return doc.Text(f"{caption} `{place}`; no .svg: {NO_GRAPHVIZ}.")
+    return doc.Figure(caption, svg, folder, "wide" if dot.exists() else "")
 
 
-def _more(folder: Path, announce: Callable[[str], None]) -> list[Block]:
+def _more(folder: Path, announce: Callable[[str], None]) -> list[doc.Block]:
     """Pictures that are not of the study; the report can do without those that cannot be used."""
-    blocks: list[Block] = []
+    blocks: list[doc.Block] = []
     for path in sorted(folder.glob("*.svg")):
         if f"]({path.name})" in page_text("report.md"):
             continue
         try:
-            read_svg(path)
+            doc.read_svg(path)
         except InputError as error:
             announce(f"{error}, left out")
         else:
-            blocks.append(Figure(f"{path.stem.replace('_', ' ').capitalize()}.", path, folder))
+            blocks.append(doc.Figure(f"{path.stem.replace('_', ' ').capitalize()}.", path, folder))
     return blocks
 
 
-def _device(path: Path) -> list[Block]:
+def _device(path: Path) -> list[doc.Block]:
     if not path.exists():
         return []
-    text = Text("The reference motion in 3D; drag to look from elsewhere.")
-    return [text, EmbeddedPage("Load the 3D recording", path)]
+    text = doc.Text("The reference motion in 3D; drag to look from elsewhere.")
+    return [text, doc.EmbeddedPage("Load the 3D recording", path)]
 
 
-def _provenance(summary: Json) -> list[Block]:
+def _provenance(summary: Json) -> list[doc.Block]:
     seconds = summary["wall_time_s"]
     times = {**seconds, "sum of the stages": sum(seconds.values())}
     return [
-        Table(["", "version"], [[k, v] for k, v in summary["versions"].items()]),
-        Table(["", "wall time [s]"], [[k, f"{v:.2f}"] for k, v in times.items()]),
+        doc.Table(["", "version"], [[k, v] for k, v in summary["versions"].items()]),
+        doc.Table(["", "wall time [s]"], [[k, f"{v:.2f}"] for k, v in times.items()]),
     ]

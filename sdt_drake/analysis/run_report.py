@@ -11,29 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.yaml import yaml_dump_typed
 
+from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.comparison import Compared
-from sdt_drake.analysis.document import (
-    Block,
-    Bullets,
-    Code,
-    Details,
-    Document,
-    EmbeddedPage,
-    Heading,
-    Section,
-    Table,
-    Text,
-    write_text,
-)
 from sdt_drake.analysis.frequency_response import FrequencyResponse, frequency_response
 from sdt_drake.analysis.metrics import COMPARED, METRICS
 from sdt_drake.analysis.panels import MOST, Line, Panel, Plots
 from sdt_drake.analysis.plots_pilot import head_panels
-from sdt_drake.analysis.scope import (
-    joint_panels,
-    position_panel,
-    torque_over_speed,
-)
+from sdt_drake.analysis.scope import joint_columns, position_panels, torque_over_speed
 from sdt_drake.analysis.style import PALETTE, Look, joint_title
 from sdt_drake.analysis.tracking import stops_passed
 from sdt_drake.arrays import Array
@@ -65,34 +49,36 @@ def write_run_report(
     """
     report = run_report(design, recording, path, joints)
     if path.suffix == ".html":
-        write_text(path, report.html())
+        doc.write_text(path, report.html())
         return
-    write_text(path, report.markdown())
+    doc.write_text(path, report.markdown())
     for block in (block for section in report.sections for block in section.blocks):
         if isinstance(block, Plots):
             block.save_picture()
-        elif isinstance(block, EmbeddedPage):
-            write_text(block.path, block.text or "")
+        elif isinstance(block, doc.EmbeddedPage):
+            doc.write_text(block.path, block.text or "")
 
 
-def run_report(design: Design, recording: Recording, path: Path, joints: Sequence[int]) -> Document:
+def run_report(
+    design: Design, recording: Recording, path: Path, joints: Sequence[int]
+) -> doc.Document:
     """The report of a run; arguments as in `write_run_report`."""
     scenario, run = design.scenario, Compared(design.scenario.controller.label, design, recording)
     response = _response(design)
     has_pilot = has_head(design.robot)
     sections = [
-        Section("In short", [Bullets(_answer(run, response))]),
-        Section("What was run", _setup(design)),
-        Section("Loops", _loops(design, response)),
-        Section("Tracking", _tracking(run)),
-        Section("Over time", _over_time(run, path, joints)),
-        Section("Torque over speed", _over_speed(run, path, joints)),
-        Section("What the pilot feels", _felt(run, path) if has_pilot else []),
-        Section("In 3D", _in_3d(run, path)),
-        Section("Scenario and versions", _provenance(scenario)),
+        doc.Section("In short", [doc.Bullets(_answer(run, response))]),
+        doc.Section("What was run", _setup(design)),
+        doc.Section("Loops", _loops(design, response)),
+        doc.Section("Tracking", _tracking(run)),
+        doc.Section("Over time", _over_time(run, path, joints)),
+        doc.Section("Torque over speed", _over_speed(run, path, joints)),
+        doc.Section("What the pilot feels", _felt(run, path) if has_pilot else []),
+        doc.Section("In 3D", _in_3d(run, path)),
+        doc.Section("Scenario and versions", _provenance(scenario)),
     ]
     lead = f"{design.robot.name} on {Path(scenario.motion).stem}, {design.wanted.duration:g} s."
-    return Document(scenario.summary().title, lead, sections)
+    return doc.Document(scenario.summary().title, lead, sections)
 
 
 # --- in short --------------------------------------------------------------------------------
@@ -161,7 +147,7 @@ def _judged(response: FrequencyResponse, names: Sequence[str]) -> str:
 # --- what was run ----------------------------------------------------------------------------
 
 
-def _setup(design: Design) -> list[Block]:
+def _setup(design: Design) -> list[doc.Block]:
     scenario, motion, choice = design.scenario, design.wanted, design.scenario.controller
     learned = "" if design.motion is motion else "; its flights have taught the reference"
     exact = "exact" if design.model is design.robot else "differs from the plant"
@@ -186,7 +172,7 @@ def _setup(design: Design) -> list[Block]:
     if "position_gain" in CONTROLLERS[choice.kind].options:
         columns.insert(3, ("K_V [1/s]", ".4g", design.position_gain))
     return [
-        Table(["", ""], rows, look="words"),
+        doc.Table(["", ""], rows, look="words"),
         _by_joint(
             design, columns, "Motor side: the largest inertia along the motion, and the gains"
         ),
@@ -224,10 +210,10 @@ def _drives(design: Design) -> str:
 
 def _by_joint(
     design: Design, columns: Sequence[tuple[str, str, NDArray[Any]]], title: str = ""
-) -> Table:
+) -> doc.Table:
     """A row for each joint; columns as in `by_joint`."""
     header, rows = by_joint(design.robot.joint_names, columns)
-    return Table([_whole_units(name) for name in header], rows, title, "wrapped")
+    return doc.Table([_whole_units(name) for name in header], rows, title, "wrapped")
 
 
 def _whole_units(header: str) -> str:
@@ -245,13 +231,13 @@ def _response(design: Design) -> FrequencyResponse | InputError:
         return error
 
 
-def _loops(design: Design, response: FrequencyResponse | InputError) -> list[Block]:
+def _loops(design: Design, response: FrequencyResponse | InputError) -> list[doc.Block]:
     if isinstance(response, InputError):
-        return [Text(f"There is no linear analysis: {response}.")]
+        return [doc.Text(f"There is no linear analysis: {response}.")]
     notes = [
         "Speed of the link over its reference, without feedforward; the loop cut at the motor, the "
         "others closed. Gain margins: how much more, or less, of its gain that joint could have; a "
-        "dash where no amount matters. Each joint where its inertia is largest, at rest.",
+        "dash where no amount matters. Each joint where its inertia is largest, at rest."
     ]
     if "position_gain" in CONTROLLERS[design.scenario.controller.kind].options:
         notes.append("The samples of the position loop are taken for continuous.")
@@ -259,39 +245,43 @@ def _loops(design: Design, response: FrequencyResponse | InputError) -> list[Blo
         notes.append("Friction has no frequency response and is left out.")
     if not response.stable.all():
         notes.append("The margins of an unstable loop say nothing.")
-    return [_by_joint(design, response.columns()), Text(" ".join(notes), "soft")]
+    return [_by_joint(design, response.columns()), doc.Text(" ".join(notes), "soft")]
 
 
 # --- the run ---------------------------------------------------------------------------------
 
 
-def _tracking(run: Compared) -> list[Block]:
+def _tracking(run: Compared) -> list[doc.Block]:
     shown = ((METRICS[name], run.metrics[name]) for name in COMPARED)
     return [_by_joint(run.design, [(m.label, m.format, m.factor * x) for m, x in shown])]
 
 
-def _over_time(run: Compared, path: Path, joints: Sequence[int]) -> list[Block]:
+def _over_time(run: Compared, path: Path, joints: Sequence[int]) -> list[doc.Block]:
     design, recording, n = run.design, run.recording, len(run.recording.time)
     shown = (
         f"Of {n} samples those are shown at which a line is least or largest."
         if n > MOST
         else f"All {n} samples are shown."
     )
-    blocks: list[Block] = [Text(shown, "soft")]
+    blocks: list[doc.Block] = [doc.Text(shown, "soft")]
+    positions, others = position_panels(recording), joint_columns(recording, design)
     for k in joints:
         title = joint_title(k, design.robot.joint_names[k])
-        panels = [position_panel(recording, k), *joint_panels(recording, design, k)]
+        panels = [positions[k], *others[k]]
         marked = (
             " On grey ground the motor gives less than is asked."
             if np.any(recording.saturated[:, k] > 0)
             else ""
         )
         caption = f"{title.capitalize()}: torques are motor side, all else joint side.{marked}"
-        blocks += [Heading(title.capitalize()), _plots(caption, [panels], path, f"joint_{k + 1}")]
+        blocks += [
+            doc.Heading(title.capitalize()),
+            _plots(caption, [panels], path, f"joint_{k + 1}"),
+        ]
     return blocks
 
 
-def _over_speed(run: Compared, path: Path, joints: Sequence[int]) -> list[Block]:
+def _over_speed(run: Compared, path: Path, joints: Sequence[int]) -> list[doc.Block]:
     caption = "Torque of the motors over their speed, motor side, at the ends of the periods."
     if run.design.scenario.plant.kind == "axis":
         caption += " On this plant the other motors' help widens the limits, which is not drawn."
@@ -306,10 +296,10 @@ def _plots(caption: str, columns: Sequence[Sequence[Panel]], path: Path, name: s
 # --- the pilot and the device ----------------------------------------------------------------
 
 
-def _felt(run: Compared, path: Path) -> list[Block]:
+def _felt(run: Compared, path: Path) -> list[doc.Block]:
     design, time, head = run.design, run.recording.time, run.head
     felt, just = head.felt.multiples, Line("just felt", Look("0.2"), np.ones_like(time))
-    blocks: list[Block] = []
+    blocks: list[doc.Block] = []
     for axis, (turn, push) in enumerate(zip(CHANNELS[:3], CHANNELS[3:], strict=True)):
         lines = [
             Line(f"error of {turn}", Look(PALETTE[3]), felt[:, axis]),
@@ -325,27 +315,27 @@ def _felt(run: Compared, path: Path) -> list[Block]:
         "The last plot of each is the error in multiples of what attentive people in silence and "
         "dark just feel: below 1 it is not felt."
     )
-    wanted: list[Block] = [Text(f"To be felt: {feels}")] if feels else []
-    return [*wanted, Text(text, "soft"), *blocks]
+    wanted: list[doc.Block] = [doc.Text(f"To be felt: {feels}")] if feels else []
+    return [*wanted, doc.Text(text, "soft"), *blocks]
 
 
-def _in_3d(run: Compared, path: Path) -> list[Block]:
+def _in_3d(run: Compared, path: Path) -> list[doc.Block]:
     robot, scenario, shown = run.design.robot, run.design.scenario, run.recording
     story = story_of(scenario.motion, robot, run.design.motion)
     try:
         page = recorded_page(robot, shown.time, shown.q, title=scenario.name, story=story)
     except InputError as error:
-        return [Text(f"It is not shown: {error}.")]
+        return [doc.Text(f"It is not shown: {error}.")]
     page_path = path.with_name(f"{path.stem}_3d.html")
     return [
-        Text("The run in 3D; drag to look from elsewhere."),
-        EmbeddedPage("Play", page_path, page),
+        doc.Text("The run in 3D; drag to look from elsewhere."),
+        doc.EmbeddedPage("Play", page_path, page),
     ]
 
 
-def _provenance(scenario: Scenario) -> list[Block]:
+def _provenance(scenario: Scenario) -> list[doc.Block]:
     text = yaml_dump_typed(scenario, schema=Scenario).rstrip()
     return [
-        Details("The scenario, every field of it, as YAML", [Code(text)]),
-        Table(["", "version"], [[name, version] for name, version in versions().items()]),
+        doc.Details("The scenario, every field of it, as YAML", [doc.Code(text)]),
+        doc.Table(["", "version"], [[name, version] for name, version in versions().items()]),
     ]

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from sdt_drake.analysis.panels import LIMIT, Line, Panel, picture
+from sdt_drake.analysis.panels import LIMIT, Line, Lines, Panel, over_time, picture
 from sdt_drake.analysis.style import LOOKS, PALETTE, Look, joint_title
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
@@ -34,15 +33,11 @@ def scope(
     Raises:
         InputError: if there is no such joint.
     """
-    joints = chosen_joints(joint, recording.q.shape[1])
-    columns = [joint_panels(recording, design, k) for k in joints]
-    for k, column in zip(joints, columns, strict=True):
-        column[0] = replace(column[0], title=_name(design, k))
-    return picture(title, columns)
-
-
-def _name(design: Design | None, k: int) -> str:
-    return f"joint {k + 1}" if design is None else joint_title(k, design.robot.joint_names[k])
+    n = recording.q.shape[1]
+    joints = chosen_joints(joint, n)
+    names = [""] * n if design is None else design.robot.joint_names
+    columns = joint_columns(recording, design, names)
+    return picture(title, [columns[k] for k in joints])
 
 
 def chosen_joints(joint: int | None, n: int, where: str = "joint") -> Sequence[int]:
@@ -58,40 +53,44 @@ def chosen_joints(joint: int | None, n: int, where: str = "joint") -> Sequence[i
     return [joint - 1]
 
 
-def joint_panels(recording: Recording, design: Design | None, k: int) -> list[Panel]:
-    """Speed, speed error, position error and torque of joint k, from 0, over time."""
-    run = recording
-    torque = []
-    if design is not None:
-        lower, upper = (limit[:, k] for limit in limits_along(run, design))
-        torque += [Line("limits of the motor", LIMIT, upper), Line("_lower limit", LIMIT, lower)]
-    torque.append(Line("motor torque", _TORQUE, run.tau[:, k]))
+def joint_columns(
+    recording: Recording, design: Design | None, joint_names: Sequence[str] = ()
+) -> list[list[Panel]]:
+    """Speed, speed error, position error and torque over time, a column for each joint.
 
-    saturated = run.saturated[:, k] > 0  # in the period that ends there
+    Args:
+        recording, design: as in `scope`.
+        joint_names: n names, of the titles; none for columns without.
+    """
+    run, torques = recording, [("motor torque", _TORQUE, recording.tau)]
+    if design is not None:
+        lower, upper = limits_along(run, design)
+        limits = [("limits of the motor", LIMIT, upper), ("_lower limit", LIMIT, lower)]
+        torques = limits + torques
+    speeds = [("reference", LOOKS["reference"], run.v_ref), ("achieved", ACHIEVED, run.v)]
+
+    saturated = run.saturated > 0  # in the period that ends there
     saturated[:-1] |= saturated[1:]
 
-    def panel(y_label: str, *lines: Line) -> Panel:
-        return Panel("", "time [s]", y_label, run.time, lines, saturated, SATURATED)
+    def row(y_label: str, lines: Lines, names: Sequence[str] = ()) -> list[Panel]:
+        return over_time(y_label, run.time, lines, names, marked=saturated, marked_label=SATURATED)
 
-    return [
-        panel(
-            "speed [rad/s]",
-            Line("reference", LOOKS["reference"], run.v_ref[:, k]),
-            Line("achieved", ACHIEVED, run.v[:, k]),
-        ),
-        panel("speed error [rad/s]", Line("error", _ERROR, run.speed_error[:, k])),
-        panel("position error [deg]", Line("error", _ERROR, np.degrees(run.position_error[:, k]))),
-        panel("motor torque [N m]", *torque),
+    rows = [
+        row("speed [rad/s]", speeds, joint_names),
+        row("speed error [rad/s]", [("error", _ERROR, run.speed_error)]),
+        row("position error [deg]", [("error", _ERROR, np.degrees(run.position_error))]),
+        row("motor torque [N m]", torques),
     ]
+    return list(map(list, zip(*rows, strict=True)))
 
 
-def position_panel(recording: Recording, k: int) -> Panel:
-    """Reference and achieved angle of joint k, from 0, over time."""
+def position_panels(recording: Recording) -> list[Panel]:
+    """Reference and achieved angle over time, a panel for each joint."""
     lines = [
-        Line("reference", LOOKS["reference"], np.degrees(recording.q_ref[:, k])),
-        Line("achieved", ACHIEVED, np.degrees(recording.q[:, k])),
+        ("reference", LOOKS["reference"], np.degrees(recording.q_ref)),
+        ("achieved", ACHIEVED, np.degrees(recording.q)),
     ]
-    return Panel("", "time [s]", "position [deg]", recording.time, lines)
+    return over_time("position [deg]", recording.time, lines)
 
 
 SATURATED = "saturated: the motor gives less than is asked"

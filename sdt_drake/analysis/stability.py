@@ -21,12 +21,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sdt_drake.analysis.linear import (
-    StateSpace,
-    close,
-    linear_feedback,
-    linear_process,
-)
+from sdt_drake.analysis.linear import StateSpace, close, linear_feedback, linear_process
 from sdt_drake.arrays import Array
 from sdt_drake.control import SpeedGains, natural_frequency
 from sdt_drake.controllers import CONTROLLERS

@@ -208,8 +208,8 @@ def _shorten(ax: Axes) -> None:
 
 
 def joint_title(k: int, name: str) -> str:
-    """Title of a panel or a line of joint k, from 0."""
-    return f"joint {k + 1}, {name}"
+    """Title of a panel or a line of joint k, from 0, whose name may not be known."""
+    return f"joint {k + 1}, {name}" if name else f"joint {k + 1}"
 
 
 def plain_numbers(axis: Axis) -> None:

@@ -12,12 +12,7 @@ from sdt_drake.analysis.metrics import columns_of
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, checked_type
 from sdt_drake.motion import Motion
-from sdt_drake.pilot import (
-    FeltDifference,
-    HeadMotion,
-    felt_difference,
-    head_motion_of_samples,
-)
+from sdt_drake.pilot import FeltDifference, HeadMotion, felt_difference, head_motion_of_samples
 from sdt_drake.robot import Robot
 from sdt_drake.shown import Shown, Summary, by_joint
 from sdt_drake.simulate import Recording

@@ -20,8 +20,9 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.claims import count_verdicts
+    from sdt_drake.analysis.document import REPORT
     from sdt_drake.analysis.files import write_reproduction
-    from sdt_drake.analysis.report import REPORT, findings
+    from sdt_drake.analysis.report import findings
     from sdt_drake.analysis.reproduction import Stopwatch, reproduce
     from sdt_drake.graphviz import NO_GRAPHVIZ, has_graphviz
 

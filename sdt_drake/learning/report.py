@@ -5,14 +5,13 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure as Picture
+from matplotlib.figure import Figure
 
-from sdt_drake.analysis.document import Cell, Document, Figure, Section, Table, Text, write_text
-from sdt_drake.analysis.panels import over_time, picture
+from sdt_drake.analysis.document import Cell, Document, Section, Table, Text
+from sdt_drake.analysis.panels import as_block, over_time, picture
 from sdt_drake.analysis.style import (
     PALETTE,
     Look,
@@ -21,7 +20,6 @@ from sdt_drake.analysis.style import (
     joint_title,
     nth_look,
     plain_numbers,
-    save_both,
     style,
 )
 from sdt_drake.arrays import Array
@@ -145,39 +143,39 @@ def write_report(
     names, first, best = design.robot.joint_names, lessons.flights[0], lessons.best
     title = f"{design.scenario.name}: {design.scenario.controller.label}"
     compared = [first] if best is first else [first, best]
-    pictures = {
-        "convergence": plot_checks(
-            f"{title}, the error that a flight leaves", checks, filter_, names
+    checked = plot_checks(f"{title}, the error that a flight leaves", checks, filter_, names)
+    flown = plot_flights(f"{title}, by flight", lessons.flights, names)
+    errors = plot_errors(f"{title}, position errors", design.wanted.time, compared, names)
+    by_flight = "Errors, what can be felt, torques by flight."
+    of_best = "Errors of the first and of the best flight."
+    told = Text(
+        "Told before the first flight, from linear models: the share of an error that a flight "
+        f"leaves. What is learned is the {filter_.of}."
+    )
+    below = (
+        "Below 1 an error shrinks; above the bandwidth (dotted) nothing is learned, and nothing "
+        "lost."
+    )
+    sections = [
+        Section(
+            "Flights",
+            [
+                Table(*flight_rows(lessons.flights)),
+                as_block(flown, by_flight, folder / "flights", ""),
+                as_block(errors, of_best, folder / "errors", ""),
+            ],
         ),
-        "flights": plot_flights(f"{title}, by flight", lessons.flights, names),
-        "errors": plot_errors(f"{title}, position errors", design.wanted.time, compared, names),
-    }
-    document = Document(f"{title}: learned", lead=" ".join(f"{x}." for x in summary(lessons)))
-    document.sections = [
-        Section("Flights", [
-            Table(*flight_rows(lessons.flights)),
-            _figure(folder, pictures, "flights", "Errors, what can be felt, torques by flight."),
-            _figure(folder, pictures, "errors", "Errors of the first and of the best flight."),
-        ]),
-        Section("Does it converge?", [
-            Text(
-                "Told before the first flight, from linear models: the share of an error that a "
-                f"flight leaves. What is learned is the {filter_.of}."
-            ),
-            Table(*check_rows(checks, filter_)),
-            _figure(
-                folder, pictures, "convergence",
-                "Below 1 an error shrinks; above the bandwidth (dotted) nothing is learned, and "
-                "nothing lost."
-            ),
-        ]),
-    ]  # fmt: skip
-    write_text(folder / "report.md", document.markdown())
-    return write_text(folder / "report.html", document.html())
-
-
-def _figure(folder: Path, pictures: dict[str, Picture], name: str, caption: str) -> Figure:
-    return Figure(caption, save_both(pictures[name], folder / f"{name}.png"), folder)
+        Section(
+            "Does it converge?",
+            [
+                told,
+                Table(*check_rows(checks, filter_)),
+                as_block(checked, below, folder / "convergence", ""),
+            ],
+        ),
+    ]
+    lead = " ".join(f"{x}." for x in summary(lessons))
+    return Document(f"{title}: learned", lead, sections).write(folder)
 
 
 def _write_flights(path: Path, flights: Sequence[Flight]) -> None:
@@ -200,7 +198,7 @@ def _write_flights(path: Path, flights: Sequence[Flight]) -> None:
 
 def plot_checks(
     title: str, checks: Sequence[Convergence], filter_: LearningFilter, joint_names: Sequence[str]
-) -> Picture:
+) -> Figure:
     """What a flight leaves of an error over frequency, a panel for each joint."""
     hertz = filter_.omega / (2 * np.pi)
     with style():
@@ -235,20 +233,20 @@ def plot_checks(
 
 def plot_errors(
     title: str, time: Array, flights: Sequence[Flight], joint_names: Sequence[str]
-) -> Picture:
+) -> Figure:
     """Position errors of some flights over time, a panel for each joint."""
     lines = [
         (f"flight {flight.number}", Look(PALETTE[i]), np.degrees(flight.error))
         for flight, i in zip(flights, (1, 0), strict=False)
     ]
-    panels = over_time("position error [deg]", time, lines, joint_names)
-    for k, panel in enumerate(panels):
-        largest = ", ".join(f"{np.degrees(flight.largest[k]):.3g}" for flight in flights)
-        panels[k] = replace(panel, note=f"largest: {largest} deg")
-    return picture(title, [panels])
+    largest = np.degrees([flight.largest for flight in flights])
+    notes = [f"largest: {', '.join(f'{x:.3g}' for x in of_joint)} deg" for of_joint in largest.T]
+    return picture(
+        title, [over_time("position error [deg]", time, lines, joint_names, notes=notes)]
+    )
 
 
-def plot_flights(title: str, flights: Sequence[Flight], joint_names: Sequence[str]) -> Picture:
+def plot_flights(title: str, flights: Sequence[Flight], joint_names: Sequence[str]) -> Figure:
     """Largest and RMS error, what could be felt, and peak torque over the flights."""
     number = [flight.number for flight in flights]
     panels = (

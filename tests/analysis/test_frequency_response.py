@@ -10,10 +10,7 @@ import pytest
 from test_linear import OMEGA_R, ROTORS, R, matrices, same, two_mass_polynomials
 from variants import kind
 
-from sdt_drake.analysis.frequency_response import (
-    frequency_response,
-    unwrapped_degrees,
-)
+from sdt_drake.analysis.frequency_response import frequency_response, unwrapped_degrees
 from sdt_drake.analysis.linear import linearise
 from sdt_drake.device import Drive, Elasticity
 

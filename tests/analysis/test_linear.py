@@ -7,12 +7,7 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder
 from variants import kind
 
-from sdt_drake.analysis.linear import (
-    StateSpace,
-    linear_feedback,
-    linear_process,
-    linearise,
-)
+from sdt_drake.analysis.linear import StateSpace, linear_feedback, linear_process, linearise
 from sdt_drake.controllers import Pi
 from sdt_drake.device import Drive, Elasticity
 

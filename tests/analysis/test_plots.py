@@ -65,10 +65,7 @@ def runs(motion):
 @pytest.fixture(scope="module")
 def steps():
     t = np.linspace(0, 0.5, 1001)
-    speeds = {
-        "pi": 1 - np.exp(-30 * t) * np.cos(40 * t),
-        "p_in_feedback": 1 - np.exp(-20 * t),
-    }
+    speeds = {"pi": 1 - np.exp(-30 * t) * np.cos(40 * t), "p_in_feedback": 1 - np.exp(-20 * t)}
     return {
         name: StepResponse(name, zeta, t, y, step_metrics(t, y, y0=0.0, y_final=1.0))
         for (name, y), zeta in zip(speeds.items(), (1.0, 0.95), strict=True)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sdt_drake.analysis.plots import scope
-from sdt_drake.analysis.scope import joint_panels, limits_along
+from sdt_drake.analysis.scope import joint_columns, limits_along
 from sdt_drake.errors import InputError
 from sdt_drake.simulate import simulate
 
@@ -69,5 +69,5 @@ def test_a_single_period_in_saturation_is_seen(run):
     design, recording = run
     once = np.zeros_like(recording.saturated)
     once[5, 1] = 0.1  # in the period that ends there
-    speed, *_ = joint_panels(replace(recording, saturated=once), design, 1)
+    _, (speed, *_), *_ = joint_columns(replace(recording, saturated=once), design)
     assert speed.spans() == [(recording.time[4], recording.time[5])]

@@ -6,16 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from test_linear import (
-    OMEGA_R,
-    ROTORS,
-    R,
-    held,
-    matrices,
-    moving,
-    two_mass_polynomials,
-    two_masses,
-)
+from test_linear import OMEGA_R, ROTORS, R, held, matrices, moving, two_mass_polynomials, two_masses
 from variants import kind
 
 from sdt_drake.analysis.linear import StateSpace

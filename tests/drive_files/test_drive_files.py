@@ -62,8 +62,7 @@ def test_samples_between_those_of_the_motion_lie_on_its_trajectory(robot, motion
 
 
 @pytest.mark.parametrize(
-    ("unit", "per_turn_and_second"),
-    [("increments/s", 2**20), ("rpm", 60), ("0.001 rpm", 60_000)],
+    ("unit", "per_turn_and_second"), [("increments/s", 2**20), ("rpm", 60), ("0.001 rpm", 60_000)]
 )
 def test_integers_are_rounded_motion_and_do_not_drift(robot, motion, unit, per_turn_and_second):
     drives = drives_with(
