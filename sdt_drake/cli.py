@@ -81,7 +81,7 @@ def _run(arguments: Sequence[str]) -> int:
     code = 0
     with keeping_inputs(), warnings.catch_warnings(record=True) as caught:
         try:
-            parser = _parser()
+            parser = _parser([name for name in COMMANDS if name in arguments[:1]] or COMMANDS)
             complete(parser)
             options, unknown = parser.parse_known_args(arguments)
             if unknown:
@@ -134,7 +134,8 @@ def _print_error(message: str) -> None:
         print(f"sdt-drake: {''.join(letters)}", file=sys.stderr)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(names: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
+    """Of these commands: what others take need not be known to run one."""
     parser = _Parser(
         prog="sdt-drake",
         description="Motion control of spatial disorientation trainers, in Drake.",
@@ -143,7 +144,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"sdt-drake {sdt_drake.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
-    for name in COMMANDS:
+    for name in names:
         module = importlib.import_module(f"sdt_drake.commands.{name}")
         does = " ".join((module.__doc__ or "").split())
         command = commands.add_parser(

@@ -33,9 +33,9 @@ gc.disable()  # until all tests are collected
 
 
 def pytest_collection_finish():
-    """What is imported and collected by now stays: nobody looks for garbage in it again and
-    again."""
+    """Garbage is looked for seldom, and not in what is imported and collected by now."""
     gc.freeze()
+    gc.set_threshold(10_000)
     gc.enable()
 
 
@@ -99,9 +99,9 @@ def designed(_reference_design: Design):
     """A design from a shipped scenario and fields by dotted name, along the reference motion.
 
     `start` and `end` [s] cut it; `rest` is how many samples it rests before that; another `motion`
-    is taken instead. Designs with the same motion share its torques.
+    is taken instead.
     """
-    base, torques = _reference_design, {}
+    base = _reference_design
 
     def cut(start, end, rest) -> Motion:
         period = base.motion.period
@@ -111,14 +111,8 @@ def designed(_reference_design: Design):
 
     def make(name, fields=None, *, start=0.0, end=None, rest=0, motion=None) -> Design:
         along = motion or (base.motion if end is None else cut(start, end, rest))
-        key = None if motion else (start, end, rest)
-        made = make_design(
-            with_fields(load_scenario(name), fields or {}),
-            robot=base.robot, motion=along, torques=torques.get(key),
-        )  # fmt: skip
-        if key:
-            torques[key] = made.nominal_torques
-        return made
+        scenario = with_fields(load_scenario(name), fields or {})
+        return make_design(scenario, robot=base.robot, motion=along)
 
     return make
 

@@ -12,14 +12,16 @@ import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
 
 from sdt_drake.loops import Loop, blocks_of, make_loop
+from sdt_drake.resources import PACKAGE_PREFIX
 from sdt_drake.scenario import Scenario
 
 LONG = 1000  # samples
 # The names in the package are functions.
 module, designs = import_module("sdt_drake.simulate"), import_module("sdt_drake.design")
 folder = None  # for the results; without one, every run is a new one
-_simulate, _along = module.simulate, designs._along
+_simulate, _along, _plan_of = module.simulate, designs._along, designs.plan_of
 _torques = {}  # by fingerprint of robot and motion
+_plans = {}  # of motions that ship with the package, by fingerprint of what is asked for
 
 
 def once(name, make):
@@ -51,6 +53,17 @@ def along(robot, motion):
     return _torques[key]
 
 
+def plan_of(scenario, robot):
+    """As the package's, planned once in a process if the motion is one that ships with it."""
+    if not scenario.motion.startswith(PACKAGE_PREFIX):
+        return _plan_of(scenario, robot)
+    how = scenario.motion, scenario.period, scenario.torque_margin, scenario.planner
+    key = _hashed(repr(how) + robot.sdf, robot)
+    if key not in _plans:
+        _plans[key] = _plan_of(scenario, robot)
+    return _plans[key]
+
+
 def _fingerprint(design, loop):
     """Of what was asked for by whatever name, the blocks of the loop, and every number in the
     design."""
@@ -75,4 +88,4 @@ def _numbers(value):
             yield from _numbers(part)
 
 
-module.simulate, designs._along = simulate, along
+module.simulate, designs._along, designs.plan_of = simulate, along, plan_of

@@ -41,8 +41,9 @@ def short(monkeypatch):
     monkeypatch.setattr(design, "plan_of", first)
 
 
-def test_commands_run_in_their_order(short, tmp_path, monkeypatch, capsys):
+def test_commands_run_in_their_order(short, coarse, tmp_path, monkeypatch, capsys):
     """Some take what others write."""
+    coarse(0.5)
     monkeypatch.chdir(tmp_path)
     for line in COMMANDS:
         if not line.startswith(LONG):

@@ -34,13 +34,15 @@ from sdt_drake.tables import write_table
 class Machine:
     """A device that is not what its model says, and its recorder."""
 
-    def __init__(self, design, folder):
-        self.design, self.folder, self.count = design, folder, 0
-        self.filter = design_filter(design, loops_of(design, "reference"), "reference")
+    def __init__(self, design, filter_, first, folder):
+        self.design, self.filter, self.first = design, filter_, first
+        self.folder, self.count = folder, 0
 
     def flight(self, learned=None):
         """Time [s], what was asked for and what came [rad]."""
-        design = self.design if learned is None else self.design.given(learned)
+        if learned is None:
+            return self.first.time, self.design.motion.q, self.first.q.copy()
+        design = self.design.given(learned)
         run = simulate(design)
         return run.time, design.motion.q, run.q
 
@@ -73,13 +75,24 @@ class Machine:
         return teach(self.design, self.filter, state, [self.read(path) for path in paths])
 
 
-@pytest.fixture
-def machine(designed, tmp_path):
+@pytest.fixture(scope="module")
+def made(designed):
+    """A design, its filter, and its first flight."""
     base = designed("wrong_model", end=1.5)
     v = base.wanted.v * np.clip((1.5 - base.wanted.time) / 0.8, 0, 1)[:, None]  # ends at rest
     wanted = Motion.from_speeds(base.wanted.period, base.wanted.q[0], v)
     scenario = with_controller(base.scenario, "p_pi")
-    return Machine(make_design(scenario, robot=base.nominal, motion=wanted), tmp_path)
+    design = make_design(scenario, robot=base.nominal, motion=wanted)
+    return (
+        design,
+        design_filter(design, loops_of(design, "reference"), "reference"),
+        simulate(design),
+    )
+
+
+@pytest.fixture
+def machine(made, tmp_path):
+    return Machine(*made, tmp_path)
 
 
 @pytest.mark.parametrize(
