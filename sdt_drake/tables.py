@@ -7,7 +7,7 @@ import itertools
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -73,12 +73,12 @@ class Results:
         about: what holds for all rows, by name: texts, numbers, arrays, or mappings of them.
         columns: by name: texts or numbers of shape (N,), or numbers of shape (N, n), of which
             column k is called name_k.
-        units: of both, by name.
+        units: by name, of what UNITS does not know.
     """
 
     about: Mapping[str, object]
     columns: Mapping[str, ArrayLike]
-    units: Mapping[str, str]
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def write(self, path: Path) -> None:
         """Write them exactly, as the suffix says; what is not finite is null in .json.
@@ -90,7 +90,9 @@ class Results:
         lists = {name: values.tolist() for name, values in columns.items()}
         with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
             if path.suffix == ".json":
-                whole = {**self.about, "units": self.units, "columns": lists}
+                known = {**UNITS, **self.units}
+                units = {x: known[x] for x in (*self.about, *self.columns) if x in known}
+                whole = {**self.about, "units": units, "columns": lists}
                 json.dump(in_json(whole), file, indent=1, ensure_ascii=False, allow_nan=False)
                 file.write("\n")
                 return
@@ -98,6 +100,26 @@ class Results:
             writer.writerow(lists)
             writer.writerows(zip(*lists.values(), strict=True))
 
+
+UNITS = {
+    name: unit
+    for unit, names in {
+        "s": "time rise_time settling_time peak_time",
+        "rad/s": "omega omega_r omega_0 omega_n_max omega_n_median omega_n_min bandwidth crossover "
+        "peak_omega v peak steady_state_error",
+        "kg m²": "inertia i_eff_max i_eff_median i_eff_min",
+        "N m s/rad": "kp",
+        "N m/rad": "ki",
+        "-": "zeta zeta_max zeta_median zeta_min ratio damping damping_ratio unstable_from "
+        "tracking_magnitude loop_gain_magnitude gain_margin gain_reduction modulus_margin",
+        "%": "overshoot_percent variation_percent",
+        "deg": "tracking_phase loop_gain_phase phase_margin",
+        "dB": "peak_db",
+    }.items()
+    for name in names.split()
+}
+"""Of the numbers of a design, by name. Inertias and gains are motor side; max, median and min are
+those along a motion."""
 
 RESULTS = (".csv", ".json")
 """Kinds of files that `Results` are written as."""
@@ -285,8 +307,8 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
 
 
-def _unquoted(field: str) -> str:
-    return field.strip().strip('"').strip()
+def _unquoted(cell: str) -> str:
+    return cell.strip().strip('"').strip()
 
 
 def _not_utf8(path: Path) -> InputError:
@@ -315,11 +337,11 @@ def _bad_line(path: Path, width: int, delimiter: str | None, skip: int) -> Input
             return InputError(
                 f"{path}, line {number}: {len(fields)} value(s), expected {width} as in the first"
             )
-        for field in fields:
+        for cell in fields:
             try:
-                float(_unquoted(field).replace("_", "?"))  # Python would take 5_0 for a number
+                float(_unquoted(cell).replace("_", "?"))  # Python would take 5_0 for a number
             except ValueError:
-                return InputError(f"{path}, line {number}: '{field.strip()}' is not a number")
+                return InputError(f"{path}, line {number}: '{cell.strip()}' is not a number")
     return InputError(f"{path}: not a table of numbers")
 
 

@@ -15,14 +15,6 @@ from sdt_drake.design import Design
 from sdt_drake.dynamics import where_largest
 from sdt_drake.tables import Results
 
-_UNITS = {
-    **dict.fromkeys(("omega", "bandwidth", "peak_omega", "crossover"), "rad/s"),
-    **dict.fromkeys(("tracking_phase", "loop_gain_phase", "phase_margin"), "deg"),
-    **dict.fromkeys(("tracking_magnitude", "loop_gain_magnitude", "gain_margin"), "-"),
-    **dict.fromkeys(("gain_reduction", "modulus_margin", "damping"), "-"),
-    "peak_db": "dB",
-}
-
 Complex = NDArray[np.complex128]
 
 
@@ -72,7 +64,7 @@ class FrequencyResponse:
             columns[f"{name}_phase"] = unwrapped_degrees(values, at_crossover=at_crossover)
         rows = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "omega"}
         judged = {name: values for name, values in rows.items() if values.ndim == 1}
-        return Results({"title": title, **judged}, columns, _UNITS)
+        return Results({"title": title, **judged}, columns)
 
     def columns(self) -> list[tuple[str, str, NDArray[Any]]]:
         """What it says of each joint, for tables: header, format, values; NaN where there is

@@ -47,6 +47,6 @@ def run(options: argparse.Namespace) -> None:
         "rms": {x: np.sqrt(np.mean(values**2, axis=0)) for x, values in columns.items()},
         "largest": {x: np.abs(values).max(axis=0) for x, values in columns.items()},
     }
-    units = {"time": "s", **dict.fromkeys(columns, "rad/s")}
+    units = dict.fromkeys(columns, "rad/s")
     results = Results(about, {"time": budget.time, **columns}, units)
     common.deliver(options, lambda: sdt.plots.error_budget(title, budget, names), results.write)

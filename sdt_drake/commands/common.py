@@ -7,6 +7,7 @@ import contextlib
 import os
 import re
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -316,6 +317,12 @@ def say(text: str = "") -> None:
         print(text, flush=True)
     except BrokenPipeError:
         stop_printing(sys.stdout)
+
+
+def say_wrapped(text: str, first: str = "", rest: str = "  ", width: int = 96) -> None:
+    """Print running text in lines of at most so many characters, with what they begin with."""
+    for line in textwrap.wrap(text, width, initial_indent=first, subsequent_indent=rest):
+        say(line)
 
 
 def stop_printing(stream: TextIO) -> None:

@@ -114,9 +114,9 @@ def _simulated(options: argparse.Namespace) -> None:
 
     def tell(lessons: Lessons) -> None:
         report.write_learned(kept, design, lessons)
-        header, rows = report.flight_rows(lessons.flights[-1:])
-        cells = (cell if isinstance(cell, str) else " ".join(cell) for cell in rows[0])
-        say(", ".join(f"{name} {cell}" for name, cell in zip(header, cells, strict=True)))
+        table = report.flight_table(lessons.flights[-1:])
+        cells = (cell if isinstance(cell, str) else " ".join(cell) for cell in table.rows[0])
+        say(", ".join(f"{name} {cell}" for name, cell in zip(table.header, cells, strict=True)))
 
     try:
         lessons = learn(design, filter_, count, stops=not options.all, report=tell)
@@ -146,7 +146,7 @@ def _checked_filter(
 
     from sdt_drake.learning.filter import convergence, design_filter, refuse_divergence
     from sdt_drake.learning.loops import loops_of
-    from sdt_drake.learning.report import check_rows
+    from sdt_drake.learning.report import check_table
     from sdt_drake.studies.study import load_study
 
     study = load_study(options.study) if options.study else None
@@ -158,7 +158,7 @@ def _checked_filter(
     for k, (omega, why) in enumerate(filter_.bandwidth):
         say(f"joint {k + 1}: errors are learned up to {omega / (2 * np.pi):.3g} Hz ({why})")
     say()
-    common.print_table(*check_rows(checks, filter_))
+    common.print_document_table(check_table(checks, filter_))
     refuse_divergence(checks, filter_)
     for check in checks:
         beyond = int((check.loops.demand.max(axis=1) > 1).sum())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
 EXAMPLE = "sdt-drake motions graveyard_spiral"
 
 
-_WIDTH = 96  # columns of running text
 _LONGEST = 3600  # s; what is computed while one waits
 
 
@@ -56,7 +54,7 @@ def _print_all(robot: Robot) -> None:
     say("largest G: at the pilot's head, on the commanded motion")
     say()
     for sentence in sentences:
-        _paragraph(sentence)
+        common.say_wrapped(sentence)
 
 
 def _print_one(motion: str, robot: Robot) -> None:
@@ -69,7 +67,7 @@ def _print_one(motion: str, robot: Robot) -> None:
         g = _largest_g(command, robot)
     say(f"{profile.title or profile.name}: {profile.duration:g} s, largest G at the head {g}")
     if profile.feels or profile.description:
-        _paragraph(f"feels: {profile.feels}" if profile.feels else profile.description)
+        common.say_wrapped(f"feels: {profile.feels}" if profile.feels else profile.description)
     say()
     print_table(
         ("segment", "from [s]", "to [s]"),
@@ -83,7 +81,7 @@ def _print_one(motion: str, robot: Robot) -> None:
     say(f"starts at {', '.join(turned) or '0 deg'}; the speed in gaps is held")
     if profile.notes:
         say()
-        _paragraph(f"notes: {profile.notes}")
+        common.say_wrapped(f"notes: {profile.notes}")
 
 
 def _largest_g(command: Command, robot: Robot) -> str:
@@ -99,8 +97,3 @@ def _largest_g(command: Command, robot: Robot) -> str:
     period = command.duration / np.ceil(command.duration / INTERPOLATION_PERIOD)
     motion = commanded_motion(robot, command, period)
     return f"{head_motion(robot, motion.q, motion.v, motion.vd).resultant_g.max():.2f}"
-
-
-def _paragraph(text: str) -> None:
-    for line in textwrap.wrap(" ".join(text.split()), _WIDTH, subsequent_indent="  "):
-        say(line)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sdt_drake.commands.common import add_out, check_file, check_folder, say
+from sdt_drake.commands.common import add_out, check_file, check_folder, say, say_wrapped
 from sdt_drake.errors import InputError, checked_choice
 
 if TYPE_CHECKING:
@@ -70,16 +69,11 @@ def _print(chapter: Chapter) -> None:
 def _print_sheet(title: str, sheet: Sheet) -> None:
     say(title)
     for paragraph in sheet.text.split("\n\n"):
-        _say_wrapped(paragraph, "")
+        say_wrapped(paragraph, "", "", _WIDTH)
     for row in sheet.rows:
         cells = dict(zip(sheet.header[1:-1], row[1:-1], strict=True))
         unit = f"[{unit}]" if (unit := cells.pop("unit", "")) else ""
         told = [f"{cells.pop('takes', '')} {unit}".strip()]
         told += [f"{header} {cell}" for header, cell in cells.items() if cell]
-        _say_wrapped(f"{row[0]}: {'; '.join(filter(None, told))}", "  ")
-        _say_wrapped(row[-1], "      ")
-
-
-def _say_wrapped(text: str, indent: str) -> None:
-    for line in textwrap.wrap(text, _WIDTH, initial_indent=indent, subsequent_indent=indent):
-        say(line)
+        say_wrapped(f"{row[0]}: {'; '.join(filter(None, told))}", "  ", "  ", _WIDTH)
+        say_wrapped(row[-1], "      ", "      ", _WIDTH)

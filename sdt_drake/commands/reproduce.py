@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import re
-import textwrap
 import time
 from pathlib import Path
 
-from sdt_drake.commands.common import add_out, check_folder, say
+from sdt_drake.commands.common import add_out, check_folder, say, say_wrapped
 from sdt_drake.progress import part
 
 EXAMPLE = "sdt-drake reproduce --out out"
@@ -36,8 +35,7 @@ def run(options: argparse.Namespace) -> None:
     counts = (f"{n} {verdict}" for verdict, n in count_verdicts(summary["claims"]).items())
     say(f"\nOf {len(summary['claims'])} claims of the paper: {', '.join(counts)}")
     for finding in findings(summary):
-        plain = re.sub(r"\*\*|`", "", finding)
-        say(textwrap.fill(plain, 96, initial_indent="- ", subsequent_indent="  "))
+        say_wrapped(re.sub(r"\*\*|`", "", finding), "- ")
     if not has_graphviz():
         say(f"\nNo .svg of the block diagrams: {NO_GRAPHVIZ}")
     seconds = time.perf_counter() - start

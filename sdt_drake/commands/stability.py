@@ -90,15 +90,8 @@ def run(options: argparse.Namespace) -> None:
     common.deliver(
         options,
         lambda: sdt.plots.stability(title, sweeps, design.robot.joint_names),
-        Results(about, _columns(sweeps), _UNITS).write,
+        Results(about, _columns(sweeps)).write,
     )
-
-
-_UNITS = {
-    "omega_r": "rad/s",
-    **dict.fromkeys(("damping_ratio", "ratio", "damping", "unstable_from"), "-"),
-    "overshoot_percent": "%",
-}
 
 
 def _columns(sweeps: Mapping[str, Mapping[str, StabilitySweep]]) -> dict[str, NDArray[Any]]:

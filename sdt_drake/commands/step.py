@@ -9,27 +9,9 @@ import sdt_drake as sdt
 from sdt_drake import paper
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
-from sdt_drake.tables import RESULTS, Results
+from sdt_drake.tables import RESULTS, UNITS, Results
 
 EXAMPLE = "sdt-drake step --inertia 4.26 --structure p_in_feedback --zeta 0.95 --out step.png"
-
-
-# Motor side.
-_UNITS = {
-    "inertia": "kg m²",
-    "omega_r": "rad/s",
-    "zeta": "-",
-    "kp": "N m s/rad",
-    "ki": "N m/rad",
-    "rise_time": "s",
-    "settling_time": "s",
-    "overshoot_percent": "%",
-    "peak": "rad/s",
-    "peak_time": "s",
-    "steady_state_error": "rad/s",
-    "time": "s",
-    "v": "rad/s",
-}
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -69,11 +51,11 @@ def run(options: argparse.Namespace) -> None:
     metrics = asdict(step.metrics)
     for name, value in metrics.items():
         label = name.removesuffix("_percent").replace("_", " ")
-        say(f"{label:20s} {value:.5g} {_UNITS[name]}")
+        say(f"{label:20s} {value:.5g} {UNITS[name]}")
     about = {"inertia": inertia, "omega_r": omega_r, "zeta": step.zeta, "kp": kp, "ki": ki}
     response = {"time": step.time, "v": step.speed}
     common.deliver(
         options,
         lambda: sdt.plots.step_responses("Step response", {step.structure: step}),
-        Results({"structure": step.structure, **about, **metrics}, response, _UNITS).write,
+        Results({"structure": step.structure, **about, **metrics}, response).write,
     )

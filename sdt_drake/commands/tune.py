@@ -73,7 +73,7 @@ def run(options: argparse.Namespace) -> None:
             design.robot.joint_names,
             paper.table1("i_eff_max") if _is_shipped(design.scenario.robot) else None,
         ),
-        Results(about, columns, _UNITS).write,
+        Results(about, columns).write,
     )
 
 
@@ -145,18 +145,6 @@ def _notes(options: argparse.Namespace, design: Design, is_scenario: bool) -> It
             f"note: omega_n exceeds 0.5 omega_r by more than {100 * _BEYOND:g} % where the "
             f"inertia is small, joint {joints}"
         )
-
-
-# Motor side; max, median and min are of the inertia along the motion.
-_UNITS = {
-    "omega_r": "rad/s",
-    **dict.fromkeys(("i_eff_max", "i_eff_median", "i_eff_min"), "kg m²"),
-    "variation_percent": "%",
-    "kp": "N m s/rad",
-    "ki": "N m/rad",
-    **dict.fromkeys(("zeta_max", "zeta_median", "zeta_min"), "-"),
-    **dict.fromkeys(("omega_n_max", "omega_n_median", "omega_n_min", "omega_0"), "rad/s"),
-}
 
 
 def _print_gains(design: Design, numbers: Mapping[str, Array]) -> None:

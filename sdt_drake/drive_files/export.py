@@ -152,4 +152,4 @@ def write_read_back(path: Path, fed: Sequence[Fed]) -> None:
         "position_error_rad": np.concatenate([x.position_error for x in fed]),
         "rms_speed_error_rad_s": np.concatenate([x.speed_error for x in fed]),
     }
-    Results({}, columns, {}).write(path)
+    Results({}, columns).write(path)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from sdt_drake.analysis.document import Cell, Document, Section, Table, Text
+from sdt_drake.analysis.document import Document, Section, Table, Text
 from sdt_drake.analysis.panels import as_block, over_time, picture
 from sdt_drake.analysis.style import (
     PALETTE,
@@ -37,14 +37,9 @@ FILES = (LEARNED, SCENARIO, FLIGHTS)
 UNFINISHED = "unfinished"
 """Folder within, with the same files, of flights that are not yet, or never were, all flown."""
 
-Rows = tuple[list[str], list[list[Cell]]]
-"""Header and rows of a table; a cell may have a text for each joint."""
 
-
-def check_rows(
-    checks: Sequence[Convergence], filter_: LearningFilter
-) -> tuple[list[str], list[list[str]]]:
-    """The check of the convergence as a table."""
+def check_table(checks: Sequence[Convergence], filter_: LearningFilter) -> Table:
+    """The check of the convergence."""
     n = len(filter_.bandwidth)
     header = [
         "largest |Q (1 - L G)|", *(f"joint {k + 1}" for k in range(n)), "together",
@@ -59,11 +54,11 @@ def check_rows(
         ]
         for one in checks
     ]
-    return header, rows
+    return Table(header, rows)
 
 
-def flight_rows(flights: Sequence[Flight]) -> Rows:
-    """Errors by flight as a table."""
+def flight_table(flights: Sequence[Flight]) -> Table:
+    """Errors by flight; cells have a text for each joint."""
     header = [
         "flight", "largest error [deg]", "RMS error [deg]", "felt [% of time]", "peak torque [%]",
     ]  # fmt: skip
@@ -77,7 +72,7 @@ def flight_rows(flights: Sequence[Flight]) -> Rows:
         ]
         for flight in flights
     ]
-    return header, rows
+    return Table(header, rows)
 
 
 def summary(lessons: Lessons) -> list[str]:
@@ -160,7 +155,7 @@ def write_report(
         Section(
             "Flights",
             [
-                Table(*flight_rows(lessons.flights)),
+                flight_table(lessons.flights),
                 as_block(flown, by_flight, folder / "flights", ""),
                 as_block(errors, of_best, folder / "errors", ""),
             ],
@@ -169,7 +164,7 @@ def write_report(
             "Does it converge?",
             [
                 told,
-                Table(*check_rows(checks, filter_)),
+                check_table(checks, filter_),
                 as_block(checked, below, folder / "convergence", ""),
             ],
         ),

@@ -249,4 +249,4 @@ def write_verdicts(verdicts: Sequence[Verdict], path: str | Path) -> None:
     for name in dict.fromkeys(name for v in verdicts for name in v.worst):
         columns[name] = [f"{v.worst[name][0]}" if name in v.worst else "" for v in verdicts]
     columns["missed"] = ["; ".join(v.missed) for v in verdicts]
-    Results({}, columns, {}).write(Path(path))
+    Results({}, columns).write(Path(path))
