@@ -100,6 +100,10 @@ class Robot(Shown):
         self.plant.SetPositions(context, np.zeros(self.n))
         return context
 
+    def joint(self, k: int) -> str:
+        """For people: "joint 2 'roll'" for k = 1."""
+        return f"joint {k + 1} '{self.joint_names[k]}'"
+
     def joint_at_zero(self, name: str) -> tuple[Array, Array]:
         """Axis and origin [m] of a joint in the world, each of shape (3,), with all joints at 0."""
         joint = cast(RevoluteJoint, self.plant.GetJointByName(name))

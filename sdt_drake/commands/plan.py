@@ -118,10 +118,10 @@ def _print_ends(options: argparse.Namespace, robot: Robot, plan: Plan) -> None:
 
     # The retiming rounds its time up: what ends in motion goes on a little, along its path.
     lost = np.degrees(plan.angle_lost) if options.planner == "limiter" else np.zeros(robot.n)
-    for k in np.flatnonzero(lost > _ANGLE_LOST):
+    for k in np.flatnonzero(lost > _ANGLE_LOST).tolist():
         say(
-            f"joint {k + 1} '{robot.joint_names[k]}' ends {lost[k]:.1f} deg from where it is "
-            "commanded: the limiter does not catch up; --planner retiming keeps the path"
+            f"{robot.joint(k)} ends {lost[k]:.1f} deg from where it is commanded: the limiter does "
+            "not catch up; --planner retiming keeps the path"
         )
     moving = ends_in_motion(robot, plan.motion)
     if moving:
@@ -169,8 +169,8 @@ def _print_margins(robot: Robot, report: Margins, is_whole: bool) -> None:
         say(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
     place = report.smallest
     say(
-        f"smallest margin: {told(100 * place.left, '.1f')} %, {place.quantity} of joint "
-        f"{place.joint + 1} '{robot.joint_names[place.joint]}' at {place.time:.3f} s"
+        f"smallest margin: {told(100 * place.left, '.1f')} %, {place.quantity} of "
+        f"{robot.joint(place.joint)} at {place.time:.3f} s"
         + ("" if is_whole else ", held against the whole limit")
     )
     if place.quantity == "torque at speed" and place.left < 0:

@@ -103,7 +103,7 @@ def set_points(robot: Robot, drives: Drives, samples: Samples) -> SetPoints:
         if len(beyond):
             i, k = beyond[0]
             raise InputError(
-                f"joint {k + 1} '{robot.joint_names[k]}' at {i * samples.period:.3f} s: {what} of "
+                f"{robot.joint(k)} at {i * samples.period:.3f} s: {what} of "
                 f"{values[i, k]:.0f} {unit}, its drive takes {most[k]:.0f}"
             )
     return SetPoints(*(np.round(x).astype(np.int64) for x in (exact, speed, torque)))

@@ -197,7 +197,7 @@ class _LostMotionGuard:
 
     def _refuse(self, k: int, outcome: str) -> None:
         raise InputError(
-            f"motion refused: joint {k + 1} '{self._robot.joint_names[k]}' at "
+            f"motion refused: {self._robot.joint(k)} at "
             f"{self._onset[k] * self._commanded.period:.3f} s needs torque "
             f"{self._needed[k]:.6g} N m, available ±{self._available[k]:.6g} N m; {outcome}"
         )

@@ -199,15 +199,15 @@ def _refuse_beyond(
 
 
 def _place(robot: Robot, motion: Motion, i: int, k: int) -> str:
-    return f"joint {k + 1} '{robot.joint_names[k]}' at {motion.time[i]:.3f} s"
+    return f"{robot.joint(k)} at {motion.time[i]:.3f} s"
 
 
 def ends_in_motion(robot: Robot, motion: Motion) -> list[str]:
     """For people: each joint that starts or ends in motion, and its speed."""
     return [
-        f"joint {k + 1} '{robot.joint_names[k]}' {when} at {v[k]:.4g} rad/s"
+        f"{robot.joint(k)} {when} at {v[k]:.4g} rad/s"
         for v, when in ((motion.v[0], "starts"), (motion.v[-1], "ends"))
-        for k in np.flatnonzero(np.abs(v) > _REST)
+        for k in np.flatnonzero(np.abs(v) > _REST).tolist()
     ]
 
 

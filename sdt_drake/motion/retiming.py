@@ -245,7 +245,7 @@ def _check_gravity(robot: Robot, commanded: Motion, available: Array) -> None:
     beyond = np.abs(holding) > available + TORQUE_TOLERANCE
     for i, k in np.argwhere(beyond):
         raise InputError(
-            f"motion refused: joint {k + 1} '{robot.joint_names[k]}', where it is commanded at "
+            f"motion refused: {robot.joint(k)}, where it is commanded at "
             f"{commanded.time[i]:.3f} s, needs torque {holding[i, k]:.6g} N m to hold its links, "
             f"available ±{available[k]:.6g} N m; no slower motion needs less"
         )
@@ -261,8 +261,8 @@ def _refusal(robot: Robot, name: str, commanded: Motion, available: Array) -> In
         k = int(np.argmax(np.abs(torque) / available))
         if v.any() and np.abs(torque[k]) > available[k]:
             return InputError(
-                f"motion '{name}' refused: its {when} is commanded in motion, there joint "
-                f"{k + 1} '{robot.joint_names[k]}' needs torque {torque[k]:.6g} N m, available "
+                f"motion '{name}' refused: its {when} is commanded in motion, there "
+                f"{robot.joint(k)} needs torque {torque[k]:.6g} N m, available "
                 f"±{available[k]:.6g} N m; a path can be slowed down from rest to rest"
             )
     return InputError(

@@ -28,6 +28,9 @@ def refuse(refuse):
 
 # --- bad input -------------------------------------------------------------------------------
 
+LABELS = "[controller]\n  distribution: !Choice {values: [pi, p_pi+id]}"
+MOTIONS = "[motion]\n  distribution: !Choice {{values: [short.yaml, {}]}}"
+
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
@@ -35,21 +38,9 @@ def refuse(refuse):
         ("scenario: axis.yaml\n", "", "few.yaml: scenario: missing"),
         ("scenario: axis.yaml", "scenario: toofast.yaml", "fast.yaml: motion refused: joint 2"),
         ("[controller]", "[motion]", "pi: no such motion"),
-        (
-            "[controller]\n  distribution: !Choice {values: [pi, p_pi+id]}",
-            "[motion]\n  distribution: !Choice {values: [short.yaml, two.yaml]}",
-            "two.yaml: joints: 2 value(s), expected 4",
-        ),
-        (
-            "[controller]\n  distribution: !Choice {values: [pi, p_pi+id]}",
-            "[motion]\n  distribution: !Choice {values: [short.yaml, two.csv]}",
-            "two.csv: 2 joint(s), expected 4 as in the base",
-        ),
-        (
-            "[controller]\n  distribution: !Choice {values: [pi, p_pi+id]}",
-            "[motion]\n  distribution: !Choice {values: [short.yaml, axis.yaml]}",
-            "axis.yaml: ",
-        ),
+        (LABELS, MOTIONS.format("two.yaml"), "two.yaml: joints: 2 value(s), expected 4"),
+        (LABELS, MOTIONS.format("two.csv"), "two.csv: 2 joint(s), expected 4 as in the base"),
+        (LABELS, MOTIONS.format("axis.yaml"), "axis.yaml: "),
     ],
 )
 def test_bad_study(refuse, desk, old, new, message):

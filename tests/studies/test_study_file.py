@@ -119,6 +119,8 @@ def test_bad_fields(base, distribution, field, message):
 
 
 U = variable(Uniform(0, 1))
+ZETA = variable(Uniform(0, 1), "controller.zeta", name="a")
+ZETA_2 = variable(Uniform(0, 1), "controller.zeta[2]", name="b")
 
 
 @pytest.mark.parametrize(
@@ -140,22 +142,8 @@ U = variable(Uniform(0, 1))
         ([U], {"name": " a"}, r"name: ' a', expected"),
         ([variable(Uniform(0, 1), name="a\nb")], {}, r"variables\[1\].name: 'a\\nb', expected"),
         ([U, variable(Uniform(0, 1), name="b")], {}, "two values, of dist"),
-        (
-            [
-                variable(Uniform(0, 1), "controller.zeta", name="a"),
-                variable(Uniform(0, 1), "controller.zeta[2]", name="b"),
-            ],
-            {},
-            r"controller.zeta\[2\] gets two values, of a and b",
-        ),
-        (
-            [
-                variable(Uniform(0, 1), "controller.zeta[2]", name="b"),
-                variable(Uniform(0, 1), "controller.zeta", name="a"),
-            ],
-            {},
-            "zeta gets two values",
-        ),
+        ([ZETA, ZETA_2], {}, r"controller.zeta\[2\] gets two values, of a and b"),
+        ([ZETA_2, ZETA], {}, "zeta gets two values"),
         ([Variable("a", ["period", "period"], "value", List([0.1]))], {}, "period gets two values"),
         (
             [variable(Choice(["pi"]), "controller"), variable(Choice(["pi"]), "controller.kind")],
@@ -324,10 +312,8 @@ def test_load_study(files):
     study, base = load_study(files / "few.yaml")
 
     assert (study.name, study.scenario) == ("few", str(files / "axis.yaml"))
-    assert [variable.name for variable in study.variables] == [
-        "disturbance.amplitude",
-        "controller",
-    ]
+    names = [variable.name for variable in study.variables]
+    assert names == ["disturbance.amplitude", "controller"]
     assert base.name == "axis" and study.folder == files
 
 
