@@ -70,8 +70,8 @@ def period_torque(
         loop: that was run.
         signals: what it logged, just before each update, the first row just after it.
         seen: command of the controller at both ends of each part between `cuts`, motor side [N m],
-            shape (rows, parts, 2, n), a row for each period of the drives; needed where it does not
-            know it.
+            shape (rows, parts, 2, n), a row for each period of the drives; needed where the loop
+            does not tell it.
     """
     rows, n = np.arange(len(signals["tau"]) - 1), loop.design.robot.n
     samples = len(rows) // (len(signals["measured"]) - 1)

@@ -17,8 +17,7 @@ from sdt_drake.controllers import make_controller
 from sdt_drake.controllers.base import SIGNALS, add_table
 from sdt_drake.design import Design
 from sdt_drake.errors import InputError, checked_type
-from sdt_drake.loops.device import add_device, add_loads, add_moved
-from sdt_drake.loops.rest import at_rest
+from sdt_drake.loops.device import add_device, add_loads, add_moved, at_rest
 from sdt_drake.systems import (
     AxisProcess,
     DynamicSaturation,
