@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from alone import Alone
 from pydrake.systems.framework import LeafSystem
 
 from sdt_drake.analysis.comparison import compare, with_controller
@@ -108,34 +109,27 @@ WIRED = [
 ]
 
 
-class Wired:
+class Commanding(Alone):
     """A continuous controller's system, at a sample of its motion."""
 
     def __init__(self, design, i):
-        self.design, self.i = design, i
-        self.system = make_controller(design)
-        self.context = self.system.CreateDefaultContext()
+        super().__init__(make_controller(design))
         self.context.SetTime(i * design.motion.period)
-        for name in design.loads._fields:
-            if self.system.HasInputPort(name):
-                self.give(name, getattr(design.loads, name)[i])
-        held = design.reference
-        self.give("reference", [*held.q[i], *held.v[i], *held.vd[i]])
+        held, loads = design.reference, design.loads._asdict()
+        self.give(**{name: torque[i] for name, torque in loads.items()})
+        self.give(reference=[*held.q[i], *held.v[i], *held.vd[i]])
 
-    def give(self, name, value):
-        if self.system.HasInputPort(name):
-            self.system.GetInputPort(name).FixValue(self.context, np.asarray(value, dtype=float))
+    def give(self, **inputs):
+        super().give(**{k: v for k, v in inputs.items() if self.system.HasInputPort(k)})
 
     def command(self, q, v, integral=None):
-        self.give("state", [*np.full(4, 1e9), *v])  # no controller reads q there
-        self.give("sampled_state", [*q, *np.full(4, 1e9)])
-        update = self.context.num_discrete_state_groups()
-        if update:  # the tables
-            new = self.system.EvalUniquePeriodicDiscreteUpdate(self.context)
-            self.context.SetDiscreteState(new)
+        unread = np.full(4, 1e9)  # by any controller
+        self.give(state=[*unread, *v], sampled_state=[*q, *unread])
+        if self.context.num_discrete_state_groups():  # the tables
+            self.sample()
         if integral is not None:
             self.context.SetContinuousState(integral)
-        return self.system.GetOutputPort("tau_cmd").Eval(self.context).copy()
+        return self.output("tau_cmd")
 
 
 @pytest.mark.parametrize(("kind", "choices"), WIRED, ids=str)
@@ -144,7 +138,7 @@ def test_memoryless_and_integral_are_those_of_the_system(designed, kind, choices
     design = designed("coupled_pi", fields, start=2.0, end=3.0)
     rng = np.random.default_rng(3)
     for i in (0, 7, 199):
-        wired = Wired(design, i)
+        wired = Commanding(design, i)
         states = wired.context.num_continuous_states()
         q, v = design.motion.q[i] + rng.normal(size=4), rng.normal(size=4)
         at, controller = np.array([i]), wired.system
@@ -167,7 +161,7 @@ def test_memoryless_and_integral_are_those_of_the_system(designed, kind, choices
 def test_starts_with_a_command_on_the_reference(designed, kind, choices):
     fields = {"controller.kind": kind} | {f"controller.{k}": v for k, v in choices.items()}
     design = designed("coupled_pi", fields, end=0.1, rest=2)
-    wired, tau_cmd = Wired(design, 0), np.array([1.0, -2.0, 300.0, 0.5])
+    wired, tau_cmd = Commanding(design, 0), np.array([1.0, -2.0, 300.0, 0.5])
     wired.system.rest(wired.context, tau_cmd)
     command = wired.command(design.motion.q[0], design.motion.v[0])
     np.testing.assert_allclose(command, tau_cmd, rtol=1e-9, atol=1e-9)
@@ -184,13 +178,13 @@ def test_mean_speeds_of_the_periods_are_held_where_asked_for(designed, kind, str
     mean = (motion.v[1:] + motion.v[:-1]) / 2
     np.testing.assert_allclose(held.v, [*mean, motion.v[-1]], rtol=0, atol=1e-12)
     assert np.abs(mean - motion.v[:-1]).max() > 1e-3
-    wired = Wired(design, i)
+    wired = Commanding(design, i)
     command = wired.command(motion.q[i], motion.v[i], np.zeros(4))
     told = wired.system.memoryless(np.array([i]), np.array([i]), motion.q, motion.v[[i]])[0]
     np.testing.assert_allclose(command, told, rtol=1e-9, atol=1e-6)
-    wired, tau_cmd = Wired(design, 0), np.array([1.0, -2.0, 300.0, 0.5])
+    wired, tau_cmd = Commanding(design, 0), np.array([1.0, -2.0, 300.0, 0.5])
     wired.system.rest(wired.context, tau_cmd)
-    wired.give("reference", [*motion.q[0], *motion.v[0], *np.zeros(4)])
+    wired.give(reference=[*motion.q[0], *motion.v[0], *np.zeros(4)])
     command = wired.command(motion.q[0], motion.v[0])
     np.testing.assert_allclose(command, tau_cmd, rtol=1e-9, atol=1e-9)
 

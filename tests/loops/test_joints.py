@@ -7,13 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 from by_hand import GEAR, ROTORS
-from pydrake.systems.framework import DiagramBuilder, InputPortSelection, OutputPortSelection
+from pydrake.systems.framework import InputPortSelection, OutputPortSelection
 from pydrake.systems.primitives import ConstantVectorSource, Linearize
 
 from sdt_drake.device import Elasticity, FrictionParameters, Springs
 from sdt_drake.loops import make_loop
 from sdt_drake.simulate import make_simulator
-from sdt_drake.systems import AxisProcess, ElasticJoints, JointFriction, RobotPlant
+from sdt_drake.systems import AxisProcess, ElasticJoints, JointFriction, RobotPlant, Wired
 
 HANGING = np.array([0.4, 0.15, 0.1, 0.7])  # rad; roll and pitch out of balance
 
@@ -29,35 +29,16 @@ STICKY = FrictionParameters(
 )
 
 
-def built(connections, *free):
-    """Blocks wired as pairs of ports say; no torque at the `free` ones."""
-    builder = DiagramBuilder()
-    for block in dict.fromkeys(port.get_system() for pair in connections for port in pair):
-        builder.AddSystem(block)
-    for pair in connections:
-        builder.Connect(*pair)
-    none = builder.AddSystem(ConstantVectorSource(np.zeros(4)))
-    for port in free:
-        builder.Connect(none.get_output_port(), port)
-    return builder.Build()
-
-
 class Free:
     """The plant with friction, without torque of the motors, at HANGING."""
 
     def __init__(self, robot, friction, *, v=(0, 0, 0, 0), accuracy=1e-4):
-        self.block, self.joints = (
-            RobotPlant(robot=robot),
-            JointFriction(friction=friction, gear_ratio=GEAR),
-        )
-        state, force = self.block.GetOutputPort("state"), self.joints.GetOutputPort("friction")
-        diagram = built(
-            [
-                (state, self.joints.GetInputPort("state")),
-                (force, self.block.GetInputPort("load_torque")),
-            ],
-            self.block.GetInputPort("tau"),
-        )
+        diagram = Wired()
+        self.block = diagram.add("plant", RobotPlant(robot=robot), load_torque="friction")
+        joints = JointFriction(friction=friction, gear_ratio=GEAR)
+        self.joints = diagram.add("joints", joints)
+        diagram.add("no_torque", ConstantVectorSource(np.zeros(4)), "tau")
+        diagram.build()
         self.simulator = make_simulator(diagram, period=0.001, accuracy=accuracy)
         root = self.simulator.get_mutable_context()
         self.block.rest(self.block.GetMyMutableContextFromRoot(root), HANGING, v)
@@ -87,20 +68,15 @@ def test_energy_of_the_plant_with_friction_never_rises(robot):
     energies, speeds = [], []
 
     def see(root):
-        z = (
-            100
-            * free.joints.GetMyContextFromRoot(root).get_continuous_state_vector().CopyToVector()
-        )
+        bristles = free.joints.GetMyContextFromRoot(root).get_continuous_state_vector()
+        z = 100 * bristles.CopyToVector()
         stored = np.where(np.abs(z) > 1, np.abs(z) - 0.5, z**2 / 2)
         context, plant = free.plant.GetMyContextFromRoot(root), free.plant
         v = plant.GetVelocities(context)
         # CalcKineticEnergy leaves out the rotors.
         kinetic = v @ plant.CalcMassMatrix(context) @ v / 2
-        energies.append(
-            kinetic
-            + plant.CalcPotentialEnergy(context)
-            + STICKY.coulomb @ stored * STICKY.presliding
-        )
+        in_bristles = STICKY.coulomb @ stored * STICKY.presliding
+        energies.append(kinetic + plant.CalcPotentialEnergy(context) + in_bristles)
         speeds.append(np.abs(v).max())
 
     free.simulator.set_monitor(see)
@@ -151,16 +127,12 @@ class Elastic:
     """A process behind springs, without torque of the motors."""
 
     def __init__(self, process, springs):
-        self.process = process
-        self.joints = ElasticJoints(springs=springs, rotor_inertia=ROTORS, gear_ratio=GEAR)
-        self.diagram = built(
-            [
-                (process.GetOutputPort("state"), self.joints.GetInputPort("state")),
-                (self.joints.GetOutputPort("tau_link"), process.GetInputPort("tau")),
-            ],
-            process.GetInputPort("load_torque"),
-            self.joints.GetInputPort("tau"),
-        )
+        self.diagram, zero = Wired(), ConstantVectorSource(np.zeros(4))
+        joints = ElasticJoints(springs=springs, rotor_inertia=ROTORS, gear_ratio=GEAR)
+        self.process = self.diagram.add("process", process, tau="tau_link", load_torque="none")
+        self.joints = self.diagram.add("joints", joints, tau="none")
+        self.diagram.add("no_torque", zero, "none")
+        self.diagram.build()
 
     def start(self, q, v, q_motor, v_motor, accuracy):
         simulator = make_simulator(self.diagram, period=0.001, accuracy=accuracy)

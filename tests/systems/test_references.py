@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from alone import LOADS, MOTION, PERIOD, Alone, N, close, exact, made, outputs_of
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from sdt_drake.systems import Wired, hold_of
@@ -78,13 +77,11 @@ def test_delayed_table_is_in_force_from_its_arrival_on(delay, offset):
 @DELAYS
 def test_hold_samples_a_delayed_source_where_its_samples_arrive(delay, offset):
     """And that rests on its first sample until then. The hold starts with nothing."""
-    builder = DiagramBuilder()
-    source = builder.AddNamedSystem("source", made("ReferenceSource", delay=delay))
-    hold = builder.AddNamedSystem("hold", hold_of(MOTION, 3 * N, delay=delay))
-    builder.Connect(source.get_output_port(), hold.get_input_port())
-    builder.ExportOutput(hold.get_output_port(), "reference")
-    builder.ExportOutput(source.get_output_port(), "source")
-    both = Alone(builder.Build())
+    diagram = Wired()
+    diagram.add("source", made("ReferenceSource", delay=delay), "source")
+    hold = diagram.add("hold", hold_of(MOTION, 3 * N, delay=delay), "source", "reference")
+    diagram.build("source", "reference")
+    both = Alone(diagram)
     assert not hold.HasAnyDirectFeedthrough()
     exact(both.output("reference"), np.zeros(3 * N))
     for time, row in [(0.5 * delay, 0), (delay, 0), (1234 * PERIOD + delay, 1234)]:
