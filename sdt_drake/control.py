@@ -161,26 +161,21 @@ def step_metrics(
 
 
 def _first_reach(t: Array, response: Array, level: float) -> float:
-    reached = response >= level
-    if not reached.any():
-        return float("nan")
-    i = int(np.argmax(reached))
-    return float(t[0]) if i == 0 else _crossing(t, response - level, i)
+    reached = np.flatnonzero(response >= level)
+    return _crossing(t, response - level, reached[0] if len(reached) else len(t))
 
 
 def _settled(t: Array, deviation: Array, band: float) -> float:
     """When |deviation| exceeds the band for the last time; NaN if it still does at the end."""
-    out = np.flatnonzero(np.abs(deviation) > band)
-    if len(out) == 0:
-        return float(t[0])
-    last = out[-1]
-    if last == len(t) - 1:
-        return float("nan")
-    edge = np.copysign(band, deviation[last])
-    return _crossing(t, deviation - edge, last + 1)
+    outside = np.flatnonzero(np.abs(deviation) > band)
+    last = outside[-1] if len(outside) else -1
+    return _crossing(t, deviation - np.copysign(band, deviation[last]), last + 1)
 
 
 def _crossing(t: Array, f: Array, i: int) -> float:
-    """Where f crosses zero between samples i - 1 and i."""
+    """Where f crosses zero between samples i - 1 and i: at the first sample for 0, NaN after the
+    last one."""
+    if not 0 < i < len(t):
+        return float(t[0]) if i == 0 else float("nan")
     share = f[i - 1] / (f[i - 1] - f[i])
     return float(t[i - 1] + share * (t[i] - t[i - 1]))

@@ -225,15 +225,11 @@ def _add_load_torque(diagram: Wired, design: Design, controller: System, widened
 
 def _add_encoders(diagram: Wired, design: Design, controller: System) -> None:
     """Of the drives, if they sample, and at the instants of the reference, for who needs that."""
-    drive, n = design.drive, design.robot.n
+    drive, robot = design.drive, design.robot
 
     def add(name: str, period: float, signal: str) -> None:
-        encoder = Encoder(
-            n=n,
-            period=period,
-            resolution=drive.encoder_resolution,
-            gear_ratio=design.robot.gear_ratio,
-        )
+        own = {"resolution": drive.encoder_resolution, "gear_ratio": robot.gear_ratio}
+        encoder = Encoder(n=robot.n, period=period, **own)
         diagram.add(name, encoder, state="measured", measured=signal)
 
     if drive.period is None:
