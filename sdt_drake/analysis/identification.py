@@ -24,6 +24,7 @@ from sdt_drake.robot import Robot
 from sdt_drake.shown import told
 
 MEASURED, PREDICTED, NOMINAL = Look(PALETTE[0]), Look(PALETTE[1], "--"), Look(PALETTE[7], ":")
+_MOST = 0.5  # of a variance
 _MOST_SAMPLES = 300  # of which the load torque is computed
 
 _READING = """All numbers are joint side. What is left is the RMS of measured less predicted torque
@@ -33,7 +34,8 @@ what no parameter has seen. "Least squares" has the base parameters as they were
 friction. A is that of the paper: a model of the load torque tau_LD that is wrong by A sin(...)
 leaves A / √2 of its RMS; so A here is √2 times the RMS of what is left over that of tau_LD with the
 friction, held out. Standard deviations are those of noise that is coloured as what is left; they
-know nothing of a model that is wrong in kind. Links are the nearest to the file that have the
+know nothing of a model that is wrong in kind, but for those of Coulomb and viscous friction in the
+table: they know of other laws that leave as little. Links are the nearest to the file that have the
 measured base parameters: only combinations are measured, how they are shared among links is that of
 the file."""
 
@@ -101,6 +103,18 @@ def friction_table(found: Identified, files: PlantFriction) -> doc.Table:
          "offset [N m]", "left of the law [%]"),
         rows,
     )  # fmt: skip
+
+
+def undecided_laws(found: Identified, files: PlantFriction) -> list[str]:
+    """Sentences on the joints whose intervals are more of the law of friction than of noise."""
+    said = []
+    for k in np.flatnonzero(files.undecided > _MOST).tolist():
+        names = dict.fromkeys(law.name for law, _ in found.estimate.rivals[k])
+        said.append(
+            f"joint {k + 1}: the data do not decide its law of friction; others leave as little "
+            f"({', '.join(names)}), and its ± is more of how far they are apart than of noise"
+        )
+    return said
 
 
 class Parameter(NamedTuple):
@@ -263,6 +277,8 @@ def write_report(found: Identified, robot: Robot, files: PlantFriction, folder: 
     torques = as_block(torques_figure(found), caption, folder / "torques")
     caption = "What is left, and friction, over speed."
     residuals = as_block(residuals_figure(found), caption, folder / "residuals")
+    notes = undecided_laws(found, files)
+    undecided = [doc.Bullets(notes)] if notes else []
     report = doc.Document(
         f"{found.nominal.name}, identified",
         f"From {', '.join(recorded.path.name for recorded in found.recordings)}.",
@@ -272,7 +288,7 @@ def write_report(found: Identified, robot: Robot, files: PlantFriction, folder: 
                 "Warnings", [doc.Bullets(found.warnings) if found.warnings else doc.Text("None.")]
             ),
             doc.Section("Torques", [torques]),
-            doc.Section("Friction", [friction_table(found, files), residuals]),
+            doc.Section("Friction", [friction_table(found, files), *undecided, residuals]),
             doc.Section("Links", [links_table(found), *_details(parameters(found, robot))]),
             doc.Section("How to read it", [doc.Text(_READING.replace("\n", " "))]),
         ],

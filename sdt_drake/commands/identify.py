@@ -78,5 +78,7 @@ def run(options: argparse.Namespace) -> None:
     common.print_document_table(analysis.errors_table(found, better), robot.joint_names)
     say()
     common.print_document_table(analysis.friction_table(found, files))
+    for line in analysis.undecided_laws(found, files):
+        say(f"note: {line}")
     say()
     say(f"{write_identified(found, better, files, folder, options.base)} written")

@@ -56,6 +56,8 @@ class Estimate:
         friction: parameters of their terms, joint by joint, shape (f,).
         covariance: of beta and friction together, shape (r + f, r + f).
         condition: of the equations, scaled to columns of one.
+        rivals: for each joint other laws that the data do not tell from its own, with the
+            parameters of their terms; none where the laws were given.
     """
 
     beta: Array
@@ -63,6 +65,7 @@ class Estimate:
     friction: Array
     covariance: Array
     condition: float
+    rivals: tuple[list[tuple[Law, Array]], ...]
 
     def friction_of(self, k: int) -> slice:
         """Where in `friction` the parameters of joint k are, from 0."""
@@ -90,15 +93,17 @@ def estimate(eq: Equations, prior: Prior, chosen: Sequence[Law] | None = None) -
             fitted decides.
     """
     given, chosen = chosen is not None, list(chosen or [USUAL] * eq.n)
+    rivals: list[list[tuple[Law, Array]]] = [[] for _ in chosen]
     x, weights, X = _robust(eq, prior, chosen)
     for _ in range(0 if given else _PASSES):
         selection = _Selection(eq, prior, weights)
         for k in range(eq.n):
             chosen[k] = selection.best(k, chosen)
+        rivals = [selection.rivals(k, chosen) for k in range(eq.n)]
         x, weights, X = _robust(eq, prior, chosen)
     r = eq.rigid.shape[2]
     covariance, condition = _covariance(eq, prior, x, weights, X)
-    return Estimate(x[:r], tuple(chosen), x[r:], covariance, condition)
+    return Estimate(x[:r], tuple(chosen), x[r:], covariance, condition, tuple(rivals))
 
 
 # --- least squares ---------------------------------------------------------------------------
@@ -222,27 +227,45 @@ class _Selection:
                 for k, X in enumerate(eq.augmented)
             ]
         )
-        self.rest = self.grams.sum(axis=1, keepdims=True) - self.grams  # shape (n, folds, ., .)
+        self.whole = self.grams.sum(axis=1, keepdims=True)
+        self.rest = self.whole - self.grams  # shape (n, folds, ., .)
+        self.left: list[dict[Law, Array]] = [{} for _ in range(eq.n)]  # by each law, of each fold
 
     def best(self, k: int, chosen: Sequence[Law]) -> Law:
         """The law of joint k that leaves least of what it was not fitted to; the simplest of those
         that leave as little."""
-        A = self.prior.precision + np.zeros((_FOLDS, 1, 1))
-        b = self.prior.precision @ self.prior.mean + np.zeros((_FOLDS, 1))
-        for j, law in enumerate(chosen):
-            if j != k:
-                own = self._without_friction(self.rest[j], self._places(j, law))
-                A, b = A + own[0], b + own[1]
+        others = self._others(k, chosen, self.rest)
         found, least, limit = USUAL, np.inf, np.inf
         candidates = self.eq.laws[k]
         size = candidates[0].size
         for law in candidates:
             if law.size > size:
                 size, limit = law.size, _WORTH * least
-            left = self._left(k, self._places(k, law), A, b)
+            self.left[k][law] = self._left(k, self._places(k, law), *others)
+            left = float(self.left[k][law].sum())
             if left < min(least, limit):
                 found, least = law, left
         return found
+
+    def rivals(self, k: int, chosen: Sequence[Law]) -> list[tuple[Law, Array]]:
+        """Laws of joint k, with parameters, that leave more than the chosen one by less than the
+        standard error of the difference, as the folds tell it."""
+        others, found = self._others(k, chosen, self.whole), []
+        for law, left in self.left[k].items():
+            more = left - self.left[k][chosen[k]]
+            if law != chosen[k] and more.sum() < np.sqrt(_FOLDS) * more.std(ddof=1):
+                _, friction = self._solved(self.whole[k], self._places(k, law), *others)
+                found.append((law, friction[0, :, 0]))
+        return found
+
+    def _others(self, k: int, chosen: Sequence[Law], grams: Array) -> tuple[Array, Array]:
+        """Normal equations of beta alone, by the belief and all joints but k."""
+        A, b = self.prior.precision, self.prior.precision @ self.prior.mean
+        for j, law in enumerate(chosen):
+            if j != k:
+                own = self._without_friction(grams[j], self._places(j, law))
+                A, b = A + own[0], b + own[1]
+        return A, b
 
     def _places(self, k: int, law: Law) -> Index:
         """Columns of a law."""
@@ -257,19 +280,23 @@ class _Selection:
         left = np.swapaxes(cross[0], 1, 2)
         return grams[:, :r, :r] - left @ A, grams[:, :r, -1] - (left @ b)[..., 0]
 
-    def _left(self, k: int, at: Index, A: Array, b: Array) -> float:
-        """Sum of squares of joint k that fits leave in the folds that they have not seen."""
-        r, rest = self.r, self.rest[k]
-        own = self._without_friction(rest, at)
+    def _left(self, k: int, at: Index, A: Array, b: Array) -> Array:
+        """Sums of squares of joint k that fits leave in the folds that they have not seen."""
+        beta, friction = self._solved(self.rest[k], at, A, b)
+        z = np.concatenate([beta, friction, -np.ones((_FOLDS, 1, 1))], axis=1)
+        cut = np.array([*range(self.r), *at, self.grams.shape[-1] - 1])
+        seen = self.grams[k][np.ix_(np.arange(_FOLDS), cut, cut)]
+        return np.asarray((np.swapaxes(z, 1, 2) @ seen @ z)[:, 0, 0])
+
+    def _solved(self, grams: Array, at: Index, A: Array, b: Array) -> tuple[Array, Array]:
+        """Base parameters and friction of a joint, columns in each fold."""
+        own = self._without_friction(grams, at)
         beta = np.linalg.solve(A + own[0], (b + own[1])[..., None])
         friction = np.linalg.solve(
-            _firm(rest[np.ix_(np.arange(_FOLDS), at, at)]),
-            rest[:, at, -1:] - rest[:, at, :r] @ beta,
+            _firm(grams[np.ix_(np.arange(len(grams)), at, at)]),
+            grams[:, at, -1:] - grams[:, at, : self.r] @ beta,
         )
-        z = np.concatenate([beta, friction, -np.ones((_FOLDS, 1, 1))], axis=1)
-        cut = np.array([*range(r), *at, self.grams.shape[-1] - 1])
-        seen = self.grams[k][np.ix_(np.arange(_FOLDS), cut, cut)]
-        return float(np.sum(np.swapaxes(z, 1, 2) @ seen @ z))
+        return np.asarray(beta), np.asarray(friction)
 
 
 def _firm(grams: Array) -> Array:

@@ -36,13 +36,16 @@ class PlantFriction:
 
     Attributes:
         friction: joint side; beside the damping of the robot's file.
-        std: standard deviations of coulomb [N m] and viscous [N m s/rad], shape (2, n).
+        std: standard deviations of coulomb [N m] and viscous [N m s/rad], shape (2, n), by noise
+            and by how far the values are apart that other laws give, where data do not decide.
+        undecided: the share of these variances that is of the laws, the larger one, shape (n,).
         left: RMS difference to what of the laws is the same both ways, at the recorded speeds, over
             the RMS of this, shape (n,).
     """
 
     friction: Friction
     std: Array
+    undecided: Array
     left: Array
 
 
@@ -153,12 +156,21 @@ def plant_friction(found: Identified) -> PlantFriction:
         float(np.mean(law @ found.friction[part])) for law, part in zip(even, parts, strict=True)
     ]
     friction.presliding = max(friction.presliding, _softest(found, x[:, 1]))
-    std = []
-    for v, law, part, (values, _) in zip(speeds, odd, parts, best, strict=True):
+    std, undecided = [], []
+    for k, (v, law, part, (values, _)) in enumerate(zip(speeds, odd, parts, best, strict=True)):
         basis = _basis(v, peak)[:, : len(values)]
-        J = np.linalg.pinv(basis) @ law
-        std.append(np.sqrt(np.maximum(np.diagonal(J @ covariance[part, part] @ J.T), 0.0))[:2])
-    return PlantFriction(friction, np.array(std)[:, ::-1].T, np.array([left for _, left in best]))
+        nearest = np.linalg.pinv(basis)
+        J = nearest @ law
+        noise = np.maximum(np.diagonal(J @ covariance[part, part] @ J.T), 0.0)[:2]
+        apart = [
+            nearest @ (_half(rival.terms, v, -1) @ own - law @ estimate.friction[part])
+            for rival, own in estimate.rivals[k]
+        ]
+        other = sum(x[:2] ** 2 for x in apart) / (1 + len(apart))
+        std.append(np.sqrt(noise + other))
+        undecided.append(np.max(other / np.maximum(noise + other, 1e-300)))
+    left = np.array([left for _, left in best])
+    return PlantFriction(friction, np.array(std)[:, ::-1].T, np.array(undecided), left)
 
 
 def _softest(found: Identified, coulomb: Array) -> float:

@@ -11,6 +11,7 @@ import pytest
 from dh import DATA, UR10, needs_data
 from test_robot import chain_sdf
 
+from sdt_drake.analysis.identification import undecided_laws
 from sdt_drake.deviation import Deviation, deviated
 from sdt_drake.dynamics import inverse_dynamics
 from sdt_drake.errors import InputError
@@ -215,6 +216,32 @@ def test_friction_alone_has_its_law(robot):
     more = replace(recorded, signals={**recorded.signals, "tau": recorded.signals["tau"] + shape})
     found = identify(robot, [more], only="friction")
     assert all(one.name.startswith(law.name) for one in found.estimate.laws)
+
+
+def test_other_laws_that_leave_as_little_widen_the_intervals_of_friction(found):
+    """By half the square of how far the one other law is from the chosen one; and that is said."""
+    estimate, apart = found.estimate, 5.0  # N m s/rad
+    own = estimate.friction[estimate.friction_of(1)]
+    shifted = own + apart * np.array([term == VISCOUS for term in estimate.laws[1].terms])
+
+    def by(*rivals):
+        laws = ([], [(replace(estimate.laws[1], name=name), x) for name, x in rivals], [], [])
+        return replace(found, estimate=replace(estimate, rivals=laws))
+
+    alone, other = plant_friction(by()), plant_friction(by(("another", shifted)))
+    added = other.std**2 - alone.std**2
+    np.testing.assert_allclose(added[1], [0, apart**2 / 2, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(added[0], 0, atol=1e-9)
+    assert undecided_laws(by(), alone) == []
+    (said,) = undecided_laws(by(("another", shifted)), other)
+    assert said.startswith("joint 2: ") and "(another)" in said
+
+
+def test_few_seconds_of_noise_do_not_decide_a_law_of_friction(robot, true):
+    few = identify(robot, [recorded_of(true, seconds=6.0, noise=0.2)], only="friction")
+    assert plant_friction(few).undecided.max() > 0.5
+    many = identify(robot, [recorded_of(true, noise=1e-4)])
+    assert many.estimate.rivals == ([],) * 4 and plant_friction(many).undecided.max() == 0
 
 
 def test_joints_that_never_slow_down_show_no_peak_of_friction(robot):
