@@ -10,7 +10,8 @@ import secrets
 import shutil
 import stat
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
@@ -30,13 +31,17 @@ class InputError(ValueError):
 
 
 @contextlib.contextmanager
-def within(where: str | Path) -> Iterator[None]:
-    """Start the lines of an `InputError` with `where`, if they do not yet."""
+def rewording(line: Callable[[str], str]) -> Iterator[None]:
+    """Say the lines of an `InputError` in other words."""
     try:
         yield
     except InputError as error:
-        lines = (x if x.startswith(f"{where}") else f"{where}: {x}" for x in error.args)
-        raise type(error)(*lines) from None
+        raise type(error)(*map(line, error.args)) from None
+
+
+def within(where: str | Path) -> AbstractContextManager[None]:
+    """Start the lines of an `InputError` with `where`, if they do not yet."""
+    return rewording(lambda x: x if x.startswith(f"{where}") else f"{where}: {x}")
 
 
 def told_by(error: object) -> str:

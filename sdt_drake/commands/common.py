@@ -8,12 +8,13 @@ import os
 import re
 import sys
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from sdt_drake.commands.bar import bar
-from sdt_drake.errors import InputError, checked_name, checked_output, checked_suffix
+from sdt_drake.errors import InputError, checked_name, checked_output, checked_suffix, rewording
 from sdt_drake.fields import Rule
 from sdt_drake.formats import BINARY, check_binary
 from sdt_drake.shown import aligned, by_joint, numbered
@@ -181,39 +182,31 @@ def design_of(options: argparse.Namespace, check: Callable[[Robot], None] | None
     path = options.scenario
     with naming_changes(options):
         scenario = load_scenario(path, dict(options.changes))
-        try:
+        own = re.compile(rf"^scenario '{re.escape(scenario.name)}'")
+        with rewording(lambda line: own.sub(lambda _: path, line)):
             robot = load_device(scenario)
             if check is not None:
                 check(robot)
             return make_design(scenario, robot=robot)
-        except InputError as error:
-            own = f"scenario '{scenario.name}'"
-            lines = (f"{path}{x[len(own) :]}" if x.startswith(own) else x for x in error.args)
-            raise InputError(*lines) from None
 
 
-@contextlib.contextmanager
-def naming_changes(options: argparse.Namespace) -> Iterator[None]:
+def naming_changes(options: argparse.Namespace) -> AbstractContextManager[None]:
     """Errors within name the --set that they are about, or else all."""
-    try:
-        yield
-    except InputError as error:
-        names = [re.escape(name) for name, _ in options.changes]
-        own = re.compile(rf"(?:^|: )((?:{'|'.join(names)})(?=[:.[]).*)", re.DOTALL)
-        also = f" (with --set {', '.join(name for name, _ in options.changes)})" if names else ""
-        found = ((line, own.search(line) if names else None) for line in error.args)
-        raise InputError(*(f"--set {x[1]}" if x else line + also for line, x in found)) from None
+    names = [name for name, _ in options.changes]
+    own = re.compile(rf"(?:^|: )((?:{'|'.join(map(re.escape, names))})(?=[:.[]).*)", re.DOTALL)
+
+    def named(line: str) -> str:
+        found = own.search(line)
+        return f"--set {found[1]}" if found else f"{line} (with --set {', '.join(names)})"
+
+    return rewording(named if names else str)
 
 
-@contextlib.contextmanager
-def naming_robot(option: str) -> Iterator[None]:
+def naming_robot(option: str) -> AbstractContextManager[None]:
     """Errors within that a motion is none of the robot's name the option that has another robot."""
     other = re.compile(r"joints, robot '|expected a joint of '|: joints: \d+ value")
-    try:
-        yield
-    except InputError as error:
-        hint = f"; {option} names the robot of the motion"
-        raise InputError(*(x + hint if other.search(x) else x for x in error.args)) from None
+    hint = f"; {option} names the robot of the motion"
+    return rewording(lambda line: line + hint if other.search(line) else line)
 
 
 def is_scenario(path: str) -> bool:
@@ -297,14 +290,10 @@ def deliver(
         style.show(figure())
 
 
-@contextlib.contextmanager
-def naming(path: str) -> Iterator[None]:
+def naming(path: str) -> AbstractContextManager[None]:
     """Errors within name the scenario file."""
-    try:
-        yield
-    except InputError as error:
-        own = (re.sub(r"^scenario '.*?': ", "", x) for x in error.args)
-        raise InputError(*(f"{path}: {x}" for x in own)) from None
+    own = re.compile(r"^(scenario '.*?': )?")
+    return rewording(lambda line: own.sub(lambda _: f"{path}: ", line))
 
 
 # --- printing --------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import sdt_drake as sdt
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, checked_number, rewording
 from sdt_drake.progress import as_part, part
 from sdt_drake.tables import RESULTS, Results
 
@@ -44,7 +44,6 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.stability import IDEAL, SLOWEST, stability_sweep
     from sdt_drake.controllers import CONTROLLERS
     from sdt_drake.device import ENCODERS
-    from sdt_drake.errors import checked_number
 
     if options.omega_r is not None:
         checked_number(options.omega_r, "--omega-r", minimum=SLOWEST)
@@ -58,22 +57,14 @@ def run(options: argparse.Namespace) -> None:
     if scenario.drive != IDEAL:
         drives["the scenario's drive"] = scenario.drive
     swept = as_part(stability_sweep, 1 / len(ENCODERS) / len(drives))
-    try:
-        with part():
-            sweeps = {
-                encoder: {
-                    label: swept(
-                        design, omega_r, encoder=encoder, drive=drive, damping_ratio=damping
-                    )
-                    for label, drive in drives.items()
-                }
-                for encoder in ENCODERS
+    with rewording(_as_option), part():
+        sweeps = {
+            encoder: {
+                label: swept(design, omega_r, encoder=encoder, drive=drive, damping_ratio=damping)
+                for label, drive in drives.items()
             }
-    except InputError as error:
-        # The fields of the springs are options here.
-        text = re.sub(r"^scenario '.*?': ", "", str(error))
-        text = text.replace("plant.elasticity.natural_frequency", "--omega-r")
-        raise InputError(text.replace("plant.elasticity.damping_ratio", "--damping")) from None
+            for encoder in ENCODERS
+        }
     say(f"{scenario.name}: {choice.label}, {CONTROLLERS[choice.kind].in_words(design)}")
     say(f"elastic joints of omega_r = {omega_r:g} rad/s ({source}), damping ratio {damping:g}")
     say()
@@ -92,6 +83,13 @@ def run(options: argparse.Namespace) -> None:
         lambda: sdt.plots.stability(title, sweeps, design.robot.joint_names),
         Results(about, _columns(sweeps)).write,
     )
+
+
+def _as_option(line: str) -> str:
+    """What a line about a scenario is here, where fields of its springs are options."""
+    line = re.sub(r"^scenario '.*?': ", "", line)
+    line = line.replace("plant.elasticity.natural_frequency", "--omega-r")
+    return line.replace("plant.elasticity.damping_ratio", "--damping")
 
 
 def _columns(sweeps: Mapping[str, Mapping[str, StabilitySweep]]) -> dict[str, NDArray[Any]]:

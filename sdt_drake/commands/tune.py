@@ -14,7 +14,7 @@ from sdt_drake import paper
 from sdt_drake.arrays import Array
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, rewording
 from sdt_drake.tables import RESULTS, Results
 
 if TYPE_CHECKING:
@@ -53,10 +53,8 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.dynamics import effective_inertia
 
     is_scenario = common.is_scenario(options.scenario)
-    try:
+    with rewording(_as_option):
         design = _of_scenario(options) if is_scenario else _of_motion(options)
-    except InputError as error:
-        raise InputError(*map(_as_option, error.args)) from None
     numbers = tuning(design)
     _print_gains(design, numbers)
     for line in _notes(options, design, is_scenario):
