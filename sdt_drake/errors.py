@@ -280,6 +280,17 @@ def replacing(path: Path) -> Iterator[Path]:
         yield partial
 
 
+def write_text(path: Path, text: str) -> Path:
+    """Write a text file, replaced whole.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    with replacing(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+    return path
+
+
 @contextlib.contextmanager
 def replacing_all(paths: Sequence[Path]) -> Iterator[list[Path]]:
     """Temporary paths beside several paths, which take their places only if the block succeeds: all

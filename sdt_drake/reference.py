@@ -11,10 +11,10 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from sdt_drake.analysis.document import Block, Heading, Table, Text, write_text
+from sdt_drake.analysis.document import Block, Heading, Table, Text
 from sdt_drake.controllers import CONTROLLERS, Controller
 from sdt_drake.drive_files import Drives
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, write_text
 from sdt_drake.identification.recordings import Columns
 from sdt_drake.motion import MotionProfile
 from sdt_drake.motors import Catalogue

@@ -6,20 +6,18 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Optional
 
-from pydrake.common.yaml import yaml_dump_typed
-
 from sdt_drake.control import FEEDFORWARDS, STRUCTURES
 from sdt_drake.controllers import CONTROLLERS, Controller, load_controllers
 from sdt_drake.deviation import Deviation
 from sdt_drake.device import Drive, Elasticity, Friction
 from sdt_drake.dynamics import SIGNS
-from sdt_drake.errors import InputError, replacing, told_by, whole_periods
+from sdt_drake.errors import InputError, told_by, whole_periods
 from sdt_drake.fields import given, setting
 from sdt_drake.motion import PLANNERS
 from sdt_drake.motors import DeviceChoice
 from sdt_drake.robot import DEFAULT_ROBOT
 from sdt_drake.shown import Shown, Summary
-from sdt_drake.yaml_files import load_yaml
+from sdt_drake.yaml_files import load_yaml, write_yaml
 
 PLANTS = ("axis", "coupled")
 INVERSE_DYNAMICS = ("table", "online")
@@ -251,6 +249,4 @@ def load_scenario(path: str | Path, changes: Optional[Mapping[str, Any]] = None)
 
 def save_scenario(scenario: Scenario, path: str | Path) -> None:
     """Write a scenario as YAML that `load_scenario` reads."""
-    text = yaml_dump_typed(scenario, schema=Scenario)
-    with replacing(Path(path)) as partial:
-        partial.write_text(text, encoding="utf-8")
+    write_yaml(path, scenario)

@@ -14,7 +14,13 @@ from pydrake.geometry import Meshcat, MeshcatParams
 
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
-from sdt_drake.errors import InputError, checked_output, checked_suffix, checked_type, replacing
+from sdt_drake.errors import (
+    InputError,
+    checked_output,
+    checked_suffix,
+    checked_type,
+    write_text,
+)
 from sdt_drake.motion import Story
 from sdt_drake.pilot import check_head
 from sdt_drake.resources import page_text
@@ -90,8 +96,7 @@ class Animation:
         Raises:
             InputError: if the path does not end in .html, or cannot be written.
         """
-        with replacing(checked_suffix(Path(path), PAGES)) as partial:
-            partial.write_text(self._page, encoding="utf-8")
+        write_text(checked_suffix(Path(path), PAGES), self._page)
 
 
 def view(design: Design, recording: Recording | None = None, *, pilot: bool = False) -> Animation:

@@ -8,8 +8,16 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml  # of Drake itself
+from pydrake.common.yaml import yaml_dump_typed
 
-from sdt_drake.errors import InputError, has_control_characters, read_text, told_by, within
+from sdt_drake.errors import (
+    InputError,
+    has_control_characters,
+    read_text,
+    told_by,
+    within,
+    write_text,
+)
 from sdt_drake.fields import made
 from sdt_drake.resources import a_kind, find_file
 
@@ -123,6 +131,15 @@ def read_yaml(file: Path) -> Any:
     if not isinstance(data, dict):
         return data
     return {key: data[key] for key in data if key == "_tag" or not key.startswith("_")}
+
+
+def write_yaml(path: str | Path, thing: object) -> None:
+    """Write an object of a dataclass as YAML that `load_yaml` reads, replaced whole.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    write_text(Path(path), yaml_dump_typed(thing, schema=type(thing)))
 
 
 class _Reader(yaml.SafeLoader):

@@ -18,7 +18,7 @@ from string import Template
 from typing import Protocol
 from xml.etree import ElementTree
 
-from sdt_drake.errors import InputError, read_text, replacing
+from sdt_drake.errors import InputError, read_text, write_text
 from sdt_drake.resources import page_text
 
 REPORT = "report.html"
@@ -325,17 +325,6 @@ def _plots_js() -> str:
     """What draws plots, with its licence."""
     own = map(page_text, ("uplot/LICENSE", "uplot/uPlot.iife.min.js", "plots.js"))
     return "/*! {} */\n{}\n{}".format(*own)
-
-
-def write_text(path: Path, text: str) -> Path:
-    """Write a text file, replaced whole.
-
-    Raises:
-        InputError: if it cannot be written.
-    """
-    with replacing(path) as partial_path:
-        partial_path.write_text(text, encoding="utf-8")
-    return path
 
 
 def read_svg(path: Path) -> str:

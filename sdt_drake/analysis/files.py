@@ -15,11 +15,11 @@ from sdt_drake.analysis import plots
 from sdt_drake.analysis.block_diagrams import DIAGRAMS, write_block_diagram
 from sdt_drake.analysis.claims import Claim, judge_claims
 from sdt_drake.analysis.comparison import Compared
-from sdt_drake.analysis.document import write_text
 from sdt_drake.analysis.report import RECORDING, SUMMARY, write_report
 from sdt_drake.analysis.reproduction import Reproduction, Stopwatch, table1
 from sdt_drake.analysis.style import save_both
 from sdt_drake.dynamics import effective_inertia
+from sdt_drake.errors import write_text
 from sdt_drake.pilot import CHANNELS, FeltDifference, felt_difference
 from sdt_drake.tables import in_json, write_table
 from sdt_drake.versions import versions

@@ -6,12 +6,10 @@ import copy
 from pathlib import Path
 
 import numpy as np
-from pydrake.common.yaml import yaml_dump_typed
 
-from sdt_drake.analysis.document import write_text
 from sdt_drake.analysis.identification import write_parameters, write_report
 from sdt_drake.deviation import Deviation
-from sdt_drake.device import Friction
+from sdt_drake.errors import write_text
 from sdt_drake.identification.filtering import smooth, stretches
 from sdt_drake.identification.model import PlantFriction, directions, save_robot
 from sdt_drake.identification.procedure import Identified
@@ -20,6 +18,7 @@ from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.robot import DEFAULT_ROBOT, Robot, load_robot
 from sdt_drake.scenario import Scenario, load_scenario, save_scenario
 from sdt_drake.tables import write_table
+from sdt_drake.yaml_files import write_yaml
 
 _OWN = "real_device"  # the shipped device's scenario with what a real one has
 _OMEGA_R = 60.0  # rad/s, lowest natural frequency of robots of which nobody says one; assumed
@@ -64,7 +63,7 @@ def write_identified(
     if not scenario.motion:
         scenario.motion = "motion.csv"
         recorded_motion(found, scenario.period).to_csv(folder / scenario.motion)
-    write_text(folder / "friction.yaml", yaml_dump_typed(friction.friction, schema=Friction))
+    write_yaml(folder / "friction.yaml", friction.friction)
     scenario.name, scenario.plant.kind = "identified", "coupled"
     scenario.plant.friction = friction.friction
     scenario.plant.deviation = scenario.controller.model = Deviation()

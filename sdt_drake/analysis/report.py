@@ -18,7 +18,7 @@ from sdt_drake import paper
 from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.claims import VERDICTS, Claims, Json, count_verdicts
 from sdt_drake.analysis.metrics import METRICS
-from sdt_drake.errors import InputError, read_text
+from sdt_drake.errors import InputError, read_text, write_text
 from sdt_drake.graphviz import NO_GRAPHVIZ
 from sdt_drake.resources import page_text
 
@@ -51,9 +51,9 @@ def write_report(
         page = report.html()
     of_table1 = [s for s in report.sections if s.title in ("Table 1", "Provenance")]
     table1 = doc.Document("Table 1, from the SDF and the reference motion", sections=of_table1)
-    doc.write_text(folder / "table1.md", table1.markdown())
-    doc.write_text(folder / "report.md", report.markdown())
-    return doc.write_text(folder / doc.REPORT, page)
+    write_text(folder / "table1.md", table1.markdown())
+    write_text(folder / "report.md", report.markdown())
+    return write_text(folder / doc.REPORT, page)
 
 
 @contextmanager

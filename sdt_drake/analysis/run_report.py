@@ -23,7 +23,7 @@ from sdt_drake.analysis.tracking import stops_passed
 from sdt_drake.arrays import Array
 from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import Design
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, write_text
 from sdt_drake.motion import story_of
 from sdt_drake.pilot import CHANNELS, has_head
 from sdt_drake.scenario import Scenario
@@ -49,14 +49,14 @@ def write_run_report(
     """
     report = run_report(design, recording, path, joints)
     if path.suffix == ".html":
-        doc.write_text(path, report.html())
+        write_text(path, report.html())
         return
-    doc.write_text(path, report.markdown())
+    write_text(path, report.markdown())
     for block in (block for section in report.sections for block in section.blocks):
         if isinstance(block, Plots):
             block.save_picture()
         elif isinstance(block, doc.EmbeddedPage):
-            doc.write_text(block.path, block.text or "")
+            write_text(block.path, block.text or "")
 
 
 def run_report(

@@ -7,7 +7,7 @@ import shlex
 from pathlib import Path
 
 from sdt_drake.commands.common import check_folder, say, some_path
-from sdt_drake.errors import InputError, replacing
+from sdt_drake.errors import InputError, write_text
 from sdt_drake.resources import models_dir, starter_dir
 
 EXAMPLE = "sdt-drake init my_trainer"
@@ -36,7 +36,5 @@ def run(options: argparse.Namespace) -> None:
     schemas = models_dir() / "schemas"
     for file in sorted(starter_dir().iterdir()):
         text = file.read_text(encoding="utf-8").replace("SCHEMAS", f"{schemas}")
-        with replacing(folder / file.name) as partial:
-            partial.write_text(text, encoding="utf-8")
-        say(f"{folder / file.name} written")
+        say(f"{write_text(folder / file.name, text)} written")
     say(f"\ncd {shlex.quote(str(folder))}{_NEXT}")

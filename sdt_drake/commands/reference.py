@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sdt_drake.commands.common import add_out, check_file, check_folder, say, say_wrapped
-from sdt_drake.errors import InputError, checked_choice
+from sdt_drake.errors import InputError, checked_choice, write_text
 
 if TYPE_CHECKING:
     from sdt_drake.reference import Chapter, Sheet
@@ -48,7 +48,6 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _write(topic: str, out: Path) -> None:
-    from sdt_drake.analysis.document import write_text
     from sdt_drake.reference import FILES, TOPICS, schema_text
 
     check_file(out, (".md", ".json"))

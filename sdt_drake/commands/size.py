@@ -8,7 +8,7 @@ from pathlib import Path
 
 from sdt_drake.commands.common import naming_changes, say
 from sdt_drake.commands.study import FAILED, add_running, run_into
-from sdt_drake.errors import checked_output, replacing
+from sdt_drake.errors import checked_output, write_text
 
 EXAMPLE = "sdt-drake size sizing --workers 2 --out sizing"
 
@@ -39,8 +39,7 @@ def run(options: argparse.Namespace) -> None:
     for line in lines:
         say(line)
     say()
-    with replacing(folder / "sizing.txt") as partial:
-        partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(folder / "sizing.txt", "\n".join(lines) + "\n")
     write_verdicts(verdicts, folder / "candidates.csv")
     figure = sizing_front(f"{sizing.name}: motors and tracking", verdicts)
     save_both(figure, folder / "front")

@@ -14,7 +14,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from sdt_drake.arrays import Array
 from sdt_drake.drive_files.drives import OBJECTS, TORQUE, Drives
 from sdt_drake.drive_files.set_points import Integers, Samples, SetPoints
-from sdt_drake.errors import InputError, read_text, replacing
+from sdt_drake.errors import InputError, read_text, replacing, write_text
 from sdt_drake.robot import Robot
 from sdt_drake.tables import write_table
 
@@ -139,8 +139,7 @@ def write_st(path: Path, drives: Drives, points: SetPoints, title: str) -> None:
         "END_FUNCTION_BLOCK",
         "",
     ]
-    with replacing(path) as partial:
-        partial.write_text("\n".join(lines), encoding="utf-8")
+    write_text(path, "\n".join(lines))
 
 
 def _type_of(index: str) -> str:

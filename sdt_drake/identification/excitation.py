@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from sdt_drake.arrays import Array
-from sdt_drake.errors import InputError, needing, replacing
+from sdt_drake.errors import InputError, needing, write_text
 from sdt_drake.identification.targets import ANY_SPEED, Target
 from sdt_drake.motion.profile import MotionProfile
 from sdt_drake.motion.segments import Fourier
@@ -191,8 +191,7 @@ class Excitation:
                 f"    cosine: {_rounded(joint.cosine)}",
                 f"    end: {joint.end!r}",
             ]
-        with replacing(Path(path)) as partial:
-            partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        write_text(Path(path), "\n".join(lines) + "\n")
 
 
 def excite(

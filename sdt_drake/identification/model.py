@@ -11,7 +11,7 @@ import numpy as np
 
 from sdt_drake.arrays import Array
 from sdt_drake.device import PRESLIDING_DAMPING_TIME, Friction
-from sdt_drake.errors import needing, replacing
+from sdt_drake.errors import needing, write_text
 from sdt_drake.identification.consistency import SPREAD, effect_of, links_of
 from sdt_drake.identification.friction import Term
 from sdt_drake.identification.procedure import Identified
@@ -81,8 +81,7 @@ def save_robot(found: Identified, path: Path) -> None:
         if mesh.text and "://" not in mesh.text:  # beside the file it was read from
             mesh.text = str((file.parent / mesh.text).resolve())
     ET.indent(root)
-    with replacing(path) as partial:
-        partial.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+    write_text(path, ET.tostring(root, encoding="unicode") + "\n")
 
 
 def directions(found: Identified, robot: Robot) -> Array:

@@ -13,11 +13,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from pydrake.common.yaml import yaml_dump_typed
 
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
-from sdt_drake.errors import InputError, replacing
+from sdt_drake.errors import InputError
 from sdt_drake.fields import check, setting
 from sdt_drake.identification.recordings import Recorded
 from sdt_drake.learning.filter import LearningFilter
@@ -25,7 +24,7 @@ from sdt_drake.learning.flights import Step, next_step
 from sdt_drake.learning.matching import match
 from sdt_drake.motion import LearnedReference, load_learned
 from sdt_drake.scenario import save_scenario
-from sdt_drake.yaml_files import load_yaml
+from sdt_drake.yaml_files import load_yaml, write_yaml
 
 SCENARIO = "scenario.yaml"
 _GROWN = 1.05  # of the error of the best flight
@@ -204,7 +203,5 @@ def write_step(folder: Path, design: Design, state: State, taught: Taught) -> Pa
         save_scenario(design.scenario, folder / SCENARIO)
     path = reference_file(folder, number + 1)
     taught.step.learned.to_csv(path)
-    text = yaml_dump_typed(taught.flight, schema=FlightRecord)
-    with replacing(flight_file(folder, number)) as partial:
-        partial.write_text(text, encoding="utf-8")
+    write_yaml(flight_file(folder, number), taught.flight)
     return path

@@ -11,14 +11,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydrake.common.yaml import yaml_dump_typed
-
-from sdt_drake.errors import InputError, replacing
+from sdt_drake.errors import InputError
 from sdt_drake.scenario import Scenario, save_scenario
 from sdt_drake.studies.job import Job, places_of
 from sdt_drake.studies.runs import Runner, with_files
 from sdt_drake.studies.study import Study, load_study
 from sdt_drake.versions import other_versions, versions
+from sdt_drake.yaml_files import write_yaml
 
 STUDY, BASE, STATE, FILES = "study.yaml", "scenario.yaml", "state.json", "files"
 
@@ -70,9 +69,7 @@ def save_study(job: Job, folder: Path) -> None:
     """
     job.save_files(folder / FILES)
     save_scenario(with_files(job.base, _places(job)), folder / BASE)
-    study = dataclasses.replace(job.study, scenario=BASE)
-    with replacing(folder / STUDY) as partial:
-        partial.write_text(yaml_dump_typed(study, schema=Study), encoding="utf-8")
+    write_yaml(folder / STUDY, dataclasses.replace(job.study, scenario=BASE))
 
 
 def _places(job: Job) -> dict[str, str]:

@@ -12,6 +12,7 @@ import numpy as np
 from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.metrics import metric_of
 from sdt_drake.analysis.style import save_both
+from sdt_drake.errors import write_text
 from sdt_drake.shown import listed
 from sdt_drake.studies import plots, plots_front
 from sdt_drake.studies.results import read_study_table
@@ -65,7 +66,7 @@ def write_study_report(folder: Path, out: Path | None = None) -> tuple[Path, doc
         InputError: if the folder holds no study with a run, or a file cannot be written.
     """
     document = make_study_report(read_study_table(folder), folder, out)
-    return doc.write_text((out or folder) / doc.REPORT, document.html()), document
+    return write_text((out or folder) / doc.REPORT, document.html()), document
 
 
 def study_chapter(folder: Path) -> doc.Section:
