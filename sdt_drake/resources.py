@@ -124,5 +124,5 @@ def _is_path(text: str) -> bool:
 
 
 def page_text(name: str) -> str:
-    """A text of `pages/`, which pages and reports are made of."""
+    """A text of `pages/`, of which pages, reports and other files are made."""
     return (_PACKAGE / "pages" / name).read_text(encoding="utf-8")

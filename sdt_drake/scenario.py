@@ -1,6 +1,8 @@
 """A complete run as data: robot, motion, plant, controller, disturbance; YAML in and out."""
 
 # Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
+import copy
+import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -245,6 +247,15 @@ def load_scenario(path: str | Path, changes: Optional[Mapping[str, Any]] = None)
     scenario, file = load_yaml(Scenario, path, "scenario", changes)
     scenario.name = scenario.name or file.stem
     return scenario
+
+
+def with_fields(scenario: Scenario, values: Mapping[str, object]) -> Scenario:
+    """A copy of a scenario with other values in its fields, by their dotted names; unchecked."""
+    made = copy.deepcopy(scenario)
+    for name, value in values.items():
+        *owners, field = name.split(".")
+        setattr(functools.reduce(getattr, owners, made), field, copy.deepcopy(value))
+    return made
 
 
 def save_scenario(scenario: Scenario, path: str | Path) -> None:

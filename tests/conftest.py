@@ -15,7 +15,6 @@ import matplotlib
 import numpy as np
 import pytest
 import sharing  # before anybody imports what it replaces
-from variants import with_fields
 
 matplotlib.use("Agg")
 
@@ -25,7 +24,7 @@ from sdt_drake.cli import main
 from sdt_drake.design import Design, make_design
 from sdt_drake.motion import Motion
 from sdt_drake.robot import Robot, load_robot
-from sdt_drake.scenario import load_scenario
+from sdt_drake.scenario import load_scenario, with_fields
 
 pytest_plugins = ["browser", "command_line"]  # their fixtures
 

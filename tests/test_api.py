@@ -6,12 +6,12 @@ from importlib import import_module
 
 import numpy as np
 import pytest
-from variants import with_fields
 
 from sdt_drake.design import make_design
 from sdt_drake.errors import InputError
 from sdt_drake.loops import make_loop
 from sdt_drake.motion import Motion
+from sdt_drake.scenario import with_fields
 from sdt_drake.simulate import simulate
 
 STILL = Motion.from_speeds(0.005, np.zeros(4), np.zeros((21, 4)))
@@ -28,8 +28,7 @@ STILL = Motion.from_speeds(0.005, np.zeros(4), np.zeros((21, 4)))
     ],
 )
 def test_fields_of_a_scenario(design, field, value, message):
-    scenario = copy.deepcopy(design.scenario)
-    with_fields(scenario, {field: value})
+    scenario = with_fields(design.scenario, {field: value})
     with pytest.raises(InputError) as error:
         make_design(scenario, robot=design.robot, motion=STILL)
     assert message in str(error.value)

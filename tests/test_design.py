@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 
 import numpy as np
 import pytest
 from pydrake.multibody.tree import MultibodyForces
-from variants import kind, with_fields
+from variants import kind
 
 from sdt_drake.control import tune
 from sdt_drake.design import make_design
@@ -18,7 +17,7 @@ from sdt_drake.dynamics import decouple, torque_groups
 from sdt_drake.errors import InputError
 from sdt_drake.motion import Motion
 from sdt_drake.robot import edited, load_robot
-from sdt_drake.scenario import ControllerChoice
+from sdt_drake.scenario import ControllerChoice, with_fields
 
 R = np.array([67.2, 1, 1, 1])
 ROTORS = np.array([0.1291, 1.73, 0.531, 0.531])  # kg m², motor side
@@ -311,9 +310,8 @@ def test_what_cannot_be_or_would_make_the_simulation_crawl(designed, name, field
 
 @pytest.mark.parametrize("field", ["controller.model", "plant.deviation"])
 def test_an_error_of_no_link_is_refused_before_anything_is_planned(design, field):
-    scenario = copy.deepcopy(design.scenario)
-    scenario.motion = "not_there.yaml"
-    with_fields(scenario, {field: Deviation("seat", payload_mass=1.0)})
+    seat = Deviation("seat", payload_mass=1.0)
+    scenario = with_fields(design.scenario, {"motion": "not_there.yaml", field: seat})
     with pytest.raises(InputError, match=rf"{field}\.payload: no link 'seat', expected one of "):
         make_design(scenario)
 

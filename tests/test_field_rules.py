@@ -9,13 +9,12 @@ from typing import Optional, Union
 
 import numpy as np
 import pytest
-from variants import with_fields
 
 from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.device import Drive, Elasticity
 from sdt_drake.errors import InputError, within
 from sdt_drake.fields import check, made, setting
-from sdt_drake.scenario import Scenario, load_scenario
+from sdt_drake.scenario import Scenario, load_scenario, with_fields
 
 FILE = Path("/runs/file.yaml")
 nan, inf = np.nan, np.inf
@@ -194,8 +193,7 @@ def axis(**fields) -> Scenario:
 
 def coupled(kind: str, fields: dict) -> Scenario:
     base = load_scenario("package://sdt/scenarios/coupled_pi.yaml")
-    base.controller.kind = kind
-    return with_fields(base, fields)
+    return with_fields(base, {"controller.kind": kind, **fields})
 
 
 def test_defaults():

@@ -1,20 +1,8 @@
-"""Scenarios with other values in their fields."""
+"""Fields of scenarios, and designs, that tests vary."""
 
 from __future__ import annotations
 
-import copy
-import functools
 from dataclasses import replace
-
-from sdt_drake.scenario import Scenario
-
-
-def with_fields(scenario: Scenario, fields: dict) -> Scenario:
-    """The scenario itself, its fields set by dotted name, unchecked."""
-    for dotted, value in fields.items():
-        *parts, field = dotted.split(".")
-        setattr(functools.reduce(getattr, parts, scenario), field, copy.deepcopy(value))
-    return scenario
 
 
 def kind(label: str, **fields) -> dict:

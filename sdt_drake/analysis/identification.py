@@ -12,32 +12,22 @@ from matplotlib.figure import Figure
 
 from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.metrics import PARAMETERS_IN_WORDS
-from sdt_drake.analysis.panels import Line, Panel, as_block, over_time, picture
-from sdt_drake.analysis.style import PALETTE, Look, joint_title
+from sdt_drake.analysis.panels import Line, Panel, over_time, picture
+from sdt_drake.analysis.style import PALETTE, Look, joint_title, save_both
+from sdt_drake.analysis.template import from_template
 from sdt_drake.arrays import Array
 from sdt_drake.dynamics import decouple, torque_groups
 from sdt_drake.errors import replacing
 from sdt_drake.identification.base_parameters import rigid_parameters
 from sdt_drake.identification.model import PlantFriction
 from sdt_drake.identification.procedure import Identified
+from sdt_drake.resources import page_text
 from sdt_drake.robot import Robot
 from sdt_drake.shown import told
 
 MEASURED, PREDICTED, NOMINAL = Look(PALETTE[0]), Look(PALETTE[1], "--"), Look(PALETTE[7], ":")
 _MOST = 0.5  # of a variance
 _MOST_SAMPLES = 300  # of which the load torque is computed
-
-_READING = """All numbers are joint side. What is left is the RMS of measured less predicted torque
-over the RMS of the measured one, below the cut-off frequency, where the joint moves. "Held out" is
-what no parameter has seen. "Least squares" has the base parameters as they were measured;
-"consistent" those of links that can be, which `robot.sdf` has, with the identified laws of
-friction. A is that of the paper: a model of the load torque tau_LD that is wrong by A sin(...)
-leaves A / √2 of its RMS; so A here is √2 times the RMS of what is left over that of tau_LD with the
-friction, held out. Standard deviations are those of noise that is coloured as what is left; they
-know nothing of a model that is wrong in kind, but for those of Coulomb and viscous friction in the
-table: they know of other laws that leave as little. Links are the nearest to the file that have the
-measured base parameters: only combinations are measured, how they are shared among links is that of
-the file."""
 
 
 def title(found: Identified) -> str:
@@ -273,27 +263,19 @@ def write_parameters(found: Identified, robot: Robot, path: Path) -> None:
 
 def write_report(found: Identified, robot: Robot, files: PlantFriction, folder: Path) -> Path:
     """Write figures and report into a folder, each replaced whole; the path of the page."""
-    caption = "Measured and predicted, joint side."
-    torques = as_block(torques_figure(found), caption, folder / "torques")
-    caption = "What is left, and friction, over speed."
-    residuals = as_block(residuals_figure(found), caption, folder / "residuals")
+    save_both(torques_figure(found), folder / "torques")
+    save_both(residuals_figure(found), folder / "residuals")
     notes = undecided_laws(found, files)
     undecided = [doc.Bullets(notes)] if notes else []
-    report = doc.Document(
-        f"{found.nominal.name}, identified",
-        f"From {', '.join(recorded.path.name for recorded in found.recordings)}.",
-        [
-            doc.Section("In short", [doc.Bullets(in_short(found)), errors_table(found, robot)]),
-            doc.Section(
-                "Warnings", [doc.Bullets(found.warnings) if found.warnings else doc.Text("None.")]
-            ),
-            doc.Section("Torques", [torques]),
-            doc.Section("Friction", [friction_table(found, files), *undecided, residuals]),
-            doc.Section("Links", [links_table(found), *_details(parameters(found, robot))]),
-            doc.Section("How to read it", [doc.Text(_READING.replace("\n", " "))]),
-        ],
-    )
-    return report.write(folder)
+    blocks: dict[str, Sequence[doc.Block]] = {
+        "in_short": [doc.Bullets(in_short(found)), errors_table(found, robot)],
+        "warnings": [doc.Bullets(found.warnings) if found.warnings else doc.Text("None.")],
+        "friction": [friction_table(found, files), *undecided],
+        "links": [links_table(found), *_details(parameters(found, robot))],
+    }
+    files_read = ", ".join(recorded.path.name for recorded in found.recordings)
+    words = {"robot": found.nominal.name, "recordings": files_read}
+    return from_template(page_text("identified.md"), blocks, words, folder).write(folder)
 
 
 def _details(found: Sequence[Parameter]) -> list[doc.Details]:

@@ -15,6 +15,7 @@ from sdt_drake.identification.model import PlantFriction, directions, save_robot
 from sdt_drake.identification.procedure import Identified
 from sdt_drake.motion import Motion
 from sdt_drake.motion.trajectory import interpolated
+from sdt_drake.resources import page_text
 from sdt_drake.robot import DEFAULT_ROBOT, Robot, load_robot
 from sdt_drake.scenario import Scenario, load_scenario, save_scenario
 from sdt_drake.tables import write_table
@@ -22,20 +23,6 @@ from sdt_drake.yaml_files import write_yaml
 
 _OWN = "real_device"  # the shipped device's scenario with what a real one has
 _OMEGA_R = 60.0  # rad/s, lowest natural frequency of robots of which nobody says one; assumed
-_DRAWS = 50
-_STUDY = """# How much does it matter what the recordings left open? The links vary along the
-# principal directions of their identified covariance (uncertainty.csv), in standard deviations,
-# friction by its own; planner and controllers know the identified robot, not these.
-name: uncertainty
-scenario: scenario.yaml
-draws: {draws}
-seed: 1
-sampling: latin_hypercube
-variables:
-  - name: controller
-    fields: [controller]
-    distribution: !Choice {{values: [pi, p_pi+id]}}
-"""
 
 
 def write_identified(
@@ -95,7 +82,7 @@ def recorded_motion(found: Identified, period: float) -> Motion:
 def _write_study(
     found: Identified, robot: Robot, friction: PlantFriction, scenario: Scenario, folder: Path
 ) -> None:
-    text, along = _STUDY.format(draws=_DRAWS), directions(found, robot)
+    text, along = page_text("uncertainty.yaml"), directions(found, robot)
     if len(along):
         write_table(
             folder / "uncertainty.csv", np.arange(1.0, len(along) + 1), {"entry": along},

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sdt_drake.analysis import document as doc
-from sdt_drake.analysis.style import Look, finish, grid, joint_title, save, save_both, style
+from sdt_drake.analysis.style import Look, finish, grid, joint_title, save, style
 from sdt_drake.arrays import Array, Index
 
 MOST = 10_000
@@ -156,18 +156,6 @@ def shade(ax: Axes, x: Array, where: NDArray[np.bool_], label: str) -> None:
         x, low, high, where=where, label=label, color="0.5", alpha=0.16, linewidth=0, zorder=0
     )
     ax.set_ylim(low, high)
-
-
-def as_block(figure: Figure, caption: str, path: Path, look: str = "wide") -> doc.Figure:
-    """A figure as a block of the document beside it, written as .png and as .svg.
-
-    Args:
-        figure: to write.
-        caption: in words.
-        path: of the figure, without a suffix.
-        look: as in `document.Figure`.
-    """
-    return doc.Figure(caption, save_both(figure, path), path.parent, look)
 
 
 @dataclass(frozen=True, eq=False)

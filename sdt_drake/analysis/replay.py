@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
@@ -26,7 +25,7 @@ from sdt_drake.motion import Motion
 from sdt_drake.motion.trajectory import interpolated, resampled
 from sdt_drake.progress import as_part, part
 from sdt_drake.robot import Robot
-from sdt_drake.scenario import Scenario
+from sdt_drake.scenario import Scenario, with_fields
 from sdt_drake.simulate import simulate
 from sdt_drake.systems import Wired, sample_source
 from sdt_drake.tables import write_table
@@ -169,9 +168,8 @@ def _cases(plain: Design, tau_ff: Array | None) -> dict[str, Design]:
         return design if tau_ff is None else design.with_feedforward(tau_ff)
 
     cases = {WHOLE: fed(plain)}
-    for label, change in _SWITCHES.items():
-        scenario = copy.deepcopy(plain.scenario)
-        change(scenario)
+    for label, fields in _SWITCHES.items():
+        scenario = with_fields(plain.scenario, fields)
         if scenario != plain.scenario:
             cases[label] = fed(plain.variant(scenario))
     if tau_ff is not None:
@@ -179,29 +177,13 @@ def _cases(plain: Design, tau_ff: Array | None) -> dict[str, Design]:
     return cases
 
 
-def _without_friction(scenario: Scenario) -> None:
-    scenario.plant.friction = Friction()
-    scenario.controller.friction_compensation = False
-
-
-def _rigid(scenario: Scenario) -> None:
-    scenario.plant.elasticity = Elasticity()
-
-
-def _ideal(scenario: Scenario) -> None:
-    scenario.drive = Drive()
-
-
-def _nominal(scenario: Scenario) -> None:
-    scenario.plant.deviation = Deviation()
-
-
-_SWITCHES: dict[str, Callable[[Scenario], None]] = {
-    "without friction": _without_friction,
-    "with rigid joints": _rigid,
-    "with ideal drives": _ideal,
-    "with the nominal links": _nominal,
+_SWITCHES: dict[str, dict[str, object]] = {
+    "without friction": {"plant.friction": Friction(), "controller.friction_compensation": False},
+    "with rigid joints": {"plant.elasticity": Elasticity()},
+    "with ideal drives": {"drive": Drive()},
+    "with the nominal links": {"plant.deviation": Deviation()},
 }
+"""What else the scenario has in some fields, by what that is called."""
 
 
 def _measured(motion: Motion, at: Mapping[str, Array]) -> tuple[Course, Array]:

@@ -10,27 +10,18 @@ from matplotlib.figure import Figure
 
 from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.metrics import Metric
-from sdt_drake.analysis.panels import Panel, as_block, over_time, picture
+from sdt_drake.analysis.panels import Panel, over_time, picture
 from sdt_drake.analysis.replay import ALONE, FED, QUANTITIES, WHOLE, Replay
-from sdt_drake.analysis.style import PALETTE, Look
+from sdt_drake.analysis.style import PALETTE, Look, save_both
+from sdt_drake.analysis.template import from_template
 from sdt_drake.arrays import Array
+from sdt_drake.resources import page_text
 
 RECORDED, SIMULATED = Look(PALETTE[0]), Look(PALETTE[1], "--")
 FIGURE, TABLE = "replay", "replay.csv"
 
 _SHARE = Metric("explained", "%", 100, ".1f")
 _ROUND_OFF = 1e-9  # of what was recorded
-
-_READING = f"""Position error is q - q_ref and speed error v - v_ref, joint side; torques are those
-of the motors, motor side. Positions are counted from the first sample of each. "Explained" is
-1 - (RMS of the difference / RMS of the recording)²: 100 % is a perfect simulation, 0 % no better
-than none. A row of the tables changes one thing and says how far simulation and recording are apart
-then: what makes that larger is there in the machine, too, and its model is right as far as it goes.
-"{FED}" loads the motors with recorded less simulated torque, mean over 0.1 s: whatever links,
-friction and payload really are. What that removes is due to the model of the plant; what stays in
-positions and speeds is due to controller and drives. "{ALONE}" has no plant: it is the torque that
-the scenario's controller would ask for on the way that the joints really went, but for a constant.
-Where it is far from the recorded one, the law or the gains of the machine are others."""
 
 
 def replay_figure(replay: Replay) -> Figure:
@@ -111,21 +102,15 @@ def write_replay(replay: Replay, folder: Path) -> Path:
     Raises:
         InputError: if a file cannot be written.
     """
-    explained, *differences = tables(replay)
-    caption = "Recorded and simulated: errors joint side, torques motor side."
-    figure = as_block(replay_figure(replay), caption, folder / FIGURE)
+    save_both(replay_figure(replay), folder / FIGURE)
     replay.to_csv(folder / TABLE)
-    report = doc.Document(
-        f"Replay of {title(replay)}",
-        "A recorded reference through the simulated loop.",
-        [
-            doc.Section("In short", [doc.Bullets(findings(replay)), explained]),
-            doc.Section("Side by side", [figure]),
-            doc.Section("Where the difference comes from", list(differences)),
-            doc.Section("How to read it", [doc.Text(_READING.replace("\n", " "))]),
-        ],
-    )
-    return report.write(folder)
+    explained, *differences = tables(replay)
+    blocks: dict[str, Sequence[doc.Block]] = {
+        "in_short": [doc.Bullets(findings(replay)), explained],
+        "differences": differences,
+    }
+    words = {"title": title(replay), "fed": FED, "alone": ALONE}
+    return from_template(page_text("replay.md"), blocks, words, folder).write(folder)
 
 
 def _texts(metric: Metric, values: Array) -> Sequence[str]:

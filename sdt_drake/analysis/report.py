@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,8 +17,8 @@ from sdt_drake import paper
 from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.claims import VERDICTS, Claims, Json, count_verdicts
 from sdt_drake.analysis.metrics import METRICS
+from sdt_drake.analysis.template import from_template
 from sdt_drake.errors import InputError, read_text, write_text
-from sdt_drake.graphviz import NO_GRAPHVIZ
 from sdt_drake.resources import page_text
 
 RECORDING, SUMMARY = "device.html", "summary.json"
@@ -90,41 +89,6 @@ def make_report(summary: Json, folder: Path, announce: Callable[[str], None]) ->
     report = from_template(page_text("report.md"), blocks, _numbers(summary), folder)
     report.symbols = True
     return report
-
-
-def from_template(
-    text: str,
-    blocks: Mapping[str, Iterable[doc.Block]],
-    numbers: Mapping[str, object],
-    folder: Path,
-) -> doc.Document:
-    """A document from Markdown with headings, paragraphs and pictures.
-
-    Args:
-        text: a paragraph {name} stands for blocks; in others {name:.2f} for a number.
-        blocks, numbers: by these names.
-        folder: of the document, with its pictures.
-    """
-    document = doc.Document("")
-    for part in text.strip().split("\n\n"):
-        part = " ".join(part.splitlines())
-        own = re.fullmatch(r"\{(\w+)\}", part)
-        picture = re.fullmatch(r"!\[(.*)\]\((.*)\)", part)
-        if part.startswith("# "):
-            document.title = part[2:]
-        elif part.startswith("## "):
-            document.sections.append(doc.Section(part[3:]))
-        elif not document.sections:
-            document.lead = part.format_map(numbers)
-        elif picture:
-            document.sections[-1].blocks.append(_figure(folder, picture[1], picture[2]))
-        elif own and own[1] in blocks:
-            document.sections[-1].blocks += blocks[own[1]]
-        elif part.startswith("### "):
-            document.sections[-1].blocks.append(doc.Heading(part[4:]))
-        else:
-            document.sections[-1].blocks.append(doc.Text(part.format_map(numbers)))
-    return document
 
 
 def _numbers(summary: Json) -> dict[str, object]:
@@ -298,16 +262,6 @@ def _felt(beyond: Sequence[Json]) -> doc.Table:
     ]
     header = ["controller", METRICS["felt_share"].column, *beyond[0]["felt"]["channels"]]
     return doc.Table(header, rows)
-
-
-def _figure(folder: Path, caption: str, name: str) -> doc.Block:
-    """A picture of the folder; of a block diagram without Graphviz there is its text alone."""
-    svg = folder / name
-    dot = svg.with_suffix(".dot")
-    if dot.exists() and not svg.exists():
-        place = dot.relative_to(folder).as_posix()
-        return doc.Text(f"{caption} `{place}`; no .svg: {NO_GRAPHVIZ}.")
-    return doc.Figure(caption, svg, folder, "wide" if dot.exists() else "")
 
 
 def _more(folder: Path, announce: Callable[[str], None]) -> list[doc.Block]:

@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from string import Template
 
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
@@ -15,6 +16,7 @@ from sdt_drake.arrays import Array
 from sdt_drake.drive_files.drives import OBJECTS, TORQUE, Drives
 from sdt_drake.drive_files.set_points import Integers, Samples, SetPoints
 from sdt_drake.errors import InputError, read_text, replacing, write_text
+from sdt_drake.resources import page_text
 from sdt_drake.robot import Robot
 from sdt_drake.tables import write_table
 
@@ -97,49 +99,27 @@ def write_st(path: Path, drives: Drives, points: SetPoints, title: str) -> None:
     """
     columns, last = _columns(drives), len(points.position) - 1
     outputs = {OBJECTS[index][0]: (index, _type_of(index)) for index, _ in columns}
-    n = len(drives.axes)
-    lines = [
-        f"(* {title.replace('*', '')}; {last + 1} cycles of {1e3 * drives.cycle_time:g} ms *)",
-        "FUNCTION_BLOCK SdtMotion",
-        "VAR_INPUT",
-        "  Execute : BOOL; (* TRUE plays, FALSE goes back to the first row *)",
-        "END_VAR",
-        "VAR_OUTPUT",
-        *(
-            f"  {name} : ARRAY[1..{n}] OF {kind}; (* {index} *)"
+    arrays, copies = [], []
+    for index, k in columns:
+        name, values = OBJECTS[index][0], points.of_object(index)[:, k].tolist()
+        rows = [values[i : i + _IN_A_LINE] for i in range(0, last + 1, _IN_A_LINE)]
+        text = ",\n".join(f"    {', '.join(map(str, row))}" for row in rows)
+        kind = f"ARRAY[0..{last}] OF {_type_of(index)}"
+        arrays.append(f"  {name}_{k + 1} : {kind} := [\n{text}];")
+        copies.append(f"{name}[{k + 1}] := {name}_{k + 1}[Cycle];")
+    text = Template(page_text("motion.st")).substitute(
+        title=title.replace("*", ""),
+        cycles=last + 1,
+        cycle=f"{1e3 * drives.cycle_time:g}",
+        outputs="\n".join(
+            f"  {name} : ARRAY[1..{len(drives.axes)}] OF {kind}; (* {index} *)"
             for name, (index, kind) in outputs.items()
         ),
-        "  Busy : BOOL;",
-        "  Done : BOOL;",
-        "END_VAR",
-        "VAR",
-        "  Cycle : DINT := 0;",
-        "END_VAR",
-        "VAR CONSTANT",
-        f"  Last : DINT := {last};",
-    ]
-    for index, k in columns:
-        name, kind = OBJECTS[index][0], _type_of(index)
-        values = points.of_object(index)[:, k].tolist()
-        lines.append(f"  {name}_{k + 1} : ARRAY[0..{last}] OF {kind} := [")
-        rows = [values[i : i + _IN_A_LINE] for i in range(0, last + 1, _IN_A_LINE)]
-        lines += [f"    {', '.join(map(str, row))}," for row in rows]
-        lines[-1] = lines[-1][:-1] + "];"
-    lines += ["END_VAR", "", "IF NOT Execute THEN", "  Cycle := 0;", "END_IF;"]
-    lines += [
-        f"{OBJECTS[index][0]}[{k + 1}] := {OBJECTS[index][0]}_{k + 1}[Cycle];"
-        for index, k in columns
-    ]
-    lines += [
-        "Done := Execute AND Cycle = Last;",
-        "Busy := Execute AND NOT Done;",
-        "IF Busy THEN",
-        "  Cycle := Cycle + 1;",
-        "END_IF;",
-        "END_FUNCTION_BLOCK",
-        "",
-    ]
-    write_text(path, "\n".join(lines))
+        last=last,
+        arrays="\n".join(arrays),
+        copies="\n".join(copies),
+    )
+    write_text(path, text)
 
 
 def _type_of(index: str) -> str:

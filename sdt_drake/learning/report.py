@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from sdt_drake.analysis.document import Document, Section, Table, Text
-from sdt_drake.analysis.panels import as_block, over_time, picture
+from sdt_drake.analysis.document import Table
+from sdt_drake.analysis.panels import over_time, picture
 from sdt_drake.analysis.style import (
     PALETTE,
     Look,
@@ -20,13 +20,16 @@ from sdt_drake.analysis.style import (
     joint_title,
     nth_look,
     plain_numbers,
+    save_both,
     style,
 )
+from sdt_drake.analysis.template import from_template
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
 from sdt_drake.errors import replacing_all
 from sdt_drake.learning.filter import Convergence, LearningFilter
 from sdt_drake.learning.flights import Flight, Lessons
+from sdt_drake.resources import page_text
 from sdt_drake.scenario import save_scenario
 from sdt_drake.tables import write_table
 
@@ -138,39 +141,22 @@ def write_report(
     names, first, best = design.robot.joint_names, lessons.flights[0], lessons.best
     title = f"{design.scenario.name}: {design.scenario.controller.label}"
     compared = [first] if best is first else [first, best]
-    checked = plot_checks(f"{title}, the error that a flight leaves", checks, filter_, names)
-    flown = plot_flights(f"{title}, by flight", lessons.flights, names)
-    errors = plot_errors(f"{title}, position errors", design.wanted.time, compared, names)
-    by_flight = "Errors, what can be felt, torques by flight."
-    of_best = "Errors of the first and of the best flight."
-    told = Text(
-        "Told before the first flight, from linear models: the share of an error that a flight "
-        f"leaves. What is learned is the {filter_.of}."
-    )
-    below = (
-        "Below 1 an error shrinks; above the bandwidth (dotted) nothing is learned, and nothing "
-        "lost."
-    )
-    sections = [
-        Section(
-            "Flights",
-            [
-                flight_table(lessons.flights),
-                as_block(flown, by_flight, folder / "flights", ""),
-                as_block(errors, of_best, folder / "errors", ""),
-            ],
+    figures = {
+        "convergence": plot_checks(
+            f"{title}, the error that a flight leaves", checks, filter_, names
         ),
-        Section(
-            "Does it converge?",
-            [
-                told,
-                check_table(checks, filter_),
-                as_block(checked, below, folder / "convergence", ""),
-            ],
-        ),
-    ]
-    lead = " ".join(f"{x}." for x in summary(lessons))
-    return Document(f"{title}: learned", lead, sections).write(folder)
+        "flights": plot_flights(f"{title}, by flight", lessons.flights, names),
+        "errors": plot_errors(f"{title}, position errors", design.wanted.time, compared, names),
+    }
+    for name, figure in figures.items():
+        save_both(figure, folder / name)
+    blocks = {
+        "errors_by_flight": [flight_table(lessons.flights)],
+        "checks": [check_table(checks, filter_)],
+    }
+    words = {"title": title, "learned": filter_.of}
+    words["summary"] = " ".join(f"{x}." for x in summary(lessons))
+    return from_template(page_text("learned.md"), blocks, words, folder).write(folder)
 
 
 def _write_flights(path: Path, flights: Sequence[Flight]) -> None:

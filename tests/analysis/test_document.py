@@ -23,7 +23,8 @@ from sdt_drake.analysis.document import (
     Tiles,
     write_text,
 )
-from sdt_drake.analysis.report import from_template, write_report
+from sdt_drake.analysis.report import write_report
+from sdt_drake.analysis.template import from_template
 from sdt_drake.errors import InputError
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"/>'
