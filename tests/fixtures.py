@@ -1,0 +1,130 @@
+"""Shared fixtures: the reference device and its designs, made once."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import io
+import signal
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+import sharing  # before anybody imports what it replaces
+
+matplotlib.use("Agg")
+
+from sdt_drake import controllers, shown
+from sdt_drake.analysis.reproduction import Reproduction, Stopwatch, reproduce
+from sdt_drake.cli import main
+from sdt_drake.design import Design, make_design
+from sdt_drake.motion import Motion
+from sdt_drake.robot import Robot, load_robot
+from sdt_drake.scenario import load_scenario, with_fields
+
+gc.disable()  # until all tests are collected
+
+
+def pytest_collection_finish():
+    """Garbage is looked for seldom, and not in what is imported and collected by now."""
+    gc.freeze()
+    gc.set_threshold(10_000)
+    gc.enable()
+
+
+@pytest.fixture(autouse=True)
+def _clean_figures_and_seed():
+    np.random.seed(0)
+    yield
+    import matplotlib.pyplot as plt
+
+    plt.close("all")
+
+
+@pytest.fixture(autouse=True)
+def _wide_terminal(monkeypatch):
+    """Tables are printed in one piece, so that tests can read them."""
+    monkeypatch.setattr(shown, "terminal_width", lambda: 1000)
+
+
+@pytest.fixture(autouse=True)
+def _own_controllers_end_with_their_test(monkeypatch):
+    monkeypatch.setattr(controllers, "_loaded", set())
+    before = dict(controllers.CONTROLLERS)
+    yield
+    controllers.CONTROLLERS.clear()
+    controllers.CONTROLLERS.update(before)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _ctrl_c_is_heard() -> None:
+    """A script that starts us by `&` has it ignored, and all that we start would inherit that."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _shared_runs(tmp_path_factory, worker_id):
+    """One folder for all processes of this run."""
+    own = tmp_path_factory.getbasetemp()
+    sharing.folder = (own if worker_id == "master" else own.parent) / "shared"
+    sharing.folder.mkdir(exist_ok=True)
+
+
+@pytest.fixture(scope="session")
+def robot() -> Robot:
+    """The reference device."""
+    return load_robot()
+
+
+@pytest.fixture(scope="session")
+def _reference_design() -> Design:
+    return make_design(load_scenario("package://sdt/scenarios/coupled_pi_ctc.yaml"))
+
+
+@pytest.fixture
+def design(_reference_design: Design) -> Design:
+    """The shipped coupled PI + CTC run; do not change it."""
+    return _reference_design
+
+
+@pytest.fixture(scope="session")
+def designed(_reference_design: Design):
+    """A design from a shipped scenario and fields by dotted name, along the reference motion.
+
+    `start` and `end` [s] cut it; `rest` is how many samples it rests before that; another `motion`
+    is taken instead.
+    """
+    base = _reference_design
+
+    def cut(start, end, rest) -> Motion:
+        period = base.motion.period
+        v = base.motion.v[round(start / period) : round(end / period) + 1]
+        v = np.vstack([np.zeros((rest, base.robot.n)), v])
+        return Motion.from_speeds(period, base.motion.q[0], v)
+
+    def make(name, fields=None, *, start=0.0, end=None, rest=0, motion=None) -> Design:
+        along = motion or (base.motion if end is None else cut(start, end, rest))
+        scenario = with_fields(load_scenario(name), fields or {})
+        return make_design(scenario, robot=base.robot, motion=along)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def reproduced(_shared_runs) -> Path:
+    """The folder that one run of `sdt-drake reproduce` has written; do not change it."""
+
+    def make():
+        folder = sharing.folder / "reproduced"
+        with contextlib.redirect_stdout(io.StringIO()):
+            assert main(["reproduce", "--out", str(folder)]) == 0
+        return folder
+
+    return sharing.once("reproduced", make)
+
+
+@pytest.fixture(scope="session")
+def reproduction(_shared_runs) -> Reproduction:
+    """The paper recomputed, in memory; do not change it."""
+    return reproduce(Stopwatch(lambda line: None))
