@@ -16,7 +16,7 @@ from sdt_drake.studies.folder import load_folder
 from sdt_drake.studies.job import Job
 from sdt_drake.studies.journal import Row, read_rows
 from sdt_drake.studies.study import Study
-from sdt_drake.studies.table import StudyTable
+from sdt_drake.studies.table import COLUMNS, StudyTable
 
 RESULTS = "results.parquet"
 _ABOUT = "sdt_drake"  # key of the metadata
@@ -94,13 +94,10 @@ def read_study_table(folder: Path) -> StudyTable:
     arrays = {name: np.concatenate([group[name] for group in groups]) for name in groups[0]}
     return StudyTable(
         name=study.name,
-        row=arrays["row"],
         inputs={v.name: arrays[v.name] for v in study.variables},
         outcomes={name: arrays[name] for name in outcomes},
-        status=arrays["status"],
-        reason=arrays["reason"],
-        duration=arrays["duration"],
         choices=_choices(study),
+        **{name: arrays[name] for name in COLUMNS},
     )
 
 

@@ -97,12 +97,9 @@ class StudyTable:
         """The table of some runs: their mask, shape (N,), or their indices."""
         return replace(
             self,
-            row=self.row[runs],
             inputs={name: values[runs] for name, values in self.inputs.items()},
             outcomes={name: values[runs] for name, values in self.outcomes.items()},
-            status=self.status[runs],
-            reason=self.reason[runs],
-            duration=self.duration[runs],
+            **{name: getattr(self, name)[runs] for name in COLUMNS},
         )
 
     @cached_property
