@@ -251,7 +251,8 @@ def _run(simulator: Simulator, loop: Loop) -> Array | None:
         for end in looks[1:]:
             simulator.AdvancePendingEvents()
             seen.append(np.array(tau_cmd.Eval(own)))
-            simulator.AdvanceTo((i + 1) * step if end == step else i * step + end)
+            until = (i + 1) * step if end == step else i * step + end
+            simulator.AdvanceTo(until, interruptible=hears)
             seen.append(np.array(tau_cmd.Eval(own)))
     return np.reshape(seen, (rows, len(looks) - 1, 2, -1))
 

@@ -8,11 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from by_hand import LIMIT
+from command_line import ELBOW, JOINT, LINK
 from variants import weaker
 
 from sdt_drake.design import make_design
 from sdt_drake.errors import InputError
 from sdt_drake.loops import make_loop
+from sdt_drake.motion import Motion
 from sdt_drake.scenario import ControllerChoice, PlantChoice, Scenario
 from sdt_drake.simulate import Recording, _beyond_stop, simulate
 from sdt_drake.tables import LIMITS, write_table
@@ -175,71 +177,39 @@ def test_runs_repeat_bit_for_bit(designs, plant, inverse_dynamics):
 
 # --- other robots ----------------------------------------------------------------------------
 
-LINK = """
-    <link name="link_{k}">
-      <pose relative_to="{base}">{offset} 0 0 0 0 0</pose>
-      <inertial>
-        <pose>{com} 0 0 0 0 0</pose><mass>{mass}</mass>
-        <inertia><ixx>0.2</ixx><iyy>0.3</iyy><izz>0.3</izz></inertia>
-      </inertial>
-    </link>
-    <joint name="joint_{k}" type="revolute">
-      <parent>{parent}</parent><child>link_{k}</child>
-      <axis>
-        <xyz>{axis}</xyz>
-        <limit><effort>{effort}</effort></limit>
-        <dynamics><damping>{damping}</damping></dynamics>
-      </axis>
-      <drake:rotor_inertia>0.002</drake:rotor_inertia><drake:gear_ratio>{gear}</drake:gear_ratio>
-    </joint>"""
+SHOULDER = JOINT.format(name="shoulder", pose="", parent="world", child="upper")
+ELBOW_TOO = JOINT.format(name="elbow", pose=ELBOW, parent="upper", child="lower")
+UPPER = LINK.format(name="upper", pose="") + SHOULDER.replace(">20<", ">35<")
+LOWER = LINK.format(name="lower", pose="<pose relative_to='elbow'/>") + ELBOW_TOO
+VERTICAL = "0 0 1"
 
 
-def write_robot(folder, links):
-    """An SDF chain of links, each a dict that changes the defaults below."""
-    defaults = {"com": 0.5, "mass": 4.0, "axis": "0 1 0", "effort": 400, "damping": 0, "gear": 20}
-    body = ""
-    for k, link in enumerate(links, start=1):
-        base = {"base": "__model__", "offset": 0, "parent": "world"}
-        if k > 1:
-            base = {"base": f"link_{k - 1}", "offset": 0.8, "parent": f"link_{k - 1}"}
-        body += LINK.format(k=k, **base, **(defaults | link))
+def chain(folder, n, *, plant, axis="0 1 0", period=0.005, inverse_dynamics="table"):
+    """240 periods of a robot of one or two links, with another axis of the first one: each joint
+    speeds up, holds, and stops."""
+    links = UPPER.replace("0 1 0", axis) + (n - 1) * LOWER
     path = folder / "chain.sdf"
     path.write_text(
-        f'<sdf version="1.9" xmlns:drake="drake.mit.edu"><model name="chain">{body}</model></sdf>'
+        f"<sdf version='1.9' xmlns:drake='drake.mit.edu'><model name='chain'>{links}</model></sdf>"
     )
-    return path
-
-
-def write_motion(folder, n, duration):
-    """Each joint speeds up, holds, and stops."""
-    speeds = [0.4 * (k + 1) * (-1) ** k for k in range(n)]
-    joints = "\n".join(
-        f"  - !Knots {{knots: [[0, 0], [{0.3 * duration}, {v}], [{0.7 * duration}, {v}], "
-        f"[{duration}, 0]]}}"
-        for v in speeds
-    )
-    path = folder / "motion.yaml"
-    path.write_text(f"duration: {duration}\njoints:\n{joints}\n")
-    return path
-
-
-def scenario_of(folder, links, *, plant, duration=1.2, **fields):
-    return Scenario(
-        robot=str(write_robot(folder, links)),
-        motion=str(write_motion(folder, len(links), duration)),
+    scenario = Scenario(
+        robot=str(path),
+        period=period,
         plant=PlantChoice(kind=plant),
         controller=ControllerChoice(kind="pi_ctc", omega_r=60.0),
-        **fields,
+        inverse_dynamics=inverse_dynamics,
     )
+    course = np.interp(np.arange(241), [0, 72, 168, 240], [0, 1, 1, 0])
+    v = np.outer(course, [0.4, -0.8][:n])
+    return make_design(scenario, motion=Motion.from_speeds(period, np.zeros(n), v))
 
 
 @pytest.mark.parametrize("inverse_dynamics", ["table", "online"])
 @pytest.mark.parametrize("n", [1, 2])
 @pytest.mark.parametrize("plant", PLANTS)
 def test_other_numbers_of_joints(tmp_path, plant, n, inverse_dynamics):
-    links = [{"axis": "0 0 1"}, {"gear": 35}][:n]
-    scenario = scenario_of(tmp_path, links, plant=plant, inverse_dynamics=inverse_dynamics)
-    recording = simulate(make_design(scenario))
+    how = {"plant": plant, "inverse_dynamics": inverse_dynamics}
+    recording = simulate(chain(tmp_path, n, axis=VERTICAL, **how))
     assert recording.v.shape == recording.tau.shape == (241, n)
     # omega_n = 30 rad/s and zeta = 1: the loop lags by 2 zeta / omega_n times the acceleration.
     acceleration = np.abs(np.diff(recording.v_ref, axis=0)).max() / 0.005
@@ -254,10 +224,7 @@ def test_other_numbers_of_joints(tmp_path, plant, n, inverse_dynamics):
 
 def test_one_joint_is_the_same_robot_in_both_plants(tmp_path):
     """Nothing to couple with, no gravity about the axis: the plants are one equation."""
-    axis, coupled = (
-        simulate(make_design(scenario_of(tmp_path, [{"axis": "0 0 1"}], plant=plant)))
-        for plant in PLANTS
-    )
+    axis, coupled = (simulate(chain(tmp_path, 1, plant=p, axis=VERTICAL)) for p in PLANTS)
     np.testing.assert_allclose(axis.v, coupled.v, rtol=0, atol=1e-5)
     np.testing.assert_allclose(axis.tau, coupled.tau, rtol=0, atol=1e-3)
     assert not axis.load_torque.any()
@@ -266,8 +233,7 @@ def test_one_joint_is_the_same_robot_in_both_plants(tmp_path):
 @pytest.mark.parametrize("inverse_dynamics", ["table", "online"])
 def test_the_first_row_is_just_after_its_update(tmp_path, inverse_dynamics):
     """As `Recording` says, also for a robot that bears a load when all references are zero."""
-    scenario = scenario_of(tmp_path, [{}], plant="axis", inverse_dynamics=inverse_dynamics)
-    design = make_design(scenario)
+    design = chain(tmp_path, 2, plant="axis", inverse_dynamics=inverse_dynamics)
     recording = simulate(design)
     assert abs(recording.load_torque[0, 0]) > 0.5
     np.testing.assert_array_equal(recording.load_torque[0], design.loads.load_torque[0])
@@ -277,13 +243,9 @@ def test_the_first_row_is_just_after_its_update(tmp_path, inverse_dynamics):
 @pytest.mark.parametrize("plant", PLANTS)
 def test_any_period_is_met_exactly(tmp_path, plant, period):
     """No sample early, late or twice, whatever its time is in binary."""
-    duration = round(300 * period, 10)
-    scenario = scenario_of(
-        tmp_path, [{"axis": "0 0 1"}, {}], plant=plant, duration=duration, period=period
-    )
-    design = make_design(scenario)
+    design = chain(tmp_path, 2, plant=plant, axis=VERTICAL, period=period)
     recording = simulate(design)
-    np.testing.assert_array_equal(recording.time, np.arange(301) * period)
+    np.testing.assert_array_equal(recording.time, np.arange(241) * period)
     np.testing.assert_array_equal(recording.load_torque[1:], design.loads.load_torque[:-1])
 
 
