@@ -9,5 +9,5 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # or idle threads of it figh
 
 def pytest_configure(config):
     if not config.getoption("numprocesses", None):
-        for name in ("fixtures", "browser", "command_line"):
+        for name in ("prepared", "browser", "command_line"):
             config.pluginmanager.import_plugin(name)
