@@ -25,7 +25,7 @@ _PEAKS = (0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s, of Stribeck friction
 _WORTH = 0.5  # of what is left, for a peak to be believed: it trades with the other two
 _SEEN = 0.1  # of its height, where a peak shows: one that no speed comes near could be any size
 _PLACES = 200
-_STIFFEST = 2e4  # rad/s, of a joint that sticks: far above every loop, and quick to simulate
+_STIFFEST = 5e3  # rad/s, of a joint that sticks: far above every loop, and quick to simulate
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from test_robot import chain_sdf
 
 from sdt_drake.analysis.identification import undecided_laws
 from sdt_drake.deviation import Deviation, deviated
-from sdt_drake.dynamics import inverse_dynamics
+from sdt_drake.dynamics import inverse_dynamics, torque_groups
 from sdt_drake.errors import InputError
 from sdt_drake.identification import model
 from sdt_drake.identification.base_parameters import Unknown, rigid_parameters
@@ -187,6 +187,18 @@ def test_damping_of_the_file_is_no_friction_of_the_scenario(tmp_path):
     assert np.all(chain.damping == 9)
     assert np.all(found.left(found.equations.nominal, held_out=True) < 0.01)
     assert np.max(plant_friction(found).friction.viscous) < 0.1
+
+
+def test_light_joints_do_not_stick_so_stiffly_that_they_are_slow_to_simulate(tmp_path):
+    """Damping of bristles, 5 ms F_c / z_c, over the least inertia: a pole that caps the step."""
+    (tmp_path / "chain.sdf").write_text(chain_sdf(4, rotor_inertia=1e-4))
+    chain, coulomb = load_robot(tmp_path / "chain.sdf"), 20.0
+    time, q, v, vd = motion(chain)
+    tau = inverse_dynamics(chain, q, v, vd) + coulomb * np.sign(v)
+    found = identify(chain, [Recorded(Path("r.csv"), time, {"q": q, "tau": tau})], only="friction")
+    least = torque_groups(chain, q, v, vd).d_kk.min() + chain.reflected_inertia.min()
+    pole = 0.005 * coulomb / plant_friction(found).friction.presliding / least
+    assert pole == pytest.approx(5000, rel=0.1)
 
 
 def test_payload_alone(robot):
