@@ -1,8 +1,10 @@
-"""Fields of scenarios, and designs, that tests vary."""
+"""Fields of scenarios, designs and recordings that tests vary."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import MISSING, fields, replace
+
+from sdt_drake.simulate import Recording
 
 
 def kind(label: str, **fields) -> dict:
@@ -17,3 +19,12 @@ def weaker(design, share):
     return replace(
         design, robot=replace(design.robot, effort_limit=share * design.robot.effort_limit)
     )
+
+
+def recorded(motion, **signals):
+    """A recording of a motion without any error or torque, but for the signals given."""
+    signals = {"q": motion.q, "v": motion.v, "tau": 0 * motion.v} | signals
+    signals = {"tau_limited": signals["tau"]} | signals
+    given = {"time": motion.time, "q_ref": motion.q, "v_ref": motion.v} | signals
+    others = (x.name for x in fields(Recording) if x.default is MISSING and x.name not in given)
+    return Recording(**given, **dict.fromkeys(others, 0 * motion.v))

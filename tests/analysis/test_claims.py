@@ -1,7 +1,7 @@
 """Verdicts are made from numbers: other numbers, other verdicts."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,8 +9,7 @@ import pytest
 from sdt_drake import paper
 from sdt_drake.analysis.claims import VERDICTS, agrees_as_printed, judge_claims
 from sdt_drake.analysis.reproduction import Case
-from sdt_drake.control import SpeedGains
-from sdt_drake.dynamics import InertiaRange, Loads
+from sdt_drake.dynamics import Loads
 
 AXIS_PI = Case("axis", "i_eff_max", "printed", "pi")
 AXIS_CTC = Case("axis", "i_eff_max", "printed", "pi_ctc", 0.05)
@@ -19,7 +18,6 @@ MIN_CTC = Case("axis", "i_eff_min", "printed", "pi_ctc", 0.05)
 COUPLED_PI = Case("coupled", "multibody", "consistent", "pi")
 COUPLED_CTC = Case("coupled", "multibody", "consistent", "pi_ctc")
 GOOD, BAD, OPEN = VERDICTS
-RANGE = ("maximum", "median", "minimum")
 
 # What holds on the reference device, by hand and from an independent calculation: K_IS,4 and
 # omega_0 do not follow from the paper's own formulas, d_44 is constant, the printed third branch
@@ -78,36 +76,39 @@ def changed(array, joints):
     return array
 
 
+def with_design(study, part, name, joints):
+    """With other numbers of some joints in the inertia or the gains of the design."""
+    before = getattr(study.design, part)
+    after = replace(before, **{name: changed(getattr(before, name), joints)})
+    return replace(study, design=replace(study.design, **{part: after}))
+
+
 def with_inertia(study, name, joints):
-    values = {field: getattr(study.design.inertia, field) for field in RANGE}
-    inertia = InertiaRange(**values | {name: changed(values[name], joints)})
-    return dataclasses.replace(study, design=dataclasses.replace(study.design, inertia=inertia))
+    return with_design(study, "inertia", name, joints)
 
 
 def with_gains(study, name, joints):
-    gains = {field: getattr(study.design.gains, field) for field in ("kp", "ki")}
-    gains = SpeedGains(**gains | {name: changed(gains[name], joints)})
-    return dataclasses.replace(study, design=dataclasses.replace(study.design, gains=gains))
+    return with_design(study, "gains", name, joints)
 
 
 def with_step(study, structure, **metrics):
     step = study.steps[structure]
-    step = dataclasses.replace(step, metrics=dataclasses.replace(step.metrics, **metrics))
-    return dataclasses.replace(study, steps=study.steps | {structure: step})
+    step = replace(step, metrics=replace(step.metrics, **metrics))
+    return replace(study, steps=study.steps | {structure: step})
 
 
 def with_run(study, key, tracking=None, **changes):
     """With one run changed; its tracking stays, or is another."""
-    run = dataclasses.replace(study.runs[key], **changes)
+    run = replace(study.runs[key], **changes)
     vars(run)["tracking"] = tracking or study.runs[key].tracking
-    return dataclasses.replace(study, runs=study.runs | {key: run})
+    return replace(study, runs=study.runs | {key: run})
 
 
 def with_errors(study, key, name, joints):
     """With other numbers in the tracking of one run."""
     tracking = study.runs[key].tracking
     values = changed(getattr(tracking, name), joints)
-    return with_run(study, key, dataclasses.replace(tracking, **{name: values}))
+    return with_run(study, key, replace(tracking, **{name: values}))
 
 
 def largest(study, key, joints):
@@ -119,9 +120,7 @@ def steady(study, key, joints):
 
 
 def with_loads(study, loads):
-    return with_run(
-        study, AXIS_PI, design=dataclasses.replace(study.runs[AXIS_PI].design, loads=loads)
-    )
+    return with_run(study, AXIS_PI, design=replace(study.runs[AXIS_PI].design, loads=loads))
 
 
 def with_peak_and_jump(study, peak, jump_at, size):
@@ -130,7 +129,7 @@ def with_peak_and_jump(study, peak, jump_at, size):
     v, load = recording.v_ref.copy(), np.zeros_like(recording.load_torque)
     v[peak, 1] += 0.5
     load[jump_at:, 1] = size
-    recording = dataclasses.replace(recording, v=v, load_torque=load)
+    recording = replace(recording, v=v, load_torque=load)
     return with_run(study, AXIS_PI, recording=recording)
 
 
@@ -204,9 +203,8 @@ def test_reasons_have_the_numbers(claims, study):
     ],
 )
 def test_figure_4(study, structure, metric, value, verdict):
-    assert judged(
-        with_step(study, structure, **{metric: value}), f"figure4_{structure}"
-    ).verdict == (verdict)
+    other = with_step(study, structure, **{metric: value})
+    assert judged(other, f"figure4_{structure}").verdict == verdict
 
 
 def _kp(study, zeta):

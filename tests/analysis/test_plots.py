@@ -7,6 +7,7 @@ import pytest
 from figures import line, shown_ticks
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
+from variants import recorded
 
 from sdt_drake.analysis import plots
 from sdt_drake.analysis.budget import ErrorBudget
@@ -16,7 +17,6 @@ from sdt_drake.analysis.stability import StabilitySweep
 from sdt_drake.control import step_metrics
 from sdt_drake.dynamics import Loads
 from sdt_drake.motion import Motion
-from sdt_drake.simulate import Recording
 
 PERIOD = 0.01
 NAMES = ("base", "elbow", "wrist")
@@ -33,24 +33,9 @@ def motion():
 
 
 def make_recording(motion, error):
-    v = motion.v + error
-    torque = np.cumsum(np.ones_like(v), axis=0) / 100
-    return Recording(
-        time=motion.time,
-        q_ref=motion.q,
-        v_ref=motion.v,
-        q=motion.q,
-        v=v,
-        tau_cmd=torque,
-        tau_limited=torque / 2,
-        tau=torque / 2,
-        load_torque=-torque,
-        tau_peak=torque / 2,
-        tau_rms=torque / 2,
-        tau_mean=torque / 2,
-        saturated=0 * torque,
-        beyond_stop=0 * torque,
-    )
+    torque = np.cumsum(np.ones_like(motion.v), axis=0) / 100
+    torques = {"tau_cmd": torque, "tau": torque / 2, "load_torque": -torque}
+    return recorded(motion, v=motion.v + error, **torques)
 
 
 @pytest.fixture(scope="module")

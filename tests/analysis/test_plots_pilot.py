@@ -2,32 +2,19 @@
 
 import numpy as np
 import pytest
+from variants import recorded
 
 from sdt_drake.analysis import plots_pilot
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.motion import Motion, Story, TimedSegment
 from sdt_drake.pilot import CHANNELS, GRAVITY, canals
-from sdt_drake.simulate import Recording
 
 PERIOD = 0.005
 
 
 def head_of(motion, robot, scale):
     """Tracking of a run whose speeds and angles are off by a share of the reference."""
-    zero = np.zeros_like(motion.v)
-    torques = dict.fromkeys(
-        ("tau_cmd", "tau_limited", "tau", "load_torque", "tau_peak", "tau_rms", "tau_mean"), zero
-    )
-    recording = Recording(
-        time=motion.time,
-        q_ref=motion.q,
-        v_ref=motion.v,
-        q=scale * motion.q,
-        v=scale * motion.v,
-        saturated=zero,
-        beyond_stop=zero,
-        **torques,
-    )
+    recording = recorded(motion, q=scale * motion.q, v=scale * motion.v)
     return recording, track_head(recording, robot)
 
 

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from variants import recorded
 
 from sdt_drake.analysis.tracking import (
     constant_speed_segments,
@@ -13,7 +14,6 @@ from sdt_drake.analysis.tracking import (
     track_head,
 )
 from sdt_drake.motion import Motion
-from sdt_drake.simulate import Recording
 
 PERIOD = 0.01
 
@@ -27,18 +27,7 @@ def make_motion(*knots):
     return Motion.from_speeds(PERIOD, np.zeros(len(speeds)), v)
 
 
-def make_recording(motion, **signals):
-    """A recording without any error, but for the signals given."""
-    zero = np.zeros_like(motion.v)
-    perfect = {"q": motion.q, "v": motion.v, "tau_cmd": zero, "tau": zero, "load_torque": zero}
-    signals = perfect | signals
-    signals.setdefault("tau_limited", signals["tau"])
-    for name in ("tau_peak", "tau_rms", "tau_mean", "saturated", "beyond_stop"):
-        signals.setdefault(name, zero)
-    return Recording(time=motion.time, q_ref=motion.q, v_ref=motion.v, **signals)
-
-
-def at(motion, t):
+def at(t):
     return round(t / PERIOD)
 
 
@@ -55,7 +44,7 @@ MOTION = make_motion(
 
 
 def test_perfect_tracking_is_zero():
-    tracking = track(make_recording(MOTION), MOTION)
+    tracking = track(recorded(MOTION), MOTION)
 
     for name in (
         "max_abs_speed_error",
@@ -72,8 +61,8 @@ def test_largest_and_rms_speed_error():
     error = np.zeros_like(MOTION.v)
     error[:, 0] = -0.25  # slower than asked for
     error[:, 1] = 0.2 * np.sin(2 * np.pi * t / 6)  # one whole period
-    error[at(MOTION, 3), 2] = 0.7  # a single sample
-    tracking = track(make_recording(MOTION, v=MOTION.v + error), MOTION)
+    error[at(3), 2] = 0.7  # a single sample
+    tracking = track(recorded(MOTION, v=MOTION.v + error), MOTION)
 
     np.testing.assert_allclose(tracking.max_abs_speed_error, [0.25, 0.2, 0.7, 0, 0], atol=1e-12)
     expected = [0.25, 0.2 / np.sqrt(2), 0.7 / np.sqrt(601), 0, 0]
@@ -83,11 +72,11 @@ def test_largest_and_rms_speed_error():
 def test_constant_speed_error_counts_only_settled_samples():
     # Joint 1 has constant speed from 2 s on, and decelerates from 5 s on; 1 s is for settling.
     error = np.zeros_like(MOTION.v)
-    error[: at(MOTION, 3.0), 0] = 9.0
-    error[at(MOTION, 3.0) :, 0] = 0.03
-    error[at(MOTION, 4.2), 0] = -0.04
-    error[at(MOTION, 5.0) :, 0] = 9.0
-    tracking = track(make_recording(MOTION, v=MOTION.v + error), MOTION)
+    error[: at(3.0), 0] = 9.0
+    error[at(3.0) :, 0] = 0.03
+    error[at(4.2), 0] = -0.04
+    error[at(5.0) :, 0] = 9.0
+    tracking = track(recorded(MOTION, v=MOTION.v + error), MOTION)
 
     assert tracking.constant_speed_error[0] == pytest.approx(0.04)
     assert tracking.max_abs_speed_error[0] == pytest.approx(9.0)
@@ -107,15 +96,15 @@ def test_saturated_fraction_is_the_share_of_the_time():
     saturated = np.zeros_like(MOTION.v)
     saturated[1:151, 0] = 0.5  # half of a quarter of the periods
     saturated[:, 1] = 1.0
-    tracking = track(make_recording(MOTION, saturated=saturated), MOTION)
+    tracking = track(recorded(MOTION, saturated=saturated), MOTION)
     np.testing.assert_allclose(tracking.saturated_fraction, [0.125, 1, 0, 0, 0])
 
 
 def test_stops_that_are_passed_are_told_by_joint_time_and_angle():
     q, beyond = MOTION.q.copy(), np.zeros_like(MOTION.q)
-    beyond[at(MOTION, 2) : at(MOTION, 3), 3] = np.linspace(0.01, 0.02, 100)
-    recording = make_recording(MOTION, q=q, beyond_stop=beyond)
-    [line] = stops_passed(recording, ["a", "b", "c", "roll", "e"])
+    beyond[at(2) : at(3), 3] = np.linspace(0.01, 0.02, 100)
+    run = recorded(MOTION, q=q, beyond_stop=beyond)
+    [line] = stops_passed(run, ["a", "b", "c", "roll", "e"])
     assert f"joint 4 roll passes its stop at 2.000 s, at {q[200, 3]:.4g} rad" in line
     assert "0.02 rad beyond it" in line and "do not act" in line
 
@@ -123,8 +112,8 @@ def test_stops_that_are_passed_are_told_by_joint_time_and_angle():
 def test_position_error_does_not_come_from_speed_error():
     q = MOTION.q.copy()
     q[:, 1] -= 0.4
-    q[at(MOTION, 2.5), 3] += 0.05
-    tracking = track(make_recording(MOTION, q=q), MOTION)
+    q[at(2.5), 3] += 0.05
+    tracking = track(recorded(MOTION, q=q), MOTION)
 
     np.testing.assert_allclose(tracking.max_abs_position_error, [0, 0.4, 0, 0.05, 0], atol=1e-12)
     np.testing.assert_array_equal(tracking.max_abs_speed_error, np.zeros(5))
@@ -134,7 +123,7 @@ def test_position_error_does_not_come_from_speed_error():
 
 
 def test_head_of_a_perfect_run_feels_nothing(robot, design):
-    head = track_head(make_recording(design.motion), robot)
+    head = track_head(recorded(design.motion), robot)
     assert not head.felt.multiples.any() and not head.felt_from_angles.multiples.any()
     np.testing.assert_array_equal(head.reference.specific_force, head.achieved.specific_force)
 
@@ -143,7 +132,7 @@ def test_angles_alone_tilt_the_head(robot, design):
     """At rest with joint 2 off by 1 deg: gravity from the side, at once and for ever."""
     rest = Motion(PERIOD, *np.zeros((3, 101, 4)))
     off = np.radians([0, 1.0, 0, 0])
-    head = track_head(make_recording(rest, q=rest.q + off), robot)
+    head = track_head(recorded(rest, q=rest.q + off), robot)
     for felt in (head.felt, head.felt_from_angles):
         np.testing.assert_allclose(felt.largest[4], 9.81 * np.sin(np.radians(1)) / 0.057)
         assert felt.share == 1 and felt.worst_rotation[1] == 0
@@ -153,7 +142,7 @@ def test_speeds_alone_are_not_of_the_angles(robot):
     rest = Motion(PERIOD, *np.zeros((3, 101, 4)))
     v = 0 * rest.v
     v[50:, 3] = np.radians(2)
-    head = track_head(make_recording(rest, v=v), robot)
+    head = track_head(recorded(rest, v=v), robot)
     assert not head.felt_from_angles.multiples.any()
     assert head.felt.largest[2] > 2 and 0.4 < head.felt.share < 0.6
 
@@ -168,14 +157,14 @@ def torques():
     tau = np.zeros_like(MOTION.v)
     tau[:, 0] = -3.0
     tau[:, 1] = 12 * np.sin(2 * np.pi * t / 6)  # one whole period
-    tau[at(MOTION, 2), 2] = -5.0  # a single sample
+    tau[at(2), 2] = -5.0  # a single sample
     tau[:, 3] = np.where(t < 3, 4.0, -8.0)
     return tau
 
 
 def constant(tau):
     """A run with torque that stays what it is over each period."""
-    return make_recording(MOTION, tau_peak=np.abs(tau), tau_rms=np.abs(tau))
+    return recorded(MOTION, tau_peak=np.abs(tau), tau_rms=np.abs(tau))
 
 
 def test_peak_and_rms_torque():
