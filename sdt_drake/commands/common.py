@@ -163,10 +163,16 @@ def add_omega_r(parser: argparse.ArgumentParser, default: str) -> None:
     )
 
 
+def refuse_options(options: argparse.Namespace, why: str, *names: str) -> None:
+    """Refuse options that are given where they have no use; names: of their values."""
+    for name in names:
+        if getattr(options, name) != options.parser.get_default(name):
+            raise InputError(f"--{'set' if name == 'changes' else name}: {why}")
+
+
 def refuse_changes(options: argparse.Namespace) -> None:
     """Refuse --set where no scenario is given that it could change."""
-    if options.changes:
-        raise InputError(f"--set: changes a scenario, which {options.scenario} is not")
+    refuse_options(options, f"changes a scenario, which {options.scenario} is not", "changes")
 
 
 def design_of(options: argparse.Namespace, check: Callable[[Robot], None] | None = None) -> Design:

@@ -81,14 +81,12 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     if options.recording:
-        for name in ("flights", "all", "out"):
-            if getattr(options, name):
-                raise InputError(f"--{name}: is for simulated flights, expected no --recording")
+        why = "is for simulated flights, expected no --recording"
+        common.refuse_options(options, why, "flights", "all", "out")
         _from_recordings(options)
         return
-    for name in ("motion", "columns", "state"):
-        if getattr(options, name):
-            raise InputError(f"--{name}: is for --recording, expected one")
+    why = "is for --recording, expected one"
+    common.refuse_options(options, why, "motion", "columns", "state")
     if options.scenario is None:
         raise InputError("SCENARIO: missing, expected a scenario to fly")
     _simulated(options)

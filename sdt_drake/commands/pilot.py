@@ -74,8 +74,8 @@ def _recorded(options: argparse.Namespace) -> tuple[str, sdt.Recording, Robot, S
         robot = sdt.load_robot(options.robot or common.ROBOT)
         check_head(robot)
         return Path(options.scenario).stem, sdt.Recording.load(options.scenario), robot, Story()
-    if options.robot is not None:
-        raise InputError(f"--robot: for a recording only, {options.scenario} names its own robot")
+    why = f"for a recording only, {options.scenario} names its own robot"
+    common.refuse_options(options, why, "robot")
     design = common.design_of(options, check_head)
     story = story_of(design.scenario.motion, design.robot, design.motion)
     return design.scenario.name, sdt.simulate(design), design.robot, story

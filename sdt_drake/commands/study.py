@@ -52,12 +52,8 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _refuse_unused(options: argparse.Namespace, *names: str) -> None:
-    for name in names:
-        if getattr(options, name) not in (None, False, []):
-            option = "set" if name == "changes" else name
-            raise InputError(
-                f"study: --{option} has no use here, expected {' '.join(_USAGE.split())}"
-            )
+    usage = " ".join(_USAGE.split())
+    common.refuse_options(options, f"has no use here, expected {usage}", *names)
 
 
 # --- run -------------------------------------------------------------------------------------

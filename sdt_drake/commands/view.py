@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> None:
 
     if options.record is not None:
         common.check_file(options.record, PAGES)
-        _check_live_options(options)
+        common.refuse_options(options, "has no effect with --record", "rate", "port", "once")
     title, robot, time, q, story = _motion(options)
     with common.naming(options.scenario):
         check_angles(robot, time, q)
@@ -75,12 +75,6 @@ def run(options: argparse.Namespace) -> None:
         once=options.once,
         announce=lambda address: say(f"{title}: {address}{end}"),
     )
-
-
-def _check_live_options(options: argparse.Namespace) -> None:
-    for name, default in (("rate", 1), ("port", None), ("once", False)):
-        if getattr(options, name) != default:
-            raise InputError(f"--{name}: has no effect with --record")
 
 
 def _motion(options: argparse.Namespace) -> tuple[str, Robot, Array, Array, Story]:
@@ -113,8 +107,7 @@ def _simulated(options: argparse.Namespace) -> tuple[str, Robot, Array, Array, S
     from sdt_drake.pilot import check_head
     from sdt_drake.scene import check_duration
 
-    if options.robot is not None:
-        raise InputError("--robot: the scenario names the robot")
+    common.refuse_options(options, "the scenario names the robot", "robot")
     design = common.design_of(options, check_head if options.pilot else None)
     with common.naming(options.scenario):
         check_duration(design.motion.duration)

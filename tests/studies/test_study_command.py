@@ -70,10 +70,10 @@ def test_bad_study(refuse, desk, old, new, message):
         ("few.yaml --out=", "--out: empty, expected a path"),
         ("few.yaml --resume", "few: holds no study to resume"),
         ("few.yaml --out . --resume", ".: holds no study to resume"),
-        ("few.yaml --row 1", "--row has no use here"),
+        ("few.yaml --row 1", "--row: has no use here"),
         ("show nowhere", "nowhere: holds no study"),
         ("show nowhere --out few.yaml", "few.yaml: is a file, expected a folder"),
-        ("show nowhere --workers 2", "--workers has no use here"),
+        ("show nowhere --workers 2", "--workers: has no use here"),
         ("repeat nowhere --row 1", "nowhere: holds no study"),
         ("repeat . --row 1", ".: holds no study"),
         ("show", "study: 'show', expected sdt-drake study STUDY [--out"),
@@ -165,7 +165,7 @@ def test_nonsense_in_a_folder(refuse, desk, undisturbed, file, text, message):
         ("--row 30", "--row 30, expected 0 to 29"),
         ("--row=-1", "--row -1, expected 0 to 29"),
         ("--row 1 --out x.png", "x.png: unknown kind of file, expected .csv"),
-        ("--row 1 --workers 2", "--workers has no use here"),
+        ("--row 1 --workers 2", "--workers: has no use here"),
     ],
 )
 def test_bad_repeat(refuse, undisturbed, arguments, message):
