@@ -39,6 +39,12 @@ def line(ax, label):
     return found
 
 
+def legend_texts(figure) -> list[str]:
+    """Of all legends of a figure."""
+    legends = [*figure.legends, *(ax.get_legend() for ax in figure.axes)]
+    return [text.get_text() for legend in legends if legend for text in legend.get_texts()]
+
+
 def shown_ticks(axis) -> set[str]:
     """Texts of the ticks that are within the limits."""
     low, high = axis.get_view_interval()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import re
 import shutil
@@ -233,8 +232,7 @@ def test_design_numbers_are_the_same_in_both_kinds_of_files(good, desk):
     for command in (("tune", SHORT_MOTION), ("step", "--zeta", 2)):
         columns = written(good, desk, *command)["columns"]
         good(*command, "--out", f"{command[0]}.csv")
-        with (desk / f"{command[0]}.csv").open(encoding="utf-8", newline="") as file:
-            header, *rows = csv.reader(file)
+        header, *rows = read_csv(desk / f"{command[0]}.csv")
         assert header == list(columns)
         for column, values in zip(zip(*rows, strict=True), columns.values(), strict=True):
             assert list(column) == [f"{value}" for value in values]

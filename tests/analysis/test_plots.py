@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from figures import line, shown_ticks
+from figures import legend_texts, line, shown_ticks
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 from variants import recorded
@@ -115,11 +115,6 @@ def figures(motion, runs, steps, budget, response, sweeps):
 
 KINDS = ("trajectories", "step_responses", "speeds", "speed_errors", "torques", "error_budget")
 PANELS = ("speeds", "speed_errors", "torques", "error_budget")
-
-
-def legend_texts(figure):
-    legends = [*figure.legends, *(ax.get_legend() for ax in figure.axes)]
-    return [text.get_text() for legend in legends if legend for text in legend.get_texts()]
 
 
 # --- what is drawn ---------------------------------------------------------------------------

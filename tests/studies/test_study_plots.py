@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from figures import legend_texts
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import same_color, to_hex
 from synthetic import CONTROLLERS, make_table, small_table
@@ -38,10 +39,6 @@ def figures(table):
 
 def panels(figure):
     return [ax for ax in figure.axes if ax.axison]
-
-
-def legend_texts(figure):
-    return [text.get_text() for text in figure.legends[0].get_texts()]
 
 
 @pytest.mark.parametrize("name", ["distributions", "tornado", "scatter", "pareto"])
