@@ -53,22 +53,17 @@ def unmeasured_share(found: Identified, robot: Robot) -> Array:
 
 def errors_table(found: Identified, robot: Robot) -> doc.Table:
     """What is left of the torques of each joint."""
-
-    def row(name: str, values: Array) -> tuple[str, list[str]]:
-        return name, [f"{100 * x:.2f}".replace("nan", "–") for x in values]
-
-    least = found.estimate.torque(found.equations)
-    return doc.Table(
-        ("prediction", "left of the torque [%]"),
-        [
-            row("file as it is, held out", found.left(found.equations.nominal, held_out=True)),
-            row("least squares, fitted", found.left(least, held_out=False)),
-            row("least squares, held out", found.left(least, held_out=True)),
-            row("consistent, fitted", found.left(found.predicted, held_out=False)),
-            row("consistent, held out", found.left(found.predicted, held_out=True)),
-            row("A of the load torque, held out", unmeasured_share(found, robot)),
-        ],
-    )
+    nominal, least = found.equations.nominal, found.estimate.torque(found.equations)
+    left = {
+        "file as it is, held out": found.left(nominal, held_out=True),
+        "least squares, fitted": found.left(least, held_out=False),
+        "least squares, held out": found.left(least, held_out=True),
+        "consistent, fitted": found.left(found.predicted, held_out=False),
+        "consistent, held out": found.left(found.predicted, held_out=True),
+        "A of the load torque, held out": unmeasured_share(found, robot),
+    }
+    rows = [(name, [told(100 * x, ".2f") for x in values]) for name, values in left.items()]
+    return doc.Table(("prediction", "left of the torque [%]"), rows)
 
 
 def friction_table(found: Identified, files: PlantFriction) -> doc.Table:

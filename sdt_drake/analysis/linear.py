@@ -59,12 +59,9 @@ class StateSpace:
 
     def between(self) -> StateSpace:
         """The system without the states that no input reaches or no output shows."""
-        wired = self.A != 0
-        reached, shown = (self.B != 0).any(axis=1), (self.C != 0).any(axis=0)
-        for _ in range(len(wired)):
-            reached = reached | (wired & reached).any(axis=1)
-            shown = shown | (wired & shown[:, None]).any(axis=0)
-        x = reached & shown
+        n = len(self.A)
+        leads = np.linalg.matrix_power((self.A != 0) | np.eye(n, dtype=bool), n)  # column to row
+        x = (leads @ (self.B != 0).any(axis=1)) & ((self.C != 0).any(axis=0) @ leads)
         return StateSpace(self.A[np.ix_(x, x)], self.B[x], self.C[:, x], self.D, self.period)
 
     def modes(self) -> NDArray[np.complex128]:

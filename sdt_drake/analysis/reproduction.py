@@ -200,20 +200,12 @@ _TABLE1 = (
 
 def table1(design: Design) -> list[dict[str, Any]]:
     """Table 1 from the SDF and the motion; one row for each joint, with the published one."""
-    found = tuning(design)
-    published = {name: paper.table1(name) for name in paper.TABLE1}
-    missing = [None] * design.robot.n
-    return [
-        {
-            "joint": k + 1,
-            **{name: float(found[name][k]) for name in _TABLE1},
-            "published": {
-                "joint": k + 1,
-                **{name: published.get(name, missing)[k] for name in _TABLE1},
-            },
-        }
-        for k in range(design.robot.n)
-    ]
+    found, rows = tuning(design), []
+    for k in range(design.robot.n):
+        computed = {name: float(found[name][k]) for name in _TABLE1}
+        published = {x: paper.table1(x)[k] if x in paper.TABLE1 else None for x in _TABLE1}
+        rows.append({"joint": k + 1, **computed, "published": {"joint": k + 1, **published}})
+    return rows
 
 
 _STEP_ACCURACY = 7e-6
