@@ -7,7 +7,7 @@ import pytest
 
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.commands.compare import CONTROLLERS
-from sdt_drake.design import make_design
+from sdt_drake.design import make_design, plan_of
 from sdt_drake.motion import Motion
 from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import simulate
@@ -29,7 +29,7 @@ CASES = [(name, label) for name, (*_, labels) in PARTS.items() for label in labe
 
 
 @pytest.fixture(scope="module")
-def along_a_part(designed, robot):
+def along_a_part(robot):
     """Scenario and motion of a part of it."""
     made = {}
 
@@ -38,9 +38,7 @@ def along_a_part(designed, robot):
             scenario = load_scenario(f"package://sdt/scenarios/{name}.yaml")
             # One count of an encoder more or less moves speeds by 2e-4 rad/s at any accuracy.
             scenario.drive.encoder_resolution = None
-            whole = designed(name).motion
-            if name == "training":
-                whole = make_design(scenario, robot=robot).motion
+            whole = plan_of(scenario, robot).motion
             rows = slice(*(round(time / whole.period) for time in PARTS[name][:2]))
             parts = (getattr(whole, field)[rows] for field in ("q", "v", "vd"))
             made[name] = scenario, Motion(whole.period, *parts)
