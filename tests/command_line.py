@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import functools
 import re
+import subprocess
+import sys
 import warnings
 from typing import NamedTuple
 
@@ -86,6 +88,13 @@ class Done(NamedTuple):
     code: int
     out: str
     err: str
+
+
+def program(*arguments: str, **options) -> Done:
+    """Run a command in a process of its own."""
+    command = [sys.executable, "-m", "sdt_drake", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, **options)
+    return Done(done.returncode, done.stdout, done.stderr)
 
 
 @pytest.fixture

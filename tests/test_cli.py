@@ -22,8 +22,8 @@ from command_line import (
     SHORT,
     SHORT_MOTION,
     WRITERS,
-    Done,
     is_one_line,
+    program,
     refused,
     snapshot,
 )
@@ -204,11 +204,7 @@ def test_a_bad_file_is_refused_with_its_name(refuse, given, file):
 def test_what_drake_says_of_a_robot_is_one_line(tmp_path):
     """Its parser logs by itself, past Python's stderr: only a process of its own shows it."""
     (tmp_path / "bad.sdf").write_text(SDF.replace("<parent>arm</parent>", "<parent>leg</parent>"))
-    done = subprocess.run(
-        [sys.executable, "-m", "sdt_drake", "plan", "--robot", "bad.sdf"],
-        cwd=tmp_path, capture_output=True, text=True,
-    )  # fmt: skip
-    refused(Done(done.returncode, done.stdout, done.stderr), "bad.sdf", "leg")
+    refused(program("plan", "--robot", "bad.sdf", cwd=tmp_path), "bad.sdf", "leg")
 
 
 # --- where results go -----------------------------------------------------------------------------

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from types import ModuleType
 
 import matplotlib
 import matplotlib.pyplot as plt
 import pytest
-from command_line import AXIS, FIGURE, WRITERS, Done, refused
+from command_line import AXIS, FIGURE, WRITERS, program, refused
 from matplotlib.backend_bases import FigureManagerBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -73,13 +72,7 @@ def test_a_display_or_backend_that_is_not_there(backend, words):
     """Of a notebook, for one; only --show needs it."""
     environment = os.environ | {"MPLBACKEND": backend, "DISPLAY": ":99"}
     environment.pop("WAYLAND_DISPLAY", None)
-    done = subprocess.run(
-        [sys.executable, "-m", "sdt_drake", "step", "--show"],
-        env=environment,
-        capture_output=True,
-        text=True,
-    )
-    refused(Done(done.returncode, done.stdout, done.stderr), words)
+    refused(program("step", "--show", env=environment), words)
 
 
 def test_without_show_a_backend_does_not_matter(good, monkeypatch):
