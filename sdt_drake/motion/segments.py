@@ -317,7 +317,7 @@ class Fourier(Swing):
         if len(self.sine) != len(self.cosine):
             yield "cosine", f"{len(self.cosine)} value(s), expected {len(self.sine)} as in sine"
             return
-        if any(too_many := list(_too_many(self.period, self.end * len(self.sine)))):
+        if too_many := list(_too_many(self.period, self.end * len(self.sine))):
             yield from too_many
         elif abs(self.end / self.period - round(self.end / self.period)) > _SAME:
             yield "end", f"{self.end:g} s, expected a multiple of the period, {self.period:g} s"
