@@ -13,7 +13,6 @@ from pydrake.systems.primitives import (
     ConstantVectorSource,
     Gain,
     Integrator,
-    LogVectorOutput,
     MatrixGain,
     PassThrough,
     ZeroOrderHold,
@@ -28,6 +27,7 @@ from sdt_drake.block_diagram.text import rich, text_size
 from sdt_drake.control import tune
 from sdt_drake.device import Friction
 from sdt_drake.loops import make_step_loop
+from sdt_drake.systems import Wired
 
 
 def make_loop():
@@ -36,17 +36,25 @@ def make_loop():
     return make_step_loop(gains=gains, i_eff=1.0, structure="p_in_feedback")
 
 
-def make_chain(*systems, name="chain"):
-    """Systems one behind the other, the first fed and the last read from outside."""
-    builder = DiagramBuilder()
-    added = [builder.AddNamedSystem(f"s{number}", s) for number, s in enumerate(systems)]
-    for one, other in itertools.pairwise(added):
-        builder.Connect(one.get_output_port(), other.get_input_port(0))
-    builder.ExportInput(added[0].get_input_port(0), "speed")
-    builder.ExportOutput(added[-1].get_output_port(), "torque")
-    diagram = builder.Build()
+def wired(*blocks, outputs=(), name="diagram"):
+    """A diagram of blocks, each with its name and its signals; some are read from outside."""
+    diagram = Wired()
+    for block, system, signals in blocks:
+        diagram.add(block, system, *signals.split())
+    diagram.build(*outputs)
     diagram.set_name(name)
     return diagram
+
+
+def make_chain(*systems, name="chain"):
+    """Systems one behind the other, the first fed and the last read from outside."""
+    signals = ["speed", *(f"x{number}" for number in range(1, len(systems))), "torque"]
+    blocks = []
+    for number, system in enumerate(systems):
+        others = (f"other{i}" for i in range(1, system.num_input_ports()))
+        own = " ".join([signals[number], *others, signals[number + 1]])
+        blocks.append((f"s{number}", system, own))
+    return wired(*blocks, outputs=["torque"], name=name)
 
 
 def blocks_of(picture):
@@ -91,19 +99,17 @@ def test_pass_throughs_are_lines_and_what_comes_from_outside_and_goes_there_has_
 
 @pytest.mark.parametrize(
     ("read", "drawn_blocks"),
-    [("one", {"source", "one", "torque (out)"}), (None, {"source", "one", "other"})],
+    [(["one"], {"source", "one", "one (out)"}), ([], {"source", "one", "other"})],
 )
 def test_what_only_a_log_reads_is_not_drawn_unless_nothing_is_read(read, drawn_blocks):
-    builder = DiagramBuilder()
-    source = builder.AddNamedSystem("source", ConstantVectorSource([1.0]))
+    diagram = Wired()
+    diagram.add("source", ConstantVectorSource([1.0]), "x")
     for name in ("one", "other"):
-        gain = builder.AddNamedSystem(name, Gain(2.0, 1))
-        builder.Connect(source.get_output_port(), gain.get_input_port())
-        LogVectorOutput(gain.get_output_port(), builder, 0.01)
-        if name == read:
-            builder.ExportOutput(gain.get_output_port(), "torque")
+        diagram.add(name, Gain(2.0, 1), "x", name)
+    diagram.log(["one", "other"], 0.01)
+    diagram.build(*read)
 
-    assert set(blocks_of(walk(builder.Build()))) == drawn_blocks
+    assert set(blocks_of(walk(diagram))) == drawn_blocks
 
 
 def test_depth_says_how_many_levels_are_opened():
@@ -125,18 +131,14 @@ def test_a_diagram_with_a_symbol_is_never_opened():
 
 
 def test_a_line_downwards_leaves_a_sum_its_three_inputs():
-    builder = DiagramBuilder()
-    total = builder.AddNamedSystem("total", Adder(3, 1))
-    low = builder.AddNamedSystem("low", Adder(1, 1))
-    back = builder.AddNamedSystem("back", Gain(1.0, 1))
-    builder.Connect(back.get_output_port(), low.get_input_port(0))
-    for index in range(3):
-        builder.ExportInput(total.get_input_port(index), f"in{index}")
-    builder.ExportInput(back.get_input_port(), "in3")
-    builder.ExportOutput(low.get_output_port(), "out0")
-    builder.ExportOutput(total.get_output_port(), "out1")
+    diagram = wired(
+        ("total", Adder(3, 1), "in0 in1 in2 out1"),
+        ("low", Adder(1, 1), "x out0"),
+        ("back", Gain(1.0, 1), "in3 x"),
+        outputs=["out0", "out1"],
+    )
 
-    assert drawn(walk(builder.Build())).count(" -> ") == 7
+    assert drawn(walk(diagram)).count(" -> ") == 7
 
 
 def test_no_frame_around_one_block_and_one_frame_around_one_frame():
@@ -150,21 +152,10 @@ def test_no_frame_around_one_block_and_one_frame_around_one_frame():
 
 
 def test_what_leaves_a_frame_and_comes_back_into_it_is_fed_back():
-    inner = DiagramBuilder()
-    error = inner.AddNamedSystem("error", Adder(2, 1))
-    integral = inner.AddNamedSystem("integral", Integrator(1))
-    inner.Connect(error.get_output_port(), integral.get_input_port())
-    inner.ExportInput(error.get_input_port(0), "reference")
-    inner.ExportInput(error.get_input_port(1), "tau")
-    inner.ExportOutput(integral.get_output_port(), "tau_cmd")
-    builder = DiagramBuilder()
-    controller = builder.AddNamedSystem("controller", inner.Build())
-    builder.Connect(controller.get_output_port(), controller.get_input_port(1))
-    builder.ExportInput(controller.get_input_port(0), "reference")
-    around = DiagramBuilder()
-    outer = around.AddNamedSystem("around", builder.Build())
-    around.ExportInput(outer.get_input_port(), "reference")
-    picture = walk(around.Build())
+    error = ("error", Adder(2, 1), "reference tau e")
+    inner = wired(error, ("integral", Integrator(1), "e tau_cmd"), outputs=["tau_cmd"])
+    looped = wired(("controller", inner, "reference tau tau"))
+    picture = walk(wired(("around", looped, "reference")))
 
     back = Layout(picture).back
     assert [(wire.source[-1], wire.target[-1]) for wire in back] == [("integral", "error")]
@@ -328,17 +319,14 @@ def on_border(rect, point):
 
 
 def test_a_block_that_hands_on_what_is_fed_back_stands_below():
-    builder = DiagramBuilder()
-    error = builder.AddNamedSystem("error", Adder(2, 1))
-    gain = builder.AddNamedSystem("gain", Gain(2.0, 1))
-    process = builder.AddNamedSystem("process", Integrator(1))
-    encoder = builder.AddNamedSystem("encoder", ZeroOrderHold(0.001, 1))
-    builder.ExportInput(error.get_input_port(0), "reference")
-    for one, other in itertools.pairwise([error, gain, process, encoder]):
-        builder.Connect(one.get_output_port(), other.get_input_port(0))
-    builder.Connect(encoder.get_output_port(), error.get_input_port(1))
-    builder.ExportOutput(process.get_output_port(), "state")
-    picture = walk(builder.Build())
+    diagram = wired(
+        ("error", Adder(2, 1), "reference measured e"),
+        ("gain", Gain(2.0, 1), "e u"),
+        ("process", Integrator(1), "u state"),
+        ("encoder", ZeroOrderHold(0.001, 1), "state measured"),
+        outputs=["state"],
+    )
+    picture = walk(diagram)
     rects = Layout(picture).rects
 
     assert rects["encoder",].top > rects["process",].bottom
@@ -346,15 +334,11 @@ def test_a_block_that_hands_on_what_is_fed_back_stands_below():
 
 
 def test_any_tangle_is_drawn():
-    builder = DiagramBuilder()
     n = 5
-    sums = [builder.AddNamedSystem(f"sum{i}", Adder(n, 1)) for i in range(n)]
-    states = [builder.AddNamedSystem(f"state{i}", Integrator(1)) for i in range(n)]
-    for i, j in itertools.product(range(n), range(n)):
-        builder.Connect(states[i].get_output_port(), sums[j].get_input_port(i))
-    for one, other in zip(sums, states, strict=True):
-        builder.Connect(one.get_output_port(), other.get_input_port())
-    text = drawn(walk(builder.Build()))
+    states = " ".join(f"x{i}" for i in range(n))
+    sums = [(f"sum{j}", Adder(n, 1), f"{states} rate{j}") for j in range(n)]
+    integrals = [(f"state{i}", Integrator(1), f"rate{i} x{i}") for i in range(n)]
+    text = drawn(walk(wired(*sums, *integrals)))
 
     assert text.count(" -> ") == n * n + n
 

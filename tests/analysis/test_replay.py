@@ -1,7 +1,5 @@
 """Recordings replayed: of runs, whose differences are known, and of a real robot."""
 
-import copy
-
 import dh
 import numpy as np
 import pytest
@@ -18,6 +16,7 @@ from sdt_drake.scenario import (
     PlantChoice,
     Scenario,
     save_scenario,
+    with_fields,
 )
 from sdt_drake.simulate import simulate
 
@@ -41,10 +40,8 @@ def recorded_run(made, tmp_path, **more):
     return Recorded(recorded.path, recorded.time, recorded.signals | more, of_links=True)
 
 
-def replayed(made, recorded, change=lambda scenario: None):
-    scenario = copy.deepcopy(made.scenario)
-    change(scenario)
-    return replay(scenario, recorded, made.nominal)
+def replayed(made, recorded, fields=None):
+    return replay(with_fields(made.scenario, fields or {}), recorded, made.nominal)
 
 
 def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(designed, tmp_path):
@@ -68,13 +65,9 @@ def test_a_wrong_payload_is_told_from_a_wrong_gain(designed, tmp_path):
     made = designed("coupled_pi", CASCADE, start=1.0, end=4.0)
     recorded = recorded_run(made, tmp_path)
 
-    def heavier(scenario):
-        scenario.plant.deviation.payload_mass = 60
-
-    def softer(scenario):
-        scenario.controller.position_gain = list(made.position_gain / 3)
-
-    wrong_plant, wrong_gain = replayed(made, recorded, heavier), replayed(made, recorded, softer)
+    softer = list(made.position_gain / 3)
+    wrong_plant = replayed(made, recorded, {"plant.deviation.payload_mass": 60.0})
+    wrong_gain = replayed(made, recorded, {"controller.position_gain": softer})
     assert wrong_plant.difference("position_error", "with the nominal links").max() < 1e-6
     assert wrong_plant.due_to_model[1] > 0.9
     assert wrong_gain.due_to_model.max() < 0.1
@@ -86,11 +79,7 @@ def test_the_recorded_feedforward_is_used(designed, tmp_path):
     made = designed("coupled_pi", CASCADE, start=0.0, end=1.0)
     fed = made.tau_ff * made.robot.gear_ratio
     recorded = recorded_run(made, tmp_path, tau_ff=fed)
-
-    def without(scenario):
-        scenario.controller.feedforward = None
-
-    result = replayed(made, recorded, without)
+    result = replayed(made, recorded, {"controller.feedforward": None})
     assert result.difference("torque", WHOLE).max() < 1e-6
     assert np.all(result.difference("torque", UNFED) > 0.1)
     assert "recorded torque feedforward" in findings(result)[0]
@@ -105,7 +94,7 @@ def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
     v = motion.v - 0.02 * 8 * np.sin(8 * motion.time)[:, None]
     signals = {"v_ref": motion.v, "q_ref": motion.q, "q": q, "v": v, "tau": 0 * v}
     recorded = Recorded("run.csv", 2.0 + motion.time, signals)
-    result = replayed(made, recorded, lambda scenario: setattr(scenario, "learned", "no such file"))
+    result = replayed(made, recorded, {"learned": "no such file"})
     np.testing.assert_allclose(result.start, 0.3)  # an encoder's zero is no error
     error = q - 0.3 - motion.q
     np.testing.assert_allclose(result.measured["position_error"], error, atol=1e-9)
