@@ -9,23 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.claims import VERDICTS
-from sdt_drake.analysis.document import (
-    Bullets,
-    Details,
-    Document,
-    EmbeddedPage,
-    Figure,
-    Heading,
-    Section,
-    Table,
-    Text,
-    Tiles,
-    write_text,
-)
 from sdt_drake.analysis.report import write_report
 from sdt_drake.analysis.template import from_template
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, write_text
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"/>'
 EVIL = '</script><b onload="x">&'
@@ -55,18 +43,18 @@ def document(tmp_path):
     (tmp_path / "b.png").touch()
     (tmp_path / "device.html").write_text(HELLO, encoding="utf-8")
     blocks = [
-        Text("One **bold**, *slanted*, `c_o*d*e` of K_IS"),
-        Heading("Within"),
-        Bullets(["first", "second"]),
-        Tiles([(3, "good ones", "good")]),
-        Table(["", "a|b"], [["row", "1"]], "Of words"),
-        Table(["name", "A", "speed"], [["x", "0", ["1.5", "2.5"]]]),
-        Figure("A picture", tmp_path / "a.svg", tmp_path),
-        Figure("Another", tmp_path / "b.svg", tmp_path, "wide"),
-        Details("More", [Text("inside")]),
-        EmbeddedPage("Load it", tmp_path / "device.html"),
+        doc.Text("One **bold**, *slanted*, `c_o*d*e` of K_IS"),
+        doc.Heading("Within"),
+        doc.Bullets(["first", "second"]),
+        doc.Tiles([(3, "good ones", "good")]),
+        doc.Table(["", "a|b"], [["row", "1"]], "Of words"),
+        doc.Table(["name", "A", "speed"], [["x", "0", ["1.5", "2.5"]]]),
+        doc.Figure("A picture", tmp_path / "a.svg", tmp_path),
+        doc.Figure("Another", tmp_path / "b.svg", tmp_path, "wide"),
+        doc.Details("More", [doc.Text("inside")]),
+        doc.EmbeddedPage("Load it", tmp_path / "device.html"),
     ]
-    return Document("Title", "lead", [Section("Main", blocks), Section("Empty")])
+    return doc.Document("Title", "lead", [doc.Section("Main", blocks), doc.Section("Empty")])
 
 
 def test_markdown(document):
@@ -123,18 +111,18 @@ def test_html(document):
     ],
 )  # fmt: skip
 def test_symbols_are_printed_as_in_equations(text, shown):
-    document = Document("", sections=[Section("s", [Text(text)])], symbols=True)
+    document = doc.Document("", sections=[doc.Section("s", [doc.Text(text)])], symbols=True)
     assert f"<p>{shown}</p>" in document.html()
 
 
 def test_all_text_is_escaped(tmp_path):
     write_text(tmp_path / "a.svg", SVG)
     blocks = [
-        Text(EVIL), Heading(EVIL), Bullets([EVIL]), Tiles([(1, EVIL, "")]),
-        Table([EVIL, EVIL], [[EVIL, [EVIL]]], EVIL), Details(EVIL, []), Text(f"`{EVIL}`"),
-        Figure(EVIL, tmp_path / "a.svg", tmp_path),
+        doc.Text(EVIL), doc.Heading(EVIL), doc.Bullets([EVIL]), doc.Tiles([(1, EVIL, "")]),
+        doc.Table([EVIL, EVIL], [[EVIL, [EVIL]]], EVIL), doc.Details(EVIL, []),
+        doc.Text(f"`{EVIL}`"), doc.Figure(EVIL, tmp_path / "a.svg", tmp_path),
     ]  # fmt: skip
-    page = Document(EVIL, EVIL, [Section(EVIL, blocks)]).html()
+    page = doc.Document(EVIL, EVIL, [doc.Section(EVIL, blocks)]).html()
     assert EVIL not in page and "<b onload" not in page and page.count("</script>") == 1
     assert not [a for _, a in Tags(page).tags if "onload" in a]
 
@@ -143,21 +131,21 @@ def test_a_template_takes_blocks_and_numbers():
     parts = ["# T", "lead {x:.1f}", "## S", "a\nb {x:.2f}", "{table}", "### H", "![C](p.svg)"]
     parts += ["## E", "{no}"]
     text = "\n\n".join(parts) + "\n"
-    blocks, folder = {"table": [Text("t")], "no": []}, Path("there")
+    blocks, folder = {"table": [doc.Text("t")], "no": []}, Path("there")
     document = from_template(text, blocks, {"x": 1.234}, folder)
     assert (document.title, document.lead) == ("T", "lead 1.2")
     first, second = document.sections
-    assert first == Section("S", [
-        Text("a b 1.23"), Text("t"), Heading("H"), Figure("C", folder / "p.svg", folder),
-    ])  # fmt: skip
-    assert second == Section("E", [])
+    figure = doc.Figure("C", folder / "p.svg", folder)
+    said = [doc.Text("a b 1.23"), doc.Text("t"), doc.Heading("H"), figure]
+    assert first == doc.Section("S", said)
+    assert second == doc.Section("E", [])
 
 
 def test_pictures_that_are_none_are_refused(tmp_path):
     for text, reason in ((None, "is missing"), ("<svg", "not an SVG"), ("<a/>", "not an SVG")):
         if text:
             write_text(tmp_path / "a.svg", text)
-        figure = Figure("A", tmp_path / "a.svg", tmp_path)
+        figure = doc.Figure("A", tmp_path / "a.svg", tmp_path)
         with pytest.raises(InputError, match=rf"a\.svg: is .*{reason.removeprefix('is ')}"):
             figure.html(str)
 
