@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import difflib
+import json
 import os
 from itertools import islice
 from pathlib import Path
@@ -126,3 +127,8 @@ def _is_path(text: str) -> bool:
 def page_text(name: str) -> str:
     """A text of `pages/`, of which pages, reports and other files are made."""
     return (_PACKAGE / "pages" / name).read_text(encoding="utf-8")
+
+
+def json_in_page(value: object) -> str:
+    """Data as JSON for a script in a page, where a text ends at "</script", and only there."""
+    return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")

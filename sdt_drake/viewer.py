@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import json
 import time as clock
 from collections.abc import Callable
 from pathlib import Path
@@ -23,7 +22,7 @@ from sdt_drake.errors import (
 )
 from sdt_drake.motion import Story
 from sdt_drake.pilot import check_head
-from sdt_drake.resources import page_text
+from sdt_drake.resources import json_in_page, page_text
 from sdt_drake.robot import Robot
 from sdt_drake.scene import (
     ARROW,
@@ -153,8 +152,7 @@ def _told(robot: Robot, frames: Frames, story: Story) -> str:
         "g": [] if frames.head is None else frames.head.resultant_g.round(2).tolist(),
         "segments": story.segments,
     }
-    # In a script a text ends at "</script", and only there.
-    return json.dumps(told, separators=(",", ":")).replace("<", "\\u003c")
+    return json_in_page(told)
 
 
 def _overlay(scene: Scene, title: str, feels: str, told: str, pilot: bool) -> str:

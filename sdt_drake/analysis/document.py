@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import html
-import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -19,7 +18,7 @@ from typing import Protocol
 from xml.etree import ElementTree
 
 from sdt_drake.errors import InputError, read_text, write_text
-from sdt_drake.resources import page_text
+from sdt_drake.resources import json_in_page, page_text
 
 REPORT = "report.html"
 
@@ -247,11 +246,6 @@ class EmbeddedPage:
             "<noscript>It needs JavaScript.</noscript></div>"
             f'<script type="application/json" id="recording-page">{json_in_page(text)}</script>'
         )
-
-
-def json_in_page(value: object) -> str:
-    """Data as JSON for a script in a page, where a text ends at "</script", and only there."""
-    return json.dumps(value).replace("<", "\\u003c")
 
 
 @dataclass

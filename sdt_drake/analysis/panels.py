@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.style import Look, finish, grid, joint_title, save, style
 from sdt_drake.arrays import Array, Index
+from sdt_drake.resources import json_in_page
 
 MOST = 10_000
 """Samples of a panel on a page."""
@@ -209,7 +210,7 @@ class Plots:
                     "marked": panel.spans(),
                 }
             )
-        data = doc.json_in_page({"arrays": list(arrays), "panels": panels})
+        data = json_in_page({"arrays": list(arrays), "panels": panels})
         return (
             f'<figure><div class="plots"><script type="application/json">{data}</script>'
             "<noscript>Plots need JavaScript.</noscript></div>"
