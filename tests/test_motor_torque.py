@@ -14,7 +14,7 @@ from sdt_drake.motion import Motion
 from sdt_drake.motor_torque import saturated_share, torque_limits
 from sdt_drake.simulate import make_simulator, simulate
 
-PERIODS, STEPS = 30, 50  # 0.15 s of motion, in steps of 0.1 ms
+PERIODS, STEPS = 20, 50  # 0.1 s of motion, in steps of 0.1 ms
 
 
 def short_motion():

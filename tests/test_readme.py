@@ -31,11 +31,11 @@ LONG = ("export", "study", "size", "excite", "identify", "replay", "learn", "rep
 
 @pytest.fixture
 def short(monkeypatch):
-    """Scenarios end after 3 s; their numbers are not looked at."""
+    """Scenarios end after 1 s; their numbers are not looked at."""
 
     def first(scenario, robot, whole=design.plan_of):
         plan = whole(scenario, robot)
-        start = (values[:601] for values in (plan.motion.q, plan.motion.v, plan.motion.vd))
+        start = (values[:201] for values in (plan.motion.q, plan.motion.v, plan.motion.vd))
         return replace(plan, motion=Motion(plan.motion.period, *start))
 
     monkeypatch.setattr(design, "plan_of", first)
