@@ -10,7 +10,7 @@ import numpy as np
 
 from sdt_drake.analysis.threads import threads
 from sdt_drake.arrays import Array
-from sdt_drake.design import Design
+from sdt_drake.design import Design, make_design
 from sdt_drake.drive_files import formats
 from sdt_drake.drive_files.drives import Drives
 from sdt_drake.drive_files.set_points import Samples, samples_from, samples_of, set_points
@@ -131,14 +131,14 @@ def _fed(design: Design, source: str, samples: Samples, like: Samples) -> Fed:
 
 
 def _fed_with(design: Design, samples: Samples) -> Design:
-    """The design with another reference and torque feedforward."""
+    """The design with another reference and torque feedforward, or none."""
     period, v = samples.period, samples.v
     vd = np.vstack([np.diff(v, axis=0) / period, np.zeros_like(v[:1])])
-    tau_ff = samples.tau / design.robot.gear_ratio
-    made = design.variant(design.scenario)
-    return replace(
-        made, motion=Motion(period, samples.q, v, vd), tau_ff=tau_ff, steady_ff=tau_ff[0]
-    )
+    scenario = replace(design.scenario, learned="")
+    made = make_design(scenario, robot=design.nominal, motion=Motion(period, samples.q, v, vd))
+    if not np.any(samples.tau):
+        return replace(made, feedforward=None, tau_ff=None, steady_ff=0.0)
+    return made.with_feedforward(samples.tau / design.robot.gear_ratio)
 
 
 def write_read_back(path: Path, fed: Sequence[Fed]) -> None:

@@ -11,12 +11,15 @@ import pytest
 import yaml
 
 from sdt_drake.cli import main
+from sdt_drake.design import make_design
 from sdt_drake.drive_files import (
     Axis,
     Drives,
     SetPoints,
+    export,
     formats,
     load_drives,
+    read_back,
     samples_from,
     samples_of,
     set_points,
@@ -25,6 +28,8 @@ from sdt_drake.drive_files import (
 from sdt_drake.dynamics import torque_groups
 from sdt_drake.errors import InputError
 from sdt_drake.motion import Motion
+from sdt_drake.scenario import ControllerChoice, Scenario
+from sdt_drake.simulate import simulate
 from sdt_drake.tables import read_table
 
 R = np.array([67.2, 1, 1, 1])
@@ -302,6 +307,27 @@ def test_export_of_a_scenario_is_of_its_motion_and_its_loop(good, given, motion)
     out = good("export", pi, "--drive", "drives").out
     assert out.startswith(f"{pi}: {motion.duration:g} s for drives with a cycle of 1 ms")
     assert "fed to pi on the axis plant" in out
+
+
+@pytest.mark.parametrize("kind", ["pi_ctc", "p_pi+id"])
+@pytest.mark.parametrize("inverse_dynamics", ["table", "online"])
+def test_a_loop_gets_the_torque_of_the_file_and_no_other(
+    tmp_path, robot, motion, kind, inverse_dynamics
+):
+    """Also at a cycle of which the period of the scenario is no multiple."""
+    kind, _, feedforward = kind.partition("+")
+    choice = ControllerChoice(kind=kind, omega_r=66.0, feedforward=feedforward or None)
+    scenario = Scenario(controller=choice, inverse_dynamics=inverse_dynamics)
+    design = make_design(scenario, robot=robot, motion=motion)
+    drives = drives_with(cycle=0.004)
+    export(design, drives, tmp_path, cam_points=50, title="x")
+    error = {x.source: x.position_error for x in read_back(design, drives, tmp_path)}
+    with_it, without = error["set_points.csv"], error["motion, no torque"]
+    assert with_it[1] < (0.6 if feedforward else 0.95) * without[1]
+    np.testing.assert_allclose(error["cam.csv"], without, rtol=0.2)
+    if feedforward:  # the loop itself gets the torques that are in the file
+        own = np.abs(simulate(design).position_error).max(axis=0)
+        np.testing.assert_allclose(error["trajectory.yaml"], own, rtol=0.02, atol=1e-6)
 
 
 FOUR = ", ".join([AXIS + "}"] * 4)
