@@ -81,7 +81,7 @@ def test_bode_says_what_does_not_count_and_what_there_is_not(good, given):
     careful = given("careful.yaml", SCENARIO.replace("kind: pi,", "kind: pi, anti_windup: true,"))
     assert good("bode", careful, "--time", "1.25").out == plain.replace("axis:", "careful:", 1)
     rough = SCENARIO.replace("kind: axis", "kind: axis, friction: {viscous: [1, 1, 1, 1]}")
-    assert "note: friction" in good("bode", given("rough.yaml", rough)).out
+    assert "note: of friction" in good("bode", given("rough.yaml", rough)).out
     soft = "kind: axis, elasticity: {natural_frequency: [65.991, 0, 0, 0], encoder: link}"
     out = good("bode", given("soft.yaml", SCENARIO.replace("kind: axis", soft))).out
     assert columns_of(out)["stable"][0] == "no"

@@ -92,8 +92,8 @@ def frequency_response(
     """Frequency responses around a sample of the motion, at rest.
 
     Args:
-        design: a resolved scenario. The drive's lag and sampling and elastic joints count; limits
-            and friction have no frequency response.
+        design: a resolved scenario. The drive's lag and sampling and elastic joints count; limits,
+            and friction but for its viscous part, have no frequency response.
         sample: of the motion; by default for each joint the first where its inertia is largest.
         points: of omega, from 1/1000 to 100 times the natural frequency of the speed loops (further
             with elastic joints); to the Nyquist frequency of a sampled drive.

@@ -242,7 +242,7 @@ def _loops(design: Design, response: FrequencyResponse | InputError) -> list[doc
     if "position_gain" in CONTROLLERS[design.scenario.controller.kind].options:
         notes.append("The samples of the position loop are taken for continuous.")
     if not design.scenario.plant.friction.is_none:
-        notes.append("Friction has no frequency response and is left out.")
+        notes.append("Of friction, only the viscous part has a frequency response.")
     if not response.stable.all():
         notes.append("The margins of an unstable loop say nothing.")
     return [_by_joint(design, response.columns()), doc.Text(" ".join(notes), "soft")]

@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> None:
     else:
         say(f"linear around the motion at {times[0]:.3f} s")
     if not scenario.plant.friction.is_none:
-        say("note: friction has no frequency response and is left out")
+        say("note: of friction, only the viscous part has a frequency response")
     if np.any(~response.stable):
         say("note: the margins of an unstable loop say nothing")
     common.deliver(

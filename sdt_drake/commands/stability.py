@@ -161,7 +161,7 @@ def _notes(design: Design, omega_r: float) -> list[str]:
     if choice.feedforward_in_use != "none":
         notes.append("note: the feedforward, which changes no damping and no border, is left out")
     if not plant.friction.is_none:
-        notes.append("note: friction is left out")
+        notes.append("note: of friction, only the viscous part counts")
     if not plant.elasticity.is_rigid:
         notes.append(
             "note: every joint in turn is elastic with omega_r, whatever plant.elasticity says; "

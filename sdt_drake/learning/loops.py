@@ -177,7 +177,7 @@ def position_response(
 
     Exact at the interpolation period, with its hold, with the samples of drive and position loop
     and with the torque that the controller feeds forward of its own model of the robot. Without
-    friction, limits, velocity torques and increments of encoders.
+    friction but for its viscous part, limits, velocity torques and increments of encoders.
 
     Args:
         design: of the loop.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from pydrake.systems.framework import Diagram
-from pydrake.systems.primitives import Adder, ConstantVectorSource, PassThrough, TrajectorySource
+from pydrake.systems.primitives import Adder, MatrixGain, PassThrough, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from sdt_drake.arrays import Array
@@ -95,12 +95,14 @@ def make_process(design: Design) -> Diagram:
     """What a controller acts on, alone and linear but for the plant: for linear analysis.
 
     From `tau_cmd` to `measured` (what the encoders are on) and `state` (of the links). Motors do
-    not saturate, and friction is left out: neither has a frequency response. The plant's state is
-    the first in the diagram.
+    not saturate, and of friction only the viscous part counts: the rest has no frequency response.
+    The plant's state is the first in the diagram.
     """
     process, n = Wired(), design.robot.n
     add_device(process, design)
-    process.add("no_load", ConstantVectorSource(np.zeros(n)), "true_load")
+    viscous = np.zeros(n) if design.friction is None else design.friction.viscous
+    load = np.hstack([np.zeros((n, n)), np.diag(viscous / design.robot.gear_ratio)])
+    process.add("viscous_friction", MatrixGain(load), "state", "true_load")
     process.same("tau_limited", "tau_cmd")
     process.build("measured", "state")
     process.set_name("process")

@@ -43,13 +43,19 @@ def pi(design, s):
 # --- analytic loops -----------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("viscous", [0.0, 1000.0])
 @pytest.mark.parametrize("structure", STRUCTURES)
-def test_axis_loop_is_the_analytic_one(designed, structure):
-    design = designed("axis_pi", {"controller.structure": structure})
+def test_axis_loop_is_the_analytic_one(designed, structure, viscous):
+    """Of friction the viscous part counts, b / r² at the motor."""
+    friction = {
+        "plant.friction.viscous": [viscous] * 4,
+        "plant.friction.coulomb": [9 * viscous] * 4,
+    }
+    design = designed("axis_pi", {"controller.structure": structure, **friction})
     response = frequency_response(design)
     s = 1j * response.omega
     p, i = pi(design, s)
-    inertia = 1 / (design.i_eff * s[:, None])
+    inertia = 1 / (design.i_eff * s[:, None] + viscous / R**2)
     gain = (p + i) * inertia
 
     np.testing.assert_allclose(response.loop_gain, gain, rtol=1e-8)
