@@ -61,9 +61,11 @@ def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(design
 
 
 def test_a_wrong_payload_is_told_from_a_wrong_gain(designed, tmp_path):
-    """By the load that is fed in: it makes good what the plant lacks, and no other gain."""
+    """By the load that is fed in: it makes good what the plant lacks, and no other gain; wherever
+    the encoders have their zeros."""
     made = designed("coupled_pi", CASCADE, start=1.0, end=4.0)
     recorded = recorded_run(made, tmp_path)
+    recorded.signals["q"] += 0.3
 
     softer = list(made.position_gain / 3)
     wrong_plant = replayed(made, recorded, {"plant.deviation.payload_mass": 60.0})
