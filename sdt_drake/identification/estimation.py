@@ -190,14 +190,17 @@ def _covariance(
 def _coloured(X: Array, w: Array, left: Array, inverse: Array) -> Array:
     """X' W Gamma W X for what is left of a joint in a stretch: frequency by frequency.
 
-    W left counts, as the fit has it: nothing where the joint rests, less where it is far off.
+    W left counts, as the fit has it: nothing where the joint rests, less where it is far off. Its
+    power is that of the time in which the joint moves, when alone it meets X.
     """
-    count = len(left)
-    F, spectrum = np.fft.rfft(X, axis=0), np.abs(np.fft.rfft(w * left)) ** 2 / count
+    used = w > 0
+    count, moving = len(left), max(used.sum(), 1)
+    X = X * used[:, None]
+    F, spectrum = np.fft.rfft(X, axis=0), np.abs(np.fft.rfft(w * left)) ** 2 / moving
     # A fit takes its share of what there was at the frequencies of its columns.
     weighted = np.fft.rfft(w[:, None] * X, axis=0)
-    taken = np.einsum("fi,ij,fj->f", weighted.conj(), inverse, F).real / count
-    window = np.ones(max(3, int(np.sqrt(len(spectrum)))))
+    taken = np.einsum("fi,ij,fj->f", weighted.conj(), inverse, F).real / moving
+    window = np.ones(min(max(3, int(np.sqrt(len(spectrum)))), len(spectrum)))
     smooth = np.convolve(spectrum, window, "same")
     power = smooth / np.maximum(np.convolve(1 - taken, window, "same"), 0.2 * len(window))
     twice = np.full(len(power), 2.0)

@@ -100,11 +100,20 @@ def test_links_stay_where_the_data_say_nothing(robot):
         assert np.all(np.abs(pseudo - link.pseudo) < 0.02 * size), link.name
 
 
-def test_intervals_cover_the_truth(robot, true):
-    """Of 95 % intervals, in coloured noise: what the filter leaves of white noise."""
+@pytest.mark.parametrize("moving", [1.0, 0.4])
+def test_intervals_cover_the_truth(robot, true, moving):
+    """Of 95 % intervals, in coloured noise: what the filter leaves of white noise; also where
+    joints rest for most of the time."""
     unknown = Unknown.everything(robot)
     (stretch,), _ = stretches(recorded_of(true, noise=0.0))
     clean = equations(robot, unknown, [(0, np.inf, stretch)], 4.0, lambda fastest: (USUAL,))
+    rests = np.arange(len(clean.moves)) % 100 >= 100 * moving
+    clean = replace(
+        clean,
+        moves=clean.moves & ~rests[:, None],
+        rigid=np.where(rests[:, None, None], 0.0, clean.rigid),
+        friction=np.where(rests[:, None, None], 0.0, clean.friction),
+    )
     prior = belief(robot, unknown)
     exact = estimate(clean, prior, [USUAL] * robot.n)
     truth = np.concatenate([exact.beta, exact.friction])
@@ -134,6 +143,17 @@ def test_what_is_left_where_a_joint_rests_says_nothing_of_the_rest(robot, true):
     one, other = (estimate(x, belief(robot, Unknown.everything(robot)), usual) for x in (eq, odd))
     np.testing.assert_allclose(other.beta, one.beta, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(other.covariance, one.covariance, rtol=1e-6, atol=1e-12)
+
+
+def test_a_stretch_may_be_of_three_rows(robot, true):
+    (stretch,), _ = stretches(recorded_of(true))
+    eq = equations(
+        robot, Unknown.everything(robot), [(0, np.inf, stretch)], 4.0, lambda _: (USUAL,)
+    )
+    parted = replace(eq, part=np.where(np.arange(len(eq.part)) < 23, 99, eq.part))
+    parted = replace(parted, fit=parted.fit & (np.arange(len(eq.part)) >= 20))
+    one = estimate(parted, belief(robot, Unknown.everything(robot)), [USUAL] * robot.n)
+    assert np.all(np.isfinite(one.covariance)) and np.all(np.diagonal(one.covariance) > 0)
 
 
 def test_means_between_samples_tell_what_samples_do_not(robot):
