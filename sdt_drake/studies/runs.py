@@ -19,7 +19,7 @@ from sdt_drake.resources import PACKAGE_PREFIX, models_dir
 from sdt_drake.robot import Robot
 from sdt_drake.scenario import Scenario
 from sdt_drake.simulate import Recording, simulate
-from sdt_drake.studies.fields import find_field
+from sdt_drake.studies.fields import field_names, find_field
 from sdt_drake.studies.journal import Row
 from sdt_drake.studies.outcomes import outcomes_of
 from sdt_drake.studies.study import Study
@@ -28,9 +28,7 @@ _CACHED = 16  # planned motions, with their robots, that a process keeps
 
 _Planned = tuple[Robot, Plan, TorqueGroups]
 
-FILE_FIELDS = tuple(
-    map(find_field, ("robot", "motion", "learned", "device.catalogue", "controller.file"))
-)
+FILE_FIELDS = tuple(field for field in map(find_field, field_names()) if field.file)
 """Fields of a scenario that name a file."""
 
 

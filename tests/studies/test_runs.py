@@ -208,13 +208,16 @@ def test_every_row_has_the_outcomes_of_the_study(files):
 
 @pytest.fixture
 def own_files(desk):
-    """A base with a robot and a motion of its own, varied over two motions."""
+    """A base with a robot, its uncertainty and a motion of its own, varied over two motions."""
     sdf = (models_dir() / "sdt.sdf").read_text()
     (desk / "own").mkdir()
     (desk / "own" / "device.sdf").write_text(sdf)
     text = (desk / "axis.yaml").read_text()
+    text = text.replace("kind: axis", "kind: axis, deviation: {spread: spread.csv, along: [1]}")
     (desk / "own" / "base.yaml").write_text("robot: device.sdf\n" + text)
     (desk / "own" / "short.yaml").write_text((desk / "short.yaml").read_text())
+    names = ",".join(f"x_{k + 1}" for k in range(50))  # ten for each link
+    (desk / "own" / "spread.csv").write_text(f"row,{names}\n1{',0.01' * 50}\n")
     base = load_scenario("own/base.yaml")
     study = Study("s", variables=[of("motion", Choice(["own/short.yaml", "coriolis"]))])
     study.folder = desk
@@ -224,7 +227,8 @@ def own_files(desk):
 def test_a_job_has_its_files_with_it(own_files, desk, tmp_path, monkeypatch):
     study, base = own_files
     job = make_job(study, base)
-    assert set(job.files) == {base.robot, base.motion, "own/short.yaml"}
+    spread = base.plant.deviation.spread
+    assert set(job.files) == {base.robot, base.motion, "own/short.yaml", spread}
 
     for file in (desk / "own").iterdir():
         file.unlink()
