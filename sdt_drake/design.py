@@ -269,7 +269,9 @@ def _resolved(
 
         loaded = robot if scenario.plant.kind == "axis" else nominal
         torques, modelled = torques_of(loaded), torques_of(model)
-        inertia, i_eff, springs, friction = plant_along(scenario, robot, motion, torques)
+        inertia, i_eff, springs, friction = plant_along(
+            scenario, motion, (loaded, torques), (nominal, torques_of(nominal))
+        )
         i_eff_modelled = effective_inertia(model, modelled.d_kk)
         largest = i_eff_modelled.max(axis=0)
         gains = _gains(scenario, largest, nominal)

@@ -65,7 +65,8 @@ class Elasticity:
 
     Attributes:
         natural_frequency: of each link against its motor at a standstill, the other joints held,
-            where the motion has its largest inertia; 0: this joint is rigid. By default all are.
+            where the motion has its largest inertia, of the robot without deviation; 0: this joint
+            is rigid. By default all are.
         damping_ratio: of that oscillation.
         encoder: where the controller measures.
     """

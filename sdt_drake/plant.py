@@ -28,29 +28,36 @@ from sdt_drake.scenario import Scenario
 
 
 def plant_along(
-    scenario: Scenario, robot: Robot, motion: Motion, torques: TorqueGroups
+    scenario: Scenario,
+    motion: Motion,
+    loaded: tuple[Robot, TorqueGroups],
+    nominal: tuple[Robot, TorqueGroups],
 ) -> tuple[InertiaRange, Array, Springs | None, FrictionParameters | None]:
-    """Inertia along the motion, that of the axis process, springs and friction of the joints."""
+    """Inertia along the motion, that of the axis process, springs and friction of the joints.
+
+    Springs are those of the nominal robot, whatever deviates: another payload does not change them,
+    but the frequency.
+    """
+    robot, torques = loaded
     plant = scenario.plant
     inertia = InertiaRange.of(effective_inertia(robot, torques.d_kk))
     i_eff = inertia.maximum if plant.i_eff is None else np.array(plant.i_eff)
-    springs = _springs(scenario, robot, motion, torques, i_eff)
+    springs = _springs(scenario, motion, *nominal)
     friction = None if plant.friction.is_none else friction_parameters(plant.friction, robot.n)
     return inertia, i_eff, springs, friction
 
 
 def _springs(
-    scenario: Scenario, robot: Robot, motion: Motion, torques: TorqueGroups, i_eff: Array
+    scenario: Scenario, motion: Motion, robot: Robot, torques: TorqueGroups
 ) -> Springs | None:
     """The springs, from the inertia that each sees where it is largest along the motion."""
-    elasticity = scenario.plant.elasticity
+    elasticity, i_eff = scenario.plant.elasticity, scenario.plant.i_eff
     if elasticity.is_rigid:
         return None
-    if scenario.plant.kind == "axis":
-        links = robot.gear_ratio**2 * (i_eff - robot.rotor_inertia)
-        k_g = np.zeros(robot.n)
-    else:
-        links = torques.d_kk.max(axis=0)
+    links, k_g = torques.d_kk.max(axis=0), np.zeros(robot.n)
+    if i_eff is not None:
+        links = robot.gear_ratio**2 * (np.array(i_eff) - robot.rotor_inertia)
+    if scenario.plant.kind == "coupled":
         at = motion.q[where_largest(torques.d_kk)]  # a row for each joint
         k_g = np.array([gravity_stiffness(robot, at[k])[k, k] for k in range(robot.n)])
     elastic = np.array(elasticity.natural_frequency) > 0

@@ -238,6 +238,15 @@ def test_spring_and_gravity_give_the_frequency_where_the_inertia_is_largest(make
     assert elastic.stiffness[2] == 0
 
 
+@pytest.mark.parametrize("name", ["axis_pi", "coupled_pi"])
+def test_springs_stay_whatever_they_carry(designed, name):
+    elastic = {"plant.elasticity": Elasticity([60.0] * 4), "plant.i_eff": None}
+    heavy = {"plant.deviation": Deviation(inertia_scale=1.5)}
+    nominal, heavier = designed(name, elastic), designed(name, elastic | heavy)
+    np.testing.assert_array_equal(heavier.springs.stiffness, nominal.springs.stiffness)
+    np.testing.assert_array_equal(heavier.springs.damping, nominal.springs.damping)
+
+
 def test_spring_of_an_axis_turns_its_constant_inertia_less_the_rotor(make):
     design = make(
         scenario="axis_pi", elasticity=Elasticity(OMEGA.tolist()), zeta=None, omega_r=None
