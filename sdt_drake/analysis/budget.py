@@ -11,7 +11,7 @@ import numpy as np
 from sdt_drake.analysis.threads import threads
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
-from sdt_drake.device import Friction
+from sdt_drake.device import Friction, sliding_friction
 from sdt_drake.errors import InputError
 from sdt_drake.motion import Motion
 from sdt_drake.progress import as_part, part
@@ -34,7 +34,8 @@ class ErrorBudget:
             "load": what the load torque does, less what the feedforward takes of it.
             "disturbance": what the model does not know of the load. "saturation": the run less
             the same one with motors that do not saturate.
-        remainder: what is left: the effect of friction; without it, round-off.
+        remainder: what is left: what friction does, less what its compensation takes of it, and
+            increments of encoders; without both, round-off.
     """
 
     time: Array
@@ -99,8 +100,14 @@ def _without_limits(design: Design) -> Design:
 
 
 def _without_friction(design: Design) -> Design:
+    """Nor with its compensation."""
     plant = replace(design.scenario.plant, friction=Friction())
-    return replace(_with(design, plant=plant), friction=None)
+    smooth = replace(_with(design, plant=plant), friction=None)
+    is_compensated = design.scenario.controller.friction_compensation
+    if design.friction is None or design.tau_ff is None or not is_compensated:
+        return smooth
+    tau_f = sliding_friction(design.friction, design.motion.v) / design.robot.gear_ratio
+    return replace(smooth, tau_ff=design.tau_ff - tau_f, steady_ff=design.steady_ff - tau_f[0])
 
 
 def _without_load(design: Design) -> Design:

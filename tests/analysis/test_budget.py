@@ -148,10 +148,15 @@ def test_disturbance_is_what_the_model_does_not_know(budgets):
     assert largest(expected).max() > 1e-3
 
 
-@pytest.mark.parametrize("fields", [PI, CTC | kind("pi_ctc")], ids=["pi", "pi_ctc"])
-def test_friction_lands_in_the_remainder(budgets, fields):
+@pytest.mark.parametrize(
+    ("fields", "compensated"),
+    [(PI, {}), (CTC | kind("pi_ctc"), {}), (PI, {"controller.friction_compensation": True})],
+    ids=["pi", "pi_ctc", "compensated"],
+)
+def test_friction_lands_in_the_remainder(budgets, fields, compensated):
+    """And so does what its compensation takes of it."""
     _, without = budgets("axis_pi", fields)
-    _, budget = budgets("axis_pi", fields | {"plant.friction": FRICTION})
+    _, budget = budgets("axis_pi", fields | {"plant.friction": FRICTION} | compensated)
 
     for name in PARTS:
         same(budget.parts[name], without.parts[name], 1e-6)
