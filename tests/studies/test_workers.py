@@ -164,15 +164,14 @@ def test_numbers_of_processes(tmp_path, count):
 
 MAIN = """
 import sys, threading
-from queue import SimpleQueue
 from odd_job import OddJob, process_of
-from sdt_drake.studies.workers import Workers
+from sdt_drake.studies.workers import Worker
 
 if __name__ == "__main__":
-    inbox = SimpleQueue()
-    job = OddJob(sys.argv[1], {1: "hang"}, start="tidy slowly")
-    Workers(job, 1).start(range(int(sys.argv[2])), inbox.put)
-    print(process_of(inbox.get()), flush=True)
+    worker = Worker(OddJob(sys.argv[1], {1: "hang"}, start="tidy slowly"))
+    print(process_of(worker.run(0)), flush=True)
+    if int(sys.argv[2]) == 2:
+        worker.run(1)
     threading.Event().wait()
 """
 
