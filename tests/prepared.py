@@ -50,7 +50,7 @@ def _wide_terminal(monkeypatch):
 
 @pytest.fixture(autouse=True)
 def _own_controllers_end_with_their_test(monkeypatch):
-    monkeypatch.setattr(controllers, "_loaded", set())
+    monkeypatch.setattr(controllers, "_loaded", {})
     before = dict(controllers.CONTROLLERS)
     yield
     controllers.CONTROLLERS.clear()

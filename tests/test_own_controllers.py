@@ -89,6 +89,12 @@ def test_the_same_text_is_run_once(desk, tmp_path):
         (tmp_path / name).write_text(text)
         load_controllers(tmp_path / name)
     assert Path("ran").read_text() == "x"
+    first = CONTROLLERS["proportional"]
+    (tmp_path / "c.py").write_text(OWN.read_text())
+    load_controllers(tmp_path / "c.py")
+    assert CONTROLLERS["proportional"] is not first
+    load_controllers(tmp_path / "a.py")  # the name is what this file says again
+    assert CONTROLLERS["proportional"] is first and Path("ran").read_text() == "x"
 
 
 @pytest.mark.parametrize(

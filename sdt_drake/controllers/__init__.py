@@ -32,7 +32,7 @@ CONTROLLERS: dict[str, type[Controller]] = {
 
 _SHIPPED = frozenset(CONTROLLERS)
 _LONGEST = 1_000_000  # bytes of a file of controllers
-_loaded: set[str] = set()
+_loaded: dict[str, dict[str, type[Controller]]] = {}  # what a text has registered
 
 
 def make_controller(design: Design) -> System:
@@ -89,7 +89,9 @@ def load_controllers(path: str | Path) -> None:
     file = Path(path)
     text = read_text(file, _LONGEST)
     if text in _loaded:
+        CONTROLLERS.update(_loaded[text])  # another text may have taken the names
         return
+    before = dict(CONTROLLERS)
     try:
         code = compile(text, str(file), "exec")
         exec(code, {"__name__": f"controllers_of_{file.stem}", "__file__": str(file)})
@@ -98,7 +100,7 @@ def load_controllers(path: str | Path) -> None:
         lines = [frame.lineno for frame in frames if frame.filename == str(file)]
         where = f"{file}, line {lines[-1]}" if lines else f"{file}"
         raise InputError(f"{where}: {type(error).__name__}: {told_by(error)}") from None
-    _loaded.add(text)
+    _loaded[text] = {name: x for name, x in CONTROLLERS.items() if before.get(name) is not x}
 
 
 __all__ = [
