@@ -12,6 +12,7 @@ import stat
 import unicodedata
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
+from numbers import Real
 from pathlib import Path
 
 import numpy as np
@@ -58,9 +59,10 @@ def checked_number(
     Raises:
         InputError: naming `where`.
     """
-    if not np.isfinite(value) or value < minimum or (exclusive and value == minimum):
+    is_number = isinstance(value, Real) and np.isfinite(value)
+    if not is_number or value < minimum or (exclusive and value == minimum):
         bound = f" {'>' if exclusive else '>='} {minimum:g}" if np.isfinite(minimum) else ""
-        raise InputError(f"{where}: {value}, expected a finite number{bound}")
+        raise InputError(f"{where}: {told_by(value)}, expected a finite number{bound}")
     return float(value)
 
 

@@ -172,9 +172,16 @@ def test_every_state_has_a_name(designed, kind, fields):
     assert rest <= {"q_before", "integral", "pid"}, rest  # of Drake's inverse dynamics
 
 
-def test_a_sample_that_is_not_there(short):
-    with pytest.raises(sdt.InputError, match="sample: 101, expected 0 to 100"):
-        short.linear(101)
+@pytest.mark.parametrize("sample", [101, 1.5, None, "a"])
+def test_a_sample_that_is_not_there(short, sample):
+    expected = f"sample: {sample!r}, expected a whole number from 0 to 100"
+    with pytest.raises(sdt.InputError, match=expected):
+        short.linear(sample)
+
+
+def test_a_rate_that_is_no_number(short):
+    with pytest.raises(sdt.InputError, match="realtime_rate: fast, expected a finite number >= 0"):
+        sdt.simulate(short, realtime_rate="fast")
 
 
 def test_one_kind_for_another_is_one_line():

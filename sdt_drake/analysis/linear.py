@@ -207,8 +207,8 @@ def linear(design: Design, sample: int = 0) -> LinearModel:
     """
     checked_type(design, Design, "design", "sdt_drake.design")
     last = len(design.motion.v) - 1
-    if not 0 <= sample <= last:
-        raise InputError(f"sample: {sample}, expected 0 to {last}")
+    if not (isinstance(sample, int | np.integer) and 0 <= sample <= last):
+        raise InputError(f"sample: {sample!r}, expected a whole number from 0 to {last}")
     loop = linearise(design, sample).whole()
     n, kind = design.robot.n, design.scenario.controller.kind
     process, feedback = make_process(design), CONTROLLERS[kind].linear(design, sample)
