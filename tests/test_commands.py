@@ -185,6 +185,17 @@ def test_tune_options_and_what_it_says_of_them(good, given):
     assert "(--omega-r), zeta at the largest inertia (default)" in good("tune", *robot).out
 
 
+def test_tune_names_what_was_given(refuse, good, given, desk):
+    wrong = "controller.zeta=[0,1,1,1]"
+    assert refuse("tune", "coupled_pi", "--set", wrong).startswith(
+        "sdt-drake: --set controller.zeta[1]: 0, expected a number > 0"
+    )
+    told = refuse("tune", "coupled_pi", "--zeta", 0, 1, 1, 1)
+    assert told.startswith("sdt-drake: --zeta[1]: 0.0, expected a number > 0")
+    scenario = given("short.yml", SCENARIO)
+    assert good("tune", scenario).out == good("tune", given("short.yaml", SCENARIO)).out
+
+
 @pytest.fixture
 def step(good):
     """What `step` tells, by name."""

@@ -225,7 +225,7 @@ def is_scenario(path: str) -> bool:
     from sdt_drake.yaml_files import read_yaml
 
     file = find_file(path, "scenario", "motion")
-    if file.suffix != ".yaml":
+    if file.suffix not in (".yaml", ".yml"):
         return False
     try:
         data = read_yaml(file)

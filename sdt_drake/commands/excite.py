@@ -8,6 +8,7 @@ from pathlib import Path
 import sdt_drake as sdt
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
+from sdt_drake.errors import whole_periods
 
 EXAMPLE = "sdt-drake excite sdt --duration 30 --out excite.yaml"
 
@@ -45,8 +46,10 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.metrics import PARAMETERS_IN_WORDS
     from sdt_drake.identification.excitation import GENTLY, MARGIN, RATE, excite
     from sdt_drake.identification.targets import NOISE, Target
+    from sdt_drake.motion import INTERPOLATION_PERIOD
     from sdt_drake.shown import told
 
+    whole_periods(options.duration, INTERPOLATION_PERIOD, "--duration")
     out: Path | None = options.out
     if out is not None:
         common.check_file(out, (".yaml", ".yml"))

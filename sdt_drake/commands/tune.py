@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -53,7 +53,8 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.dynamics import effective_inertia
 
     is_scenario = common.is_scenario(options.scenario)
-    with rewording(_as_option):
+    given = [x for x in _OPTIONS if not is_scenario or getattr(options, x) is not None]
+    with rewording(lambda line: _as_option(line, given)):
         design = _of_scenario(options) if is_scenario else _of_motion(options)
     numbers = tuning(design)
     _print_gains(design, numbers)
@@ -85,6 +86,7 @@ def _of_scenario(options: argparse.Namespace) -> Design:
 
 
 def _of_motion(options: argparse.Namespace) -> Design:
+    from sdt_drake.motion import INTERPOLATION_PERIOD
     from sdt_drake.scenario import ControllerChoice, Scenario
 
     common.refuse_changes(options)
@@ -102,7 +104,7 @@ def _of_motion(options: argparse.Namespace) -> Design:
     scenario = Scenario(
         robot=robot,
         motion=options.scenario,
-        period=0.005 if options.period is None else options.period,
+        period=options.period or INTERPOLATION_PERIOD,
         controller=ControllerChoice(omega_r=omega_r, zeta=zeta),
     )
     with common.naming_robot("--robot"):
@@ -115,10 +117,15 @@ def _is_shipped(robot: str) -> bool:
     return find_file(robot, "robot").resolve() == find_file(common.ROBOT, "robot").resolve()
 
 
-def _as_option(line: str) -> str:
-    """What a line about a scenario is here, where some of its fields are options."""
-    option = re.compile(r"^(?:scenario: |--set )?(?:controller\.)?(zeta|omega_r|period)\b")
-    return option.sub(lambda match: f"--{match[1].replace('_', '-')}", line)
+_OPTIONS = ("zeta", "omega_r", "period")
+
+
+def _as_option(line: str, given: Sequence[str]) -> str:
+    """What a line about a scenario is here, where these fields were given as options."""
+    match = re.match(r"(?:scenario: |--set )?(?:controller\.)?(\w+)", line)
+    if match is None or match[1] not in given:
+        return line
+    return f"--{match[1].replace('_', '-')}{line[match.end() :]}"
 
 
 def _notes(options: argparse.Namespace, design: Design, is_scenario: bool) -> Iterator[str]:

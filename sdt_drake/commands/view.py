@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 EXAMPLE = "sdt-drake view coupled_pi_ctc --record run.html"
 
 
-PERIOD = 0.005  # of the paper's planner [s]
-
-
 def add(parser: argparse.ArgumentParser) -> None:
     common.add_scenario(
         parser,
@@ -79,12 +76,12 @@ def run(options: argparse.Namespace) -> None:
 
 def _motion(options: argparse.Namespace) -> tuple[str, Robot, Array, Array, Story]:
     """Title, robot, time [s], joint angles [rad] and story of what was asked for."""
-    from sdt_drake.motion import Story, load_plan, story_of
+    from sdt_drake.motion import INTERPOLATION_PERIOD, Story, load_plan, story_of
     from sdt_drake.pilot import check_head
     from sdt_drake.resources import find_file, named
 
     kinds = ("scenario", "motion")
-    if Path(named(options.scenario, *kinds)).suffix not in ("", ".yaml", *TABLES):
+    if Path(named(options.scenario, *kinds)).suffix not in ("", ".yaml", ".yml", *TABLES):
         raise InputError(
             f"{options.scenario}: expected a .yaml, .csv, .mat or .parquet file, or a shipped name"
         )
@@ -97,7 +94,7 @@ def _motion(options: argparse.Namespace) -> tuple[str, Robot, Array, Array, Stor
         check_head(robot)
     if file.suffix in TABLES:
         return file.stem, robot, *_angles(file, robot), Story()
-    motion = load_plan(file, robot, period=PERIOD, torque_margin=1.0).motion
+    motion = load_plan(file, robot, period=INTERPOLATION_PERIOD, torque_margin=1.0).motion
     return file.stem, robot, motion.time, motion.q, story_of(file, robot, motion)
 
 

@@ -111,6 +111,7 @@ def test_a_payload_is_excited_gently(arm, tmp_path, capsys):
         ("--margin 0.2", "joint 1 needs more torque than it may take even at rest"),
         ("--noise 0", "--noise: 0, expected a number > 0 and <= 1"),
         ("--duration nan", "--duration: nan, expected a number >= 1"),
+        ("--duration 12.3456", "--duration: 12.3456 s is not a whole multiple of the period 0.005"),
         ("--out x.csv", "x.csv: unknown kind of file, expected .yaml"),
     ],
 )
