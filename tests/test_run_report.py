@@ -147,8 +147,10 @@ def test_plots_of_the_page_are_zoomed_and_read_off(open_page, good, desk, given)
 
 def test_a_report_of_what_cannot_be_linearised_and_has_no_pilot(good, desk, given):
     shutil.copy(Path(__file__).with_name("own_controllers.py"), desk.parent / "given" / "own.py")
-    controller = "{kind: proportional, file: own.py, omega_r: 66}"
-    text = f"robot: arm.sdf\nmotion: arm.yaml\nplant: {{kind: coupled}}\ncontroller: {controller}\n"
+    heavier = "{inertia_scale: 1.1}"
+    controller = f"{{kind: proportional, file: own.py, omega_r: 66, model: {heavier}}}"
+    plant = f"{{kind: coupled, deviation: {heavier}}}"
+    text = f"robot: arm.sdf\nmotion: arm.yaml\nplant: {plant}\ncontroller: {controller}\n"
     good("simulate", given("own.yaml", text), "--joint", "2", "--out", "new/own.md")
     written = (desk / "new" / "own.md").read_text(encoding="utf-8")
     assert "There is no linear analysis: controller.kind proportional" in written
@@ -156,4 +158,5 @@ def test_a_report_of_what_cannot_be_linearised_and_has_no_pilot(good, desk, give
     shown = re.findall(r"\]\((own_\w+\.(?:png|html))\)", written)
     assert shown == ["own_joint_2.png", "own_torque.png", "own_3d.html"]
     assert {path.name for path in (desk / "new").iterdir()} == {"own.md", *shown}
+    assert re.search("its model of the robot.*exact", written)  # as wrong as what moves
     assert written.startswith("# own: proportional on the coupled plant\n")

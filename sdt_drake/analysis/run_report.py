@@ -150,7 +150,7 @@ def _judged(response: FrequencyResponse, names: Sequence[str]) -> str:
 def _setup(design: Design) -> list[doc.Block]:
     scenario, motion, choice = design.scenario, design.wanted, design.scenario.controller
     learned = "" if design.motion is motion else "; its flights have taught the reference"
-    exact = "exact" if design.model is design.robot else "differs from the plant"
+    exact = "exact" if design.model.sdf == design.robot.sdf else "differs from the plant"
     duration = f"{motion.duration:g} s at {motion.period:g} s{learned}"
     rows = [
         ("robot", f"{design.robot.name}, {design.robot.n} joints (`{Path(scenario.robot).name}`)"),

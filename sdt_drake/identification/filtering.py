@@ -77,7 +77,8 @@ def stretches(recorded: Recorded) -> tuple[list[Stretch], list[str]]:
     usual = float(np.median(steps))
     gaps = np.flatnonzero(steps > _GAP * usual)
     if len(gaps):
-        longest = f"the longest {steps[gaps].max():.3g} s at {time[gaps[0]]:.3g} s"
+        i = gaps[steps[gaps].argmax()]
+        longest = f"the longest {steps[i]:.3g} s at {time[i]:.3g} s"
         notes.append(f"{len(gaps)} gap(s) in time, {longest}: taken apart there")
     within = np.delete(steps, gaps)
     jitter = float(np.abs(within - usual).max()) / usual

@@ -26,8 +26,8 @@ class Term:
     """A part of the friction of a joint, times a parameter.
 
     Attributes:
-        kind: viscous [N m s/rad], and as forces [N m] coulomb, offset, forwards (beside coulomb,
-            at v > 0 alone), stribeck, sigmoid; viscous_forwards likewise.
+        kind: viscous [N m s/rad], viscous forwards (at v > 0 alone), and as forces [N m] coulomb,
+            offset, stribeck, sigmoid.
         width: speed of a Stribeck peak, or of a sigmoid [rad/s].
         middle: speed at which a sigmoid is zero [rad/s].
     """
@@ -49,8 +49,7 @@ class Term:
         sign = np.tanh(v / slowest)
         if self.kind == "coulomb":
             return sign
-        forwards = self.kind.endswith("forwards")
-        return np.asarray(np.maximum(v, 0.0) if forwards else v)
+        return np.asarray(np.maximum(v, 0.0) if self.kind == "viscous forwards" else v)
 
 
 @dataclass(frozen=True)

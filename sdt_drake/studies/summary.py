@@ -1,6 +1,6 @@
 """What thousands of runs say together: counts, percentiles, worst runs, and what matters.
 
-Everything takes a StudyTable; for each controller on its own, `StudyTable.split` it first. In a
+Everything takes a StudyTable; for each controller on its own, take its `groups` first. In a
 study with paired draws (the same variants for each controller) the results of the parts can then
 be compared line by line.
 """

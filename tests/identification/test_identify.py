@@ -352,6 +352,11 @@ def test_uneven_time_and_gaps(robot, true):
     )
     parts, notes = stretches(holes)
     assert len(parts) == 2 and "1 gap(s) in time" in notes[0] and "uneven time" in notes[1]
+    two = (np.arange(2000) < 300) | ((np.arange(2000) > 310) & (np.arange(2000) < 1000))
+    two |= np.arange(2000) > 1200
+    cut = {k: x[:2000][two] for k, x in recorded.signals.items()}
+    _, notes = stretches(Recorded(recorded.path, recorded.time[:2000][two], cut))
+    assert notes[0].startswith("2 gap(s) in time, the longest 2.02 s at 9.99 s")
     _, q, v, vd = motion(robot)
     for part in parts:
         one = smooth(part, 4.0)
