@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -12,14 +11,12 @@ import numpy as np
 
 import sdt_drake
 from sdt_drake.arrays import Array
-from sdt_drake.control import SpeedGains, feedforward_torque, natural_frequency, tune
+from sdt_drake.control import SpeedGains, natural_frequency
 from sdt_drake.deviation import deviated
 from sdt_drake.device import (
     Drive,
     FrictionParameters,
     Springs,
-    friction_parameters,
-    sliding_friction,
 )
 from sdt_drake.dynamics import (
     InertiaRange,
@@ -37,14 +34,12 @@ from sdt_drake.plant import check_poles, plant_along
 from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import Scenario
 from sdt_drake.shown import Shown, Summary, of_joints
+from sdt_drake.tuning import Law, fed, feedforward_of, gains_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from sdt_drake.analysis.linear import LinearModel
-
-Law = Callable[[Sequence[Array], Array, Array], Array]
-"""Torque of the motors, motor side [N m], from torque groups of a model, v_ref and vd_ref."""
 
 _BITS = 31  # of a period: 2^22 multiples of it are exact, and it is off by 5e-10 of itself at most
 
@@ -259,7 +254,7 @@ def _resolved(
     nominal, robot, model = robots
     with within(_name(scenario)):
         taught = _learned(scenario, nominal, wanted, learned)
-        motion, known = (wanted, known) if taught is None else (taught.motion, {})
+        motion, known = taught.motion, known if taught.motion is wanted else {}
         _check_reference(scenario, motion)
 
         def torques_of(robot: Robot) -> TorqueGroups:
@@ -274,15 +269,13 @@ def _resolved(
         )
         i_eff_modelled = effective_inertia(model, modelled.d_kk)
         largest = i_eff_modelled.max(axis=0)
-        gains = _gains(scenario, largest, nominal)
+        gains = gains_of(scenario, largest, nominal)
         slowest = i_eff if scenario.plant.kind == "axis" else inertia.minimum
         check_poles(scenario, robot, gains, slowest, springs)
-
-    feedforward = _feedforward(scenario, model)
-    learned_torque = None if taught is None else taught.torque
-    tau_ff = None if feedforward is None else _fed(feedforward, modelled, motion)
-    if learned_torque is not None:
-        tau_ff = learned_torque + (0.0 if tau_ff is None else tau_ff)
+    feedforward = feedforward_of(scenario, model)
+    tau_ff = None if feedforward is None else fed(feedforward, modelled, motion)
+    if taught.torque is not None:
+        tau_ff = taught.torque + (0.0 if tau_ff is None else tau_ff)
     omega_n, k_v = natural_frequency(gains, largest), scenario.controller.position_gain
     steady = Motion(motion.period, motion.q[:1], motion.v[:1], np.zeros_like(motion.v[:1]))
     return Design(
@@ -305,10 +298,10 @@ def _resolved(
         inertia_share=i_eff_modelled / largest,
         position_gain=omega_n / 4 if k_v is None else np.array(k_v),
         feedforward=feedforward,
-        learned_torque=learned_torque,
+        learned_torque=taught.torque,
         tau_ff=tau_ff,
         steady_load=_loads(scenario, robot, _along(loaded, steady)).load_torque[0],
-        steady_ff=0 if feedforward is None else _fed(feedforward, _along(model, steady), steady)[0],
+        steady_ff=0 if feedforward is None else fed(feedforward, _along(model, steady), steady)[0],
     )
 
 
@@ -369,17 +362,18 @@ def plan_of(scenario: Scenario, robot: Robot) -> Plan:
 
 def _learned(
     scenario: Scenario, robot: Robot, wanted: Motion, given: LearnedReference | None
-) -> LearnedReference | None:
-    """What flights have taught: as given, or else of the scenario's file."""
+) -> LearnedReference:
+    """What flights have taught: as given, or else of the scenario's file, if any."""
     margin = scenario.torque_margin
     if given is not None:
         given.check(wanted, robot, torque_margin=margin)
     elif scenario.learned:
         with within("learned"):
             given = load_learned(scenario.learned, wanted, robot, torque_margin=margin)
-    if given is not None and given.torque is not None and scenario.inverse_dynamics != "table":
+    taught = given or LearnedReference(wanted)
+    if taught.torque is not None and scenario.inverse_dynamics != "table":
         raise InputError("inverse_dynamics: online, but a learned torque needs table")
-    return given
+    return taught
 
 
 def _check_reference(scenario: Scenario, motion: Motion) -> None:
@@ -396,47 +390,9 @@ def _check_reference(scenario: Scenario, motion: Motion) -> None:
         )
 
 
-# --- model -----------------------------------------------------------------------------------
-
-
 def _along(robot: Robot, motion: Motion) -> TorqueGroups:
     return torque_groups(robot, motion.q, motion.v, motion.vd)
 
 
 def _loads(scenario: Scenario, robot: Robot, torques: TorqueGroups) -> Loads:
     return decouple(torques.inertial, torques.coupled, robot.gear_ratio, scenario.algorithm)
-
-
-# --- gains and feedforward -------------------------------------------------------------------
-
-
-def _gains(scenario: Scenario, i_eff_max: Array, robot: Robot) -> SpeedGains:
-    controller = scenario.controller
-    if controller.kp is not None and controller.ki is not None:
-        return SpeedGains(kp=np.array(controller.kp), ki=np.array(controller.ki))
-    zeta = 1.0 if controller.zeta is None else controller.zeta
-    omega_r = (controller.omega_r or 0.0) * robot.frequency_factor
-    return tune(i_eff_max, omega_r, zeta, controller.omega_ratio)
-
-
-def _feedforward(scenario: Scenario, model: Robot) -> Law | None:
-    """gain feedforward_torque + friction(v_ref) / r, motor side [N m]; None for neither."""
-    choice, friction = scenario.controller, scenario.plant.friction
-    kind = choice.feedforward_in_use
-    if kind == "none" and not choice.friction_compensation:
-        return None
-    gain = 1.0 if choice.feedforward_gain is None else np.array(choice.feedforward_gain)
-    parameters = friction_parameters(friction, model.n)
-
-    def law(groups: Sequence[Array], v: Array, vd: Array) -> Array:
-        tau_ff = gain * feedforward_torque(kind, model, groups, vd, scenario.algorithm)
-        if choice.friction_compensation:
-            tau_ff = tau_ff + sliding_friction(parameters, v) / model.gear_ratio
-        return tau_ff
-
-    return law
-
-
-def _fed(law: Law, torques: TorqueGroups, motion: Motion) -> Array:
-    groups = (torques.inertial, torques.reaction, torques.velocity, torques.gravity)
-    return law(groups, motion.v, motion.vd)

@@ -23,6 +23,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
 from sdt_drake.arrays import Array
@@ -126,25 +127,14 @@ def nearest_consistent(
     for link in every:
         if link not in links:
             fixed[10 * link.body : 10 * link.body + 10] += parameters_of(link.pseudo)
-    maps, unknowns = [], []
-    for link in links:
-        Z = program.NewSymmetricContinuousVariables(4)
-        program.AddMaximizeLogDeterminantCost(Z)
-        program.AddLinearCost(Z[0, 0] + Z[1, 1] + Z[2, 2] + Z[3, 3])
-        maps.append(effect_of(robot, link, _root(link.pseudo)))
-        unknowns.append(np.array([Z[i, j] for i, j in SYMMETRIC]))
-    scale = motor_scale(robot)
+    free_parts = [_add_link(program, robot, link) for link in links]
     is_free = np.isin(10 * robot.n + np.arange(robot.n), unknown.columns)
     fixed[10 * robot.n :] = np.where(is_free, 0.0, robot.reflected_inertia)
     if is_free.any():
-        motors = program.NewContinuousVariables(int(is_free.sum()))
-        program.AddBoundingBoxConstraint(_LEAST, np.inf, motors)
-        was = (robot.reflected_inertia / scale)[is_free]
-        program.AddQuadraticErrorCost(np.eye(len(was)), was, motors)
-        maps.append(np.vstack([np.zeros((10 * robot.n, robot.n)), np.diag(scale)])[:, is_free])
-        unknowns.append(motors)
-    if not maps:
+        free_parts.append(_add_motors(program, robot, is_free))
+    if not free_parts:
         return Consistent([], [], robot.reflected_inertia, beta)
+    unknowns, maps = zip(*free_parts, strict=True)
     A = np.hstack(maps)[unknown.columns]
     K = unknown.base.combination
     sure = spread * _whitening(covariance)
@@ -170,6 +160,28 @@ def nearest_consistent(
         for i, link in enumerate(links)
     ]
     return Consistent(links, pseudo, phi[10 * robot.n :], K @ phi[unknown.columns])
+
+
+def _add_link(program: MathematicalProgram, robot: Robot, link: Link) -> tuple[Array, Array]:
+    """Variables Z of a link, near 1, and what they do to all parameters."""
+    Z = program.NewSymmetricContinuousVariables(4)
+    program.AddMaximizeLogDeterminantCost(Z)
+    program.AddLinearCost(Z[0, 0] + Z[1, 1] + Z[2, 2] + Z[3, 3])
+    entries = np.array([Z[i, j] for i, j in SYMMETRIC])
+    return entries, effect_of(robot, link, _root(link.pseudo))
+
+
+def _add_motors(
+    program: MathematicalProgram, robot: Robot, is_free: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Variables of the free motors, near the file's, and what they do to all parameters."""
+    scale = motor_scale(robot)
+    motors = program.NewContinuousVariables(int(is_free.sum()))
+    program.AddBoundingBoxConstraint(_LEAST, np.inf, motors)
+    was = (robot.reflected_inertia / scale)[is_free]
+    program.AddQuadraticErrorCost(np.eye(len(was)), was, motors)
+    effect = np.vstack([np.zeros((10 * robot.n, robot.n)), np.diag(scale)])
+    return motors, effect[:, is_free]
 
 
 def effect_of(robot: Robot, link: Link, factor: Array) -> Array:
