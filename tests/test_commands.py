@@ -13,12 +13,10 @@ from command_line import (
     ENDS,
     FIGURE,
     JOINTS,
-    MODELS,
     OMEGA_R,
     REST,
     RUN,
     SCENARIO,
-    SDF,
     SHORT,
     SHORT_MOTION,
     columns_of,
@@ -28,7 +26,6 @@ from command_line import (
     tables,
 )
 
-from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import make_design
 from sdt_drake.graphviz import dot_text
 from sdt_drake.loops import make_loop
@@ -36,7 +33,6 @@ from sdt_drake.motion import Motion
 from sdt_drake.scenario import load_scenario
 from sdt_drake.tables import read_table
 
-FELT = ["felt [% of time]", "largest rotation", "rotation about", "largest force", "force along"]
 REAL = "package://sdt/scenarios/real_device.yaml"
 
 
@@ -354,53 +350,3 @@ def test_diagram_without_graphviz(call, good, desk, monkeypatch):
     refused(call("diagram", RUN, "--format", "svg"), "Graphviz", "install")
     assert list(desk.iterdir()) == []
     good("diagram", RUN)
-
-
-# --- compare --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("plant", ["axis", "coupled"])
-def test_compare_runs_all_that_the_plant_allows(good, desk, plant):
-    run = {"axis": AXIS, "coupled": RUN}[plant]
-    results, felt, systems = tables(good("compare", run).out)
-    allowed = {name for name, kind in CONTROLLERS.items() if plant in kind.plants}
-    labels = [row[0] for row in systems[1:]]
-    assert {label.partition("+")[0] for label in labels} == allowed
-    assert results[0][:2] == ["controller", "joint"] and len(results) == 1 + 4 * len(labels)
-    assert [row[0] for row in results[1::4]] == labels
-    assert systems[0] == ["controller", "blocks", "needs to know"]
-    assert felt[0] == ["controller", *FELT] and [row[0] for row in felt[1:]] == labels
-
-
-def test_compare_prints_what_it_writes(good, desk):
-    controllers = ("--controllers", "pi, p_pi+id")
-    out = good("compare", "../given/coupled.yaml", *controllers, "--out", "x/c.csv").out
-    header, *rows = read_csv(desk / "x" / "c.csv")
-    results, felt, _ = tables(out)
-    assert out.startswith("coupled: 2 controllers on the coupled plant\n")
-    assert out.endswith("x/c.csv written\n")
-    assert header[:2] == ["controller", "joint"] and header[2:9] == results[0][2:]
-    assert [row[0] for row in rows] == 4 * ["pi"] + 4 * ["p_pi+id"]
-    for row, shown in zip(rows, results[1:], strict=True):
-        assert shown[-8] == JOINTS[int(row[1]) - 1]
-        for value, cell in zip(row[2:9], shown[-7:], strict=True):
-            assert float(cell) == pytest.approx(float(value), abs=0.051) if value else cell == "–"
-    largest = {row[0]: float(row[2]) for row in rows if row[1] == "2"}
-    assert largest["pi"] > 0.1 > 0.01 > largest["p_pi+id"]
-    assert header[11:] == FELT and [row[0] for row in felt[1:]] == ["pi", "p_pi+id"]
-
-
-def test_compare_of_the_real_device_and_of_a_robot_without_a_head(good, desk, given):
-    """Friction, a sampled drive, encoders, an envelope, a wrong model: all at once."""
-    text = (MODELS / "scenarios" / "real_device.yaml").read_text(encoding="utf-8")
-    real = given("real.yaml", text.replace("package://sdt/motions/reference.yaml", "short.yaml"))
-    assert good("compare", real, "--controllers", "pi,p_pi+id").out.startswith(
-        "real_device: 2 controllers on the coupled plant"
-    )
-    headless = re.sub(r'<frame name="head".*?</frame>', "", SDF, flags=re.S)
-    assert headless != SDF
-    given("headless.sdf", headless)
-    run = given("headless.yaml", SCENARIO + "robot: headless.sdf\n")
-    done = good("compare", run, "--controllers", "pi", "--out", "c.csv")
-    assert len(tables(done.out)) == 2 and "felt" not in done.out
-    assert read_csv(desk / "c.csv")[0][-1] == "needs"

@@ -1,4 +1,4 @@
-"""What budget, bode and stability print and write of a loop: numbers, units, files."""
+"""What budget, bode, stability and compare print and write of loops: numbers, units, files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from command_line import (
     CONTROLLER,
     ENDS,
     JOINTS,
+    MODELS,
+    RUN,
     SCENARIO,
+    SDF,
     columns_of,
     numbers,
     read_csv,
@@ -25,6 +28,8 @@ from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import make_design
 from sdt_drake.scenario import load_scenario
 from sdt_drake.tables import read_table
+
+FELT = ["felt [% of time]", "largest rotation", "rotation about", "largest force", "force along"]
 
 # --- budget and bode ------------------------------------------------------------------------------
 
@@ -166,3 +171,53 @@ def test_stability_says_whose_loops_it_sweeps(good, desk, given, coarse):
         for part in parts:
             assert any(part in out for out in outs), kind
     assert len(outs) == len(said)
+
+
+# --- compare --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("plant", ["axis", "coupled"])
+def test_compare_runs_all_that_the_plant_allows(good, desk, plant):
+    run = {"axis": AXIS, "coupled": RUN}[plant]
+    results, felt, systems = tables(good("compare", run).out)
+    allowed = {name for name, kind in CONTROLLERS.items() if plant in kind.plants}
+    labels = [row[0] for row in systems[1:]]
+    assert {label.partition("+")[0] for label in labels} == allowed
+    assert results[0][:2] == ["controller", "joint"] and len(results) == 1 + 4 * len(labels)
+    assert [row[0] for row in results[1::4]] == labels
+    assert systems[0] == ["controller", "blocks", "needs to know"]
+    assert felt[0] == ["controller", *FELT] and [row[0] for row in felt[1:]] == labels
+
+
+def test_compare_prints_what_it_writes(good, desk):
+    controllers = ("--controllers", "pi, p_pi+id")
+    out = good("compare", "../given/coupled.yaml", *controllers, "--out", "x/c.csv").out
+    header, *rows = read_csv(desk / "x" / "c.csv")
+    results, felt, _ = tables(out)
+    assert out.startswith("coupled: 2 controllers on the coupled plant\n")
+    assert out.endswith("x/c.csv written\n")
+    assert header[:2] == ["controller", "joint"] and header[2:9] == results[0][2:]
+    assert [row[0] for row in rows] == 4 * ["pi"] + 4 * ["p_pi+id"]
+    for row, shown in zip(rows, results[1:], strict=True):
+        assert shown[-8] == JOINTS[int(row[1]) - 1]
+        for value, cell in zip(row[2:9], shown[-7:], strict=True):
+            assert float(cell) == pytest.approx(float(value), abs=0.051) if value else cell == "–"
+    largest = {row[0]: float(row[2]) for row in rows if row[1] == "2"}
+    assert largest["pi"] > 0.1 > 0.01 > largest["p_pi+id"]
+    assert header[11:] == FELT and [row[0] for row in felt[1:]] == ["pi", "p_pi+id"]
+
+
+def test_compare_of_the_real_device_and_of_a_robot_without_a_head(good, desk, given):
+    """Friction, a sampled drive, encoders, an envelope, a wrong model: all at once."""
+    text = (MODELS / "scenarios" / "real_device.yaml").read_text(encoding="utf-8")
+    real = given("real.yaml", text.replace("package://sdt/motions/reference.yaml", "short.yaml"))
+    assert good("compare", real, "--controllers", "pi,p_pi+id").out.startswith(
+        "real_device: 2 controllers on the coupled plant"
+    )
+    headless = re.sub(r'<frame name="head".*?</frame>', "", SDF, flags=re.S)
+    assert headless != SDF
+    given("headless.sdf", headless)
+    run = given("headless.yaml", SCENARIO + "robot: headless.sdf\n")
+    done = good("compare", run, "--controllers", "pi", "--out", "c.csv")
+    assert len(tables(done.out)) == 2 and "felt" not in done.out
+    assert read_csv(desk / "c.csv")[0][-1] == "needs"

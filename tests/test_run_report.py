@@ -75,6 +75,31 @@ def test_a_page_gets_every_sample_or_every_peak():
     assert marked.spans() == [(0, 0), (0.01, 0.02)]
 
 
+def read(plot):
+    """What the legend of a plot says at the cursor."""
+    cells = (plot.locator(f".u-series .u-{x}").all_inner_texts() for x in ("label", "value"))
+    return dict(zip(*cells, strict=True))
+
+
+def point(plot, share):
+    plot.scroll_into_view_if_needed()
+    box = plot.locator(".u-over").bounding_box()
+    plot.page.mouse.move(box["x"] + share * box["width"], box["y"] + box["height"] / 2)
+
+
+def shows(plot, time):
+    """Wait until this is the time at the cursor."""
+    near = "([cell, time]) => Math.abs(cell.innerText - time) < 0.011"
+    cell = plot.locator(".u-value").first.element_handle()
+    plot.page.wait_for_function(near, arg=[cell, time], timeout=WAIT)
+
+
+def fits(page):
+    """Wait until every plot fits into its place."""
+    fits = "x => x.offsetWidth <= x.parentElement.clientWidth"
+    page.wait_for_function(f"[...document.querySelectorAll('.uplot')].every({fits})")
+
+
 def test_plots_of_the_page_are_zoomed_and_read_off(open_page, good, desk, given):
     given("short.yaml", f"{SHORT}feels: a turn to the right\n")
     said = good("simulate", RUN, "--out", "report.html").out
@@ -87,27 +112,7 @@ def test_plots_of_the_page_are_zoomed_and_read_off(open_page, good, desk, given)
             for figure, panel in ((1, 1), (3, 4), (4, 1))
         )
 
-        def read(plot):
-            cells = (
-                plot.locator(f".u-series .u-{x}").all_inner_texts() for x in ("label", "value")
-            )
-            return dict(zip(*cells, strict=True))
-
-        def point(plot, share):
-            plot.scroll_into_view_if_needed()
-            box = plot.locator(".u-over").bounding_box()
-            page.mouse.move(box["x"] + share * box["width"], box["y"] + box["height"] / 2)
-
-        def shows(plot, time):  # at the cursor
-            near = "([cell, time]) => Math.abs(cell.innerText - time) < 0.011"
-            cell = plot.locator(".u-value").first.element_handle()
-            page.wait_for_function(near, arg=[cell, time], timeout=WAIT)
-
-        def fits():  # every plot into its place
-            fits = "x => x.offsetWidth <= x.parentElement.clientWidth"
-            page.wait_for_function(f"[...document.querySelectorAll('.uplot')].every({fits})")
-
-        fits()
+        fits(page)
         assert page.get_by_text("To be felt: a turn to the right").is_visible()
         point(speed, 0.5)
         shows(speed, 0.25)
@@ -140,7 +145,7 @@ def test_plots_of_the_page_are_zoomed_and_read_off(open_page, good, desk, given)
         near = np.abs(recording.v[:, 1] - at["motor speed [rad/s]"]) < 1e-4
         assert np.abs(recording.tau[near, 1] - at["motor torque"]).min() < 0.1
         page.set_viewport_size({"width": 400, "height": 800})
-        fits()
+        fits(page)
         assert page.evaluate("document.documentElement.scrollWidth") == 400
         assert (errors, requests) == ([], [])
 

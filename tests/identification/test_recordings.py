@@ -1,15 +1,21 @@
-"""Recordings in files of others, and what is said of bad ones."""
+"""Recordings in files of others, what is said of bad ones, and one of a real robot."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from dh import DATA, UR10, needs_data
 
 from sdt_drake.errors import InputError
 from sdt_drake.fields import check
-from sdt_drake.identification.recordings import Columns, load_columns, read_recording
+from sdt_drake.identification.filtering import stretches
+from sdt_drake.identification.model import identified_robot
+from sdt_drake.identification.procedure import identify
+from sdt_drake.identification.recordings import Columns, Recorded, load_columns, read_recording
+from sdt_drake.robot import load_robot
 
 N, DEG = 5, np.pi / 180
 
@@ -98,3 +104,24 @@ def test_bad_mappings_are_refused():
         check(Columns(time=""))
     with pytest.raises(InputError, match=r"direction: .*expected 1 and -1"):
         check(Columns(direction=[1.0, 0.5]))
+
+
+def test_the_longest_gap_is_told_with_its_place():
+    time = np.concatenate([np.arange(300), np.arange(310, 1000), np.arange(1200, 2000)]) / 100
+    still = np.zeros((len(time), 1))
+    parts, notes = stretches(Recorded(Path("r.csv"), time, {"q": still, "tau": still}))
+    assert len(parts) == 3
+    assert notes[0].startswith("2 gap(s) in time, the longest 2.01 s at 9.99 s")
+
+
+@needs_data
+def test_ur10(tmp_path):
+    robot = load_robot(UR10.write(tmp_path))
+    recorded = read_recording(DATA / "ur10/exciting.csv", robot)
+    found = identify(robot, [recorded], held_out=0.3, cutoff=8.0)
+    assert len(found.estimate.beta) == 40  # 58 with viscous and Coulomb friction and an offset
+    # Another calculation leaves 14.3 6.0 5.1 10.7 7.8 16.6 %, with Coulomb friction.
+    left = 100 * found.left(found.predicted, held_out=True)
+    assert np.all(left < [8, 7.5, 5.1, 10.7, 10, 16.6]), left
+    assert np.all(100 * found.left(found.equations.nominal, held_out=True) > 30)
+    assert load_robot(UR10.write(tmp_path)).n == identified_robot(found).n
