@@ -192,7 +192,7 @@ def open_meshcat(port: int | None = None) -> Meshcat:
     """A Meshcat server that only this machine reaches.
 
     Args:
-        port: 1024 to 65535; by default the first free one from 7000 to 7099.
+        port: 1024 to 65535; by default the first free one from 7000 on.
 
     Raises:
         InputError: if the port is in use.
@@ -200,7 +200,7 @@ def open_meshcat(port: int | None = None) -> Meshcat:
     try:
         return Meshcat(MeshcatParams(host="localhost", port=port, show_stats_plot=False))
     except RuntimeError:
-        used = f"{port} is in use" if port else "7000 to 7099 are all in use"
+        used = f"{port} is in use" if port else "none from 7000 on is free"
         raise InputError(f"port: {used}, choose another one") from None
 
 
@@ -221,7 +221,7 @@ def play(
         robot, time, q: as in `record_html`.
         rate: 1 for real time, 2 for twice as fast [-].
         pilot: with the camera at the head, looking forward.
-        port: of the server on this machine; by default the first free one from 7000 to 7099.
+        port: of the server on this machine; by default the first free one from 7000 on.
         once: return at the end of the motion.
         announce: called with the address of the page, before the motion starts.
 
