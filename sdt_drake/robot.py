@@ -114,13 +114,6 @@ class Robot(Shown):
         """A copy of the plant that a diagram can own."""
         return cast(MultibodyPlant, self.plant.Clone())
 
-    def make_open_plant(self) -> MultibodyPlant:
-        """A plant like `plant`, not finalized: bodies and joints can still be added."""
-        plant = _parse(self.path, self.sdf)
-        joints = [plant.GetJointByName(name) for name in self.joint_names]
-        _replace_actuators(plant, joints, _actuators(plant, joints, self.path))
-        return plant
-
 
 def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
     """Load and validate a serial robot.

@@ -198,20 +198,6 @@ def test_any_chain_loads_with_states_and_actuators_from_base_to_tip(write, n, ba
         assert plant.GetJointByName(name).get_angle(context) == 1
 
 
-def test_an_open_plant_is_the_same_and_can_be_added_to(write):
-    robot = load_robot(write(ARM))
-    plant = robot.make_open_plant()
-    assert not plant.is_finalized()
-    plant.Finalize()
-    q = np.array([0.3, -1.1])
-    M = []
-    for one in (plant, robot.plant):
-        context = one.CreateDefaultContext()
-        one.SetPositions(context, q)
-        M.append(one.CalcMassMatrix(context))
-    np.testing.assert_array_equal(*M)
-
-
 def test_values_of_an_sdf_reach_the_robot(write):
     limit = "<effort>40</effort><drake:acceleration>2.5</drake:acceleration>"
     path = write(ARM.replace("<effort>40</effort>", limit))
