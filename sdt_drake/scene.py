@@ -7,15 +7,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba
+from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba, SceneGraph
 from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, told_by
 from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.pilot import GRAVITY, HeadMotion, has_head, head_motion
 from sdt_drake.robot import Robot
-from sdt_drake.systems import RobotDrawing
+from sdt_drake.systems.robot_drawing import add_robot_drawing
 
 FRAME_RATE = 30.0
 """Pictures per second of motion [1/s]; the browser interpolates between them."""
@@ -135,9 +137,11 @@ class Scene:
         self.meshcat, self.frames = meshcat, frames
         meshcat.Delete()
         try:  # what is wrong with shapes shows here: `load_robot` reads none
-            self._robot = RobotDrawing(robot=robot, meshcat=meshcat)
-            self._context = self._robot.CreateDefaultContext()
-            low, high = _extent(robot, self._robot, frames.q)
+            builder = DiagramBuilder()
+            plant, scene_graph = add_robot_drawing(builder, robot=robot, meshcat=meshcat)
+            self._drawing = builder.Build()
+            self._context = self._drawing.CreateDefaultContext()
+            low, high = _extent(robot, plant, scene_graph, frames.q)
         except InputError:
             raise
         except (Exception, SystemExit) as error:  # the latter is how Drake refuses a radius
@@ -160,8 +164,8 @@ class Scene:
         at = frames.time[k] if record else None
         self._context.SetTime(frames.time[k])
         state = np.concatenate([frames.q[k], np.zeros_like(frames.q[k])])
-        self._robot.get_input_port().FixValue(self._context, state)
-        self._robot.ForcedPublish(self._context)
+        self._drawing.get_input_port().FixValue(self._context, state)
+        self._drawing.ForcedPublish(self._context)
         if head is None:
             return
         pose = RigidTransform(RotationMatrix(head.rotation[k]), head.position[k])
@@ -197,9 +201,11 @@ def arrow_pose(position: Array, specific_force: Array) -> tuple[RigidTransform, 
     return RigidTransform(rotation, position), METRES_PER_G * size / GRAVITY
 
 
-def _extent(robot: Robot, drawing: RobotDrawing, q: Array) -> tuple[Array, Array]:
+def _extent(
+    robot: Robot, plant: MultibodyPlant, scene_graph: SceneGraph, q: Array
+) -> tuple[Array, Array]:
     """Lowest and highest x, y, z that the visuals reach, in some 60 of the pictures [m]."""
-    inspector, plant = drawing.scene_graph.model_inspector(), drawing.plant
+    inspector = scene_graph.model_inspector()
     corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1)
     boxes = []
     for geometry in inspector.GetAllGeometryIds():

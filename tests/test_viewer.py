@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import os
 import re
 import struct
 from types import SimpleNamespace
@@ -177,6 +179,17 @@ def test_pilots_view_rides_along(open_page, robot, tmp_path):
         eye = Scene(robot, frames, open_meshcat()).eye  # from where all is seen
         np.testing.assert_allclose(place_of(page, camera), eye, atol=1e-3)
         assert errors == []
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self/task"), reason="needs /proc")
+def test_a_page_leaves_no_server(robot, tmp_path):
+    def threads():
+        gc.collect()
+        return len(os.listdir("/proc/self/task"))
+
+    before = threads()
+    record_html(robot, TIME, smooth(robot)[0], tmp_path / "a.html")
+    assert threads() <= before
 
 
 def test_robot_without_a_head_and_without_visuals(open_page, tmp_path):

@@ -43,29 +43,40 @@ class RobotDrawing(Diagram):
     def __init__(self, *, robot: Robot, meshcat: Meshcat, period: float = 1 / 32) -> None:
         super().__init__()
         builder = DiagramBuilder()
-        self.scene_graph = SceneGraph()
-        builder.AddNamedSystem("scene_graph", self.scene_graph)
-        self.plant = MultibodyPlant(0.0)
-        source = self.plant.RegisterAsSourceForSceneGraph(self.scene_graph)
-        parser = Parser(self.plant)
-        parser.package_map().AddPackageXml(models_dir() / "package.xml")
-        parser.AddModels(robot.path)
-        for index in robot.plant.GetJointIndices():
-            joint = robot.plant.get_joint(index)
-            if not self.plant.HasJointNamed(joint.name()):  # the root link of a URDF
-                base = self.plant.GetFrameByName(joint.child_body().name())
-                self.plant.WeldFrames(self.plant.world_frame(), base)
-        _draw_skeleton(robot, self.plant, self.scene_graph)
-        self.plant.Finalize()
-        poses = builder.AddNamedSystem(
-            "poses", MultibodyPositionToGeometryPose(self.plant, input_multibody_state=True)
+        self.plant, self.scene_graph = add_robot_drawing(
+            builder, robot=robot, meshcat=meshcat, period=period
         )
-        builder.Connect(poses.get_output_port(), self.scene_graph.get_source_pose_port(source))
-        builder.ExportInput(poses.get_input_port(), "state")
-        parameters = MeshcatVisualizerParams()
-        parameters.prefix, parameters.publish_period = "/robot", period
-        MeshcatVisualizer.AddToBuilder(builder, self.scene_graph, meshcat, parameters)
         builder.BuildInto(self)
+
+
+def add_robot_drawing(
+    builder: DiagramBuilder, *, robot: Robot, meshcat: Meshcat, period: float = 1 / 32
+) -> tuple[MultibodyPlant, SceneGraph]:
+    """Add what a `RobotDrawing` is made of: for who draws in many a Meshcat, since pydrake frees no
+    diagram of a Python class, nor the server that it draws in."""
+    scene_graph = SceneGraph()
+    builder.AddNamedSystem("scene_graph", scene_graph)
+    plant = MultibodyPlant(0.0)
+    source = plant.RegisterAsSourceForSceneGraph(scene_graph)
+    parser = Parser(plant)
+    parser.package_map().AddPackageXml(models_dir() / "package.xml")
+    parser.AddModels(robot.path)
+    for index in robot.plant.GetJointIndices():
+        joint = robot.plant.get_joint(index)
+        if not plant.HasJointNamed(joint.name()):  # the root link of a URDF
+            base = plant.GetFrameByName(joint.child_body().name())
+            plant.WeldFrames(plant.world_frame(), base)
+    _draw_skeleton(robot, plant, scene_graph)
+    plant.Finalize()
+    poses = builder.AddNamedSystem(
+        "poses", MultibodyPositionToGeometryPose(plant, input_multibody_state=True)
+    )
+    builder.Connect(poses.get_output_port(), scene_graph.get_source_pose_port(source))
+    builder.ExportInput(poses.get_input_port(), "state")
+    parameters = MeshcatVisualizerParams()
+    parameters.prefix, parameters.publish_period = "/robot", period
+    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
+    return plant, scene_graph
 
 
 def _draw_skeleton(robot: Robot, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
