@@ -68,7 +68,11 @@ class HeadMotion:
 
 
 def has_head(robot: Robot) -> bool:
-    """Whether the file says where the pilot's head is."""
+    """Whether the file says where the pilot's head is: then what is felt can be told of every run.
+
+    Of one on the axis plant, too. Its joints move each on its own, but over the same time, and the
+    head is where they put it together: what is felt there is as true as the joints' errors are.
+    """
     return robot.plant.HasFrameNamed(HEAD_FRAME)
 
 

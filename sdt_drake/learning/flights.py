@@ -58,7 +58,7 @@ def fly(design: Design, number: int) -> Flight:
     """Run a design along its motion."""
     recording, wanted = simulate(design), design.wanted.q
     error = wanted - recording.q
-    is_device = has_head(design.robot) and design.scenario.plant.kind == "coupled"
+    felt = track_head(recording, design.robot).felt.share if has_head(design.robot) else np.nan
     return Flight(
         number=number,
         learned=LearnedReference(design.motion, design.learned_torque),
@@ -66,7 +66,7 @@ def fly(design: Design, number: int) -> Flight:
         seen=error if recording.q_measured is None else wanted - recording.q_measured,
         largest=np.abs(error).max(axis=0),
         rms=np.sqrt(np.mean(error**2, axis=0)),
-        felt=track_head(recording, design.robot).felt.share if is_device else float("nan"),
+        felt=felt,
         peak=motor_use(recording, design.robot).peak_share,
         saturated=recording.saturated[1:].mean(axis=0),
     )

@@ -44,9 +44,7 @@ def outcomes_of(
         design, recording, commanded, pause: as of `motor_loads`.
     """
     run = Compared(design.scenario.controller.label, design, recording)
-    felt = np.nan  # the axis plant is no device that one could sit in
-    if has_head(design.robot) and design.scenario.plant.kind == "coupled":
-        felt = run.head.felt.share
+    felt = run.head.felt.share if has_head(design.robot) else np.nan
     own = (*np.concatenate([run.metrics[name] for name in TRACKING]).tolist(), felt)
     if has_motor_loads(base) and has_motor_loads(design.scenario):
         own += motor_loads(design, recording, commanded, pause)

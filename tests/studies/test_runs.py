@@ -8,9 +8,11 @@ import math
 import numpy as np
 import pytest
 
+from sdt_drake.analysis.comparison import run_of
 from sdt_drake.analysis.tracking import motor_use, track
 from sdt_drake.design import make_design
 from sdt_drake.errors import InputError
+from sdt_drake.learning.flights import fly
 from sdt_drake.motors import DeviceChoice
 from sdt_drake.resources import models_dir
 from sdt_drake.scenario import Scenario, load_scenario
@@ -66,6 +68,17 @@ def test_outcomes_are_those_of_a_run(base, robot):
         assert row.status == "ok" and row.reason == "" and row.duration > 0
         assert outcomes["rms_speed_error_2"] > 1e-3
         assert outcomes["peak_torque_share_2"] > outcomes["rms_torque_share_2"] > 0
+
+
+@pytest.mark.parametrize("plant", ["axis", "coupled"])
+def test_what_is_felt_is_told_alike_of_a_run_a_flight_and_a_row(files, plant):
+    base = load_scenario(files / f"{plant}.yaml", {"accuracy": 1e-3})  # that of studies
+    design = make_design(base)
+    felt = run_of("pi", design).head.felt.share
+    [row] = run(base, of("controller", Choice(["pi"])))
+    assert (
+        0 < felt == fly(design, 1).felt == row.outcomes[outcome_names(base, 4).index("felt_share")]
+    )
 
 
 def test_every_row_has_its_own_device_and_plan(files):
