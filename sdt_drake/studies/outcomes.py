@@ -12,6 +12,7 @@ from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.tracking import motor_use
 from sdt_drake.arrays import Array
 from sdt_drake.design import Design
+from sdt_drake.errors import InputError
 from sdt_drake.motion import margins
 from sdt_drake.motors import Motor, motors_in_use
 from sdt_drake.pilot import has_head
@@ -26,6 +27,10 @@ TRACKING = (
 
 LOADS = ("used_torque_share", "rated_torque_share", "winding_temperature", "torque_at_speed_share")
 """Of `motor_loads`, one for each joint."""
+
+
+class InfeasibleError(InputError):
+    """The device cannot do the motion."""
 
 
 def outcome_names(base: Scenario, n: int) -> tuple[str, ...]:
@@ -91,19 +96,27 @@ def motor_loads(
 
     Raises:
         InputError: for a device with a motor of no catalogue.
+        InfeasibleError: if a motor is to drive at a speed at which it has no torque left.
     """
     robot, motion = design.robot, design.motion
     motors = motors_in_use(design.scenario.device, robot.n)
     mean_square = recording.tau_rms[1:] ** 2
     rated = _each(motors, "rated_torque")
     limits = margins(robot, motion, n1=_each(motors, "n1"), n0=_each(motors, "n0"))
+    at_speed = limits.share["torque at speed"]
+    if np.isinf(at_speed).any():
+        i, k = np.argwhere(np.isinf(at_speed))[0]
+        raise InfeasibleError(
+            f"{robot.joint(k)} at {motion.time[i]:.3f} s: is to drive at {motion.v[i, k]:.4g} "
+            f"rad/s, joint side, where {motors[k].id} has no torque left"
+        )
     by_joint = (
         motor_use(recording, robot).peak_share,
         np.sqrt(mean_square.mean(axis=0) * motion.duration / (motion.duration + pause)) / rated,
         winding_temperature(
             mean_square / rated**2, _each(motors, "thermal_time_constant"), motion.period, pause
         ),
-        limits.share["torque at speed"].max(axis=0),
+        at_speed.max(axis=0),
     )
     return (*np.concatenate(by_joint).tolist(), motion.duration / commanded - 1)
 

@@ -21,7 +21,7 @@ from sdt_drake.scenario import Scenario
 from sdt_drake.simulate import Recording, simulate
 from sdt_drake.studies.fields import field_names, find_field
 from sdt_drake.studies.journal import Row
-from sdt_drake.studies.outcomes import outcomes_of
+from sdt_drake.studies.outcomes import InfeasibleError, outcomes_of
 from sdt_drake.studies.study import Study
 
 _CACHED = 16  # planned motions, with their robots, that a process keeps
@@ -127,10 +127,6 @@ class Runner:
             reason = reason.replace(place, name)
         reason = reason.replace(f"{models_dir()}/", PACKAGE_PREFIX)
         return Row(number, status, reason, duration, ())
-
-
-class InfeasibleError(InputError):
-    """The device cannot do the motion."""
 
 
 def _plan(scenario: Scenario) -> _Planned | InfeasibleError:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from small_studies import MOTION
 
 from sdt_drake.design import make_design
 from sdt_drake.errors import InputError
-from sdt_drake.motors import DeviceChoice
+from sdt_drake.motors import DeviceChoice, motors_in_use
 from sdt_drake.scenario import Scenario, load_scenario
 from sdt_drake.simulate import simulate
 from sdt_drake.studies.outcomes import (
+    InfeasibleError,
     has_motor_loads,
     motor_load_names,
     motor_loads,
@@ -92,6 +95,18 @@ def test_a_weak_motor_stretches_the_motion(run):
     own, _, loads, _ = run("[0.05, 1.5], [0.1, 0], [0.5, 0]", "", "TM-1430", "", "")
     assert loads["stretch"] == pytest.approx(own.motion.duration / 0.5 - 1) and loads["stretch"] > 0
     assert 0.9 < loads["used_torque_share_2"] <= 1
+
+
+def test_a_motor_that_would_drive_beyond_its_speed_makes_a_run_infeasible(run, monkeypatch):
+    """At n0 and beyond nothing is left of its torque; that says nothing of the run's numbers."""
+    own, recording, *_ = run("[0.25, 1], [0.5, 1]")
+    slow = {"n1_rpm": 0.5 * 30 / np.pi, "n0_rpm": 0.8 * 30 / np.pi}
+    motors = [*motors_in_use(own.scenario.device, 4)]
+    motors[1] = dataclasses.replace(motors[1], **slow)
+    monkeypatch.setattr("sdt_drake.studies.outcomes.motors_in_use", lambda *_: motors)
+    said = r"joint 2 'roll' at 0\.200 s: is to drive at 0\.8 rad/s, joint side, where TM-3950 has"
+    with pytest.raises(InfeasibleError, match=said):
+        motor_loads(own, recording, 0.5)
 
 
 def test_motors_of_no_catalogue_are_refused(run):
