@@ -157,12 +157,15 @@ def recommend(verdicts: Sequence[Verdict], controller: str) -> Verdict | None:
 def nearest(verdicts: Sequence[Verdict], controller: str) -> Verdict:
     """The candidate that misses the fewest requirements; of several the lightest.
 
-    One of those that are judged, if there are any.
+    One of those that are judged, and of these one that can do all motions, if there are any: of
+    what cannot do a motion, most requirements were never asked.
     """
-    own = (v for v in verdicts if v.controller == controller)
-    return min(
-        own, key=lambda v: (not v.judged, len(v.missed), v.mass, v.candidate.structure_scale)
-    )
+
+    def distance(v: Verdict) -> tuple[float, ...]:
+        cannot = math.isnan(v.error)
+        return not v.judged, cannot, len(v.missed), v.mass, v.candidate.structure_scale
+
+    return min((v for v in verdicts if v.controller == controller), key=distance)
 
 
 def lightest_motor(
@@ -185,7 +188,7 @@ def _controller_lines(verdicts: Sequence[Verdict], controller: str) -> list[str]
     best = recommend(verdicts, controller)
     judged = [v.judged for v in verdicts if v.controller == controller]
     out = judged.count(False)
-    note = f"; {out} of {len(judged)} motor sets cannot be judged, their runs failed" if out else ""
+    note = f"; {out} of {len(judged)} candidates cannot be judged, their runs failed" if out else ""
     if best is None:
         near = nearest(verdicts, controller)
         said = (
@@ -213,19 +216,21 @@ def _margin_text(verdict: Verdict, joint: int) -> str:
 
 
 def _joint_line(sizing: Sizing, verdicts: Sequence[Verdict], joint: int) -> str:
-    """Which motor is enough, for which controllers."""
-    labels_of: dict[str, list[str]] = {}
-    for label in sizing.controllers:
-        id_ = lightest_motor(sizing, verdicts, label, joint)
-        if id_ is not None:
-            labels_of.setdefault(id_, []).append(label)
-    if not labels_of:
-        none = "no controller meets" if any(v.judged for v in verdicts) else "nothing is known of"
-        return f"joint {joint}: {none} the requirements"
+    """Which motor is enough, for which controllers, and whether in the lightest motor set."""
     mass = sizing.masses
-    *heavier, lightest = sorted(labels_of, key=lambda id_: -mass[id_])
-    parts = [f"with {listed(labels_of[id_])} it needs {id_}" for id_ in heavier]
-    parts.append(f"with {listed(labels_of[lightest])} {lightest} is enough")
+    labels_of: dict[tuple[float, str], list[str]] = {}
+    for label in sizing.controllers:
+        id_, best = lightest_motor(sizing, verdicts, label, joint), recommend(verdicts, label)
+        if id_ is not None and best is not None:
+            own = best.candidate.motors[joint - 1]
+            said = own if mass[id_] == mass[own] else f"{id_} (beside heavier ones elsewhere)"
+            labels_of.setdefault((-mass[id_], said), []).append(label)
+    if not labels_of:
+        known = "meets" if all(v.judged for v in verdicts) else "is known to meet"
+        return f"joint {joint}: no controller {known} the requirements"
+    *heavier, (last, labels) = sorted(labels_of.items())
+    parts = [f"with {listed(own)} it needs {said}" for (_, said), own in heavier]
+    parts.append(f"with {listed(labels)} {last[1]} is enough")
     return f"joint {joint}: {', '.join(parts)}"
 
 

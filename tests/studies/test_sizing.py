@@ -283,16 +283,40 @@ def test_failed_runs_are_no_verdict():
     assert failures(table) == "24 of 32 runs failed: no link 'payload' (row 1)"
     assert sizing_lines(SMALL, verdicts) == [
         "with pi no motor set meets the requirements; the nearest, AC-150, TM-2860 at structure "
-        "scale 0.8, misses 1; 4 of 8 motor sets cannot be judged, their runs failed",
+        "scale 0.8, misses 1; 4 of 8 candidates cannot be judged, their runs failed",
         "  largest speed error of joint 2 is 0.3 rad/s in leans, at most 0.2 allowed",
         "with pi_id no motor set can be judged",
         "  leans is failed: no link 'payload'",
         "  reference is failed: no link 'payload'",
-        "joint 1: no controller meets the requirements",
-        "joint 2: no controller meets the requirements",
+        "joint 1: no controller is known to meet the requirements",
+        "joint 2: no controller is known to meet the requirements",
     ]
-    nothing = [dataclasses.replace(verdict, judged=False) for verdict in verdicts]
-    assert sizing_lines(SMALL, nothing)[-1] == "joint 2: nothing is known of the requirements"
+
+
+def test_what_cannot_do_a_motion_is_not_the_nearest():
+    """Of its requirements but one was asked; what does all motions may miss two of them."""
+
+    def outcome(inputs):
+        weak = inputs["motor_1"] == "AC-150"
+        return "too weak" if weak else GOOD | {"winding_temperature_1": 1.1, "stretch": 0.1}
+
+    near = nearest(judge_candidates(SMALL, sized(SMALL, outcome)), "pi")
+    assert near.candidate == Candidate(("AC-203", "TM-2860"), 0.8) and len(near.missed) == 2
+
+
+def test_a_motor_that_is_enough_beside_heavier_ones_only_is_told_so():
+    """Either light motor needs the heavy one of the other joint: both are not enough."""
+
+    def outcome(inputs):
+        light = (inputs["motor_1"], inputs["motor_2"]) == ("AC-150", "TM-2860")
+        return GOOD | {"winding_temperature_1": 1.2 if light else 0.9}
+
+    lines = sizing_lines(SMALL, judge_candidates(SMALL, sized(SMALL, outcome)))
+    assert lines[0].startswith("with pi: AC-203, TM-2860 at structure scale 0.8, 200 kg")
+    assert lines[-2:] == [
+        "joint 1: with pi and pi_id AC-150 (beside heavier ones elsewhere) is enough",
+        "joint 2: with pi and pi_id TM-2860 is enough",
+    ]
 
 
 def test_what_has_not_been_run_is_not_recommended():
