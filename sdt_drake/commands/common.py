@@ -8,7 +8,7 @@ import os
 import re
 import sys
 import textwrap
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -198,14 +198,24 @@ def design_of(options: argparse.Namespace, check: Callable[[Robot], None] | None
 
 def naming_changes(options: argparse.Namespace) -> AbstractContextManager[None]:
     """Errors within name the --set that they are about, or else all."""
-    names = [name for name, _ in options.changes]
-    own = re.compile(rf"(?:^|: )((?:{'|'.join(map(re.escape, names))})(?=[:.[]).*)", re.DOTALL)
+    names = {name: f"--set {name}" for name, _ in options.changes}
+    return naming_fields(names, f" (with --set {', '.join(names)})" if names else "")
+
+
+def naming_fields(names: Mapping[str, str], otherwise: str = "") -> AbstractContextManager[None]:
+    """Errors within about a field name the option that gave it; all others end with `otherwise`.
+
+    Args:
+        names: options by dotted names of fields.
+        otherwise: see above.
+    """
+    own = re.compile(rf"(?:^|: )({'|'.join(map(re.escape, names)) or '$.'})(?=[:.[]| gives )")
 
     def named(line: str) -> str:
         found = own.search(line)
-        return f"--set {found[1]}" if found else f"{line} (with --set {', '.join(names)})"
+        return f"{names[found[1]]}{line[found.end() :]}" if found else line + otherwise
 
-    return rewording(named if names else str)
+    return rewording(named)
 
 
 def naming_robot(option: str) -> AbstractContextManager[None]:

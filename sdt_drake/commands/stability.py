@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 import sdt_drake as sdt
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
-from sdt_drake.errors import InputError, checked_number, rewording
+from sdt_drake.errors import InputError, checked_number
 from sdt_drake.progress import as_part, part
 from sdt_drake.tables import RESULTS, Results
 
@@ -25,6 +24,11 @@ EXAMPLE = "sdt-drake stability coupled_pi --out stability.png"
 
 
 SHOWN = (0.1, 0.25, 0.5, 0.75, 1.0, 1.5)
+_OPTIONS = {
+    "plant.elasticity.natural_frequency": "--omega-r",
+    "plant.elasticity.damping_ratio": "--damping",
+}
+"""What gives the fields of the springs here."""
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -57,7 +61,7 @@ def run(options: argparse.Namespace) -> None:
     if scenario.drive != IDEAL:
         drives["the scenario's drive"] = scenario.drive
     swept = as_part(stability_sweep, 1 / len(ENCODERS) / len(drives))
-    with rewording(_as_option), part():
+    with common.naming_fields(_OPTIONS), part():
         sweeps = {
             encoder: {
                 label: swept(design, omega_r, encoder=encoder, drive=drive, damping_ratio=damping)
@@ -83,13 +87,6 @@ def run(options: argparse.Namespace) -> None:
         lambda: sdt.plots.stability(title, sweeps, design.robot.joint_names),
         Results(about, _columns(sweeps)).write,
     )
-
-
-def _as_option(line: str) -> str:
-    """What a line about a scenario is here, where fields of its springs are options."""
-    line = re.sub(r"^scenario '.*?': ", "", line)
-    line = line.replace("plant.elasticity.natural_frequency", "--omega-r")
-    return line.replace("plant.elasticity.damping_ratio", "--damping")
 
 
 def _columns(sweeps: Mapping[str, Mapping[str, StabilitySweep]]) -> dict[str, NDArray[Any]]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from sdt_drake import paper
 from sdt_drake.arrays import Array
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
-from sdt_drake.errors import InputError, rewording
+from sdt_drake.errors import InputError
 from sdt_drake.tables import RESULTS, Results
 
 if TYPE_CHECKING:
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
 EXAMPLE = "sdt-drake tune coupled_pi --zeta 0.95 0.98 0.99 0.95"
 
 
+_OPTIONS = {"omega_r": "--omega-r", "zeta": "--zeta"}  # of the controller
 _PUBLISHED = "published for the shipped device"
 _BEYOND = 0.01  # of 0.5 omega_r; nobody knows omega_r better
 
@@ -53,9 +53,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.dynamics import effective_inertia
 
     is_scenario = common.is_scenario(options.scenario)
-    given = [x for x in _OPTIONS if not is_scenario or getattr(options, x) is not None]
-    with rewording(lambda line: _as_option(line, given)):
-        design = _of_scenario(options) if is_scenario else _of_motion(options)
+    design = _of_scenario(options) if is_scenario else _of_motion(options)
     numbers = tuning(design)
     _print_gains(design, numbers)
     for line in _notes(options, design, is_scenario):
@@ -80,9 +78,10 @@ def _of_scenario(options: argparse.Namespace) -> Design:
     for name in ("robot", "period"):
         if getattr(options, name) is not None:
             raise InputError(f"--{name}: the scenario has it, expected --set {name}=...")
-    given = {f"controller.{name}": getattr(options, name) for name in ("omega_r", "zeta")}
-    options.changes += [(name, value) for name, value in given.items() if value is not None]
-    return common.design_of(options)
+    given = [name for name in _OPTIONS if getattr(options, name) is not None]
+    options.changes += [(f"controller.{name}", getattr(options, name)) for name in given]
+    with common.naming_fields({f"--set controller.{name}": _OPTIONS[name] for name in given}):
+        return common.design_of(options)
 
 
 def _of_motion(options: argparse.Namespace) -> Design:
@@ -107,7 +106,11 @@ def _of_motion(options: argparse.Namespace) -> Design:
         period=options.period or INTERPOLATION_PERIOD,
         controller=ControllerChoice(omega_r=omega_r, zeta=zeta),
     )
-    with common.naming_robot("--robot"):
+    names = {f"controller.{name}": option for name, option in _OPTIONS.items()}
+    with (
+        common.naming_robot("--robot"),
+        common.naming_fields(names | _OPTIONS | {"period": "--period"}),
+    ):
         return sdt.design(scenario)
 
 
@@ -115,17 +118,6 @@ def _is_shipped(robot: str) -> bool:
     from sdt_drake.resources import find_file
 
     return find_file(robot, "robot").resolve() == find_file(common.ROBOT, "robot").resolve()
-
-
-_OPTIONS = ("zeta", "omega_r", "period")
-
-
-def _as_option(line: str, given: Sequence[str]) -> str:
-    """What a line about a scenario is here, where these fields were given as options."""
-    match = re.match(r"(?:scenario: |--set )?(?:controller\.)?(\w+)", line)
-    if match is None or match[1] not in given:
-        return line
-    return f"--{match[1].replace('_', '-')}{line[match.end() :]}"
 
 
 def _notes(options: argparse.Namespace, design: Design, is_scenario: bool) -> Iterator[str]:
