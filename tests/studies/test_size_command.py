@@ -72,7 +72,7 @@ def test_from_a_file_to_a_recommendation(size, desk):
     lines = (folder / "sizing.txt").read_text().splitlines()
     number = json.loads(first)["row"]
     assert lines[0] == f"1 of 4 runs failed: no link 'payload' (row {number})"
-    assert "1 of 2 motor sets cannot be judged, their runs failed" in "\n".join(lines)
+    assert "1 of 2 candidates cannot be judged, their runs failed" in "\n".join(lines)
 
 
 def test_bad_sizing(size, desk):
