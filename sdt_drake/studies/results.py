@@ -97,6 +97,7 @@ def read_study_table(folder: Path) -> StudyTable:
         inputs={v.name: arrays[v.name] for v in study.variables},
         outcomes={name: arrays[name] for name in outcomes},
         choices=_choices(study),
+        per_draw=study.per_draw,
         **{name: arrays[name] for name in COLUMNS},
     )
 

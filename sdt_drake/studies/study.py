@@ -203,7 +203,12 @@ class Study:
     @property
     def _count(self) -> int:
         """Of the runs; Python refuses a `len` of more than 63 bits."""
-        return self.draws * math.prod(one.size for one in self._not_random)
+        return self.draws * self.per_draw
+
+    @property
+    def per_draw(self) -> int:
+        """Runs of each draw: every combination of the levels."""
+        return math.prod(one.size for one in self._not_random)
 
     @property
     def _not_random(self) -> list[Grid | List | Choice]:
@@ -232,7 +237,7 @@ class Study:
 
     def inputs(self, row: int) -> dict[str, Value]:
         """Value of each variable in a run, numbered from 0: level by level, then draw by draw."""
-        draw, combination = divmod(row, len(self) // self.draws)
+        draw, combination = divmod(row, self.per_draw)
         indices = np.unravel_index(combination, [len(values) for values in self._levels])
         chosen = (values[i] for values, i in zip(self._levels, indices, strict=True))
         return {

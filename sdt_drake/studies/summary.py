@@ -178,13 +178,13 @@ def sensitivity(table: StudyTable, outcome: str) -> dict[str, Share]:
     """
     runs = table.select(usable(table, outcome))
     y = runs.outcome(outcome)
-    shares = {name: explained_share(runs.inputs[name], y) for name in varied(runs)}
+    shares = {name: explained_share(runs.inputs[name], y, runs.draw) for name in varied(runs)}
     if len(shares) == 1 and _varies(y):
         return dict.fromkeys(shares, Share(1.0, 0.0))
     return dict(sorted(shares.items(), key=lambda item: -np.nan_to_num(item[1].value, nan=-np.inf)))
 
 
-def explained_share(x: NDArray[Any], y: Array) -> Share:
+def explained_share(x: NDArray[Any], y: Array, draw: NDArray[np.int64] | None = None) -> Share:
     """First-order sensitivity index: Var(E(y | x)) / Var(y), as the correlation ratio.
 
     The runs are put into groups of equal x: by level for texts and for numbers of few values, in
@@ -194,39 +194,54 @@ def explained_share(x: NDArray[Any], y: Array) -> Share:
 
         (SS_between - (groups - 1) MS_within) / SS_total
 
-    Its standard error is that of the jackknife, with twenty blocks of runs left out in turn
+    Runs of one draw, each with other levels of the other inputs, are one sample of an input that is
+    drawn, not several: MS_within is that of the means of the draws. With runs instead, each draw
+    would make its own values of all inputs look as if they mattered.
+
+    Its standard error is that of the jackknife, with twenty blocks of draws left out in turn
     (Miller, Biometrika 61, 1974, p. 1).
 
     Args:
         x: the input, numbers or texts, shape (N,); runs without a finite number are left out.
         y: the outcome, finite, shape (N,).
+        draw: number of the draw of each run, shape (N,); of an x that differs within draws, and by
+            default, each run is one.
 
     Returns:
-        At most 1; NaN for fewer than 10 runs, where y does not vary, or each run has its own group.
+        At most 1; NaN for fewer than 10 draws, where y does not vary, or each draw has its own
+        group.
     """
     if not is_text(x):
         finite = np.isfinite(x)
-        x, y = x[finite], y[finite]
-    group, count = _groups(x)
-    if len(y) < _FEWEST_RUNS or count == len(y) or not _varies(y):
+        x, y, draw = x[finite], y[finite], None if draw is None else draw[finite]
+    _, first, own = np.unique(np.arange(len(y)) if draw is None else draw, True, True)
+    if np.any(x != x[first][own]):
+        first = own = np.arange(len(y))
+    group, count = _groups(x[first])
+    if len(first) < _FEWEST_RUNS or count == len(first) or not _varies(y):
         return Share(np.nan, np.nan)
-    # Sums of each group, a row, over all runs but those of a block, a column; of none in the first.
-    block = 1 + np.random.default_rng(0).permutation(len(y)) % _BLOCKS
+    # Sums of each group, a row, over all draws but those of a block, a column; but none at first.
+    block = 1 + np.random.default_rng(0).permutation(len(first)) % _BLOCKS
     y, size = y - y.mean(), (count, 1 + _BLOCKS)
+    runs, sums, squares = (np.bincount(own, of) for of in (y**0, y, y**2))
     cell = np.ravel_multi_index((group, block), size)
-    parts = (np.bincount(cell, of, math.prod(size)).reshape(size) for of in (y**0, y, y**2))
+    parts = [
+        np.bincount(cell, of, math.prod(size)).reshape(size)
+        for of in (runs**0, runs, sums, squares, sums**2 / runs)
+    ]
     whole, *others = _ratio(*(part.sum(axis=1, keepdims=True) - part for part in parts)).tolist()
     return Share(whole, math.sqrt((_BLOCKS - 1) * np.var(others)))
 
 
-def _ratio(runs: Array, sums: Array, squares: Array) -> Array:
-    """Epsilon squared, of each column of numbers, sums and sums of squares of the groups."""
-    n, groups = runs.sum(axis=0), (runs > 0).sum(axis=0)
-    total = squares.sum(axis=0) - sums.sum(axis=0) ** 2 / n
+def _ratio(draws: Array, runs: Array, sums: Array, squares: Array, of_means: Array) -> Array:
+    """Epsilon squared, of each column of numbers of draws and of runs, sums and sums of squares of
+    runs, and those with the mean of its draw for each run, of the groups."""
+    n, groups = draws.sum(axis=0), (draws > 0).sum(axis=0)
     means = np.divide(sums, runs, out=np.zeros_like(sums), where=runs > 0)
-    within = squares.sum(axis=0) - (sums * means).sum(axis=0)
+    of_groups, of_all = (sums * means).sum(axis=0), sums.sum(axis=0) ** 2 / runs.sum(axis=0)
+    within, total = of_means.sum(axis=0) - of_groups, squares.sum(axis=0) - of_all
     with np.errstate(divide="ignore", invalid="ignore"):
-        return 1 - within / total * (n - 1) / (n - groups)
+        return (of_groups - of_all - (groups - 1) * within / (n - groups)) / total
 
 
 def _varies(y: Array) -> bool:

@@ -40,6 +40,7 @@ class StudyTable:
         duration: of the computation [s], shape (N,).
         choices: names of the inputs that a designer chooses; the others are what designs have to
             stand. None if these are drawn at random: then designs have met different things.
+        per_draw: runs of each draw of the random inputs, one after the other by `row`.
     """
 
     name: str
@@ -50,6 +51,7 @@ class StudyTable:
     reason: NDArray[Any]
     duration: Array
     choices: tuple[str, ...] | None = None
+    per_draw: int = 1
 
     def __len__(self) -> int:
         return len(self.row)
@@ -58,6 +60,11 @@ class StudyTable:
     def ok(self) -> NDArray[np.bool_]:
         """Which runs are ok, shape (N,)."""
         return self.status == "ok"
+
+    @property
+    def draw(self) -> NDArray[np.int64]:
+        """Number of the draw of each run, shape (N,)."""
+        return self.row // self.per_draw
 
     @property
     def families(self) -> list[str]:

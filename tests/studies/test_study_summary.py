@@ -127,6 +127,24 @@ def test_texts_explain_the_variance_between_their_levels(generator):
     assert explained_share(x == "high", y) == explained_share(x, y)
 
 
+@pytest.mark.parametrize(("draws", "levels"), [(20, 20), (100, 4)])
+def test_runs_of_one_draw_are_one_sample_of_what_is_drawn(generator, draws, levels):
+    """y = x + g, with z drawn beside x, and each draw run at every level of g: z explains nothing,
+    and neither takes the variance of g for its own."""
+    g = np.tile(np.arange(levels) / levels, draws)
+    exact = 1 / 12 / (1 / 12 + np.var(g))
+    found = []
+    for _ in range(100):
+        x, z = generator.uniform(size=(2, draws)).repeat(levels, axis=1)
+        table = dataclasses.replace(small_table(x + g, x=x, z=z, g=g), per_draw=levels)
+        found.append([sensitivity(table, "y")[name] for name in "xzg"])
+    values, errors = np.moveaxis(np.array(found), -1, 0)
+    assert np.mean(values[:, 1]) == pytest.approx(0, abs=4 * np.std(values[:, 1]) / 10)
+    assert np.mean(values[:, 0]) == pytest.approx(exact, abs=0.08)  # what few bins lose
+    assert np.mean(values[:, 2]) == pytest.approx(1 - exact, abs=0.02)
+    assert np.all(0.7 * values.std(axis=0)[:2] < errors.mean(axis=0)[:2])
+
+
 def test_numbers_of_few_values_are_levels(generator):
     x = generator.integers(3, size=600).astype(float)
     assert explained_share(x, np.array([0, 5, 1])[x.astype(int)]) == pytest.approx((1, 0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -71,6 +72,15 @@ def test_an_outcome_that_is_not_known_is_shown_as_it_is():
     assert family_of("overshoot_3") == ("overshoot_3", None)
     assert metric_of("overshoot_3")[:3] == ("overshoot_3", "", 1)
     assert metric_of("overshoot_3").label == "overshoot_3"
+
+
+def test_runs_of_one_draw_have_its_random_inputs():
+    folder = Path(__file__).parents[2] / "diagrams" / "studies" / "monte_carlo"
+    table = results.read_study_table(folder)
+    assert list(table.groups["pi"].draw) == list(range(250))  # parts keep the numbers of rows
+    friction = table.inputs["friction"].reshape(250, 4)
+    assert np.all(friction == friction[:, :1]) and len(np.unique(friction)) == 250
+    assert np.all(table.draw.reshape(250, 4) == np.arange(250)[:, None])
 
 
 def test_what_a_designer_chooses():
