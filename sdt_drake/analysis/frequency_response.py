@@ -17,6 +17,8 @@ from sdt_drake.tables import Results
 
 Complex = NDArray[np.complex128]
 
+_AS_AT_REST = 0.1  # rad, and powers of omega; what a loop gain may still turn and change there
+
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
@@ -121,7 +123,7 @@ def frequency_response(
             stable[k] = is_stable(closed.modes(), design.omega_n[k])
             damping[k] = least_damping(closed, design.omega_n[k])
     size = np.abs(tracking)
-    factors = [_border_gains(gain[:, k]) for k in range(n)]
+    factors = [_border_gains(omega, gain[:, k]) for k in range(n)]
     return FrequencyResponse(
         omega=omega,
         tracking=tracking,
@@ -165,18 +167,21 @@ def _phase_margin(gain: Complex) -> float:
     return float(min(np.degrees(np.abs(np.angle(-crossing))), default=np.nan))
 
 
-def _border_gains(gain: Complex) -> Array:
+def _border_gains(omega: Array, gain: Complex) -> Array:
     """Factors that bring the loop gain to -1: one over its size where it is real and negative.
 
     Between points angle and logarithm of the size are straight; the Nyquist frequency of a sampled
-    loop, where its gain is real, is the last point.
+    loop, where its gain is real, is the last point. The first stands for a standstill, if the gain
+    is as good as constant there: against gravity that overturns a link, where less gain holds it no
+    longer.
     """
     angle, size = np.angle(-gain), np.log(np.abs(gain))
     i = np.flatnonzero((angle[:-1] * angle[1:] <= 0) & (np.abs(np.diff(angle)) < np.pi))
     share = angle[i] / (angle[i] - angle[i + 1] + 1e-300)
     crossed = size[i] + share * (size[i + 1] - size[i])
-    ends = size[-1:][np.abs(angle[-1:]) < 1e-6]
-    return np.exp(-np.append(crossed, ends))
+    slope = (size[1] - size[0]) / np.log(omega[1] / omega[0])
+    is_border = [np.hypot(angle[0], slope) < _AS_AT_REST, abs(angle[-1]) < 1e-6]
+    return np.exp(-np.append(crossed, size[[0, -1]][is_border]))
 
 
 def unwrapped_degrees(response: Complex, *, at_crossover: bool = False) -> Array:

@@ -237,6 +237,17 @@ def test_gain_margins_are_where_a_mode_comes_to_the_border(designed, fields, sho
         assert fastest_growth(loop, k, factor * (1 + outwards)) > 1e-4
 
 
+def test_less_gain_does_not_hold_what_gravity_overturns(designed):
+    """The border is at a standstill: no oscillation, which the angle of the gain would show."""
+    design, sample = designed("coupled_pi", kind("pi", omega_r=10.0)), 4000
+    factor = frequency_response(design, sample=sample).gain_reduction
+    loop = linearise(design, sample)
+    assert np.all(factor[[0, 3]] == 0) and 0.5 < factor[1] < 0.8
+    for k in (1, 2):
+        assert fastest_growth(loop, k, 1.02 * factor[k]) < 1e-9
+        assert fastest_growth(loop, k, 0.98 * factor[k]) > 1e-4
+
+
 def test_damping_and_no_gain_margin_of_the_analytic_loop(damped):
     """Of second order with the damping ratios it was tuned for; its phase never reaches -180."""
     for structure in STRUCTURES:
