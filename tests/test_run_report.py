@@ -9,7 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import RUN, SHORT
+from variants import kind
 
+from sdt_drake.analysis.frequency_response import frequency_response
+from sdt_drake.analysis.metrics import plain_number
 from sdt_drake.analysis.panels import MOST, Line, Panel
 from sdt_drake.analysis.run_report import run_report
 from sdt_drake.analysis.scope import torque_over_speed
@@ -41,10 +44,21 @@ def test_the_answer_comes_first_and_is_that_of_the_recording(run, tmp_path):
     assert f"up to {100 * shares.max():.1f} %" in answer
     for k in range(4):
         share = 100 * recording.saturated[1:, k].mean()
-        assert (f"joint {k + 1} for {share:.2g} % of the time" in answer) == (share > 0)
+        told = f"joint {k + 1} for {plain_number(share)} % of the time"
+        assert (told in answer) == (share > 0)
     assert "could be felt" in answer and "Loops:** all are stable" in answer
     (tmp_path / "again.yaml").write_text(re.search(r"```\n(.*?)```", text, re.DOTALL)[1])
     assert load_scenario(tmp_path / "again.yaml") == design.scenario
+
+
+def test_what_is_always_saturated_and_the_nearest_border_are_told(designed):
+    design = designed("coupled_pi", kind("p_pi"), end=0.2)
+    recording = simulate(design)
+    recording.saturated[:, 1], recording.saturated[:, 2] = 1, 2e-5
+    text = run_report(design, recording, Path("x.html"), range(4)).markdown()
+    assert "joint 2 for 100.00 % of the time, joint 3 for 0.002 % of the time." in text
+    fall = frequency_response(design).gain_margins_db[1]  # more gain does no harm
+    assert f"gain margin: joint {fall.argmax() + 1}, {fall.max():.1f} dB" in text and fall.max() < 0
 
 
 def test_torque_over_speed_lies_in_the_envelope_of_the_drive(run):

@@ -68,12 +68,17 @@ class FrequencyResponse:
         judged = {name: values for name, values in rows.items() if values.ndim == 1}
         return Results({"title": title, **judged}, columns)
 
+    @property
+    def gain_margins_db(self) -> Array:
+        """Gain margin and gain reduction [dB], shape (2, n); NaN where there is none."""
+        with np.errstate(divide="ignore"):
+            margins = 20 * np.log10([self.gain_margin, self.gain_reduction])
+        return np.where(np.isinf(margins), np.nan, margins)
+
     def columns(self) -> list[tuple[str, str, NDArray[Any]]]:
         """What it says of each joint, for tables: header, format, values; NaN where there is
         none."""
-        with np.errstate(divide="ignore"):
-            margins = 20 * np.log10([self.gain_margin, self.gain_reduction])
-        rise, fall = np.where(np.isinf(margins), np.nan, margins)
+        rise, fall = self.gain_margins_db
         return [
             ("bandwidth [rad/s]", ".2f", self.bandwidth),
             ("peak [dB]", ".2f", self.peak_db),

@@ -14,7 +14,7 @@ from pydrake.common.yaml import yaml_dump_typed
 from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.frequency_response import FrequencyResponse, frequency_response
-from sdt_drake.analysis.metrics import COMPARED, METRICS
+from sdt_drake.analysis.metrics import COMPARED, METRICS, plain_number
 from sdt_drake.analysis.panels import MOST, Line, Panel, Plots
 from sdt_drake.analysis.plots_pilot import head_panels
 from sdt_drake.analysis.scope import joint_columns, position_panels, torque_over_speed
@@ -107,7 +107,7 @@ def _answer(run: Compared, response: FrequencyResponse | InputError) -> list[str
 
     k, name = worst(run.motors.peak_share)
     at_limit = [
-        f"joint {i} for {100 * share:.2g} % of the time"
+        f"joint {i} for {plain_number(100 * share)} % of the time"
         for i, share in enumerate(tracking.saturated_fraction, 1)
         if share
     ]
@@ -137,10 +137,10 @@ def _judged(response: FrequencyResponse, names: Sequence[str]) -> str:
     if not np.isnan(response.phase_margin).all():
         k = int(np.nanargmin(response.phase_margin))
         text += f"; smallest phase margin: joint {k + 1}, {response.phase_margin[k]:.0f} deg"
-    k = int(response.gain_margin.argmin())
-    if np.isfinite(response.gain_margin[k]):
-        decibel = 20 * np.log10(response.gain_margin[k])
-        text += f"; smallest gain margin: joint {k + 1}, {decibel:.1f} dB"
+    decibel = response.gain_margins_db
+    if not np.isnan(decibel).all():
+        way, k = divmod(int(np.nanargmin(np.abs(decibel))), len(names))
+        text += f"; smallest gain margin: joint {k + 1}, {decibel[way, k]:.1f} dB"
     return text
 
 
