@@ -86,7 +86,9 @@ def test_bode_says_what_does_not_count_and_what_there_is_not(good, given):
     careful = given("careful.yaml", SCENARIO.replace("kind: pi,", "kind: pi, anti_windup: true,"))
     assert good("bode", careful, "--time", "1.25").out == plain.replace("axis:", "careful:", 1)
     rough = SCENARIO.replace("kind: axis", "kind: axis, friction: {viscous: [1, 1, 1, 1]}")
-    assert "note: of friction" in good("bode", given("rough.yaml", rough)).out
+    cascade = good("bode", given("rough.yaml", rough), "--set", "controller.kind=p_pi").out
+    assert "note: the samples of the position loop are taken" in cascade
+    assert "note: of friction" in cascade and "note: the samples" not in plain
     soft = "kind: axis, elasticity: {natural_frequency: [65.991, 0, 0, 0], encoder: link}"
     out = good("bode", given("soft.yaml", SCENARIO.replace("kind: axis", soft))).out
     assert columns_of(out)["stable"][0] == "no"

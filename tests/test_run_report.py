@@ -11,6 +11,7 @@ import pytest
 from command_line import RUN, SHORT
 from variants import kind
 
+from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.frequency_response import frequency_response
 from sdt_drake.analysis.metrics import plain_number
 from sdt_drake.analysis.panels import MOST, Line, Panel
@@ -59,6 +60,22 @@ def test_what_is_always_saturated_and_the_nearest_border_are_told(designed):
     assert "joint 2 for 100.00 % of the time, joint 3 for 0.002 % of the time." in text
     fall = frequency_response(design).gain_margins_db[1]  # more gain does no harm
     assert f"gain margin: joint {fall.argmax() + 1}, {fall.max():.1f} dB" in text and fall.max() < 0
+
+
+@pytest.mark.parametrize(
+    ("fields", "told"),
+    [
+        (kind("p_pi+id", feedforward_gain=[0.5, 1.0, 1.0, 1.0]), "id times [0.5, 1.0, 1.0, 1.0]; "),
+        (kind("pi"), ""),
+    ],
+)
+def test_all_that_is_fed_forward_is_told(designed, fields, told):
+    fields |= {"controller.friction_compensation": True, "plant.friction.coulomb": [9.0] * 4}
+    design = designed("coupled_pi", fields, end=0.1)
+    recording = simulate(design)
+    text = run_report(design, recording, Path("x.html"), range(4)).markdown()
+    assert f"| torque feedforward | {told}friction at the speed of the reference |" in text
+    assert Compared("", design, recording).needs[-1] == "joints' friction"
 
 
 def test_torque_over_speed_lies_in_the_envelope_of_the_drive(run):

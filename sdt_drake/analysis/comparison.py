@@ -90,7 +90,8 @@ class Compared:
     def needs(self) -> tuple[str, ...]:
         """What must be known to commission the controller."""
         choice = self.design.scenario.controller
-        return CONTROLLERS[choice.kind].needs_with(choice.feedforward_in_use)
+        needs = CONTROLLERS[choice.kind].needs_with(choice.feedforward_in_use)
+        return (*needs, "joints' friction") if choice.friction_compensation else needs
 
 
 class Comparison(list[Compared], Shown):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sdt_drake.analysis.linear import linearise
 from sdt_drake.analysis.stability import least_damping
 from sdt_drake.arrays import Array
+from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import Design
 from sdt_drake.dynamics import where_largest
 from sdt_drake.tables import Results
@@ -145,6 +146,19 @@ def frequency_response(
         stable=stable,
         sample=np.array(samples),
     )
+
+
+def left_out(design: Design, response: FrequencyResponse) -> list[str]:
+    """What the numbers of a design's loops do not tell, a clause each, for people."""
+    controller, friction = design.scenario.controller, design.scenario.plant.friction
+    clauses = {
+        "the samples of the position loop are taken for continuous": (
+            "position_gain" in CONTROLLERS[controller.kind].options
+        ),
+        "of friction, only the viscous part has a frequency response": not friction.is_none,
+        "the margins of an unstable loop say nothing": not response.stable.all(),
+    }
+    return [clause for clause, holds in clauses.items() if holds]
 
 
 def is_stable(modes: Complex, omega_n: float) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,11 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.comparison import Compared
-from sdt_drake.analysis.frequency_response import FrequencyResponse, frequency_response
+from sdt_drake.analysis.frequency_response import (
+    FrequencyResponse,
+    frequency_response,
+    left_out,
+)
 from sdt_drake.analysis.metrics import COMPARED, METRICS, plain_number
 from sdt_drake.analysis.panels import MOST, Line, Panel, Plots
 from sdt_drake.analysis.plots_pilot import head_panels
@@ -156,7 +160,7 @@ def _setup(design: Design) -> list[doc.Block]:
         ("robot", f"{design.robot.name}, {design.robot.n} joints (`{Path(scenario.robot).name}`)"),
         ("motion", f"`{Path(scenario.motion).name}`, {duration}"),
         ("controller", f"`{choice.label}`: {CONTROLLERS[choice.kind].in_words(design)}"),
-        ("torque feedforward", choice.feedforward_in_use),
+        ("torque feedforward", _fed(design)),
         ("its model of the robot", exact),
         ("plant", _plant(design)),
         ("drives", _drives(design)),
@@ -177,6 +181,19 @@ def _setup(design: Design) -> list[doc.Block]:
             design, columns, "Motor side: the largest inertia along the motion, and the gains"
         ),
     ]
+
+
+def _fed(design: Design) -> str:
+    choice = design.scenario.controller
+    gain = choice.feedforward_gain
+    parts = {
+        f"{choice.feedforward_in_use}{f' times {gain}' if gain else ''}": (
+            choice.feedforward_in_use != "none"
+        ),
+        "friction at the speed of the reference": choice.friction_compensation,
+        "what flights have taught": design.learned_torque is not None,
+    }
+    return _listed(parts, "none")
 
 
 def _plant(design: Design) -> str:
@@ -205,7 +222,12 @@ def _drives(design: Design) -> str:
         "torque that falls with speed": drive.n1 is not None,
         f"reference {1e3 * drive.reference_delay:g} ms late": drive.reference_delay > 0,
     }
-    return "; ".join(part for part, is_there in parts.items() if is_there) or "ideal"
+    return _listed(parts, "ideal")
+
+
+def _listed(parts: Mapping[str, bool], nothing: str) -> str:
+    """Those that are there."""
+    return "; ".join(part for part, is_there in parts.items() if is_there) or nothing
 
 
 def _by_joint(
@@ -237,14 +259,9 @@ def _loops(design: Design, response: FrequencyResponse | InputError) -> list[doc
     notes = [
         "Speed of the link over its reference, without feedforward; the loop cut at the motor, the "
         "others closed. Gain margins: how much more, or less, of its gain that joint could have; a "
-        "dash where no amount matters. Each joint where its inertia is largest, at rest."
+        "dash where no amount matters. Each joint where its inertia is largest, at rest.",
+        *(f"{clause.capitalize()}." for clause in left_out(design, response)),
     ]
-    if "position_gain" in CONTROLLERS[design.scenario.controller.kind].options:
-        notes.append("The samples of the position loop are taken for continuous.")
-    if not design.scenario.plant.friction.is_none:
-        notes.append("Of friction, only the viscous part has a frequency response.")
-    if not response.stable.all():
-        notes.append("The margins of an unstable loop say nothing.")
     return [_by_joint(design, response.columns()), doc.Text(" ".join(notes), "soft")]
 
 

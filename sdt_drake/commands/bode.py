@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import argparse
 
-import numpy as np
-
 import sdt_drake as sdt
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
@@ -28,7 +26,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.analysis.frequency_response import frequency_response
+    from sdt_drake.analysis.frequency_response import frequency_response, left_out
 
     design = common.design_of(options)
     sample = None
@@ -50,10 +48,8 @@ def run(options: argparse.Namespace) -> None:
         say(f"linear around the motion where each joint's inertia is largest, at {joints} s")
     else:
         say(f"linear around the motion at {times[0]:.3f} s")
-    if not scenario.plant.friction.is_none:
-        say("note: of friction, only the viscous part has a frequency response")
-    if np.any(~response.stable):
-        say("note: the margins of an unstable loop say nothing")
+    for clause in left_out(design, response):
+        say(f"note: {clause}")
     common.deliver(
         options,
         lambda: sdt.plots.bode(title, response, design.robot.joint_names),
