@@ -24,6 +24,7 @@ _ORDER = 4
 _GAP = 4.0  # of the usual step: nobody knows what happened in between
 _SHORTEST = 1.0  # s, of what is worth filtering
 _WORKING_RATE = 200.0  # Hz, of what is computed from positions; machines of this kind move slower
+_BEYOND = 2.0  # periods of the cut-off, of what a filter makes up beyond the ends
 _ABOVE = 4.0  # cut-off of positions over that of torques; see `Smooth`
 
 
@@ -132,13 +133,13 @@ def low_pass(x: Array, cutoff: float, period: float) -> Array:
     """x of shape (N, ...) below `cutoff` [Hz] without delay: half of an amplitude is left there.
 
     A Butterworth filter of fourth order, forwards and backwards. Where samples at `period` [s]
-    could hardly tell more than that, they stay.
+    could hardly tell more than that, they stay: a filter would only ring at their ends.
     """
-    if cutoff >= 0.45 / period:
+    if cutoff >= 0.35 / period:
         return x
     sos = butter(_ORDER, 2 * cutoff * period, output="sos")
     return np.asarray(
-        sosfiltfilt(sos, x, axis=0, padlen=min(len(x) - 1, int(2 / (cutoff * period))))
+        sosfiltfilt(sos, x, axis=0, padlen=min(len(x) - 1, int(_BEYOND / (cutoff * period))))
     )
 
 
@@ -165,7 +166,7 @@ def smooth(stretch: Stretch, cutoff: float) -> Smooth:
 
 def compared(count: int, cutoff: float, period: float) -> slice:
     """Which of `count` samples to compare below `cutoff` [Hz]: as few as tell it, without the ends,
-    which the filter knows less of."""
+    which the filter knows less of: as much as it has to make up beyond them."""
     every = max(1, int(1 / (4 * cutoff * period)))
-    end = int(0.5 / (cutoff * period))
+    end = int(_BEYOND / (cutoff * period))
     return slice(end, count - end, every)

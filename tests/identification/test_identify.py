@@ -140,6 +140,17 @@ def test_what_is_left_where_a_joint_rests_says_nothing_of_the_rest(robot, true):
     np.testing.assert_allclose(other.covariance, one.covariance, rtol=1e-6, atol=1e-12)
 
 
+def test_a_recording_that_begins_and_ends_in_motion_is_judged_by_the_motion(robot, true):
+    """Nobody knows how it went on beyond its ends: what filters make up there is not judged."""
+    parts = [(0, 12.0, stretches(recorded_of(true, noise=0.001))[0][0])]
+    for cutoff in (5.0, 10.0):
+        eq = equations(robot, Unknown.everything(robot), parts, cutoff, lambda _: (USUAL,))
+        found = estimate(eq, belief(robot, Unknown.everything(robot)), [USUAL] * robot.n)
+        off = np.abs(eq.tau - found.torque(eq))
+        ends = (eq.time < 1.0) | (eq.time > 19.0)
+        assert np.all(off[ends].max(axis=0) < 1.2 * off[~ends].max(axis=0))
+
+
 def test_a_stretch_may_be_of_three_rows(robot, true):
     (stretch,), _ = stretches(recorded_of(true))
     eq = equations(
