@@ -34,8 +34,8 @@ METRES_PER_G = 0.7
 ARROW, TRACE = (0.84, 0.15, 0.35), (0.0, 0.55, 0.45)
 """Colours of specific force and path of the head, RGB in 0..1."""
 
-FIELD_OF_VIEW = 40.0
-"""Of the camera that sees everything, from bottom to top [deg]."""
+FIELD_OF_VIEW, WIDTH = 40.0, 1.3
+"""Of the camera that sees everything: field from bottom to top [deg], least width over height."""
 
 PILOT_FIELD, PILOT_NEAR = 75.0, 0.3
 """Of the pilot's view: field [deg]; nothing nearer is drawn [m], as the pilot's own neck."""
@@ -43,7 +43,7 @@ PILOT_FIELD, PILOT_NEAR = 75.0, 0.3
 _SHAFT_RADIUS, _TIP_RADIUS, _FLOOR = 0.025, 0.07, 0.02  # m
 _TIP = 0.25  # share of the arrow's length
 _SKY, _HORIZON = [0.80, 0.87, 0.94], [0.97, 0.98, 0.99]  # RGB in 0..1
-_FROM = np.array([0.71, -0.57, 0.41])  # where the camera stands, of length 1
+_FROM = np.array([5.0, -4.0, 3.0]) / np.sqrt(50)  # from where a camera looks, of length 1
 _CAMERA = "/Cameras/default/rotated/<object>"
 _HEAD_PATH, _ARROW_PATH = "/head", "/arrow"
 
@@ -141,7 +141,7 @@ class Scene:
             plant, scene_graph = add_robot_drawing(builder, robot=robot, meshcat=meshcat)
             self._drawing = builder.Build()
             self._context = self._drawing.CreateDefaultContext()
-            low, high = _extent(robot, plant, scene_graph, frames.q)
+            reached = _reached(robot, plant, scene_graph, frames)
         except InputError:
             raise
         except (Exception, SystemExit) as error:  # the latter is how Drake refuses a radius
@@ -150,12 +150,12 @@ class Scene:
                 f"{robot.path}: a <visual> cannot be drawn ({reason}); a robot without any is "
                 "drawn as balls and rods"
             ) from None
+        low, high = reached.min(axis=1), reached.max(axis=1)
         _draw_surroundings(meshcat, low, high)
         if frames.head is not None:
             _draw_head(meshcat, frames.head.position)
         self.target = (low + high) / 2
-        reach = float(np.linalg.norm(high - low)) / 2
-        self.eye = self.target + 1.6 * reach * _FROM
+        self.eye = self.target + _distance(reached - self.target[:, None]) * _FROM
         self.show(0)
 
     def show(self, k: int, *, record: bool = False) -> None:
@@ -201,10 +201,9 @@ def arrow_pose(position: Array, specific_force: Array) -> tuple[RigidTransform, 
     return RigidTransform(rotation, position), METRES_PER_G * size / GRAVITY
 
 
-def _extent(
-    robot: Robot, plant: MultibodyPlant, scene_graph: SceneGraph, q: Array
-) -> tuple[Array, Array]:
-    """Lowest and highest x, y, z that the visuals reach, in some 60 of the pictures [m]."""
+def _reached(robot: Robot, plant: MultibodyPlant, scene_graph: SceneGraph, frames: Frames) -> Array:
+    """Corners of the visuals in some 60 of the pictures, and the head and the ends of its arrow in
+    all of them, in the world [m], shape (3, M)."""
     inspector = scene_graph.model_inspector()
     corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1)
     boxes = []
@@ -215,7 +214,10 @@ def _extent(
             body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
             boxes.append((body, pose.multiply(corners * box.half_width()[:, None])))
     own, points = plant.CreateDefaultContext(), []
-    for row in q[:: max(1, len(q) // 60)]:
+    if frames.head is not None:
+        arrows = METRES_PER_G / GRAVITY * frames.head.force_in_world
+        points += [frames.head.position.T, (frames.head.position + arrows).T]
+    for row in frames.q[:: max(1, len(frames.q) // 60)]:
         plant.SetPositions(own, row)
         points += [plant.EvalBodyPoseInWorld(own, body).multiply(local) for body, local in boxes]
     cloud = np.hstack(points)
@@ -224,7 +226,16 @@ def _extent(
             f"{robot.path}: reaches {np.abs(cloud).max():g} m from the world's origin, expected at "
             f"most {LARGEST:g} m to show"
         )
-    return cloud.min(axis=1), cloud.max(axis=1)
+    return cloud
+
+
+def _distance(points: Array) -> float:
+    """How far a camera that looks along -_FROM is from its target [m], so that it sees these points
+    around the target [m], shape (3, M)."""
+    right = np.array([-_FROM[1], _FROM[0], 0.0]) / np.hypot(_FROM[0], _FROM[1])
+    up = np.cross(_FROM, right)
+    beside = np.maximum(np.abs(right @ points) / WIDTH, np.abs(up @ points))
+    return float(np.max(_FROM @ points + beside / np.tan(np.radians(FIELD_OF_VIEW / 2))))
 
 
 def _draw_surroundings(meshcat: Meshcat, low: Array, high: Array) -> None:

@@ -14,8 +14,16 @@ from test_robot import ARM
 from test_urdf import URDF
 
 from sdt_drake.errors import InputError
-from sdt_drake.robot import load_robot
-from sdt_drake.scene import FRAME_RATE, METRES_PER_G, Scene, arrow_pose, make_frames
+from sdt_drake.robot import load_robot, parts_of
+from sdt_drake.scene import (
+    FIELD_OF_VIEW,
+    FRAME_RATE,
+    METRES_PER_G,
+    Scene,
+    arrow_pose,
+    make_frames,
+)
+from sdt_drake.systems.robot_drawing import add_robot_drawing
 from sdt_drake.viewer import open_meshcat, record_html
 
 TIME = np.arange(401) * 0.005  # 2 s
@@ -123,6 +131,37 @@ def test_a_shape_that_cannot_be_drawn_is_one_line(tmp_path, shape, message):
 
 def test_a_robot_with_nothing_but_a_plane_gets_a_skeleton(tmp_path):
     draw(with_shape(tmp_path, "<plane><normal>0 0 1</normal><size>1 1</size></plane>"))
+
+
+def test_the_last_link_of_a_skeleton_is_drawn(tmp_path):
+    """Else nothing would be seen of the last joint, and of a robot with a single one."""
+    (tmp_path / "arm.urdf").write_text(URDF, "utf-8")
+    robot = load_robot(tmp_path / "arm.urdf")
+    builder = DiagramBuilder()
+    plant, scene_graph = add_robot_drawing(builder, robot=robot, meshcat=open_meshcat())
+    inspector, body = scene_graph.model_inspector(), plant.GetBodyByName("lower")
+    rods = [g for g in plant.GetVisualGeometriesForBody(body) if "rod" in inspector.GetName(g)]
+    pose, length = inspector.GetPoseInFrame(rods[0]), inspector.GetShape(rods[0]).length()
+    np.testing.assert_allclose(pose @ [0, 0, length / 2], parts_of(body)[1], atol=1e-12)
+    np.testing.assert_allclose(pose @ [0, 0, -length / 2], np.zeros(3), atol=1e-12)
+
+
+@pytest.mark.parametrize("reach", [0.1, 3.0])
+def test_the_head_and_its_arrow_are_in_the_picture(tmp_path, reach):
+    frame = f'<frame name="head" link="lower" xyz="{reach} 0 0" rpy="0 0 0"/></robot>'
+    (tmp_path / "arm.urdf").write_text(URDF.replace("</robot>", frame), "utf-8")
+    robot = load_robot(tmp_path / "arm.urdf")
+    frames = make_frames(robot, TIME, smooth(robot)[0])
+    scene, head = Scene(robot, frames, open_meshcat()), frames.head
+    ends = [arrow_pose(*both) for both in zip(head.position, head.force_in_world, strict=True)]
+    seen = np.array([*head.position, *(pose @ [0, 0, length] for pose, length in ends)])
+    forward = (scene.target - scene.eye) / np.linalg.norm(scene.target - scene.eye)
+    right = np.cross(forward, [0, 0, 1])
+    right /= np.linalg.norm(right)
+    across, ahead = (seen - scene.eye) @ right, (seen - scene.eye) @ forward
+    above = (seen - scene.eye) @ np.cross(right, forward)
+    half = np.tan(np.radians(FIELD_OF_VIEW / 2)) * (1 + 1e-9)
+    assert np.all(np.abs(above) <= half * ahead) and np.all(np.abs(across) <= 1.3 * half * ahead)
 
 
 def test_a_urdf_is_drawn_with_its_root_fixed(tmp_path):

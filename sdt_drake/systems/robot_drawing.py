@@ -27,7 +27,8 @@ class RobotDrawing(Diagram):
     """Draws a robot where it is in Meshcat, below the path "/robot", every `period` [s].
 
     As its **file** draws it; changes in memory are not seen. A robot without a single visual gets
-    a ball at each joint and rods between them. It moves nothing.
+    a ball at each joint and rods between them, the last to the centre of mass of the last link. It
+    moves nothing.
 
     .. pydrake_system::
 
@@ -89,12 +90,13 @@ def _draw_skeleton(robot: Robot, plant: MultibodyPlant, scene_graph: SceneGraph)
     own = robot.plant.CreateDefaultContext()
     frames = [robot.plant.GetJointByName(name).frame_on_child() for name in robot.joint_names]
     ends = [b.CalcPose(own, a).translation() for a, b in pairwise(frames)]
+    ends.append(frames[-1].GetFixedPoseInBodyFrame().inverse() @ frames[-1].body().default_com())
     blue, grey = np.array([0.2, 0.3, 0.5, 1.0]), np.array([0.5, 0.5, 0.5, 1.0])
     for k, joint in enumerate(joints):
         body, pose = joint.child_body(), joint.frame_on_child().GetFixedPoseInBodyFrame()
         ball = Sphere(2 * _ROD_RADIUS)
         plant.RegisterVisualGeometry(body, pose, ball, f"joint_{k}", blue)
-        length = float(np.linalg.norm(ends[k])) if k < len(ends) else 0.0
+        length = float(np.linalg.norm(ends[k]))
         if length > 0:
             along = RigidTransform(RotationMatrix.MakeFromOneVector(ends[k], 2), ends[k] / 2)
             rod = Cylinder(_ROD_RADIUS, length)
