@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from sdt_drake.analysis.metrics import metric_of
 from sdt_drake.analysis.style import PALETTE, finish, grid, looks_of, plain_numbers, style
 from sdt_drake.arrays import Array
-from sdt_drake.studies.summary import Swing, sensitivity, tornado, values_of
+from sdt_drake.studies.summary import Swing, percentiles, sensitivity, tornado, values_of
 from sdt_drake.studies.table import StudyTable, is_text, levels_of
 
 WHOLE = "the whole device"
@@ -76,12 +76,10 @@ def distributions(title: str, table: StudyTable, families: Sequence[str]) -> Fig
 def _distribution(ax: Axes, parts: dict[str, StudyTable], name: str) -> None:
     at = np.linspace(0, 100, 401)  # enough to look smooth; thousands of points make large files
     for part, look in zip(parts.values(), looks_of(list(parts)), strict=True):
-        values = _shown(part, name)
-        if not len(values):
-            continue
-        ax.plot(np.percentile(values, at), at, look.dashes, color=look.colour)
+        factor = metric_of(name).factor
+        ax.plot(factor * percentiles(part, name, at), at, look.dashes, color=look.colour)
         for percent, marker in _MARKED:
-            value = np.percentile(values, percent)
+            (value,) = factor * percentiles(part, name, (percent,))
             ax.plot(value, percent, marker, color=look.colour, markersize=4, clip_on=False)
     ax.set(ylim=(0, 102), yticks=(0, 25, 50, 75, 95))
 

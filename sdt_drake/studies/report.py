@@ -33,7 +33,7 @@ COST, ERROR = "peak_torque_share", "max_abs_speed_error"
 """Of the Pareto front."""
 
 CAPTIONS = {
-    "distributions": "Share of the runs that stay below a value; marked: half of them, 95 % and "
+    "distributions": "Share of the runs that do not exceed a value; marked: half of them, 95 % and "
     "99 %.",
     "tornado": "Mean over the runs in which an input is in its lowest or in its highest fifth; of "
     "texts, the level with the lowest and the one with the highest mean.",
@@ -294,7 +294,8 @@ def finding(table: StudyTable, family: str) -> str:
         name, share = next(iter(shares.items()), ("", Share(0, 0)))
         if len(shares) > 1 and share.value > max(_NEAR_NOTHING, 2 * share.error):
             causes.setdefault(name, []).append(f"{_percent(share)} %{where}")
-    text = f"**{_capital(label)}:** 95 % of the runs stay below {listed(limits)}."
+    runs = "the runs" if usable(table, family).all() else "the runs that have a number"
+    text = f"**{_capital(label)}:** 95 % of {runs} stay at or below {listed(limits)}."
     if not causes:
         return text
     most = [f"`{name}` ({', '.join(shares)})" for name, shares in causes.items()]

@@ -105,21 +105,26 @@ def _common(texts: Sequence[Sequence[str]]) -> str:
 # --- distributions ---------------------------------------------------------------------------
 
 
-def percentiles(table: StudyTable, outcome: str, percents: Sequence[float] = PERCENTS) -> Array:
+def percentiles(
+    table: StudyTable, outcome: str, percents: Sequence[float] | Array = PERCENTS
+) -> Array:
     """Percentiles of an outcome over the runs that are ok and have it, in its unit.
+
+    Each is the least value of a run that so many of the runs do not exceed, however few they are:
+    between runs nothing is known, and of ten runs 95 % are below none but the largest.
 
     Args:
         table: of the study, or a part of it.
         outcome: its name, or that of a family: of each run's worst joint.
-        percents: between 0 and 100.
+        percents: between 0 and 100, shape (K,).
 
     Returns:
-        Shape (len(percents),); NaN without such runs.
+        Shape (K,); NaN without such runs.
     """
     values = values_of(table, outcome)
     if not len(values):
-        return np.full(len(percents), np.nan)
-    return np.percentile(values, percents)
+        return np.full(np.shape(percents), np.nan)
+    return np.percentile(values, percents, method="inverted_cdf")
 
 
 def usable(table: StudyTable, *outcomes: str) -> NDArray[np.bool_]:

@@ -9,6 +9,7 @@ import pytest
 from synthetic import make_table, small_table
 
 from sdt_drake.studies.summary import (
+    PERCENTS,
     count_statuses,
     explained_share,
     percentiles,
@@ -61,6 +62,13 @@ def test_percentiles_are_of_the_runs_that_are_ok():
     table = small_table(y, status=["ok"] * 101 + ["failed", "ok"])
     np.testing.assert_allclose(percentiles(table, "y"), [5, 25, 50, 75, 95, 99, 100])
     assert usable(table, "y").sum() == 101
+
+
+@pytest.mark.parametrize("count", [2, 8, 20, 30, 250])
+def test_so_many_runs_do_not_exceed_a_percentile(generator, count):
+    y = generator.normal(size=count) ** 3
+    for percent, value in zip(PERCENTS, percentiles(small_table(y), "y"), strict=True):
+        assert np.mean(y < value) < percent / 100 <= np.mean(y <= value)
 
 
 def test_percentiles_of_nothing():
