@@ -80,11 +80,9 @@ def retime(
     # The path knows neither viscous friction nor what sampling adds between the points of its grid.
     # So each pass allows it less, by what the pass before was over. If that leaves too little to
     # hold the links, the last timing is slowed down: beyond holding, all it needs gets less then.
-    left = _LONGEST * commanded.duration  # s of motion to try, in all passes
     s, slower = path.fastest(limits), 1.0
     for _ in range(_MOST_PASSES):
-        left -= s.end_time() / slower if s is not None else np.inf
-        if s is None or left < 0:
+        if s is None or s.end_time() / slower > _LONGEST * commanded.duration:
             break
         motion, path_speed = path.sampled(s, slower)
         excess = _excess(robot, motion, available)
@@ -132,7 +130,7 @@ class _Path:
         self._cell = np.diff(self._grid)
         q, self._dq, ddq = (self._q.derivative(k).vector_values(self._grid).T for k in range(3))
         # At rest it may start from s' = 0; a command that starts in motion keeps its speed.
-        self._ends = [float(v.any()) for v in (commanded.v[0], commanded.v[-1])]
+        self._ends = [float(_moves(v)) for v in (commanded.v[0], commanded.v[-1])]
         rest = np.zeros_like(q)
         gravity = inverse_dynamics(robot, q, rest, rest)
         inertia = inverse_dynamics(robot, q, rest, self._dq) - gravity
@@ -238,6 +236,11 @@ def _grid(commanded: Motion) -> Array:
     return np.concatenate([[0.0], inner, [end]])
 
 
+def _moves(v: Array) -> bool:
+    """Whether a joint is commanded to move with these speeds, round-off apart."""
+    return bool(np.any(np.abs(v) > SPEED_TOLERANCE))
+
+
 def _check_gravity(robot: Robot, commanded: Motion, available: Array) -> None:
     """Refuse a path that a motor cannot hold: the slowest motion needs that torque too."""
     rest = np.zeros_like(commanded.q)
@@ -259,13 +262,13 @@ def _refusal(robot: Robot, name: str, commanded: Motion, available: Array) -> In
         (commanded.v[-1], ends[-1], "end"),
     ):
         k = int(np.argmax(np.abs(torque) / available))
-        if v.any() and np.abs(torque[k]) > available[k]:
+        if _moves(v) and np.abs(torque[k]) > available[k]:
             return InputError(
                 f"motion '{name}' refused: its {when} is commanded in motion, there "
                 f"{robot.joint(k)} needs torque {torque[k]:.6g} N m, available "
                 f"±{available[k]:.6g} N m; a path can be slowed down from rest to rest"
             )
     return InputError(
-        f"motion '{name}' refused: no timing of its path keeps the limits and lasts at most "
-        f"{_LONGEST} times as long as commanded, {commanded.duration:g} s"
+        f"motion '{name}' refused: no timing of its path was found that keeps the limits and lasts "
+        f"at most {_LONGEST} times as long as commanded, {commanded.duration:g} s"
     )

@@ -25,7 +25,7 @@ from test_robot import ARM, chain_sdf
 
 from sdt_drake.dynamics import inverse_dynamics
 from sdt_drake.errors import InputError
-from sdt_drake.motion import Motion, commanded_motion, plan_motion, retime
+from sdt_drake.motion import Command, Motion, commanded_motion, plan_motion, retime
 from sdt_drake.motion.retiming import _Path
 
 
@@ -312,3 +312,14 @@ def test_what_would_last_a_hundred_times_as_long_is_refused(robot, course, margi
         InputError, match=r"'alone' refused: no timing .* at most 100 times as long"
     ):
         retime(robot, alone(course), torque_margin=margin)
+
+
+@pytest.mark.parametrize("end", [0.0, 1e-32])  # round-off of a sine
+def test_what_lasts_less_than_a_hundred_times_as_long_is_not(robot, end):
+    """However often its timing is corrected."""
+    v = np.zeros((201, 4))
+    v[:, 0] = 2 * np.sin(np.linspace(0, np.pi, 201)) ** 2
+    v[-1, 0] = end
+    smooth = Command.of_motion("smooth", Motion.from_speeds(0.005, np.zeros(4), v))
+    plan = retime(robot, smooth, torque_margin=3e-3)
+    assert 60 < plan.motion.duration < 100 and plan.peak_use(robot)[0] < 3.001e-3
