@@ -30,6 +30,8 @@ from sdt_drake.resources import find_file
 from sdt_drake.sdf import check_sdf, mass_and_inertia, parse_xml, read_robot_file
 from sdt_drake.shown import Shown, Summary, of_joints
 
+_NO_STOP = 1e16  # rad
+
 DEFAULT_ROBOT = "package://sdt/sdt.sdf"
 
 
@@ -184,11 +186,17 @@ def _checked_robot(file: Path, root: ET.Element) -> Robot:
         effort_limit=np.array(effort_limit),
         velocity_limit=np.array([j.velocity_upper_limits()[0] for j in joints]),
         acceleration_limit=np.array([j.acceleration_upper_limits()[0] for j in joints]),
-        position_lower=np.array([j.position_lower_limits()[0] for j in joints]),
-        position_upper=np.array([j.position_upper_limits()[0] for j in joints]),
+        position_lower=_stops([j.position_lower_limits()[0] for j in joints]),
+        position_upper=_stops([j.position_upper_limits()[0] for j in joints]),
         damping=np.array([j.default_damping_vector()[0] for j in joints]),
         sdf=text,
     )
+
+
+def _stops(limits: Sequence[float]) -> Array:
+    """Limits of positions [rad], ±inf for what is none: SDF files say ±1e16 there, by custom."""
+    stops = np.array(limits)
+    return np.where(np.abs(stops) < _NO_STOP, stops, np.copysign(np.inf, stops))
 
 
 # --- what the parsed plant tells -------------------------------------------------------------
