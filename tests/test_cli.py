@@ -133,6 +133,7 @@ def test_wrong_usage(refuse, line, word):
         (f"tune {SHORT_MOTION} --omega-r 0", ["--omega-r", "> 0"]),
         (f"tune {SHORT_MOTION} --zeta 1 1 0 1", ["--zeta", "> 0"]),
         ("step --inertia 0", ["--inertia", "> 0"]),
+        ("step --omega-r -1", ["--omega-r", "> 0"]),
         ("step --zeta 1e9", ["zeta", "0.01 to 100"]),
         ("step --structure pid", ["--structure", "pid", "p_in_feedback"]),
         (f"diagram {RUN} --format pdf", ["--format", "pdf", "svg"]),

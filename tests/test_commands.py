@@ -218,6 +218,14 @@ def test_step_of_both_structures(good, step):
     assert good("step").out.startswith(f"{first} (inertia and omega_r published for the shipped")
 
 
+def test_step_of_hardly_damped_and_of_stiff_loops(step):
+    swings = step("--zeta", "0.01")
+    assert swings["overshoot"] == pytest.approx(100 * np.exp(-np.pi * 0.01), rel=1e-4)
+    assert swings["peak time"] == pytest.approx(np.pi / (OMEGA_R / 2), rel=0.005)
+    stiff = step("--structure", "pi", "--zeta", "30")  # all but one pole, at 2 zeta omega_n
+    assert stiff["rise time"] == pytest.approx(np.log(9) / (30 * OMEGA_R), rel=0.005)
+
+
 def test_step_scales_with_the_frequency_and_not_with_the_inertia(good, step):
     """omega_r = 10 rad/s: zeta 1 rises in 3.36 / omega_n = 0.67 s and settles in 1.17 s."""
     slow = step("--omega-r", "10", "--inertia", "800")

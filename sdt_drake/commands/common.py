@@ -158,7 +158,7 @@ def add_omega_r(parser: argparse.ArgumentParser, default: str) -> None:
     """Add --omega-r; None if it is not given: the command says what it takes then."""
     parser.add_argument(
         "--omega-r",
-        type=float,
+        type=number(above=0),
         help=f"lowest natural frequency of the structure [rad/s] (default: {default})",
     )
 
