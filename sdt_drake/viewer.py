@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import html
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from string import Template
 
@@ -116,6 +118,20 @@ def view(design: Design, recording: Recording | None = None, *, pilot: bool = Fa
     return Animation(recorded_page(design.robot, time, q, title=title, pilot=pilot), title)
 
 
+@contextmanager
+def _freeing_meshcat() -> Iterator[None]:
+    """For a function that draws in a Meshcat of its own.
+
+    Drake's diagrams are cycles, which wait for the collector of garbage; if that came by in another
+    thread, the Meshcat in them would end the process.
+    """
+    try:
+        yield
+    finally:
+        gc.collect()
+
+
+@_freeing_meshcat()
 def recorded_page(
     robot: Robot,
     time: Array,
@@ -206,6 +222,7 @@ def open_meshcat(port: int | None = None) -> Meshcat:
         raise InputError(f"port: {used}, choose another one") from None
 
 
+@_freeing_meshcat()
 def play(
     robot: Robot,
     time: Array,

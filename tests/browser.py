@@ -11,14 +11,17 @@ from pathlib import Path
 
 import pytest
 
-# WebGL in software, so that Meshcat draws where there is no GPU.
+# WebGL in software, so that Meshcat draws where there is no GPU; the rest without such a detour.
 FLAGS = (
     "--no-sandbox",
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing",
     "--disable-background-networking",
 )
+# Drawn pixels per pixel of a page: few, as software draws them. Meshcat draws nothing below 0.5.
+SCALE = 0.5
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -56,7 +59,7 @@ def browser():
         browser.close()
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def open_page(browser):
     """Opens a local HTML file: `with open_page(path) as (page, errors, requests)`."""
     return functools.partial(_open_page, browser)
@@ -77,6 +80,7 @@ def _open_page(
         viewport={"width": width, "height": height},
         color_scheme="dark" if dark else "light",
         java_script_enabled=javascript,
+        device_scale_factor=SCALE,
     )
     opened = OpenPage(page)
 

@@ -12,6 +12,7 @@ import matplotlib
 import numpy as np
 import pytest
 import sharing  # before anybody imports what it replaces
+from pydrake.geometry import Meshcat
 
 matplotlib.use("Agg")
 
@@ -22,6 +23,7 @@ from sdt_drake.design import Design, make_design
 from sdt_drake.motion import Motion
 from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import load_scenario, with_fields
+from sdt_drake.viewer import open_meshcat
 
 gc.disable()  # until all tests are collected
 
@@ -29,8 +31,14 @@ gc.disable()  # until all tests are collected
 def pytest_collection_finish():
     """Garbage is looked for seldom, and not in what is imported and collected by now."""
     gc.freeze()
-    gc.set_threshold(10_000)
+    gc.set_threshold(50_000)
     gc.enable()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionfinish():
+    """Nor in what is left at the end, by pytest ten times and once by Python: it takes seconds."""
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True)
@@ -75,6 +83,19 @@ def _shared_runs(tmp_path_factory, worker_id):
 def robot() -> Robot:
     """The reference device."""
     return load_robot()
+
+
+@pytest.fixture(scope="session")
+def _meshcat() -> Meshcat:
+    """Kept to the end: one that is freed by another thread than its own ends the process."""
+    return open_meshcat()
+
+
+@pytest.fixture
+def meshcat(_meshcat: Meshcat) -> Meshcat:
+    """One that is empty."""
+    _meshcat.Delete()
+    return _meshcat
 
 
 @pytest.fixture(scope="session")

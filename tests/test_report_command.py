@@ -166,7 +166,7 @@ def test_studies_in_the_folder_become_chapters(open_page, folder, desk):
 
 
 def test_the_page_shows_the_device(open_page, reproduced):
-    with open_page(reproduced / REPORT) as (tab, errors, requests):
+    with open_page(reproduced / REPORT, width=400, height=300) as (tab, errors, requests):
         tab.locator(".recording button").click()
         tab.frame_locator("iframe").locator("canvas").first.wait_for(timeout=60_000)
         assert tab.locator(".recording button").count() == 0

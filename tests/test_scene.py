@@ -24,7 +24,7 @@ from sdt_drake.scene import (
     make_frames,
 )
 from sdt_drake.systems.robot_drawing import add_robot_drawing
-from sdt_drake.viewer import open_meshcat, record_html
+from sdt_drake.viewer import record_html
 
 TIME = np.arange(401) * 0.005  # 2 s
 
@@ -106,8 +106,9 @@ def with_shape(folder, shape):
     return load_robot(path)
 
 
-def draw(robot):
-    Scene(robot, make_frames(robot, TIME, smooth(robot)[0]), open_meshcat())
+@pytest.fixture
+def draw(meshcat):
+    return lambda robot: Scene(robot, make_frames(robot, TIME, smooth(robot)[0]), meshcat)
 
 
 @pytest.mark.parametrize(
@@ -121,7 +122,7 @@ def draw(robot):
         ("<mesh><uri>arm.obj</uri></mesh>", "<visual> cannot be drawn .*three vertices"),
     ],
 )
-def test_a_shape_that_cannot_be_drawn_is_one_line(tmp_path, shape, message):
+def test_a_shape_that_cannot_be_drawn_is_one_line(tmp_path, draw, shape, message):
     for name in ("arm.stl", "arm.obj"):
         (tmp_path / name).write_text("v 0 0 x\n")
     with pytest.raises(InputError, match=message) as caught:
@@ -129,16 +130,16 @@ def test_a_shape_that_cannot_be_drawn_is_one_line(tmp_path, shape, message):
     assert "\n" not in str(caught.value) and len(str(caught.value)) < 500
 
 
-def test_a_robot_with_nothing_but_a_plane_gets_a_skeleton(tmp_path):
+def test_a_robot_with_nothing_but_a_plane_gets_a_skeleton(tmp_path, draw):
     draw(with_shape(tmp_path, "<plane><normal>0 0 1</normal><size>1 1</size></plane>"))
 
 
-def test_the_last_link_of_a_skeleton_is_drawn(tmp_path):
+def test_the_last_link_of_a_skeleton_is_drawn(tmp_path, meshcat):
     """Else nothing would be seen of the last joint, and of a robot with a single one."""
     (tmp_path / "arm.urdf").write_text(URDF, "utf-8")
     robot = load_robot(tmp_path / "arm.urdf")
     builder = DiagramBuilder()
-    plant, scene_graph = add_robot_drawing(builder, robot=robot, meshcat=open_meshcat())
+    plant, scene_graph = add_robot_drawing(builder, robot=robot, meshcat=meshcat)
     inspector, body = scene_graph.model_inspector(), plant.GetBodyByName("lower")
     rods = [g for g in plant.GetVisualGeometriesForBody(body) if "rod" in inspector.GetName(g)]
     pose, length = inspector.GetPoseInFrame(rods[0]), inspector.GetShape(rods[0]).length()
@@ -147,12 +148,12 @@ def test_the_last_link_of_a_skeleton_is_drawn(tmp_path):
 
 
 @pytest.mark.parametrize("reach", [0.1, 3.0])
-def test_the_head_and_its_arrow_are_in_the_picture(tmp_path, reach):
+def test_the_head_and_its_arrow_are_in_the_picture(tmp_path, meshcat, reach):
     frame = f'<frame name="head" link="lower" xyz="{reach} 0 0" rpy="0 0 0"/></robot>'
     (tmp_path / "arm.urdf").write_text(URDF.replace("</robot>", frame), "utf-8")
     robot = load_robot(tmp_path / "arm.urdf")
     frames = make_frames(robot, TIME, smooth(robot)[0])
-    scene, head = Scene(robot, frames, open_meshcat()), frames.head
+    scene, head = Scene(robot, frames, meshcat), frames.head
     ends = [arrow_pose(*both) for both in zip(head.position, head.force_in_world, strict=True)]
     seen = np.array([*head.position, *(pose @ [0, 0, length] for pose, length in ends)])
     forward = (scene.target - scene.eye) / np.linalg.norm(scene.target - scene.eye)
@@ -164,7 +165,7 @@ def test_the_head_and_its_arrow_are_in_the_picture(tmp_path, reach):
     assert np.all(np.abs(above) <= half * ahead) and np.all(np.abs(across) <= 1.3 * half * ahead)
 
 
-def test_a_urdf_is_drawn_with_its_root_fixed(tmp_path):
+def test_a_urdf_is_drawn_with_its_root_fixed(tmp_path, draw):
     path = tmp_path / "arm.urdf"
     path.write_text(
         URDF.replace('<link name="base"/>', f'<link name="base">{BALL}</link>'), "utf-8"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import re
 import struct
@@ -17,10 +16,10 @@ from sdt_drake.errors import InputError
 from sdt_drake.motion import Story, TimedSegment
 from sdt_drake.robot import load_robot
 from sdt_drake.scene import FRAME_RATE, METRES_PER_G, Scene, make_frames
-from sdt_drake.viewer import open_meshcat, record_html
+from sdt_drake.viewer import record_html
 
 EVIL = "</script><b onload='x'>"
-SMALL = {"width": 400, "height": 260}  # WebGL in software is slow
+SMALL = {"width": 200, "height": 130}  # WebGL in software is slow
 
 
 def without_head(folder):
@@ -45,8 +44,28 @@ def page_file(tmp_path_factory, robot):
         TimedSegment("yaw", 0.8, 2, "hold"),
     )
     story = Story(feels="A <b> lean.", segments=segments)
-    record_html(robot, TIME, smooth(robot)[0], path, title="Leans <1>", story=story)
+    record_html(robot, TIME, smooth(robot)[0], path, title="Leans <1>", story=story, pilot=True)
     return path
+
+
+@pytest.fixture(scope="module")
+def loaded(open_page, page_file):
+    """The page, loaded once, as that takes long: it plays until a test seeks."""
+    with open_page(page_file, **SMALL) as opened:
+        opened.page.wait_for_function("viewer.animator.time > 0.1")  # it plays by itself
+        assert opened.page.inner_text("#sdt-view") == "From outside"  # it began as the pilot
+        yield opened
+        assert opened.errors == [] and opened.requests == []
+
+
+@pytest.fixture
+def page(loaded):
+    """The same, seen from outside."""
+    view = loaded.page.locator("#sdt-view")
+    if view.inner_text() == "From outside":
+        view.click()
+    yield loaded.page
+    assert loaded.errors == [] and loaded.requests == []
 
 
 def seek(page, time):
@@ -93,98 +112,87 @@ def colours(page):
     )
 
 
-def test_page_plays_alone(open_page, robot, page_file):
+def test_page_plays_alone(page, robot, page_file):
     text = page_file.read_text(encoding="utf-8")
     assert "<title>Leans &lt;1&gt;</title>" in text and "<b>Leans &lt;1&gt;</b>" in text
     assert not re.search(r"<(script|link|img)[^>]*(src|href)=.?https?:", text)
     assert len(text) < 4e6
-    with open_page(page_file, **SMALL) as (page, errors, requests):
-        page.wait_for_function("viewer.animator.time > 0.1")  # it plays by itself
-        assert page.evaluate("viewer.animator.duration") == pytest.approx(2.0)
-        frames = make_frames(robot, TIME, smooth(robot)[0])
-        head = frames.head
-        for k in (0, 31, 60):
-            seek(page, frames.time[k])
-            np.testing.assert_allclose(place_of(page, ["head"]), head.position[k], atol=1e-4)
-            force = head.force_in_world[k] * METRES_PER_G / 9.80665
-            tip = place_of(page, ["arrow", "unit", "tip"])
-            np.testing.assert_allclose(tip - head.position[k], force, atol=2e-3)
-        before = colours(page)
-        seek(page, 0.4)
-        assert len(set(before)) > 50 and colours(page) != before
-        page.set_viewport_size({"width": 390, "height": 844})  # a phone
-        slider, *others = (
-            page.locator(f"#sdt-{name}").bounding_box() for name in ("seek", "play", "time", "view")
-        )
-        assert slider["width"] > 300 and slider["height"] >= 24
-        for box in others:  # below it, and on the screen
-            assert box["y"] >= slider["y"] + slider["height"]
-            assert box["x"] >= 0 and box["x"] + box["width"] <= 390
-            assert box["y"] + box["height"] <= 844
-        page.mouse.click(slider["x"] + slider["width"] / 2, slider["y"] + slider["height"] / 2)
-        assert page.evaluate("viewer.animator.time") == pytest.approx(1.0, abs=0.1)
-        page.wait_for_function("document.getElementById('sdt-play').textContent === 'Play'")
-        assert errors == [] and requests == []
-        page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
-        page.reload()
-        assert page.inner_text("#sdt-time") == "no 3D: this browser has no WebGL"
-        assert page.is_disabled("#sdt-play")
-
-
-def test_page_tells_angles_g_and_segments(open_page, robot, page_file):
-    q = smooth(robot)[0]
-    frames = make_frames(robot, TIME, q)
-    with open_page(page_file, **SMALL) as (page, errors, requests):
-        for k, going in ((9, ["to 1.5 deg/s", "–"]), (20, ["–", "–"]), (45, [EVIL, "hold"])):
-            seek(page, frames.time[k])
-            angles = [f"{angle:.1f}°" for angle in np.degrees(frames.q[k])]
-            names = [f"{i} {name}" for i, name in enumerate(robot.joint_names, start=1)]
-            # The page played until now, and may still show a moment before.
-            page.wait_for_function(
-                """told => `${told}` ===
-                  `${Array.from(document.querySelectorAll("#sdt-joints td"), x => x.innerText)}`""",
-                arg=[text for pair in zip(names, angles, strict=True) for text in pair],
-            )
-            assert page.inner_text("#sdt-time").startswith(f"{frames.time[k]:.1f} ")
-            g = frames.head.resultant_g[k]
-            assert page.inner_text("#sdt-g") == f"{g:.2f} G"
-            shown = page.evaluate("document.getElementById('sdt-meter').value")
-            assert shown == pytest.approx(g, abs=0.006)
-            assert page.locator("#sdt-segments td").all_inner_texts() == [
-                "roll", going[0], "yaw", going[1],
-            ]  # fmt: skip
-        assert "To be felt: A <b> lean." in page.inner_text("#sdt-legend")
-        assert errors == [] and requests == []
-
-
-def test_pilots_view_rides_along(open_page, robot, tmp_path):
-    q = smooth(robot)[0]
-    frames = make_frames(robot, TIME, q)
+    assert page.evaluate("viewer.animator.duration") == pytest.approx(2.0)
+    frames = make_frames(robot, TIME, smooth(robot)[0])
     head = frames.head
-    record_html(robot, TIME, q, tmp_path / "a.html", pilot=True)
+    for k in (0, 31, 60):
+        seek(page, frames.time[k])
+        np.testing.assert_allclose(place_of(page, ["head"]), head.position[k], atol=1e-4)
+        force = head.force_in_world[k] * METRES_PER_G / 9.80665
+        tip = place_of(page, ["arrow", "unit", "tip"])
+        np.testing.assert_allclose(tip - head.position[k], force, atol=2e-3)
+    before = colours(page)
+    seek(page, 0.4)
+    assert len(set(before)) > 50 and colours(page) != before
+
+
+def test_player_fits_a_phone(page):
+    seek(page, 0.4)
+    page.set_viewport_size({"width": 390, "height": 844})
+    slider, *others = (
+        page.locator(f"#sdt-{name}").bounding_box() for name in ("seek", "play", "time", "view")
+    )
+    assert slider["width"] > 300 and slider["height"] >= 24
+    for box in others:  # below it, and on the screen
+        assert box["y"] >= slider["y"] + slider["height"]
+        assert box["x"] >= 0 and box["x"] + box["width"] <= 390
+        assert box["y"] + box["height"] <= 844
+    page.mouse.click(slider["x"] + slider["width"] / 2, slider["y"] + slider["height"] / 2)
+    assert page.evaluate("viewer.animator.time") == pytest.approx(1.0, abs=0.1)
+    page.wait_for_function("document.getElementById('sdt-play').textContent === 'Play'")
+    page.set_viewport_size(SMALL)
+
+
+def test_page_tells_angles_g_and_segments(page, robot):
+    frames = make_frames(robot, TIME, smooth(robot)[0])
+    for k, going in ((9, ["to 1.5 deg/s", "–"]), (20, ["–", "–"]), (45, [EVIL, "hold"])):
+        seek(page, frames.time[k])
+        angles = [f"{angle:.1f}°" for angle in np.degrees(frames.q[k])]
+        names = [f"{i} {name}" for i, name in enumerate(robot.joint_names, start=1)]
+        # The page played until now, and may still show a moment before.
+        page.wait_for_function(
+            """told => `${told}` ===
+              `${Array.from(document.querySelectorAll("#sdt-joints td"), x => x.innerText)}`""",
+            arg=[text for pair in zip(names, angles, strict=True) for text in pair],
+        )
+        assert page.inner_text("#sdt-time").startswith(f"{frames.time[k]:.1f} ")
+        g = frames.head.resultant_g[k]
+        assert page.inner_text("#sdt-g") == f"{g:.2f} G"
+        shown = page.evaluate("document.getElementById('sdt-meter').value")
+        assert shown == pytest.approx(g, abs=0.006)
+        assert page.locator("#sdt-segments td").all_inner_texts() == [
+            "roll", going[0], "yaw", going[1],
+        ]  # fmt: skip
+    assert "To be felt: A <b> lean." in page.inner_text("#sdt-legend")
+
+
+def test_pilots_view_rides_along(page, robot, meshcat):
+    frames = make_frames(robot, TIME, smooth(robot)[0])
+    head = frames.head
     camera = ["Cameras", "default", "rotated", "<object>"]
-    with open_page(tmp_path / "a.html", **SMALL) as (page, errors, _):
-        assert page.inner_text("#sdt-view") == "From outside"
-        for k in (45, 10):
-            seek(page, frames.time[k])
-            np.testing.assert_allclose(place_of(page, camera), head.position[k], atol=1e-4)
-            # The camera's y, up, and -z, forward, are the head's z and x.
-            m = page.evaluate("viewer.camera.matrixWorld.elements")
-            (ux, uy, uz), (bx, by, bz) = m[4:7], m[8:11]
-            np.testing.assert_allclose([ux, -uz, uy], head.rotation[k][:, 2], atol=1e-3)
-            np.testing.assert_allclose([-bx, bz, -by], head.rotation[k][:, 0], atol=1e-3)
-        page.click("#sdt-view")
-        assert page.inner_text("#sdt-view") == "Pilot's view"
-        seek(page, 0.0)
-        eye = Scene(robot, frames, open_meshcat()).eye  # from where all is seen
-        np.testing.assert_allclose(place_of(page, camera), eye, atol=1e-3)
-        assert errors == []
+    seek(page, 0.0)
+    eye = Scene(robot, frames, meshcat).eye  # from where all is seen
+    np.testing.assert_allclose(place_of(page, camera), eye, atol=1e-3)
+    page.click("#sdt-view")
+    assert page.inner_text("#sdt-view") == "From outside"
+    for k in (45, 10):
+        seek(page, frames.time[k])
+        np.testing.assert_allclose(place_of(page, camera), head.position[k], atol=1e-4)
+        # The camera's y, up, and -z, forward, are the head's z and x.
+        m = page.evaluate("viewer.camera.matrixWorld.elements")
+        (ux, uy, uz), (bx, by, bz) = m[4:7], m[8:11]
+        np.testing.assert_allclose([ux, -uz, uy], head.rotation[k][:, 2], atol=1e-3)
+        np.testing.assert_allclose([-bx, bz, -by], head.rotation[k][:, 0], atol=1e-3)
 
 
 @pytest.mark.skipif(not os.path.isdir("/proc/self/task"), reason="needs /proc")
 def test_a_page_leaves_no_server(robot, tmp_path):
     def threads():
-        gc.collect()
         return len(os.listdir("/proc/self/task"))
 
     before = threads()
@@ -192,7 +200,7 @@ def test_a_page_leaves_no_server(robot, tmp_path):
     assert threads() <= before
 
 
-def test_robot_without_a_head_and_without_visuals(open_page, tmp_path):
+def test_robot_without_a_head_and_visuals_and_a_browser_without_webgl(open_page, tmp_path):
     other = without_head(tmp_path)
     q = smooth(other)[0]
     frames = make_frames(other, TIME, q)
@@ -207,6 +215,10 @@ def test_robot_without_a_head_and_without_visuals(open_page, tmp_path):
         names = page.evaluate("Object.keys(viewer.scene_tree.children)")
         assert "robot" in names and not {"trace", "arrow", "head"} & set(names)
         assert errors == [] and requests == []
+        page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+        page.reload()
+        assert page.inner_text("#sdt-time") == "no 3D: this browser has no WebGL"
+        assert page.is_disabled("#sdt-play")
 
 
 # --- live -----------------------------------------------------------------------------------------
@@ -252,10 +264,10 @@ def test_ctrl_c_ends_the_play(robot, monkeypatch):
     assert rounds == [1.0, 1.0, 1.0]
 
 
-def test_live_camera_of_the_pilot(robot, monkeypatch):
+def test_live_camera_of_the_pilot(robot, meshcat):
     """Its place and `up`, from what Meshcat keeps for a browser that comes later."""
     frames = make_frames(robot, TIME, smooth(robot)[0])
-    shown = Scene(robot, frames, open_meshcat())
+    shown = Scene(robot, frames, meshcat)
     shown.pilot_view(20)
     forward, _, up = frames.head.rotation[20].T
     eye = frames.head.position[20]

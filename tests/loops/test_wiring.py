@@ -16,7 +16,6 @@ from sdt_drake.dynamics import decouple, torque_groups
 from sdt_drake.errors import InputError
 from sdt_drake.loops import blocks_of, make_loop
 from sdt_drake.simulate import make_simulator, simulate
-from sdt_drake.viewer import open_meshcat
 
 FRICTION = Friction([300.0, 60.0, 10.0, 20.0], [40.0, 0.0, 8.0, 2.0])
 REAL = Drive(period=0.001, torque_bandwidth=300.0, n1=[150.0, 4, 4, 4], n0=[210.0, 5, 6, 7])
@@ -255,8 +254,8 @@ def test_ports_that_do_not_fit_are_refused(designed, ports, message):
     assert "\n" not in str(error.value)
 
 
-def test_drawn_in_meshcat_a_run_is_the_same(designed):
-    design, meshcat = designed("coupled_pi", start=2.0, end=2.2), open_meshcat()
+def test_drawn_in_meshcat_a_run_is_the_same(designed, meshcat):
+    design = designed("coupled_pi", start=2.0, end=2.2)
     drawn = simulate(design, make_loop(design, meshcat=meshcat), realtime_rate=0.0)
     np.testing.assert_array_equal(drawn.v, simulate(design).v)
     assert meshcat.HasPath("/robot/sdt/payload")

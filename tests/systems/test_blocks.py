@@ -38,7 +38,6 @@ from sdt_drake.deviation import Deviation, deviated
 from sdt_drake.device import OVERFLOW_RATE, sliding_friction
 from sdt_drake.errors import InputError
 from sdt_drake.robot import load_robot
-from sdt_drake.viewer import open_meshcat
 
 RNG = np.random.default_rng(4)
 
@@ -46,10 +45,6 @@ RNG = np.random.default_rng(4)
 # --- ports and pictures ----------------------------------------------------------------------
 
 BLOCKS = [name for name in systems.__all__ if name[0].isupper() and name != "Wired"]
-
-
-def block_of(name, robot):
-    return made(name, robot, **({"meshcat": open_meshcat()} if name == "RobotDrawing" else {}))
 
 
 def picture(documented):
@@ -83,11 +78,11 @@ def test_every_block_is_made_and_its_law_tested():
 
 
 @pytest.mark.parametrize("name", BLOCKS)
-def test_works_alone_in_any_builder(name, robot):
+def test_works_alone_in_any_builder(name, robot, meshcat):
     """With keyword arguments alone, and the ports of its picture."""
     signature = inspect.signature(getattr(systems, name))
     assert all(p.kind is p.KEYWORD_ONLY for p in signature.parameters.values())
-    block = block_of(name, robot)
+    block = made(name, robot, **({"meshcat": meshcat} if name == "RobotDrawing" else {}))
     if name != "SymbolicLaw":  # whose ports are the caller's
         is_drawn(block)
     builder = DiagramBuilder()
@@ -342,8 +337,7 @@ def test_robot_plant_moves_by_its_mass_matrix_and_clamps_nothing(robot, without_
         np.testing.assert_allclose(block.derivatives(), [*v, *vd], rtol=1e-9)
 
 
-def test_drawing_shows_the_links_where_they_are(robot):
-    meshcat = open_meshcat()
+def test_drawing_shows_the_links_where_they_are(robot, meshcat):
     block = Alone("RobotDrawing", robot, meshcat=meshcat)
     context = robot.plant.CreateDefaultContext()
     for state in RNG.normal(size=(3, 8)):
@@ -358,9 +352,9 @@ def test_drawing_shows_the_links_where_they_are(robot):
             np.testing.assert_allclose(np.reshape(drawn, (4, 4)).T, pose, atol=1e-12)
 
 
-def test_drawing_of_a_robot_without_shapes_has_rods_from_joint_to_joint(tmp_path):
+def test_drawing_of_a_robot_without_shapes_has_rods_from_joint_to_joint(tmp_path, meshcat):
     (tmp_path / "arm.sdf").write_text(ARM, encoding="utf-8")
-    drawing = systems.RobotDrawing(robot=load_robot(tmp_path / "arm.sdf"), meshcat=open_meshcat())
+    drawing = systems.RobotDrawing(robot=load_robot(tmp_path / "arm.sdf"), meshcat=meshcat)
     inspector = drawing.scene_graph.model_inspector()
     middles = {
         inspector.GetName(part).rpartition("::")[2]: inspector.GetPoseInFrame(part).translation()
