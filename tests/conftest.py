@@ -8,6 +8,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # or idle threads of it figh
 
 
 def pytest_configure(config):
-    if not config.getoption("numprocesses", None):
+    if config.getoption("numprocesses", None):  # they, and all that tests start, compile code once
+        os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    else:
         for name in ("prepared", "browser", "command_line"):
             config.pluginmanager.import_plugin(name)
