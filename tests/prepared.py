@@ -17,6 +17,7 @@ from pydrake.geometry import Meshcat
 matplotlib.use("Agg")
 
 from sdt_drake import controllers, shown
+from sdt_drake.analysis import style
 from sdt_drake.analysis.reproduction import Reproduction, Stopwatch, reproduce
 from sdt_drake.cli import main
 from sdt_drake.design import Design, make_design
@@ -26,6 +27,7 @@ from sdt_drake.scenario import load_scenario, with_fields
 from sdt_drake.viewer import open_meshcat
 
 gc.disable()  # until all tests are collected
+style._STYLE["savefig.dpi"] = 65  # half of what users get: nobody looks at these
 
 
 def pytest_collection_finish():

@@ -42,6 +42,7 @@ _STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "lines.linewidth": 1.1,
     "text.parse_math": False,  # names are the user's, and no TeX
+    "savefig.dpi": 130,
     "svg.hashsalt": "sdt_drake",  # the same figure gives the same file
 }
 # matplotlib's backends that write files only.
@@ -234,7 +235,7 @@ def save(figure: Figure, path: str | Path) -> Path:
     metadata = {".svg": {"Date": None}, ".png": {CONTENT: json.dumps(content)}}
     whole = io.BytesIO()  # on a full disk matplotlib stumbles over what it could not write
     with style():
-        figure.savefig(whole, format=path.suffix[1:], dpi=130, metadata=metadata.get(path.suffix))
+        figure.savefig(whole, format=path.suffix[1:], metadata=metadata.get(path.suffix))
     with replacing(path) as partial:
         partial.write_bytes(whole.getvalue())
     return path
