@@ -133,7 +133,7 @@ def _figures(table: StudyTable, folder: Path) -> dict[str, list[doc.Block]]:
         outcomes = list(dict.fromkeys([*names, *families_there(table)]))[: plots.MOST_PANELS]
         inputs = plots.influential(table, names)
         drawn["scatter"] = plots.scatter_matrix(title, table, inputs, outcomes)
-    is_front = table.choices and {COST, ERROR} <= set(table.families)
+    is_front = table.choices and not table.missing and {COST, ERROR} <= set(table.families)
     if is_front and len(table.designs(COST, ERROR)[0]):
         title = f"{table.name}: {metric_of(ERROR).title} over {metric_of(COST).title}"
         drawn["pareto"] = plots_front.pareto_figure(title, table, COST, ERROR)

@@ -98,6 +98,7 @@ def read_study_table(folder: Path) -> StudyTable:
         outcomes={name: arrays[name] for name in outcomes},
         choices=_choices(study),
         per_draw=study.per_draw,
+        missing=len(study) - len(arrays["row"]),
         **{name: arrays[name] for name in COLUMNS},
     )
 

@@ -70,8 +70,10 @@ def count_statuses(table: StudyTable, most_reasons: int = 3) -> list[StatusCount
 
 
 def failures(table: StudyTable) -> str:
-    """How many runs say nothing, and why, in a line; "" if all are ok or infeasible."""
+    """How many runs say nothing, and why, in a line; "" if all are done, and ok or infeasible."""
     texts = []
+    if table.missing:
+        texts.append(f"{table.missing} of {len(table) + table.missing} runs are not done yet")
     for status, runs, reasons in count_statuses(table, most_reasons=1):
         if status not in ANSWERS:
             why = f": {reasons[0].text} (row {reasons[0].row})" if reasons else ""

@@ -41,6 +41,7 @@ class StudyTable:
         choices: names of the inputs that a designer chooses; the others are what designs have to
             stand. None if these are drawn at random: then designs have met different things.
         per_draw: runs of each draw of the random inputs, one after the other by `row`.
+        missing: runs of the study that are not done yet.
     """
 
     name: str
@@ -52,6 +53,7 @@ class StudyTable:
     duration: Array
     choices: tuple[str, ...] | None = None
     per_draw: int = 1
+    missing: int = 0
 
     def __len__(self) -> int:
         return len(self.row)

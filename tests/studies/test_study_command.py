@@ -226,10 +226,13 @@ def test_repeat_from_a_folder_that_was_moved_and_files_that_are_gone(desk, undis
     assert error[1] == expected["max_abs_speed_error_2"] > 0
 
 
-def test_shows_what_is_done(copied):
+def test_shows_what_is_done(copied, capfd):
     journal = copied / "rows.jsonl"
     journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:5]) + b"torn")
     assert len(read_study_table(copied)) == 5
+    assert main(["study", "show", f"{copied}"]) == 0
+    assert capfd.readouterr().out.startswith(f"{RUNS - 5} of {RUNS} runs are not done yet\n")
+    assert f"{RUNS - 5} of {RUNS} runs are not done yet." in (copied / "report.html").read_text()
     assert journal.read_bytes().endswith(b"torn")  # another process may be writing it
 
 

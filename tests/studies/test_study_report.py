@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 from html.parser import HTMLParser
@@ -174,6 +175,15 @@ def test_a_study_with_little_to_show(tmp_path, status):
     text = text_of(document)
     assert "3 runs" in text and f"3 {status}" in text and "What we found" not in text
     assert ("3 of 3 runs failed" in text) == (status == "failed")
+
+
+def test_a_study_that_is_not_done_has_no_pareto_front(tmp_path):
+    """Of a design that looks good the worst run may be to come."""
+    table = make_table(10, joints=1)
+    for missing in (1, 0):
+        part = dataclasses.replace(table, missing=missing)
+        report.make_study_report(part, tmp_path, tmp_path)
+        assert (tmp_path / "pareto.svg").exists() is not bool(missing)
 
 
 def test_nothing_varies_and_all_is_known(tmp_path):
