@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sdt_drake.errors import InputError, needing, replacing
+from sdt_drake.fields import is_within
 from sdt_drake.studies.distributions import Random
 from sdt_drake.studies.folder import load_folder
 from sdt_drake.studies.job import Job
@@ -20,7 +21,9 @@ from sdt_drake.studies.table import COLUMNS, StudyTable
 
 RESULTS = "results.parquet"
 _ABOUT = "sdt_drake"  # key of the metadata
-_MET = ("motion", "plant", "disturbance")  # parts of a scenario that designs have to stand
+_MET = ("motion", "plant", "disturbance", "drive.torque_error", "controller.model")
+"""Parts of a scenario that designs have to stand."""
+
 _GROUP = 4096  # rows that are in memory together
 
 
@@ -105,7 +108,11 @@ def read_study_table(folder: Path) -> StudyTable:
 
 def _choices(study: Study) -> tuple[str, ...] | None:
     """See `StudyTable`."""
-    met = [v for v in study.variables if any(name.split(".")[0] in _MET for name in v.fields)]
+
+    def is_met(field: str) -> bool:
+        return any(is_within(field, part) for part in _MET)
+
+    met = [variable for variable in study.variables if any(map(is_met, variable.fields))]
     if any(isinstance(variable.distribution, Random) for variable in met):
         return None
     return tuple(variable.name for variable in study.variables if variable not in met)

@@ -12,8 +12,9 @@ from synthetic import CONTROLLERS, make_table, small_table
 
 from sdt_drake.analysis.metrics import METRICS, family_of, metric_of
 from sdt_drake.studies import results
+from sdt_drake.studies.distributions import Uniform
 from sdt_drake.studies.sizing import load_sizing
-from sdt_drake.studies.study import load_study
+from sdt_drake.studies.study import Study, Variable, load_study
 from sdt_drake.studies.table import ALL_RUNS, pareto
 
 
@@ -87,6 +88,9 @@ def test_what_a_designer_chooses():
     """Devices at random are not designs; motions are what designs have to stand."""
     monte_carlo, _ = load_study("package://sdt/studies/monte_carlo.yaml")
     assert results._choices(monte_carlo) is None
+    for field in ("drive.torque_error[2]", "controller.model.payload_mass"):  # nor are errors
+        by_chance = Variable("", [field], distribution=Uniform(-0.1, 0.1))
+        assert results._choices(Study("s", variables=[by_chance])) is None
     sizing, _ = load_sizing("package://sdt/studies/sizing.yaml")
     motors = [f"motor_{k}" for k in (1, 2, 3, 4)]
     assert results._choices(sizing.study()) == (*motors, "structure_scale", "controller")
