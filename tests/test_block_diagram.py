@@ -239,6 +239,15 @@ def test_signals_have_our_words_for_names():
     assert len(re.findall(r"label=<state>", text)) == 1
 
 
+@pytest.mark.parametrize(
+    "name, text", [("figure3", "dynamic\nsaturation"), ("coupled_loop", "saturation")]
+)
+def test_a_saturation_is_called_dynamic_where_its_limits_move(_reference_design, name, text):
+    picture = walk(DIAGRAMS[name](_reference_design))
+    blocks = {block.path[-1]: block.text for block in picture.frame.blocks()}
+    assert blocks["dynamic_saturation"] == text
+
+
 def test_rich_text():
     assert rich("tau_cmd") == "τ<SUB>cmd</SUB>"
     assert rich("K_IS/s") == "K<SUB>IS</SUB>/s"

@@ -151,6 +151,11 @@ def test_wrong_usage(refuse, line, word):
         ("plan --robot ../given/arm.sdf", ["reference.yaml: joints: 4 value(s)", "2", "--robot"]),
         ("plan ../given/two.csv", ["2 joints, robot 'sdt' has 4; --robot names"]),
         ("tune ../given/arm.yaml", ["joints: 2 value(s), expected 4", "; --robot names"]),
+        (
+            "plan leans --robot ../given/arm.sdf",
+            ["expected a joint of 'two_links'", "; --robot names"],
+        ),
+        ("plan inversion --robot ../given/arm.sdf", ["start_deg: 4 value(s)", "; --robot names"]),
         ("motions ../given/elbow.yaml", ["expected a joint of 'sdt'", "; --robot names"]),
         ("export ../given/two.csv --drive drives", ["robot 'sdt' has 4; --scenario names"]),
         (

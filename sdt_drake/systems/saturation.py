@@ -56,6 +56,7 @@ class DynamicSaturation(SymbolicLaw):
         limit = checked_positive(motor_torque_limit, "motor_torque_limit")
         n, has_envelope = len(limit), n1 is not None
         if not has_envelope and not widened:
+            self.symbol = "saturation"
             Wired.__init__(self)  # Drake's own block is quicker than a law in symbols
             self.add("law", Saturation(-limit, limit), "tau_cmd", "tau")
             self.build("tau")
