@@ -110,10 +110,14 @@ def equations(
 
 
 def _speeds(motions: Sequence[Smooth], cutoff: float) -> tuple[Array, Array]:
-    """Of each joint the speed below which nobody knows its sign, and the largest [rad/s]."""
+    """Of each joint the speed below which nobody knows its sign, and the largest [rad/s]; the
+    former is inf where speeds are more noise than motion: such a joint rests."""
     fastest = np.max([np.abs(m.v).max(axis=0) for m in motions], axis=0) + 1e-6
-    noise = [np.std(m.v - low_pass(m.v, 2 * cutoff, m.period), axis=0) for m in motions]
-    return np.maximum(np.max(noise, axis=0), _SLOW * fastest) + 1e-9, fastest
+    below = [low_pass(m.v, 2 * cutoff, m.period) for m in motions]
+    motion = np.max([np.std(v, axis=0) for v in below], axis=0)
+    noise = np.max([np.std(m.v - v, axis=0) for m, v in zip(motions, below, strict=True)], axis=0)
+    slowest = np.maximum(noise, _SLOW * fastest) + 1e-9
+    return np.where(noise > motion, np.inf, slowest), fastest
 
 
 def _rows(

@@ -25,6 +25,7 @@ from sdt_drake.identification.friction import USUAL, Law
 
 _HUBER = 2.5  # residuals up to so many standard deviations count fully
 _ROUNDS = 8
+_ROUND_OFF = 1e-14  # of the largest eigenvalue
 _FOLDS = 5
 _PASSES = 2
 _WORTH = 0.98
@@ -184,7 +185,9 @@ def _covariance(
             rows = eq.fit & (eq.part == part)
             if rows.sum() > 2:
                 middle += _coloured(Xk[rows], w[rows], left[rows], inverse)
-    return inverse @ middle @ inverse, float(np.sqrt(values[-1] / max(values[0], 1e-300)))
+    regular = values[0] > _ROUND_OFF * values[-1]
+    condition = float(np.sqrt(values[-1] / values[0])) if regular else float("inf")
+    return inverse @ middle @ inverse, condition
 
 
 def _coloured(X: Array, w: Array, left: Array, inverse: Array) -> Array:

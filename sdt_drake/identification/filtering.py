@@ -20,6 +20,9 @@ with needing("identification needs scipy", "sdt_drake[identify]"):
     from scipy.interpolate import make_interp_spline
     from scipy.signal import butter, sosfiltfilt
 
+HIGHEST = 0.35
+"""Cut-off over the rate of samples, from which on a filter would do nothing but ring."""
+
 _ORDER = 4
 _GAP = 4.0  # of the usual step: nobody knows what happened in between
 _SHORTEST = 1.0  # s, of what is worth filtering
@@ -133,9 +136,9 @@ def low_pass(x: Array, cutoff: float, period: float) -> Array:
     """x of shape (N, ...) below `cutoff` [Hz] without delay: half of an amplitude is left there.
 
     A Butterworth filter of fourth order, forwards and backwards. Where samples at `period` [s]
-    could hardly tell more than that, they stay: a filter would only ring at their ends.
+    could hardly tell more than that, they stay; see HIGHEST.
     """
-    if cutoff >= 0.35 / period:
+    if cutoff >= HIGHEST / period:
         return x
     sos = butter(_ORDER, 2 * cutoff * period, output="sos")
     return np.asarray(

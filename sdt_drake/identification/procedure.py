@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from sdt_drake.identification.consistency import (
 )
 from sdt_drake.identification.equations import Equations, equations
 from sdt_drake.identification.estimation import Estimate, Prior, estimate
-from sdt_drake.identification.filtering import Stretch, stretches
+from sdt_drake.identification.filtering import HIGHEST, Stretch, stretches
 from sdt_drake.identification.friction import USUAL
 from sdt_drake.identification.recordings import Recorded
 from sdt_drake.identification.regressor import Bodies
@@ -104,13 +105,16 @@ def identify(
 
     Raises:
         InputError: for recordings that say nothing: too short, no torque, nothing moves; for a
-            payload that is no link.
+            payload that is no link; for a cut-off frequency that samples know nothing of.
     """
+    path = recordings[0].path
     parts, notes = _parts(recordings, validate, held_out)
     unknown, free = _unknown(robot, only, payload)
     prior = belief(robot, unknown)
-    cutoff = cutoff or chosen_cutoff(robot, unknown, parts)
+    _check_cutoff(cutoff, parts)
+    cutoff = cutoff or chosen_cutoff(robot, unknown, parts, path)
     eq = equations(robot, unknown, parts, cutoff)
+    _check_rows(eq, cutoff, path)
     found = estimate(eq, prior)
     r = len(found.beta)
     S = found.covariance
@@ -167,6 +171,28 @@ def _check_alive(recorded: Recorded) -> None:
         raise InputError(f"{recorded.path}: no joint moves")
 
 
+def _check_cutoff(cutoff: float | None, parts: Parts) -> None:
+    """Refuse a frequency that filters would leave as it is."""
+    most = HIGHEST / max(stretch.period for *_, stretch in parts)
+    if cutoff is not None and cutoff >= most:
+        raise InputError(
+            f"--cutoff: {cutoff:g} Hz, expected less than {most:.4g} Hz, {HIGHEST:g} "
+            "of the samples' rate"
+        )
+
+
+def _check_rows(eq: Equations, cutoff: float, path: Path) -> None:
+    """Refuse recordings of which nothing is left to fit, or to judge by."""
+    for rows, what in ((eq.fit, "to fit"), (~eq.fit, "to judge by")):
+        if not rows.any():
+            raise InputError(
+                f"{path}: compared below {cutoff:.3g} Hz nothing is left {what}, expected a "
+                "longer recording, another --held-out or a higher --cutoff"
+            )
+    if not eq.moves.any():
+        raise InputError(f"{path}: no joint moves, but for noise")
+
+
 def _unknown(robot: Robot, only: str | None, payload: str) -> tuple[Unknown, list[str]]:
     """What is to be found, and the links that may change."""
     if only == "friction":
@@ -192,7 +218,7 @@ def belief(robot: Robot, unknown: Unknown) -> Prior:
     return Prior(mean, np.linalg.inv(covariance))
 
 
-def chosen_cutoff(robot: Robot, unknown: Unknown, parts: Parts) -> float:
+def chosen_cutoff(robot: Robot, unknown: Unknown, parts: Parts, path: Path) -> float:
     """A frequency below which the motion is, with its torques, and not much else [Hz].
 
     Twice that below which 99.9 % of the power of the torque is that a simple fit predicts, of the
@@ -201,6 +227,7 @@ def chosen_cutoff(robot: Robot, unknown: Unknown, parts: Parts) -> float:
     """
     top = min(_HIGHEST, 0.1 / max(stretch.period for *_, stretch in parts))
     eq = equations(robot, unknown, parts, top, lambda fastest: (USUAL,))
+    _check_rows(eq, top, path)
     predicted = estimate(eq, belief(robot, unknown), [USUAL] * robot.n).torque(eq)
     part = np.bincount(eq.part[eq.fit]).argmax()
     rows = eq.fit & (eq.part == part)

@@ -343,6 +343,13 @@ def test_recordings_that_say_nothing_are_refused(robot, true):
         identify(robot, [changed(recorded, tau=tau * [1, 0, 1, 1])])
     with pytest.raises(InputError, match=r"truth\.csv: no joint moves"):
         identify(robot, [changed(recorded, q=np.zeros_like(q))])
+    noise = 1e-5 * np.random.default_rng(0).normal(size=q.shape)
+    with pytest.raises(InputError, match=r"truth\.csv: no joint moves, but for noise"):
+        identify(robot, [changed(recorded, q=noise)])
+    noisy = identify(robot, [changed(recorded, q=q * [1, 1, 0, 1] + noise)], cutoff=3.0)
+    assert any("joint 3 stands still" in line for line in noisy.warnings)
+    assert sum("stands still" in line for line in noisy.warnings) == 1
+    assert noisy.estimate.condition == np.inf
     short = Recorded(recorded.path, recorded.time[:50], {"q": q[:50], "tau": tau[:50]})
     with pytest.raises(InputError, match=r"0\.49 s at 100 Hz, expected at least 1 s"):
         identify(robot, [short])
