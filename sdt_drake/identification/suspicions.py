@@ -10,9 +10,10 @@ import numpy as np
 from sdt_drake.arrays import Array
 from sdt_drake.identification.equations import Equations
 from sdt_drake.identification.recordings import Recorded
+from sdt_drake.identification.targets import ANY_SPEED
 from sdt_drake.robot import Robot
 
-_FAR = 5.0  # times a limit: no joint moves so fast
+_FAR = 5.0  # times a limit: no joint moves so fast, or so far
 _NEAR_LIMIT, _OFTEN = 0.98, 0.01  # of the largest torque, and the share of time there
 _UNEXPLAINED = 0.3  # of the torque: whatever moved, it was not this robot
 _AT_REVERSALS = 3.0  # times what is left elsewhere
@@ -26,9 +27,11 @@ def suspicious_recording(robot: Robot, recorded: Recorded) -> Iterator[str]:
     name, q, tau = recorded.path.name, recorded.signals["q"], recorded.signals["tau"]
     fastest = np.abs(np.gradient(q, recorded.time, axis=0))
     usual = np.quantile(fastest, 0.99, axis=0)
-    over = np.flatnonzero(usual > _FAR * robot.velocity_limit)
-    if len(over) or np.ptp(q, axis=0).max() > 40:
-        k = int(over[0]) if len(over) else int(np.ptp(q, axis=0).argmax())
+    limit = np.where(np.isinf(robot.velocity_limit), ANY_SPEED, robot.velocity_limit)
+    stops = robot.position_upper - robot.position_lower  # inf of a joint that may turn on and on
+    over = np.flatnonzero((usual > _FAR * limit) | (np.ptp(q, axis=0) > _FAR * stops))
+    if len(over):
+        k = int(over[0])
         yield (
             f"{name}: joint {k + 1} moves over {np.ptp(q[:, k]):.4g} rad at up to {usual[k]:.4g} "
             "rad/s: are its positions in degrees? (angle: deg in the mapping file)"
@@ -145,8 +148,8 @@ def _left_over(eq: Equations, predicted: Array, still: Sequence[int]) -> Iterato
             if ratio > _AT_REVERSALS:
                 yield (
                     f"joint {k + 1}: what is left is {ratio:.1f} times as large within "
-                    f"{_AFTER:g} s of its reversals: play or springs in its gear, or friction at "
-                    "rest"
+                    f"{_AFTER:g} s of its reversals: play or springs in its gear, friction at "
+                    "rest, or torques that are recorded late (torque_delay in the mapping file)"
                 )
 
 

@@ -24,7 +24,7 @@ from sdt_drake.identification.friction import COULOMB, USUAL, VISCOUS, Law, Term
 from sdt_drake.identification.model import directions, identified_robot, plant_friction, save_robot
 from sdt_drake.identification.procedure import belief, identify
 from sdt_drake.identification.recordings import Recorded
-from sdt_drake.identification.suspicions import weakly_excited
+from sdt_drake.identification.suspicions import suspicious_recording, weakly_excited
 from sdt_drake.robot import load_robot
 from sdt_drake.tables import write_table
 
@@ -328,6 +328,17 @@ def test_what_looks_wrong_is_said(robot, true):
     still = identify(robot, [changed(recorded, q=q * [1, 1, 0, 1])], cutoff=3.0).warnings
     assert any("joint 3 stands still" in line for line in still)
     assert any("base parameters are hardly excited" in line for line in still)
+
+
+def test_a_joint_without_stops_may_turn_on_and_on(robot, true):
+    recorded = recorded_of(true, seconds=8.0)
+    q, time = recorded.signals["q"], recorded.time
+    spun = changed(recorded, q=q + np.outer(time, [1.0, 0, 0, 0]) * 7)
+    assert np.ptp(spun.signals["q"][:, 0]) > 50 and np.isinf(robot.position_upper[0])
+    fast = replace(robot, velocity_limit=np.full(4, 10.0))
+    assert "degrees" not in " / ".join(suspicious_recording(fast, spun))
+    short = replace(fast, position_lower=np.full(4, -1.0), position_upper=np.full(4, 1.0))
+    assert "are its positions in degrees?" in " / ".join(suspicious_recording(short, spun))
 
 
 def test_what_stays_nearly_as_it_was_believed_is_hardly_excited():
