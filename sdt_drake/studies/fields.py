@@ -28,7 +28,7 @@ class Field:
         name: dotted, entries counted from 1: "controller.kp[2]".
         parts: attributes from the scenario down.
         entry: of the list, from 0; None for the whole field.
-        type: of what a value must be: float, int, bool or str; ControllerChoice for the field
+        type: of what a value must be: float, bool or str; ControllerChoice for the field
             "controller", whose values are labels of controllers ("p_pi+id").
         many: whether the field is a list, all of whose entries get the value.
         file: kind of the file that it names; "" if it names none.

@@ -109,12 +109,12 @@ class Variable:
         return scenario
 
 
-def _converted(value: Value, target: Field) -> Value | bool | int:
-    if target.type is bool:
-        if value not in ("true", "false"):
-            raise InputError(f"{target.name}: '{value}', expected true or false")
-        return value == "true"
-    return round(float(value)) if target.type is int else value
+def _converted(value: Value, target: Field) -> Value | bool:
+    if target.type is not bool:
+        return value
+    if value not in ("true", "false"):
+        raise InputError(f"{target.name}: '{value}', expected true or false")
+    return value == "true"
 
 
 @dataclass
