@@ -12,6 +12,7 @@ import matplotlib
 import numpy as np
 import pytest
 import sharing  # before anybody imports what it replaces
+from matplotlib.figure import Figure
 from pydrake.geometry import Meshcat
 
 matplotlib.use("Agg")
@@ -79,6 +80,13 @@ def _shared_runs(tmp_path_factory, worker_id):
     own = tmp_path_factory.getbasetemp()
     sharing.folder = (own if worker_id == "master" else own.parent) / "shared"
     sharing.folder.mkdir(exist_ok=True)
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Figures cost most of the time of a report: write few bytes instead."""
+    svg = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
+    monkeypatch.setattr(Figure, "savefig", lambda self, path, **options: path.write(svg))
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import pytest
 from command_line import AXIS, snapshot
-from matplotlib.figure import Figure
 
 from sdt_drake.analysis import plots
 from sdt_drake.analysis.block_diagrams import DIAGRAMS
@@ -41,10 +40,8 @@ def folder(reproduced, tmp_path):
 
 
 @pytest.fixture
-def quick(monkeypatch):
-    """Figures and recording cost most of the time: write few bytes instead."""
-    svg = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
-    monkeypatch.setattr(Figure, "savefig", lambda self, path, **options: path.write(svg))
+def quick(undrawn, monkeypatch):
+    """The recording, too, costs much of the time: write few bytes instead."""
     write = "sdt_drake.analysis.files.record_html"
     monkeypatch.setattr(write, lambda robot, time, q, path, **options: path.write_text("3D"))
 
@@ -148,7 +145,7 @@ def test_reproduce_ends_with_the_page_and_report_makes_the_same(folder, capsys):
     assert (folder / REPORT).read_bytes() == made
 
 
-def test_studies_in_the_folder_become_chapters(open_page, folder, desk):
+def test_studies_in_the_folder_become_chapters(open_page, folder, desk, undrawn):
     base = load_scenario(AXIS)
     ratios = Variable("zeta", ["controller.zeta"], "factor", Uniform(0.8, 1.0))
     study = Study("own", draws=4, variables=[ratios])

@@ -194,7 +194,7 @@ def test_nothing_varies_and_all_is_known(tmp_path):
     assert "95 % of the runs stay at or below 2." in text_of(document)
 
 
-def test_a_chapter_has_what_matters_most(copied):
+def test_a_chapter_has_what_matters_most(copied, undrawn):
     chapter = report.study_chapter(copied)
     assert isinstance(chapter, Section) and chapter.title == "Study many"
     assert [t.title for t in chapter.blocks if isinstance(t, Table)] == ["Runs by status"]
