@@ -11,6 +11,7 @@ from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.framework import Context
 
 from sdt_drake.arrays import Array
+from sdt_drake.errors import InputError
 from sdt_drake.progress import told_alone
 from sdt_drake.robot import Robot
 
@@ -77,7 +78,12 @@ def inverse_dynamics(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
     Args:
         robot: the robot.
         q, v, vd: joint positions [rad], speeds [rad/s] and accelerations [rad/s²], shape (N, n).
+
+    Raises:
+        InputError: for a motion of another number of joints.
     """
+    if q.shape[1] != robot.n:  # Drake would end the process
+        raise InputError(f"motion: {q.shape[1]} joints, robot '{robot.name}' has {robot.n}")
     plant = robot.plant
     context, forces = plant.CreateDefaultContext(), MultibodyForces(plant)
     torque = np.empty(q.shape)

@@ -124,7 +124,7 @@ class Recording(Shown):
             joint: 1..n, to show that one alone.
 
         Raises:
-            InputError: if there is no such joint.
+            InputError: if there is no such joint, or the design has other joints.
         """
         title = "Recording" if design is None else design.scenario.summary().title
         return sdt_drake.plots.scope(title, self, design, joint)

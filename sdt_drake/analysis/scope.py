@@ -31,9 +31,11 @@ def scope(
         joint: 1..n, to show that one alone.
 
     Raises:
-        InputError: if there is no such joint.
+        InputError: if there is no such joint, or the design has other joints than the recording.
     """
     n = recording.q.shape[1]
+    if design is not None and design.robot.n != n:
+        raise InputError(f"design: {design.robot.n} joint(s), expected {n} as in the recording")
     joints = chosen_joints(joint, n)
     names = [""] * n if design is None else design.robot.joint_names
     columns = joint_columns(recording, design, names)

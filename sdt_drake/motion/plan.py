@@ -75,7 +75,11 @@ class Plan(Shown):
         return of_joints(title, columns)
 
     def plot(self, robot: Robot) -> Figure:
-        """Torques and speeds of its robot, with their limits."""
+        """Torques and speeds of its robot, with their limits.
+
+        Raises:
+            InputError: for a robot of another number of joints.
+        """
         return sdt_drake.plots_motion.plan("Plan", robot, self, margins(robot, self.motion))
 
     def peak_use(self, robot: Robot) -> Array:
@@ -144,8 +148,6 @@ def checked_torque(robot: Robot, motion: Motion, *, torque_margin: float = 1.0) 
         InputError: if the motion has another number of joints, or leaves the torque, speed,
             acceleration or position limits: naming joint, time, what it needs and what there is.
     """
-    if motion.n != robot.n:
-        raise InputError(f"motion: {motion.n} joints, robot '{robot.name}' has {robot.n}")
     torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
     for quantity, values, limit, slack in (
         ("torque [N m]", torque, torque_margin * robot.effort_limit, TORQUE_TOLERANCE),
@@ -299,6 +301,9 @@ def margins(
         n1, n0: motor speeds up to which the full torque is available, and at which none is left to
             drive with [rad/s], **motor side**, shape (n,), 0 < n1 < n0; as of a scenario's drive.
             Torque against the motion (braking) is not reduced. No envelope by default.
+
+    Raises:
+        InputError: for a motion of another number of joints.
     """
     torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
     limit = np.broadcast_to(robot.effort_limit, torque.shape)

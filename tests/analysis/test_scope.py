@@ -53,6 +53,8 @@ def test_a_column_for_each_joint_shows_what_was_recorded(run):
     )
     with pytest.raises(InputError, match="joint: 5, expected 1 to 4"):
         scope("one", recording, design, 5)
+    with pytest.raises(InputError, match=r"design: 4 joint\(s\), expected 1"):
+        scope("other", replace(recording, q=recording.q[:, :1]), design)
 
 
 def test_limits_are_those_of_the_saturation_in_the_loop(run):

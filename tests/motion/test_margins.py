@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from motions import reference, sampled
 
+from sdt_drake.errors import InputError
 from sdt_drake.motion import Motion, margins
 
 
@@ -97,3 +98,9 @@ def test_torque_grows_between_samples_where_gravity_does(robot):
     v[-1, 1] = 1.1  # now the last period accelerates, and the last sample does not
     report = margins(robot, Motion.from_speeds(0.005, np.zeros(4), v))
     assert report.growth[1] > 0
+
+
+def test_a_robot_of_other_joints_is_refused_and_does_not_end_the_process(robot):
+    motion = Motion.from_speeds(0.005, np.zeros(3), np.zeros((4, 3)))
+    with pytest.raises(InputError, match="motion: 3 joints, robot 'sdt' has 4"):
+        margins(robot, motion)
