@@ -47,6 +47,7 @@ def test_the_answer_comes_first_and_is_that_of_the_recording(run, tmp_path):
         share = 100 * recording.saturated[1:, k].mean()
         told = f"joint {k + 1} for {plain_number(share)} % of the time"
         assert (told in answer) == (share > 0)
+    assert f"with the inertia {design.scenario.plant.i_eff} kg m² on the motors" in text
     assert "could be felt" in answer and "Loops:** all are stable" in answer
     (tmp_path / "again.yaml").write_text(re.search(r"```\n(.*?)```", text, re.DOTALL)[1])
     assert load_scenario(tmp_path / "again.yaml") == design.scenario
@@ -69,11 +70,13 @@ def test_what_is_always_saturated_and_the_nearest_border_are_told(designed):
         (kind("pi"), ""),
     ],
 )
-def test_all_that_is_fed_forward_is_told(designed, fields, told):
+def test_all_that_is_fed_forward_and_elastic_joints_are_told(designed, fields, told):
     fields |= {"controller.friction_compensation": True, "plant.friction.coulomb": [9.0] * 4}
+    fields |= {"plant.elasticity.natural_frequency": [300.0, 0.0, 0.0, 0.0]}
     design = designed("coupled_pi", fields, end=0.1)
     recording = simulate(design)
     text = run_report(design, recording, Path("x.html"), range(4)).markdown()
+    assert "Of elastic joints, the speed is that of the link" in text
     assert f"| torque feedforward | {told}friction at the speed of the reference |" in text
     assert Compared("", design, recording).needs[-1] == "joints' friction"
 

@@ -199,6 +199,7 @@ def _fed(design: Design) -> str:
 def _plant(design: Design) -> str:
     plant = design.scenario.plant
     parts = {
+        f"the inertia {plant.i_eff} kg m² on the motors": plant.i_eff is not None,
         "friction": not plant.friction.is_none,
         "elastic joints": not plant.elasticity.is_rigid,
         "masses other than planned with": design.robot is not design.nominal,
@@ -302,6 +303,8 @@ def _over_speed(run: Compared, path: Path, joints: Sequence[int]) -> list[doc.Bl
     caption = "Torque of the motors over their speed, motor side, at the ends of the periods."
     if run.design.scenario.plant.kind == "axis":
         caption += " On this plant the other motors' help widens the limits, which is not drawn."
+    if run.design.springs is not None:
+        caption += " Of elastic joints, the speed is that of the link times the gear ratio."
     columns = [[torque_over_speed(run.recording, run.design, k)] for k in joints]
     return [_plots(caption, columns, path, "torque")]
 
