@@ -14,6 +14,7 @@ from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
 from sdt_drake.progress import told_alone
 from sdt_drake.robot import Robot
+from sdt_drake.shown import joint_count
 
 # --- torque groups (Eq. 2) ------------------------------------------------------------------
 
@@ -83,7 +84,7 @@ def inverse_dynamics(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
         InputError: for a motion of another number of joints.
     """
     if q.shape[1] != robot.n:  # Drake would end the process
-        raise InputError(f"motion: {q.shape[1]} joints, robot '{robot.name}' has {robot.n}")
+        raise InputError(f"motion: {joint_count(q.shape[1])}, robot '{robot.name}' has {robot.n}")
     plant = robot.plant
     context, forces = plant.CreateDefaultContext(), MultibodyForces(plant)
     torque = np.empty(q.shape)

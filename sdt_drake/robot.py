@@ -28,7 +28,7 @@ from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, told_by
 from sdt_drake.resources import find_file
 from sdt_drake.sdf import check_sdf, mass_and_inertia, parse_xml, read_robot_file
-from sdt_drake.shown import Shown, Summary, of_joints
+from sdt_drake.shown import Shown, Summary, joint_count, of_joints
 
 _NO_STOP = 1e16  # rad
 
@@ -84,7 +84,9 @@ class Robot(Shown):
             "largest torque [N m]": (".5g", self.motor_torque_limit),
             "rotor inertia [kg m²]": (".4g", self.rotor_inertia),
         }
-        return of_joints(f"{self.name}: {self.n} joints; motor side", columns, self.joint_names)
+        return of_joints(
+            f"{self.name}: {joint_count(self.n)}; motor side", columns, self.joint_names
+        )
 
     @cached_property
     def motor_torque_limit(self) -> Array:

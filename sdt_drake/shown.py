@@ -70,6 +70,11 @@ def by_joint(
     return ["joint", *(header for header, _, _ in columns)], rows
 
 
+def joint_count(n: int) -> str:
+    """How many joints, for people: "1 joint", "4 joints"."""
+    return f"{n} joint{'s' * (n != 1)}"
+
+
 def numbered(names: Sequence[str]) -> list[str]:
     """Joints by number and name: "1 planetary"."""
     return [f"{k + 1} {name}".strip() for k, name in enumerate(names)]

@@ -21,7 +21,7 @@ from sdt_drake.fields import setting
 from sdt_drake.loops import Loop, make_loop, systems_in
 from sdt_drake.motor_torque import arrived, cuts, period_torque, tells_command
 from sdt_drake.progress import told
-from sdt_drake.shown import Shown, Summary, of_joints
+from sdt_drake.shown import Shown, Summary, joint_count, of_joints
 from sdt_drake.tables import check_columns, check_limits, data_frame, read_table, write_table
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ class Recording(Shown):
             "saturated [%]": (".2f", 100 * self.saturated[1:].mean(axis=0)),
         }
         step, end = self.time[1] - self.time[0], self.time[-1]
-        title = f"of {self.q.shape[1]} joints: {end:.9g} s in steps of {1000 * step:.6g} ms"
+        title = f"of {joint_count(self.q.shape[1])}: {end:.9g} s in steps of {1000 * step:.6g} ms"
         return of_joints(title, columns)
 
     def plot(self, design: Design | None = None, joint: int | None = None) -> Figure:

@@ -31,7 +31,7 @@ from sdt_drake.errors import InputError, write_text
 from sdt_drake.motion import story_of
 from sdt_drake.pilot import CHANNELS, has_head
 from sdt_drake.scenario import Scenario
-from sdt_drake.shown import by_joint
+from sdt_drake.shown import by_joint, joint_count
 from sdt_drake.simulate import Recording
 from sdt_drake.versions import versions
 from sdt_drake.viewer import recorded_page
@@ -157,7 +157,10 @@ def _setup(design: Design) -> list[doc.Block]:
     exact = "exact" if design.model.sdf == design.robot.sdf else "differs from the plant"
     duration = f"{motion.duration:g} s at {motion.period:g} s{learned}"
     rows = [
-        ("robot", f"{design.robot.name}, {design.robot.n} joints (`{Path(scenario.robot).name}`)"),
+        (
+            "robot",
+            f"{design.robot.name}, {joint_count(design.robot.n)} (`{Path(scenario.robot).name}`)",
+        ),
         ("motion", f"`{Path(scenario.motion).name}`, {duration}"),
         ("controller", f"`{choice.label}`: {CONTROLLERS[choice.kind].in_words(design)}"),
         ("torque feedforward", _fed(design)),

@@ -14,7 +14,7 @@ from sdt_drake.errors import InputError, checked_type
 from sdt_drake.motion import Motion
 from sdt_drake.pilot import FeltDifference, HeadMotion, felt_difference, head_motion_of_samples
 from sdt_drake.robot import Robot
-from sdt_drake.shown import Shown, Summary, by_joint
+from sdt_drake.shown import Shown, Summary, by_joint, joint_count
 from sdt_drake.simulate import Recording
 
 SETTLED_AFTER = 1.0
@@ -43,7 +43,7 @@ class Tracking(Shown):
     def summary(self) -> Summary:
         n = len(self.rms_speed_error)
         table = by_joint([""] * n, columns_of(vars(self)))
-        return Summary(f"of {n} joints; joint side", *table)
+        return Summary(f"of {joint_count(n)}; joint side", *table)
 
 
 def track(recording: Recording, motion: Motion) -> Tracking:

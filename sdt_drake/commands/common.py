@@ -220,7 +220,7 @@ def naming_fields(names: Mapping[str, str], otherwise: str = "") -> AbstractCont
 
 def naming_robot(option: str) -> AbstractContextManager[None]:
     """Errors within that a motion is none of the robot's name the option that has another robot."""
-    other = re.compile(r"joints, robot '|expected a joint of '|: (joints|start_deg|q0): \d+ value")
+    other = re.compile(r"joints?, robot '|expected a joint of '|: (joints|start_deg|q0): \d+ value")
     hint = f"; {option} names the robot of the motion"
     return rewording(lambda line: line + hint if other.search(line) else line)
 

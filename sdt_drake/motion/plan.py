@@ -15,7 +15,7 @@ from sdt_drake.errors import InputError, whole_periods
 from sdt_drake.motion.command import Command
 from sdt_drake.motion.trajectory import Loss, Motion
 from sdt_drake.robot import Robot
-from sdt_drake.shown import Shown, Summary, of_joints
+from sdt_drake.shown import Shown, Summary, joint_count, of_joints
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,7 +64,7 @@ class Plan(Shown):
         return np.abs(self.motion.q[-1] - self.commanded.q[-1])
 
     def summary(self) -> Summary:
-        title = f"of {self.motion.n} joints: {self.motion.in_time}"
+        title = f"of {joint_count(self.motion.n)}: {self.motion.in_time}"
         if self.longer > 0:
             title += f", {self.longer:.6g} s longer than commanded"
         columns = {
@@ -97,7 +97,9 @@ def commanded_motion(robot: Robot, command: Command, period: float) -> Motion:
     """
     where = f"motion '{command.name}': "
     if len(command.q0) != robot.n:
-        raise InputError(f"{where}{len(command.q0)} joints, robot '{robot.name}' has {robot.n}")
+        raise InputError(
+            f"{where}{joint_count(len(command.q0))}, robot '{robot.name}' has {robot.n}"
+        )
     count = whole_periods(command.duration, period, f"{where}duration")
     time = np.arange(count + 1.0) * period
     with np.errstate(over="ignore", invalid="ignore"):

@@ -14,7 +14,7 @@ from pydrake.trajectories import PiecewisePolynomial, Trajectory
 import sdt_drake
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, whole_periods
-from sdt_drake.shown import Shown, Summary, of_joints
+from sdt_drake.shown import Shown, Summary, joint_count, of_joints
 from sdt_drake.tables import check_columns, data_frame, read_table, write_table
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class Motion(Shown):
             "speed [rad/s]": (".4g", np.abs(self.v).max(axis=0)),
             "acceleration [rad/s²]": (".4g", np.abs(self.vd).max(axis=0)),
         }
-        return of_joints(f"of {self.n} joints: {self.in_time}", columns)
+        return of_joints(f"of {joint_count(self.n)}: {self.in_time}", columns)
 
     @property
     def in_time(self) -> str:

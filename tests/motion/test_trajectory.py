@@ -19,6 +19,7 @@ def test_integrals_of_a_motion_are_those_computed_by_hand():
     np.testing.assert_allclose(motion.vd, [[4], [0], [-8], [0]], atol=1e-15)
     np.testing.assert_allclose(motion.q, [[1], [1.5], [2.5], [2.5]], atol=1e-15)
     assert (motion.n, motion.duration) == (1, 1.5)
+    assert motion.summary().title == "of 1 joint: 1.5 s in steps of 500 ms"
 
 
 def test_drake_trajectory_has_the_same_positions_speeds_and_accelerations():
