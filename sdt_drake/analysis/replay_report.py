@@ -81,6 +81,11 @@ def findings(replay: Replay) -> list[str]:
     if np.abs(replay.start).max() > 1e-6:
         offsets = " ".join(f"{x:.4f}" for x in np.degrees(replay.start))
         said.append(f"The recording starts {offsets} deg beside its reference; that is left out.")
+    if gaps := replay.recorded.gaps_in_words:
+        said.append(
+            f"The recording has {gaps}: straight lines are in their place, and what differs there "
+            "is not the machine's."
+        )
     for name in replay.measured:
         shares = " ".join(_texts(_SHARE, replay.explained(name)))
         said.append(f"Of the {QUANTITIES[name].title} the simulation explains {shares} %.")

@@ -24,7 +24,6 @@ HIGHEST = 0.35
 """Cut-off over the rate of samples, from which on a filter would do nothing but ring."""
 
 _ORDER = 4
-_GAP = 4.0  # of the usual step: nobody knows what happened in between
 _SHORTEST = 1.0  # s, of what is worth filtering
 _WORKING_RATE = 200.0  # Hz, of what is computed from positions; machines of this kind move slower
 _BEYOND = 2.0  # periods of the cut-off, of what a filter makes up beyond the ends
@@ -79,11 +78,9 @@ def stretches(recorded: Recorded) -> tuple[list[Stretch], list[str]]:
     time, notes = recorded.time, []
     steps = np.diff(time)
     usual = float(np.median(steps))
-    gaps = np.flatnonzero(steps > _GAP * usual)
+    gaps = recorded.gaps
     if len(gaps):
-        i = gaps[steps[gaps].argmax()]
-        longest = f"the longest {steps[i]:.3g} s at {time[i]:.3g} s"
-        notes.append(f"{len(gaps)} gap(s) in time, {longest}: taken apart there")
+        notes.append(f"{recorded.gaps_in_words}: taken apart there")
     within = np.delete(steps, gaps)
     jitter = float(np.abs(within - usual).max()) / usual
     if jitter > 1e-3:

@@ -8,7 +8,7 @@ from typing import Optional
 
 import numpy as np
 
-from sdt_drake.arrays import Array
+from sdt_drake.arrays import Array, Index
 from sdt_drake.errors import InputError
 from sdt_drake.fields import setting
 from sdt_drake.motion.trajectory import interpolated
@@ -24,6 +24,7 @@ SIGNALS = (*_ANGLES, *_TORQUES)
 """Of each joint: position, speed, torque of the motor, its mean over the period that ends there;
 what was asked for; torque fed forward."""
 
+_GAP = 4.0  # of the usual step
 _OWN = ("tau_cmd", "tau_limited", "load_torque")  # columns that `simulate` writes
 
 
@@ -112,6 +113,22 @@ class Recorded:
     time: Array
     signals: dict[str, Array]
     of_links: bool = False
+
+    @property
+    def gaps(self) -> Index:
+        """Rows, from 0, after which nobody knows what happened until the next one."""
+        steps = np.diff(self.time)
+        return np.flatnonzero(steps > _GAP * np.median(steps))
+
+    @property
+    def gaps_in_words(self) -> str:
+        """How many gaps there are, and where the longest one is; "" for none."""
+        if not len(self.gaps):
+            return ""
+        steps = np.diff(self.time)
+        i = self.gaps[steps[self.gaps].argmax()]
+        longest = f"the longest {steps[i]:.3g} s at {self.time[i]:.3g} s"
+        return f"{len(self.gaps)} gap(s) in time, {longest}"
 
 
 def load_columns(path: str | Path) -> Columns:

@@ -60,6 +60,17 @@ def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(design
     assert torques["difference as the scenario has it"] == ["0"] * 4  # and no round-off
 
 
+def test_what_differs_in_a_gap_is_not_put_down_to_the_machine(designed, tmp_path):
+    made = designed("coupled_pi", CASCADE, start=1.0, end=2.0)
+    recorded = recorded_run(made, tmp_path)
+    assert not any("gap" in line for line in findings(replayed(made, recorded)))
+    kept = (recorded.time < 0.3) | (recorded.time > 0.5)
+    signals = {name: x[kept] for name, x in recorded.signals.items()}
+    holed = Recorded(recorded.path, recorded.time[kept], signals, of_links=True)
+    (line,) = (line for line in findings(replayed(made, holed)) if "gap" in line)
+    assert line.startswith("The recording has 1 gap(s) in time, the longest 0.21 s at 0.295 s")
+
+
 def test_a_wrong_payload_is_told_from_a_wrong_gain(designed, tmp_path):
     """By the load that is fed in: it makes good what the plant lacks, and no other gain; wherever
     the encoders have their zeros."""
