@@ -72,6 +72,9 @@ def friction_table(found: Identified, files: PlantFriction) -> doc.Table:
     coulomb, viscous, offset = friction.coulomb or [], friction.viscous or [], friction.offset or []
     rows = []
     for k, name in enumerate(names):
+        if not found.equations.moves[:, k].any():  # nothing is known of it, not that it is 0
+            rows.append((f"{k + 1} {name}", *"––––––"))
+            continue
         rows.append(
             (
                 f"{k + 1} {name}",

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from test_robot import chain_sdf
 
-from sdt_drake.analysis.identification import undecided_laws
+from sdt_drake.analysis.identification import friction_table, undecided_laws
 from sdt_drake.deviation import Deviation, deviated
 from sdt_drake.dynamics import inverse_dynamics, torque_groups
 from sdt_drake.errors import InputError
@@ -361,6 +361,8 @@ def test_recordings_that_say_nothing_are_refused(robot, true):
     assert any("joint 3 stands still" in line for line in noisy.warnings)
     assert sum("stands still" in line for line in noisy.warnings) == 1
     assert noisy.estimate.condition == np.inf
+    rows = friction_table(noisy, plant_friction(noisy)).rows
+    assert rows[2] == ("3 pitch", *"––––––") and "±" in rows[1][2]
     short = Recorded(recorded.path, recorded.time[:50], {"q": q[:50], "tau": tau[:50]})
     with pytest.raises(InputError, match=r"0\.49 s at 100 Hz, expected at least 1 s"):
         identify(robot, [short])
