@@ -135,6 +135,7 @@ def test_wrong_usage(refuse, line, word):
         ("step --inertia 0", ["--inertia", "> 0"]),
         ("step --omega-r -1", ["--omega-r", "> 0"]),
         ("step --zeta 1e9", ["zeta", "0.01 to 100"]),
+        ("step --omega-r 1e-20", ["omega_r: 1e-20", ">= 1e-06"]),
         ("step --structure pid", ["--structure", "pid", "p_in_feedback"]),
         (f"diagram {RUN} --format pdf", ["--format", "pdf", "svg"]),
         (f"diagram {RUN} --depth 3000000000", ["--depth"]),

@@ -26,7 +26,7 @@ from sdt_drake.control import (
     tune,
 )
 from sdt_drake.design import Design, make_design
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, checked_number
 from sdt_drake.loops import make_step_loop
 from sdt_drake.progress import as_part, part
 from sdt_drake.scenario import load_scenario
@@ -154,17 +154,19 @@ def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> 
         structure: "pi" or "p_in_feedback".
         zeta: damping ratio [-], 0.01 to 100.
         i_eff: inertia, motor side [kg m²].
-        omega_r: lowest natural frequency of the structure [rad/s]; omega_n is half of it.
+        omega_r: lowest natural frequency of the structure [rad/s], at least 1e-6; omega_n is half
+            of it.
 
     Raises:
         InputError: for values out of range.
     """
     if not 0.01 <= zeta <= 100:
         raise InputError(f"zeta: {zeta:g}, expected 0.01 to 100")
+    checked_number(omega_r, "omega_r", minimum=_SLOWEST)
     gains = tune([i_eff], omega_r, [zeta])
     # The slowest pole decays like zeta omega_n (zeta < 1) or omega_n / (2 zeta).
     duration = 16.5 * max(zeta, 1 / zeta) / (0.5 * omega_r)
-    loop = make_step_loop(gains=gains, i_eff=i_eff, structure=structure, log_period=duration)
+    loop = make_step_loop(gains=gains, i_eff=i_eff, structure=structure)
     simulator = make_simulator(loop, period=duration / 500, accuracy=_STEP_ACCURACY)
     simulator.Initialize()
     state, context = loop.GetOutputPort("state"), simulator.get_context()
@@ -212,6 +214,7 @@ def table1(design: Design) -> list[dict[str, Any]]:
 
 
 _STEP_ACCURACY = 7e-6
+_SLOWEST = 1e-6  # rad/s; in the time that slower ones take, angles grow beyond what can be resolved
 _STEP_SAMPLES = 10_001  # denser at the start, for the fast one of two poles and for the first peak
 
 _AMPLITUDE = {"pi": 0.0, "pi_ctc": 0.05}

@@ -148,32 +148,24 @@ class Loop(Wired):
 make_loop = Loop  # as it is called beside `make_process` and `make_step_loop`
 
 
-def make_step_loop(
-    *,
-    gains: SpeedGains,
-    i_eff: float,
-    structure: str,
-    step: float = 1.0,
-    log_period: float = 1e-4,
-) -> Diagram:
+def make_step_loop(*, gains: SpeedGains, i_eff: float, structure: str) -> Diagram:
     """Make one linear speed loop without load or limit (Figures 4 and 5): a step of its reference.
+
+    From time 0 on 1 rad/s is asked of the motor. Output: `state`.
 
     Args:
         gains: of one controller, motor side; arrays of length 1.
         i_eff: inertia, motor side [kg m²].
         structure: "pi" or "p_in_feedback".
-        step: motor speed asked for from time 0 on [rad/s].
-        log_period: of the state [s].
     """
     loop = Wired()
-    step_reference = ConstantVectorSource(np.array([0.0, step, 0.0]))  # q_ref, v_ref, vd_ref
+    step_reference = ConstantVectorSource(np.array([0.0, 1.0, 0.0]))  # q_ref, v_ref, vd_ref
     loop.add("step_reference", step_reference, "reference")
     pi = PiSpeedController(gains=gains, gear_ratio=[1.0], structure=structure)
     loop.add("pi_speed_controller", pi)
     loop.add("no_load", ConstantVectorSource(np.zeros(1)), "load_torque")
     process = AxisProcess(i_eff=[i_eff], gear_ratio=[1.0])
     loop.add("axis_process", process, tau="tau_fb")
-    loop.log(("state",), log_period)
     loop.build("state")
     loop.set_name("step_loop")
     return loop
