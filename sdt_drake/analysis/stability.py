@@ -104,9 +104,10 @@ def stability_sweep(
             return least_damping(loop(ratio), ratio * omega_r)
 
         for i, ratio in enumerate(told(ratios.tolist())):
-            damping[i, k] = damping_at(ratio)
+            closed = loop(ratio)
+            damping[i, k] = least_damping(closed, ratio * omega_r)
             if damping[i, k] > 0:
-                _, speed = loop(ratio).step(_SHOWN / (ratio * omega_r), _STEPS)
+                _, speed = closed.step(_SHOWN / (ratio * omega_r), _STEPS)
                 overshoot[i, k] = 100 * max(speed.max() - 1, 0.0)
         border[k] = _border(damping_at, ratios, damping[:, k])
 
