@@ -34,7 +34,7 @@ from sdt_drake.plant import check_poles, plant_along
 from sdt_drake.robot import Robot, load_robot
 from sdt_drake.scenario import Scenario
 from sdt_drake.shown import Shown, Summary, of_joints
-from sdt_drake.tuning import Law, fed, feedforward_of, gains_of
+from sdt_drake.tuning import FeedforwardLaw, fed, feedforward_of, gains_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -93,7 +93,7 @@ class Design(Shown):
     omega_n: Array
     inertia_share: Array
     position_gain: Array
-    feedforward: Law | None
+    feedforward: FeedforwardLaw | None
     learned_torque: Array | None
     tau_ff: Array | None
     steady_load: Array

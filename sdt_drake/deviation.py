@@ -2,7 +2,7 @@
 
 # Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Optional
@@ -10,7 +10,7 @@ from typing import Optional
 import numpy as np
 
 from sdt_drake.errors import InputError, within
-from sdt_drake.fields import setting
+from sdt_drake.fields import Problems, setting
 from sdt_drake.resources import find_file
 from sdt_drake.robot import Robot, edited, parts_of
 from sdt_drake.sdf import (
@@ -60,7 +60,7 @@ class Deviation:
     spread: str = setting("", file="directions")
     along: Optional[list[float]] = setting(None, minimum=-10, maximum=10, unit="-")
 
-    def problems(self) -> Iterator[tuple[str, str]]:
+    def problems(self) -> Problems:
         if self.along and not self.spread:
             yield "along", "needs spread, the file of the directions"
 

@@ -1,7 +1,6 @@
 """What a real device adds to a rigid, frictionless plant with ideal drives."""
 
 # Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Optional
 
@@ -10,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
-from sdt_drake.fields import setting
+from sdt_drake.fields import Problems, setting
 
 # --- drives ----------------------------------------------------------------------------------
 
@@ -45,7 +44,7 @@ class Drive:
     n0: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="rad/s", side="motor")
     reference_delay: float = setting(0.0, minimum=0, unit="s")
 
-    def problems(self) -> Iterator[tuple[str, str]]:
+    def problems(self) -> Problems:
         if self.encoder_resolution is not None and self.period is None:
             yield "encoder_resolution", "needs period, to take the speed"
         if (self.n1 is None) != (self.n0 is None):
@@ -172,7 +171,7 @@ class Friction:
         """Whether there is no friction."""
         return self.coulomb is self.viscous is self.breakaway is self.offset is None
 
-    def problems(self) -> Iterator[tuple[str, str]]:
+    def problems(self) -> Problems:
         largest, sliding = self.breakaway or [], self.coulomb or []
         if any(b < c for b, c in zip(largest, sliding, strict=False)):
             yield "breakaway", f"{largest}, expected at least coulomb, {sliding}"

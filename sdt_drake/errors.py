@@ -45,7 +45,7 @@ def within(where: str | Path) -> AbstractContextManager[None]:
     return rewording(lambda x: x if x.startswith(f"{where}") else f"{where}: {x}")
 
 
-def told_by(error: object) -> str:
+def one_line(error: object) -> str:
     """What an error of a library says, in one line that is not too long."""
     text = " ".join(str(error).split())
     return text if len(text) <= 300 else f"{text[:300]}..."
@@ -62,7 +62,7 @@ def checked_number(
     is_number = isinstance(value, Real) and np.isfinite(value)
     if not is_number or value < minimum or (exclusive and value == minimum):
         bound = f" {'>' if exclusive else '>='} {minimum:g}" if np.isfinite(minimum) else ""
-        raise InputError(f"{where}: {told_by(value)}, expected a finite number{bound}")
+        raise InputError(f"{where}: {one_line(value)}, expected a finite number{bound}")
     return float(value)
 
 
@@ -91,7 +91,7 @@ def checked_positive(values: ArrayLike, where: str, n: int | None = None) -> Arr
     if not is_list or not (np.isfinite(array) & (array > 0)).all():
         count = "" if n is None else f"{n} "
         raise InputError(
-            f"{where}: {told_by(values)}, expected a list of {count}finite numbers > 0, one for "
+            f"{where}: {one_line(values)}, expected a list of {count}finite numbers > 0, one for "
             "each joint"
         )
     return array

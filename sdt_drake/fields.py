@@ -43,6 +43,9 @@ from sdt_drake.resources import beside
 
 T = TypeVar("T")
 
+Problems = Iterator[tuple[str, str]]
+"""What is wrong between fields of an object: the dotted name of one, and what would be right."""
+
 _MOST_PROBLEMS = 20  # that are told
 _LONGEST = 60  # letters of a value that is told
 
@@ -156,7 +159,7 @@ def is_within(name: str, field: str) -> bool:
     return re.match(rf"{re.escape(field)}(?![^.[])", name) is not None
 
 
-def nearest(name: str, known: Iterable[str], otherwise: str = "") -> str:
+def suggestion(name: str, known: Iterable[str], otherwise: str = "") -> str:
     """The known name that is like a wrong one, for people: "did you mean 'kind'?"; or else
     `otherwise`, by default all that is known."""
     known = list(known)
@@ -200,7 +203,7 @@ class _Walk:
         before = len(self.wrong)
         for key in data:
             if key not in known and key != "_tag":
-                self.say(f"{name}.{key}".lstrip("."), f"no such field, {nearest(key, known)}")
+                self.say(f"{name}.{key}".lstrip("."), f"no such field, {suggestion(key, known)}")
         values = {}
         for key, field in known.items():
             dotted = f"{name}.{key}".lstrip(".")

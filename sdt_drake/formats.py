@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sdt_drake.arrays import Array
-from sdt_drake.errors import InputError, needing, told_by
+from sdt_drake.errors import InputError, needing, one_line
 
 _PACKAGES = {".mat": "scipy", ".parquet": "pyarrow"}
 BINARY = tuple(_PACKAGES)
@@ -70,7 +70,7 @@ def read_binary(path: Path) -> dict[str, Array]:
     except InputError:
         raise
     except Exception as error:  # of many kinds
-        raise InputError(f"{path}: cannot be read as {path.suffix} ({told_by(error)})") from None
+        raise InputError(f"{path}: cannot be read as {path.suffix} ({one_line(error)})") from None
     if len({len(values) for values in columns.values()}) > 1:
         raise InputError(f"{path}: the columns differ in length")
     return columns

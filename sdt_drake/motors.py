@@ -2,7 +2,6 @@
 
 # Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import pi
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, within
-from sdt_drake.fields import nearest, setting
+from sdt_drake.fields import Problems, setting, suggestion
 from sdt_drake.robot import Robot, edited, parts_of
 from sdt_drake.sdf import DRAKE, child, link_named, links_by_name, scale_link, set_inertia
 from sdt_drake.yaml_files import load_yaml
@@ -66,7 +65,7 @@ class Motor:
         """`n0_rpm` in rad/s."""
         return self.n0_rpm * _RPM
 
-    def problems(self) -> Iterator[tuple[str, str]]:
+    def problems(self) -> Problems:
         if self.rated_torque > self.peak_torque:
             yield (
                 "rated_torque",
@@ -108,9 +107,9 @@ class Catalogue:
         for motor in self.motors:
             if motor.id == id_:
                 return motor
-        raise InputError(f"{where}: no motor '{id_}' in the catalogue, {nearest(id_, self.ids)}")
+        raise InputError(f"{where}: no motor '{id_}' in the catalogue, {suggestion(id_, self.ids)}")
 
-    def problems(self) -> Iterator[tuple[str, str]]:
+    def problems(self) -> Problems:
         for i, id_ in enumerate(self.ids):
             if id_ in self.ids[:i]:
                 yield f"motors[{i + 1}].id", f"'{id_}' is given twice"
@@ -163,7 +162,7 @@ class DeviceChoice:
         """Whether the device is the SDF as it is."""
         return not any(self.motors) and self.gear_ratio is None and self.structure_scale == 1
 
-    def problems(self) -> Iterator[tuple[str, str]]:
+    def problems(self) -> Problems:
         if any(self.motors) and not self.fitted:
             yield (
                 "fitted",

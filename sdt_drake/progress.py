@@ -76,7 +76,7 @@ def _beginning() -> Tell:
     return add
 
 
-def told(items: Collection[T]) -> Iterator[T]:
+def with_progress(items: Collection[T]) -> Iterator[T]:
     """The items of a loop, all like much work that tells nothing itself."""
     every = max(1, len(items) // _LOOKS)
     with part() as tell:
@@ -86,10 +86,10 @@ def told(items: Collection[T]) -> Iterator[T]:
             yield item
 
 
-def told_alone(items: Collection[T]) -> Iterator[T]:
+def with_outermost_progress(items: Collection[T]) -> Iterator[T]:
     """The items of a loop that tells how far it is only where nothing around it does: for loops
     within many others."""
-    return told(items) if _add.get() is None else iter(items)
+    return with_progress(items) if _add.get() is None else iter(items)
 
 
 def as_part(function: Callable[P, T], share: float) -> Callable[P, T]:

@@ -21,7 +21,7 @@ from sdt_drake.motors import Catalogue
 from sdt_drake.resources import page_text
 from sdt_drake.scenario import Scenario
 from sdt_drake.schema import Part, entry_of, json_schema, parts
-from sdt_drake.simulate import COLUMNS, Recording
+from sdt_drake.simulate import RECORDED_COLUMNS, Recording
 from sdt_drake.studies.sizing import Sizing
 from sdt_drake.studies.study import Study
 from sdt_drake.yaml_files import parse_yaml
@@ -86,7 +86,7 @@ def _recording() -> Chapter:
         "What `simulate --out run.csv` writes and `pilot` and `view` read: a row for each period. "
         "Column `name_k` is joint k, base to tip; of .parquet, too, and column k of `name` in .mat."
     )
-    rows = [("time", *told["time"]), *((f"{name}_k", *told[name]) for name in COLUMNS)]
+    rows = [("time", *told["time"]), *((f"{name}_k", *told[name]) for name in RECORDED_COLUMNS)]
     return Chapter("Recordings", [Sheet("", text, ("column", "unit", "meaning"), rows)])
 
 

@@ -25,7 +25,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Context
 
 from sdt_drake.arrays import Array
-from sdt_drake.errors import InputError, told_by
+from sdt_drake.errors import InputError, one_line
 from sdt_drake.resources import find_file
 from sdt_drake.sdf import check_sdf, mass_and_inertia, parse_xml, read_robot_file
 from sdt_drake.shown import Shown, Summary, joint_count, of_joints
@@ -215,7 +215,7 @@ def _parse(file: Path, text: str) -> MultibodyPlant:
     try:
         parser.AddModelsFromString(text, "sdf")
     except Exception as error:  # of many kinds, for instance for a version that is no number
-        raise InputError(f"{file}: {_PLACE.sub('', told_by(error))}") from None
+        raise InputError(f"{file}: {_PLACE.sub('', one_line(error))}") from None
     return plant
 
 

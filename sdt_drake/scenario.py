@@ -3,7 +3,7 @@
 # Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
 import copy
 import functools
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Optional
@@ -13,8 +13,8 @@ from sdt_drake.controllers import CONTROLLERS, Controller, load_controllers
 from sdt_drake.deviation import Deviation
 from sdt_drake.device import Drive, Elasticity, Friction
 from sdt_drake.dynamics import SIGNS
-from sdt_drake.errors import InputError, told_by, whole_periods
-from sdt_drake.fields import given, setting
+from sdt_drake.errors import InputError, one_line, whole_periods
+from sdt_drake.fields import Problems, given, setting
 from sdt_drake.motion import PLANNERS
 from sdt_drake.motors import DeviceChoice
 from sdt_drake.robot import DEFAULT_ROBOT
@@ -49,7 +49,7 @@ class PlantChoice:
     elasticity: Elasticity = setting(Elasticity)
     deviation: Deviation = setting(Deviation)
 
-    def problems(self) -> Iterator[tuple[str, str]]:
+    def problems(self) -> Problems:
         if self.kind == "coupled" and self.i_eff is not None:
             yield "i_eff", "the coupled plant has its inertia from the SDF; remove"
 
@@ -98,7 +98,7 @@ class ControllerChoice:
     position_gain: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="1/s")
     model: Deviation = setting(Deviation)
 
-    def problems(self) -> Iterator[tuple[str, str]]:
+    def problems(self) -> Problems:
         if self.file:
             load_controllers(self.file)
         if self.kind not in CONTROLLERS:
@@ -114,7 +114,7 @@ class ControllerChoice:
         if self.feedforward_gain is not None and self.feedforward_in_use == "none":
             yield "feedforward_gain", f"{self.kind} has no feedforward"
 
-    def _gain_problems(self) -> Iterator[tuple[str, str]]:
+    def _gain_problems(self) -> Problems:
         if (self.kp is None) != (self.ki is None):
             yield "kp" if self.kp is None else "ki", "missing, expected kp and ki or neither"
         elif self.kp is None and self.omega_r is None:
@@ -143,7 +143,7 @@ class ControllerChoice:
 
 
 @dataclass(slots=True)
-class Disturbance:
+class DisturbanceChoice:
     """Error of the load torque model: the true load is tau_LD (1 + A sin(omega_d t)).
 
     Attributes:
@@ -200,9 +200,9 @@ class Scenario(Shown):
     plant: PlantChoice = setting(PlantChoice)
     drive: Drive = setting(Drive)
     controller: ControllerChoice = setting(ControllerChoice)
-    disturbance: Disturbance = setting(Disturbance)
+    disturbance: DisturbanceChoice = setting(DisturbanceChoice)
 
-    def problems(self) -> Iterator[tuple[str, str]]:
+    def problems(self) -> Problems:
         controller, fastest = self.controller, 100 / self.period
         if self.disturbance.omega_d > fastest:  # the integrator would have to follow it
             yield (
@@ -243,7 +243,7 @@ def load_scenario(path: str | Path, changes: Optional[Mapping[str, Any]] = None)
     changes = {} if changes is None else changes
     if not isinstance(changes, Mapping) or not all(isinstance(name, str) for name in changes):
         text = "expected values by dotted names, {'controller.kind': 'p_pi'}"
-        raise InputError(f"changes: {told_by(changes)}, {text}")
+        raise InputError(f"changes: {one_line(changes)}, {text}")
     scenario, file = load_yaml(Scenario, path, "scenario", changes)
     scenario.name = scenario.name or file.stem
     return scenario

@@ -13,7 +13,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from sdt_drake.arrays import Array
-from sdt_drake.errors import InputError, told_by
+from sdt_drake.errors import InputError, one_line
 from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.pilot import GRAVITY, HeadMotion, has_head, head_motion
 from sdt_drake.robot import Robot
@@ -145,7 +145,7 @@ class Scene:
         except InputError:
             raise
         except (Exception, SystemExit) as error:  # the latter is how Drake refuses a radius
-            reason = re.sub(rf"\S*{re.escape(robot.path.name)}:", "line ", told_by(error))
+            reason = re.sub(rf"\S*{re.escape(robot.path.name)}:", "line ", one_line(error))
             raise InputError(
                 f"{robot.path}: a <visual> cannot be drawn ({reason}); a robot without any is "
                 "drawn as balls and rods"

@@ -12,7 +12,7 @@ import numpy as np
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
-from sdt_drake.fields import nearest
+from sdt_drake.fields import suggestion
 from sdt_drake.urdf import sdf_of_urdf
 
 DRAKE = "drake:"
@@ -139,7 +139,7 @@ def _check_element(element: ET.Element, where: str) -> None:
         if tag in _UNKNOWN or (tag not in drakes and (tag != bare or DRAKE + tag in drakes)):
             raise InputError(
                 f"{where}: <{_short(bare)}> in <{element.tag}> is not supported or would have no "
-                f"effect; {nearest(DRAKE + bare, drakes, 'remove it')}"
+                f"effect; {suggestion(DRAKE + bare, drakes, 'remove it')}"
             )
         if children.count((tag, name)) > 1:
             again = f"<{_short(tag)}>" if name is None else f"{_short(tag)} '{name}'"

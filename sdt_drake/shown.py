@@ -65,7 +65,7 @@ def by_joint(
         names: of the joints.
         columns: header, format and a value for each joint; NaN is a dash.
     """
-    cells = [[told(x, spec) for x in values] for _, spec, values in columns]
+    cells = [[formatted(x, spec) for x in values] for _, spec, values in columns]
     rows = [list(row) for row in zip(numbered(names), *cells, strict=True)]
     return ["joint", *(header for header, _, _ in columns)], rows
 
@@ -80,7 +80,7 @@ def numbered(names: Sequence[str]) -> list[str]:
     return [f"{k + 1} {name}".strip() for k, name in enumerate(names)]
 
 
-def told(value: Any, spec: str) -> str:
+def formatted(value: Any, spec: str) -> str:
     """A number for people: a dash for NaN, and never -0.0."""
     return re.sub(r"^-(?=0[.0]*$)", "", format(value, spec).replace("nan", "–"))
 

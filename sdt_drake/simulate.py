@@ -20,7 +20,7 @@ from sdt_drake.errors import InputError, checked_number, checked_type
 from sdt_drake.fields import setting
 from sdt_drake.loops import Loop, make_loop, systems_in
 from sdt_drake.motor_torque import arrived, cuts, period_torque, tells_command
-from sdt_drake.progress import told
+from sdt_drake.progress import with_progress
 from sdt_drake.shown import Shown, Summary, joint_count, of_joints
 from sdt_drake.tables import check_columns, check_limits, data_frame, read_table, write_table
 
@@ -38,7 +38,7 @@ _MOST_STEPS = 1_000_000  # of the integrator in a period; a loop that needs more
 _SLICES = 200  # of a run, to tell how far it is; between samples, where steps end anyway
 
 # What goes into a CSV file, in this order.
-COLUMNS = (
+RECORDED_COLUMNS = (
     "v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error", "q_ref", "q", "tau_limited",
     "tau_peak", "tau_rms", "tau_mean", "saturated", "beyond_stop",
 )  # fmt: skip
@@ -130,7 +130,7 @@ class Recording(Shown):
         return sdt_drake.plots.scope(title, self, design, joint)
 
     def to_pandas(self) -> pd.DataFrame:
-        """A table of COLUMNS for each joint, its index the time.
+        """A table of RECORDED_COLUMNS for each joint, its index the time.
 
         Raises:
             InputError: where pandas is not installed.
@@ -139,10 +139,10 @@ class Recording(Shown):
 
     @property
     def _columns(self) -> dict[str, Array]:
-        return {name: getattr(self, name) for name in COLUMNS}
+        return {name: getattr(self, name) for name in RECORDED_COLUMNS}
 
     def save(self, path: str | Path) -> None:
-        """Write time and, for each joint, COLUMNS, exactly: as .csv, .mat or .parquet.
+        """Write time and, for each joint, RECORDED_COLUMNS, exactly: as .csv, .mat or .parquet.
 
         Raises:
             InputError: if the file cannot be written, or needs a package that is not installed.
@@ -240,14 +240,14 @@ def _run(simulator: Simulator, loop: Loop) -> Array | None:
     hears = threading.current_thread() is threading.main_thread()
     samples, period = len(loop.design.motion.v) - 1, loop.design.reference.period
     if tells_command(loop):
-        for end in told(np.unique(np.linspace(0, samples, _SLICES + 1, dtype=int))[1:]):
+        for end in with_progress(np.unique(np.linspace(0, samples, _SLICES + 1, dtype=int))[1:]):
             simulator.AdvanceTo(end * period, interruptible=hears)
         return None
     own, tau_cmd = loop.GetMyContextFromRoot(simulator.get_context()), loop.GetOutputPort("tau_cmd")
     looks, seen = cuts(loop), []
     step = looks[-1]
     rows = round(samples * period / step)
-    for i in told(range(rows)):
+    for i in with_progress(range(rows)):
         for end in looks[1:]:
             simulator.AdvancePendingEvents()
             seen.append(np.array(tau_cmd.Eval(own)))

@@ -121,7 +121,7 @@ UNITS = {
 """Of the numbers of a design, by name. Inertias and gains are motor side; max, median and min are
 those along a motion."""
 
-RESULTS = (".csv", ".json")
+RESULT_TABLES = (".csv", ".json")
 """Kinds of files that `Results` are written as."""
 
 

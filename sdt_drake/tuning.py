@@ -14,7 +14,7 @@ from sdt_drake.motion import Motion
 from sdt_drake.robot import Robot
 from sdt_drake.scenario import Scenario
 
-Law = Callable[[Sequence[Array], Array, Array], Array]
+FeedforwardLaw = Callable[[Sequence[Array], Array, Array], Array]
 """Torque of the motors, motor side [N m], from torque groups of a model, v_ref and vd_ref."""
 
 
@@ -28,7 +28,7 @@ def gains_of(scenario: Scenario, i_eff_max: Array, robot: Robot) -> SpeedGains:
     return tune(i_eff_max, omega_r, zeta, controller.omega_ratio)
 
 
-def feedforward_of(scenario: Scenario, model: Robot) -> Law | None:
+def feedforward_of(scenario: Scenario, model: Robot) -> FeedforwardLaw | None:
     """gain feedforward_torque + friction(v_ref) / r, motor side [N m]; None for neither."""
     choice, friction = scenario.controller, scenario.plant.friction
     kind = choice.feedforward_in_use
@@ -46,7 +46,7 @@ def feedforward_of(scenario: Scenario, model: Robot) -> Law | None:
     return law
 
 
-def fed(law: Law, torques: TorqueGroups, motion: Motion) -> Array:
+def fed(law: FeedforwardLaw, torques: TorqueGroups, motion: Motion) -> Array:
     """What a law feeds forward along a motion with these torques, motor side [N m], (N + 1, n)."""
     groups = (torques.inertial, torques.reaction, torques.velocity, torques.gravity)
     return law(groups, motion.v, motion.vd)

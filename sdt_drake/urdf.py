@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from sdt_drake.errors import InputError
-from sdt_drake.fields import nearest
+from sdt_drake.fields import suggestion
 
 # Elements that are read, by their parent: their attributes. Numbers stay texts, as in the file.
 _READ = {
@@ -91,7 +91,7 @@ def _check(parent: str, element: ET.Element, where: str) -> None:
     key = f"{parent}/{element.tag}"
     if key not in _READ:
         known = [tag for above, _, tag in (x.partition("/") for x in _READ) if above == parent]
-        better = nearest(element.tag, known, "remove it")
+        better = suggestion(element.tag, known, "remove it")
         place = f"in <{parent}> is not supported; {better}" if parent else "is not <robot>"
         raise InputError(f"{where}: <{element.tag[:40]}> {place}")
     if parent and "name" in element.attrib:

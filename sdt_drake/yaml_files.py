@@ -13,8 +13,8 @@ from pydrake.common.yaml import yaml_dump_typed
 from sdt_drake.errors import (
     InputError,
     has_control_characters,
+    one_line,
     read_text,
-    told_by,
     within,
     write_text,
 )
@@ -113,7 +113,7 @@ def parse_yaml(text: str) -> Any:
     except InputError:
         raise
     except (yaml.YAMLError, ValueError) as error:
-        raise InputError(f"not valid YAML, {told_by(error)}") from None
+        raise InputError(f"not valid YAML, {one_line(error)}") from None
 
 
 def read_yaml(file: Path) -> Any:

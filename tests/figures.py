@@ -13,7 +13,7 @@ from sdt_drake.analysis.style import CONTENT
 
 
 def content_of(png: Path) -> dict:
-    """Its `numbers` and `texts`."""
+    """Its `drawn_numbers` and `texts`."""
     return json.loads(Image.open(png).text[CONTENT])
 
 

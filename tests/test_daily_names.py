@@ -17,7 +17,7 @@ import sdt_drake as sdt
 from sdt_drake.analysis.comparison import Compared, Comparison
 from sdt_drake.analysis.linear import LinearModel
 from sdt_drake.controllers import CONTROLLERS
-from sdt_drake.shown import aligned, told
+from sdt_drake.shown import aligned, formatted
 from sdt_drake.simulate import simulate
 
 SOURCE = Path(sdt.__file__)
@@ -94,7 +94,7 @@ def test_objects_show_themselves_shortly(robot, short, run):
 
 
 def test_numbers_for_people():
-    assert [told(x, ".1f") for x in (-0.04, -0.06, np.nan)] == ["0.0", "-0.1", "–"]
+    assert [formatted(x, ".1f") for x in (-0.04, -0.06, np.nan)] == ["0.0", "-0.1", "–"]
 
 
 def test_wide_tables_fit_and_lose_nothing():

@@ -11,10 +11,10 @@ import pytest
 from sdt_drake.cli import main
 from sdt_drake.errors import InputError
 from sdt_drake.formats import BINARY
-from sdt_drake.simulate import COLUMNS, Recording
+from sdt_drake.simulate import RECORDED_COLUMNS, Recording
 
 N, TIME = 3, np.arange(5) * 0.005
-NAMES = [name for name in COLUMNS if name != "speed_error"]
+NAMES = [name for name in RECORDED_COLUMNS if name != "speed_error"]
 
 
 @pytest.fixture

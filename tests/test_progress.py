@@ -11,7 +11,7 @@ import pytest
 from sdt_drake.analysis.threads import threads
 from sdt_drake.commands import bar as module
 from sdt_drake.commands.bar import Bar
-from sdt_drake.progress import as_part, part, told, told_alone, watching
+from sdt_drake.progress import as_part, part, watching, with_outermost_progress, with_progress
 
 
 @pytest.fixture
@@ -27,17 +27,20 @@ def test_shares_of_shares_add_up(seen):
         with part(0.5) as tell:
             tell(0.5)
         with part(0.5):
-            for _ in told("ab"):
-                assert list(told_alone("ab")) == ["a", "b"]  # within other work it tells nothing
+            for _ in with_progress("ab"):
+                assert list(with_outermost_progress("ab")) == [
+                    "a",
+                    "b",
+                ]  # within other work it tells nothing
     assert seen == [0, 0.25, 0.5, 0.5, 0.75, 1, 1, 1]
     seen.clear()
-    list(told_alone(range(2)))  # other work begins anew
+    list(with_outermost_progress(range(2)))  # other work begins anew
     assert seen == [0, 0, 0.5, 1]
 
 
 def test_threads_work_on_parts_of_what_is_around_them(seen):
     with part(), threads(2) as pool:
-        list(pool.map(as_part(lambda k: list(told(range(k))), 1 / 3), [1, 2, 4]))
+        list(pool.map(as_part(lambda k: list(with_progress(range(k))), 1 / 3), [1, 2, 4]))
     assert seen[-1] == pytest.approx(1) and seen == sorted(seen)
     assert {round(12 * x, 9) for x in seen} > {0, 4, 8, 12}
 
@@ -45,7 +48,7 @@ def test_threads_work_on_parts_of_what_is_around_them(seen):
 def test_nobody_watches():
     with part() as tell:
         tell(0.5)
-    assert list(told_alone([1, 2])) == [1, 2]
+    assert list(with_outermost_progress([1, 2])) == [1, 2]
 
 
 def test_the_bar_comes_late_and_tells_what_is_left(monkeypatch):

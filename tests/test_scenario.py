@@ -17,7 +17,7 @@ from sdt_drake.motors import DeviceChoice
 from sdt_drake.resources import find_file, models_dir
 from sdt_drake.scenario import (
     ControllerChoice,
-    Disturbance,
+    DisturbanceChoice,
     PlantChoice,
     Scenario,
     load_scenario,
@@ -82,7 +82,7 @@ def test_axis_scenarios_have_the_published_numbers(name, designed):
     )
     assert scenario.algorithm == "printed"
     amplitude = 0.05 if name == "axis_pi_ctc" else 0.0
-    assert scenario.disturbance == Disturbance(amplitude, 2 * np.pi)
+    assert scenario.disturbance == DisturbanceChoice(amplitude, 2 * np.pi)
     design = designed(name)
     np.testing.assert_array_equal(design.i_eff, I_EFF)
     np.testing.assert_array_equal(design.gains.kp, KP)
@@ -184,7 +184,7 @@ def on_axes() -> Scenario:
             position_gain=[1.0, 2.0, 3.0, 4.0],
             model=Deviation("gondola", -40.5, [0.0, 1e-3, -0.1], 1.05, [0.9]),
         ),
-        disturbance=Disturbance(0.05, 3.0),
+        disturbance=DisturbanceChoice(0.05, 3.0),
     )
 
 

@@ -70,7 +70,7 @@ def test_committed_figures_show_the_motions_of_today(robot, name):
     *panels, error, band = figure.axes
     count = sum(len(ax.lines) for ax in panels)
     committed = content_of(FIGURES / f"training_{name}_plot.png")
-    check_same_numbers(style.numbers(figure)[:count], committed["numbers"][:count], name)
+    check_same_numbers(style.drawn_numbers(figure)[:count], committed["numbers"][:count], name)
     own = [text for text in style.texts(figure) if text != error.get_title(loc="right")]
     assert set(own) <= set(committed["texts"]) and len(band.texts) == len(story.segments)
 

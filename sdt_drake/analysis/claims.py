@@ -18,7 +18,7 @@ from sdt_drake import paper
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.document import Inline, Table
 from sdt_drake.analysis.metrics import plain_number
-from sdt_drake.analysis.reproduction import Reproduction, table1
+from sdt_drake.analysis.reproduction import Reproduction, table1_rows
 from sdt_drake.control import natural_frequency, oscillation_frequency
 from sdt_drake.resources import page_text
 
@@ -123,7 +123,7 @@ def _figure4(results: Reproduction) -> Iterator[_Found]:
 
 
 def _table1(results: Reproduction) -> Iterator[_Found]:
-    rows = table1(results.design)
+    rows = table1_rows(results.design)
     for key in ("i_eff_max", "kp", "ki", "zeta_max", "zeta_median", "zeta_min"):
         computed = [row[key] for row in rows]
         agree = list(map(agrees_as_printed, computed, paper.TABLE1[key]))

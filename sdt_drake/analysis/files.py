@@ -16,7 +16,7 @@ from sdt_drake.analysis.block_diagrams import DIAGRAMS, write_block_diagram
 from sdt_drake.analysis.claims import Claim, judge_claims
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.report import RECORDING, SUMMARY, write_report
-from sdt_drake.analysis.reproduction import Reproduction, Stopwatch, table1
+from sdt_drake.analysis.reproduction import Reproduction, Stopwatch, table1_rows
 from sdt_drake.analysis.style import save_both
 from sdt_drake.dynamics import effective_inertia
 from sdt_drake.errors import write_text
@@ -36,7 +36,7 @@ def write_reproduction(
     """
     claims = judge_claims(results)
     with watch.stage("CSV files"):
-        write_reference(results, folder / "reference.csv")
+        write_reference_motion(results, folder / "reference.csv")
         for name in ("pi", "pi_ctc"):
             results.axis(name).recording.to_csv(folder / f"axis_{name}.csv")
             results.coupled(name).recording.to_csv(folder / f"coupled_{name}.csv")
@@ -58,7 +58,7 @@ def write_reproduction(
     return content
 
 
-def write_reference(results: Reproduction, path: Path) -> None:
+def write_reference_motion(results: Reproduction, path: Path) -> None:
     """The motion with its torque groups (joint side) and loads (motor side)."""
     design, motion, groups = results.design, results.design.motion, results.design.torques
     columns = {
@@ -110,7 +110,7 @@ def summary(results: Reproduction, claims: Sequence[Claim]) -> dict[str, Any]:
     pi, pi_ctc = (results.coupled(name).head.achieved for name in ("pi", "pi_ctc"))
     apart = felt_difference(pi_ctc, pi, results.design.motion.period)
     content = {
-        "table1": table1(results.design),
+        "table1": table1_rows(results.design),
         "step_response": {**steps, "published": paper.FIGURE4},
         "tracking": [case._asdict() | asdict(run.tracking) for case, run in results.runs.items()],
         "claims": [asdict(claim) for claim in claims],

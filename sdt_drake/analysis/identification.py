@@ -23,14 +23,14 @@ from sdt_drake.identification.model import PlantFriction
 from sdt_drake.identification.procedure import Identified
 from sdt_drake.resources import page_text
 from sdt_drake.robot import Robot
-from sdt_drake.shown import told
+from sdt_drake.shown import formatted
 
 MEASURED, PREDICTED, NOMINAL = Look(PALETTE[0]), Look(PALETTE[1], "--"), Look(PALETTE[7], ":")
 _MOST = 0.5  # of a variance
 _MOST_SAMPLES = 300  # of which the load torque is computed
 
 
-def title(found: Identified) -> str:
+def identification_title(found: Identified) -> str:
     """The title of a report: what was identified."""
     return f"{found.nominal.name} identified"
 
@@ -62,7 +62,7 @@ def errors_table(found: Identified, robot: Robot) -> doc.Table:
         "consistent, held out": found.left(found.predicted, held_out=True),
         "A of the load torque, held out": unmeasured_share(found, robot),
     }
-    rows = [(name, [told(100 * x, ".2f") for x in values]) for name, values in left.items()]
+    rows = [(name, [formatted(100 * x, ".2f") for x in values]) for name, values in left.items()]
     return doc.Table(("prediction", "left of the torque [%]"), rows)
 
 
@@ -173,7 +173,7 @@ def links_table(found: Identified) -> doc.Table:
     rows = []
     for link, pseudo in zip(found.consistent.links, found.consistent.pseudo, strict=True):
         (mass, centre, _), (new_mass, new_centre, _) = map(link.inertial, (link.pseudo, pseudo))
-        places = (" ".join(told(1e3 * x, ".1f") for x in xyz) for xyz in (centre, new_centre))
+        places = (" ".join(formatted(1e3 * x, ".1f") for x in xyz) for xyz in (centre, new_centre))
         rows.append((link.name, f"{mass:.4g}", f"{new_mass:.4g}", *places))
     header = (
         "link", "mass in the file [kg]", "mass [kg]", "centre in the file [mm]", "centre [mm]",
@@ -214,7 +214,7 @@ def torques_figure(found: Identified) -> Figure:
     names, held, why = found.nominal.joint_names, ~eq.fit[:, None], "held out"
     torques = over_time("torque [N m]", time, lines, names, marked=held, marked_label=why)
     errors = over_time("left [N m]", time, left, marked=held, marked_label=why)
-    return picture(f"{title(found)}: torques, joint side", [torques, errors])
+    return picture(f"{identification_title(found)}: torques, joint side", [torques, errors])
 
 
 def residuals_figure(found: Identified) -> Figure:
@@ -237,7 +237,9 @@ def residuals_figure(found: Identified) -> Figure:
         )
         law = [Line("friction", PREDICTED, torque)]
         laws.append(Panel("", "speed [rad/s]", "friction [N m]", grid, law))
-    return picture(f"{title(found)}: what is left, and friction, over speed", [errors, laws])
+    return picture(
+        f"{identification_title(found)}: what is left, and friction, over speed", [errors, laws]
+    )
 
 
 def _running_time(found: Identified) -> Array:
@@ -259,7 +261,9 @@ def write_parameters(found: Identified, robot: Robot, path: Path) -> None:
         csv.writer(file).writerows([Parameter._fields, *parameters(found, robot)])
 
 
-def write_report(found: Identified, robot: Robot, files: PlantFriction, folder: Path) -> Path:
+def write_identification_report(
+    found: Identified, robot: Robot, files: PlantFriction, folder: Path
+) -> Path:
     """Write figures and report into a folder, each replaced whole; the path of the page."""
     save_both(torques_figure(found), folder / "torques")
     save_both(residuals_figure(found), folder / "residuals")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.analysis.identification import write_parameters, write_report
+from sdt_drake.analysis.identification import write_identification_report, write_parameters
 from sdt_drake.deviation import Deviation
 from sdt_drake.errors import write_text
 from sdt_drake.identification.filtering import smooth, stretches
@@ -57,7 +57,7 @@ def write_identified(
     save_scenario(scenario, folder / "scenario.yaml")
     write_parameters(found, robot, folder / "parameters.csv")
     _write_study(found, robot, friction, scenario, folder)
-    return write_report(found, robot, friction, folder)
+    return write_identification_report(found, robot, friction, folder)
 
 
 def _base(found: Identified, base: str | None) -> Scenario:

@@ -39,7 +39,7 @@ from sdt_drake.dynamics import InertiaRange, Loads
 from sdt_drake.motion import Motion
 from sdt_drake.pilot import has_head
 from sdt_drake.robot import Robot
-from sdt_drake.shown import numbered, told
+from sdt_drake.shown import formatted, numbered
 from sdt_drake.simulate import Recording
 
 _MANY = 4  # joints; there is no room for the numbers of more above a panel
@@ -320,10 +320,10 @@ def _of_joints(quantity: str, values: Array) -> str:
     """A number for each joint, of many the least and the largest; a dash where there is none."""
     name, unit = quantity.rstrip("]").split(" [")
     if len(values) > _MANY:
-        ends = (told(end.reduce(values), ".0f") for end in (np.fmin, np.fmax))
+        ends = (formatted(end.reduce(values), ".0f") for end in (np.fmin, np.fmax))
         shown = " to ".join(dict.fromkeys(ends))
     else:
-        shown = ", ".join(told(value, ".0f") for value in values)
+        shown = ", ".join(formatted(value, ".0f") for value in values)
     return f"{name} {shown} {unit}"
 
 

@@ -38,7 +38,7 @@ QUANTITIES = {
 """What is compared: v - v_ref and q - q_ref, joint side, each from its first value on, and the
 torque that the motors give, motor side."""
 
-WHOLE = "as the scenario has it"
+AS_IT_IS = "as the scenario has it"
 UNFED = "without the recorded feedforward"
 FED = "with the load that the model lacks"
 ALONE = "controller alone, on the recorded motion"
@@ -46,7 +46,7 @@ ALONE = "controller alone, on the recorded motion"
 _ENOUGH = 0.99  # of a recording is explained: what is left has no cause worth a name
 _WINDOW = 0.1  # s; what is twice as fast is noise of encoders, which no model has
 
-Course = Mapping[str, Array]
+Signals = Mapping[str, Array]
 """Some of QUANTITIES at the samples of the motion, each of shape (N + 1, n)."""
 
 
@@ -64,19 +64,19 @@ class Replay:
 
     design: Design
     recorded: Recorded
-    measured: Course
+    measured: Signals
     start: Array
-    courses: Mapping[str, Course]
+    courses: Mapping[str, Signals]
 
     def recorded_rms(self, quantity: str) -> Array:
         """Root of the mean square of what was recorded, shape (n,)."""
         return _rms(self.measured[quantity])
 
-    def difference(self, quantity: str, case: str = WHOLE) -> Array:
+    def difference(self, quantity: str, case: str = AS_IT_IS) -> Array:
         """Root of the mean square of simulation less recording, shape (n,)."""
         return _rms(self.courses[case][quantity] - self.measured[quantity])
 
-    def explained(self, quantity: str, case: str = WHOLE) -> Array:
+    def explained(self, quantity: str, case: str = AS_IT_IS) -> Array:
         """Share of the mean square of what was recorded that the simulation explains, shape (n,).
 
         1 - (RMS of the difference / RMS of the recording)²; below 0 where no simulation at all
@@ -101,7 +101,7 @@ class Replay:
     def to_csv(self, path: str | Path) -> None:
         """Write time and, for each joint, every quantity as recorded and as simulated (SI)."""
         columns = {f"{name}_recorded": values for name, values in self.measured.items()}
-        columns |= {f"{name}_simulated": self.courses[WHOLE][name] for name in self.measured}
+        columns |= {f"{name}_simulated": self.courses[AS_IT_IS][name] for name in self.measured}
         write_table(path, self.design.motion.time, columns)
 
 
@@ -137,14 +137,14 @@ def replay(scenario: Scenario, recorded: Recorded, robot: Robot) -> Replay:
     at = _samples(recorded, plain)
     takes_feedforward = issubclass(CONTROLLERS[scenario.controller.kind], Pi)
     cases = _cases(plain, at.get("tau_ff") if takes_feedforward else None)
-    design, of_links = cases[WHOLE], recorded.of_links
+    design, of_links = cases[AS_IT_IS], recorded.of_links
     with part(), threads(2) as pool:
         run = as_part(_course, 1 / len(cases))
         ran = pool.map(lambda case: run(case, of_links), cases.values())
         courses = dict(zip(cases, ran, strict=True))
     measured, start = _measured(motion, at)
     if "torque" in measured:
-        lacking = measured["torque"] - courses[WHOLE]["torque"]
+        lacking = measured["torque"] - courses[AS_IT_IS]["torque"]
         courses[FED] = _course(design, of_links, _smoothed(lacking, period))
         if "q" in at:
             # An encoder's zero that is elsewhere is no error: a cascade would integrate it.
@@ -168,7 +168,7 @@ def _cases(plain: Design, tau_ff: Array | None) -> dict[str, Design]:
     def fed(design: Design) -> Design:
         return design if tau_ff is None else design.with_feedforward(tau_ff)
 
-    cases = {WHOLE: fed(plain)}
+    cases = {AS_IT_IS: fed(plain)}
     for label, fields in _SWITCHES.items():
         scenario = with_fields(plain.scenario, fields)
         if scenario != plain.scenario:
@@ -187,7 +187,7 @@ _SWITCHES: dict[str, dict[str, object]] = {
 """What else the scenario has in some fields, by what that is called."""
 
 
-def _measured(motion: Motion, at: Mapping[str, Array]) -> tuple[Course, Array]:
+def _measured(motion: Motion, at: Mapping[str, Array]) -> tuple[Signals, Array]:
     """Of the recording; and q - q_ref of the first sample, joint side [rad], shape (n,)."""
     start, measured = np.zeros(motion.n), {}
     if "v" in at:
@@ -200,7 +200,7 @@ def _measured(motion: Motion, at: Mapping[str, Array]) -> tuple[Course, Array]:
     return measured, start
 
 
-def _course(design: Design, of_links: bool, extra: Array | None = None) -> Course:
+def _course(design: Design, of_links: bool, extra: Array | None = None) -> Signals:
     """Of a simulation; extra: what loads the motors beside all else, motor side [N m]."""
     diagram: Diagram = make_loop(design)
     if extra is not None:
@@ -217,7 +217,7 @@ def _course(design: Design, of_links: bool, extra: Array | None = None) -> Cours
     return {"speed_error": v - motion.v, "position_error": q_error - q_error[0], "torque": run.tau}
 
 
-def _alone(design: Design, at: Mapping[str, Array]) -> Course:
+def _alone(design: Design, at: Mapping[str, Array]) -> Signals:
     """Torque that the controller asks for if the joints do what was recorded.
 
     What its integrals started with is not known: it is the constant that fits the recording best.

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.metrics import Metric
 from sdt_drake.analysis.panels import Panel, over_time, picture
-from sdt_drake.analysis.replay import ALONE, FED, QUANTITIES, WHOLE, Replay
+from sdt_drake.analysis.replay import ALONE, AS_IT_IS, FED, QUANTITIES, Replay
 from sdt_drake.analysis.style import PALETTE, Look, save_both
 from sdt_drake.analysis.template import from_template
 from sdt_drake.arrays import Array
@@ -29,16 +29,16 @@ def replay_figure(replay: Replay) -> Figure:
     time, names = replay.design.motion.time, replay.design.robot.joint_names
     columns: list[list[Panel]] = []
     for name, measured in replay.measured.items():
-        metric, simulated = QUANTITIES[name], replay.courses[WHOLE][name]
+        metric, simulated = QUANTITIES[name], replay.courses[AS_IT_IS][name]
         lines = [
             ("recorded", RECORDED, metric.factor * measured),
             ("simulated", SIMULATED, metric.factor * simulated),
         ]
         columns.append(over_time(metric.label, time, lines, () if columns else names))
-    return picture(f"{title(replay)}: recorded and simulated", columns)
+    return picture(f"{replay_title(replay)}: recorded and simulated", columns)
 
 
-def title(replay: Replay) -> str:
+def replay_title(replay: Replay) -> str:
     """The title of a report: what is replayed in what."""
     return f"{replay.recorded.path.name} in {replay.design.scenario.name}"
 
@@ -65,7 +65,7 @@ def tables(replay: Replay) -> list[doc.Table]:
     return made
 
 
-def findings(replay: Replay) -> list[str]:
+def replay_findings(replay: Replay) -> list[str]:
     """What the numbers of a replay say, a sentence each."""
     design, said = replay.design, []
     scenario, motion = design.scenario, design.motion
@@ -111,10 +111,10 @@ def write_replay(replay: Replay, folder: Path) -> Path:
     replay.to_csv(folder / TABLE)
     explained, *differences = tables(replay)
     blocks: dict[str, Sequence[doc.Block]] = {
-        "in_short": [doc.Bullets(findings(replay)), explained],
+        "in_short": [doc.Bullets(replay_findings(replay)), explained],
         "differences": differences,
     }
-    words = {"title": title(replay), "fed": FED, "alone": ALONE}
+    words = {"title": replay_title(replay), "fed": FED, "alone": ALONE}
     return from_template(page_text("replay.md"), blocks, words, folder).write(folder)
 
 

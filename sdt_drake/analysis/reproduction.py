@@ -32,7 +32,7 @@ from sdt_drake.progress import as_part, part
 from sdt_drake.scenario import load_scenario
 from sdt_drake.simulate import make_simulator
 
-Report = Callable[[str], None]
+Announce = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,7 @@ _SHARES = {"simulations": 0.5, "CSV files": 0.12, "figures": 0.2, "block diagram
 class Stopwatch:
     """Wall time of each stage of a computation, told as it goes."""
 
-    def __init__(self, tell: Report) -> None:
+    def __init__(self, tell: Announce) -> None:
         self.seconds: dict[str, float] = {}
         self._tell = tell
 
@@ -203,7 +203,7 @@ _TABLE1 = (
 )  # fmt: skip
 
 
-def table1(design: Design) -> list[dict[str, Any]]:
+def table1_rows(design: Design) -> list[dict[str, Any]]:
     """Table 1 from the SDF and the motion; one row for each joint, with the published one."""
     found, rows = tuning(design), []
     for k in range(design.robot.n):

@@ -28,7 +28,7 @@ from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import Design
 from sdt_drake.device import Drive, Elasticity
 from sdt_drake.dynamics import where_largest
-from sdt_drake.progress import as_part, part, told
+from sdt_drake.progress import as_part, part, with_progress
 
 SLOWEST = 0.1
 """Least omega_r of a sweep [rad/s]: slower than that is round-off of a sampled loop."""
@@ -103,7 +103,7 @@ def stability_sweep(
         def damping_at(ratio: float) -> float:
             return least_damping(loop(ratio), ratio * omega_r)
 
-        for i, ratio in enumerate(told(ratios.tolist())):
+        for i, ratio in enumerate(with_progress(ratios.tolist())):
             closed = loop(ratio)
             damping[i, k] = least_damping(closed, ratio * omega_r)
             if damping[i, k] > 0:

@@ -22,15 +22,15 @@ from matplotlib.ticker import FuncFormatter, NullFormatter, ScalarFormatter
 from numpy.typing import NDArray
 
 from sdt_drake.errors import InputError, replacing
-from sdt_drake.shown import told
+from sdt_drake.shown import formatted
 
 # Okabe and Ito, "Color universal design", 2008: colours that colour-blind people can tell apart.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
 
 FIGURES = (".png", ".svg", ".pdf")
 CONTENT = "Comment"
-"""Key of the text in a PNG that has its `numbers` and `texts`, as JSON: by them two pictures are
-compared, as pixels depend on versions and fonts."""
+"""Key of the text in a PNG that has its `drawn_numbers` and `texts`, as JSON: by them two pictures
+are compared, as pixels depend on versions and fonts."""
 
 _STYLE: dict[Any, Any] = {
     "font.size": 9,
@@ -203,7 +203,7 @@ def _shorten(ax: Axes) -> None:
     if is_plain and 0 < largest < _SMALL:
         exponent = math.floor(math.log10(largest))
         ax.yaxis.set_major_formatter(
-            FuncFormatter(lambda value, _: told(value / 10**exponent, ".4g").replace("-", "−"))
+            FuncFormatter(lambda value, _: formatted(value / 10**exponent, ".4g").replace("-", "−"))
         )
         ax.set_ylabel(label.replace("[", f"[1e{exponent} ".replace("-", "−")))
 
@@ -231,7 +231,7 @@ def save(figure: Figure, path: str | Path) -> Path:
     path = Path(path)
     if path.suffix not in FIGURES:
         raise InputError(f"{path}: unknown kind of figure, expected {', '.join(FIGURES)}")
-    content = {"numbers": numbers(figure), "texts": texts(figure)}
+    content = {"numbers": drawn_numbers(figure), "texts": texts(figure)}
     metadata = {".svg": {"Date": None}, ".png": {CONTENT: json.dumps(content)}}
     whole = io.BytesIO()  # on a full disk matplotlib stumbles over what it could not write
     with style():
@@ -247,7 +247,7 @@ def save_both(figure: Figure, path: Path) -> Path:
     return save(figure, path.with_suffix(".svg"))
 
 
-def numbers(figure: Figure) -> list[list[float]]:
+def drawn_numbers(figure: Figure) -> list[list[float]]:
     """What a figure shows: x and y of every line, set of points or areas, and bar, in their order.
 
     Of each at most 50 points, evenly among them, to 4 digits.

@@ -8,7 +8,7 @@ import sdt_drake as sdt
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
 from sdt_drake.errors import InputError
-from sdt_drake.tables import RESULTS
+from sdt_drake.tables import RESULT_TABLES
 
 EXAMPLE = "sdt-drake bode coupled_pi --out bode.png"
 
@@ -22,7 +22,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "inertia is largest for the first time)",
     )
     text = "the responses (.csv, .json), or a figure of them (.png, .svg, .pdf)"
-    common.add_figure(parser, text, RESULTS)
+    common.add_figure(parser, text, RESULT_TABLES)
 
 
 def run(options: argparse.Namespace) -> None:

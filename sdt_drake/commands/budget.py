@@ -11,7 +11,7 @@ from sdt_drake.arrays import Array
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
 from sdt_drake.shown import numbered
-from sdt_drake.tables import RESULTS, Results
+from sdt_drake.tables import RESULT_TABLES, Results
 
 EXAMPLE = "sdt-drake budget axis_pi_ctc --out budget.png"
 
@@ -19,7 +19,7 @@ EXAMPLE = "sdt-drake budget axis_pi_ctc --out budget.png"
 def add(parser: argparse.ArgumentParser) -> None:
     common.add_scenario(parser)
     text = "the parts (.csv, .json), or a figure of them (.png, .svg, .pdf)"
-    common.add_figure(parser, text, RESULTS)
+    common.add_figure(parser, text, RESULT_TABLES)
 
 
 def run(options: argparse.Namespace) -> None:

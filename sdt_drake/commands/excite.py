@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.identification.excitation import GENTLY, MARGIN, RATE, excite
     from sdt_drake.identification.targets import NOISE, Target
     from sdt_drake.motion import INTERPOLATION_PERIOD
-    from sdt_drake.shown import told
+    from sdt_drake.shown import formatted
 
     whole_periods(options.duration, INTERPOLATION_PERIOD, "--duration")
     out: Path | None = options.out
@@ -70,7 +70,7 @@ def run(options: argparse.Namespace) -> None:
     say()
     say(f"{'deviation':>12}{'in the file':>14}  identifiable")
     for name, value, sigma in zip(target.names, target.expected, found.sigma, strict=True):
-        known = told(0.0 if abs(value) < 1e-9 else value, ".5g")
+        known = formatted(0.0 if abs(value) < 1e-9 else value, ".5g")
         say(f"{sigma:12.3g}{known:>14}  {name}")
     say(
         f"standard deviations to be expected of a recording at {RATE:g} Hz with a noise of "

@@ -118,10 +118,10 @@ def _simulated(options: argparse.Namespace) -> None:
 
     try:
         lessons = learn(design, filter_, count, stops=not options.all, report=tell)
-        for line in report.summary(lessons):
+        for line in report.learning_summary(lessons):
             say(line)
         report.write_learned(folder, design, lessons)
-        page = report.write_report(folder, design, filter_, checks, lessons)
+        page = report.write_learning_report(folder, design, filter_, checks, lessons)
     except KeyboardInterrupt:
         if (kept / report.FLIGHTS).exists():
             say(f"interrupted; flights so far are kept in {kept}: {goes_on}")

@@ -14,7 +14,7 @@ from sdt_drake.commands import common
 from sdt_drake.commands.common import say
 from sdt_drake.errors import InputError, within
 from sdt_drake.fields import check
-from sdt_drake.shown import told
+from sdt_drake.shown import formatted
 
 if TYPE_CHECKING:
     from sdt_drake.motion import Margins, Plan
@@ -144,7 +144,7 @@ def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report:
         )
     angles, speed = np.degrees(motion.q), np.abs(motion.v).max(axis=0)
     tightest = [
-        f"{place.quantity}, {told(100 * place.share, '.1f')} % at {place.time:.3f} s"
+        f"{place.quantity}, {formatted(100 * place.share, '.1f')} % at {place.time:.3f} s"
         for place in map(report.tightest, range(robot.n))
     ]
     common.print_joints(
@@ -169,7 +169,7 @@ def _print_margins(robot: Robot, report: Margins, is_whole: bool) -> None:
         say(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
     place = report.smallest
     say(
-        f"smallest margin: {told(100 * place.left, '.1f')} %, {place.quantity} of "
+        f"smallest margin: {formatted(100 * place.left, '.1f')} %, {place.quantity} of "
         f"{robot.joint(place.joint)} at {place.time:.3f} s"
         + ("" if is_whole else ", held against the whole limit")
     )

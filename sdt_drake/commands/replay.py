@@ -31,7 +31,12 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.replay import replay
-    from sdt_drake.analysis.replay_report import findings, replay_figure, tables, write_replay
+    from sdt_drake.analysis.replay_report import (
+        replay_figure,
+        replay_findings,
+        tables,
+        write_replay,
+    )
     from sdt_drake.design import load_device
     from sdt_drake.identification.recordings import load_columns, read_recording
 
@@ -41,7 +46,7 @@ def run(options: argparse.Namespace) -> None:
         columns = None if options.columns is None else load_columns(options.columns)
         recorded = read_recording(options.recording, robot, columns, needs=(), side=options.side)
         replayed = replay(scenario, recorded, robot)
-    for line in findings(replayed):
+    for line in replay_findings(replayed):
         say(line.replace("`", ""))
     for table in tables(replayed):
         say()

@@ -14,7 +14,7 @@ from sdt_drake.commands import common
 from sdt_drake.commands.common import say
 from sdt_drake.errors import InputError, checked_number
 from sdt_drake.progress import as_part, part
-from sdt_drake.tables import RESULTS, Results
+from sdt_drake.tables import RESULT_TABLES, Results
 
 if TYPE_CHECKING:
     from sdt_drake.analysis.stability import StabilitySweep
@@ -41,7 +41,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "plant.elasticity, or 0.01)",
     )
     text = "the sweeps (.csv, .json), or a figure of them (.png, .svg, .pdf)"
-    common.add_figure(parser, text, RESULTS)
+    common.add_figure(parser, text, RESULT_TABLES)
 
 
 def run(options: argparse.Namespace) -> None:

@@ -9,7 +9,7 @@ import sdt_drake as sdt
 from sdt_drake import paper
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
-from sdt_drake.tables import RESULTS, UNITS, Results
+from sdt_drake.tables import RESULT_TABLES, UNITS, Results
 
 EXAMPLE = "sdt-drake step --inertia 4.26 --structure p_in_feedback --zeta 0.95 --out step.png"
 
@@ -24,7 +24,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     common.add_omega_r(parser, f"{paper.OMEGA_R}, published")
     parser.add_argument("--zeta", type=float, default=1.0, help="damping ratio [-] (default: 1)")
     text = "the response (.csv, .json), or a figure of it (.png, .svg, .pdf)"
-    common.add_figure(parser, text, RESULTS)
+    common.add_figure(parser, text, RESULT_TABLES)
 
 
 def run(options: argparse.Namespace) -> None:

@@ -74,7 +74,7 @@ def add_running(parser: argparse.ArgumentParser) -> None:
 def run_file(path: str, options: argparse.Namespace) -> None:
     import numpy as np
 
-    from sdt_drake.studies.results import RESULTS, read_study_table
+    from sdt_drake.studies.results import RESULTS_FILE, read_study_table
     from sdt_drake.studies.study import load_study
     from sdt_drake.studies.table import ANSWERS
 
@@ -84,7 +84,7 @@ def run_file(path: str, options: argparse.Namespace) -> None:
     run_into(folder, study, base, options)
     table = read_study_table(folder)
     say_failures(table)
-    say(f"{folder / RESULTS} written; sdt-drake study show {shlex.quote(str(folder))}")
+    say(f"{folder / RESULTS_FILE} written; sdt-drake study show {shlex.quote(str(folder))}")
     if not np.isin(table.status, ANSWERS).any():
         raise SystemExit(FAILED)
 

@@ -14,7 +14,7 @@ from sdt_drake.arrays import Array
 from sdt_drake.commands import common
 from sdt_drake.commands.common import say
 from sdt_drake.errors import InputError
-from sdt_drake.tables import RESULTS, Results
+from sdt_drake.tables import RESULT_TABLES, Results
 
 if TYPE_CHECKING:
     from sdt_drake.design import Design
@@ -45,7 +45,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "published, for the shipped device; else 1)",
     )
     text = "the numbers (.csv, .json), or a figure of the effective inertia (.png, .svg, .pdf)"
-    common.add_figure(parser, text, RESULTS)
+    common.add_figure(parser, text, RESULT_TABLES)
 
 
 def run(options: argparse.Namespace) -> None:

@@ -16,7 +16,7 @@ from sdt_drake.controllers.inverse_dynamics import InverseDynamics
 from sdt_drake.controllers.p_pi import PPi
 from sdt_drake.controllers.pi import Pi, PiCtc, PiId
 from sdt_drake.controllers.pi_scheduled import PiScheduled
-from sdt_drake.errors import InputError, read_text, told_by
+from sdt_drake.errors import InputError, one_line, read_text
 
 if TYPE_CHECKING:
     from sdt_drake.design import Design
@@ -57,7 +57,7 @@ def own_code(kind: str) -> Iterator[None]:
     except Exception as error:
         if kind in _SHIPPED:
             raise
-        text = f"{type(error).__name__}: {told_by(error)}"
+        text = f"{type(error).__name__}: {one_line(error)}"
         raise InputError(f"controller '{kind}': fails ({text})") from error
 
 
@@ -99,7 +99,7 @@ def load_controllers(path: str | Path) -> None:
         frames = traceback.extract_tb(error.__traceback__)
         lines = [frame.lineno for frame in frames if frame.filename == str(file)]
         where = f"{file}, line {lines[-1]}" if lines else f"{file}"
-        raise InputError(f"{where}: {type(error).__name__}: {told_by(error)}") from None
+        raise InputError(f"{where}: {type(error).__name__}: {one_line(error)}") from None
     _loaded[text] = {name: x for name, x in CONTROLLERS.items() if before.get(name) is not x}
 
 

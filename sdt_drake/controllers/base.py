@@ -96,7 +96,7 @@ class Controller:
         return np.zeros((len(held), 1))
 
 
-SIGNALS = ("reference", "state", "sampled_state", "load_torque", "tau_limited")
+LOOP_SIGNALS = ("reference", "state", "sampled_state", "load_torque", "tau_limited")
 """What a controller can have of the loop, by the names of its inputs."""
 
 

@@ -1,7 +1,7 @@
 """What the drives of the axes read: the units of their set points, CiA 402."""
 
 # Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import tau
 from pathlib import Path
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sdt_drake.arrays import Array
-from sdt_drake.fields import check, setting
+from sdt_drake.fields import Problems, check, setting
 from sdt_drake.robot import Robot
 from sdt_drake.yaml_files import load_yaml
 
@@ -60,7 +60,7 @@ class Axis:
     maximum_torque: float | None = setting(None, above=0, unit="N m", side="motor")
     objects: list[str] = setting(["607Ah", "60B1h", "60B2h"], choices=tuple(OBJECTS))
 
-    def problems(self) -> Iterator[tuple[str, str]]:
+    def problems(self) -> Problems:
         if self.sign not in (1, -1):
             yield "sign", f"{self.sign}, expected 1 or -1"
         for i, index in enumerate(self.objects):

@@ -11,8 +11,14 @@ import numpy as np
 
 from sdt_drake.arrays import Array, Index, Mask
 from sdt_drake.identification.base_parameters import Unknown, rigid_columns, rigid_parameters
-from sdt_drake.identification.filtering import Smooth, Stretch, compared, low_pass, smooth
-from sdt_drake.identification.friction import Law, Term, laws, terms_of
+from sdt_drake.identification.filtering import (
+    Smooth,
+    Stretch,
+    compared,
+    smooth,
+    zero_phase_low_pass,
+)
+from sdt_drake.identification.friction import FrictionLaw, Term, laws, terms_of
 from sdt_drake.robot import Robot
 
 _SLOW = 0.01
@@ -50,7 +56,7 @@ class Equations:
     known: Array
     nominal: Array
     rigid: Array
-    laws: tuple[tuple[Law, ...], ...]
+    laws: tuple[tuple[FrictionLaw, ...], ...]
     friction: Array
     moves: Mask
     fit: Mask
@@ -80,7 +86,7 @@ def equations(
     unknown: Unknown,
     parts: Sequence[tuple[int, bool | float, Stretch]],
     cutoff: float,
-    candidates: Callable[[float], tuple[Law, ...]] = laws,
+    candidates: Callable[[float], tuple[FrictionLaw, ...]] = laws,
 ) -> Equations:
     """The equations of recordings.
 
@@ -113,7 +119,7 @@ def _speeds(motions: Sequence[Smooth], cutoff: float) -> tuple[Array, Array]:
     """Of each joint the speed below which nobody knows its sign, and the largest [rad/s]; the
     former is inf where speeds are more noise than motion: such a joint rests."""
     fastest = np.max([np.abs(m.v).max(axis=0) for m in motions], axis=0) + 1e-6
-    below = [low_pass(m.v, 2 * cutoff, m.period) for m in motions]
+    below = [zero_phase_low_pass(m.v, 2 * cutoff, m.period) for m in motions]
     motion = np.max([np.std(v, axis=0) for v in below], axis=0)
     noise = np.max([np.std(m.v - v, axis=0) for m, v in zip(motions, below, strict=True)], axis=0)
     slowest = np.maximum(noise, _SLOW * fastest) + 1e-9
@@ -149,5 +155,8 @@ def _rows(
         "moves": (np.abs(motion.v) > slowest).astype(float),
     }
     rows = compared(len(motion.time), cutoff, motion.period)
-    few = {name: low_pass(values, cutoff, motion.period)[rows] for name, values in whole.items()}
+    few = {
+        name: zero_phase_low_pass(values, cutoff, motion.period)[rows]
+        for name, values in whole.items()
+    }
     return few | {"time": motion.time[rows], "moves": few["moves"] > 0.5}

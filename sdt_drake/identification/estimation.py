@@ -21,7 +21,7 @@ import numpy as np
 
 from sdt_drake.arrays import Array, Index
 from sdt_drake.identification.equations import Equations
-from sdt_drake.identification.friction import USUAL, Law
+from sdt_drake.identification.friction import USUAL, FrictionLaw
 
 _HUBER = 2.5  # residuals up to so many standard deviations count fully
 _ROUNDS = 8
@@ -62,11 +62,11 @@ class Estimate:
     """
 
     beta: Array
-    laws: tuple[Law, ...]
+    laws: tuple[FrictionLaw, ...]
     friction: Array
     covariance: Array
     condition: float
-    rivals: tuple[list[tuple[Law, Array]], ...]
+    rivals: tuple[list[tuple[FrictionLaw, Array]], ...]
 
     def friction_of(self, k: int) -> slice:
         """Where in `friction` the parameters of joint k are, from 0."""
@@ -84,7 +84,7 @@ class Estimate:
         return eq.known + np.stack([X @ x for X in _columns(eq, self.laws)], axis=1)
 
 
-def estimate(eq: Equations, prior: Prior, chosen: Sequence[Law] | None = None) -> Estimate:
+def estimate(eq: Equations, prior: Prior, chosen: Sequence[FrictionLaw] | None = None) -> Estimate:
     """Estimate base parameters and friction from equations.
 
     Args:
@@ -94,7 +94,7 @@ def estimate(eq: Equations, prior: Prior, chosen: Sequence[Law] | None = None) -
             fitted decides.
     """
     given, chosen = chosen is not None, list(chosen or [USUAL] * eq.n)
-    rivals: list[list[tuple[Law, Array]]] = [[] for _ in chosen]
+    rivals: list[list[tuple[FrictionLaw, Array]]] = [[] for _ in chosen]
     x, weights, X = _robust(eq, prior, chosen)
     for _ in range(0 if given else _PASSES):
         selection = _Selection(eq, prior, weights)
@@ -110,13 +110,13 @@ def estimate(eq: Equations, prior: Prior, chosen: Sequence[Law] | None = None) -
 # --- least squares ---------------------------------------------------------------------------
 
 
-def _joint_part(chosen: Sequence[Law], k: int) -> slice:
+def _joint_part(chosen: Sequence[FrictionLaw], k: int) -> slice:
     """Where the friction of joint k is, behind the base parameters."""
     start = sum(len(law.terms) for law in chosen[:k])
     return slice(start, start + len(chosen[k].terms))
 
 
-def _columns(eq: Equations, chosen: Sequence[Law]) -> list[Array]:
+def _columns(eq: Equations, chosen: Sequence[FrictionLaw]) -> list[Array]:
     """For each joint the columns of all that is to be found, shape (M, p)."""
     r, f = eq.rigid.shape[2], sum(len(law.terms) for law in chosen)
     columns = []
@@ -130,7 +130,9 @@ def _columns(eq: Equations, chosen: Sequence[Law]) -> list[Array]:
     return columns
 
 
-def _robust(eq: Equations, prior: Prior, chosen: Sequence[Law]) -> tuple[Array, Array, list[Array]]:
+def _robust(
+    eq: Equations, prior: Prior, chosen: Sequence[FrictionLaw]
+) -> tuple[Array, Array, list[Array]]:
     """Solution, weights of all rows, shape (M, n), and columns."""
     X = _columns(eq, chosen)
     y = eq.tau - eq.known
@@ -235,9 +237,11 @@ class _Selection:
         )
         self.whole = self.grams.sum(axis=1, keepdims=True)
         self.rest = self.whole - self.grams  # shape (n, folds, ., .)
-        self.left: list[dict[Law, Array]] = [{} for _ in range(eq.n)]  # by each law, of each fold
+        self.left: list[dict[FrictionLaw, Array]] = [
+            {} for _ in range(eq.n)
+        ]  # by each law, of each fold
 
-    def best(self, k: int, chosen: Sequence[Law]) -> Law:
+    def best(self, k: int, chosen: Sequence[FrictionLaw]) -> FrictionLaw:
         """The law of joint k that leaves least of what it was not fitted to; the simplest of those
         that leave as little."""
         others = self._others(k, chosen, self.rest)
@@ -253,7 +257,7 @@ class _Selection:
                 found, least = law, left
         return found
 
-    def rivals(self, k: int, chosen: Sequence[Law]) -> list[tuple[Law, Array]]:
+    def rivals(self, k: int, chosen: Sequence[FrictionLaw]) -> list[tuple[FrictionLaw, Array]]:
         """Laws of joint k, with parameters, that leave more than the chosen one by less than the
         standard error of the difference, as the folds tell it."""
         others, found = self._others(k, chosen, self.whole), []
@@ -264,7 +268,7 @@ class _Selection:
                 found.append((law, friction[0, :, 0]))
         return found
 
-    def _others(self, k: int, chosen: Sequence[Law], grams: Array) -> tuple[Array, Array]:
+    def _others(self, k: int, chosen: Sequence[FrictionLaw], grams: Array) -> tuple[Array, Array]:
         """Normal equations of beta alone, by the belief and all joints but k."""
         A, b = self.prior.precision, self.prior.precision @ self.prior.mean
         for j, law in enumerate(chosen):
@@ -273,7 +277,7 @@ class _Selection:
                 A, b = A + own[0], b + own[1]
         return A, b
 
-    def _places(self, k: int, law: Law) -> Index:
+    def _places(self, k: int, law: FrictionLaw) -> Index:
         """Columns of a law."""
         return np.array([self.r + self.eq.terms[k].index(term) for term in law.terms])
 

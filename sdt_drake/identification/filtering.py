@@ -129,7 +129,7 @@ def _of_means(time: Array, mean: Array, at: Array) -> Array:
     )
 
 
-def low_pass(x: Array, cutoff: float, period: float) -> Array:
+def zero_phase_low_pass(x: Array, cutoff: float, period: float) -> Array:
     """x of shape (N, ...) below `cutoff` [Hz] without delay: half of an amplitude is left there.
 
     A Butterworth filter of fourth order, forwards and backwards. Where samples at `period` [s]
@@ -147,9 +147,11 @@ def smooth(stretch: Stretch, cutoff: float) -> Smooth:
     """Motion and torque of a stretch, for torques that are compared below `cutoff` [Hz]."""
     every = max(1, int(1 / (stretch.period * max(_WORKING_RATE, 3 * _ABOVE * cutoff))))
     time: Array = stretch.start + stretch.period * np.arange(len(stretch.q), dtype=float)
-    spline = make_interp_spline(time, low_pass(stretch.q, _ABOVE * cutoff, stretch.period), k=5)
+    spline = make_interp_spline(
+        time, zero_phase_low_pass(stretch.q, _ABOVE * cutoff, stretch.period), k=5
+    )
     tau = (
-        low_pass(stretch.tau, 0.4 / (every * stretch.period), stretch.period)
+        zero_phase_low_pass(stretch.tau, 0.4 / (every * stretch.period), stretch.period)
         if every > 1
         else stretch.tau
     )

@@ -53,7 +53,7 @@ class Term:
 
 
 @dataclass(frozen=True)
-class Law:
+class FrictionLaw:
     """A candidate for the friction of a joint: `name`, and its terms."""
 
     name: str
@@ -66,30 +66,32 @@ class Law:
 
 
 VISCOUS, COULOMB, OFFSET = Term("viscous"), Term("coulomb"), Term("offset")
-USUAL = Law("coulomb and offset", (VISCOUS, COULOMB, OFFSET))
+USUAL = FrictionLaw("coulomb and offset", (VISCOUS, COULOMB, OFFSET))
 
 
-def laws(fastest: float) -> tuple[Law, ...]:
+def laws(fastest: float) -> tuple[FrictionLaw, ...]:
     """Candidate laws for a joint that moves at up to `fastest` [rad/s], the simpler ones first."""
     found = [
-        Law("viscous", (VISCOUS,)),
-        Law("coulomb", (VISCOUS, COULOMB)),
+        FrictionLaw("viscous", (VISCOUS,)),
+        FrictionLaw("coulomb", (VISCOUS, COULOMB)),
         USUAL,
-        Law("asymmetric", (VISCOUS, COULOMB, OFFSET, Term("viscous forwards"))),
+        FrictionLaw("asymmetric", (VISCOUS, COULOMB, OFFSET, Term("viscous forwards"))),
     ]
     for share in _PEAKS:
         peak = Term("stribeck", share * fastest)
-        found.append(Law("stribeck", (VISCOUS, COULOMB, OFFSET, peak)))
+        found.append(FrictionLaw("stribeck", (VISCOUS, COULOMB, OFFSET, peak)))
     for share in _WIDTHS:
         width = share * fastest
         for offset in _OFFSETS:
             sigmoid = Term("sigmoid", width, offset * width)
-            found.append(Law("sigmoid", (VISCOUS, OFFSET, sigmoid)))
+            found.append(FrictionLaw("sigmoid", (VISCOUS, OFFSET, sigmoid)))
             if share > _WIDTHS[0]:  # the narrowest is Coulomb friction itself
-                found.append(Law("sigmoid and coulomb", (VISCOUS, COULOMB, OFFSET, sigmoid)))
+                found.append(
+                    FrictionLaw("sigmoid and coulomb", (VISCOUS, COULOMB, OFFSET, sigmoid))
+                )
     return tuple(sorted(found, key=lambda law: law.size))
 
 
-def terms_of(candidates: Sequence[Law]) -> tuple[Term, ...]:
+def terms_of(candidates: Sequence[FrictionLaw]) -> tuple[Term, ...]:
     """The terms of several laws, each once."""
     return tuple(dict.fromkeys(term for law in candidates for term in law.terms))

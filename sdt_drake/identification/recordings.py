@@ -1,7 +1,7 @@
 """Recordings of robots: what their files call the columns, and the same for all from there on."""
 
 # Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Optional
@@ -10,7 +10,7 @@ import numpy as np
 
 from sdt_drake.arrays import Array, Index
 from sdt_drake.errors import InputError
-from sdt_drake.fields import setting
+from sdt_drake.fields import Problems, setting
 from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.robot import Robot
 from sdt_drake.tables import Numbers, read_numbers
@@ -20,7 +20,7 @@ SIDES = ("joint", "motor")
 _DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
 _ANGLES = ("q", "v", "q_ref", "v_ref", "vd_ref")
 _TORQUES = ("tau", "tau_mean", "tau_ff")
-SIGNALS = (*_ANGLES, *_TORQUES)
+RECORDED_SIGNALS = (*_ANGLES, *_TORQUES)
 """Of each joint: position, speed, torque of the motor, its mean over the period that ends there;
 what was asked for; torque fed forward."""
 
@@ -85,7 +85,7 @@ class Columns:
     torque_delay: float = setting(0.0, minimum=-1, maximum=1, unit="s")
     torque_factor: Optional[list[float]] = setting(None, per_joint=True, unit="N m per unit")
 
-    def problems(self) -> Iterator[tuple[str, str]]:
+    def problems(self) -> Problems:
         if (self.time == "") == (self.rate is None):
             text = (
                 "missing, expected one where time is empty" if not self.time else "needs time: ''"
@@ -104,7 +104,8 @@ class Recorded:
     Attributes:
         path: of the file.
         time: growing, not always in equal steps [s], shape (N,).
-        signals: those of SIGNALS that there are [rad, rad/s, rad/s², N m], each of shape (N, n).
+        signals: those of RECORDED_SIGNALS that there are [rad, rad/s, rad/s², N m], each of shape
+            (N, n).
         of_links: whether q and v are those of the links, as `simulate` writes them, and not of what
             encoders are on.
     """
@@ -154,7 +155,7 @@ def read_recording(
         path: of the file.
         robot: whose joints it has; gives the gear ratios.
         columns: what its file calls them.
-        needs: of SIGNALS, what must be there; others are read if they are.
+        needs: of RECORDED_SIGNALS, what must be there; others are read if they are.
         side: of the torques, whatever `columns` say; where neither says it, that of the motors if
             `simulate` has written the file, else the joints'.
 
@@ -174,7 +175,7 @@ def read_recording(
     side = side or columns.side or ("motor" if own else "joint")
     time = _time(numbers, columns)
     signals = {}
-    for name in SIGNALS:
+    for name in RECORDED_SIGNALS:
         found = _found(numbers, getattr(columns, name), name, robot.n, needed=name in needs)
         if found:
             numbers.check_finite(found)

@@ -19,10 +19,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.arrays import Array
+from sdt_drake.arrays import Array, Complex
 from sdt_drake.design import Design
 from sdt_drake.errors import InputError
-from sdt_drake.learning.loops import Complex, LoopSet, frequencies, known_loop, responses
+from sdt_drake.learning.loops import LoopSet, frequencies, known_loop, responses
 
 _LEFT = 0.5  # of an error, at most, after a flight of a loop that is trusted; and of |G|, at least
 _SLOW = {"start": _LEFT, "mean": 0.02}

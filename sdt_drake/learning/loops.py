@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sdt_drake.analysis.linear import StateSpace, feedback_parts, linear_process, sampled_process
-from sdt_drake.arrays import Array
+from sdt_drake.arrays import Array, Complex
 from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import Design
 from sdt_drake.device import Friction, sliding_friction
@@ -18,8 +17,6 @@ from sdt_drake.dynamics import gravity_stiffness, inverse_dynamics
 from sdt_drake.errors import InputError
 from sdt_drake.scenario import ControllerChoice, Scenario
 from sdt_drake.studies.study import Study
-
-Complex = NDArray[np.complex128]
 
 LEARNED = ("reference", "torque")
 """What can be learned: a change of the reference's positions [rad], joint side, or of the torque

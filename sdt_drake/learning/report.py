@@ -78,7 +78,7 @@ def flight_table(flights: Sequence[Flight]) -> Table:
     return Table(header, rows)
 
 
-def summary(lessons: Lessons) -> list[str]:
+def learning_summary(lessons: Lessons) -> list[str]:
     """How the learning went, and why it ended, for people."""
     first, best = lessons.flights[0], lessons.best
     lines = []
@@ -122,7 +122,7 @@ def remove_unfinished(folder: Path) -> None:
         (folder / UNFINISHED).rmdir()
 
 
-def write_report(
+def write_learning_report(
     folder: Path,
     design: Design,
     filter_: LearningFilter,
@@ -155,7 +155,7 @@ def write_report(
         "checks": [check_table(checks, filter_)],
     }
     words = {"title": title, "learned": filter_.of}
-    words["summary"] = " ".join(f"{x}." for x in summary(lessons))
+    words["summary"] = " ".join(f"{x}." for x in learning_summary(lessons))
     return from_template(page_text("learned.md"), blocks, words, folder).write(folder)
 
 

@@ -14,7 +14,7 @@ from pydrake.systems.primitives import ConstantVectorSource, VectorLogSink, Zero
 from sdt_drake.arrays import Array
 from sdt_drake.control import SpeedGains
 from sdt_drake.controllers import make_controller
-from sdt_drake.controllers.base import SIGNALS, add_table
+from sdt_drake.controllers.base import LOOP_SIGNALS, add_table
 from sdt_drake.design import Design
 from sdt_drake.errors import InputError, checked_type
 from sdt_drake.loops.device import add_device, add_loads, add_moved, at_rest
@@ -182,8 +182,10 @@ def _checked_controller(controller: System, n: int) -> System:
         )
     inputs = map(controller.get_input_port, range(controller.num_input_ports()))
     for name in (port.get_name() for port in inputs):
-        if name not in SIGNALS:
-            raise InputError(f"controller: an input '{name}', expected one of {', '.join(SIGNALS)}")
+        if name not in LOOP_SIGNALS:
+            raise InputError(
+                f"controller: an input '{name}', expected one of {', '.join(LOOP_SIGNALS)}"
+            )
     return controller
 
 

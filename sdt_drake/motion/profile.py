@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Optional, Union
 
-from sdt_drake.fields import setting
+from sdt_drake.fields import Problems, setting
 from sdt_drake.motion.segments import (
     Fourier,
     Hold,
     Knots,
     Oscillation,
-    Problems,
     Ramp,
     Sampled,
     Turn,

@@ -9,18 +9,16 @@ the sum of (v_i + v_i+1) / 2 times the time of each piece, whatever its blend. O
 import itertools
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Optional
 
 import numpy as np
 
 from sdt_drake.arrays import Array
-from sdt_drake.fields import setting
+from sdt_drake.fields import Problems, setting
 from sdt_drake.motion.spin import SpinGeometry
 
-Problems = Iterator[tuple[str, str]]  # field, and what is wrong
-Step = tuple[float, float]  # when, since its segment began [s], and the speed then [rad/s]
+SpeedStep = tuple[float, float]  # when, since its segment began [s], and the speed then [rad/s]
 
 BLENDS = ("cosine", "linear")
 # Largest acceleration of a ramp, over its mean one.
@@ -49,7 +47,7 @@ class Segment(ABC):
         return speed
 
     @abstractmethod
-    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
+    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[SpeedStep]:
         """Pieces of the speed, by their ends.
 
         Args:
@@ -73,7 +71,7 @@ class Hold(Segment):
 
     duration: float = setting(above=0, unit="s")
 
-    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
+    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[SpeedStep]:
         """One piece."""
         return [(self.duration, speed)]
 
@@ -103,7 +101,7 @@ class Ramp(Segment):
         yield from either(self, "to_deg_s", "to_g")
         yield from either(self, "duration", "acceleration_deg_s2")
 
-    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
+    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[SpeedStep]:
         """One piece."""
         target = math.radians(self.to_deg_s or 0)
         if geometry is not None and self.to_g is not None:
@@ -143,7 +141,7 @@ class Turn(Segment):
         yield from either(self, "by_deg", "to_deg")
         yield from either(self, "duration", "speed_deg_s")
 
-    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
+    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[SpeedStep]:
         """Two pieces along cosines, or three linear ones."""
         by = math.radians(self.by_deg or 0)
         if self.to_deg is not None:
@@ -166,14 +164,14 @@ class Given(Segment):
     """A speed that is given point by point, linear between them."""
 
     @abstractmethod
-    def points(self) -> list[Step]:
+    def points(self) -> list[SpeedStep]:
         """Speeds and their times since the start of the segment, from 0 on."""
 
     def start_speed(self, speed: float) -> float:
         """Speed of the first point [rad/s]."""
         return self.points()[0][1]
 
-    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
+    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[SpeedStep]:
         """A piece for each point but the first."""
         return self.points()[1:]
 
@@ -200,7 +198,7 @@ class Knots(Given):
             if later <= earlier:
                 yield "knots", f"time {later:g} s after {earlier:g} s, expected growing times"
 
-    def points(self) -> list[Step]:
+    def points(self) -> list[SpeedStep]:
         """The knots."""
         return [(time, v) for time, v in self.knots]
 
@@ -222,7 +220,7 @@ class Sampled(Given):
         if len(self.speeds) < 2:
             yield "speeds", f"{len(self.speeds)} value(s), expected two or more"
 
-    def points(self) -> list[Step]:
+    def points(self) -> list[SpeedStep]:
         """The samples."""
         return [(i * self.period, v) for i, v in enumerate(self.speeds)]
 
@@ -244,7 +242,7 @@ class Swing(Segment):
     def angle(self) -> float:
         """By how much it changes the angle of the joint [rad]."""
 
-    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[Step]:
+    def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[SpeedStep]:
         """A rest, to which the swing is added."""
         return [(self.end, 0.0)]
 

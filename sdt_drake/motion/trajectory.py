@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-COLUMNS = ("q_ref", "v_ref", "vd_ref")
+MOTION_COLUMNS = ("q_ref", "v_ref", "vd_ref")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,7 +116,7 @@ class Motion(Shown):
     @property
     def columns(self) -> dict[str, Array]:
         """Positions, speeds and accelerations by the names that they have in tables."""
-        return dict(zip(COLUMNS, (self.q, self.v, self.vd), strict=True))
+        return dict(zip(MOTION_COLUMNS, (self.q, self.v, self.vd), strict=True))
 
     def to_csv(self, path: str | Path) -> None:
         """Write time, q_ref_k, v_ref_k, vd_ref_k, exactly."""
@@ -132,14 +132,14 @@ class Motion(Shown):
         """
         time, columns = read_table(path)
         expected = "time, q_ref_k, v_ref_k, vd_ref_k for every joint k"
-        check_columns(path, columns, COLUMNS, expected)
+        check_columns(path, columns, MOTION_COLUMNS, expected)
         if time[0] != 0:
             raise InputError(f"{path}, line 2: time starts at {time[0]:g} s, expected 0")
         # i * period is what `to_csv` writes; a file with rounded times has its period on average.
         period = float(time[1])
         if abs(period * (len(time) - 1) - time[-1]) > 1e-6 * period:
             period = float(time[-1] / (len(time) - 1))
-        motion = Motion(period, *(columns[name] for name in COLUMNS))
+        motion = Motion(period, *(columns[name] for name in MOTION_COLUMNS))
         motion._check_integrals(path)
         return motion
 
@@ -200,7 +200,7 @@ def import_motion(path: str | Path, period: float) -> tuple[Motion, Loss | None]
             more than 1 % of their range and 1e-3 rad/s or rad.
     """
     time, columns = read_table(path, even=False)
-    is_motion = all(name in columns for name in COLUMNS)
+    is_motion = all(name in columns for name in MOTION_COLUMNS)
     if is_motion and np.all(np.abs(np.diff(time) - period) <= 1e-6 * period):
         return Motion.from_csv(path), None
     return resampled(path, time, columns.get("q_ref"), columns.get("v_ref"), period)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from sdt_drake.errors import InputError, needing, told_by
+from sdt_drake.errors import InputError, needing, one_line
 from sdt_drake.studies.journal import Row
 from sdt_drake.studies.workers import Worker
 from sdt_drake.versions import other_versions, versions
@@ -116,7 +116,7 @@ def _told(error: Exception) -> InputError:
 
 
 def _line(error: Exception) -> str:
-    return told_by(error) or type(error).__name__
+    return one_line(error) or type(error).__name__
 
 
 # --- on the cluster --------------------------------------------------------------------------

@@ -7,7 +7,7 @@ that is too large is refused before they are made.
 
 # Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Optional
@@ -15,10 +15,8 @@ from typing import Optional
 import numpy as np
 
 from sdt_drake.arrays import Array
-from sdt_drake.fields import setting
+from sdt_drake.fields import Problems, setting
 from sdt_drake.studies.fields import Value
-
-Problems = Iterator[tuple[str, str]]
 
 MOST_RUNS = 10_000_000
 _ITS_OWN = "of the field"  # a unit

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from sdt_drake.studies.cluster import Cluster
     from sdt_drake.studies.workers import Workers
 
-Report = Callable[[int, int, int], None]
+ReportRuns = Callable[[int, int, int], None]
 """Called with the numbers of runs that are done now, were done before, and are wanted."""
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -85,7 +85,7 @@ def run_study(
     workers: int = 1,
     cluster: str | None = None,
     resume: bool = False,
-    report: Report = lambda done, before, count: None,
+    report: ReportRuns = lambda done, before, count: None,
 ) -> Path:
     """Run the rows of a study that its folder does not have yet, and write results.parquet.
 

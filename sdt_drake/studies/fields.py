@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from sdt_drake.errors import InputError
-from sdt_drake.fields import hints_of, is_within, nearest, options_of, rule_of
+from sdt_drake.fields import hints_of, is_within, options_of, rule_of, suggestion
 from sdt_drake.scenario import ControllerChoice, Scenario
 
 Value = float | str
@@ -149,4 +149,4 @@ def _unknown(name: str) -> InputError:
     known = [*field_names(), "controller"]
     bare = re.sub(r"\[.*", "", name)
     elsewhere = [field for field in known if field.rpartition(".")[2] == bare.rpartition(".")[2]]
-    return InputError(f"{name}: no field of a scenario, {nearest(bare, elsewhere or known)}")
+    return InputError(f"{name}: no field of a scenario, {suggestion(bare, elsewhere or known)}")

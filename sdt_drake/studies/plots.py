@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from sdt_drake.analysis.metrics import metric_of
 from sdt_drake.analysis.style import PALETTE, finish, grid, looks_of, plain_numbers, style
 from sdt_drake.arrays import Array
-from sdt_drake.studies.summary import Swing, percentiles, sensitivity, tornado, values_of
+from sdt_drake.studies.summary import TornadoSwing, percentiles, sensitivity, tornado, values_of
 from sdt_drake.studies.table import StudyTable, is_text, levels_of
 
-WHOLE = "the whole device"
+WHOLE_DEVICE = "the whole device"
 LOW, HIGH = PALETTE[5], PALETTE[1]
 
 MOST_PANELS, MOST_POINTS = 6, 2000
@@ -59,7 +59,7 @@ def distributions(title: str, table: StudyTable, families: Sequence[str]) -> Fig
         for row, family, members in zip(axes, families, names, strict=True):
             for ax, name in zip(row, members, strict=False):
                 _distribution(ax, parts, name)
-                ax.set_title(table.place(name) or WHOLE, loc="left")
+                ax.set_title(table.place(name) or WHOLE_DEVICE, loc="left")
                 ax.set_xlabel(metric_of(family).label)
                 scale(ax, "x", _shown(table, name))
             for ax in row[len(members) :]:
@@ -108,7 +108,7 @@ def tornado_figure(title: str, table: StudyTable, family: str) -> Figure:
             order = _ordered(swings)[:bars]
             for ax, name, own in zip(row, names, swings, strict=True):
                 _bars(ax, order, own, metric_of(name).factor, values_of(parts[level], name))
-                ax.set_title(table.place(name) or WHOLE, loc="left")
+                ax.set_title(table.place(name) or WHOLE_DEVICE, loc="left")
                 ax.tick_params(labelleft=ax is row[0])
             if table.by:
                 row[0].set_title(f"{level}, {row[0].get_title(loc='left')}", loc="left")
@@ -123,7 +123,7 @@ def tornado_figure(title: str, table: StudyTable, family: str) -> Figure:
     return figure
 
 
-def _ordered(swings: Sequence[Sequence[Swing]]) -> list[str]:
+def _ordered(swings: Sequence[Sequence[TornadoSwing]]) -> list[str]:
     """Names of the inputs; those with the largest sum of relative swings first."""
     total: dict[str, float] = {}
     for own in swings:
@@ -134,7 +134,7 @@ def _ordered(swings: Sequence[Sequence[Swing]]) -> list[str]:
 
 
 def _bars(
-    ax: Axes, order: Sequence[str], swings: Sequence[Swing], factor: float, values: Array
+    ax: Axes, order: Sequence[str], swings: Sequence[TornadoSwing], factor: float, values: Array
 ) -> None:
     mean = factor * values.mean() if len(values) else np.nan
     own = {swing.name: swing for swing in swings}

@@ -17,9 +17,9 @@ from sdt_drake.studies.folder import load_folder
 from sdt_drake.studies.job import Job
 from sdt_drake.studies.journal import Row, read_rows
 from sdt_drake.studies.study import Study
-from sdt_drake.studies.table import COLUMNS, StudyTable
+from sdt_drake.studies.table import RUN_COLUMNS, StudyTable
 
-RESULTS = "results.parquet"
+RESULTS_FILE = "results.parquet"
 _ABOUT = "sdt_drake"  # key of the metadata
 _MET = ("motion", "plant", "disturbance", "drive.torque_error", "controller.model")
 """Parts of a scenario that designs have to stand."""
@@ -57,7 +57,7 @@ def write_results(job: Job, rows: Iterable[Row], folder: Path) -> Path:
         "versions": job.versions,
     }
     schema = pyarrow.schema(list(kinds.items()), {_ABOUT: json.dumps(about)})
-    path = folder / RESULTS
+    path = folder / RESULTS_FILE
     with replacing(path) as partial, parquet.ParquetWriter(partial, schema) as writer:
         while group := list(islice(rows, _GROUP)):
             columns = [
@@ -102,7 +102,7 @@ def read_study_table(folder: Path) -> StudyTable:
         choices=_choices(study),
         per_draw=study.per_draw,
         missing=len(study) - len(arrays["row"]),
-        **{name: arrays[name] for name in COLUMNS},
+        **{name: arrays[name] for name in RUN_COLUMNS},
     )
 
 

@@ -1,7 +1,7 @@
 """Sizing: motors, structures, motions and controllers to try, and what they must keep; YAML."""
 
 # Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.comparison import check_labels
 from sdt_drake.errors import InputError, within
-from sdt_drake.fields import check, setting
+from sdt_drake.fields import Problems, check, setting
 from sdt_drake.motion import PLANNERS
 from sdt_drake.motors import Catalogue, DeviceChoice, load_catalogue
 from sdt_drake.resources import find_file
@@ -105,7 +105,7 @@ class Sizing:
     accuracy: float = setting(1e-3, minimum=1e-12, maximum=0.01, unit="rad/s")
     timeout: float = setting(300.0, above=0, unit="s")
 
-    def problems(self) -> Iterator[tuple[str, str]]:
+    def problems(self) -> Problems:
         lists = {f"motors[{k + 1}]": ids for k, ids in enumerate(self.motors)}
         # Two that are told as the same could not be told apart.
         lists["structure_scales"] = [f"{scale:g}" for scale in self.structure_scales]

@@ -15,14 +15,13 @@ import numpy as np
 from sdt_drake.analysis.comparison import check_labels, with_controller
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, within
-from sdt_drake.fields import check, setting
+from sdt_drake.fields import Problems, check, setting
 from sdt_drake.scenario import ControllerChoice, Scenario, load_scenario
 from sdt_drake.studies.distributions import (
     MOST_RUNS,
     Choice,
     Grid,
     List,
-    Problems,
     Random,
     text_problems,
 )

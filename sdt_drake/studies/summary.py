@@ -268,7 +268,7 @@ def _groups(x: NDArray[Any]) -> tuple[NDArray[np.int64], int]:
 
 
 @dataclass(frozen=True)
-class Swing:
+class TornadoSwing:
     """How far one input moves the mean of an outcome.
 
     Attributes:
@@ -290,7 +290,7 @@ class Swing:
         return abs(self.high - self.low)
 
 
-def tornado(table: StudyTable, outcome: str) -> list[Swing]:
+def tornado(table: StudyTable, outcome: str) -> list[TornadoSwing]:
     """How far each input moves the mean of an outcome, the farthest first.
 
     Args:
@@ -302,11 +302,11 @@ def tornado(table: StudyTable, outcome: str) -> list[Swing]:
     return sorted(swings, key=lambda swing: -swing.width)
 
 
-def _swing(name: str, x: NDArray[Any], y: Array) -> Swing:
+def _swing(name: str, x: NDArray[Any], y: Array) -> TornadoSwing:
     if is_text(x):
         texts = x.astype(str)
         means = {level: float(y[texts == level].mean()) for level in levels_of(x)}
         low, high = min(means, key=means.__getitem__), max(means, key=means.__getitem__)
-        return Swing(name, means[low], means[high], low, high)
+        return TornadoSwing(name, means[low], means[high], low, high)
     low, high = np.nanquantile(x, [_FIFTH, 1 - _FIFTH])
-    return Swing(name, float(y[x <= low].mean()), float(y[x >= high].mean()))
+    return TornadoSwing(name, float(y[x <= low].mean()), float(y[x >= high].mean()))

@@ -17,7 +17,7 @@ STATUSES = ("ok", "infeasible", "failed", "timed_out", "crashed")
 ANSWERS = ("ok", "infeasible")
 """Of these: what says something about the device."""
 
-COLUMNS = ("row", "status", "reason", "duration")
+RUN_COLUMNS = ("row", "status", "reason", "duration")
 """Of every study; beside its inputs and its outcomes."""
 
 ALL_RUNS = "all runs"
@@ -108,7 +108,7 @@ class StudyTable:
             self,
             inputs={name: values[runs] for name, values in self.inputs.items()},
             outcomes={name: values[runs] for name, values in self.outcomes.items()},
-            **{name: getattr(self, name)[runs] for name in COLUMNS},
+            **{name: getattr(self, name)[runs] for name in RUN_COLUMNS},
         )
 
     @cached_property
@@ -148,7 +148,7 @@ class StudyTable:
 
 def is_column(name: str) -> bool:
     """Whether a column of the results has this name, so that no input may."""
-    return name in COLUMNS or family_of(name)[0] in METRICS
+    return name in RUN_COLUMNS or family_of(name)[0] in METRICS
 
 
 def is_text(values: NDArray[Any]) -> bool:

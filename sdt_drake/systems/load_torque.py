@@ -13,7 +13,7 @@ from sdt_drake.dynamics import SIGNS, Loads, decouple, groups_of_sample
 from sdt_drake.errors import checked_choice
 from sdt_drake.robot import Robot
 
-Law = Callable[[Sequence[Array], Array, Array], Sequence[Array]]
+TorqueLaw = Callable[[Sequence[Array], Array, Array], Sequence[Array]]
 """From the torque groups of Eq. 2, v_ref and vd_ref, joint side, to each output."""
 
 
@@ -33,7 +33,7 @@ class ReferenceTorque(LeafSystem):
 
     symbol = "inverse\ndynamics"
 
-    def __init__(self, *, robot: Robot, outputs: Sequence[str], law: Law) -> None:
+    def __init__(self, *, robot: Robot, outputs: Sequence[str], law: TorqueLaw) -> None:
         super().__init__()
         self._robot, self._law = robot, law
         self._reference = self.DeclareVectorInputPort("reference", 3 * robot.n)

@@ -18,7 +18,7 @@ from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
 
-Block = TypeVar("Block", bound=System)
+SystemT = TypeVar("SystemT", bound=System)
 
 
 class Wired(Diagram):
@@ -34,7 +34,7 @@ class Wired(Diagram):
         self._same: dict[str, str] = {}
         self._inputs: list[tuple[str, InputPort]] = []
 
-    def add(self, name: str, block: Block, *signals: str, **renamed: str) -> Block:
+    def add(self, name: str, block: SystemT, *signals: str, **renamed: str) -> SystemT:
         """Add a block, and return it.
 
         Args:

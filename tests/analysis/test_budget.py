@@ -12,7 +12,7 @@ from sdt_drake.analysis.budget import PARTS, error_budget
 from sdt_drake.device import Drive, Elasticity, Friction
 from sdt_drake.errors import InputError
 from sdt_drake.motion import Motion
-from sdt_drake.scenario import Disturbance
+from sdt_drake.scenario import DisturbanceChoice
 from sdt_drake.simulate import simulate
 
 PERIOD = 0.005
@@ -20,7 +20,7 @@ ACCELERATION = np.array([0.2, 0.5, 0.05, 0.1])  # rad/s², for 0.8 s
 START = np.array([0.0, 0.4, -0.1, 0.2])
 FRICTION = Friction([270.0, 80, 43, 43], [100.0, 10, 10, 10])
 PI = {"algorithm": "consistent"}
-CTC = PI | {"disturbance": Disturbance(0.05)}
+CTC = PI | {"disturbance": DisturbanceChoice(0.05)}
 ID = PI | kind("p_pi", feedforward="id")
 
 

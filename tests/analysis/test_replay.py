@@ -4,8 +4,8 @@ import dh
 import numpy as np
 import pytest
 
-from sdt_drake.analysis.replay import ALONE, FED, UNFED, WHOLE, _smoothed, replay
-from sdt_drake.analysis.replay_report import findings, tables
+from sdt_drake.analysis.replay import ALONE, AS_IT_IS, FED, UNFED, _smoothed, replay
+from sdt_drake.analysis.replay_report import replay_findings, tables
 from sdt_drake.cli import main
 from sdt_drake.errors import InputError
 from sdt_drake.identification.recordings import Recorded, read_recording
@@ -63,11 +63,11 @@ def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(design
 def test_what_differs_in_a_gap_is_not_put_down_to_the_machine(designed, tmp_path):
     made = designed("coupled_pi", CASCADE, start=1.0, end=2.0)
     recorded = recorded_run(made, tmp_path)
-    assert not any("gap" in line for line in findings(replayed(made, recorded)))
+    assert not any("gap" in line for line in replay_findings(replayed(made, recorded)))
     kept = (recorded.time < 0.3) | (recorded.time > 0.5)
     signals = {name: x[kept] for name, x in recorded.signals.items()}
     holed = Recorded(recorded.path, recorded.time[kept], signals, of_links=True)
-    (line,) = (line for line in findings(replayed(made, holed)) if "gap" in line)
+    (line,) = (line for line in replay_findings(replayed(made, holed)) if "gap" in line)
     assert line.startswith("The recording has 1 gap(s) in time, the longest 0.21 s at 0.295 s")
 
 
@@ -93,9 +93,9 @@ def test_the_recorded_feedforward_is_used(designed, tmp_path):
     fed = made.tau_ff * made.robot.gear_ratio
     recorded = recorded_run(made, tmp_path, tau_ff=fed)
     result = replayed(made, recorded, {"controller.feedforward": None})
-    assert result.difference("torque", WHOLE).max() < 1e-6
+    assert result.difference("torque", AS_IT_IS).max() < 1e-6
     assert np.all(result.difference("torque", UNFED) > 0.1)
-    assert "recorded torque feedforward" in findings(result)[0]
+    assert "recorded torque feedforward" in replay_findings(result)[0]
 
 
 def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
@@ -111,7 +111,7 @@ def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
     np.testing.assert_allclose(result.start, 0.3)  # an encoder's zero is no error
     error = q - 0.3 - motion.q
     np.testing.assert_allclose(result.measured["position_error"], error, atol=1e-9)
-    left = result.courses[WHOLE]["position_error"] - error
+    left = result.courses[AS_IT_IS]["position_error"] - error
     explained = 1 - np.mean(left**2, axis=0) / np.mean(error**2, axis=0)
     np.testing.assert_allclose(result.explained("position_error"), explained, rtol=1e-9)
     held = np.vstack([motion.v[:1], motion.v[:-1]])

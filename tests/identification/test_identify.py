@@ -19,8 +19,8 @@ from sdt_drake.identification.base_parameters import Unknown, rigid_parameters
 from sdt_drake.identification.consistency import links_of, nearest_consistent
 from sdt_drake.identification.equations import equations
 from sdt_drake.identification.estimation import estimate
-from sdt_drake.identification.filtering import compared, low_pass, smooth, stretches
-from sdt_drake.identification.friction import COULOMB, USUAL, VISCOUS, Law, Term
+from sdt_drake.identification.filtering import compared, smooth, stretches, zero_phase_low_pass
+from sdt_drake.identification.friction import COULOMB, USUAL, VISCOUS, FrictionLaw, Term
 from sdt_drake.identification.model import directions, identified_robot, plant_friction, save_robot
 from sdt_drake.identification.procedure import belief, identify
 from sdt_drake.identification.recordings import Recorded
@@ -117,7 +117,7 @@ def test_intervals_cover_the_truth(robot, true, moving):
     rows = compared(len(stretch.tau), 4.0, period)
     rng, inside = np.random.default_rng(2), []
     for _ in range(25):
-        noise = low_pass(size * rng.normal(size=stretch.tau.shape), 4.0, period)[rows]
+        noise = zero_phase_low_pass(size * rng.normal(size=stretch.tau.shape), 4.0, period)[rows]
         one = estimate(replace(clean, tau=clean.tau + noise), prior, [USUAL] * robot.n)
         std = np.sqrt(np.diagonal(one.covariance))
         inside.append(np.abs(np.concatenate([one.beta, one.friction]) - truth) < 1.96 * std)
@@ -249,7 +249,7 @@ def test_friction_alone_has_its_law(robot):
     np.testing.assert_allclose(friction.offset, offset, rtol=0.01, atol=4)
     same = rigid_parameters(identified_robot(found))
     np.testing.assert_allclose(same, rigid_parameters(robot), rtol=1e-12)
-    law = Law("sigmoid", (VISCOUS, COULOMB, Term("sigmoid", 0.3, 0.0)))
+    law = FrictionLaw("sigmoid", (VISCOUS, COULOMB, Term("sigmoid", 0.3, 0.0)))
     shape = np.tanh(motion(robot)[2] / 0.3) * COULOMB_TRUE * 3
     more = replace(recorded, signals={**recorded.signals, "tau": recorded.signals["tau"] + shape})
     found = identify(robot, [more], only="friction")

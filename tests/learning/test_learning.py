@@ -290,7 +290,8 @@ def test_the_command_leaves_what_simulate_and_plan_take(good, refuse, desk):
 def test_interrupted_in_its_third_flight_it_keeps_two(call, good, refuse, desk, monkeypatch, at):
     """By the flight itself, or while its numbers are written; when finished nothing is kept."""
     command = ("learn", "../given/cascade.yaml", "--all")
-    monkeypatch.setattr(report, "write_report", lambda folder, *rest: folder)  # it takes long
+    # It takes long.
+    monkeypatch.setattr(report, "write_learning_report", lambda folder, *rest: folder)
     good(*command, "--flights", "2", "--out", "two")
     module = flights if at == "fly" else report
     original = getattr(module, at)
