@@ -1,4 +1,4 @@
-"""What is identified, against a truth that is known; what is said of bad recordings."""
+"""What is identified, against a truth that is known."""
 
 from __future__ import annotations
 
@@ -8,9 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from known_truth import (
+    COULOMB_TRUE,
+    PILOT,
+    VISCOUS_TRUE,
+    changed,
+    motion,
+    recorded_of,
+    true_robot,
+)
 from test_robot import chain_sdf
 
-from sdt_drake.analysis.identification import friction_table, undecided_laws
+from sdt_drake.analysis.identification import undecided_laws
 from sdt_drake.deviation import Deviation, deviated
 from sdt_drake.dynamics import inverse_dynamics, torque_groups
 from sdt_drake.errors import InputError
@@ -19,45 +28,19 @@ from sdt_drake.identification.base_parameters import Unknown, rigid_parameters
 from sdt_drake.identification.consistency import links_of, nearest_consistent
 from sdt_drake.identification.equations import equations
 from sdt_drake.identification.estimation import estimate
-from sdt_drake.identification.filtering import compared, smooth, stretches, zero_phase_low_pass
+from sdt_drake.identification.filtering import compared, stretches, zero_phase_low_pass
 from sdt_drake.identification.friction import COULOMB, USUAL, VISCOUS, FrictionLaw, Term
 from sdt_drake.identification.model import directions, identified_robot, plant_friction, save_robot
 from sdt_drake.identification.procedure import belief, identify
 from sdt_drake.identification.recordings import Recorded
-from sdt_drake.identification.suspicions import suspicious_recording, weakly_excited
+from sdt_drake.identification.suspicions import weakly_excited
 from sdt_drake.robot import load_robot
 from sdt_drake.tables import write_table
-
-COULOMB_TRUE = np.array([300.0, 60.0, 50.0, 30.0])
-VISCOUS_TRUE = np.array([400.0, 16.0, 30.0, 12.0])
-PILOT = Deviation(payload_mass=18.0, payload_offset=[0.0, 0.03, 0.0265])
-HEAVIER = Deviation(link_scales=[1.08, 1.08, 1.08, 1.08, 1.0])
-
-
-def motion(robot, seconds=20.0, rate=100.0):
-    """Time, q, v, vd of sines in all joints, from the formula."""
-    rng = np.random.default_rng(4)
-    time = np.arange(0, seconds, 1 / rate)
-    omega = 2 * np.pi * np.array([0.1, 0.2, 0.3, 0.5, 0.7])
-    size = np.array([0.15, 1.5, 1.0, 1.5])[:, None] * rng.uniform(0.3, 1, (robot.n, 5)) / omega
-    angle = omega * time[:, None, None] + rng.uniform(0, 6, (robot.n, 5))
-    waves = (np.sin(angle), omega * np.cos(angle), -(omega**2) * np.sin(angle))
-    return time, *(0.5 * np.sum(size * wave, axis=2) for wave in waves)
-
-
-def recorded_of(true, noise=0.01, seed=0, seconds=20.0):
-    """A recording of a robot with friction; noise over the RMS of the torque."""
-    time, q, v, vd = motion(true, seconds)
-    tau = inverse_dynamics(true, q, v, vd) + COULOMB_TRUE * np.sign(v) + VISCOUS_TRUE * v
-    rng = np.random.default_rng(seed)
-    tau = tau + noise * np.sqrt(np.mean(tau**2, axis=0)) * rng.normal(size=tau.shape)
-    return Recorded(Path("truth.csv"), time, {"q": q, "tau": tau})
 
 
 @pytest.fixture(scope="module")
 def true(robot):
-    """The device as it is: heavier frames, another pilot."""
-    return deviated(deviated(robot, HEAVIER), PILOT)
+    return true_robot(robot)
 
 
 @pytest.fixture(scope="module")
@@ -300,91 +283,10 @@ def test_joints_that_never_slow_down_show_no_peak_of_friction(robot):
         assert stribeck == 0
 
 
-def changed(recorded, **signals):
-    return replace(recorded, signals={**recorded.signals, **signals})
-
-
-def suspicions(robot, recorded):
-    return " / ".join(identify(robot, [recorded], cutoff=3.0).warnings)
-
-
-def test_what_looks_wrong_is_said(robot, true):
-    recorded = recorded_of(true, seconds=8.0)
-    q, tau = recorded.signals["q"], recorded.signals["tau"]
-    assert "are its positions in degrees?" in suspicions(robot, changed(recorded, q=np.degrees(q)))
-    motors = suspicions(robot, changed(recorded, tau=tau / robot.gear_ratio))
-    assert "tau_1 is 0.01" in motors and "is it that of the motor?" in motors
-    assert "tau_3 goes against the torque of the file" in suspicions(
-        robot, changed(recorded, tau=tau * [1, 1, -1, 1])
-    )
-    swapped = suspicions(robot, changed(recorded, tau=tau[:, [0, 2, 1, 3]]))
-    assert "tau_2 looks like the torque of joint 3" in swapped
-    speeds = suspicions(robot, changed(recorded, v=np.degrees(np.gradient(q, 0.01, axis=0))))
-    assert "v_1 is 57.3 times the change of q_1: one of them is in degrees" in speeds
-    limit = robot.effort_limit * 0.1
-    assert "motor 2 is at its limit for" in suspicions(
-        replace(robot, effort_limit=limit), changed(recorded, tau=np.clip(tau, -limit, limit))
-    )
-    still = identify(robot, [changed(recorded, q=q * [1, 1, 0, 1])], cutoff=3.0).warnings
-    assert any("joint 3 stands still" in line for line in still)
-    assert any("base parameters are hardly excited" in line for line in still)
-
-
-def test_a_joint_without_stops_may_turn_on_and_on(robot, true):
-    recorded = recorded_of(true, seconds=8.0)
-    q, time = recorded.signals["q"], recorded.time
-    spun = changed(recorded, q=q + np.outer(time, [1.0, 0, 0, 0]) * 7)
-    assert np.ptp(spun.signals["q"][:, 0]) > 50 and np.isinf(robot.position_upper[0])
-    fast = replace(robot, velocity_limit=np.full(4, 10.0))
-    assert "degrees" not in " / ".join(suspicious_recording(fast, spun))
-    short = replace(fast, position_lower=np.full(4, -1.0), position_upper=np.full(4, 1.0))
-    assert "are its positions in degrees?" in " / ".join(suspicious_recording(short, spun))
-
-
 def test_what_stays_nearly_as_it_was_believed_is_hardly_excited():
     words = ["hx of arm + 2 mass of hand", "Izz of arm"]
     (line,) = weakly_excited(10.0, np.array([1.0, 1.0]), np.array([0.9, 0.1]), words)
     assert line.startswith("1 of 2 base parameters") and line.endswith("named after hx of arm")
-
-
-def test_recordings_that_say_nothing_are_refused(robot, true):
-    recorded = recorded_of(true)
-    tau, q = recorded.signals["tau"], recorded.signals["q"]
-    with pytest.raises(InputError, match=r"truth\.csv: tau_2 is zero all the time"):
-        identify(robot, [changed(recorded, tau=tau * [1, 0, 1, 1])])
-    with pytest.raises(InputError, match=r"truth\.csv: no joint moves"):
-        identify(robot, [changed(recorded, q=np.zeros_like(q))])
-    noise = 1e-5 * np.random.default_rng(0).normal(size=q.shape)
-    with pytest.raises(InputError, match=r"truth\.csv: no joint moves, but for noise"):
-        identify(robot, [changed(recorded, q=noise)])
-    noisy = identify(robot, [changed(recorded, q=q * [1, 1, 0, 1] + noise)], cutoff=3.0)
-    assert any("joint 3 stands still" in line for line in noisy.warnings)
-    assert sum("stands still" in line for line in noisy.warnings) == 1
-    assert noisy.estimate.condition == np.inf
-    rows = friction_table(noisy, plant_friction(noisy)).rows
-    assert rows[2] == ("3 pitch", *"––––––") and "±" in rows[1][2]
-    short = Recorded(recorded.path, recorded.time[:50], {"q": q[:50], "tau": tau[:50]})
-    with pytest.raises(InputError, match=r"0\.49 s at 100 Hz, expected at least 1 s"):
-        identify(robot, [short])
-
-
-def test_uneven_time_and_gaps(robot, true):
-    recorded = recorded_of(true, noise=0.0)
-    rng = np.random.default_rng(5)
-    kept = np.sort(rng.permutation(len(recorded.time))[: int(0.97 * len(recorded.time))])
-    kept = kept[(kept < 700) | (kept > 760)]
-    holes = Recorded(
-        recorded.path, recorded.time[kept], {k: x[kept] for k, x in recorded.signals.items()}
-    )
-    parts, notes = stretches(holes)
-    assert len(parts) == 2 and "1 gap(s) in time" in notes[0] and "uneven time" in notes[1]
-    _, q, v, vd = motion(robot)
-    for part in parts:
-        one = smooth(part, 4.0)
-        at = np.arange(20, len(one.time) - 20)
-        for values, exact in ((one.q, q), (one.v, v), (one.vd, vd)):
-            wanted = np.column_stack([np.interp(one.time[at], recorded.time, x) for x in exact.T])
-            assert np.abs(values[at] - wanted).max() < 0.02 * np.abs(exact).max()
 
 
 def changes_along(found, robot, along, file):
