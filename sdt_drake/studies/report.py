@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
+from functools import partial
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.metrics import metric_of
@@ -76,9 +78,8 @@ def study_chapter(folder: Path) -> doc.Section:
         InputError: as `write_study_report`.
     """
     table = read_study_table(folder)
-    figures = _figures(table, folder)
-    shown = [figures.get(name, []) for name in ("distributions", "tornado", "pareto")]
-    blocks = [*_summary(table), status_table(table), *chain(*shown)]
+    figures = _figures(table, folder, ("distributions", "tornado", "pareto"))
+    blocks = [*_summary(table), status_table(table), *chain(*figures.values())]
     return doc.Section(f"Study {table.name}", blocks)
 
 
@@ -117,27 +118,29 @@ def headlines(table: StudyTable) -> list[str]:
     return [family for family in _HEADLINES if family in there] or there[: len(_HEADLINES)]
 
 
-def _figures(table: StudyTable, folder: Path) -> dict[str, list[doc.Block]]:
-    """Those that there is something to draw for, by name, written into the folder."""
+def _figures(
+    table: StudyTable, folder: Path, wanted: Collection[str] = CAPTIONS
+) -> dict[str, list[doc.Block]]:
+    """Those wanted that there is something to draw for, by name, written into the folder."""
     names, count = headlines(table), int(table.ok.sum())
     moved = [family for family in names if plots.influential(table, [family])]
-    drawn = {}
+    drawn: dict[str, Callable[[], Figure]] = {}
     if names:
         title = f"{table.name}: {count} runs, and what share of them stays below"
-        drawn["distributions"] = plots.distributions(title, table, names)
+        drawn["distributions"] = partial(plots.distributions, title, table, names)
     if moved:
         family = ERROR if ERROR in moved else moved[0]
         title = f"{table.name}: what moves the {metric_of(family).title}"
-        drawn["tornado"] = plots.tornado_figure(title, table, family)
+        drawn["tornado"] = partial(plots.tornado_figure, title, table, family)
         title = f"{table.name}: outcomes over the inputs that explain most"
         outcomes = list(dict.fromkeys([*names, *families_there(table)]))[: plots.MOST_PANELS]
         inputs = plots.influential(table, names)
-        drawn["scatter"] = plots.scatter_matrix(title, table, inputs, outcomes)
+        drawn["scatter"] = partial(plots.scatter_matrix, title, table, inputs, outcomes)
     is_front = table.choices and not table.missing and {COST, ERROR} <= set(table.families)
     if is_front and len(table.designs(COST, ERROR)[0]):
         title = f"{table.name}: {metric_of(ERROR).title} over {metric_of(COST).title}"
-        drawn["pareto"] = plots_front.pareto_figure(title, table, COST, ERROR)
-    files = {name: save_both(figure, folder / name) for name, figure in drawn.items()}
+        drawn["pareto"] = partial(plots_front.pareto_figure, title, table, COST, ERROR)
+    files = {name: save_both(drawn[name](), folder / name) for name in drawn if name in wanted}
     looks = {"pareto": ""}  # it has one panel, the others have many
     return {
         name: [doc.Figure(CAPTIONS[name], file, folder, looks.get(name, "wide"))]

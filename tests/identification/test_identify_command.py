@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 
 import pytest
-from test_identify import HEAVIER, recorded_of
+from known_truth import HEAVIER, recorded_of
 
 from sdt_drake.deviation import deviated
 from sdt_drake.identification.base_parameters import Unknown
