@@ -81,8 +81,9 @@ def numbered(names: Sequence[str]) -> list[str]:
 
 
 def formatted(value: Any, spec: str) -> str:
-    """A number for people: a dash for NaN, and never -0.0."""
-    return re.sub(r"^-(?=0[.0]*$)", "", format(value, spec).replace("nan", "–"))
+    """A number for people: a dash for NaN, ∞, and never -0.0."""
+    text = format(value, spec).replace("nan", "–").replace("inf", "∞")
+    return re.sub(r"^-(?=0[.0]*$)", "", text)
 
 
 def of_joints(

@@ -94,7 +94,8 @@ def test_objects_show_themselves_shortly(robot, short, run):
 
 
 def test_numbers_for_people():
-    assert [formatted(x, ".1f") for x in (-0.04, -0.06, np.nan)] == ["0.0", "-0.1", "–"]
+    numbers = {-0.04: "0.0", -0.06: "-0.1", np.nan: "–", -np.inf: "-∞"}
+    assert [formatted(x, ".1f") for x in numbers] == [*numbers.values()]
 
 
 def test_wide_tables_fit_and_lose_nothing():

@@ -80,7 +80,7 @@ def test_bode_prints_the_margins(good, desk, plant):
 
 def test_bode_says_what_does_not_count_and_what_there_is_not(good, given):
     plain = good("bode", "../given/axis.yaml", "--time", "1.25").out
-    assert "note" not in plain and "\nlinear around the motion at 1.250 s\n" in plain
+    assert "note" not in plain and "\nlinear at rest where the motion is at 1.250 s\n" in plain
     largest = good("bode", "../given/axis.yaml").out.splitlines()[-1]
     assert re.search(r"where each joint's inertia is largest, at (\d\.\d+, ){3}\d\.\d+ s$", largest)
     careful = given("careful.yaml", SCENARIO.replace("kind: pi,", "kind: pi, anti_windup: true,"))

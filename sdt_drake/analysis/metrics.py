@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from sdt_drake.arrays import Array
+from sdt_drake.shown import formatted
 
 
 class Metric(NamedTuple):
@@ -34,9 +35,7 @@ class Metric(NamedTuple):
 
     def text(self, value: float | None) -> str:
         """A computed number as tables show it; a dash for none."""
-        if value is None or math.isnan(value):
-            return "–"
-        return format(self.factor * value, self.format)
+        return "–" if value is None else formatted(self.factor * value, self.format)
 
 
 def plain_number(value: float) -> str:

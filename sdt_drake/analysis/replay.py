@@ -80,10 +80,11 @@ class Replay:
         """Share of the mean square of what was recorded that the simulation explains, shape (n,).
 
         1 - (RMS of the difference / RMS of the recording)²; below 0 where no simulation at all
-        would be nearer.
+        would be nearer, NaN where nothing was recorded but zeros.
         """
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return 1 - (self.difference(quantity, case) / self.recorded_rms(quantity)) ** 2
+        recorded = self.recorded_rms(quantity)
+        recorded[recorded == 0] = np.nan
+        return 1 - (self.difference(quantity, case) / recorded) ** 2
 
     @property
     def due_to_model(self) -> Array | None:

@@ -58,6 +58,8 @@ def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(design
     assert np.isnan(result.due_to_model).all()
     torques = {row[0]: row[1] for row in tables(result)[-1].rows}
     assert torques["difference as the scenario has it"] == ["0"] * 4  # and no round-off
+    result.measured["torque"][:, 2] = 0
+    assert np.isnan(result.explained("torque")).tolist() == [False, False, True, False]
 
 
 def test_what_differs_in_a_gap_is_not_put_down_to_the_machine(designed, tmp_path):
