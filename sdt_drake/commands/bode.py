@@ -45,9 +45,7 @@ def run(options: argparse.Namespace) -> None:
     times = design.motion.time[response.sample]
     if sample is None:
         joints = ", ".join(f"{t:.3f}" for t in times)
-        say(
-            f"linear at rest along the motion, where each joint's inertia is largest, at {joints} s"
-        )
+        say(f"linear at rest on the motion, where each joint's inertia is largest, at {joints} s")
     else:
         say(f"linear at rest where the motion is at {times[0]:.3f} s")
     for clause in left_out(design, response):
