@@ -215,7 +215,7 @@ def table1_rows(design: Design) -> list[dict[str, Any]]:
 
 _STEP_ACCURACY = 7e-6
 _SLOWEST = 1e-6  # rad/s; in the time that slower ones take, angles grow beyond what can be resolved
-_STEP_SAMPLES = 10_001  # denser at the start, for the fast one of two poles and for the first peak
+_STEP_SAMPLES = 5_001  # denser at the start, for the fast one of two poles and for the first peak
 
 _AMPLITUDE = {"pi": 0.0, "pi_ctc": 0.05}
 """Of the disturbance in the paper's models."""
