@@ -69,7 +69,9 @@ def test_files_are_replaced_foreign_ones_left_and_no_graphviz_is_told(
         assert (used / link).is_file(), link
 
 
-def test_a_figure_that_cannot_be_made_leaves_the_old_results(reproduction, tmp_path, monkeypatch):
+def test_a_figure_that_cannot_be_made_leaves_the_old_results(
+    reproduction, tmp_path, monkeypatch, undrawn
+):
     for name in ("report.md", "summary.json", "figure2.png"):
         (tmp_path / name).write_text("old")
 

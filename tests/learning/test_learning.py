@@ -268,7 +268,7 @@ def test_the_devices_of_a_study_are_of_its_variables_with_the_loop_s_own_control
         devices_of(design, only, base, 2)
 
 
-def test_the_command_leaves_what_simulate_and_plan_take(good, refuse, desk):
+def test_the_command_leaves_what_simulate_and_plan_take(good, refuse, desk, undrawn):
     file = "../given/cascade.yaml"
     payload = "plant.deviation.payload_mass=30"
     out = good("learn", file, "--set", payload, "--flights", "2", "--out", "learned").out

@@ -40,7 +40,7 @@ def size(desk, capfd):
     return run
 
 
-def test_from_a_file_to_a_recommendation(size, desk):
+def test_from_a_file_to_a_recommendation(size, desk, undrawn):
     code, out, _ = size()
     assert code == 0
     folder = desk / "own"

@@ -226,7 +226,7 @@ def test_repeat_from_a_folder_that_was_moved_and_files_that_are_gone(desk, undis
     assert error[1] == expected["max_abs_speed_error_2"] > 0
 
 
-def test_shows_what_is_done(copied, capfd):
+def test_shows_what_is_done(copied, capfd, undrawn):
     journal = copied / "rows.jsonl"
     journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:5]) + b"torn")
     assert len(read_study_table(copied)) == 5

@@ -177,7 +177,7 @@ def test_a_study_with_little_to_show(tmp_path, status):
     assert ("3 of 3 runs failed" in text) == (status == "failed")
 
 
-def test_a_study_that_is_not_done_has_no_pareto_front(tmp_path):
+def test_a_study_that_is_not_done_has_no_pareto_front(tmp_path, undrawn):
     """Of a design that looks good the worst run may be to come."""
     table = make_table(10, joints=1)
     for missing in (1, 0):
@@ -186,7 +186,7 @@ def test_a_study_that_is_not_done_has_no_pareto_front(tmp_path):
         assert (tmp_path / "pareto.svg").exists() is not bool(missing)
 
 
-def test_nothing_varies_and_all_is_known(tmp_path):
+def test_nothing_varies_and_all_is_known(tmp_path, undrawn):
     study = tmp_path / "study"
     document = report.make_study_report(small_table(np.arange(3.0)), study, tmp_path)
     assert not study.exists() and f"study repeat {study} --row N" in text_of(document)
