@@ -227,10 +227,14 @@ def write_trajectory(path: Path, robot: Robot, samples: Samples, vd: Array) -> N
             nanoseconds = round(i * samples.period * 1e9)
             point = dict(zip(_FIELDS, (values.tolist() for values in row), strict=True))
             since = {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
-            file.write(f"- {json.dumps(point | {'time_from_start': since})}\n")
+            text = json.dumps(point | {"time_from_start": since})
+            # YAML 1.1, which ROS reads, takes 1e-05 for a text.
+            text = _NO_POINT.sub(r"\1.0e", text)
+            file.write(f"- {text}\n")
 
 
 _FIELDS = ("positions", "velocities", "accelerations", "effort")
+_NO_POINT = re.compile(r"(?<![.\d])(\d)e")
 
 
 def read_trajectory(path: Path, robot: Robot) -> Samples:

@@ -189,6 +189,15 @@ def test_a_trajectory_is_yaml_of_a_ros_message(robot, written, motion):
     assert read.period == pytest.approx(0.005, abs=1e-12)
 
 
+def test_numbers_without_a_point_are_numbers_to_yaml(robot, motion, tmp_path):
+    own = samples_of(robot, motion, motion.period)
+    own.q[0] = -1e-05, 2e16, 5e-324, 1.5e-07
+    formats.write_trajectory(tmp_path / "t.yaml", robot, own, motion.vd)
+    message = yaml.safe_load((tmp_path / "t.yaml").read_text(encoding="utf-8"))
+    assert message["points"][0]["positions"] == [-1e-05, 2e16, 5e-324, 1.5e-07]
+    np.testing.assert_array_equal(formats.read_trajectory(tmp_path / "t.yaml", robot).q, own.q)
+
+
 def test_a_drive_table_is_motor_side_with_the_whole_torque(robot, motion, tmp_path):
     write_drive_table(tmp_path / "d.csv", robot, samples_of(robot, motion, motion.period))
     time, columns = read_table(tmp_path / "d.csv")
