@@ -7,6 +7,7 @@ from math import tau
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sdt_drake.arrays import Array
 from sdt_drake.fields import Problems, check, setting
@@ -47,7 +48,8 @@ class Axis:
         zero: increments at the joint angle 0.
         speed_unit: of target velocity and velocity offset.
         rated_torque: that torques in per mille refer to (6076h), rated or standstill.
-        maximum_torque: of the drive; by default as far as per mille in 16 bits go.
+        maximum_torque: of the drive; by default as far as per mille in 16 bits go, where it reads
+            torques.
         objects: of CiA 402 that it reads in every cycle.
     """
 
@@ -107,7 +109,16 @@ class Drives:
         """Largest magnitude of a torque, in per mille of the rated one, shape (n,)."""
         given = [axis.maximum_torque or np.inf for axis in self.axes]
         rated = np.array([axis.rated_torque for axis in self.axes])
-        return np.minimum(1000 * np.array(given) / rated, INT16)
+        return np.minimum(1000 * np.array(given) / rated, self.most(TORQUE, INT16))
+
+    def most(self, quantity: str, most: int) -> Array:
+        """What the bits of a set point hold, of axes that read one; shape (n,)."""
+        return np.where(self.reads(quantity), most, np.inf)
+
+    def reads(self, quantity: str) -> NDArray[np.bool_]:
+        """Which axes have a set point of a quantity: POSITION, SPEED or TORQUE; shape (n,)."""
+        read = [{OBJECTS[index][1] for index in axis.objects} for axis in self.axes]
+        return np.array([quantity in quantities for quantities in read])
 
     def _per_joint(self, robot: Robot, of_motor: Callable[[Axis], float]) -> Array:
         """What a motor has in a unit of its own angle or torque, in one of the joint's."""

@@ -88,15 +88,16 @@ def set_points(robot: Robot, drives: Drives, samples: Samples) -> SetPoints:
     """The integers for the drives of a robot; `samples` at their cycle time.
 
     Raises:
-        InputError: naming joint and time: beyond 32 or 16 bits, or the largest torque of a drive.
+        InputError: naming joint and time: beyond 32 or 16 bits of what a drive reads, or beyond its
+            largest torque.
     """
     exact = drives.zeros() + samples.q * drives.increments_per_rad(robot)
     grid = np.round(exact * (drives.speed_per_increment() / samples.period))
     speed = np.vstack([np.diff(grid, axis=0), np.zeros_like(grid[:1])])
     torque = np.round(samples.tau * drives.per_mille_per_torque(robot))
     for what, unit, values, most in (
-        ("position", "increments", exact, np.full(robot.n, INT32)),
-        ("speed", "speed units", speed, np.full(robot.n, INT32)),
+        ("position", "increments", exact, drives.most(POSITION, INT32)),
+        ("speed", "speed units", speed, drives.most(SPEED, INT32)),
         ("torque", "per mille of the rated torque", torque, drives.most_per_mille()),
     ):
         beyond = np.argwhere(np.abs(values) > most)
@@ -117,15 +118,13 @@ def samples_from(robot: Robot, drives: Drives, points: SetPoints) -> Samples:
     """
     per_rad, period = drives.increments_per_rad(robot), drives.cycle_time
     per_speed = drives.speed_per_increment()
-    read = [{OBJECTS[index][1] for index in axis.objects} for axis in drives.axes]
     position = points.position.astype(float)
-    for k, quantities in enumerate(read):
-        if POSITION not in quantities:
-            travelled = np.cumsum(points.speed[:-1, k]) * period / per_speed[k]
-            position[1:, k] = position[0, k] + travelled
+    for k in np.flatnonzero(~drives.reads(POSITION)):
+        travelled = np.cumsum(points.speed[:-1, k]) * period / per_speed[k]
+        position[1:, k] = position[0, k] + travelled
     differences = np.vstack([np.diff(position, axis=0) / period, np.zeros(robot.n)])
-    speeds = np.where([SPEED in x for x in read], points.speed / per_speed, differences)
-    torque = np.where([TORQUE in x for x in read], points.torque, 0)
+    speeds = np.where(drives.reads(SPEED), points.speed / per_speed, differences)
+    torque = np.where(drives.reads(TORQUE), points.torque, 0)
     return Samples(
         period,
         (position - drives.zeros()) / per_rad,

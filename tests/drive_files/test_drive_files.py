@@ -256,6 +256,15 @@ def test_what_a_drive_cannot_take_is_refused(robot, motion, fields, told):
         set_points(robot, drives, samples_of(robot, motion, 0.001))
 
 
+def test_what_a_drive_does_not_read_may_be_beyond_its_bits(robot, motion):
+    """A speed drive turns on and on; only what its motor can give is a bound for every drive."""
+    samples, unread = samples_of(robot, motion, 0.001), [["607Ah"], ["60FFh"]] * 2
+    rated = {"rated_torque": [1e-3, 1e3, 1e3, 1e3]}
+    set_points(robot, drives_with(objects=unread, zero=[0, 2**32, 0, 0], **rated), samples)
+    with pytest.raises(InputError, match=r"joint 1 .* torque of .*, its drive takes 1000$"):
+        set_points(robot, drives_with(objects=unread, maximum_torque=[1e-3] * 4, **rated), samples)
+
+
 @pytest.mark.parametrize(("first", "last", "told"), [(0.1, 0, "starts at 0.1"), (0, 0.1, "ends")])
 def test_no_drive_starts_or_ends_in_motion(robot, first, last, told):
     v = np.zeros((11, 4))
