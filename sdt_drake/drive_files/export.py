@@ -99,7 +99,8 @@ def read_back(design: Design, drives: Drives, folder: Path) -> list[Fed]:
     exact = samples_of(robot, motion, m * drives.cycle_time)
     own = samples_of(robot, motion, motion.period)
     points = [formats.read_csv(folder / CSV, drives), formats.read_st(folder / ST, drives)]
-    files = dict(zip((CSV, ST), (samples_from(robot, drives, x) for x in points), strict=True))
+    read = (samples_from(robot, drives, x, whole.q[0]) for x in points)
+    files = dict(zip((CSV, ST), read, strict=True))
     files[CAM] = formats.read_cam(folder / CAM, robot, drives)
     for name, samples in files.items():
         if len(samples.q) != len(whole.q):

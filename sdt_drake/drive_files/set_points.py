@@ -110,16 +110,17 @@ def set_points(robot: Robot, drives: Drives, samples: Samples) -> SetPoints:
     return SetPoints(*(np.round(x).astype(np.int64) for x in (exact, speed, torque)))
 
 
-def samples_from(robot: Robot, drives: Drives, points: SetPoints) -> Samples:
+def samples_from(robot: Robot, drives: Drives, points: SetPoints, start: Array) -> Samples:
     """What drives make of set points, joint side: those objects of it that each reads.
 
-    An axis without a position integrates its speeds; one without a speed takes the differences of
-    its positions, one without a torque none.
+    An axis without a position integrates its speeds, from `start` [rad], shape (n,); one without a
+    speed takes the differences of its positions, one without a torque none.
     """
     per_rad, period = drives.increments_per_rad(robot), drives.cycle_time
     per_speed = drives.speed_per_increment()
     position = points.position.astype(float)
     for k in np.flatnonzero(~drives.reads(POSITION)):
+        position[0, k] = drives.zeros()[k] + start[k] * per_rad[k]
         travelled = np.cumsum(points.speed[:-1, k]) * period / per_speed[k]
         position[1:, k] = position[0, k] + travelled
     differences = np.vstack([np.diff(position, axis=0) / period, np.zeros(robot.n)])
