@@ -74,12 +74,14 @@ def export(
     with within(title):
         samples = samples_of(robot, motion, drives.cycle_time)
         own = samples_of(robot, motion, motion.period)
+    still = Motion.from_speeds(motion.period, motion.q[0], np.zeros((2, robot.n)))
     with within(source):
         points = set_points(robot, drives, samples)
+        rest = set_points(robot, drives, samples_of(robot, still, drives.cycle_time))
     with replacing_all([folder / name for name in (CSV, ST, CAM, TRAJECTORY)]) as partials:
         csv, st, cam, trajectory = partials
         formats.write_csv(csv, drives, points)
-        formats.write_st(st, drives, points, title)
+        formats.write_st(st, drives, points, rest, title)
         formats.write_cam(cam, robot, drives, samples, cam_points)
         formats.write_trajectory(trajectory, robot, own, motion.vd)
 

@@ -92,21 +92,23 @@ def read_csv(path: Path, drives: Drives) -> SetPoints:
 # --- Structured Text -------------------------------------------------------------------------
 
 
-def write_st(path: Path, drives: Drives, points: SetPoints, title: str) -> None:
+def write_st(path: Path, drives: Drives, points: SetPoints, rest: SetPoints, title: str) -> None:
     """A function block of IEC 61131-3 that plays its arrays, a row in each call.
 
-    Call it once per cycle. While Execute is FALSE its outputs are those of the first row.
+    Call it once per cycle. While Execute is FALSE its outputs are those of the first row of `rest`:
+    the first row of the motion has the speed and the torque of who already goes on from there.
     """
     columns, last = _columns(drives), len(points.position) - 1
     outputs = {OBJECTS[index][0]: (index, _type_of(index)) for index, _ in columns}
-    arrays, copies = [], []
+    arrays, copies, still = [], [], []
     for index, k in columns:
         name, values = OBJECTS[index][0], points.of_object(index)[:, k].tolist()
         rows = [values[i : i + _IN_A_LINE] for i in range(0, last + 1, _IN_A_LINE)]
         text = ",\n".join(f"    {', '.join(map(str, row))}" for row in rows)
         kind = f"ARRAY[0..{last}] OF {_type_of(index)}"
         arrays.append(f"  {name}_{k + 1} : {kind} := [\n{text}];")
-        copies.append(f"{name}[{k + 1}] := {name}_{k + 1}[Cycle];")
+        copies.append(f"  {name}[{k + 1}] := {name}_{k + 1}[Cycle];")
+        still.append(f"  {name}[{k + 1}] := {rest.of_object(index)[0, k]};")
     text = Template(page_text("motion.st")).substitute(
         title=title.replace("*", ""),
         cycles=last + 1,
@@ -118,6 +120,7 @@ def write_st(path: Path, drives: Drives, points: SetPoints, title: str) -> None:
         last=last,
         arrays="\n".join(arrays),
         copies="\n".join(copies),
+        still="\n".join(still),
     )
     write_text(path, text)
 

@@ -131,7 +131,7 @@ def written(robot, motion, tmp_path_factory):
     samples = samples_of(robot, motion, drives.cycle_time)
     points = set_points(robot, drives, samples)
     formats.write_csv(folder / "p.csv", drives, points)
-    formats.write_st(folder / "p.st", drives, points, "a (* title *)")
+    formats.write_st(folder / "p.st", drives, points, points, "a (* title *)")
     formats.write_cam(folder / "cam.csv", robot, drives, samples, 50)
     own = samples_of(robot, motion, motion.period)
     formats.write_trajectory(folder / "t.yaml", robot, own, motion.vd)
@@ -151,7 +151,7 @@ def test_structured_text_is_that_of_a_parser(written, tmp_path):
     blark = pytest.importorskip("blark")
     _, drives, _, points = written
     few = SetPoints(points.position[:3], points.speed[:3], points.torque[:3])
-    formats.write_st(tmp_path / "p.st", drives, few, "a (* title *)")
+    formats.write_st(tmp_path / "p.st", drives, few, points, "a (* title *)")
     text = (tmp_path / "p.st").read_text(encoding="utf-8")
     assert "TargetPosition[4] := TargetPosition_4[Cycle];" in text
     parsed = blark.parse_source_code(text)
@@ -294,6 +294,32 @@ def test_drives_are_checked(tmp_path, axis, told):
     (tmp_path / "d.yaml").write_text(f"cycle_time: 0.001\naxes: [{axis}]\n")
     with pytest.raises(InputError, match=told):
         load_drives(tmp_path / "d.yaml", 1)
+
+
+def test_the_function_block_rests_until_it_is_to_play(robot, tmp_path):
+    """A motion that accelerates from its first sample on; joint 2 holds the links against
+    gravity."""
+    t = np.arange(41)[:, None] * 0.005
+    v = np.minimum(t, 0.2 - t) * [0.3, 0.5, 0, -2]
+    design = make_design(
+        Scenario(controller=ControllerChoice(omega_r=66.0)),
+        robot=robot,
+        motion=Motion.from_speeds(0.005, np.array([0.1, 0.7, 0.3, 0.2]), v),
+    )
+    drives = drives_with(zero=[0, 7, -500, 2**20])
+    export(design, drives, tmp_path, cam_points=50, title="x")
+    text = (tmp_path / "set_points.st").read_text(encoding="utf-8")
+    rests = text.split("\nELSE\n")[1].split("\nEND_IF")[0]
+    said = {
+        name: [int(x) for x in re.findall(rf"{name}\[\d\] := (-?\d+);", rests)]
+        for name in ("TargetPosition", "VelocityOffset", "TorqueOffset")
+    }
+    first = formats.read_csv(tmp_path / "set_points.csv", drives)
+    weight = torque_groups(robot, design.motion.q[:1], 0 * v[:1], 0 * v[:1]).gravity[0]
+    assert said["TargetPosition"] == first.position[0].tolist()
+    assert said["VelocityOffset"] == [0] * 4 and first.speed[0].any()
+    np.testing.assert_allclose(said["TorqueOffset"], 1000 * weight / (R * RATED), atol=0.51)
+    assert said["TorqueOffset"][1] != 0 and abs(first.torque[0] - said["TorqueOffset"]).max() > 10
 
 
 # --- the command -----------------------------------------------------------------------------
