@@ -13,8 +13,6 @@ from pydrake.systems.framework import Diagram
 from sdt_drake.analysis.metrics import Metric
 from sdt_drake.analysis.threads import threads
 from sdt_drake.arrays import Array
-from sdt_drake.controllers import CONTROLLERS
-from sdt_drake.controllers.pi import Pi
 from sdt_drake.design import Design, make_design
 from sdt_drake.deviation import Deviation
 from sdt_drake.device import Drive, Elasticity, Friction
@@ -136,8 +134,7 @@ def replay(scenario: Scenario, recorded: Recorded, robot: Robot) -> Replay:
     scenario = replace(scenario, learned="")  # what was recorded is all that was asked for
     plain = make_design(scenario, robot=robot, motion=motion)
     at = _samples(recorded, plain)
-    takes_feedforward = issubclass(CONTROLLERS[scenario.controller.kind], Pi)
-    cases = _cases(plain, at.get("tau_ff") if takes_feedforward else None)
+    cases = _cases(plain, at.get("tau_ff") if plain.takes_feedforward else None)
     design, of_links = cases[AS_IT_IS], recorded.of_links
     with part(), threads(2) as pool:
         run = as_part(_course, 1 / len(cases))

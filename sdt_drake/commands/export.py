@@ -78,11 +78,16 @@ def run(options: argparse.Namespace) -> None:
             f"note: the cycle is no whole part of the motion's period, {1e3 * period:g} ms: "
             "resampled, its speeds linear in between"
         )
+    if not design.takes_feedforward:
+        common.say(
+            f"note: {scenario.controller.label} has no place for a torque feedforward: read back, "
+            "it is fed without the torques of the files"
+        )
     fed = read_back(design, drives, options.out)
     write_read_back(options.out / READ_BACK, fed)
     common.say(
         f"read back, and fed to {scenario.controller.label} on the {scenario.plant.kind} plant: "
-        "largest position error"
+        "largest error from the planned motion"
     )
     common.print_table(
         ("from", *(f"{joint} [deg]" for joint in numbered(robot.joint_names))),

@@ -25,14 +25,14 @@ READ_BACK = "read_back.csv"
 
 @dataclass(frozen=True, eq=False)
 class Fed:
-    """A loop that is fed from a file, judged by the motion itself; joint side, shape (n,) each.
+    """A loop that is fed from a file, judged by the planned motion; joint side, shape (n,) each.
 
     Attributes:
         source: the file, or the motion.
         has_torque: whether a torque is fed forward.
-        position_off: how far its positions are from the motion [rad].
-        position_error: largest of the run [rad].
-        speed_error: RMS of the run [rad/s].
+        position_off: how far its positions are from the motion that was exported [rad].
+        position_error: largest of the run, against the planned motion [rad].
+        speed_error: RMS of the run, likewise [rad/s].
     """
 
     source: str
@@ -54,7 +54,8 @@ def export(
     """Write the motion of a design for its drives: CSV, ST, CAM and TRAJECTORY; all or none.
 
     Args:
-        design: whose motion it is, and whose robot's inverse dynamics are the torques.
+        design: whose motion it is, and whose nominal robot's inverse dynamics are the torques; with
+            what flights have taught, it is that motion, with the torques that they fed forward.
         drives: of its joints.
         folder: for the files.
         cam_points: the most points of the cam table.
@@ -72,18 +73,33 @@ def export(
             f"of the motion's {motion.duration:g} s"
         )
     with within(title):
-        samples = samples_of(robot, motion, drives.cycle_time)
-        own = samples_of(robot, motion, motion.period)
-    still = Motion.from_speeds(motion.period, motion.q[0], np.zeros((2, robot.n)))
+        samples = _commanded(design, drives.cycle_time)
+        own = _commanded(design, motion.period)
+    still = _commanded(design, drives.cycle_time, still=True)
     with within(source):
         points = set_points(robot, drives, samples)
-        rest = set_points(robot, drives, samples_of(robot, still, drives.cycle_time))
+        rest = set_points(robot, drives, still)
     with replacing_all([folder / name for name in (CSV, ST, CAM, TRAJECTORY)]) as partials:
         csv, st, cam, trajectory = partials
         formats.write_csv(csv, drives, points)
         formats.write_st(st, drives, points, rest, title)
         formats.write_cam(cam, robot, drives, samples, cam_points)
         formats.write_trajectory(trajectory, robot, own, motion.vd)
+
+
+def _commanded(design: Design, period: float, *, still: bool = False) -> Samples:
+    """What is exported of a design, or how it stands still before.
+
+    What flights have taught makes good for what their loop lacks: with torques that it did not
+    have, it would be made good for twice.
+    """
+    robot, motion, tau_ff = design.nominal, design.motion, design.tau_ff
+    taught = design.learned_torque is not None or motion is not design.wanted
+    if still:
+        rest = np.zeros((2, robot.n))
+        motion, tau_ff = Motion.from_speeds(period, motion.q[0], rest), rest + design.steady_ff
+    torque = np.zeros_like(motion.q) if tau_ff is None else tau_ff * robot.gear_ratio
+    return samples_of(robot, motion, period, torque if taught else None)
 
 
 def read_back(design: Design, drives: Drives, folder: Path) -> list[Fed]:
@@ -97,9 +113,9 @@ def read_back(design: Design, drives: Drives, folder: Path) -> list[Fed]:
     """
     robot, motion = design.nominal, design.motion
     m = max(1, round(motion.period / drives.cycle_time))
-    whole = samples_of(robot, motion, drives.cycle_time)
-    exact = samples_of(robot, motion, m * drives.cycle_time)
-    own = samples_of(robot, motion, motion.period)
+    whole = _commanded(design, drives.cycle_time)
+    exact = _commanded(design, m * drives.cycle_time)
+    own = _commanded(design, motion.period)
     points = [formats.read_csv(folder / CSV, drives), formats.read_st(folder / ST, drives)]
     read = (samples_from(robot, drives, x, whole.q[0]) for x in points)
     files = dict(zip((CSV, ST), read, strict=True))
@@ -123,13 +139,15 @@ def read_back(design: Design, drives: Drives, folder: Path) -> list[Fed]:
 def _fed(design: Design, source: str, samples: Samples, like: Samples) -> Fed:
     if samples.q.shape != like.q.shape:
         raise InputError(f"{source}: {len(samples.q)} points, the motion has {len(like.q)}")
-    recording = simulate(_fed_with(design, samples))
+    made = _fed_with(design, samples)
+    recording = simulate(made)
+    wanted = samples_of(design.nominal, design.wanted, samples.period)
     return Fed(
         source,
-        bool(np.any(samples.tau)),
+        made.tau_ff is not None,
         np.abs(samples.q - like.q).max(axis=0),
-        np.abs(recording.q - like.q).max(axis=0),
-        np.sqrt(np.mean((recording.v - like.v) ** 2, axis=0)),
+        np.abs(recording.q - wanted.q).max(axis=0),
+        np.sqrt(np.mean((recording.v - wanted.v) ** 2, axis=0)),
     )
 
 
@@ -139,7 +157,7 @@ def _fed_with(design: Design, samples: Samples) -> Design:
     vd = np.vstack([np.diff(v, axis=0) / period, np.zeros_like(v[:1])])
     scenario = replace(design.scenario, learned="")
     made = make_design(scenario, robot=design.nominal, motion=Motion(period, samples.q, v, vd))
-    if not np.any(samples.tau):
+    if not np.any(samples.tau) or not design.takes_feedforward:
         return replace(made, feedforward=None, tau_ff=None, steady_ff=0.0)
     return made.with_feedforward(samples.tau / design.robot.gear_ratio)
 

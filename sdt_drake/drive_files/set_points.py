@@ -25,7 +25,8 @@ class Samples:
         period: of the rows [s].
         q: [rad], shape (N + 1, n).
         v: [rad/s], shape (N + 1, n).
-        tau: of motors and links, the motors' inertia included [N m], shape (N + 1, n).
+        tau: of motors and links, the motors' inertia included, or what else is fed forward [N m],
+            shape (N + 1, n).
     """
 
     period: float
@@ -43,10 +44,17 @@ class Samples:
         return Samples(m * self.period, q[::m], np.vstack([mean, v[-1:]]), tau[::m])
 
 
-def samples_of(robot: Robot, motion: Motion, period: float) -> Samples:
+def samples_of(robot: Robot, motion: Motion, period: float, torque: Array | None = None) -> Samples:
     """A motion at another period, by its own interpolation: its speeds are linear between samples.
 
     It rests on the last sample for the rest of the last step.
+
+    Args:
+        robot: of the inverse dynamics.
+        motion: from rest to rest.
+        period: of the rows [s].
+        torque: at the samples of the motion, each held up to the next one, joint side [N m], shape
+            (N + 1, n); by default that of the inverse dynamics.
 
     Raises:
         InputError: if it starts or ends in motion.
@@ -61,7 +69,8 @@ def samples_of(robot: Robot, motion: Motion, period: float) -> Samples:
     vd = motion.vd[held]
     v = motion.v[held] + since * vd
     q = motion.q[held] + since * (motion.v[held] + since * vd / 2)
-    return Samples(period, q, v, inverse_dynamics(robot, q, v, vd))
+    tau = inverse_dynamics(robot, q, v, vd) if torque is None else torque[held]
+    return Samples(period, q, v, tau)
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,7 +27,7 @@ from sdt_drake.drive_files import (
 )
 from sdt_drake.dynamics import torque_groups
 from sdt_drake.errors import InputError
-from sdt_drake.motion import Motion
+from sdt_drake.motion import LearnedReference, Motion
 from sdt_drake.scenario import ControllerChoice, Scenario
 from sdt_drake.simulate import simulate
 from sdt_drake.tables import read_table
@@ -402,3 +402,36 @@ def test_export_writes_all_of_its_files_or_none(refuse, given, desk, motion):
         (desk / name).unlink()
     (desk / "x/read_back.csv").mkdir(parents=True)
     refuse("export", "m.csv", "--drive", "drives", "--out", "x", saying=("is a folder",))
+
+
+@pytest.mark.parametrize(("kind", "has_torque"), [("p_pi", True), ("p_pi", False), ("pi_id", True)])
+def test_what_was_learned_is_exported_as_it_flew(tmp_path, robot, motion, kind, has_torque):
+    """With the torques that were fed forward beside it, and no others; errors are those against
+    the planned motion, as `simulate` tells them."""
+    scenario = Scenario(controller=ControllerChoice(kind=kind, omega_r=66.0))
+    design = make_design(scenario, robot=robot, motion=motion)
+    beside = motion.v + 2e-3 * np.sin(2 * np.pi * motion.time / 0.6)[:, None] ** 2
+    beside[-1] = 0
+    torque = 30 * np.sin(np.pi * motion.time / 0.6)[:, None] * [0.1, 1, 1, 1]
+    beside = Motion.from_speeds(motion.period, motion.q[0], beside)
+    design = design.given(LearnedReference(beside, torque if has_torque else None))
+    drives = drives_with(cycle=0.005)
+    export(design, drives, tmp_path, cam_points=50, title="x")
+    fed = np.zeros_like(torque) if design.tau_ff is None else design.tau_ff
+    np.testing.assert_array_equal(fed, torque * has_torque if kind == "p_pi" else fed)
+    told = formats.read_csv(tmp_path / "set_points.csv", drives).torque
+    np.testing.assert_allclose(told, 1000 * fed / RATED, atol=0.51)
+    flown = np.abs(simulate(design).position_error).max(axis=0)
+    errors = {x.source: x.position_error for x in read_back(design, drives, tmp_path)}
+    np.testing.assert_allclose(errors["motion"], flown, rtol=5e-3, atol=1e-9)
+    np.testing.assert_allclose(errors["trajectory.yaml"], flown, rtol=5e-3, atol=1e-9)
+
+
+def test_a_controller_with_torques_of_its_own_is_not_fed_any(good, given, motion):
+    motion.to_csv("../given/m.csv")
+    text = command_line.ENDS["coupled"].replace("motion.yaml", "m.csv")
+    given("id.yaml", text.replace("kind: pi", "kind: inverse_dynamics"))
+    out = good("export", "../given/id.yaml", "--drive", "drives").out
+    assert "note: inverse_dynamics has no place for a torque feedforward" in out
+    rows = {row.split("  ")[0]: row.split()[-4:] for row in out.splitlines()}
+    assert rows["motion"] == rows["motion, no torque"] == rows["trajectory.yaml"]
