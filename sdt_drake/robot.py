@@ -292,10 +292,10 @@ def _check_dynamics(plant: MultibodyPlant, joints: list[RevoluteJoint], file: Pa
     M = plant.CalcMassMatrix(plant.CreateDefaultContext())
     eigenvalues = np.linalg.eigvalsh(M)
     if eigenvalues[0] <= 1e-12 * eigenvalues[-1]:
-        k = int(np.argmin(M.diagonal()))
+        k, most = int(np.argmin(M.diagonal())), int(np.argmax(M.diagonal()))
         raise InputError(
-            f"{file}: joint '{joints[k].name()}': no inertia about its axis "
-            f"({M[k, k]:g} kg m²), expected > 0"
+            f"{file}: joint '{joints[k].name()}': inertia about its axis {M[k, k]:g} kg m², "
+            f"expected more: that of '{joints[most].name()}' is {M[most, most]:g} kg m²"
         )
 
 
