@@ -98,7 +98,7 @@ def test_committed_svg_was_made_from_the_committed_dot(name):
 @pytest.mark.parametrize(("name", "row"), [("monte_carlo", 0), ("sizing", 0)])
 def test_committed_rows_are_those_of_today(name, row):
     (runner, *_), table = load_runner(ROWS / name), read_study_table(ROWS / name)
-    outcomes, _ = runner.repeat(row)
+    outcomes, *_ = runner.repeat(row)
     expected = [values[row] for values in table.outcomes.values()]
     np.testing.assert_allclose(outcomes, expected, rtol=1e-3, atol=1e-5)
 

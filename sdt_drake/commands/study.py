@@ -160,7 +160,10 @@ def repeat(folder: Path, row: int | None, out: Path | None) -> None:
         raise InputError(f"study repeat: --row {row}, expected 0 to {len(study) - 1}")
     if out is not None:
         common.check_file(out, [".csv"])
-    outcomes, recording = runner.repeat(row)
+    outcomes, recording, wrong = runner.repeat(row)
+    if wrong:
+        say(f"run failed: {wrong}")
+        say()
     print_table(("input", "value"), [(k, f"{v}") for k, v in study.inputs(row).items()])
     say()
     print_table(("outcome", "value"), [(k, f"{v!r}") for k, v in zip(names, outcomes, strict=True)])

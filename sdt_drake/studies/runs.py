@@ -91,31 +91,28 @@ class Runner:
         """Run a row: what becomes of it."""
         start = time.perf_counter()
         try:
-            design, recording, outcomes = self._simulated(number)
-            passed = stops_passed(recording, design.robot.joint_names)
+            outcomes, _, wrong = self.repeat(number)
         except Exception as error:  # whatever it is, the study goes on
             return self._failed(number, error, time.perf_counter() - start)
         duration = time.perf_counter() - start
-        if np.isinf(outcomes).any() or np.isnan(outcomes[: design.robot.n]).any():
-            passed = ["the speeds are not finite"]
-        if passed:
-            return Row(number, "failed", "; ".join(passed), duration, ())
+        if wrong:
+            return Row(number, "failed", wrong, duration, ())
         return Row(number, "ok", "", duration, outcomes)
 
-    def repeat(self, number: int) -> tuple[tuple[float, ...], Recording]:
-        """Outcomes and recording of a row, run once more.
+    def repeat(self, number: int) -> tuple[tuple[float, ...], Recording, str]:
+        """Outcomes and recording of a row; and why it has failed all the same, "" if it has not.
 
         Raises:
             InputError: if it cannot be run.
         """
-        _, recording, outcomes = self._simulated(number)
-        return outcomes, recording
-
-    def _simulated(self, number: int) -> tuple[Design, Recording, tuple[float, ...]]:
         design, plan = self.design(self.scenario(number))
         recording = simulate(design)
         commanded, pause = plan.commanded.duration, self.study.pause
-        return design, recording, outcomes_of(self._base, design, recording, commanded, pause)
+        outcomes = outcomes_of(self._base, design, recording, commanded, pause)
+        wrong = stops_passed(recording, design.robot.joint_names)
+        if np.isinf(outcomes).any() or np.isnan(outcomes[: design.robot.n]).any():
+            wrong = ["the speeds are not finite"]
+        return outcomes, recording, "; ".join(wrong)
 
     def _failed(self, number: int, error: Exception, duration: float) -> Row:
         status = "infeasible" if isinstance(error, InfeasibleError) else "failed"

@@ -191,8 +191,9 @@ def test_rows_do_not_depend_on_their_order_and_company(base, mixed, mixed_rows, 
 
 
 def test_repeat_has_the_same_numbers_and_a_recording(base, mixed, mixed_rows):
-    outcomes, recording = Runner(mixed, base).repeat(4)
+    outcomes, recording, wrong = Runner(mixed, base).repeat(4)
 
+    assert wrong == ""
     assert repr(outcomes) == repr(mixed_rows[4].outcomes)
     worst = np.abs(recording.speed_error).max(axis=0)
     np.testing.assert_allclose(worst, outcomes[:4], rtol=1e-12, atol=1e-15)

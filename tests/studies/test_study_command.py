@@ -226,6 +226,12 @@ def test_repeat_from_a_folder_that_was_moved_and_files_that_are_gone(desk, undis
     assert error[1] == expected["max_abs_speed_error_2"] > 0
 
 
+def test_repeat_says_what_failed(undisturbed, capfd, monkeypatch):
+    monkeypatch.setattr("sdt_drake.studies.runs.stops_passed", lambda *_: ["roll, 2 deg", "yaw"])
+    assert main(["study", "repeat", str(undisturbed), "--row", "5"]) == 0
+    assert capfd.readouterr().out.startswith("run failed: roll, 2 deg; yaw\n\ninput ")
+
+
 def test_shows_what_is_done(copied, capfd, undrawn):
     journal = copied / "rows.jsonl"
     journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:5]) + b"torn")
