@@ -10,7 +10,7 @@ from typing import NamedTuple
 from sdt_drake.errors import InputError, checked_choice, checked_type, within
 from sdt_drake.motion.command import Command, TimedSegment, load_command
 from sdt_drake.motion.limiter import plan_motion
-from sdt_drake.motion.plan import INTERPOLATION_PERIOD, Plan, checked_plan
+from sdt_drake.motion.plan import INTERPOLATION_PERIOD, Plan, checked_plan, commanded_motion
 from sdt_drake.motion.profile import load_profile
 from sdt_drake.motion.retiming import retime
 from sdt_drake.motion.trajectory import Motion, import_motion
@@ -57,6 +57,22 @@ def story_of(path: str | Path, robot: Robot, motion: Motion) -> Story:
         timeline = ()
     segments = tuple(one for one in timeline if one.end - one.start < 0.9 * command.duration)
     return Story(profile.title, profile.feels, segments)
+
+
+def load_commanded(path: str | Path, robot: Robot, period: float) -> Motion:
+    """What the file of a motion asks for, whether the robot can do it or not.
+
+    Args:
+        path, robot, period: as of `load_plan`.
+
+    Raises:
+        InputError: for a file that cannot be used, or does not fit the robot or the period.
+    """
+    file = find_file(path, "motion")
+    with within(file):
+        if file.suffix == ".csv":
+            return import_motion(file, period)[0]
+        return commanded_motion(robot, load_command(file, robot), period)
 
 
 PLANNERS = {"limiter": plan_motion, "retiming": retime}

@@ -13,7 +13,7 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from sdt_drake.design import load_device, make_design
 from sdt_drake.errors import InputError, replacing
-from sdt_drake.motion import import_motion, load_command
+from sdt_drake.motion import load_commanded
 from sdt_drake.resources import PACKAGE_PREFIX, find_file, named
 from sdt_drake.robot import load_robot
 from sdt_drake.scenario import Scenario
@@ -104,11 +104,9 @@ def _joints(field: str, file: Path, base: Scenario) -> int | None:
     """
     if field == "robot":
         return load_robot(file).n
-    if field != "motion":
-        return None
-    if file.suffix == ".csv":
-        return import_motion(file, base.period)[0].n
-    return len(load_command(file, load_device(base)).q0)
+    if field == "motion":
+        return load_commanded(file, load_device(base), base.period).n
+    return None
 
 
 def _references(study: Study, base: Scenario) -> Iterator[tuple[Field, str]]:

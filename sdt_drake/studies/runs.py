@@ -14,7 +14,7 @@ from sdt_drake.design import Design, load_device, make_design, plan_of
 from sdt_drake.dynamics import TorqueGroups, torque_groups
 from sdt_drake.errors import InputError
 from sdt_drake.fields import check
-from sdt_drake.motion import Plan
+from sdt_drake.motion import Plan, load_commanded
 from sdt_drake.resources import PACKAGE_PREFIX, models_dir
 from sdt_drake.robot import Robot
 from sdt_drake.scenario import Scenario
@@ -131,6 +131,7 @@ def _plan(scenario: Scenario) -> _Planned | InfeasibleError:
     try:
         plan = plan_of(scenario, robot)
     except InputError as error:
+        load_commanded(scenario.motion, robot, scenario.period)  # not the device's fault: raised
         return InfeasibleError(*error.args)
     motion = plan.motion
     return robot, plan, torque_groups(robot, motion.q, motion.v, motion.vd)

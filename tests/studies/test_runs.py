@@ -112,6 +112,7 @@ def test_infeasible_rows(base, files):
             "torque_margin: 1.5, expected a number > 0",
         ),
         (of("controller.zeta[2]", List([-1.0, 1.0])), "zeta"),
+        (of("period", List([0.007, 0.005])), "0.5 s is not a whole multiple of the period 0.007 s"),
         (of("plant.kind", Choice(["exis", "axis"])), "plant.kind: 'exis', expected one of"),
     ],
 )

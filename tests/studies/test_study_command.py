@@ -41,11 +41,13 @@ MOTIONS = "[motion]\n  distribution: !Choice {{values: [short.yaml, {}]}}"
         (LABELS, MOTIONS.format("two.yaml"), "two.yaml: joints: 2 value(s), expected 4"),
         (LABELS, MOTIONS.format("two.csv"), "two.csv: 2 joint(s), expected 4 as in the base"),
         (LABELS, MOTIONS.format("axis.yaml"), "axis.yaml: "),
+        (LABELS, MOTIONS.format("odd.yaml"), "0.501 s is not a whole multiple of the period"),
     ],
 )
 def test_bad_study(refuse, desk, old, new, message):
     base = (desk / "axis.yaml").read_text()
     (desk / "toofast.yaml").write_text(base.replace("short.yaml", "fast.yaml"))
+    (desk / "odd.yaml").write_text((desk / "short.yaml").read_text().replace("0.5", "0.501"))
     rest = "- !Knots {knots: [[0, 0], [0.5, 0]]}"
     (desk / "two.yaml").write_text(f"duration: 0.5\njoints: \n{rest}\n{rest}\n")
     (desk / "two.csv").write_text("time,v_ref_1,v_ref_2\n0,0,0\n0.5,0,0\n")
