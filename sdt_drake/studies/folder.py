@@ -56,7 +56,12 @@ def claim(job: Job, folder: Path, resume: bool) -> None:
                 f"{folder}: holds something else, expected an empty folder or a new one"
             )
         with (folder / STATE).open("x", encoding="utf-8") as file:  # of two processes, one does
-            json.dump(state, file, indent=1)
+            try:
+                json.dump(state, file, indent=1)
+                file.flush()
+            except OSError:  # half of it would be in the way of the next attempt
+                (folder / STATE).unlink()
+                raise
     except OSError as error:
         raise InputError(f"{folder}: no study can be begun there ({error.strerror})") from None
 

@@ -144,7 +144,7 @@ def _number_of(line: bytes, width: int) -> int:
         row = _from_json(line)
         row.reason.encode()  # half a character raises a ValueError
         infinite = any(map(math.isinf, (row.duration, *row.outcomes)))
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (ArithmeticError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return -1
     good = type(row.number) is int and row.status in STATUSES and not infinite
     good &= len(row.outcomes) == (width if row.status == "ok" else 0)

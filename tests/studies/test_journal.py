@@ -6,11 +6,14 @@ import json
 import math
 import resource
 import signal
+from contextlib import contextmanager
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from sdt_drake.errors import InputError
+from sdt_drake.studies.folder import claim, holds_study
 from sdt_drake.studies.journal import JOURNAL, Journal, Row, read_rows
 
 ROWS = [
@@ -75,6 +78,7 @@ GOOD = '{"row": 1, "status": "ok", "reason": "", "duration": 1.0, "outcomes": [1
         ("1.0,", '"1.0",'),
         ("1.0,", "1e999,"),
         ("[1.0, 2.0]", "[1.0]"),
+        ("[1.0, 2.0]", f"[1.0, {10**400}]"),
         ("[1.0, 2.0]", '[1.0, "2.0"]'),
         ("[1.0, 2.0]", "[1.0, 1e999]"),
         ("[1.0, 2.0]", "5"),
@@ -117,22 +121,35 @@ def test_memory_is_an_offset_a_row(tmp_path):
         assert [array.nbytes for array in arrays] == [8000]
 
 
-def test_full_disk(tmp_path):
+@contextmanager
+def disk_of(size: int):
+    """Files get no larger than that [bytes]."""
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
+
+
+def test_full_disk(tmp_path):
     with Journal(tmp_path, 100, 2) as journal:
-        try:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
-            with pytest.raises(InputError) as raised:
-                for number in range(100):
-                    journal.append(Row(number, "ok", "", 0.5, (1.0, 2.0)))
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-            signal.signal(signal.SIGXFSZ, handler)
+        with disk_of(1000), pytest.raises(InputError) as raised:
+            for number in range(100):
+                journal.append(Row(number, "ok", "", 0.5, (1.0, 2.0)))
         kept = [row.number for row in read_rows(tmp_path, 100, 2)]
         assert 0 < len(kept) < 100 and (tmp_path / JOURNAL).read_bytes().endswith(b"}\n")
         assert str(raised.value) == (
             f"{tmp_path / JOURNAL}: cannot be written (File too large); {len(kept)} of 100 runs "
             "are kept, --resume goes on from there"
         )
-        journal.append(Row(len(kept), "ok", "", 0.5, (1.0, 2.0)))  # once there is room again
+
+
+def test_a_disk_that_is_full_from_the_start_leaves_a_folder_that_can_be_used(tmp_path):
+    job = SimpleNamespace(fingerprint="x", outcomes=("y",), files={}, versions={})
+    with disk_of(10), pytest.raises(InputError, match=r"no study can be begun .*File too large"):
+        claim(job, tmp_path, resume=False)
+    claim(job, tmp_path, resume=False)
+    assert holds_study(tmp_path)
