@@ -107,7 +107,7 @@ def _verdict(
     return Verdict(
         candidate=candidate,
         controller=controller,
-        mass=sum(mass[id_] for id_ in candidate.motors),
+        mass=math.fsum(mass[id_] for id_ in candidate.motors),  # the same in any order
         error=float(max(errors)) if len(ran) == len(sizing.motions) else math.nan,
         worst=worst,
         used=used,

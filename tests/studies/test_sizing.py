@@ -236,6 +236,16 @@ def test_light_motors_count_more_than_a_light_structure():
     assert recommend([light, exact], "pi") is exact
 
 
+def test_what_is_equally_heavy_is_so_in_any_order(monkeypatch):
+    """Else round-off, not structure and error, would choose between equal motor sets."""
+    monkeypatch.setattr(Sizing, "masses", {"A": 35.1, "B": 60.2, "C": 85.3})
+    three = dataclasses.replace(
+        SMALL, motors=[["A", "B", "C"]] * 3, requirements=Requirements([0.1])
+    )
+    verdicts = judge_candidates(three, sized(three, lambda inputs: "too weak"))
+    assert {v.mass for v in verdicts if len(set(v.candidate.motors)) == 3} == {180.6}
+
+
 def test_the_lines_say_what_the_data_say(verdicts):
     assert sizing_lines(SMALL, verdicts) == [
         "with pi: AC-150, TM-3950 at structure scale 0.8, 210 kg of motors",
