@@ -53,8 +53,8 @@ def pareto_figure(title: str, table: StudyTable, cost: str, error: str) -> Figur
         ax.set_ylabel(outcome_label(table, error))
         handles = group_handles(levels, lines=False) if table.by else []
         handles += [
-            Line2D([], [], color="0.2", label="no other design is better in both"),
-            Line2D([], [], color="0.75", linestyle="", marker="o", label="another one is"),
+            Line2D([], [], color="0.2", label="no other design beats it"),
+            Line2D([], [], color="0.75", linestyle="", marker="o", label="another one does"),
         ]
         finish(figure, title, handles)
     return figure
@@ -86,7 +86,7 @@ def sizing_front(title: str, verdicts: Sequence[Verdict]) -> Figure:
         handles = [
             Line2D([], [], color="0.2", label="keeps all requirements", **dot),
             Line2D([], [], color="0.65", markerfacecolor="none", label="misses some", **dot),
-            Line2D([], [], label="of these, no other is lighter and better", **_RING),
+            Line2D([], [], label="of these, no other beats it", **_RING),
         ]
         finish(figure, title, handles)
     return figure

@@ -40,7 +40,8 @@ CAPTIONS = {
     "tornado": "Mean over the runs in which an input is in its lowest or in its highest fifth; of "
     "texts, the level with the lowest and the one with the highest mean.",
     "scatter": "A point for each run, at most 2000 of them.",
-    "pareto": "Designs that can do all runs, by the worst of them; in grey: another beats it.",
+    "pareto": "Designs that can do all runs, by the worst of them; in grey: another beats it, with "
+    "no more of either, and less of one.",
 }
 """Of the figures."""
 

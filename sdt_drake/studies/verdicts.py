@@ -135,11 +135,16 @@ def _missed(name: str, value: float, motion: str, limit: float) -> str:
 def front_of(verdicts: Sequence[Verdict]) -> NDArray[np.bool_]:
     """Which verdicts are on the Pareto front of motor mass against speed error, shape (N,).
 
-    Of candidates that keep all requirements, that is; errors are compared as exactly as they are
-    known.
+    Each controller has its own front, of the candidates that keep all requirements with it; errors
+    are compared as exactly as they are known.
     """
-    errors = [v.error if v.feasible else math.nan for v in verdicts]
-    return pareto([v.mass for v in verdicts], np.round(errors, _DECIMALS))
+    mass = np.array([v.mass for v in verdicts])
+    errors = np.round([v.error if v.feasible else math.nan for v in verdicts], _DECIMALS)
+    labels = np.array([v.controller for v in verdicts])
+    front = np.zeros(len(verdicts), dtype=bool)
+    for own in (labels == label for label in np.unique(labels)):
+        front[own] = pareto(mass[own], errors[own])
+    return front
 
 
 def recommend(verdicts: Sequence[Verdict], controller: str) -> Verdict | None:

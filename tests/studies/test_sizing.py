@@ -367,6 +367,18 @@ def test_the_front_is_of_mass_against_error(verdicts):
     assert front == [Candidate(("AC-150", "TM-3950"), 0.8)]  # TM-2860 is lighter and not enough
 
 
+def test_each_controller_has_a_front_of_its_own():
+    """As in the figure, which has a panel for each; in candidates.csv the worse one's was gone."""
+
+    def outcome(inputs):
+        return GOOD | {"max_abs_speed_error_2": 0.02 if inputs["controller"] == "pi" else 0.01}
+
+    verdicts = judge_candidates(SMALL, sized(SMALL, outcome))
+    front = [v for v, on in zip(verdicts, front_of(verdicts), strict=True) if on]
+    assert {v.controller for v in front} == {"pi", "pi_id"}
+    assert {v.candidate.motors for v in front} == {("AC-150", "TM-2860")}
+
+
 def test_the_front_is_drawn_as_its_legend_says(verdicts):
     figure = plots_front.sizing_front("t", verdicts)
     lines = [*figure.legends[0].get_lines(), *(ax.lines[0] for ax in figure.axes)]
