@@ -203,7 +203,9 @@ def explained_share(x: NDArray[Any], y: Array, draw: NDArray[np.int64] | None = 
 
     Runs of one draw, each with other levels of the other inputs, are one sample of an input that is
     drawn, not several: MS_within is that of the means of the draws. With runs instead, each draw
-    would make its own values of all inputs look as if they mattered.
+    would make its own values of all inputs look as if they mattered. Where nothing is drawn and
+    every level of x is there equally often, as in a full grid, nothing differs by chance: then
+    nothing is taken off, and there is no error.
 
     Its standard error is that of the jackknife, with twenty blocks of draws left out in turn
     (Miller, Biometrika 61, 1974, p. 1).
@@ -215,14 +217,17 @@ def explained_share(x: NDArray[Any], y: Array, draw: NDArray[np.int64] | None = 
             default, each run is one.
 
     Returns:
-        At most 1; NaN for fewer than 10 draws, where y does not vary, or each draw has its own
-        group.
+        At most 1; NaN where y does not vary, or each draw has its own group; but for a full grid,
+        for fewer than 10 draws.
     """
     if not is_text(x):
         finite = np.isfinite(x)
         x, y, draw = x[finite], y[finite], None if draw is None else draw[finite]
     _, first, own = np.unique(np.arange(len(y)) if draw is None else draw, True, True)
     if np.any(x != x[first][own]):
+        _, group, runs = np.unique(x.astype(str) if is_text(x) else x, False, True, True)
+        if len(first) == 1 and 1 < runs.min() == runs.max() and _varies(y):
+            return Share(float(np.var(np.bincount(group, y) / runs) / np.var(y)), 0.0)
         first = own = np.arange(len(y))
     group, count = _groups(x[first])
     if len(first) < _FEWEST_RUNS or count == len(first) or not _varies(y):
