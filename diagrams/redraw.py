@@ -193,7 +193,7 @@ def identification() -> Figure:
 
 
 def monte_carlo(studies: Path) -> Figure:
-    title = "Devices that are not what their controllers know: share that stays below an error"
+    title = "Devices that are not what their controllers know: share at or below an error"
     outcomes = ("max_abs_speed_error", "max_abs_position_error")
     table = read_study_table(studies / "monte_carlo")
     return distributions(title, table, outcomes)

@@ -41,7 +41,7 @@ BOTTOM = 0.95
 
 
 def distributions(title: str, table: StudyTable, families: Sequence[str]) -> Figure:
-    """Share of the runs below a value: a row for each outcome, a panel for each joint.
+    """Share of the runs at or below a value: a row for each outcome, a panel for each joint.
 
     Args:
         title: of the figure.
@@ -64,7 +64,7 @@ def distributions(title: str, table: StudyTable, families: Sequence[str]) -> Fig
                 scale(ax, "x", _shown(table, name))
             for ax in row[len(members) :]:
                 ax.set_axis_off()
-            row[0].set_ylabel("runs below [%]")
+            row[0].set_ylabel("runs at or below [%]")
         marks = [
             Line2D([], [], color="0.3", linestyle="", marker=marker, label=f"{percent} %")
             for percent, marker in _MARKED

@@ -127,7 +127,7 @@ def _figures(
     moved = [family for family in names if plots.influential(table, [family])]
     drawn: dict[str, Callable[[], Figure]] = {}
     if names:
-        title = f"{table.name}: {count} runs, and what share of them stays below"
+        title = f"{table.name}: {count} runs, and what share of them is at or below a value"
         drawn["distributions"] = partial(plots.distributions, title, table, names)
     if moved:
         family = ERROR if ERROR in moved else moved[0]
