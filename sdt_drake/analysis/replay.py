@@ -41,7 +41,7 @@ UNFED = "without the recorded feedforward"
 FED = "with the load that the model lacks"
 ALONE = "controller alone, on the recorded motion"
 
-_ENOUGH = 0.99  # of a recording is explained: what is left has no cause worth a name
+ENOUGH = 0.99  # of a recording is explained: what is left has no cause worth a name
 _WINDOW = 0.1  # s; what is twice as fast is noise of encoders, which no model has
 
 Signals = Mapping[str, Array]
@@ -95,7 +95,7 @@ class Replay:
         if name is None or FED not in self.courses:
             return None
         stays = (self.difference(name, FED) / np.maximum(self.difference(name), 1e-12)) ** 2
-        return np.where(self.explained(name) > _ENOUGH, np.nan, np.clip(1 - stays, 0, 1))
+        return np.where(self.explained(name) > ENOUGH, np.nan, np.clip(1 - stays, 0, 1))
 
     def to_csv(self, path: str | Path) -> None:
         """Write time and, for each joint, every quantity as recorded and as simulated (SI)."""
@@ -216,13 +216,18 @@ def _course(design: Design, of_links: bool, extra: Array | None = None) -> Signa
 
 
 def _alone(design: Design, at: Mapping[str, Array]) -> Signals:
-    """Torque that the controller asks for if the joints do what was recorded.
+    """Torque that the controller asks for if the joints do what was recorded, as far as the motors
+    have it.
 
-    What its integrals started with is not known: it is the constant that fits the recording best.
+    What its integrals started with is not known: it is the constant that fits the recording best,
+    where the motors have what is asked.
     """
     widened = design.scenario.plant.kind == "axis"
-    asked = simulate(design, Loop(design, widened=widened, moved=(at["q"], at["v"]))).tau_cmd
-    return {"torque": asked + np.mean(at["tau"] - asked, axis=0)}
+    run = simulate(design, Loop(design, widened=widened, moved=(at["q"], at["v"])))
+    free = run.tau_cmd == run.tau_limited
+    lacking = np.where(free, at["tau"] - run.tau_cmd, 0.0)
+    asked = run.tau_cmd + lacking.sum(axis=0) / np.maximum(1, free.sum(axis=0))
+    return {"torque": np.where(free, asked, run.tau_limited)}
 
 
 def _smoothed(values: Array, period: float) -> Array:

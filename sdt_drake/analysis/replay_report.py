@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from sdt_drake.analysis import document as doc
 from sdt_drake.analysis.metrics import Metric
 from sdt_drake.analysis.panels import Panel, over_time, picture
-from sdt_drake.analysis.replay import ALONE, AS_IT_IS, FED, QUANTITIES, Replay
+from sdt_drake.analysis.replay import ALONE, AS_IT_IS, ENOUGH, FED, QUANTITIES, Replay
 from sdt_drake.analysis.style import PALETTE, Look, save_both
 from sdt_drake.analysis.template import from_template
 from sdt_drake.arrays import Array
@@ -90,8 +90,9 @@ def replay_findings(replay: Replay) -> list[str]:
         shares = " ".join(_texts(_SHARE, replay.explained(name)))
         said.append(f"Of the {QUANTITIES[name].title} the simulation explains {shares} %.")
     if ALONE in replay.courses:
-        off = replay.difference("torque", ALONE) / replay.recorded_rms("torque")
-        wrong = [str(k + 1) for k in np.flatnonzero(off > 1)]
+        off = replay.difference("torque", ALONE) > replay.recorded_rms("torque")
+        unexplained = replay.explained("torque") < ENOUGH  # nor of joints without a torque
+        wrong = [str(k + 1) for k in np.flatnonzero(off & unexplained)]
         if wrong:
             said.append(
                 f"On the recorded motion the controller would ask joint {', '.join(wrong)} for a "

@@ -105,8 +105,8 @@ def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
     fields = {"controller.structure": "pi"}
     made = designed("coupled_pi", fields, start=1.0, end=1.5)
     motion, ratio = made.motion, made.robot.gear_ratio
-    q = motion.q + 0.3 - 0.02 * (1 - np.cos(8 * motion.time))[:, None]
-    v = motion.v - 0.02 * 8 * np.sin(8 * motion.time)[:, None]
+    q = motion.q + 0.3 - 2e-4 * (1 - np.cos(8 * motion.time))[:, None]
+    v = motion.v - 2e-4 * 8 * np.sin(8 * motion.time)[:, None]
     signals = {"v_ref": motion.v, "q_ref": motion.q, "q": q, "v": v, "tau": 0 * v}
     recorded = Recorded("run.csv", 2.0 + motion.time, signals)
     result = replayed(made, recorded, {"learned": "no such file"})
@@ -123,6 +123,23 @@ def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
     expected = (asked - asked.mean(axis=0))[1:]
     found = result.courses[ALONE]["torque"][1:]
     assert found == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
+
+
+def test_a_motor_that_has_no_more_does_not_make_the_law_another(designed, tmp_path):
+    """Joint 2 saturates; the controller asks for more than it has."""
+    made = designed("axis_pi", end=9.4)
+    assert 0.02 < simulate(made).saturated[:, 1].mean() < 0.5
+    result = replayed(made, recorded_run(made, tmp_path))
+    assert result.difference("torque", ALONE)[1] < 0.01 * result.recorded_rms("torque")[1]
+
+
+def test_nothing_is_said_of_the_law_of_joints_without_a_torque(designed, tmp_path):
+    made = designed("coupled_pi", start=1.0, end=1.5)
+    recorded = recorded_run(made, tmp_path)
+    recorded.signals["tau"][:, 1:3] = 0
+    recorded.signals["tau"][:, 3] *= 0.1
+    said = replay_findings(replayed(made, recorded))
+    assert "would ask joint 4 for" in said[-1]
 
 
 def test_a_load_is_smoothed_in_phase():
