@@ -131,6 +131,8 @@ def replay(scenario: Scenario, recorded: Recorded, robot: Robot) -> Replay:
         raise InputError(f"{recorded.path}: none of q, v and tau, expected what was measured")
     period, q_ref, v_ref = scenario.period, signals.get("q_ref"), signals.get("v_ref")
     motion, _ = resampled(recorded.path, recorded.time, q_ref, v_ref, period)
+    if q_ref is None and "q" in signals:  # the pose says how gravity and inertias are
+        motion = replace(motion, q=motion.q + signals["q"][0])
     scenario = replace(scenario, learned="")  # what was recorded is all that was asked for
     plain = make_design(scenario, robot=robot, motion=motion)
     at = _samples(recorded, plain)

@@ -78,6 +78,10 @@ def replay_findings(replay: Replay) -> list[str]:
             else "."
         )
     )
+    if "tau_ff" in replay.recorded.signals and not design.takes_feedforward:
+        said.append("This controller has no place for the recorded torque feedforward: left out.")
+    if not {"q", "q_ref"} & set(replay.recorded.signals):
+        said.append("No positions were recorded: all joints are taken to start at the angle 0.")
     if np.abs(replay.start).max() > 1e-6:
         offsets = " ".join(f"{x:.4f}" for x in np.degrees(replay.start))
         said.append(f"The recording starts {offsets} deg beside its reference; that is left out.")

@@ -9,6 +9,7 @@ from sdt_drake.analysis.replay_report import replay_findings, tables
 from sdt_drake.cli import main
 from sdt_drake.errors import InputError
 from sdt_drake.identification.recordings import Recorded, read_recording
+from sdt_drake.motion import Motion
 from sdt_drake.scenario import (
     ControllerChoice,
     Drive,
@@ -98,6 +99,32 @@ def test_the_recorded_feedforward_is_used(designed, tmp_path):
     assert result.difference("torque", AS_IT_IS).max() < 1e-6
     assert np.all(result.difference("torque", UNFED) > 0.1)
     assert "recorded torque feedforward" in replay_findings(result)[0]
+
+
+def test_a_reference_of_speeds_alone_starts_where_the_joints_do(designed, tmp_path):
+    """Gravity and inertias are those of the pose; the offset of a reference that nobody recorded
+    is no news."""
+    made = designed("coupled_pi", start=1.0, end=1.5)
+    v = made.motion.v * np.clip(made.motion.time / 0.2, 0, 1)[:, None]  # from rest
+    motion = Motion.from_speeds(made.motion.period, made.motion.q[0] + [0, 0.8, 0, 0.5], v)
+    made = designed("coupled_pi", motion=motion)
+    recorded = recorded_run(made, tmp_path)
+    del recorded.signals["q_ref"]
+    result = replayed(made, recorded)
+    assert result.difference("torque").max() < 1e-6 and not result.start.any()
+    assert not any("start" in line for line in replay_findings(result))
+    del recorded.signals["q"]
+    result = replayed(made, recorded)
+    assert result.difference("torque").max() > 10
+    assert replay_findings(result)[1].startswith("No positions were recorded")
+
+
+def test_a_feedforward_that_a_controller_cannot_take_is_said_to_be_left_out(designed, tmp_path):
+    made = designed("coupled_pi", {"controller.kind": "inverse_dynamics"}, start=1.0, end=1.2)
+    recorded = recorded_run(made, tmp_path, tau_ff=np.ones_like(made.motion.q))
+    said = replay_findings(replayed(made, recorded))
+    assert "no place for the recorded torque feedforward" in said[1]
+    assert "in place of its own" not in said[0]
 
 
 def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
