@@ -38,9 +38,17 @@ def pytest_collection_finish():
     gc.enable()
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _garbage_ends_with_its_tests():
+    """What tests have left to others is not looked through again and again; it takes seconds."""
+    yield
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_sessionfinish():
-    """Nor in what is left at the end, by pytest ten times and once by Python: it takes seconds."""
+    """Nor in what is left at the end, by pytest ten times and once by Python."""
     gc.freeze()
 
 
