@@ -83,6 +83,8 @@ def test_plan_of_other_periods(good, desk, given):
     out = good("plan", given("in.csv", text), "--out", "out.csv").out
     assert "resampled at 0.005 s: at most" in out and "not at rest" not in out
     assert Motion.from_csv(desk / "out.csv").period == 0.005
+    out = good("plan", "../given/in.csv", "--period", "0.003").out
+    assert "resampled at 0.003 s and 0.002 s longer: at most" in out
 
 
 def test_plan_with_a_margin_limits_or_retimes(good, desk, given):

@@ -206,6 +206,7 @@ def test_what_does_not_fit_is_one_line(robot, short, run):
         (lambda: sdt.track(run, "leans"), "motion: a str, expected a Motion"),
         (lambda: sdt.track(short, other), "recording: a Design, expected a Recording"),
         (lambda: run.plot(short, joint="2"), "joint: '2', expected 1 to 4"),
+        (lambda: short.motion.plot(["a"]), r"joint_names: 1 name\(s\), expected 4"),
         (lambda: sdt.load("coupled_pi", ["a=b"]), r"changes: \['a=b'\], expected values by dotted"),
         (lambda: sdt.load("coupled_pi", {1: 2}), r"changes: \{1: 2\}, expected values by dotted"),
     ):

@@ -137,10 +137,11 @@ def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report:
     if plan.loss is not None:
         loss = plan.loss
         j, k = int(loss.speed.argmax()), int(loss.position.argmax())
+        longer = f" and {loss.longer:.3g} s longer" if loss.longer > 1e-6 else ""
         say(
-            f"resampled at {motion.period:g} s: at most {loss.speed[j]:.3g} rad/s lost (joint "
-            f"{j + 1}, {loss.speed_time[j]:.3f} s) and {loss.position[k]:.3g} rad (joint {k + 1}, "
-            f"{loss.position_time[k]:.3f} s)"
+            f"resampled at {motion.period:g} s{longer}: at most {loss.speed[j]:.3g} rad/s lost "
+            f"(joint {j + 1}, {loss.speed_time[j]:.3f} s) and {loss.position[k]:.3g} rad (joint "
+            f"{k + 1}, {loss.position_time[k]:.3f} s)"
         )
     angles, speed = np.degrees(motion.q), np.abs(motion.v).max(axis=0)
     tightest = [

@@ -101,8 +101,14 @@ class Motion(Shown):
         return f"{self.duration:.9g} s in steps of {1000 * self.period:.6g} ms"
 
     def plot(self, joint_names: Sequence[str] = ()) -> Figure:
-        """A figure of positions, speeds and accelerations over time."""
+        """A figure of positions, speeds and accelerations over time.
+
+        Raises:
+            InputError: for another number of names.
+        """
         names = joint_names or [f"{k + 1}" for k in range(self.n)]
+        if len(names) != self.n:
+            raise InputError(f"joint_names: {len(names)} name(s), expected {self.n}")
         return sdt_drake.plots.trajectories("Motion", self, names)
 
     def to_pandas(self) -> pd.DataFrame:
@@ -174,12 +180,14 @@ class Loss:
         speed_time: when that is, since the first sample [s], shape (n,).
         position: [rad], shape (n,).
         position_time: when that is [s], shape (n,).
+        longer: by how much the motion lasts longer than the file [s].
     """
 
     speed: Array
     speed_time: Array
     position: Array
     position_time: Array
+    longer: float
 
 
 def import_motion(path: str | Path, period: float) -> tuple[Motion, Loss | None]:
@@ -268,4 +276,4 @@ def _checked_loss(where: str | Path, motion: Motion, time: Array, q: Array, v: A
                 f"its range + {_LOSS_SIZE:g}); expected a smoother motion or a shorter period"
             )
         found += [size, at]
-    return Loss(*found)
+    return Loss(*found, longer=motion.duration - time[-1])
