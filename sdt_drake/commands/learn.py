@@ -80,6 +80,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
+    if not options.study:
+        common.refuse_options(options, "is of a study, expected --study", "draws")
     if options.recording:
         why = "is for simulated flights, expected no --recording"
         common.refuse_options(options, why, "flights", "all", "out")
@@ -205,7 +207,7 @@ def _from_recordings(options: argparse.Namespace) -> None:
         say(f"{recorded.path}: the motion begins {1e3 * shift:.2f} ms after its start")
     errors = [
         ("largest error [deg]", ".4f", flight.largest),
-        ("repeats, RMS [deg]", ".5f", flight.rms),
+        ("repeats, RMS [deg]" if flight.floor else "RMS error [deg]", ".5f", flight.rms),
         ("does not repeat, RMS [deg]", ".5f", flight.floor),
     ]
     common.print_joints(

@@ -89,7 +89,7 @@ class Step(NamedTuple):
     def note(self) -> str:
         """What was not taken of it, and why; "" for nothing."""
         if self.share < 1:
-            return f"scaled back to {100 * self.share:.0f} % of the step, {self.limit}"
+            return f"scaled back to {int(100 * self.share)} % of the step, {self.limit}"
         return f"torque cut off, {self.limit}" if self.limit else ""
 
 

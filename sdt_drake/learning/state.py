@@ -150,10 +150,12 @@ def teach(
     given = design if number == 0 else design.given(state.references[number])
     step = next_step(given, filter_, error)
     notes = _notes(flight, step, state)
-    if found[0].reference < 0:
-        planned = "its q_ref is that of the plan, as `simulate` writes it"
-        why = planned if recordings[0].of_links else "it holds no q_ref"
-        notes.insert(0, f"{why}: that the reference to be flown was flown is taken on trust")
+    for one, recorded in zip(found, recordings, strict=True):
+        if one.reference < 0:
+            planned = "its q_ref is that of the plan, as `simulate` writes it"
+            why = planned if recorded.of_links else "it holds no q_ref"
+            trust = "that the reference to be flown was flown is taken on trust"
+            notes.append(f"{recorded.path}: {why}: {trust}")
     return Taught(flight, step, notes)
 
 

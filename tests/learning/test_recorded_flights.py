@@ -181,6 +181,16 @@ def test_recordings_of_something_else_are_refused(machine, spoil, words):
         match(machine.read(path), machine.design, machine.filter, [machine.design.motion])
 
 
+def test_each_recording_without_its_reference_is_taken_on_trust(machine):
+    state, flight = State([], [LearnedReference(machine.design.motion)]), machine.flight()
+    paths = [machine.record(flight), machine.record(flight, columns=("q",))]
+    recordings = [machine.read(path) for path in paths]
+    notes = teach(machine.design, machine.filter, state, recordings).notes
+    assert [note for note in notes if "on trust" in note] == [
+        f"{paths[1]}: it holds no q_ref: that the reference to be flown was flown is taken on trust"
+    ]
+
+
 def test_recordings_with_gaps_or_too_few_samples_or_a_part_are_refused(machine):
     def refused(change, words):
         path = machine.record(machine.flight())
@@ -201,7 +211,8 @@ def test_the_command_learns_flight_by_flight(good, refuse, desk):
     good("simulate", file, *changed, "--out", "flight.csv")
     out = good("learn", file, "--recording", "flight.csv", "--state", "state").out
     assert "state/reference_02.csv written" in out
-    assert "its q_ref is that of the plan, as `simulate` writes it: that" in out
+    assert "flight.csv: its q_ref is that of the plan, as `simulate` writes it: that" in out
+    assert "RMS error [deg]" in " ".join(out.split()) and "repeats" not in out.split("note:")[0]
     good("simulate", file, *changed, "--set", "learned=state/reference_02.csv", "--out", "next.csv")
     again = ("learn", "--recording", "next.csv", "--state", "state")
     out = good(*again, "--motion", command_line.SHORT_MOTION).out
@@ -218,3 +229,4 @@ def test_the_command_learns_flight_by_flight(good, refuse, desk):
     refuse("learn", "--recording", "flight.csv", saying=("--state: missing",))
     refuse("learn", "--recording", "flight.csv", "--state", "other", saying=("expected a SCEN",))
     refuse("learn", file, "--state", "state", saying=("--state: is for --recording",))
+    refuse("learn", file, "--draws", "3", saying=("--draws: is of a study, expected --study",))
