@@ -275,5 +275,5 @@ def _checked_loss(where: str | Path, motion: Motion, time: Array, q: Array, v: A
                 f"{unit} of {what} at {at[k]:.6g} s, allowed are {allowed[k]:.3g} {unit} (1 % of "
                 f"its range + {_LOSS_SIZE:g}); expected a smoother motion or a shorter period"
             )
-        found += [size, at]
-    return Loss(*found, longer=motion.duration - time[-1])
+        found.append((size, at))
+    return Loss(*found[0], *found[1], longer=motion.duration - float(time[-1]))
