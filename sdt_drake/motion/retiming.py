@@ -31,6 +31,8 @@ _NEAR = 1e-4  # s; how near to a corner the grid goes
 _NO_SHARE = 1e-6  # of s'' in a torque, over that of s'^2
 _ROUND_OFF = 1e-9  # of s'^2
 _LONGEST = 100  # times the commanded duration; beyond, a motion is not what was wanted
+_SAME_SPEED = 1e-3  # of s'; what it may still change with friction
+_SLOWEST = 1e-3  # s' that friction is told of
 _AS_COMMANDED = 1 - 1e-6  # path speed from which on a motion is not held back [-]
 # Of the limits: torque down and up, speed, acceleration.
 _SLACK = np.array(
@@ -77,9 +79,9 @@ def retime(
         return checked_plan(robot, commanded, commanded, torque_margin)
     _check_gravity(robot, commanded, torque)
     path = _Path(robot, commanded)
-    # The path knows neither viscous friction nor what sampling adds between the points of its grid.
-    # So each pass allows it less, by what the pass before was over. If that leaves too little to
-    # hold the links, the last timing is slowed down: beyond holding, all it needs gets less then.
+    # The path does not know what sampling adds between the points of its grid. So each pass allows
+    # it less, by what the pass before was over. If that leaves too little to hold the links, the
+    # last timing is slowed down: beyond holding, all it needs gets less then.
     s, slower = path.fastest(limits), 1.0
     for _ in range(_MOST_PASSES):
         if s is None or s.end_time() / slower > _LONGEST * commanded.duration:
@@ -118,8 +120,10 @@ def torque_of_periods(robot: Robot, motion: Motion) -> tuple[Array, Array]:
 class _Path:
     """The commanded path q(s), and what it takes to move along it.
 
-    By s'' and x = s'^2 every torque, but for friction, and every acceleration is linear. s'' is the
-    same all along a cell of the grid, so x is linear in s there.
+    By s'' and x = s'^2 every torque and every acceleration is linear, but for viscous friction,
+    which goes with s'. It is told as x / s', with the s' of the timing before: so it is right where
+    that stays the same, and none at rest. s'' is the same all along a cell of the grid, so x is
+    linear in s there.
     """
 
     def __init__(self, robot: Robot, commanded: Motion) -> None:
@@ -135,19 +139,33 @@ class _Path:
         gravity = inverse_dynamics(robot, q, rest, rest)
         inertia = inverse_dynamics(robot, q, rest, self._dq) - gravity
         velocity = inverse_dynamics(robot, q, self._dq, ddq) - gravity - robot.damping * self._dq
-        of_s2, of_x, fixed = (
+        self._of_s2, self._of_x, fixed = (
             np.hstack(x) for x in ((inertia, self._dq), (velocity, ddq), (gravity, rest))
         )
-        # Both ends of each cell (columns), by s'' and the x of its start: shape (cells, 4n).
-        at_end = of_s2[1:] + 2 * self._cell[:, None] * of_x[1:]
-        self._of_s2 = np.hstack([of_s2[:-1], at_end])
-        self._of_x, self._fixed = (np.hstack([x[:-1], x[1:]]) for x in (of_x, fixed))
+        self._friction = np.hstack([robot.damping * self._dq, rest])
+        self._fixed = np.hstack([fixed[:-1], fixed[1:]])
 
     def fastest(self, limits: Array) -> PiecewisePolynomial | None:
         """The fastest s(t) within the limits; None if there is none."""
         if np.any(-limits[0] >= limits[1]) or np.any(limits[2] <= 0):
             return None
-        ratio, lowest, highest, most = self._bounds(limits)
+        speed = np.full(self._grid.shape, np.inf)  # at which there is no friction
+        for _ in range(_MOST_PASSES if self._friction.any() else 1):
+            found = self._fastest(limits, speed)
+            if found is None:
+                return None
+            change, speed = np.abs(found - speed), found
+            if change.max() < _SAME_SPEED:
+                break
+        pace = (speed[1:] + speed[:-1]) / 2
+        if not pace.all():
+            return None
+        time = np.concatenate([[0.0], np.cumsum(self._cell / pace)])
+        return PiecewisePolynomial.CubicHermite(time, self._grid[None], speed[None])
+
+    def _fastest(self, limits: Array, before: Array) -> Array | None:
+        """The largest s' at the points of the grid, with friction as told of the s' before."""
+        ratio, lowest, highest, most = self._bounds(limits, before)
         # From the end: the x at each point from which the x at the next one can be reached.
         low = high = self._ends[1]
         reach = [(low, high)]
@@ -170,31 +188,31 @@ class _Path:
         for i, (low, high) in enumerate(reversed(reach)):
             s2 = np.min(highest[i] - ratio[i] * x[i])
             x.append(min(max(x[i] + 2 * self._cell[i] * s2, low), high))
-        speed = np.sqrt(x)
-        pace = (speed[1:] + speed[:-1]) / 2
-        if not pace.all():
-            return None
-        time = np.concatenate([[0.0], np.cumsum(self._cell / pace)])
-        return PiecewisePolynomial.CubicHermite(time, self._grid[None], speed[None])
+        return np.sqrt(x)
 
-    def _bounds(self, limits: Array) -> tuple[Array, Array, Array, Array]:
+    def _bounds(self, limits: Array, before: Array) -> tuple[Array, Array, Array, Array]:
         """lowest <= s'' + ratio x <= highest in each cell, (cells, 4n + 1), and the largest x.
 
         The last column is for the x at the end of the cell, to be filled in. Where s'' has no
         share in a torque (a motor holds a link against what only others move; two points before a
         joint comes to rest evenly), it limits x alone: its s'' would be round-off by round-off.
         """
+        # Both ends of each cell (columns), by s'' and the x of its start: shape (cells, 4n).
+        of_x = self._of_x + self._friction / np.maximum(before, _SLOWEST)[:, None]
+        at_end = self._of_s2[1:] + 2 * self._cell[:, None] * of_x[1:]
+        of_s2 = np.hstack([self._of_s2[:-1], at_end])
+        of_x = np.hstack([of_x[:-1], of_x[1:]])
         down, up, speed, acceleration = limits
         both = np.hstack([-down, -acceleration]), np.hstack([up, acceleration])
         sides = np.array([np.tile(side, 2) - self._fixed for side in both])
-        alone = np.abs(self._of_s2) < _NO_SHARE * np.abs(self._of_x)
-        shared = ~alone & (self._of_s2 != 0)
+        alone = np.abs(of_s2) < _NO_SHARE * np.abs(of_x)
+        shared = ~alone & (of_s2 != 0)
         none = np.broadcast_to([[[-np.inf]], [[np.inf]]], sides.shape).copy()
-        bounds = np.sort(np.divide(sides, self._of_s2, out=none, where=shared), axis=0)
-        ratio = np.divide(self._of_x, self._of_s2, out=np.zeros(alone.shape), where=shared)
+        bounds = np.sort(np.divide(sides, of_s2, out=none, where=shared), axis=0)
+        ratio = np.divide(of_x, of_s2, out=np.zeros(alone.shape), where=shared)
         lowest, highest, ratio = (np.pad(x, ((0, 0), (0, 1))) for x in (*bounds, ratio))
         ratio[:, -1] = 0.5 / self._cell
-        x = np.divide(sides, self._of_x, out=np.full(sides.shape, np.inf), where=alone)
+        x = np.divide(sides, of_x, out=np.full(sides.shape, np.inf), where=alone)
         overspeed = np.max(np.abs(self._dq[:-1]) / speed, axis=1)
         most = np.minimum(x.max(axis=0).min(axis=1), 1 / np.maximum(overspeed, 1.0) ** 2)
         return ratio, lowest, highest, most

@@ -15,7 +15,6 @@ from motions import (
     command,
     faster,
     knots,
-    sampled,
     tough_swing,
     write_robot,
 )
@@ -26,7 +25,6 @@ from test_robot import ARM, chain_sdf
 from sdt_drake.dynamics import inverse_dynamics
 from sdt_drake.errors import InputError
 from sdt_drake.motion import Command, Motion, commanded_motion, plan_motion, retime
-from sdt_drake.motion.retiming import _Path
 
 
 def torque_of(robot, q, v, vd) -> np.ndarray:
@@ -222,14 +220,19 @@ def test_viscous_friction_is_within_the_torques(tmp_path):
     assert plan.longer > 0
 
 
-def test_the_path_leaves_friction_to_the_passes(tmp_path):
-    # It goes with s', neither with s'' nor with s'^2.
-    durations = []
-    for damping in ("0.7", "9"):
-        arm = write_robot(tmp_path, ARM, ("<damping>0.7", f"<damping>{damping}"))
-        limits = np.array([[50, 40], [50, 40], [9, 9], [99, 99]])
-        durations.append(_Path(arm, sampled(HEAVY)).fastest(limits).end_time())
-    assert durations[0] == pytest.approx(durations[1], rel=1e-9) and durations[0] > 2.02
+def test_viscous_friction_slows_down_only_where_it_takes_the_torque(tmp_path):
+    # About a vertical axis: J v' = tau - d v, with v = tau / d at most and 2 rad/s commanded.
+    changes = ("<damping>0.7", "<damping>20"), ("<effort>90", "<effort>30")
+    turned = write_robot(tmp_path, ARM.replace("0 1 0</xyz>", "0 0 1</xyz>"), *changes)
+    arm = dataclasses.replace(turned, position_upper=np.full(2, np.inf))
+    J, tau, d = 0.6 + 4 * 0.5**2 + 0.25 + 2 * 1.1**2 + 10**2 * 0.01, 30, 20
+    plan = retime(arm, alone(knots([0, 0], [0.1, 2], [3.1, 2], [3.2, 0]), joints=2))
+    # Up and down with all that the motor has: the times and ways of both are closed forms.
+    v = 0.999 * tau / d
+    up, down = -J / d * np.log(1 - d * v / tau), J / d * np.log(1 + d * v / tau)
+    ways = (tau * up - J * v) / d + (J * v - tau * down) / d
+    expected = up + down + (6.2 - ways) / v
+    assert plan.motion.duration == pytest.approx(expected, rel=0.015)
 
 
 def test_a_chain_of_7_is_retimed(tmp_path):
