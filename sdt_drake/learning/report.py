@@ -109,7 +109,7 @@ def write_learned(folder: Path, design: Design, lessons: Lessons) -> None:
     scenario.name, scenario.learned = f"{scenario.name}_learned", LEARNED
     with replacing_all([folder / name for name in FILES]) as partials:
         best, with_it, flights = partials
-        lessons.best.learned.to_csv(best)
+        lessons.best.learned.to_csv(best, design.wanted)
         save_scenario(scenario, with_it)
         _write_flights(flights, lessons.flights)
 

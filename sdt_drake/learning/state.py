@@ -204,6 +204,6 @@ def write_step(folder: Path, design: Design, state: State, taught: Taught) -> Pa
     if number == 1:
         save_scenario(design.scenario, folder / SCENARIO)
     path = reference_file(folder, number + 1)
-    taught.step.learned.to_csv(path)
+    taught.step.learned.to_csv(path, design.wanted)
     write_yaml(flight_file(folder, number), taught.flight)
     return path

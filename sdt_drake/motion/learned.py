@@ -14,7 +14,9 @@ from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot import Robot
 from sdt_drake.tables import read_table, write_table
 
-# How far a learned angle may be from the planned one; farther, it is of another motion.
+_SAME = 1e-4  # rad; angles of the same plan
+# How far a learned angle may be from the planned one, where a file does not tell of which motion it
+# was learned; farther, it is of another one.
 _FARTHEST = 0.1  # of the joint's range of angles, and
 _FARTHEST_ANGLE = 0.02  # rad
 _SAME_START = 1e-9  # rad, rad/s
@@ -28,27 +30,34 @@ class LearnedReference:
         motion: what the controller follows, so that the joints follow the planned motion.
         torque: added to what the controller feeds forward, motor side [N m], shape (N + 1, n); None
             for nothing.
+        planned: positions of the motion that it was learned of [rad], shape (N + 1, n); None where
+            nobody knows.
     """
 
     motion: Motion
     torque: Array | None = None
+    planned: Array | None = None
 
-    def to_csv(self, path: str | Path) -> None:
-        """Write time, q_ref_k, v_ref_k, vd_ref_k (a motion), and tau_ff_k where there is some."""
+    def to_csv(self, path: str | Path, wanted: Motion) -> None:
+        """Write time, q_ref_k, v_ref_k, vd_ref_k (a motion), tau_ff_k where there is some, and
+        q_planned_k, of the motion that it was learned of."""
         torque = {} if self.torque is None else {"tau_ff": self.torque}
-        write_table(path, self.motion.time, self.motion.columns | torque)
+        columns = self.motion.columns | torque | {"q_planned": wanted.q}
+        write_table(path, self.motion.time, columns)
 
     @staticmethod
     def from_csv(path: str | Path) -> LearnedReference:
         """Read what `to_csv` writes.
 
         Raises:
-            InputError: as `Motion.from_csv`; if tau_ff has another number of joints.
+            InputError: as `Motion.from_csv`; if tau_ff or q_planned have another number of joints.
         """
-        motion, torque = Motion.from_csv(path), read_table(path)[1].get("tau_ff")
-        if torque is not None and torque.shape != motion.q.shape:
-            raise InputError(f"{path}: tau_ff of {torque.shape[1]} joint(s), expected {motion.n}")
-        return LearnedReference(motion, torque)
+        motion, columns = Motion.from_csv(path), read_table(path)[1]
+        beside = {name: columns.get(name) for name in ("tau_ff", "q_planned")}
+        for name, x in beside.items():
+            if x is not None and x.shape != motion.q.shape:
+                raise InputError(f"{path}: {name} of {x.shape[1]} joint(s), expected {motion.n}")
+        return LearnedReference(motion, *beside.values())
 
     def check(self, wanted: Motion, robot: Robot, *, torque_margin: float) -> None:
         """Refuse what was not learned of a motion, and what the robot cannot do.
@@ -68,10 +77,13 @@ class LearnedReference:
             raise InputError(f"joint {k + 1} does not start as the planned motion does")
         apart = np.abs(own.q - wanted.q)
         beyond = apart > _FARTHEST * np.ptp(wanted.q, axis=0) + _FARTHEST_ANGLE
+        if self.planned is not None:
+            apart = np.abs(self.planned - wanted.q)
+            beyond = apart > _SAME
         for i, k in np.argwhere(beyond):
             raise InputError(
                 f"joint {k + 1} is {np.degrees(apart[i, k]):.3g} deg from the planned motion at "
-                f"{wanted.time[i]:.3f} s, expected what was learned of that motion"
+                f"{wanted.time[i]:.3f} s: learned of another one"
             )
         checked_torque(robot, own, torque_margin=torque_margin)
         if self.torque is not None:

@@ -52,7 +52,7 @@ def test_a_learned_torque_is_fed_forward(p_pi):
 def test_a_scenario_names_it_by_a_file(p_pi, tmp_path):
     file = tmp_path / "learned.csv"
     torque = np.ones_like(p_pi.wanted.q)
-    LearnedReference(with_sine(p_pi.wanted, 1e-3), torque).to_csv(file)
+    LearnedReference(with_sine(p_pi.wanted, 1e-3), torque).to_csv(file, p_pi.wanted)
     scenario = copy.deepcopy(p_pi.scenario)
     scenario.learned = str(file)
     design = p_pi.variant(scenario)
@@ -62,6 +62,19 @@ def test_a_scenario_names_it_by_a_file(p_pi, tmp_path):
     scenario.inverse_dynamics = "online"
     with pytest.raises(InputError, match="inverse_dynamics: online"):
         p_pi.variant(scenario)
+
+
+def test_what_was_learned_of_a_motion_that_is_near_is_refused(p_pi, tmp_path):
+    """A twentieth slower: within what learning may change, were it of this motion."""
+    wanted, file = p_pi.wanted, tmp_path / "learned.csv"
+    start = np.clip(wanted.time / 0.1, 0, 1)[:, None]
+    slower = Motion.from_speeds(wanted.period, wanted.q[0], wanted.v * (1 - 0.05 * start))
+    LearnedReference(slower).to_csv(file, slower)
+    own = LearnedReference.from_csv(file)
+    own.check(slower, p_pi.nominal, torque_margin=1.0)
+    replace(own, planned=None).check(wanted, p_pi.nominal, torque_margin=1.0)
+    with pytest.raises(InputError, match=r"joint \d is .* deg .*: learned of another one$"):
+        own.check(wanted, p_pi.nominal, torque_margin=1.0)
 
 
 def moved(motion: Motion, k: int, angle: float) -> Motion:
