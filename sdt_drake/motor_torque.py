@@ -96,7 +96,10 @@ def _in_rows(
     design, i = loop.design, at // samples
     ends, period = cuts(loop), design.reference.period
     grid = (np.outer(ends[:-1], 1 - _POINTS) + np.outer(ends[1:], _POINTS)).ravel() / ends[-1]
-    newest = arrived(design, i[-1] + 2)[i + 1]
+    # What arrives is in force from the next part on: there is a cut, but for sampled controllers.
+    begun = at[:, None] / samples + np.repeat(ends[:-1], len(_POINTS)) / period
+    late = design.drive.reference_delay / period
+    newest = np.maximum(np.floor(begun - late + 2e-6).astype(int), 0)
     speed = _speeds(signals, i, (at % samples)[:, None] / samples + grid / samples, period)
     if _is_sampled(loop):
         command = np.repeat(signals["tau_cmd"][at + 1, None], len(grid), axis=1)
@@ -106,7 +109,7 @@ def _in_rows(
         command = command.reshape(speed.shape)
     else:
         command = _continuous(loop, signals, i, newest, speed, grid)
-    limited = np.clip(command, *torque_limits(design, newest[:, None], speed))
+    limited = np.clip(command, *torque_limits(design, newest, speed))
     steps = np.diff(grid)
     given = _given(design.drive, limited, signals["tau"][at], steps * period / samples)
     start, end = given[:, :-1], given[:, 1:]
@@ -128,8 +131,8 @@ def _speeds(signals: Mapping[str, Array], i: Index, share: Array, period: float)
 def _continuous(
     loop: Loop, signals: Mapping[str, Array], i: Index, newest: Index, speed: Array, grid: Array
 ) -> Array:
-    """What a continuous controller asks for at shares `grid`, (G,), of the periods `i`, (M,), in
-    which the samples `newest`, (M,), of the reference arrive; (M, G, n), as is `speed` there."""
+    """What a continuous controller asks for at shares `grid`, (G,), of the periods `i`, (M,), where
+    the samples `newest`, (M, G), of the reference are in force; (M, G, n), as is `speed` there."""
     controller, period = cast(Controller, loop.controller), loop.design.reference.period
     (q, v), tau_cmd = np.hsplit(signals["measured"], 2), signals["tau_cmd"]
 
@@ -139,14 +142,13 @@ def _continuous(
         return told.reshape(v.shape)
 
     first = (i == 0).astype(int)  # whose first torque is just after its update
-    y0 = tau_cmd[i] - memoryless(newest - 1 + first, i - 1 + first, v[i])
-    y1 = tau_cmd[i + 1] - memoryless(newest, i, v[i + 1])
-    bulge = controller.integral_gain(newest) * period * (v[i + 1] - v[i]) / 8
-    part = np.arange(len(grid)) // len(_POINTS)  # a later sample is in force in the last one
-    held = newest[:, None] - (part[-1] - part)
+    last = newest[:, -1]
+    y0 = tau_cmd[i] - memoryless(last - 1 + first, i - 1 + first, v[i])
+    y1 = tau_cmd[i + 1] - memoryless(last, i, v[i + 1])
+    bulge = controller.integral_gain(last) * period * (v[i + 1] - v[i]) / 8
     s = grid[:, None]
     y = y0[:, None] + s * (y1 - y0)[:, None] + 4 * s * (1 - s) * bulge[:, None]
-    return y + memoryless(held, np.broadcast_to(i[:, None], held.shape), speed)
+    return y + memoryless(newest, np.broadcast_to(i[:, None], newest.shape), speed)
 
 
 def arrived(design: Design, count: int) -> Index:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pydrake.systems.framework import LeafSystem
-from variants import kind
+from variants import kind, weaker
 
 from sdt_drake.controllers import Controller, Pi, PiId, PPi, register_controller
 from sdt_drake.device import Drive, Elasticity
@@ -180,6 +180,19 @@ def test_limits_of_an_axis_are_widened_on_the_side_on_which_the_others_help(desi
     limit = axis.robot.motor_torque_limit
     np.testing.assert_allclose(upper - limit, [[3, 0, 0, 1], [0, 5, 2, 0]], atol=1e-9)
     np.testing.assert_allclose(lower + limit, [[0, -2, 0, 0], [-1, 0, 0, 0]], atol=1e-9)
+
+
+@pytest.mark.parametrize("period", [None, 0.001])
+def test_wider_limits_of_an_axis_arrive_with_the_reference(design_of, period):
+    # In the middle of a period; the help of the others changes from sample to sample.
+    drive = Drive(period=period, reference_delay=0.007)
+    strong = design_of("pi_ctc", "axis", drive)
+    own = weaker(strong, 0.1)
+    run, (peak, _, mean, _) = simulate(own), walked(own)
+    assert run.saturated.any() and own.loads.alleviating_torque.any()
+    for found, expected in ((run.tau_peak, peak), (run.tau_mean, mean)):
+        off = (found[1:] - expected) / strong.robot.motor_torque_limit
+        np.testing.assert_allclose(off, 0, atol=2e-2)
 
 
 def test_share_of_a_period_in_saturation():
