@@ -89,13 +89,14 @@ class Replay:
         """Share of the difference that the model of the plant makes, the rest being due to
         controller and drives: what of its mean square in position (or speed) is gone once the
         plant gets the load that the model lacks. Shape (n,), from 0 to 1; NaN where the simulation
-        explains 99 % of the recording anyway; None without positions, speeds or torques.
+        explains 99 % of the recording anyway, or nothing was recorded but zeros; None without
+        positions, speeds or torques.
         """
         name = next((x for x in ("position_error", "speed_error") if x in self.measured), None)
         if name is None or FED not in self.courses:
             return None
         stays = (self.difference(name, FED) / np.maximum(self.difference(name), 1e-12)) ** 2
-        return np.where(self.explained(name) > ENOUGH, np.nan, np.clip(1 - stays, 0, 1))
+        return np.where(self.explained(name) <= ENOUGH, np.clip(1 - stays, 0, 1), np.nan)
 
     def to_csv(self, path: str | Path) -> None:
         """Write time and, for each joint, every quantity as recorded and as simulated (SI)."""

@@ -61,6 +61,8 @@ def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(design
     assert torques["difference as the scenario has it"] == ["0"] * 4  # and no round-off
     result.measured["torque"][:, 2] = 0
     assert np.isnan(result.explained("torque")).tolist() == [False, False, True, False]
+    result.measured["position_error"][:, 2] = 0
+    assert np.isnan(result.due_to_model).all()  # of a joint that was at rest, too
 
 
 def test_what_differs_in_a_gap_is_not_put_down_to_the_machine(designed, tmp_path):
