@@ -30,7 +30,8 @@ class Fed:
     Attributes:
         source: the file, or the motion.
         has_torque: whether a torque is fed forward.
-        position_off: how far its positions are from the motion that was exported [rad].
+        position_off: how far its positions are from the motion that was exported, at most, in all
+            cycles [rad].
         position_error: largest of the run, against the planned motion [rad].
         speed_error: RMS of the run, likewise [rad/s].
     """
@@ -113,39 +114,41 @@ def read_back(design: Design, drives: Drives, folder: Path) -> list[Fed]:
     """
     robot, motion = design.nominal, design.motion
     m = max(1, round(motion.period / drives.cycle_time))
-    whole = _commanded(design, drives.cycle_time)
+    whole, own = _commanded(design, drives.cycle_time), _commanded(design, motion.period)
     exact = _commanded(design, m * drives.cycle_time)
-    own = _commanded(design, motion.period)
     points = [formats.read_csv(folder / CSV, drives), formats.read_st(folder / ST, drives)]
-    read = (samples_from(robot, drives, x, whole.q[0]) for x in points)
-    files = dict(zip((CSV, ST), read, strict=True))
-    files[CAM] = formats.read_cam(folder / CAM, robot, drives)
-    for name, samples in files.items():
-        if len(samples.q) != len(whole.q):
+    csv, st = (samples_from(robot, drives, x, whole.q[0]) for x in points)
+    cam = formats.read_cam(folder / CAM, robot, drives)
+    trajectory = formats.read_trajectory(folder / TRAJECTORY, robot)
+    off = {"motion": np.zeros(robot.n), "motion, no torque": np.zeros(robot.n)}
+    for name, samples, like in (
+        (CSV, csv, whole), (ST, st, whole), (CAM, cam, whole), (TRAJECTORY, trajectory, own),
+    ):  # fmt: skip
+        if len(samples.q) != len(like.q):
             raise InputError(
-                f"{folder / name}: {len(samples.q)} cycles, the motion has {len(whole.q)}"
+                f"{folder / name}: {len(samples.q)} rows, the motion has {len(like.q)}"
             )
-    sources = [
-        ("motion", exact, exact),
-        *((name, files[name].every(m), exact) for name in (CSV, ST)),
-        (TRAJECTORY, formats.read_trajectory(folder / TRAJECTORY, robot), own),
-        ("motion, no torque", replace(exact, tau=np.zeros_like(exact.tau)), exact),
-        (CAM, files[CAM].every(m), exact),
-    ]
+        off[name] = np.abs(samples.q - like.q).max(axis=0)
+    sources = {
+        "motion": exact,
+        CSV: csv.every(m),
+        ST: st.every(m),
+        TRAJECTORY: trajectory,
+        "motion, no torque": replace(exact, tau=np.zeros_like(exact.tau)),
+        CAM: cam.every(m),
+    }
     with threads(2) as pool:
-        return list(pool.map(lambda source: _fed(design, *source), sources))
+        return list(pool.map(lambda name: _fed(design, name, sources[name], off[name]), sources))
 
 
-def _fed(design: Design, source: str, samples: Samples, like: Samples) -> Fed:
-    if samples.q.shape != like.q.shape:
-        raise InputError(f"{source}: {len(samples.q)} points, the motion has {len(like.q)}")
+def _fed(design: Design, source: str, samples: Samples, position_off: Array) -> Fed:
     made = _fed_with(design, samples)
     recording = simulate(made)
     wanted = samples_of(design.nominal, design.wanted, samples.period)
     return Fed(
         source,
         made.tau_ff is not None,
-        np.abs(samples.q - like.q).max(axis=0),
+        position_off,
         np.abs(recording.q - wanted.q).max(axis=0),
         np.sqrt(np.mean((recording.v - wanted.v) ** 2, axis=0)),
     )

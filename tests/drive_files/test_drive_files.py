@@ -208,6 +208,21 @@ def test_a_drive_table_is_motor_side_with_the_whole_torque(robot, motion, tmp_pa
     np.testing.assert_allclose(columns["tau_motor"], links / R + ROTOR * R * motion.vd, atol=1e-8)
 
 
+def test_how_far_a_cam_is_off_is_told_of_all_its_cycles(robot, tmp_path):
+    """Also of those between the samples of the loop, of which there are 20 here in one."""
+    time = np.arange(31) * 0.02
+    v = np.sin(np.pi * time / 0.6)[:, None] ** 2 * [0.1, 0.4, 0, -1.3]
+    scenario = Scenario(controller=ControllerChoice(omega_r=66.0), period=0.02)
+    motion = Motion.from_speeds(0.02, np.zeros(4), v)
+    design = make_design(scenario, robot=robot, motion=motion)
+    export(design, drives_with(), tmp_path, cam_points=17, title="x")
+    cam = read_back(design, drives_with(), tmp_path)[-1]
+    off = formats.read_cam(tmp_path / "cam.csv", robot, drives_with()).q
+    off = np.abs(off - samples_of(robot, motion, 0.001).q)
+    np.testing.assert_allclose(cam.position_off, off.max(axis=0))
+    assert off.max() > 2 * off[::20].max()
+
+
 # --- bad input -------------------------------------------------------------------------------
 
 
