@@ -87,7 +87,7 @@ class Sizing:
         torque_margin: share of the motors' torque that the planner may use.
         pause: rest between two runs of a motion, for the temperature of the windings.
         requirements: what every candidate must keep.
-        accuracy: of the integrator: speeds are good to half of it.
+        accuracy: of the integrator: speeds are good to it.
         timeout: what a run may take before it is given up.
     """
 

@@ -129,7 +129,7 @@ class Study:
         seed: of the draws. A variable has the same draws whatever the others are.
         sampling: "random", or "latin_hypercube": of each variable one draw in each of as many
             equally likely intervals as there are draws.
-        accuracy: of the integrator, instead of that of the scenario: speeds are good to half of it.
+        accuracy: of the integrator, instead of that of the scenario: speeds are good to it.
         timeout: what a run may take before it is given up.
         pause: rest between two runs of a motion, for the temperature of the windings; of use where
             the base scenario has motors of a catalogue.
