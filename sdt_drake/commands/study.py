@@ -166,7 +166,8 @@ def repeat(folder: Path, row: int | None, out: Path | None) -> None:
         say()
     print_table(("input", "value"), [(k, f"{v}") for k, v in study.inputs(row).items()])
     say()
-    print_table(("outcome", "value"), [(k, f"{v!r}") for k, v in zip(names, outcomes, strict=True)])
+    values = [(k, f"{v!r}") for k, v in zip(names, outcomes, strict=True)]
+    print_table(("outcome", "value [rad/s, rad, -]"), values)
     if other:
         say(f"The study was begun with {other}: numbers may differ.")
     if out is not None:

@@ -217,9 +217,9 @@ def test_repeat_from_a_folder_that_was_moved_and_files_that_are_gone(desk, undis
     for file in desk.glob("*.yaml"):
         file.unlink()
     assert main(["study", "repeat", "elsewhere", "--row", "5", "--out", "row.csv"]) == 0
-    printed = dict(
-        line.split() for line in capfd.readouterr().out.splitlines() if len(line.split()) == 2
-    )
+    lines = capfd.readouterr().out.splitlines()
+    assert "outcome                   value [rad/s, rad, -]" in lines  # `show` has deg and %
+    printed = dict(line.split() for line in lines if len(line.split()) == 2)
     expected = rows(undisturbed).slice(5, 1).to_pylist()[0]
     for name in ("disturbance.amplitude", "rms_speed_error_2", "felt_share", "peak_torque_share_2"):
         assert float(printed[name]) == expected[name]
