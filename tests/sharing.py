@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import fcntl
+import functools
 import hashlib
 import pickle
 from dataclasses import fields, is_dataclass, replace
@@ -11,6 +13,7 @@ from importlib import import_module
 import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
 
+from sdt_drake import yaml_files
 from sdt_drake.loops import Loop, blocks_of, make_loop
 from sdt_drake.resources import PACKAGE_PREFIX
 from sdt_drake.scenario import Scenario
@@ -22,6 +25,7 @@ folder = None  # for the results; without one, every run is a new one
 _simulate, _along, _plan_of = module.simulate, designs._along, designs.plan_of
 _torques = {}  # by fingerprint of robot and motion
 _plans = {}  # of motions that ship with the package, by fingerprint of what is asked for
+_parsed = functools.cache(yaml_files.parse_yaml)
 
 
 def once(name, make):
@@ -64,6 +68,11 @@ def plan_of(scenario, robot):
     return _plans[key]
 
 
+def parse_yaml(text):
+    """As the package's, which reads the same text once in a process: it is pure Python."""
+    return copy.deepcopy(_parsed(text))
+
+
 def _fingerprint(design, loop):
     """Of what was asked for by whatever name, the blocks of the loop, and every number in the
     design."""
@@ -89,3 +98,4 @@ def _numbers(value):
 
 
 module.simulate, designs._along, designs.plan_of = simulate, along, plan_of
+yaml_files.parse_yaml = parse_yaml

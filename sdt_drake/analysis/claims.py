@@ -9,6 +9,7 @@ import html
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -83,7 +84,7 @@ def judge_claims(results: Reproduction) -> list[Claim]:
     finders = (_figure4, _table1, _frequencies, _algorithm1, _tracking, _inertia, _coupled)
     found = {f.id: f for find in finders for f in find(results)}
     claims = []
-    for text in yaml.safe_load(page_text("claims.yaml")):
+    for text in _texts():
         own = found[text["id"]]
         numbers = {"unpublished": _UNPUBLISHED, **own.numbers}
         claims.append(
@@ -97,6 +98,12 @@ def judge_claims(results: Reproduction) -> list[Claim]:
             )
         )
     return claims
+
+
+@cache
+def _texts() -> Any:
+    """What claims.yaml says of each claim, in the order of the paper."""
+    return yaml.safe_load(page_text("claims.yaml"))
 
 
 def agrees_as_printed(computed: float, printed: str) -> bool:
