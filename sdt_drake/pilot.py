@@ -27,7 +27,7 @@ from pydrake.multibody.tree import UniformGravityFieldElement
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError
-from sdt_drake.robot import Robot
+from sdt_drake.robot import Robot, turned
 
 HEAD_FRAME = "head"
 """The SDF frame between the pilot's ears: x forward, y left, z up."""
@@ -115,7 +115,7 @@ def head_motion(robot: Robot, q: ArrayLike, v: ArrayLike, vd: ArrayLike) -> Head
         turn = (rotation @ axis_at_zero) * v[:, k, None]
         alpha = alpha + (rotation @ axis_at_zero) * vd[:, k, None] + np.cross(omega, turn)
         omega = omega + turn
-        rotation = rotation @ _turned(axis_at_zero, q[:, k])
+        rotation = rotation @ turned(axis_at_zero, q[:, k])
         r = rotation @ to_next
         position = position + r
         acceleration = acceleration + np.cross(alpha, r) + np.cross(omega, np.cross(omega, r))
@@ -167,14 +167,6 @@ def _chain_at_zero(robot: Robot) -> tuple[list[Array], list[Array], Array]:
             axes.append(axis)
             origins.append(origin)
     return axes, [*origins, head_pose.translation()], head_pose.rotation().matrix()
-
-
-def _turned(axis: Array, angle: Array) -> Array:
-    """Rotations about a unit vector by angles [rad] of shape (N,), (N, 3, 3) (Rodrigues)."""
-    x, y, z = axis
-    S = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    sine, versine = np.sin(angle)[:, None, None], (1 - np.cos(angle))[:, None, None]
-    return np.eye(3) + sine * S + versine * (S @ S)
 
 
 # --- canals and otoliths ---------------------------------------------------------------------

@@ -317,3 +317,11 @@ def parts_of(body: RigidBody) -> tuple[float, Array, Array]:
     inertia = body.default_spatial_inertia()
     com = inertia.get_com()
     return inertia.get_mass(), com, inertia.Shift(com).CalcRotationalInertia().CopyToFullMatrix3()
+
+
+def turned(axis: Array, angle: Array) -> Array:
+    """Rotations about a unit vector by angles [rad] of shape (N,): (N, 3, 3) (Rodrigues)."""
+    x, y, z = axis
+    S = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    sine, versine = np.sin(angle)[:, None, None], (1 - np.cos(angle))[:, None, None]
+    return np.eye(3) + sine * S + versine * (S @ S)

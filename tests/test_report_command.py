@@ -96,7 +96,7 @@ def test_a_figure_that_cannot_be_made_leaves_the_old_results(
 def quick_study(monkeypatch):
     """A study that is computed and written at once: one stage, one claim, one file."""
 
-    def write_reproduction(results, folder, watch, announce):
+    def write_reproduction(results, folder, watch):
         with watch.stage("first"), watch.stage("second"):
             (folder / "report.md").write_text("report")
         return {"claims": [{"verdict": "reproduced"}]}
@@ -137,13 +137,8 @@ def test_a_reader_that_has_enough_costs_no_results(desk, monkeypatch, quick_stud
 def test_reproduce_ends_with_the_page_and_report_makes_the_same(folder, capsys):
     made = (folder / REPORT).read_bytes()
     (folder / REPORT).unlink()
-    (folder / "mine.svg").write_text("<svg", encoding="utf-8")
-
     assert main(["report", str(folder)]) == 0
-    assert capsys.readouterr().out.splitlines() == [
-        f"{folder / 'mine.svg'}: is not an SVG picture, left out",
-        f"{folder / REPORT} written",
-    ]
+    assert capsys.readouterr().out == f"{folder / REPORT} written\n"
     assert (folder / REPORT).read_bytes() == made
 
 
@@ -179,12 +174,10 @@ def change(folder, edit):
     path.write_text(json.dumps(content), encoding="utf-8")
 
 
-def test_other_pictures_come_last(folder):
-    shutil.copy(folder / "figure4.svg", folder / "felt_<motion>.svg")
+def test_each_figure_of_the_template_is_on_the_page(folder):
     page = write_report(folder).read_text(encoding="utf-8")
     alts = list(map(html.unescape, re.findall(r'<img alt="([^"]*)"', page)))
-    captions = re.findall(r"!\[(.*)\]\(\w+\.svg\)", page_text("report.md"))
-    assert alts[0] == captions[0] and alts[-1] == "Felt <motion>." and set(captions) <= set(alts)
+    assert alts == re.findall(r"!\[(.*)\]\(\S+\.svg\)", page_text("report.md"))
 
 
 def test_no_text_of_the_summary_becomes_a_tag(folder):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -26,14 +26,9 @@ from sdt_drake.versions import versions
 from sdt_drake.viewer import record_html
 
 
-def write_reproduction(
-    results: Reproduction, folder: Path, watch: Stopwatch, announce: Callable[[str], None] = print
-) -> dict[str, Any]:
+def write_reproduction(results: Reproduction, folder: Path, watch: Stopwatch) -> dict[str, Any]:
     """Write all files of `reproduce` into `folder`, each replaced whole; returns the content of
-    summary.json.
-
-    `announce` is called as by `write_report`.
-    """
+    summary.json."""
     claims = judge_claims(results)
     with watch.stage("CSV files"):
         write_reference_motion(results, folder / "reference.csv")
@@ -54,7 +49,7 @@ def write_reproduction(
     with watch.stage("3D recording and report"):
         robot, motion = results.design.robot, results.design.motion
         record_html(robot, motion.time, motion.q, folder / RECORDING, title="Reference motion")
-        write_report(folder, announce)
+        write_report(folder)
     return content
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -28,14 +28,11 @@ _OTHER_FORM = (LookupError, TypeError, ValueError, AttributeError, ArithmeticErr
 """What comes of a summary that does not hold what the report shows."""
 
 
-def write_report(
-    folder: Path, announce: Callable[[str], None] = print, chapters: Sequence[doc.Section] = ()
-) -> Path:
+def write_report(folder: Path, chapters: Sequence[doc.Section] = ()) -> Path:
     """Write report.html, report.md and table1.md into a folder that `reproduce` has filled.
 
     Args:
         folder: with summary.json and the figures.
-        announce: called with a line for each further picture of the folder that is left out.
         chapters: to put at the end.
 
     Returns:
@@ -45,7 +42,7 @@ def write_report(
         InputError: naming the file that is missing or cannot be used; nothing is written.
     """
     with _advice(folder):
-        report = make_report(_read_summary(folder / SUMMARY), folder, announce)
+        report = make_report(_read_summary(folder / SUMMARY), folder)
         report.sections += chapters
         page = report.html()
     of_table1 = [s for s in report.sections if s.title in ("Table 1", "Provenance")]
@@ -83,9 +80,9 @@ def _read_summary(path: Path) -> Json:
         raise InputError(f"{path}: is not JSON") from None
 
 
-def make_report(summary: Json, folder: Path, announce: Callable[[str], None]) -> doc.Document:
+def make_report(summary: Json, folder: Path) -> doc.Document:
     """The report on what is in a folder; see `write_report`."""
-    blocks = _blocks(summary, folder, announce)
+    blocks = _blocks(summary, folder)
     report = from_template(page_text("report.md"), blocks, _numbers(summary), folder)
     report.symbols = True
     return report
@@ -141,9 +138,7 @@ def _worst(felt: Json, channels: slice) -> str:
     return f"{multiple:.2f} ({name})"
 
 
-def _blocks(
-    summary: Json, folder: Path, announce: Callable[[str], None]
-) -> dict[str, Sequence[doc.Block]]:
+def _blocks(summary: Json, folder: Path) -> dict[str, Sequence[doc.Block]]:
     """The tables of the report, and more, by their names in pages/report.md."""
     beyond = [
         {**e, "rms_torque_share": e["rms_share"], "peak_torque_share": e["peak_share"]}
@@ -174,7 +169,6 @@ def _blocks(
                 look="words",
             )
         ],
-        "more": _more(folder, announce),
         "device": _device(folder / RECORDING),
         "provenance": _provenance(summary),
     }
@@ -262,21 +256,6 @@ def _felt(beyond: Sequence[Json]) -> doc.Table:
     ]
     header = ["controller", METRICS["felt_share"].column, *beyond[0]["felt"]["channels"]]
     return doc.Table(header, rows)
-
-
-def _more(folder: Path, announce: Callable[[str], None]) -> list[doc.Block]:
-    """Pictures that are not of the study; the report can do without those that cannot be used."""
-    blocks: list[doc.Block] = []
-    for path in sorted(folder.glob("*.svg")):
-        if f"]({path.name})" in page_text("report.md"):
-            continue
-        try:
-            doc.read_svg(path)
-        except InputError as error:
-            announce(f"{error}, left out")
-        else:
-            blocks.append(doc.Figure(f"{path.stem.replace('_', ' ').capitalize()}.", path, folder))
-    return blocks
 
 
 def _device(path: Path) -> list[doc.Block]:

@@ -32,5 +32,5 @@ def run(options: argparse.Namespace) -> None:
         path, _ = write_study_report(folder)
     else:
         studies = [path for path in sorted(folder.iterdir()) if holds_study(path)]
-        path = write_report(folder, say, [study_chapter(study) for study in studies])
+        path = write_report(folder, [study_chapter(study) for study in studies])
     say(f"{path} written")

@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     watch = Stopwatch(say)
     with part():
-        summary = write_reproduction(reproduce(watch), folder, watch, say)
+        summary = write_reproduction(reproduce(watch), folder, watch)
     counts = (f"{n} {verdict}" for verdict, n in count_verdicts(summary["claims"]).items())
     say(f"\nOf {len(summary['claims'])} claims of the paper: {', '.join(counts)}")
     for finding in findings(summary):

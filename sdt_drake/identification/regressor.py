@@ -16,7 +16,7 @@ import numpy as np
 from pydrake.multibody.tree import Frame, RevoluteJoint
 
 from sdt_drake.arrays import Array
-from sdt_drake.robot import Robot
+from sdt_drake.robot import Robot, turned
 
 PARAMETERS = ("mass", "hx", "hy", "hz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 """Of a body: m [kg], h = m c [kg m], I about the origin of its frame [kg m²]."""
@@ -91,7 +91,7 @@ def regressor(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
     a = np.broadcast_to(-bodies.gravity, (samples, 3))  # of the frame's origin, less gravity
     for k in range(n):
         axis, p = bodies.axis[k], bodies.position[k]
-        R = bodies.rotation[k] @ _turned(axis, q[:, k])
+        R = bodies.rotation[k] @ turned(axis, q[:, k])
         a = a + np.cross(alpha, p) + np.cross(omega, np.cross(omega, p))
         J[..., 3:] += np.cross(J[..., :3], p)
         J = np.concatenate([J[..., :3] @ R, J[..., 3:] @ R], axis=2)
@@ -102,13 +102,6 @@ def regressor(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
         omega = omega + spin
         Y[:, : k + 1, 10 * k : 10 * k + 10] = J[:, : k + 1] @ _wrench(a, omega, alpha)
     return Y
-
-
-def _turned(axis: Array, angle: Array) -> Array:
-    """Rotations about a unit vector (Rodrigues), shape (N, 3, 3)."""
-    K = _cross(axis)
-    sine, cosine = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
-    return np.eye(3) + sine * K + (1 - cosine) * (K @ K)
 
 
 def _wrench(a: Array, omega: Array, alpha: Array) -> Array:
