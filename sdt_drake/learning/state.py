@@ -189,7 +189,8 @@ def _refuse_growth(flight: FlightRecord, state: State, path: Path) -> None:
 
 def _notes(flight: FlightRecord, step: Step, state: State) -> list[str]:
     notes = []
-    if flight.floor and flight.score < 2 * flight.noise:
+    left = np.array(flight.floor) / math.sqrt(flight.recordings)
+    if flight.floor and np.all(flight.rms < left):
         notes.append("what repeats is within what noise leaves of it: no more can be learned")
     elif state.flights and flight.score > _GAIN * state.best.score:
         notes.append(

@@ -150,7 +150,9 @@ def test_what_repeats_is_told_from_what_does_not(machine):
     taught = machine.taught(quiet, 3, noise)
     assert any("within what noise leaves" in note for note in taught.notes)
     np.testing.assert_allclose(taught.flight.floor, noise, rtol=0.1)
-    quiet[2][:] += noise
+    quiet[2][:, 1] += 1.5 * noise  # within the noise of all joints, but not within its own
+    assert not any("noise" in note for note in machine.taught(quiet, 3, noise).notes)
+    quiet[2][:] = machine.design.wanted.q + noise
     taught = machine.taught(quiet, 3, noise)
     np.testing.assert_allclose(taught.flight.rms, noise, rtol=0.1)
     # A larger error that noise may have made is no growth.
