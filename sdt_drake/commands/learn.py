@@ -216,8 +216,8 @@ def _from_recordings(options: argparse.Namespace) -> None:
     )
     for note in taught.notes:
         say(f"note: {note}")
-    if len(recordings) < 3:
-        say("note: with three recordings of a flight or more, what does not repeat is told apart")
+    if not flight.floor:
+        say("note: with several recordings of a flight, what does not repeat is told apart")
     path = write_step(folder, design, state, taught)
     say(f"{path} written: fly it, then learn from its recording")
     best = State([*state.flights, flight], []).best

@@ -214,6 +214,7 @@ def test_the_command_learns_flight_by_flight(good, refuse, desk):
     out = good("learn", file, "--recording", "flight.csv", "--state", "state").out
     assert "state/reference_02.csv written" in out
     assert "flight.csv: its q_ref is that of the plan, as `simulate` writes it: that" in out
+    assert "note: with several recordings of a flight" in out
     assert "RMS error [deg]" in " ".join(out.split()) and "repeats" not in out.split("note:")[0]
     good("simulate", file, *changed, "--set", "learned=state/reference_02.csv", "--out", "next.csv")
     again = ("learn", "--recording", "next.csv", "--state", "state")
