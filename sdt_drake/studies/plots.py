@@ -178,11 +178,11 @@ def scatter_matrix(
     """
     # In random order, so that no group hides another, nor falls out of step.
     order = np.random.default_rng(0).permutation(len(table))
-    runs = table.select(order[table.ok[order]][:MOST_POINTS])
+    shown = order[table.ok[order]][:MOST_POINTS]
+    runs = table.select(shown)
     levels = list(table.groups)
     colours = np.array([to_rgba(look.colour) for look in looks_of(levels)])
-    texts = runs.inputs[table.by] if table.by else levels * len(runs)
-    groups = [levels.index(str(text)) for text in texts]
+    groups = [levels.index(name) for name in table.group[shown]]
     with style():
         figure, axes = grid(
             len(outcomes), len(inputs), panel=(1.95, 1.5), gaps=(0.25, 0.15), left=1.2,

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from sdt_drake.analysis.metrics import METRICS, metric_of
 from sdt_drake.analysis.style import Look, finish, grid, looks_of, style
 from sdt_drake.studies.plots import BOTTOM, group_handles, outcome_label, scale
-from sdt_drake.studies.table import StudyTable, pareto
+from sdt_drake.studies.table import ALL_RUNS, StudyTable, pareto
 from sdt_drake.studies.verdicts import Verdict, front_of
 
 _RING: dict[str, Any] = {
@@ -23,7 +23,7 @@ _RING: dict[str, Any] = {
 
 
 def pareto_figure(title: str, table: StudyTable, cost: str, error: str) -> Figure:
-    """Error over cost: the designs that no other beats in both, and the rest in grey.
+    """Error over cost: the designs that no other beats, and the rest in grey.
 
     Args:
         title, table: as in `distributions`; with `choices`.
@@ -31,11 +31,11 @@ def pareto_figure(title: str, table: StudyTable, cost: str, error: str) -> Figur
             joint of it.
     """
     first, worst = table.designs(cost, error)
-    runs = table.select(first)
     x, y = (metric_of(name).factor * own for name, own in zip((cost, error), worst, strict=True))
     front = pareto(x, y)
-    levels = list(table.groups)
-    groups = runs.inputs[table.by].astype(str) if table.by else np.full(len(runs), levels[0])
+    levels, groups = [ALL_RUNS], np.full(len(first), ALL_RUNS)
+    if is_told := table.by in (table.choices or ()):  # else a design has runs of several groups
+        levels, groups = list(table.groups), table.group[first]
     with style():
         figure, ((ax,),) = grid(1, 1, panel=(7.2, 4.2), left=0.85, bottom=BOTTOM)
         line = front.nonzero()[0][np.argsort(x[front], kind="stable")]
@@ -51,7 +51,7 @@ def pareto_figure(title: str, table: StudyTable, cost: str, error: str) -> Figur
         scale(ax, "y", y)
         ax.set_xlabel(outcome_label(table, cost))
         ax.set_ylabel(outcome_label(table, error))
-        handles = group_handles(levels, lines=False) if table.by else []
+        handles = group_handles(levels, lines=False) if is_told else []
         handles += [
             Line2D([], [], color="0.2", label="no other design beats it"),
             Line2D([], [], color="0.75", linestyle="", marker="o", label="another one does"),

@@ -22,6 +22,7 @@ RUN_COLUMNS = ("row", "status", "reason", "duration")
 
 ALL_RUNS = "all runs"
 
+_CONTROLLER = ("controller", "controller.kind")  # inputs whose levels speak for themselves
 _MOST_GROUPS = 8  # that figures can tell apart
 
 
@@ -120,12 +121,20 @@ class StudyTable:
         return min(names, key=lambda name: not name.startswith("controller"), default=None)
 
     @cached_property
+    def group(self) -> NDArray[np.str_]:
+        """Name of the group of each run, shape (N,): its level of the input `by`, with what that is
+        unless it is the controller: "anti_windup true"; ALL_RUNS without such an input."""
+        if self.by is None:
+            return np.full(len(self), ALL_RUNS)
+        levels, what = self.inputs[self.by].astype(str), self.by.rpartition(".")[2]
+        return levels if self.by in _CONTROLLER else np.char.add(f"{what} ", levels)
+
+    @cached_property
     def groups(self) -> dict[str, StudyTable]:
-        """A table for each level of the input `by`, by level; all under ALL_RUNS without one."""
+        """A table for each `group`, by its name."""
         if self.by is None:
             return {ALL_RUNS: self}
-        texts = self.inputs[self.by].astype(str)
-        return {level: self.select(texts == level) for level in levels_of(texts)}
+        return {name: self.select(self.group == name) for name in levels_of(self.group)}
 
     def designs(self, *outcomes: str) -> tuple[NDArray[np.int64], list[Array]]:
         """Each design by its first run, and the largest of each outcome over its runs, shape (D,).

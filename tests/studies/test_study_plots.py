@@ -160,7 +160,10 @@ def test_pareto_front_is_a_line_and_the_rest_is_grey():
     np.testing.assert_array_equal(best_b.get_offsets(), [[2, 2], [3, 1]])
     assert same_color(rest_a.get_facecolor()[0], "0.75")
     assert same_color(best_b.get_facecolor()[0], PALETTE[1])
-    assert legend_texts(figure)[:2] == ["a", "b"]
+    assert legend_texts(figure)[:2] == ["kind a", "kind b"]
+    # A design that has to stand both kinds is of neither.
+    both = dataclasses.replace(table, choices=("size",))
+    assert len(legend_texts(plots_front.pareto_figure("t", both, "cost", "error"))) == 2
 
 
 def test_pareto_axes_have_units(figures):

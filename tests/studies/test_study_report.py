@@ -123,6 +123,20 @@ def test_the_controllers_are_told_apart_where_there_are_some(inputs, by):
     assert small_table(np.arange(10.0), **inputs).by == by
 
 
+def test_levels_that_do_not_speak_for_themselves_are_said_of_what(table):
+    """Lines of a figure were called "true" and "false", and a structure like a controller, "pi"."""
+    inputs = {"controller.structure": ["pi", "p_in_feedback"] * 5}
+    structures = small_table(np.arange(10.0), **inputs)
+    assert list(structures.groups) == ["structure pi", "structure p_in_feedback"]
+    assert [part.row.tolist() for part in structures.groups.values()] == [
+        [*range(0, 10, 2)],
+        [*range(1, 10, 2)],
+    ]
+    assert "with `structure pi` and 9 with `structure p_in_feedback`" in report.finding(
+        structures, "y"
+    )
+
+
 def test_a_finding_names_the_limit_and_the_cause(table):
     text = report.finding(table, "max_abs_position_error")
     pi = table.groups["pi"]
