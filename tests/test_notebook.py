@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from sdt_drake.analysis.style import Picture
 from sdt_drake.viewer import Animation
 
 NOTEBOOK = Path(__file__).parents[1] / "diagrams" / "tutorial.ipynb"
@@ -45,8 +46,9 @@ def test_cells_show_figures_and_print_numbers(ran):
     figures = [item for item in shown if isinstance(item, Figure)]
 
     assert len(figures) == 6
-    for figure in figures:  # with no backend, and no magic word
-        assert figure._repr_png_().startswith(b"\x89PNG")
+    assert all(isinstance(figure, Picture) for figure in figures)
+    # One stands for all: with no backend, and no magic word.
+    assert figures[0]._repr_png_().startswith(b"\x89PNG")
     (scene,) = [item for item in shown if isinstance(item, Animation)]
     page = scene._repr_html_()
     assert page.startswith("<iframe ") and "srcdoc=" in page and page.count("<") == 2

@@ -23,6 +23,7 @@ from sdt_drake.cli import main
 from sdt_drake.errors import InputError
 from sdt_drake.resources import page_text
 from sdt_drake.scenario import load_scenario
+from sdt_drake.simulate import Recording
 from sdt_drake.studies.distributions import Uniform
 from sdt_drake.studies.execute import run_study
 from sdt_drake.studies.job import make_job
@@ -79,6 +80,7 @@ def test_a_figure_that_cannot_be_made_leaves_the_old_results(
         raise RuntimeError("no figure today")
 
     monkeypatch.setattr(plots, "speed_errors", broken)
+    monkeypatch.setattr(Recording, "to_csv", lambda self, path: path.write_text("time"))
     with pytest.raises(RuntimeError, match="no figure today"):
         write_reproduction(reproduction, tmp_path, Stopwatch(lambda line: None))
     after = snapshot(tmp_path)
@@ -142,7 +144,7 @@ def test_reproduce_ends_with_the_page_and_report_makes_the_same(folder, capsys):
     assert (folder / REPORT).read_bytes() == made
 
 
-def test_studies_in_the_folder_become_chapters(open_page, folder, desk, undrawn):
+def test_studies_in_the_folder_become_chapters(folder, desk, undrawn):
     base = load_scenario(AXIS)
     ratios = Variable("zeta", ["controller.zeta"], "factor", Uniform(0.8, 1.0))
     study = Study("own", draws=4, variables=[ratios])
@@ -152,11 +154,10 @@ def test_studies_in_the_folder_become_chapters(open_page, folder, desk, undrawn)
     assert main(["report", str(folder)]) == 0
     assert b"Load the 3D recording" not in (folder / REPORT).read_bytes()
     assert "## Study own" in (folder / "report.md").read_text(encoding="utf-8")
-    with open_page(folder / REPORT) as (tab, errors, requests):
-        tab.get_by_role("link", name="Study own").click()
-        chapter = tab.locator("section", has=tab.get_by_role("heading", name="Study own"))
-        assert "4 runs" in chapter.inner_text() and chapter.locator("figure img").count() >= 2
-        assert (errors, requests) == ([], [])
+    page = (folder / REPORT).read_text(encoding="utf-8")
+    chapter = re.search(r'<section id="(\S+)"><h2>Study own</h2>.*?</section>', page, re.S)
+    assert f'<a href="#{chapter[1]}">Study own</a></nav>' in page
+    assert "4 runs" in chapter[0] and chapter[0].count("<figure><") >= 2
 
 
 def test_the_page_shows_the_device(open_page, reproduced):
