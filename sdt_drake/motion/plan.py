@@ -350,7 +350,8 @@ def _position_share(q: Array, lower: Array, upper: Array) -> Array:
     with np.errstate(invalid="ignore", divide="ignore"):
         start = np.where(both, (lower + upper) / 2, q[0])
         up, down = (q - start) / (upper - start), (start - q) / (start - lower)
-    return np.fmax(np.fmax(up, down), 0)
+    at_stop = (q <= lower) | (q >= upper)  # also where it starts there, and there is no way to it
+    return np.fmax(np.fmax(up, down), at_stop.astype(float))
 
 
 def _growth(robot: Robot, motion: Motion, torque: Array) -> Array:

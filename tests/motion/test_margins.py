@@ -61,6 +61,9 @@ def test_positions_are_held_against_both_stops_and_a_single_one(robot, motion):
     below = margins(dataclasses.replace(stopped, position_lower=lower), motion)
     share = below.share["position"][:, 3].max()
     assert share == pytest.approx(-degrees[:, 3].min() / 20, rel=1e-9)
+    lower[3] = motion.q[0, 3]  # where it starts: nothing is left
+    below = margins(dataclasses.replace(stopped, position_lower=lower), motion)
+    assert below.share["position"][0, 3] == 1 and below.smallest.left <= 0
     to_stop = min(degrees[:, 2].min() + 12, 4 - degrees[:, 2].max())
     np.testing.assert_allclose(np.degrees(report.to_stop[2:]), [to_stop, 20 - degrees[:, 3].max()])
 
