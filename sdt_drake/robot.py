@@ -262,7 +262,10 @@ def _actuators(plant: MultibodyPlant, joints: Sequence[Joint], file: Path) -> li
         rotor = actuator.default_rotor_inertia() if actuator else 0.0
         ratio = actuator.default_gear_ratio() if actuator else 1.0
         for good, text in (
-            (0 < limit < np.inf, f"actuator effort limit {limit:g} N m, expected <effort> > 0"),
+            (
+                0 < limit < np.inf,
+                f"actuator effort limit {limit:g} N m, expected a finite <effort> > 0",
+            ),
             (rotor >= 0, f"rotor inertia {rotor:g} kg m², expected >= 0"),
             (ratio > 0, f"gear ratio {ratio:g}, expected > 0"),
         ):

@@ -39,7 +39,7 @@ REAL = "package://sdt/scenarios/real_device.yaml"
 # --- plan -----------------------------------------------------------------------------------------
 
 
-def test_plan_of_the_reference_motion(good, given):
+def test_plan_of_the_reference_motion(good, given, robot):
     out = good("plan").out
     columns = columns_of(out)
     assert "30 s" in out and "6001 samples" in out
@@ -55,8 +55,11 @@ def test_plan_of_the_reference_motion(good, given):
     assert "smallest margin: 7.2 %, torque of joint 2 'roll' at 9.000 s" in out
     assert len({len(line) for line in out.splitlines()[1:6]}) == 1  # aligned
     assert re.search(r"peaks grow by at most \d\.\d+ % of the motor \(joint 3\)", out)
-    still = good("plan", given("rest.yaml", f"duration: 0.5\njoints:\n{REST * 4}")).out
-    assert "peaks grow by less than 0.0001 % of the motor" in still
+    still = given("rest.yaml", f"duration: 0.5\njoints:\n{REST * 4}")
+    assert "peaks grow by less than 0.0001 % of the motor" in good("plan", still).out
+    own = robot.path.read_text(encoding="utf-8").replace("<velocity>4.7124</velocity>", "")
+    out = good("plan", still, "--robot", given("own.sdf", own)).out
+    assert columns_of(out)["of limit [%]"] == ["0.0", "–", "0.0", "0.0"]  # joint 2 has none
 
 
 def test_plan_writes_a_motion_that_every_command_takes(good, desk, given):

@@ -287,7 +287,7 @@ BAD = [
     ("</limit></axis>", '</limit><mimic joint="shoulder"/></axis>', _ELBOW + "<mimic> in <axis>"),
     ("<drake:gear_ratio>", '<drake:controller_gains p="9" d="1"/><drake:gear_ratio>', _SHOULDER),
     # Motors.
-    (_ELBOW_LIMIT, "", _ELBOW + "actuator effort limit inf"),
+    (_ELBOW_LIMIT, "", _ELBOW + "actuator effort limit inf N m, expected a finite <effort> > 0"),
     ("<effort>40", "<effort>inf", _ELBOW + "actuator effort limit inf"),
     ("<effort>40", "<effort>0", _ELBOW + "actuator effort limit 0"),
     ("inertia>0.01", "inertia>-0.01", _SHOULDER + r"rotor inertia -0\.01"),

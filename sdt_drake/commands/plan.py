@@ -144,6 +144,7 @@ def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report:
             f"{k + 1}, {loss.position_time[k]:.3f} s)"
         )
     angles, speed = np.degrees(motion.q), np.abs(motion.v).max(axis=0)
+    fastest = np.where(np.isfinite(robot.velocity_limit), robot.velocity_limit, np.nan)
     tightest = [
         f"{place.quantity}, {formatted(100 * place.share, '.1f')} % at {place.time:.3f} s"
         for place in map(report.tightest, range(robot.n))
@@ -156,7 +157,7 @@ def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report:
             ("RMS [%]", ".1f", 100 * report.rms_torque / robot.effort_limit),
             ("held [s]", ".3f", plan.limited.sum(axis=0) * motion.period),
             ("speed [rad/s]", ".3f", speed),
-            ("of limit [%]", ".1f", 100 * speed / robot.velocity_limit),
+            ("of limit [%]", ".1f", 100 * speed / fastest),
             ("from [deg]", ".1f", angles.min(axis=0)),
             ("to [deg]", ".1f", angles.max(axis=0)),
             ("tightest", "", tightest),
