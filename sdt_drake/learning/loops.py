@@ -14,7 +14,7 @@ from sdt_drake.controllers import CONTROLLERS
 from sdt_drake.design import Design
 from sdt_drake.device import Friction, sliding_friction
 from sdt_drake.dynamics import gravity_stiffness, inverse_dynamics
-from sdt_drake.errors import InputError
+from sdt_drake.errors import InputError, within
 from sdt_drake.scenario import ControllerChoice, Scenario
 from sdt_drake.studies.study import Study
 
@@ -25,6 +25,7 @@ feedforward [N m], motor side; both at the interpolation period."""
 POINTS = 300
 """Of frequency."""
 
+_LARGEST_POLE = 1 + 1e-9  # that of the integral which a speed loop has beside the position is 1
 _LOWEST = 0.1  # rad/s
 _HIGHEST = 0.9  # of the Nyquist frequency, where samples can command no speed
 
@@ -58,7 +59,8 @@ class LoopSet:
 
 def loop_set(name: str, designs: Sequence[Design], of: str) -> LoopSet:
     """The loops of some devices to what is learned, in their poses."""
-    every = [response for design in designs for response in responses(design, of)]
+    with within(f"learning does not converge for {name}"):
+        every = [response for design in designs for response in responses(design, of)]
     return LoopSet(name, tuple(every), np.stack([demand(design) for design in designs]))
 
 
@@ -88,7 +90,7 @@ def loops_of(
         draws: how many devices of the study, at most.
 
     Raises:
-        InputError: for variables that do not fit the scenario.
+        InputError: for variables that do not fit the scenario; for an unstable loop.
     """
     known = known_loop(design)
     sets = [loop_set("the model", [known], of)]
@@ -184,9 +186,18 @@ def position_response(
 
     Returns:
         [rad/rad] or [rad/(N m)], shape (m, n, n): joint of the position, joint of what is learned.
+
+    Raises:
+        InputError: if the loop is unstable there: it answers nothing.
     """
     n, period = design.robot.n, design.motion.period
-    response = _sampled_loop(design, sample).response(omega)
+    loop = _sampled_loop(design, sample)
+    if np.abs(np.linalg.eigvals(loop.A)).max() > _LARGEST_POLE:
+        raise InputError(
+            f"unstable loop at {design.motion.time[sample]:.3f} s of the motion, expected gains "
+            "that keep it stable, or a better model"
+        )
+    response = loop.response(omega)
     # What is late by a part of a period is taken for late altogether.
     response = response * np.exp(-1j * omega * design.drive.reference_delay)[:, None, None]
     if of == "torque":

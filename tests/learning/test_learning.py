@@ -122,6 +122,16 @@ def test_what_is_learned_shrinks_errors_as_the_check_says(cascade):
     np.testing.assert_allclose(check.share[below], 0.3, atol=0.02)
 
 
+def test_an_unstable_loop_is_refused_whatever_its_response_is(cascade):
+    """Its speed is that of a link behind a spring; its response says that errors shrink."""
+    springs = {
+        "plant.elasticity.natural_frequency": [0, 40, 0, 0],
+        "plant.elasticity.encoder": "link",
+    }
+    with pytest.raises(InputError, match=r"for the model: unstable loop at \d.* s of the motion"):
+        loops_of(cascade(fields=springs), "reference")
+
+
 def test_a_loop_that_would_diverge_is_refused_before_a_flight(cascade):
     design = cascade()
     loops = loops_of(design, "reference")
