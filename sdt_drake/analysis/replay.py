@@ -86,11 +86,11 @@ class Replay:
 
     @property
     def due_to_model(self) -> Array | None:
-        """Share of the difference that the model of the plant makes, the rest being due to
-        controller and drives: what of its mean square in position (or speed) is gone once the
-        plant gets the load that the model lacks. Shape (n,), from 0 to 1; NaN where the simulation
-        explains 99 % of the recording anyway, or nothing was recorded but zeros; None without
-        positions, speeds or torques.
+        """Share of the difference that the model of the plant makes: what of its mean square in
+        position (or speed) is gone once the plant gets the load that the model lacks. The rest is
+        due to controller and drives and, where links were recorded, to springs. Shape (n,), from 0
+        to 1; NaN where the simulation explains 99 % of the recording anyway, or nothing was
+        recorded but zeros; None without positions, speeds or torques.
         """
         name = next((x for x in ("position_error", "speed_error") if x in self.measured), None)
         if name is None or FED not in self.courses:

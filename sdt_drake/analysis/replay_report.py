@@ -48,9 +48,12 @@ def tables(replay: Replay) -> list[doc.Table]:
     rows = [(QUANTITIES[x].title, _texts(_SHARE, replay.explained(x))) for x in replay.measured]
     due = replay.due_to_model
     if due is not None:
+        rest = (
+            "controller, drives, springs" if replay.recorded.of_links else "controller and drives"
+        )
         rows += [
             ("of the difference, the plant's model [%]", _texts(_SHARE, due)),
-            ("of the difference, controller and drives [%]", _texts(_SHARE, 1 - due)),
+            (f"of the difference, {rest} [%]", _texts(_SHARE, 1 - due)),
         ]
     made = [doc.Table(("of the mean square", _SHARE.label), rows)]
     for name in replay.measured:

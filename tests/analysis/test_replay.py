@@ -57,6 +57,7 @@ def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(design
         assert result.difference("position_error", case)[0] > 1e-7
     assert "with the nominal links" not in result.courses and UNFED not in result.courses
     assert np.isnan(result.due_to_model).all()
+    assert tables(result)[0].rows[-1][0] == "of the difference, controller, drives, springs [%]"
     torques = {row[0]: row[1] for row in tables(result)[-1].rows}
     assert torques["difference as the scenario has it"] == ["0"] * 4  # and no round-off
     result.measured["torque"][:, 2] = 0
@@ -220,6 +221,7 @@ def test_the_kuka_under_the_gains_of_its_data_set(tmp_path, capsys):
     assert main(["replay", *arguments, *columns, "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert "the recorded torque feedforward in place of its own" in said
+    assert "of the difference, controller and drives [%]" in said
     assert "would ask joint 4, 5, 6 for a torque that is off" in said
     assert {path.name for path in out.iterdir()} == {
         "report.html", "report.md", "replay.csv", "replay.png", "replay.svg",
