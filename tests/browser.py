@@ -22,6 +22,13 @@ FLAGS = (
 )
 # Drawn pixels per pixel of a page: few, as software draws them. Meshcat draws nothing below 0.5.
 SCALE = 0.5
+# Pages get textures no larger than this, so Meshcat's shadows are coarse: they cost the most.
+SMALL_TEXTURES = """
+  const parameter = WebGL2RenderingContext.prototype.getParameter;
+  WebGL2RenderingContext.prototype.getParameter = function (name) {
+    return name === this.MAX_TEXTURE_SIZE ? 256 : parameter.call(this, name);
+  };
+"""
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -82,6 +89,7 @@ def _open_page(
         java_script_enabled=javascript,
         device_scale_factor=SCALE,
     )
+    page.add_init_script(SMALL_TEXTURES)
     opened = OpenPage(page)
 
     def answer(route) -> None:
