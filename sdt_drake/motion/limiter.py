@@ -193,7 +193,14 @@ class _LostMotionGuard:
         off = np.abs(v - commanded) > SPEED_TOLERANCE
         if off.any():
             k = int(np.argmax(off))
-            self._refuse(k, f"it ends at {v[k]:.4g} rad/s, commanded is {commanded[k]:.4g} rad/s")
+            ends = f"ends at {v[k]:.4g} rad/s, commanded is {commanded[k]:.4g} rad/s"
+            if self._onset[k] < 0:  # its motor gives what is wished
+                most = self._robot.acceleration_limit[k]
+                raise InputError(
+                    f"motion refused: {self._robot.joint(k)} {ends}; its largest acceleration, "
+                    f"{most:.6g} rad/s², does not bring it back in time"
+                )
+            self._refuse(k, f"it {ends}")
 
     def _refuse(self, k: int, outcome: str) -> None:
         raise InputError(

@@ -170,6 +170,14 @@ def test_a_joint_that_is_not_back_on_its_command_at_the_end_is_refused(robot):
         rf"N m; .*ends at {reached:.4g} rad/s, commanded is 1\.6 rad/s",
     ):
         plan_motion(robot, spin_up())
+    # 0.3 rad/s² from 1 to 3 s, where its motor could do more.
+    calm = dataclasses.replace(robot, acceleration_limit=np.array([0.3, 9, 9, 9]))
+    with pytest.raises(
+        InputError,
+        match=r"joint 1 'planetary' ends at 0\.6 rad/s, commanded is 1\.6 rad/s; its largest "
+        r"acceleration, 0\.3 rad/s², does not bring it back in time",
+    ):
+        plan_motion(calm, spin_up())
 
 
 @pytest.mark.parametrize(
