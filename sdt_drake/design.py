@@ -103,7 +103,7 @@ class Design(Shown):
 
     def summary(self) -> Summary:
         columns = {
-            "I_eff [kg m²]": (".5g", self.inertia.maximum),
+            "I_eff max [kg m²]": (".5g", self.inertia.maximum),
             "K_PS [N m s/rad]": (".4g", self.gains.kp),
             "K_IS [N m/rad]": (".4g", self.gains.ki),
             "omega_n [rad/s]": (".4g", self.omega_n),
