@@ -42,6 +42,7 @@ FED = "with the load that the model lacks"
 ALONE = "controller alone, on the recorded motion"
 
 ENOUGH = 0.99  # of a recording is explained: what is left has no cause worth a name
+_INSIDE = 0.95  # of what a motor has: less, and it gives what is asked
 _WINDOW = 0.1  # s; what is twice as fast is noise of encoders, which no model has
 
 Signals = Mapping[str, Array]
@@ -223,14 +224,15 @@ def _alone(design: Design, at: Mapping[str, Array]) -> Signals:
     have it.
 
     What its integrals started with is not known: it is the constant that fits the recording best,
-    where the motors have what is asked.
+    where that does not tell of a motor at its limit.
     """
     widened = design.scenario.plant.kind == "axis"
     run = simulate(design, Loop(design, widened=widened, moved=(at["q"], at["v"])))
-    free = run.tau_cmd == run.tau_limited
-    lacking = np.where(free, at["tau"] - run.tau_cmd, 0.0)
-    asked = run.tau_cmd + lacking.sum(axis=0) / np.maximum(1, free.sum(axis=0))
-    return {"torque": np.where(free, asked, run.tau_limited)}
+    limit = np.maximum(design.robot.motor_torque_limit, np.abs(run.tau_limited))  # widened or not
+    inside = np.abs(at["tau"]) < _INSIDE * limit
+    lacking = np.where(inside, at["tau"] - run.tau_cmd, 0.0)
+    asked = run.tau_cmd + lacking.sum(axis=0) / np.maximum(1, inside.sum(axis=0))
+    return {"torque": np.clip(asked, -limit, limit)}
 
 
 def _smoothed(values: Array, period: float) -> Array:

@@ -153,6 +153,11 @@ def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
     expected = (asked - asked.mean(axis=0))[1:]
     found = result.courses[ALONE]["torque"][1:]
     assert found == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
+    # What the integrals began with, the recording tells, also where it is more than a motor has.
+    recorded.signals["tau"] = recorded.signals["tau"] + 150.0 * ratio
+    result = replayed(made, recorded)
+    assert result.courses[ALONE]["torque"][1:, 1:] == pytest.approx(found[:, 1:] + 150.0)
+    assert np.abs(result.courses[ALONE]["torque"][:, 0]).max() <= made.robot.motor_torque_limit[0]
 
 
 def test_a_motor_that_has_no_more_does_not_make_the_law_another(designed, tmp_path):
