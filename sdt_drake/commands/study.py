@@ -103,9 +103,7 @@ def run_into(folder: Path, study: Study, base: Scenario, options: argparse.Names
     from sdt_drake.studies.execute import run_study
     from sdt_drake.studies.folder import holds_study
     from sdt_drake.studies.job import make_job
-    from sdt_drake.studies.results import require_packages
 
-    require_packages()
     common.check_folder(folder)
     try:
         run_study(

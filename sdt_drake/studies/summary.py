@@ -220,12 +220,14 @@ def explained_share(x: NDArray[Any], y: Array, draw: NDArray[np.int64] | None = 
         At most 1; NaN where y does not vary, or each draw has its own group; but for a full grid,
         for fewer than 10 draws.
     """
-    if not is_text(x):
+    if is_text(x):
+        x = x.astype(str)
+    else:
         finite = np.isfinite(x)
         x, y, draw = x[finite], y[finite], None if draw is None else draw[finite]
     _, first, own = np.unique(np.arange(len(y)) if draw is None else draw, True, True)
     if np.any(x != x[first][own]):
-        _, group, runs = np.unique(x.astype(str) if is_text(x) else x, False, True, True)
+        _, group, runs = np.unique(x, False, True, True)
         if len(first) == 1 and 1 < runs.min() == runs.max() and _varies(y):
             return Share(float(np.var(np.bincount(group, y) / runs) / np.var(y)), 0.0)
         first = own = np.arange(len(y))
@@ -263,7 +265,7 @@ def _varies(y: Array) -> bool:
 
 def _groups(x: NDArray[Any]) -> tuple[NDArray[np.int64], int]:
     """Number of the group of each run, shape (N,), and how many groups there are."""
-    levels, group = np.unique(x.astype(str) if is_text(x) else x, return_inverse=True)
+    levels, group = np.unique(x, return_inverse=True)
     bins = min(_MOST_BINS, round(np.sqrt(len(x))))
     if not is_text(x) and len(levels) > bins:
         edges = np.quantile(x, np.linspace(0, 1, bins + 1)[1:-1])
