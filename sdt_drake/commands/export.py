@@ -45,7 +45,14 @@ def run(options: argparse.Namespace) -> None:
     import numpy as np
 
     from sdt_drake.design import make_design
-    from sdt_drake.drive_files import READ_BACK, export, load_drives, read_back, write_read_back
+    from sdt_drake.drive_files import (
+        READ_BACK,
+        cycles_in_a_period,
+        export,
+        load_drives,
+        read_back,
+        write_read_back,
+    )
     from sdt_drake.scenario import load_scenario
 
     common.check_folder(options.out)
@@ -76,7 +83,8 @@ def run(options: argparse.Namespace) -> None:
     if abs(period / cycle - round(period / cycle)) > 1e-6:
         common.say(
             f"note: the cycle is no whole part of the motion's period, {1e3 * period:g} ms: "
-            "resampled, its speeds linear in between"
+            "resampled, its speeds linear in between; the loop runs every "
+            f"{1e3 * cycle * cycles_in_a_period(design, drives):g} ms, but from trajectory.yaml"
         )
     if not design.takes_feedforward:
         common.say(

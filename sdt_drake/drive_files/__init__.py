@@ -1,7 +1,14 @@
 """Motions as the files that drives (CiA 402), PLCs (IEC 61131-3) and ROS 2 read."""
 
 from sdt_drake.drive_files.drives import Axis, Drives, load_drives
-from sdt_drake.drive_files.export import READ_BACK, Fed, export, read_back, write_read_back
+from sdt_drake.drive_files.export import (
+    READ_BACK,
+    Fed,
+    cycles_in_a_period,
+    export,
+    read_back,
+    write_read_back,
+)
 from sdt_drake.drive_files.formats import write_drive_table
 from sdt_drake.drive_files.set_points import (
     Samples,
@@ -18,6 +25,7 @@ __all__ = [
     "Fed",
     "Samples",
     "SetPoints",
+    "cycles_in_a_period",
     "export",
     "load_drives",
     "read_back",

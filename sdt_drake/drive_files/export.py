@@ -103,6 +103,11 @@ def _commanded(design: Design, period: float, *, still: bool = False) -> Samples
     return samples_of(robot, motion, period, torque if taught else None)
 
 
+def cycles_in_a_period(design: Design, drives: Drives) -> int:
+    """Of the drives, in a period of the loop that is fed from their files."""
+    return max(1, round(design.motion.period / drives.cycle_time))
+
+
 def read_back(design: Design, drives: Drives, folder: Path) -> list[Fed]:
     """Feed the scenario's loop from the motion and from each file that `export` wrote.
 
@@ -113,7 +118,7 @@ def read_back(design: Design, drives: Drives, folder: Path) -> list[Fed]:
         InputError: for a file that cannot be used, or has another number of rows.
     """
     robot, motion = design.nominal, design.motion
-    m = max(1, round(motion.period / drives.cycle_time))
+    m = cycles_in_a_period(design, drives)
     whole, own = _commanded(design, drives.cycle_time), _commanded(design, motion.period)
     exact = _commanded(design, m * drives.cycle_time)
     points = [formats.read_csv(folder / CSV, drives), formats.read_st(folder / ST, drives)]

@@ -360,6 +360,15 @@ def test_export_tells_what_a_loop_makes_of_its_files(tmp_path, capsys, monkeypat
     assert error["cam.csv"] == pytest.approx(error["motion, no torque"], rel=0.2)
 
 
+def test_export_says_at_which_period_its_loop_runs_where_that_is_another(good, given, motion):
+    motion.to_csv("../given/m.csv")
+    axes = ", ".join([AXIS + "00}"] * 4)
+    given("d.yaml", f"cycle_time: 0.0015\naxes: [{axes}]\n")
+    drive = ("--drive", "../given/d.yaml")
+    out = good("export", "../given/m.csv", *drive, "--set", "controller.kind=p_pi").out
+    assert "linear in between; the loop runs every 4.5 ms, but from trajectory.yaml" in out
+
+
 def test_export_of_a_scenario_is_of_its_motion_and_its_loop(good, given, motion):
     motion.to_csv("../given/m.csv")
     pi = given("pi.yaml", command_line.SCENARIO.replace("motion.yaml", "m.csv"))
