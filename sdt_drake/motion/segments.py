@@ -27,6 +27,7 @@ _PEAK_ACCELERATION = {"cosine": np.pi / 2, "linear": 1.0}
 # thirds take equal times.
 _PEAK_SPEED = {"cosine": 2.0, "linear": 1.5}
 _MOST_SWINGS = 100_000  # what memory holds
+_LOOKS = 16  # at a swing, to see what a period loses of it
 _SAME = 1e-6  # of a number that a file gives, as its digits are
 
 
@@ -278,8 +279,8 @@ class Oscillation(Swing):
         return self.amplitude * omega * np.cos(omega * time) * fade_in * fade_out
 
     def corners(self) -> Array:
-        """Times since the start between which the speed goes one way, or fades [s], growing."""
-        turns = np.arange(0, self.end, self.period / 2)
+        """Times since the start, denser than it turns, and where it fades [s], growing."""
+        turns = np.arange(0, self.end, self.period / _LOOKS)
         fading = np.array([self.fade, self.end - self.fade, self.end])
         return np.unique(np.concatenate([turns, np.clip(fading, 0, self.end)]))
 
@@ -337,7 +338,7 @@ class Fourier(Swing):
 
     def corners(self) -> Array:
         """Times since the start, denser than it turns [s], growing."""
-        count = round(self.end / self.period) * 4 * len(self.sine)
+        count = round(self.end / self.period) * _LOOKS * len(self.sine)
         return np.linspace(0.0, self.end, count + 1)
 
     def angle(self) -> float:

@@ -247,13 +247,15 @@ def swing(amplitude, period):
         (knots([0, 0], [1.001, 0], [1.002, 20], [1.003, 0], [10, 0]), 0.02),
         # At every sample the same phase of the swing: what is seen is a steady speed.
         (swing(1e-4, PERIOD), 1e-4 * 2 * np.pi / PERIOD * 8),
+        # Four samples of each swing see a triangle of the same speed.
+        (swing(0.01, 4 * PERIOD), 0.01 * (1 - np.pi / 4)),
         # A millisecond of noise, of which every fifth value is taken.
         (
             Course.linear(1e-3 * np.arange(10001), [0.0, *([1.0, 0, 0, 0, 0] * 1999), *[0.0] * 5]),
             1999 * 0.001,
         ),
     ],
-    ids=["short", "fast swing", "fine samples"],
+    ids=["short", "fast swing", "swing of few samples", "fine samples"],
 )
 def test_what_is_too_short_for_the_period_is_refused_with_the_angle_that_is_lost(
     robot, joint, lost
