@@ -126,7 +126,7 @@ def test_interrupted(dask, desk, undisturbed):
 def test_a_row_that_hangs(connect, tmp_path):
     """The process of a thread stays for the next row."""
     inbox = SimpleQueue()
-    connect(OddJob(str(tmp_path), {0: "hang"}, timeout=2.0)).start(range(40), inbox.put)
+    connect(OddJob(str(tmp_path), {0: "hang"}, timeout=1.0)).start(range(40), inbox.put)
     found = {row.number: row for row in (inbox.get() for _ in range(40))}
     assert sorted(found) == list(range(40)) and found[0].status == "timed_out"
     assert len({process_of(found[number]) for number in range(1, 40)}) <= 3

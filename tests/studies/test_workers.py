@@ -98,14 +98,14 @@ def test_rows_that_end_their_process_or_hang(tmp_path, temporary, capfd):
     acts = {0: "hang", 1: "abort", 2: "kill", 3: "leave", 4: "kill once"}
     resource_tracker.ensure_running()  # of multiprocessing, which keeps a descriptor
     inbox, before = SimpleQueue(), descriptors()
-    workers = Workers(OddJob(str(tmp_path), acts, timeout=3.0), 2)
+    workers = Workers(OddJob(str(tmp_path), acts, timeout=1.5), 2)
     workers.start(range(8), inbox.put)
     rows = {row.number: row for row in (inbox.get() for _ in range(8))}
     workers.close()
 
     status = ["timed_out", "crashed", "crashed", "crashed", *["ok"] * 4]
     assert [rows[number].status for number in range(8)] == status
-    assert rows[0] == Row(0, "timed_out", "not done after 3 s", 3.0, ())
+    assert rows[0] == Row(0, "timed_out", "not done after 1.5 s", 1.5, ())
     assert rows[1].reason.startswith("the process that ran it ended 2 times (")
     assert "abort: matrix is singular" in rows[1].reason or "Aborted" in rows[1].reason
     assert rows[2] == Row(2, "crashed", "the process that ran it ended 2 times", 0.0, ())
