@@ -256,7 +256,7 @@ def _cell(value: float | str) -> str:
 def _summary(table: StudyTable) -> list[doc.Block]:
     failed = failures(table)
     names = ", ".join(f"`{name}`" for name in varied(table))
-    own = names or "inputs, which are all the same"
+    what = f"which differ in {names}" if names else "whose inputs are all the same"
     seconds = float(np.nansum(table.duration))
     tiles = [
         (runs, status.replace("_", " "), _LOOKS.get(status, "bad"))
@@ -264,9 +264,7 @@ def _summary(table: StudyTable) -> list[doc.Block]:
     ]
     blocks: list[doc.Block] = [
         *([doc.Text(f"{_capital(failed)}.", "bad")] if failed else []),
-        doc.Text(
-            f"{len(table)} runs, each with its own {own}; {_time(seconds)} of computation in all."
-        ),
+        doc.Text(f"{len(table)} runs, {what}; {_time(seconds)} of computation in all."),
         doc.Tiles(tiles),
     ]
     if found := [finding(table, family) for family in headlines(table)]:

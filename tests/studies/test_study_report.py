@@ -162,7 +162,7 @@ def test_page_and_figures(document, folder):
     for path in folder.glob("*.svg"):
         assert path.stat().st_size < 3e6
     text = text_of(document)
-    assert "180 runs, each with its own omega_r" in text and "90.0 s of computation" in text
+    assert "180 runs, which differ in omega_r" in text and "90.0 s of computation" in text
     assert "176 ok 4 infeasible" in text
     assert f"sdt-drake study repeat '{folder}' --row N" in text
     for caption in report.CAPTIONS.values():
@@ -212,7 +212,7 @@ def test_a_chapter_has_what_matters_most(copied, undrawn):
     chapter = report.study_chapter(copied)
     assert isinstance(chapter, Section) and chapter.title == "Study many"
     assert [t.title for t in chapter.blocks if isinstance(t, Table)] == ["Runs by status"]
-    assert " runs, each" in chapter.blocks[0].text and (copied / "tornado.svg").exists()
+    assert " runs, which" in chapter.blocks[0].text and (copied / "tornado.svg").exists()
 
 
 def test_in_a_browser(open_page, document, tmp_path):
