@@ -7,7 +7,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from sdt_drake.arrays import Array
 from sdt_drake.dynamics import inverse_dynamics
-from sdt_drake.errors import InputError
+from sdt_drake.errors import MOST_PERIODS, InputError
 from sdt_drake.motion.command import Command
 from sdt_drake.motion.plan import (
     ACCELERATION_TOLERANCE,
@@ -69,7 +69,7 @@ def retime(
     Raises:
         InputError: if the command does not fit the robot or the period; if its path leaves the
             stops or cannot be held against gravity; if it starts or ends in motion too fast for the
-            motors; if it would last 100 times as long as commanded.
+            motors; if it would last 100 times as long as commanded, or a million periods.
     """
     commanded = commanded_motion(robot, command, period)
     check_stops(robot, commanded)
@@ -83,8 +83,9 @@ def retime(
     # it less, by what the pass before was over. If that leaves too little to hold the links, the
     # last timing is slowed down: beyond holding, all it needs gets less then.
     s, slower = path.fastest(limits), 1.0
+    longest = min(_LONGEST * commanded.duration, MOST_PERIODS * period)
     for _ in range(_MOST_PASSES):
-        if s is None or s.end_time() / slower > _LONGEST * commanded.duration:
+        if s is None or s.end_time() / slower > longest:
             break
         motion, path_speed = path.sampled(s, slower)
         excess = _excess(robot, motion, available)
@@ -94,7 +95,7 @@ def retime(
         limits = limits - 1.1 * excess  # a little more: the last bit would take many passes
         within = path.fastest(limits) if slower == 1 else None
         s, slower = (s, _SLOWER * slower**_GROWING) if within is None else (within, 1.0)
-    raise _refusal(robot, command.name, commanded, torque)
+    raise _refusal(robot, command.name, commanded, torque, longest)
 
 
 def _excess(robot: Robot, motion: Motion, limits: Array) -> Array:
@@ -272,8 +273,10 @@ def _check_gravity(robot: Robot, commanded: Motion, available: Array) -> None:
         )
 
 
-def _refusal(robot: Robot, name: str, commanded: Motion, available: Array) -> InputError:
-    """What stands in the way of any timing, as far as it can be told."""
+def _refusal(
+    robot: Robot, name: str, commanded: Motion, available: Array, longest: float
+) -> InputError:
+    """What stands in the way of any timing up to the longest [s], as far as it can be told."""
     starts, ends = torque_of_periods(robot, commanded)
     for v, torque, when in (
         (commanded.v[0], starts[0], "start"),
@@ -288,5 +291,6 @@ def _refusal(robot: Robot, name: str, commanded: Motion, available: Array) -> In
             )
     return InputError(
         f"motion '{name}' refused: no timing of its path was found that keeps the limits and lasts "
-        f"at most {_LONGEST} times as long as commanded, {commanded.duration:g} s"
+        f"at most {longest / commanded.duration:.3g} times as long as commanded, "
+        f"{commanded.duration:g} s"
     )

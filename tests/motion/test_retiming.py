@@ -24,7 +24,7 @@ from test_robot import ARM, chain_sdf
 
 from sdt_drake.dynamics import inverse_dynamics
 from sdt_drake.errors import InputError
-from sdt_drake.motion import Command, Motion, commanded_motion, plan_motion, retime
+from sdt_drake.motion import Command, Motion, commanded_motion, plan_motion, retime, retiming
 
 
 def torque_of(robot, q, v, vd) -> np.ndarray:
@@ -315,6 +315,13 @@ def test_what_would_last_a_hundred_times_as_long_is_refused(robot, course, margi
         InputError, match=r"'alone' refused: no timing .* at most 100 times as long"
     ):
         retime(robot, alone(course), torque_margin=margin)
+
+
+def test_what_would_last_more_periods_than_a_motion_may_have_is_refused(robot, monkeypatch):
+    monkeypatch.setattr(retiming, "MOST_PERIODS", 840)
+    assert retime(robot, SHORT, torque_margin=0.5).motion.duration < 4.2
+    with pytest.raises(InputError, match=r"'short' refused: .* 1\.05 times as long .*, 4 s"):
+        retime(robot, SHORT, torque_margin=0.4)
 
 
 @pytest.mark.parametrize("end", [0.0, 1e-32])  # round-off of a sine
