@@ -62,6 +62,18 @@ def test_plan_of_the_reference_motion(good, given, robot):
     assert columns_of(out)["of limit [%]"] == ["0.0", "–", "0.0", "0.0"]  # joint 2 has none
 
 
+def test_plan_tells_first_that_a_motion_is_beyond_the_envelope(good, given):
+    text = (
+        "plant: {kind: coupled}\ncontroller: {kind: pi, omega_r: 66}\ndrive: {n1: [200, 0.5, 6, 6]"
+    )
+    for no_load, beyond in ((2, True), (20, False)):
+        scenario = given("slow.yaml", f"{text}, n0: [314, {no_load}, 15, 15]}}\n")
+        first, *others = good("plan", "--envelope", scenario).out.splitlines()
+        assert first.endswith("feasible, but not within the torque-speed envelope") == beyond
+        assert any("beyond the torque-speed envelope: " in line for line in others) == beyond
+        assert any(re.match("smallest margin: -.* torque at speed", x) for x in others) == beyond
+
+
 def test_plan_writes_a_motion_that_every_command_takes(good, desk, given):
     first = good("plan", SHORT_MOTION, "--out", "sub/motion.csv")
     motion = Motion.from_csv(desk / "sub" / "motion.csv")

@@ -132,6 +132,7 @@ def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report:
     motion = plan.motion
     is_whole = plan.torque_margin == 1
     share = "" if is_whole else f" with {100 * plan.torque_margin:.4g} % of the motors' torque"
+    share += ", but not within the torque-speed envelope" if _is_beyond_envelope(report) else ""
     say(f"{options.motion}: {_duration(plan)}, {len(motion.time)} samples, feasible{share}")
     _print_ends(options, robot, plan)
     if plan.loss is not None:
@@ -166,6 +167,11 @@ def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report:
     _print_margins(robot, report, is_whole)
 
 
+def _is_beyond_envelope(report: Margins) -> bool:
+    """The planners keep all other limits."""
+    return report.smallest.quantity == "torque at speed" and report.smallest.left < 0
+
+
 def _print_margins(robot: Robot, report: Margins, is_whole: bool) -> None:
     for k in np.flatnonzero(np.isfinite(report.to_stop)).tolist():
         say(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
@@ -175,10 +181,10 @@ def _print_margins(robot: Robot, report: Margins, is_whole: bool) -> None:
         f"{robot.joint(place.joint)} at {place.time:.3f} s"
         + ("" if is_whole else ", held against the whole limit")
     )
-    if place.quantity == "torque at speed" and place.left < 0:
+    if _is_beyond_envelope(report):
         say(
             "beyond the torque-speed envelope: the planners do not know it; take a lower "
-            "--torque-margin"
+            "--torque-margin or a slower motion"
         )
     growth = report.growth / robot.effort_limit
     k = int(growth.argmax())
