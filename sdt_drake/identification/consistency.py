@@ -36,6 +36,7 @@ SPREAD = 0.5
 """How far links are thought to be from those of the file, where nothing was measured [-]."""
 
 _LEAST = 1e-3  # of a motor's scale: rotors have inertia
+_QUICK = 50.0  # rad/s², of a motor that turns nothing but itself; those of small joints are quicker
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,11 +196,11 @@ def effect_of(robot: Robot, link: Link, factor: Array) -> Array:
 
 
 def motor_scale(robot: Robot) -> Array:
-    """How large reflected inertias of motors are: those of the file, or a tenth of what they turn
-    where it gives none [kg m²], shape (n,)."""
-    M = robot.plant.CalcMassMatrix(robot.plant.CreateDefaultContext())
+    """How large reflected inertias of motors are: those of the file, or where it gives none what
+    the largest torque turns at `_QUICK`, as wrists' motors have more than their links [kg m²],
+    shape (n,)."""
     given = robot.reflected_inertia
-    return np.asarray(np.where(given > 0, given, 0.1 * np.diagonal(M)))
+    return np.asarray(np.where(given > 0, given, robot.effort_limit / _QUICK))
 
 
 def _root(pseudo: Array) -> Array:

@@ -35,6 +35,7 @@ HELD_OUT = 1 / 3
 """Of each recording, its end, if none are named to validate."""
 
 _LOWEST, _HIGHEST = 1.0, 20.0  # Hz, of cut-off frequencies
+_MOST, _LITTLE = 0.99, 0.001  # of the power of a torque
 _BELIEF = 1.0  # standard deviation of a parameter over its scale, before anything is measured
 
 Parts = list[tuple[int, float, Stretch]]
@@ -206,7 +207,7 @@ def belief(robot: Robot, unknown: Unknown) -> Prior:
     """Prior of the base parameters: those of the file, good to the scale of what they are made
     of."""
     bodies = Bodies.of(robot)
-    mass = np.maximum(bodies.parameters[:, 0], 1e-3 * bodies.parameters[:, 0].sum())
+    mass = np.maximum(bodies.parameters[:, 0], 0.05 * bodies.parameters[:, 0].sum())
     trace = bodies.parameters[:, [4, 7, 9]].sum(axis=1) / 2
     gyration = np.maximum(trace / mass, 0.05**2)  # m², about the frame
     # Of mass, first moments and inertias.
@@ -221,9 +222,11 @@ def belief(robot: Robot, unknown: Unknown) -> Prior:
 def chosen_cutoff(robot: Robot, unknown: Unknown, parts: Parts, path: Path) -> float:
     """A frequency below which the motion is, with its torques, and not much else [Hz].
 
-    Twice that below which 99.9 % of the power of the torque is that a simple fit predicts, of the
-    joint where this is highest. Friction at reversals reaches as far; above it a recording holds
-    noise and what no rigid links do.
+    Twice that below which 99.9 % of the power is that the torque shares with what a simple fit
+    predicts, of the joint where this is highest. Friction at reversals reaches as far; above it a
+    recording holds noise and what no rigid links do. But no higher than where every prediction has
+    0.1 % of power that is not in the torque: noise of encoders, which accelerations are full of,
+    so that a fit to it finds too little inertia.
     """
     top = min(_HIGHEST, 0.1 / max(stretch.period for *_, stretch in parts))
     eq = equations(robot, unknown, parts, top, lambda fastest: (USUAL,))
@@ -232,9 +235,15 @@ def chosen_cutoff(robot: Robot, unknown: Unknown, parts: Parts, path: Path) -> f
     part = np.bincount(eq.part[eq.fit]).argmax()
     rows = eq.fit & (eq.part == part)
     window = np.hanning(int(rows.sum()))[:, None]
-    few = predicted[rows]
-    power = np.abs(np.fft.rfft(window * (few - few.mean(axis=0)), axis=0)) ** 2
-    below = np.cumsum(power, axis=0) / power.sum(axis=0)
-    step = float(np.median(np.diff(eq.time[rows])))
-    highest = np.fft.rfftfreq(len(few), step)[np.argmax(below > 0.999, axis=0)]
-    return float(np.clip(2 * highest.max(), _LOWEST, top))
+    told, seen = (
+        np.fft.rfft(window * (x[rows] - x[rows].mean(axis=0)), axis=0) for x in (predicted, eq.tau)
+    )
+    shared = (told.conj() * seen).real
+    below = np.cumsum(shared, axis=0) / shared.sum(axis=0)
+    noise = np.where(below > _MOST, np.abs(told) ** 2 - shared, 0.0).cumsum(axis=0)
+    is_clean = noise < _LITTLE * shared.sum(axis=0)
+    is_clean[0] = True
+    frequency = np.fft.rfftfreq(len(window), float(np.median(np.diff(eq.time[rows]))))
+    motion = frequency[np.argmax(below > 1 - _LITTLE, axis=0)].max()
+    clean = frequency[np.logical_and.accumulate(is_clean, axis=0).sum(axis=0) - 1].max()
+    return float(np.clip(min(2 * motion, clean), _LOWEST, top))
