@@ -24,6 +24,8 @@ HIGHEST = 0.35
 """Cut-off over the rate of samples, from which on a filter would do nothing but ring."""
 
 _ORDER = 4
+_AWAY = 0.01  # of a joint's reach: farther off than that, it has left its place
+_REST = 2.0  # s
 _SHORTEST = 1.0  # s, of what is worth filtering
 _WORKING_RATE = 200.0  # Hz, of what is computed from positions; machines of this kind move slower
 _BEYOND = 2.0  # periods of the cut-off, of what a filter makes up beyond the ends
@@ -44,6 +46,11 @@ class Stretch:
     period: float
     q: Array
     tau: Array
+
+    @property
+    def end(self) -> float:
+        """Time of the last sample in the recording [s]."""
+        return self.start + (len(self.q) - 1) * self.period
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +77,8 @@ class Smooth:
 
 
 def stretches(recorded: Recorded) -> tuple[list[Stretch], list[str]]:
-    """The parts of a recording between its gaps in even steps, and what had to be done, in words.
+    """The parts of a recording between its gaps in even steps, from where the robot begins to move
+    to where it has come to rest, and what had to be done, in words.
 
     Raises:
         InputError: if no part is as long as a second.
@@ -95,16 +103,37 @@ def stretches(recorded: Recorded) -> tuple[list[Stretch], list[str]]:
             "torques are those at the ends of periods, not what moved the links within them: "
             "simulated again, it has their means (tau_mean)"
         )
+    first, last = _moving(time, recorded.signals["q"])
+    if last - first < time[-1]:
+        notes.append(
+            f"left out, as no joint moves: all before {first:.4g} s and after {last:.4g} s"
+        )
     parts = []
-    for rows in np.split(np.arange(len(time)), gaps + 1):
-        if time[rows[-1]] - time[rows[0]] >= _SHORTEST and len(rows) > 10 * _ORDER:
+    for every in np.split(np.arange(len(time)), gaps + 1):
+        rows = every[(time[every] >= first) & (time[every] <= last)]
+        if len(rows) and time[rows[-1]] - time[rows[0]] >= _SHORTEST and len(rows) > 10 * _ORDER:
             parts.append(_even(recorded, rows, usual, resample=jitter > 1e-3))
     if not parts:
         raise InputError(
-            f"{recorded.path}: {time[-1]:.3g} s at {1 / usual:.3g} Hz, expected at least "
+            f"{recorded.path}: {last - first:.3g} s at {1 / usual:.3g} Hz, expected at least "
             f"{_SHORTEST:g} s and {10 * _ORDER} samples without a gap"
         )
     return parts, notes
+
+
+def _moving(time: Array, q: Array) -> tuple[float, float]:
+    """When the first joint leaves its place, and when the last one has come to its own [s]; a rest
+    that filters want is left before and after."""
+    reach = np.ptp(q, axis=0)
+    is_away = [
+        np.any(np.abs(q - there) > np.maximum(_AWAY * reach, _AWAY**2 * reach.max()), axis=1)
+        for there in (q[0], q[-1])
+    ]
+    if not is_away[0].any():
+        return 0.0, float(time[-1])
+    begins, ends = np.argmax(is_away[0]), len(time) - 1 - np.argmax(is_away[1][::-1])
+    first, last = time[begins] - _REST, time[ends] + _REST
+    return max(float(first), 0.0), min(float(last), float(time[-1]))
 
 
 def _even(recorded: Recorded, rows: Index, period: float, *, resample: bool) -> Stretch:

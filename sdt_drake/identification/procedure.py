@@ -156,7 +156,8 @@ def _parts(
         notes += [f"{recorded.path.name}: {line}" for line in said]
         held_from = -np.inf if number >= len(recordings) else np.inf
         if not validate:
-            held_from = (1 - held_out) * recorded.time[-1]
+            start, end = found[0].start, found[-1].end
+            held_from = end - held_out * (end - start)
         parts += [(number, held_from, stretch) for stretch in found]
     return parts, notes
 

@@ -387,3 +387,25 @@ def test_rotors_and_a_tool_that_the_file_does_not_have(arm, encoder):
     assert told.sum() == 4
     assert found.estimate.beta[told] == pytest.approx(truth[told], rel=0.05)
     assert found.consistent.motors[1] == pytest.approx(0.1, rel=0.1)
+
+
+def test_standstill_at_both_ends_is_left_out(arm):
+    nominal, true = arm
+    recorded = arm_recorded(true, 1e-5)
+    stood = 3000
+    q = (
+        recorded.signals["q"]
+        * np.clip(np.minimum(recorded.time, 29.99 - recorded.time), 0, 1)[:, None]
+    )
+    q = zero_phase_low_pass(np.pad(q, ((stood, stood), (0, 0)), "edge"), 3.0, 0.01)
+    v = np.gradient(q, 0.01, axis=0)
+    tau = inverse_dynamics(true, q, v, np.gradient(v, 0.01, axis=0)) + 0.5 * np.tanh(v / 0.01)
+    noise = np.random.default_rng(0).normal(size=(2, *q.shape))
+    time = np.arange(len(q)) / 100
+    signals = {"q": q + 1e-5 * noise[0], "tau": tau + 0.01 * noise[1]}
+    found = identify(nominal, [Recorded(Path("stood.csv"), time, signals)])
+    assert "left out, as no joint moves: all before 28" in " / ".join(found.notes)
+    held_out = found.equations.time[~found.equations.fit]
+    assert 48 < held_out[0] < 51  # two thirds of the motion are fitted, not of the file
+    assert np.all(found.left(found.predicted, held_out=True) < 0.05)
+    assert not any("no joint moves" in line for line in stretches(recorded)[1])
