@@ -6,7 +6,7 @@ import csv
 import itertools
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -246,6 +246,7 @@ def read_numbers(
     header: bool = True,
     skip: int = 0,
     least: int = 2,
+    texts: bool = False,
 ) -> Numbers:
     """Read a rectangular table of numbers.
 
@@ -255,6 +256,8 @@ def read_numbers(
         header: whether names of the columns come first, perhaps behind a #.
         skip: how many lines before that say something else; blank ones do not count.
         least: how many rows there must be.
+        texts: whether columns may hold texts, such as modes and frames: those that begin with one
+            are NaN throughout.
 
     Raises:
         InputError: naming the file, and the line where there is one: no such file, not UTF-8, no
@@ -270,14 +273,20 @@ def read_numbers(
     if len(names) == 1:
         _check_delimiter(path, first, delimiter)
     rows = (line for _, line in itertools.chain(start[header:], lines))
+    cells = start[header][1].split(delimiter) if texts else []
+    skipped: dict[int | str, Callable[[str], float]] = {
+        k: _no_number for k, cell in enumerate(cells) if _is_text(cell)
+    }
     try:
-        data = np.loadtxt(rows, delimiter=delimiter, ndmin=2, comments=None, quotechar='"')
+        data = np.loadtxt(
+            rows, delimiter=delimiter, ndmin=2, comments=None, quotechar='"', converters=skipped
+        )
         if data.shape[1] != len(names):
             raise ValueError
     except InputError:
         raise
     except ValueError:
-        raise _bad_line(path, len(names), delimiter, skip + header) from None
+        raise _bad_line(path, len(names), delimiter, skip + header, skipped) from None
     if not header:
         names = [str(k + 1) for k in range(data.shape[1])]
     return Numbers(path, names, data, skip + header)
@@ -329,7 +338,26 @@ def _check_delimiter(path: Path, line: str, delimiter: str | None) -> None:
             )
 
 
-def _bad_line(path: Path, width: int, delimiter: str | None, skip: int) -> InputError:
+def _is_number(cell: str) -> bool:
+    try:
+        float(_unquoted(cell).replace("_", "?"))  # Python would take 5_0 for a number
+    except ValueError:
+        return False
+    return True
+
+
+def _is_text(cell: str) -> bool:
+    """Whether a cell was never meant as a number, as 1,5 is."""
+    return not _is_number(cell) and any(map(str.isalpha, cell))
+
+
+def _no_number(_: str) -> float:
+    return np.nan
+
+
+def _bad_line(
+    path: Path, width: int, delimiter: str | None, skip: int, skipped: Container[int | str]
+) -> InputError:
     """What is wrong with a file that does not read as a rectangular table of numbers."""
     for number, line in itertools.islice(_lines(path), skip, None):
         fields = line.strip().split(delimiter)
@@ -337,11 +365,11 @@ def _bad_line(path: Path, width: int, delimiter: str | None, skip: int) -> Input
             return InputError(
                 f"{path}, line {number}: {len(fields)} value(s), expected {width} as in the first"
             )
-        for cell in fields:
-            try:
-                float(_unquoted(cell).replace("_", "?"))  # Python would take 5_0 for a number
-            except ValueError:
-                return InputError(f"{path}, line {number}: '{cell.strip()}' is not a number")
+        for column, cell in enumerate(fields):
+            if column not in skipped and not _is_number(cell):
+                expected = ", expected points in the numbers" * _is_number(cell.replace(",", "."))
+                told = f"'{cell.strip()}' is not a number{expected}"
+                return InputError(f"{path}, line {number}: {told}")
     return InputError(f"{path}: not a table of numbers")
 
 

@@ -170,6 +170,7 @@ def read_recording(
         delimiter=_DELIMITERS[columns.delimiter],
         header=columns.header,
         skip=columns.skip,
+        texts=True,
     )
     own = all(f"{name}_1" in numbers.names for name in _OWN)
     side = side or columns.side or ("motor" if own else "joint")

@@ -125,3 +125,22 @@ def test_ur10(tmp_path):
     assert np.all(left < [8, 7.5, 5.1, 10.7, 10, 16.6]), left
     assert np.all(100 * found.left(found.equations.nominal, held_out=True) > 30)
     assert load_robot(UR10.write(tmp_path)).n == identified_robot(found).n
+
+
+def test_columns_of_texts_are_no_concern_of_others(tmp_path, table, robot):
+    """Loggers add modes and frames; what is no text stays refused, as a comma in a number is."""
+    path = write(tmp_path, table, header=f"{HEADER},mode")
+    first, *lines = path.read_text().splitlines()
+
+    def logged(ends):
+        rows = (f"{line},{end}" for line, end in zip(lines, ends, strict=True))
+        path.write_text("\n".join([first, *rows]) + "\n")
+        return read_recording(path, robot)
+
+    recorded = logged(["INIT", "2", *['"RUN NING"'] * (N - 2)])
+    np.testing.assert_allclose(recorded.signals["tau"], table[:, 5:], rtol=1e-14)
+    with pytest.raises(InputError, match="line 3: 'RUN' is not a number"):
+        logged(["1", *["RUN"] * (N - 1)])
+    path.write_text(path.read_text().replace(".", "x").replace(",", ";").replace("x", ","))
+    with pytest.raises(InputError, match=r"line 2: '.*,.*' is not a number, expected points in"):
+        read_recording(path, robot, Columns(delimiter="semicolon"))
