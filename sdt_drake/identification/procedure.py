@@ -127,7 +127,8 @@ def identify(
     predicted = predicted + found.friction_torque(eq, friction)
     before, after = (np.sqrt(np.diagonal(x)) for x in (np.linalg.inv(prior.precision), S[:r, :r]))
     warnings = [line for x in (*recordings, *validate) for line in suspicious_recording(robot, x)]
-    warnings += suspicious_torques(robot, eq, found.torque(eq))
+    rubs = found.friction_torque(eq, found.friction)
+    warnings += suspicious_torques(robot, eq, found.torque(eq), rubs)
     warnings += inconsistent(eq, found.torque(eq), predicted)
     warnings += weakly_excited(found.condition, before, after, unknown.base.words)
     return Identified(

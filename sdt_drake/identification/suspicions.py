@@ -73,24 +73,30 @@ def _suspicious_speeds(robot: Robot, recorded: Recorded) -> Iterator[str]:
         )
 
 
-def suspicious_torques(robot: Robot, eq: Equations, predicted: Array) -> Iterator[str]:
+def suspicious_torques(
+    robot: Robot, eq: Equations, predicted: Array, friction: Array
+) -> Iterator[str]:
     """What the torques say against the robot's file, and what a fit leaves, in sentences.
 
     Args:
         robot: of the file.
         eq: the equations.
         predicted: torque after the fit [N m], shape (M, n).
+        friction: what of it is friction, shape (M, n).
     """
     still = [k for k in range(robot.n) if eq.moves[:, k].mean() < 0.05]
     for k in still:
         yield f"joint {k + 1} stands still: nothing is said of its friction and its motor"
+    yield from _seen_on_one_side(eq, still)
     slopes, alike = _against_nominal(eq)
+    # A file may be as wrong as that; but no friction gives power.
+    drives = np.sum(friction * eq.v * (eq.moves & eq.fit[:, None]), axis=0) < 0
     for k in range(robot.n):
         ratio, s = float(robot.gear_ratio[k]), float(slopes[k])
-        if alike[k, k] < -0.5:
+        if alike[k, k] < -0.5 and drives[k]:
             yield (
-                f"tau_{k + 1} goes against the torque of the file: sign of tau_{k + 1} or of "
-                f"q_{k + 1} (direction in the mapping file)?"
+                f"tau_{k + 1} goes against the torque of the file, and its friction drives: sign "
+                f"of tau_{k + 1} or of q_{k + 1} (direction in the mapping file)?"
             )
         elif ratio > 3 and alike[k, k] > 0.5 and 1 / 3 < s * ratio < 3:
             yield (
@@ -109,6 +115,19 @@ def suspicious_torques(robot: Robot, eq: Equations, predicted: Array) -> Iterato
                 "order of the joints, base to tip?"
             )
     yield from _left_over(eq, predicted, still)
+
+
+def _seen_on_one_side(eq: Equations, still: Sequence[int]) -> Iterator[str]:
+    """Joints that move where others are fitted or judged by, but not they."""
+    for k in range(eq.n):
+        fitted, judged = (np.any(eq.moves[rows, k]) for rows in (eq.fit, ~eq.fit))
+        if k not in still and not judged:
+            yield f"joint {k + 1} stands still in all that is held out: nothing judges its torque"
+        elif k not in still and not fitted:
+            yield (
+                f"joint {k + 1} stands still but in what is held out: nothing is said of its "
+                "friction and its motor"
+            )
 
 
 def _against_nominal(eq: Equations) -> tuple[Array, Array]:

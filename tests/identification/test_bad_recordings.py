@@ -14,7 +14,7 @@ from sdt_drake.identification.filtering import smooth, stretches
 from sdt_drake.identification.model import plant_friction
 from sdt_drake.identification.procedure import identify
 from sdt_drake.identification.recordings import Recorded
-from sdt_drake.identification.suspicions import suspicious_recording
+from sdt_drake.identification.suspicions import suspicious_recording, suspicious_torques
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def test_what_looks_wrong_is_said(robot, true):
     assert "are its positions in degrees?" in suspicions(robot, changed(recorded, q=np.degrees(q)))
     motors = suspicions(robot, changed(recorded, tau=tau / robot.gear_ratio))
     assert "tau_1 is 0.01" in motors and "is it that of the motor?" in motors
-    assert "tau_3 goes against the torque of the file" in suspicions(
+    assert "tau_3 goes against the torque of the file, and its friction drives" in suspicions(
         robot, changed(recorded, tau=tau * [1, 1, -1, 1])
     )
     swapped = suspicions(robot, changed(recorded, tau=tau[:, [0, 2, 1, 3]]))
@@ -46,6 +46,30 @@ def test_what_looks_wrong_is_said(robot, true):
     still = identify(robot, [changed(recorded, q=q * [1, 1, 0, 1])], cutoff=3.0).warnings
     assert any("joint 3 stands still" in line for line in still)
     assert any("base parameters are hardly excited" in line for line in still)
+
+
+def test_a_wrong_file_is_no_wrong_sign(robot, true):
+    """A tool that the file does not have may turn its torque round, but not that of friction."""
+    found = identify(robot, [recorded_of(true, seconds=8.0)], cutoff=3.0)
+    eq, friction = found.equations, found.estimate.friction_torque(found.equations, found.friction)
+    turned = replace(eq, nominal=-eq.nominal)
+    for sign, is_said in ((1, False), (-1, True)):
+        said = suspicious_torques(robot, turned, found.predicted, sign * friction)
+        assert any("goes against" in line for line in said) == is_said
+
+
+def test_joints_that_rest_where_they_are_judged_are_told(robot, true):
+    recorded = recorded_of(true)
+    q, third = np.array(recorded.signals["q"]), len(recorded.time) // 3
+    q[-third - 200 :, 2] = q[-third - 200, 2]
+    said = suspicions(robot, changed(recorded, q=q))
+    assert "joint 3 stands still in all that is held out: nothing judges its torque" in said
+    assert said.count("stands still") == 1
+    flipped = changed(recorded, q=q[::-1].copy())
+    judged = identify(robot, [flipped], held_out=1 / 4, cutoff=3.0)
+    assert not any("stands still" in line for line in judged.warnings)
+    first = identify(robot, [flipped], held_out=0.7, cutoff=3.0).warnings
+    assert any("joint 3 stands still but in what is held out" in line for line in first)
 
 
 def test_a_joint_without_stops_may_turn_on_and_on(robot, true):
