@@ -18,6 +18,7 @@ _NEAR_LIMIT, _OFTEN = 0.98, 0.01  # of the largest torque, and the share of time
 _UNEXPLAINED = 0.3  # of the torque: whatever moved, it was not this robot
 _AT_REVERSALS = 3.0  # times what is left elsewhere
 _AFTER = 0.15  # s, of a reversal
+_FELT = 0.1  # of a torque, that is friction
 _SURE = 0.5  # of what was believed before: less is no news
 _WEAK = 300.0  # condition number
 
@@ -89,14 +90,14 @@ def suspicious_torques(
         yield f"joint {k + 1} stands still: nothing is said of its friction and its motor"
     yield from _seen_on_one_side(eq, still)
     slopes, alike = _against_nominal(eq)
-    # A file may be as wrong as that; but no friction gives power.
-    drives = np.sum(friction * eq.v * (eq.moves & eq.fit[:, None]), axis=0) < 0
+    drives = _driving(eq, friction)
     for k in range(robot.n):
         ratio, s = float(robot.gear_ratio[k]), float(slopes[k])
-        if alike[k, k] < -0.5 and drives[k]:
+        if drives[k] < -_FELT or (alike[k, k] < -0.5 and drives[k] < 0):
+            against = "goes against the torque of the file, and " * bool(alike[k, k] < -0.5)
             yield (
-                f"tau_{k + 1} goes against the torque of the file, and its friction drives: sign "
-                f"of tau_{k + 1} or of q_{k + 1} (direction in the mapping file)?"
+                f"tau_{k + 1} {against}drives as no friction does: sign of tau_{k + 1} or of "
+                f"q_{k + 1} (direction in the mapping file)?"
             )
         elif ratio > 3 and alike[k, k] > 0.5 and 1 / 3 < s * ratio < 3:
             yield (
@@ -128,6 +129,14 @@ def _seen_on_one_side(eq: Equations, still: Sequence[int]) -> Iterator[str]:
                 f"joint {k + 1} stands still but in what is held out: nothing is said of its "
                 "friction and its motor"
             )
+
+
+def _driving(eq: Equations, friction: Array) -> Array:
+    """How much of each torque is friction that brakes, below 0 that drives, shape (n,): a tool that
+    the file does not have may turn its torque round, but friction has one sign."""
+    rows = eq.moves & eq.fit[:, None]
+    size = np.sqrt(np.sum(rows * eq.v**2, axis=0) * np.sum(rows * eq.tau**2, axis=0))
+    return np.asarray(np.sum(rows * friction * eq.v, axis=0) / np.maximum(size, 1e-300))
 
 
 def _against_nominal(eq: Equations) -> tuple[Array, Array]:

@@ -32,8 +32,9 @@ def test_what_looks_wrong_is_said(robot, true):
     assert "are its positions in degrees?" in suspicions(robot, changed(recorded, q=np.degrees(q)))
     motors = suspicions(robot, changed(recorded, tau=tau / robot.gear_ratio))
     assert "tau_1 is 0.01" in motors and "is it that of the motor?" in motors
-    assert "tau_3 goes against the torque of the file, and its friction drives" in suspicions(
-        robot, changed(recorded, tau=tau * [1, 1, -1, 1])
+    assert (
+        "tau_3 goes against the torque of the file, and drives as no friction does"
+        in suspicions(robot, changed(recorded, tau=tau * [1, 1, -1, 1]))
     )
     swapped = suspicions(robot, changed(recorded, tau=tau[:, [0, 2, 1, 3]]))
     assert "tau_2 looks like the torque of joint 3" in swapped
@@ -53,9 +54,9 @@ def test_a_wrong_file_is_no_wrong_sign(robot, true):
     found = identify(robot, [recorded_of(true, seconds=8.0)], cutoff=3.0)
     eq, friction = found.equations, found.estimate.friction_torque(found.equations, found.friction)
     turned = replace(eq, nominal=-eq.nominal)
-    for sign, is_said in ((1, False), (-1, True)):
-        said = suspicious_torques(robot, turned, found.predicted, sign * friction)
-        assert any("goes against" in line for line in said) == is_said
+    for nominal, sign, is_said in ((turned, 1, False), (turned, -1, True), (eq, -9, True)):
+        said = suspicious_torques(robot, nominal, found.predicted, sign * friction)
+        assert any("drives as no friction does" in line for line in said) == is_said
 
 
 def test_joints_that_rest_where_they_are_judged_are_told(robot, true):
