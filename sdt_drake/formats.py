@@ -1,7 +1,8 @@
-"""Tables in binary files: .mat of MATLAB and Octave, and Parquet."""
+"""Tables in binary files, .mat of MATLAB and Octave and Parquet, and values in JSON."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -94,3 +95,14 @@ def _read_parquet(path: Path) -> dict[str, Array]:
     table = pyarrow.parquet.read_table(path)
     columns = {name: table[name].to_numpy() for name in table.column_names}
     return {name: v.astype(float) for name, v in columns.items() if v.dtype.kind in "iuf"}
+
+
+def in_json(value: object) -> object:
+    """A value as JSON has it: lists for arrays, null for what is not finite."""
+    if isinstance(value, Mapping):
+        return {key: in_json(inner) for key, inner in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return in_json(value.tolist())
+    if isinstance(value, list | tuple):
+        return [in_json(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import itertools
 import json
-import math
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from sdt_drake.arrays import Array
 from sdt_drake.errors import InputError, checked_input, checked_suffix, needing, replacing
-from sdt_drake.formats import BINARY, check_binary, flat, read_binary, write_binary
+from sdt_drake.formats import BINARY, check_binary, flat, in_json, read_binary, write_binary
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -123,17 +122,6 @@ those along a motion."""
 
 RESULT_TABLES = (".csv", ".json")
 """Kinds of files that `Results` are written as."""
-
-
-def in_json(value: object) -> object:
-    """A value as JSON has it: lists for arrays, null for what is not finite."""
-    if isinstance(value, Mapping):
-        return {key: in_json(inner) for key, inner in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return in_json(value.tolist())
-    if isinstance(value, list | tuple):
-        return [in_json(inner) for inner in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str, Array]]:
@@ -275,7 +263,7 @@ def read_numbers(
     rows = (line for _, line in itertools.chain(start[header:], lines))
     cells = start[header][1].split(delimiter) if texts else []
     skipped: dict[int | str, Callable[[str], float]] = {
-        k: _no_number for k, cell in enumerate(cells) if _is_text(cell)
+        k: lambda _: np.nan for k, cell in enumerate(cells) if _is_text(cell)
     }
     try:
         data = np.loadtxt(
@@ -349,10 +337,6 @@ def _is_number(cell: str) -> bool:
 def _is_text(cell: str) -> bool:
     """Whether a cell was never meant as a number, as 1,5 is."""
     return not _is_number(cell) and any(map(str.isalpha, cell))
-
-
-def _no_number(_: str) -> float:
-    return np.nan
 
 
 def _bad_line(

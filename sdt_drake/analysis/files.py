@@ -20,8 +20,9 @@ from sdt_drake.analysis.reproduction import Reproduction, Stopwatch, table1_rows
 from sdt_drake.analysis.style import save_both
 from sdt_drake.dynamics import effective_inertia
 from sdt_drake.errors import write_text
+from sdt_drake.formats import in_json
 from sdt_drake.pilot import CHANNELS, FeltDifference, felt_difference
-from sdt_drake.tables import in_json, write_table
+from sdt_drake.tables import write_table
 from sdt_drake.versions import versions
 from sdt_drake.viewer import record_html
 

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from sdt_drake.commands import common
 from sdt_drake.errors import InputError, checked_output
 from sdt_drake.shown import numbered
+
+if TYPE_CHECKING:
+    from sdt_drake.design import Design
+    from sdt_drake.drive_files.export import Fed
 
 EXAMPLE = "sdt-drake export graveyard_spin --drive drives --out exported"
 
@@ -42,8 +48,6 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    import numpy as np
-
     from sdt_drake.design import make_design
     from sdt_drake.drive_files import (
         READ_BACK,
@@ -93,15 +97,22 @@ def run(options: argparse.Namespace) -> None:
         )
     fed = read_back(design, drives, options.out)
     write_read_back(options.out / READ_BACK, fed)
+    _print_read_back(design, fed, options.cam_points)
+
+
+def _print_read_back(design: Design, fed: Sequence[Fed], cam_points: int) -> None:
+    import numpy as np
+
+    scenario, joints = design.scenario, numbered(design.nominal.joint_names)
     common.say(
         f"read back, and fed to {scenario.controller.label} on the {scenario.plant.kind} plant: "
         "largest error from the planned motion"
     )
     common.print_table(
-        ("from", *(f"{joint} [deg]" for joint in numbered(robot.joint_names))),
+        ("from", *(f"{joint} [deg]" for joint in joints)),
         [(x.source, *(f"{error:.2g}" for error in np.degrees(x.position_error))) for x in fed],
     )
     common.say(
-        f"cam.csv: up to {options.cam_points} points, cubics between them are at most "
+        f"cam.csv: up to {cam_points} points, cubics between them are at most "
         f"{np.degrees(fed[-1].position_off.max()):.2g} deg from the motion; it has no torques"
     )

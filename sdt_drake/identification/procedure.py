@@ -117,8 +117,7 @@ def identify(
     eq = equations(robot, unknown, parts, cutoff)
     _check_rows(eq, cutoff, path)
     found = estimate(eq, prior)
-    r = len(found.beta)
-    S = found.covariance
+    r, S = len(found.beta), found.covariance
     consistent = nearest_consistent(robot, unknown, free, found.beta, S[:r, :r])
     change = consistent.beta - found.beta
     # What friction has to do with the base parameters, it follows them.
