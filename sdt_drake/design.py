@@ -12,8 +12,6 @@ import numpy as np
 import sdt_drake
 from sdt_drake.arrays import Array
 from sdt_drake.control import SpeedGains, natural_frequency
-from sdt_drake.controllers import CONTROLLERS
-from sdt_drake.controllers.pi import Pi
 from sdt_drake.deviation import deviated
 from sdt_drake.device import (
     Drive,
@@ -133,11 +131,6 @@ class Design(Shown):
         """The robot whose load torque is that of the loop: on the axis plant what moves, as it
         loads the motors there; on the coupled plant, which has its own, the nominal robot."""
         return self.robot if self.scenario.plant.kind == "axis" else self.nominal
-
-    @property
-    def takes_feedforward(self) -> bool:
-        """Whether the controller has a place for a torque feedforward, as PI loops have."""
-        return issubclass(CONTROLLERS[self.scenario.controller.kind], Pi)
 
     @property
     def feeds_load_torque(self) -> bool:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Optional
 
 from sdt_drake.control import FEEDFORWARDS, STRUCTURES
-from sdt_drake.controllers import CONTROLLERS, Controller, load_controllers
+from sdt_drake.controllers import CONTROLLERS, Controller, Pi, load_controllers
 from sdt_drake.deviation import Deviation
 from sdt_drake.device import Drive, Elasticity, Friction
 from sdt_drake.dynamics import SIGNS
@@ -128,6 +128,11 @@ class ControllerChoice:
     def feedforward_in_use(self) -> str:
         """The feedforward, one of FEEDFORWARDS: the chosen one, or that of the kind."""
         return self.feedforward or CONTROLLERS[self.kind].feedforward
+
+    @property
+    def takes_feedforward(self) -> bool:
+        """Whether it has a place for any torque feedforward, as PI loops have."""
+        return issubclass(CONTROLLERS[self.kind], Pi)
 
     @property
     def structure_in_use(self) -> str:

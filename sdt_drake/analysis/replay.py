@@ -138,7 +138,7 @@ def replay(scenario: Scenario, recorded: Recorded, robot: Robot) -> Replay:
     scenario = replace(scenario, learned="")  # what was recorded is all that was asked for
     plain = make_design(scenario, robot=robot, motion=motion)
     at = _samples(recorded, plain)
-    cases = _cases(plain, at.get("tau_ff") if plain.takes_feedforward else None)
+    cases = _cases(plain, at.get("tau_ff") if plain.scenario.controller.takes_feedforward else None)
     design, of_links = cases[AS_IT_IS], recorded.of_links
     with part(), threads(2) as pool:
         run = as_part(_course, 1 / len(cases))

@@ -81,7 +81,7 @@ def replay_findings(replay: Replay) -> list[str]:
             else "."
         )
     )
-    if "tau_ff" in replay.recorded.signals and not design.takes_feedforward:
+    if "tau_ff" in replay.recorded.signals and not design.scenario.controller.takes_feedforward:
         said.append("This controller has no place for the recorded torque feedforward: left out.")
     if not {"q", "q_ref"} & set(replay.recorded.signals):
         said.append("No positions were recorded: all joints are taken to start at the angle 0.")

@@ -90,7 +90,7 @@ def run(options: argparse.Namespace) -> None:
             "resampled, its speeds linear in between; the loop runs every "
             f"{1e3 * cycle * cycles_in_a_period(design, drives):g} ms, but from trajectory.yaml"
         )
-    if not design.takes_feedforward:
+    if not design.scenario.controller.takes_feedforward:
         common.say(
             f"note: {scenario.controller.label} has no place for a torque feedforward: read back, "
             "it is fed without the torques of the files"

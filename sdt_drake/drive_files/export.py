@@ -165,7 +165,7 @@ def _fed_with(design: Design, samples: Samples) -> Design:
     vd = np.vstack([np.diff(v, axis=0) / period, np.zeros_like(v[:1])])
     scenario = replace(design.scenario, learned="")
     made = make_design(scenario, robot=design.nominal, motion=Motion(period, samples.q, v, vd))
-    if not np.any(samples.tau) or not design.takes_feedforward:
+    if not np.any(samples.tau) or not design.scenario.controller.takes_feedforward:
         return replace(made, feedforward=None, tau_ff=None, steady_ff=0.0)
     return made.with_feedforward(samples.tau / design.robot.gear_ratio)
 
