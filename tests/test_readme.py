@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -46,11 +47,23 @@ def test_commands_run_in_their_order(short, coarse, tmp_path, monkeypatch, capsy
     coarse(0.5)
     monkeypatch.chdir(tmp_path)
     for line in COMMANDS:
-        if not line.startswith(LONG):
-            assert main(shlex.split(line)) == 0, line
-            assert capsys.readouterr().out
-            for name in re.findall(r"--(?:out|record) (\S+)", line):
-                assert (tmp_path / name).stat().st_size > 200, line
+        if not line.startswith((*LONG, "diagram")):
+            write(line, capsys)
+
+
+@pytest.mark.skipif(shutil.which("dot") is None, reason="needs Graphviz")
+def test_the_block_diagram_is_drawn(short, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (line,) = (line for line in COMMANDS if line.startswith("diagram"))
+    write(line, capsys)
+
+
+def write(line, capsys):
+    """Run a command in the current folder; check that it prints and writes its files."""
+    assert main(shlex.split(line)) == 0, line
+    assert capsys.readouterr().out
+    for name in re.findall(r"--(?:out|record) (\S+)", line):
+        assert Path(name).stat().st_size > 200, line
 
 
 def test_every_command_is_told_as_it_is_typed():
