@@ -38,32 +38,33 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo
 
-from sdt_drake import paper
-from sdt_drake.analysis import plots, plots_pilot
-from sdt_drake.analysis.block_diagrams import DIAGRAMS, write_block_diagram
+from sdt_drake.analysis import paper
 from sdt_drake.analysis.comparison import compare
-from sdt_drake.analysis.panels import over_time, picture
 from sdt_drake.analysis.reproduction import step_response
 from sdt_drake.analysis.stability import IDEAL, stability_sweep
-from sdt_drake.analysis.style import PALETTE, Look, save
 from sdt_drake.analysis.tracking import track_head
-from sdt_drake.design import Design, make_design
-from sdt_drake.deviation import Deviation
-from sdt_drake.device import ENCODERS
-from sdt_drake.dynamics import inverse_dynamics
-from sdt_drake.identification.model import identified_robot
-from sdt_drake.identification.procedure import identify
-from sdt_drake.identification.recordings import Recorded
+from sdt_drake.io.resources import models_dir
+from sdt_drake.machine.identify.model import identified_robot
+from sdt_drake.machine.identify.procedure import identify
+from sdt_drake.machine.recordings import Recorded
 from sdt_drake.motion import Story, load_plan, shipped_motions, story_of
-from sdt_drake.resources import models_dir
-from sdt_drake.scenario import load_scenario
-from sdt_drake.simulate import Recording, simulate
-from sdt_drake.studies.plots import distributions
-from sdt_drake.studies.plots_front import sizing_front
+from sdt_drake.robot.deviation import Deviation
+from sdt_drake.robot.device import ENCODERS
+from sdt_drake.robot.dynamics import inverse_dynamics
+from sdt_drake.run.design import Design, make_design
+from sdt_drake.run.scenario import load_scenario
+from sdt_drake.run.simulate import Recording, simulate
+from sdt_drake.show.figures import pilot as plots_pilot
+from sdt_drake.show.figures import runs as plots
+from sdt_drake.show.figures.fronts import sizing_front
+from sdt_drake.show.figures.studies import distributions
+from sdt_drake.show.panels import over_time, picture
+from sdt_drake.show.paper_diagrams import DIAGRAMS, write_block_diagram
+from sdt_drake.show.style import PALETTE, Look, save
+from sdt_drake.show.view3d.viewer import record_html
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.sizing import load_sizing
 from sdt_drake.studies.verdicts import judge_candidates
-from sdt_drake.viewer import record_html
 
 HERE = Path(__file__).resolve().parent
 CONTROLLERS = ("pi", "pi_ctc", "pi_id", "p_pi", "p_pi+id", "pi_scheduled", "inverse_dynamics")

@@ -19,45 +19,46 @@ import types
 
 TYPE_CHECKING = False  # as `typing` has it, whose import would take half of ours
 if TYPE_CHECKING:
-    from sdt_drake.analysis import plots, plots_motion
     from sdt_drake.analysis.comparison import compare
     from sdt_drake.analysis.linear import linear
     from sdt_drake.analysis.tracking import track
-    from sdt_drake.controllers import Controller, register_controller
-    from sdt_drake.design import make_design as design
-    from sdt_drake.errors import InputError
-    from sdt_drake.loops import make_loop as loop
+    from sdt_drake.io.errors import InputError
     from sdt_drake.motion import Motion
     from sdt_drake.motion import load_plan as plan
-    from sdt_drake.robot import load_robot
-    from sdt_drake.scenario import Scenario
-    from sdt_drake.scenario import load_scenario as load
-    from sdt_drake.scenario import save_scenario as save
-    from sdt_drake.simulate import Recording, simulate
-    from sdt_drake.viewer import view
+    from sdt_drake.robot.robot import load_robot
+    from sdt_drake.run.controllers import Controller, register_controller
+    from sdt_drake.run.design import make_design as design
+    from sdt_drake.run.loop import make_loop as loop
+    from sdt_drake.run.scenario import Scenario
+    from sdt_drake.run.scenario import load_scenario as load
+    from sdt_drake.run.scenario import save_scenario as save
+    from sdt_drake.run.simulate import Recording, simulate
+    from sdt_drake.show.figures import motions as plots_motion
+    from sdt_drake.show.figures import runs as plots
+    from sdt_drake.show.view3d.viewer import view
 
 __version__ = "0.3.0"
 
 _PLACES = {
-    "load": "scenario:load_scenario",
-    "save": "scenario:save_scenario",
-    "load_robot": "robot:load_robot",
+    "load": "run.scenario:load_scenario",
+    "save": "run.scenario:save_scenario",
+    "load_robot": "robot.robot:load_robot",
     "plan": "motion:load_plan",
-    "design": "design:make_design",
-    "loop": "loops:make_loop",
-    "simulate": "simulate:simulate",
+    "design": "run.design:make_design",
+    "loop": "run.loop:make_loop",
+    "simulate": "run.simulate:simulate",
     "track": "analysis.tracking:track",
     "compare": "analysis.comparison:compare",
     "linear": "analysis.linear:linear",
-    "view": "viewer:view",
-    "plots": "analysis.plots:",
-    "plots_motion": "analysis.plots_motion:",
-    "Scenario": "scenario:Scenario",
+    "view": "show.view3d.viewer:view",
+    "plots": "show.figures.runs:",
+    "plots_motion": "show.figures.motions:",
+    "Scenario": "run.scenario:Scenario",
     "Motion": "motion:Motion",
-    "Recording": "simulate:Recording",
-    "Controller": "controllers:Controller",
-    "register_controller": "controllers:register_controller",
-    "InputError": "errors:InputError",
+    "Recording": "run.simulate:Recording",
+    "Controller": "run.controllers:Controller",
+    "register_controller": "run.controllers:register_controller",
+    "InputError": "io.errors:InputError",
 }
 __all__ = [
     "Controller", "InputError", "Motion", "Recording", "Scenario", "compare", "design", "linear",
@@ -79,7 +80,7 @@ def __dir__() -> list[str]:
 
 
 class _Package(types.ModuleType):
-    """`sdt_drake.simulate` is the function, whoever imports the module of that name."""
+    """`sdt_drake.run.simulate` is the function, whoever imports the module of that name."""
 
     def __setattr__(self, name: str, value: object) -> None:
         if name not in _PLACES or not isinstance(value, types.ModuleType):

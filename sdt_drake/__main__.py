@@ -72,7 +72,7 @@ class _Stop:
             if processes := sys.modules.get("multiprocessing"):
                 for process in processes.active_children():
                     process.kill()
-            if errors := sys.modules.get("sdt_drake.errors"):
+            if errors := sys.modules.get("sdt_drake.io.errors"):
                 errors.remove_temporaries()
             os._exit(128 + number)
 
@@ -99,7 +99,7 @@ def main() -> int:
     own = os.environ.get("PYTHONWARNINGS")
     os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (own, "ignore:resource_tracker")))
     try:
-        from sdt_drake.cli import main as run
+        from sdt_drake.cli.app import main as run
 
         stop.working = True
         code = run()

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from sdt_drake import systems
-from sdt_drake.control import SpeedGains
-from sdt_drake.device import FrictionParameters, Springs
-from sdt_drake.dynamics import Loads
 from sdt_drake.motion import Motion
+from sdt_drake.robot.device import FrictionParameters, Springs
+from sdt_drake.robot.dynamics import Loads
+from sdt_drake.systems.gains import SpeedGains
 
 PERIOD = 0.005  # s
 GEAR = np.array([67.2, 1.0, 3.5])

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import pytest
 
 from sdt_drake.analysis import stability
-from sdt_drake.cli import main
-from sdt_drake.resources import models_dir
+from sdt_drake.cli.app import main
+from sdt_drake.io.resources import models_dir
 
 MODELS = models_dir()
 SDF = (MODELS / "sdt.sdf").read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from sdt_drake.analysis.style import CONTENT
+from sdt_drake.show.style import CONTENT
 
 
 def content_of(png: Path) -> dict:

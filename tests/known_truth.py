@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.deviation import Deviation, deviated
-from sdt_drake.dynamics import inverse_dynamics
-from sdt_drake.identification.recordings import Recorded
+from sdt_drake.machine.recordings import Recorded
+from sdt_drake.robot.deviation import Deviation, deviated
+from sdt_drake.robot.dynamics import inverse_dynamics
 
 COULOMB_TRUE = np.array([300.0, 60.0, 50.0, 30.0])
 VISCOUS_TRUE = np.array([400.0, 16.0, 30.0, 12.0])

@@ -2,7 +2,7 @@
 
 from pydrake.systems.framework import LeafSystem
 
-from sdt_drake.controllers import Controller, register_controller
+from sdt_drake.run.controllers import Controller, register_controller
 
 
 class Proportional(LeafSystem, Controller):

@@ -17,15 +17,16 @@ from pydrake.geometry import Meshcat
 
 matplotlib.use("Agg")
 
-from sdt_drake import controllers, shown
-from sdt_drake.analysis import style
 from sdt_drake.analysis.reproduction import Reproduction, Stopwatch, reproduce
-from sdt_drake.cli import main
-from sdt_drake.design import Design, make_design
+from sdt_drake.cli.app import main
+from sdt_drake.io import shown
 from sdt_drake.motion import Motion
-from sdt_drake.robot import Robot, load_robot
-from sdt_drake.scenario import load_scenario, with_fields
-from sdt_drake.viewer import open_meshcat
+from sdt_drake.robot.robot import Robot, load_robot
+from sdt_drake.run import controllers
+from sdt_drake.run.design import Design, make_design
+from sdt_drake.run.scenario import load_scenario, with_fields
+from sdt_drake.show import style
+from sdt_drake.show.view3d.viewer import open_meshcat
 
 gc.disable()  # until all tests are collected
 style._STYLE["savefig.dpi"] = 65  # half of what users get: nobody looks at these

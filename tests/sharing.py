@@ -13,14 +13,14 @@ from importlib import import_module
 import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
 
-from sdt_drake import yaml_files
-from sdt_drake.loops import Loop, blocks_of, make_loop
-from sdt_drake.resources import PACKAGE_PREFIX
-from sdt_drake.scenario import Scenario
+from sdt_drake.io import yaml_files
+from sdt_drake.io.resources import PACKAGE_PREFIX
+from sdt_drake.run.loop import Loop, blocks_of, make_loop
+from sdt_drake.run.scenario import Scenario
 
 LONG = 1000  # samples
 # The names in the package are functions.
-module, designs = import_module("sdt_drake.simulate"), import_module("sdt_drake.design")
+module, designs = import_module("sdt_drake.run.simulate"), import_module("sdt_drake.run.design")
 folder = None  # for the results; without one, every run is a new one
 _simulate, _along, _plan_of = module.simulate, designs._along, designs.plan_of
 _torques = {}  # by fingerprint of robot and motion

@@ -7,12 +7,12 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from sdt_drake.design import make_design
-from sdt_drake.errors import InputError
-from sdt_drake.loops import make_loop
+from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion
-from sdt_drake.scenario import with_fields
-from sdt_drake.simulate import simulate
+from sdt_drake.run.design import make_design
+from sdt_drake.run.loop import make_loop
+from sdt_drake.run.scenario import with_fields
+from sdt_drake.run.simulate import simulate
 
 STILL = Motion.from_speeds(0.005, np.zeros(4), np.zeros((21, 4)))
 
@@ -56,6 +56,6 @@ def test_an_integrator_that_makes_no_headway_says_when(design, monkeypatch):
     """With the least step far above what the loop needs."""
     scenario = dataclasses.replace(design.scenario, accuracy=1e-12)
     own = make_design(scenario, robot=design.robot, motion=design.motion)
-    monkeypatch.setattr(import_module("sdt_drake.simulate"), "_MOST_STEPS", 2)
+    monkeypatch.setattr(import_module("sdt_drake.run.simulate"), "_MOST_STEPS", 2)
     with pytest.raises(InputError, match=r"stuck at \d.* s \("):
         simulate(own)

@@ -16,9 +16,9 @@ from pydrake.systems.primitives import Adder
 import sdt_drake as sdt
 from sdt_drake.analysis.comparison import Compared, Comparison
 from sdt_drake.analysis.linear import LinearModel
-from sdt_drake.controllers import CONTROLLERS
-from sdt_drake.shown import aligned, formatted
-from sdt_drake.simulate import simulate
+from sdt_drake.io.shown import aligned, formatted
+from sdt_drake.run.controllers import CONTROLLERS
+from sdt_drake.run.simulate import simulate
 
 SOURCE = Path(sdt.__file__)
 
@@ -55,11 +55,11 @@ def test_functions_stay_whoever_imports_the_modules_of_their_names():
         "import sys, sdt_drake as sdt\n"
         "assert [m for m in sys.modules if m.startswith('sdt_drake')] == ['sdt_drake']\n"
         "assert not {'numpy', 'pydrake', 'typing', 'pkgutil'} & {*sys.modules} - BEFORE\n"
-        "from sdt_drake.simulate import simulate\n"
-        "import sdt_drake.design\n"
-        "from sdt_drake.design import make_design\n"
+        "from sdt_drake.run.simulate import simulate\n"
+        "import sdt_drake.run.design\n"
+        "from sdt_drake.run.design import make_design\n"
         "assert sdt.simulate is simulate and sdt.design is make_design\n"
-        "assert sys.modules['sdt_drake.simulate'].simulate is simulate\n"
+        "assert sys.modules['sdt_drake.run.simulate'].simulate is simulate\n"
     )
     code = "import sys; BEFORE = {*sys.modules}\n" + code
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -14,8 +14,8 @@ import pytest
 import sharing
 from figures import check_same
 
-from sdt_drake.analysis.block_diagrams import DIAGRAMS
-from sdt_drake.graphviz import fingerprint, has_graphviz
+from sdt_drake.show.graphviz import fingerprint, has_graphviz
+from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.studies.folder import load_runner
 from sdt_drake.studies.results import read_study_table
 

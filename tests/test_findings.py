@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sdt_drake import cli
 from sdt_drake.analysis.comparison import Compared, compare
 from sdt_drake.analysis.tracking import track
-from sdt_drake.design import make_design
-from sdt_drake.learning.filter import design_filter
-from sdt_drake.learning.flights import learn
-from sdt_drake.learning.loops import loops_of
-from sdt_drake.scenario import load_scenario
-from sdt_drake.simulate import simulate
+from sdt_drake.cli import app as cli
+from sdt_drake.machine.learn.filter import design_filter
+from sdt_drake.machine.learn.flights import learn
+from sdt_drake.machine.learn.loops import loops_of
+from sdt_drake.run.design import make_design
+from sdt_drake.run.scenario import load_scenario
+from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.runs import Runner
 from sdt_drake.studies.sizing import load_sizing

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from sdt_drake.analysis.style import Picture
-from sdt_drake.viewer import Animation
+from sdt_drake.show.style import Picture
+from sdt_drake.show.view3d.viewer import Animation
 
 NOTEBOOK = Path(__file__).parents[1] / "diagrams" / "tutorial.ipynb"
 CELLS = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]

@@ -11,11 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from sdt_drake import cli, commands
-from sdt_drake.cli import main
+from sdt_drake import cli as commands
+from sdt_drake.cli import app as cli
+from sdt_drake.cli.app import main
 from sdt_drake.motion import Motion
 
-design = import_module("sdt_drake.design")  # the name in the package is the function
+design = import_module("sdt_drake.run.design")  # the name in the package is the function
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 

@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 from figures import check_same_numbers, content_of
 
-from sdt_drake.analysis import plots_pilot, style
 from sdt_drake.analysis.tracking import HeadTracking
-from sdt_drake.design import make_design
-from sdt_drake.dynamics import torque_groups
-from sdt_drake.errors import InputError
+from sdt_drake.io.errors import InputError
 from sdt_drake.motion import PLANNERS, load_plan, shipped_motions, story_of
-from sdt_drake.pilot import canals, felt_difference, head_motion_of_samples
-from sdt_drake.scenario import load_scenario
-from sdt_drake.simulate import simulate
+from sdt_drake.robot.dynamics import torque_groups
+from sdt_drake.robot.head import canals, felt_difference, head_motion_of_samples
+from sdt_drake.run.design import make_design
+from sdt_drake.run.scenario import load_scenario
+from sdt_drake.run.simulate import simulate
+from sdt_drake.show import style
+from sdt_drake.show.figures import pilot as plots_pilot
 
 FIGURES = Path(__file__).resolve().parents[1] / "diagrams"
 PERIOD = 0.005

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import MISSING, fields, replace
 
-from sdt_drake.simulate import Recording
+from sdt_drake.run.simulate import Recording
 
 
 def kind(label: str, **fields) -> dict:

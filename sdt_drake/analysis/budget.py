@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from sdt_drake.analysis.threads import threads
-from sdt_drake.arrays import Array
-from sdt_drake.design import Design
-from sdt_drake.device import Friction, sliding_friction
-from sdt_drake.errors import InputError
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.progress import as_part, part
 from sdt_drake.motion import Motion
-from sdt_drake.progress import as_part, part
-from sdt_drake.simulate import simulate
+from sdt_drake.robot.device import Friction, sliding_friction
+from sdt_drake.run.design import Design
+from sdt_drake.run.simulate import simulate
 
 PARTS = ("reference lag", "load", "disturbance", "saturation")
 

@@ -10,18 +10,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml  # of Drake itself
 
-from sdt_drake import paper
+from sdt_drake.analysis import paper
 from sdt_drake.analysis.comparison import Compared
-from sdt_drake.analysis.document import Inline, Table
 from sdt_drake.analysis.metrics import plain_number
 from sdt_drake.analysis.reproduction import Reproduction, table1_rows
-from sdt_drake.control import natural_frequency, oscillation_frequency
-from sdt_drake.resources import page_text
+from sdt_drake.show.documents import Inline, Table
+from sdt_drake.systems.gains import natural_frequency, oscillation_frequency
 
 REPRODUCED = "reproduced"
 NOT_REPRODUCED = "not reproduced"
@@ -103,7 +103,7 @@ def judge_claims(results: Reproduction) -> list[Claim]:
 @cache
 def _texts() -> Any:
     """What claims.yaml says of each claim, in the order of the paper."""
-    return yaml.safe_load(page_text("claims.yaml"))
+    return yaml.safe_load(Path(__file__).with_name("claims.yaml").read_text(encoding="utf-8"))
 
 
 def agrees_as_printed(computed: float, printed: str) -> bool:

@@ -23,17 +23,17 @@ from sdt_drake.analysis.tracking import (
     track,
     track_head,
 )
-from sdt_drake.arrays import Array
-from sdt_drake.control import FEEDFORWARDS
-from sdt_drake.controllers import CONTROLLERS, Controller
-from sdt_drake.design import Design
-from sdt_drake.errors import InputError, checked_choice, checked_type, needing, replacing
-from sdt_drake.loops import blocks_of, make_loop
-from sdt_drake.pilot import has_head
-from sdt_drake.progress import as_part, part
-from sdt_drake.scenario import ControllerChoice, Scenario
-from sdt_drake.shown import Shown, Summary
-from sdt_drake.simulate import Recording, simulate
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, checked_choice, checked_type, needing, replacing
+from sdt_drake.io.progress import as_part, part
+from sdt_drake.io.shown import Shown, Summary
+from sdt_drake.robot.head import has_head
+from sdt_drake.run.controllers import CONTROLLERS, Controller
+from sdt_drake.run.design import Design
+from sdt_drake.run.loop import blocks_of, make_loop
+from sdt_drake.run.scenario import ControllerChoice, Scenario
+from sdt_drake.run.simulate import Recording, simulate
+from sdt_drake.systems.gains import FEEDFORWARDS
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,12 +15,13 @@ from pydrake.systems.analysis import DiscreteTimeApproximation
 from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.primitives import AffineSystem, FirstOrderTaylorApproximation, LinearSystem
 
-from sdt_drake.arrays import Array
-from sdt_drake.controllers import CONTROLLERS, Controller
-from sdt_drake.design import Design
-from sdt_drake.errors import InputError, checked_type, needing
-from sdt_drake.loops import blocks_of, make_process
-from sdt_drake.shown import Shown, Summary
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, checked_type, needing
+from sdt_drake.io.shown import Shown, Summary
+from sdt_drake.run.controllers import CONTROLLERS, Controller
+from sdt_drake.run.design import Design
+from sdt_drake.run.device_diagram import make_process
+from sdt_drake.run.loop import blocks_of
 
 if TYPE_CHECKING:
     import control

@@ -7,8 +7,8 @@ import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from sdt_drake.arrays import Array
-from sdt_drake.shown import formatted
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.shown import formatted
 
 
 class Metric(NamedTuple):

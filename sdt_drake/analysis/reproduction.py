@@ -13,11 +13,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sdt_drake import paper
+from sdt_drake.analysis import paper
 from sdt_drake.analysis.comparison import Compared, design_with, run_of
 from sdt_drake.analysis.threads import threads
-from sdt_drake.arrays import Array
-from sdt_drake.control import (
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, checked_number
+from sdt_drake.io.progress import as_part, part
+from sdt_drake.run.design import Design, make_design
+from sdt_drake.run.loop import make_step_loop
+from sdt_drake.run.scenario import load_scenario
+from sdt_drake.run.simulate import make_simulator
+from sdt_drake.systems.gains import (
     StepMetrics,
     damping_ratio,
     natural_frequency,
@@ -25,12 +31,6 @@ from sdt_drake.control import (
     step_metrics,
     tune,
 )
-from sdt_drake.design import Design, make_design
-from sdt_drake.errors import InputError, checked_number
-from sdt_drake.loops import make_step_loop
-from sdt_drake.progress import as_part, part
-from sdt_drake.scenario import load_scenario
-from sdt_drake.simulate import make_simulator
 
 Announce = Callable[[str], None]
 

@@ -22,13 +22,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.linear import StateSpace, close, linear_feedback, linear_process
-from sdt_drake.arrays import Array
-from sdt_drake.control import SpeedGains, natural_frequency
-from sdt_drake.controllers import CONTROLLERS
-from sdt_drake.design import Design
-from sdt_drake.device import Drive, Elasticity
-from sdt_drake.dynamics import where_largest
-from sdt_drake.progress import as_part, part, with_progress
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.progress import as_part, part, with_progress
+from sdt_drake.robot.device import Drive, Elasticity
+from sdt_drake.robot.dynamics import where_largest
+from sdt_drake.run.controllers import CONTROLLERS
+from sdt_drake.run.design import Design
+from sdt_drake.systems.gains import SpeedGains, natural_frequency
 
 SLOWEST = 0.1
 """Least omega_r of a sweep [rad/s]: slower than that is round-off of a sampled loop."""

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.analysis.metrics import columns_of
-from sdt_drake.arrays import Array
-from sdt_drake.errors import InputError, checked_type
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, checked_type
+from sdt_drake.io.shown import Shown, Summary, by_joint, joint_count
 from sdt_drake.motion import Motion
-from sdt_drake.pilot import FeltDifference, HeadMotion, felt_difference, head_motion_of_samples
-from sdt_drake.robot import Robot
-from sdt_drake.shown import Shown, Summary, by_joint, joint_count
-from sdt_drake.simulate import Recording
+from sdt_drake.robot.head import FeltDifference, HeadMotion, felt_difference, head_motion_of_samples
+from sdt_drake.robot.robot import Robot
+from sdt_drake.run.simulate import Recording
 
 SETTLED_AFTER = 1.0
 """How long a joint must have had constant speed before its error counts as steady [s]."""

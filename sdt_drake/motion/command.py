@@ -10,15 +10,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.arrays import Array
-from sdt_drake.errors import InputError
-from sdt_drake.fields import check
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.fields import check
+from sdt_drake.io.resources import find_file
 from sdt_drake.motion.profile import MotionProfile, Resultant, Track, load_profile
 from sdt_drake.motion.segments import Given, Ramp, Segment, Swing, Turn
 from sdt_drake.motion.spin import SpinGeometry, spin_geometry
 from sdt_drake.motion.trajectory import Motion
-from sdt_drake.resources import find_file
-from sdt_drake.robot import Robot
+from sdt_drake.robot.robot import Robot
 
 _SAME_TIME = 1e-9  # s; round-off of sums of durations
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.arrays import Array
-from sdt_drake.errors import InputError, within
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, within
+from sdt_drake.io.tables import read_table, write_table
 from sdt_drake.motion.plan import checked_torque
 from sdt_drake.motion.trajectory import Motion
-from sdt_drake.robot import Robot
-from sdt_drake.tables import read_table, write_table
+from sdt_drake.robot.robot import Robot
 
 _SAME = 1e-4  # rad; angles of the same plan
 # How far a learned angle may be from the planned one, where a file does not tell of which motion it

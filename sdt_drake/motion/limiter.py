@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.arrays import Array
-from sdt_drake.dynamics import inverse_dynamics
-from sdt_drake.errors import InputError
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.progress import part
 from sdt_drake.motion.command import Command
 from sdt_drake.motion.plan import (
     ACCELERATION_TOLERANCE,
@@ -19,8 +19,8 @@ from sdt_drake.motion.plan import (
     commanded_motion,
 )
 from sdt_drake.motion.trajectory import Motion
-from sdt_drake.progress import part
-from sdt_drake.robot import Robot
+from sdt_drake.robot.dynamics import inverse_dynamics
+from sdt_drake.robot.robot import Robot
 
 # What an overpowered joint may slip, while it is off its command, before the motion is lost:
 _SLIP = 0.01  # of the range of its commanded speeds, and

@@ -7,15 +7,15 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from sdt_drake.errors import InputError, checked_choice, checked_type, within
+from sdt_drake.io.errors import InputError, checked_choice, checked_type, within
+from sdt_drake.io.resources import find_file
 from sdt_drake.motion.command import Command, TimedSegment, load_command
 from sdt_drake.motion.limiter import plan_motion
 from sdt_drake.motion.plan import INTERPOLATION_PERIOD, Plan, checked_plan, commanded_motion
 from sdt_drake.motion.profile import load_profile
 from sdt_drake.motion.retiming import retime
 from sdt_drake.motion.trajectory import Motion, import_motion
-from sdt_drake.resources import find_file
-from sdt_drake.robot import Robot, load_robot
+from sdt_drake.robot.robot import Robot, load_robot
 
 
 class Story(NamedTuple):

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sdt_drake
-from sdt_drake.arrays import Array
-from sdt_drake.dynamics import inverse_dynamics
-from sdt_drake.errors import InputError, whole_periods
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, whole_periods
+from sdt_drake.io.shown import Shown, Summary, joint_count, of_joints
 from sdt_drake.motion.command import Command
 from sdt_drake.motion.trajectory import Loss, Motion
-from sdt_drake.robot import Robot
-from sdt_drake.shown import Shown, Summary, joint_count, of_joints
+from sdt_drake.robot.dynamics import inverse_dynamics
+from sdt_drake.robot.robot import Robot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,19 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Optional, Union
 
-from sdt_drake.fields import Problems, setting
-from sdt_drake.motion.segments import (
-    Fourier,
-    Hold,
-    Knots,
-    Oscillation,
-    Ramp,
-    Sampled,
-    Turn,
-    either,
-)
-from sdt_drake.resources import shipped
-from sdt_drake.yaml_files import load_yaml
+from sdt_drake.io.fields import Problems, setting
+from sdt_drake.io.resources import shipped
+from sdt_drake.io.yaml_files import load_yaml
+from sdt_drake.motion.segments import Fourier, Hold, Knots, Oscillation, Ramp, Sampled, Turn, either
 
 
 @dataclass(kw_only=True)

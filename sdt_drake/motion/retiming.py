@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
-from sdt_drake.arrays import Array
-from sdt_drake.dynamics import inverse_dynamics
-from sdt_drake.errors import MOST_PERIODS, InputError
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import MOST_PERIODS, InputError
 from sdt_drake.motion.command import Command
 from sdt_drake.motion.plan import (
     ACCELERATION_TOLERANCE,
@@ -20,7 +19,8 @@ from sdt_drake.motion.plan import (
     commanded_motion,
 )
 from sdt_drake.motion.trajectory import Motion
-from sdt_drake.robot import Robot
+from sdt_drake.robot.dynamics import inverse_dynamics
+from sdt_drake.robot.robot import Robot
 
 _MOST_PASSES = 30
 _SLOWER = 0.97  # first step of slowing a timing down

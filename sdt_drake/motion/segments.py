@@ -14,8 +14,8 @@ from typing import Optional
 
 import numpy as np
 
-from sdt_drake.arrays import Array
-from sdt_drake.fields import Problems, setting
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.fields import Problems, setting
 from sdt_drake.motion.spin import SpinGeometry
 
 SpeedStep = tuple[float, float]  # when, since its segment began [s], and the speed then [rad/s]

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sdt_drake.arrays import Array
-from sdt_drake.errors import InputError
-from sdt_drake.robot import Robot
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError
+from sdt_drake.robot.robot import Robot
 
 _PARALLEL = 1e-6  # rad, m; how far an SDF with rounded angles may be off
 

@@ -12,10 +12,10 @@ import numpy as np
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
 import sdt_drake
-from sdt_drake.arrays import Array
-from sdt_drake.errors import InputError, whole_periods
-from sdt_drake.shown import Shown, Summary, joint_count, of_joints
-from sdt_drake.tables import check_columns, data_frame, read_table, write_table
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, whole_periods
+from sdt_drake.io.shown import Shown, Summary, joint_count, of_joints
+from sdt_drake.io.tables import check_columns, data_frame, read_table, write_table
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from sdt_drake.errors import InputError, needing, one_line
+from sdt_drake.io.errors import InputError, needing, one_line
+from sdt_drake.io.versions import other_versions, versions
 from sdt_drake.studies.journal import Row
 from sdt_drake.studies.workers import Worker
-from sdt_drake.versions import other_versions, versions
 
 if TYPE_CHECKING:
     from distributed import Future

@@ -5,7 +5,7 @@ are all run, each with the same draws of the random ones, and `size`, how many t
 that is too large is refused before they are made.
 """
 
-# Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
+# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ from typing import Optional
 
 import numpy as np
 
-from sdt_drake.arrays import Array
-from sdt_drake.fields import Problems, setting
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.fields import Problems, setting
 from sdt_drake.studies.fields import Value
 
 MOST_RUNS = 10_000_000

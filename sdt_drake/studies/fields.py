@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sdt_drake.errors import InputError
-from sdt_drake.fields import hints_of, is_within, options_of, rule_of, suggestion
-from sdt_drake.scenario import ControllerChoice, Scenario
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.fields import hints_of, is_within, options_of, rule_of, suggestion
+from sdt_drake.run.scenario import ControllerChoice, Scenario
 
 Value = float | str
 

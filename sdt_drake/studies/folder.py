@@ -11,13 +11,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from sdt_drake.errors import InputError
-from sdt_drake.scenario import Scenario, save_scenario
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.versions import other_versions, versions
+from sdt_drake.io.yaml_files import write_yaml
+from sdt_drake.run.scenario import Scenario, save_scenario
 from sdt_drake.studies.job import Job, places_of
 from sdt_drake.studies.runs import Runner, with_files
 from sdt_drake.studies.study import Study, load_study
-from sdt_drake.versions import other_versions, versions
-from sdt_drake.yaml_files import write_yaml
 
 STUDY, BASE, STATE, FILES = "study.yaml", "scenario.yaml", "state.json", "files"
 

@@ -11,17 +11,17 @@ from pathlib import Path
 
 from pydrake.common.yaml import yaml_dump_typed
 
-from sdt_drake.design import load_device, make_design
-from sdt_drake.errors import InputError, replacing
+from sdt_drake.io.errors import InputError, replacing
+from sdt_drake.io.resources import PACKAGE_PREFIX, find_file, named
+from sdt_drake.io.versions import versions
 from sdt_drake.motion import load_commanded
-from sdt_drake.resources import PACKAGE_PREFIX, find_file, named
-from sdt_drake.robot import load_robot
-from sdt_drake.scenario import Scenario
+from sdt_drake.robot.robot import load_robot
+from sdt_drake.run.design import load_device, make_design
+from sdt_drake.run.scenario import Scenario
 from sdt_drake.studies.fields import Field
 from sdt_drake.studies.outcomes import outcome_names
 from sdt_drake.studies.runs import FILE_FIELDS, Runner, with_files
 from sdt_drake.studies.study import Study
-from sdt_drake.versions import versions
 
 
 @dataclass(frozen=True)

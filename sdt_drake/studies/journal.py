@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.errors import InputError
+from sdt_drake.io.errors import InputError
 from sdt_drake.studies.table import STATUSES
 
 JOURNAL = "rows.jsonl"

@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.tracking import motor_use
-from sdt_drake.arrays import Array
-from sdt_drake.design import Design
-from sdt_drake.errors import InputError
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError
 from sdt_drake.motion import margins
-from sdt_drake.motors import Motor, motors_in_use
-from sdt_drake.pilot import has_head
-from sdt_drake.scenario import Scenario
-from sdt_drake.simulate import Recording
+from sdt_drake.robot.head import has_head
+from sdt_drake.robot.motors import Motor, motors_in_use
+from sdt_drake.run.design import Design
+from sdt_drake.run.scenario import Scenario
+from sdt_drake.run.simulate import Recording
 
 TRACKING = (
     "max_abs_speed_error", "rms_speed_error", "constant_speed_error", "saturated_fraction",

@@ -9,16 +9,16 @@ from collections.abc import Mapping
 import numpy as np
 
 from sdt_drake.analysis.tracking import stops_passed
-from sdt_drake.controllers import load_controllers
-from sdt_drake.design import Design, load_device, make_design, plan_of
-from sdt_drake.dynamics import TorqueGroups, torque_groups
-from sdt_drake.errors import InputError
-from sdt_drake.fields import check
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.fields import check
+from sdt_drake.io.resources import PACKAGE_PREFIX, models_dir
 from sdt_drake.motion import Plan, load_commanded
-from sdt_drake.resources import PACKAGE_PREFIX, models_dir
-from sdt_drake.robot import Robot
-from sdt_drake.scenario import Scenario
-from sdt_drake.simulate import Recording, simulate
+from sdt_drake.robot.dynamics import TorqueGroups, torque_groups
+from sdt_drake.robot.robot import Robot
+from sdt_drake.run.controllers import load_controllers
+from sdt_drake.run.design import Design, load_device, make_design, plan_of
+from sdt_drake.run.scenario import Scenario
+from sdt_drake.run.simulate import Recording, simulate
 from sdt_drake.studies.fields import field_names, find_field
 from sdt_drake.studies.journal import Row
 from sdt_drake.studies.outcomes import InfeasibleError, outcomes_of

@@ -1,6 +1,6 @@
 """Sizing: motors, structures, motions and controllers to try, and what they must keep; YAML."""
 
-# Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
+# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.comparison import check_labels
-from sdt_drake.errors import InputError, within
-from sdt_drake.fields import Problems, check, setting
+from sdt_drake.io.errors import InputError, within
+from sdt_drake.io.fields import Problems, check, setting
+from sdt_drake.io.resources import find_file
+from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.motion import PLANNERS
-from sdt_drake.motors import Catalogue, DeviceChoice, load_catalogue
-from sdt_drake.resources import find_file
-from sdt_drake.scenario import Scenario, load_scenario
+from sdt_drake.robot.motors import Catalogue, DeviceChoice, load_catalogue
+from sdt_drake.run.scenario import Scenario, load_scenario
 from sdt_drake.studies.distributions import Choice, List
 from sdt_drake.studies.fields import check_changes
 from sdt_drake.studies.study import Study, Variable
-from sdt_drake.yaml_files import load_yaml
 
 
 @dataclass(slots=True)

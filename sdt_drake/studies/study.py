@@ -1,6 +1,6 @@
 """A study: a base scenario, what varies in it, and how; from YAML."""
 
-# Real annotations, for the check of the fields (sdt_drake.fields): they may not be postponed.
+# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
 import copy
 import math
 import zlib
@@ -13,21 +13,14 @@ from typing import Any, Optional, Union
 import numpy as np
 
 from sdt_drake.analysis.comparison import check_labels, with_controller
-from sdt_drake.arrays import Array
-from sdt_drake.errors import InputError, within
-from sdt_drake.fields import Problems, check, setting
-from sdt_drake.scenario import ControllerChoice, Scenario, load_scenario
-from sdt_drake.studies.distributions import (
-    MOST_RUNS,
-    Choice,
-    Grid,
-    List,
-    Random,
-    text_problems,
-)
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, within
+from sdt_drake.io.fields import Problems, check, setting
+from sdt_drake.io.yaml_files import load_yaml
+from sdt_drake.run.scenario import ControllerChoice, Scenario, load_scenario
+from sdt_drake.studies.distributions import MOST_RUNS, Choice, Grid, List, Random, text_problems
 from sdt_drake.studies.fields import Field, Value, check_changes, find_field
 from sdt_drake.studies.table import is_column
-from sdt_drake.yaml_files import load_yaml
 
 SAMPLINGS = ("random", "latin_hypercube")
 APPLY = ("value", "factor", "offset")

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.arrays import Array
+from sdt_drake.io.arrays import Array
 from sdt_drake.studies.table import ANSWERS, STATUSES, StudyTable, is_text, levels_of
 
 PERCENTS = (5, 25, 50, 75, 95, 99, 100)

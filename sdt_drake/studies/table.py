@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sdt_drake.analysis.metrics import METRICS, family_of
-from sdt_drake.arrays import Array
+from sdt_drake.io.arrays import Array
 
 STATUSES = ("ok", "infeasible", "failed", "timed_out", "crashed")
 

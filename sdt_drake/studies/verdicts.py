@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sdt_drake.analysis.metrics import family_of, metric_of
-from sdt_drake.shown import listed
+from sdt_drake.io.shown import listed
+from sdt_drake.io.tables import Results
 from sdt_drake.studies.sizing import Candidate, Sizing, candidates, short_name
 from sdt_drake.studies.table import ANSWERS, StudyTable, pareto
-from sdt_drake.tables import Results
 
 _DECIMALS = 3  # of a speed error [rad/s]: as far as a study knows it
 _ROUND_OFF = 1e-9  # of an outcome; the planner uses limits to the full

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from pebble import ProcessPool
 
-from sdt_drake.errors import InputError, temporaries
+from sdt_drake.io.errors import InputError, temporaries
 from sdt_drake.studies.journal import Row
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context
 from pydrake.systems.primitives import LinearSystem, Multiplexer
 
-from sdt_drake.errors import checked_positive
+from sdt_drake.io.errors import checked_positive
 from sdt_drake.systems.wiring import Wired
 
 

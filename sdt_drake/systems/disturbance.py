@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pydrake.symbolic as sym
 
-from sdt_drake.errors import checked_count, checked_number
+from sdt_drake.io.errors import checked_count, checked_number
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 
 

@@ -5,8 +5,8 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context
 from pydrake.systems.primitives import LinearSystem, MatrixGain, Multiplexer
 
-from sdt_drake.device import Springs
-from sdt_drake.errors import checked_positive
+from sdt_drake.io.errors import checked_positive
+from sdt_drake.robot.device import Springs
 from sdt_drake.systems.wiring import Wired
 
 

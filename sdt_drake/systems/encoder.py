@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context
 from pydrake.systems.primitives import MatrixGain, Multiplexer, ZeroOrderHold
 
-from sdt_drake.errors import InputError, checked_count, checked_number, checked_positive
+from sdt_drake.io.errors import InputError, checked_count, checked_number, checked_positive
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 from sdt_drake.systems.wiring import Wired
 

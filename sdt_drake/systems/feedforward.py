@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from pydrake.systems.primitives import Adder
 
-from sdt_drake.errors import checked_count
+from sdt_drake.io.errors import checked_count
 from sdt_drake.systems.wiring import Wired
 
 

@@ -4,13 +4,13 @@ import pydrake.symbolic as sym
 from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context
 
-from sdt_drake.device import (
+from sdt_drake.io.errors import checked_positive
+from sdt_drake.robot.device import (
     OVERFLOW_RATE,
     PRESLIDING_DAMPING_TIME,
     FrictionParameters,
     sliding_stretch,
 )
-from sdt_drake.errors import checked_positive
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 
 _UNIT = 100.0  # z / z_c in a unit of the state; when sliding, z / z_c is in the hundreds

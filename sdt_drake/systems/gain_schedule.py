@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from pydrake.symbolic import Expression
 
-from sdt_drake.errors import checked_count
+from sdt_drake.io.errors import checked_count
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 from sdt_drake.systems.wiring import Wired
 

@@ -5,8 +5,8 @@ from numpy.typing import ArrayLike
 from pydrake.systems import controllers
 from pydrake.systems.primitives import Demultiplexer, Gain
 
-from sdt_drake.errors import checked_positive
-from sdt_drake.robot import Robot
+from sdt_drake.io.errors import checked_positive
+from sdt_drake.robot.robot import Robot
 from sdt_drake.systems.wiring import Wired
 
 

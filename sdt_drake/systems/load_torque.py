@@ -8,10 +8,10 @@ from typing import Any, cast
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValueProducer
 
-from sdt_drake.arrays import Array
-from sdt_drake.dynamics import SIGNS, Loads, decouple, groups_of_sample
-from sdt_drake.errors import checked_choice
-from sdt_drake.robot import Robot
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import checked_choice
+from sdt_drake.robot.dynamics import SIGNS, Loads, decouple, groups_of_sample
+from sdt_drake.robot.robot import Robot
 
 TorqueLaw = Callable[[Sequence[Array], Array, Array], Sequence[Array]]
 """From the torque groups of Eq. 2, v_ref and vd_ref, joint side, to each output."""

@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, System
 from pydrake.systems.primitives import Adder, Gain, Integrator, LinearSystem, MatrixGain
 
-from sdt_drake.control import STRUCTURES, SpeedGains
-from sdt_drake.errors import checked_choice, checked_positive
+from sdt_drake.io.errors import checked_choice, checked_positive
+from sdt_drake.systems.gains import STRUCTURES, SpeedGains
 from sdt_drake.systems.wiring import Wired
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems.primitives import MatrixGain, Multiplexer
 
-from sdt_drake.errors import checked_positive
+from sdt_drake.io.errors import checked_positive
 from sdt_drake.systems.wiring import Wired
 
 

@@ -9,7 +9,7 @@ from pydrake.math import BsplineBasis
 from pydrake.systems.primitives import TrajectorySource, ZeroOrderHold
 from pydrake.trajectories import BsplineTrajectory
 
-from sdt_drake.arrays import Array
+from sdt_drake.io.arrays import Array
 from sdt_drake.motion import Motion
 from sdt_drake.systems.wiring import Wired
 

@@ -17,8 +17,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
-from sdt_drake.resources import models_dir
-from sdt_drake.robot import Robot
+from sdt_drake.io.resources import models_dir
+from sdt_drake.robot.robot import Robot
 
 _ROD_RADIUS = 0.07  # m
 

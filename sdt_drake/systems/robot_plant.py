@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import Gain
 
-from sdt_drake.robot import Robot
+from sdt_drake.robot.robot import Robot
 
 
 class RobotPlant(Diagram):

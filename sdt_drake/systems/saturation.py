@@ -5,8 +5,8 @@ import pydrake.symbolic as sym
 from numpy.typing import ArrayLike
 from pydrake.systems.primitives import Saturation
 
-from sdt_drake.arrays import Array
-from sdt_drake.errors import InputError, checked_positive
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, checked_positive
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 from sdt_drake.systems.wiring import Wired
 

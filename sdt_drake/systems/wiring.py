@@ -15,8 +15,8 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
-from sdt_drake.arrays import Array
-from sdt_drake.errors import InputError
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError
 
 SystemT = TypeVar("SystemT", bound=System)
 

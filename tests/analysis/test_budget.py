@@ -9,11 +9,11 @@ from test_linear import R
 from variants import kind
 
 from sdt_drake.analysis.budget import PARTS, error_budget
-from sdt_drake.device import Drive, Elasticity, Friction
-from sdt_drake.errors import InputError
+from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion
-from sdt_drake.scenario import DisturbanceChoice
-from sdt_drake.simulate import simulate
+from sdt_drake.robot.device import Drive, Elasticity, Friction
+from sdt_drake.run.scenario import DisturbanceChoice
+from sdt_drake.run.simulate import simulate
 
 PERIOD = 0.005
 ACCELERATION = np.array([0.2, 0.5, 0.05, 0.1])  # rad/s², for 0.8 s

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sdt_drake import paper
+from sdt_drake.analysis import paper
 from sdt_drake.analysis.claims import VERDICTS, agrees_as_printed, judge_claims
 from sdt_drake.analysis.reproduction import Case
-from sdt_drake.dynamics import Loads
+from sdt_drake.robot.dynamics import Loads
 
 AXIS_PI = Case("axis", "i_eff_max", "printed", "pi")
 AXIS_CTC = Case("axis", "i_eff_max", "printed", "pi_ctc", 0.05)

@@ -18,15 +18,15 @@ from sdt_drake.analysis.comparison import (
     write_comparison,
 )
 from sdt_drake.analysis.tracking import motor_use, track
-from sdt_drake.controllers import CONTROLLERS
-from sdt_drake.device import Friction
-from sdt_drake.errors import InputError
-from sdt_drake.fields import check
-from sdt_drake.loops import make_loop
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.fields import check
 from sdt_drake.motion import Motion
-from sdt_drake.pilot import CHANNELS, felt_difference, head_motion_of_samples
-from sdt_drake.scenario import load_scenario
-from sdt_drake.simulate import simulate
+from sdt_drake.robot.device import Friction
+from sdt_drake.robot.head import CHANNELS, felt_difference, head_motion_of_samples
+from sdt_drake.run.controllers import CONTROLLERS
+from sdt_drake.run.loop import make_loop
+from sdt_drake.run.scenario import load_scenario
+from sdt_drake.run.simulate import simulate
 
 PERIOD = 0.005
 LABELS = ("pi", "pi_ctc", "p_pi+id", "pi_scheduled+ctc", "inverse_dynamics")

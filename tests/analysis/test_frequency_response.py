@@ -12,7 +12,7 @@ from variants import kind
 
 from sdt_drake.analysis.frequency_response import frequency_response, unwrapped_degrees
 from sdt_drake.analysis.linear import linearise
-from sdt_drake.device import Drive, Elasticity
+from sdt_drake.robot.device import Drive, Elasticity
 
 STRUCTURES = ("pi", "p_in_feedback")
 HALF = np.sqrt(0.5)

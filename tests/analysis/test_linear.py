@@ -8,8 +8,8 @@ from pydrake.systems.framework import DiagramBuilder
 from variants import kind
 
 from sdt_drake.analysis.linear import StateSpace, linear_feedback, linear_process, linearise
-from sdt_drake.controllers import Pi
-from sdt_drake.device import Drive, Elasticity
+from sdt_drake.robot.device import Drive, Elasticity
+from sdt_drake.run.controllers import Pi
 
 OMEGA_R = 65.991
 OMEGA = np.geomspace(0.1, 2000, 60)

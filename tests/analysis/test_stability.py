@@ -11,9 +11,9 @@ from variants import kind
 
 from sdt_drake.analysis.linear import StateSpace
 from sdt_drake.analysis.stability import RATIOS, least_damping, stability_sweep
-from sdt_drake.device import Drive
-from sdt_drake.errors import InputError
-from sdt_drake.scenario import load_scenario
+from sdt_drake.io.errors import InputError
+from sdt_drake.robot.device import Drive
+from sdt_drake.run.scenario import load_scenario
 
 ZETA = np.array([0.95, 0.98, 0.99, 0.95])
 ENCODERS = ("motor", "link")

@@ -35,11 +35,11 @@ from pydrake.systems.primitives import (
 from pydrake.trajectories import PiecewisePolynomial
 
 from sdt_drake.analysis.comparison import design_with
-from sdt_drake.design import Design, make_design
-from sdt_drake.device import Drive
-from sdt_drake.loops import Loop, make_loop
-from sdt_drake.scenario import Scenario, load_scenario
-from sdt_drake.simulate import make_simulator
+from sdt_drake.robot.device import Drive
+from sdt_drake.run.design import Design, make_design
+from sdt_drake.run.loop import Loop, make_loop
+from sdt_drake.run.scenario import Scenario, load_scenario
+from sdt_drake.run.simulate import make_simulator
 
 Array = NDArray[np.float64]
 

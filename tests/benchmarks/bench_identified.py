@@ -20,17 +20,17 @@ from typing import cast
 import numpy as np
 
 from sdt_drake.analysis.comparison import with_controller
-from sdt_drake.arrays import Array
-from sdt_drake.design import Design, make_design
-from sdt_drake.deviation import Deviation
-from sdt_drake.device import Friction
-from sdt_drake.identification.base_parameters import rigid_parameters
-from sdt_drake.identification.model import identified_robot, plant_friction
-from sdt_drake.identification.procedure import Identified, identify
-from sdt_drake.identification.recordings import Recorded
-from sdt_drake.robot import Robot, load_robot
-from sdt_drake.scenario import Scenario, load_scenario
-from sdt_drake.simulate import Recording, simulate
+from sdt_drake.io.arrays import Array
+from sdt_drake.machine.identify.base_parameters import rigid_parameters
+from sdt_drake.machine.identify.model import identified_robot, plant_friction
+from sdt_drake.machine.identify.procedure import Identified, identify
+from sdt_drake.machine.recordings import Recorded
+from sdt_drake.robot.deviation import Deviation
+from sdt_drake.robot.device import Friction
+from sdt_drake.robot.robot import Robot, load_robot
+from sdt_drake.run.design import Design, make_design
+from sdt_drake.run.scenario import Scenario, load_scenario
+from sdt_drake.run.simulate import Recording, simulate
 
 ROOT = Path(__file__).parents[2]
 TRUE = Deviation(

@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path[:0] = [str(Path(__file__).parents[1])]
+sys.path[:0] = [str(Path(__file__).parents[1] / "robot")]
 
 from test_robot import chain_sdf
 
-from sdt_drake.dynamics import inverse_dynamics
-from sdt_drake.identification.procedure import identify
-from sdt_drake.identification.recordings import Recorded
-from sdt_drake.identification.regressor import regressor
-from sdt_drake.robot import Robot, load_robot
+from sdt_drake.machine.identify.procedure import identify
+from sdt_drake.machine.identify.regressor import regressor
+from sdt_drake.machine.recordings import Recorded
+from sdt_drake.robot.dynamics import inverse_dynamics
+from sdt_drake.robot.robot import Robot, load_robot
 
 
 def recording(robot: Robot, seconds: float, rate: float) -> Recorded:

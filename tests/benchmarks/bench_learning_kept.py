@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.cli import main as sdt_drake
+from sdt_drake.cli.app import main as sdt_drake
 from sdt_drake.studies.results import read_study_table
 
 STUDIES = {

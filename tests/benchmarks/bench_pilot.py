@@ -14,11 +14,11 @@ import time
 import numpy as np
 
 from sdt_drake.analysis.tracking import track_head
-from sdt_drake.design import make_design
-from sdt_drake.pilot import canals, false_sensation_after_stop, felt_upright
-from sdt_drake.robot import Robot, load_robot
-from sdt_drake.scenario import load_scenario
-from sdt_drake.simulate import Recording, simulate
+from sdt_drake.robot.head import canals, false_sensation_after_stop, felt_upright
+from sdt_drake.robot.robot import Robot, load_robot
+from sdt_drake.run.design import make_design
+from sdt_drake.run.scenario import load_scenario
+from sdt_drake.run.simulate import Recording, simulate
 
 TARGET = 0.2
 

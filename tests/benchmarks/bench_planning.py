@@ -17,7 +17,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sdt_drake.motion import Command, Motion, load_command, plan_motion, retime
-from sdt_drake.robot import load_robot
+from sdt_drake.robot.robot import load_robot
 
 TARGETS = {
     "limiter": 0.5,

@@ -25,7 +25,7 @@ from queue import SimpleQueue
 
 import numpy as np
 
-from sdt_drake.scenario import load_scenario
+from sdt_drake.run.scenario import load_scenario
 from sdt_drake.studies.cluster import Cluster
 from sdt_drake.studies.distributions import Uniform
 from sdt_drake.studies.execute import run_study
@@ -49,7 +49,7 @@ def job_of(rows: int) -> Job:
 def overhead(rows: int) -> None:
     job = job_of(rows)
     runner, stepping = Runner(job.study, job.base), []
-    simulate_module = import_module("sdt_drake.simulate")
+    simulate_module = import_module("sdt_drake.run.simulate")
     make_simulator = simulate_module.make_simulator
 
     class Timed:

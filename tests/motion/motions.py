@@ -8,7 +8,7 @@ import numpy as np
 from test_robot import ARM
 
 from sdt_drake.motion import Command, Course, Motion, load_command
-from sdt_drake.robot import Robot, load_robot
+from sdt_drake.robot.robot import Robot, load_robot
 
 PERIOD = 0.005
 LIMITS = np.array([13655.04, 3950, 2150, 2150])

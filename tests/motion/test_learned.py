@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from sdt_drake.analysis.comparison import with_controller
-from sdt_drake.errors import InputError
+from sdt_drake.io.errors import InputError
 from sdt_drake.motion import LearnedReference, Motion
-from sdt_drake.simulate import simulate
+from sdt_drake.run.simulate import simulate
 
 
 @pytest.fixture

@@ -18,13 +18,13 @@ from motions import (
     tough_swing,
 )
 
-from sdt_drake.dynamics import torque_groups
-from sdt_drake.errors import InputError
+from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion, checked_torque, commanded_motion, plan_motion, retime
 from sdt_drake.motion.command import Course
 from sdt_drake.motion.limiter import limit_accelerations
 from sdt_drake.motion.segments import Oscillation
 from sdt_drake.motion.spin import spin_geometry
+from sdt_drake.robot.dynamics import torque_groups
 
 
 @pytest.fixture(scope="module")

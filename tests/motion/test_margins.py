@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from motions import reference, sampled
 
-from sdt_drake.errors import InputError
+from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion, margins
 
 

@@ -7,12 +7,12 @@ import pytest
 from motions import ALIGNED, BACK, PLANETARY, ROLL, SPIN, YAW, profile_text, sampled
 from pydrake.multibody.tree import JacobianWrtVariable
 
-from sdt_drake.errors import InputError
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.resources import models_dir
 from sdt_drake.motion import MotionProfile, command_of, load_command, load_profile, shipped_motions
 from sdt_drake.motion.profile import Track
 from sdt_drake.motion.segments import Fourier, Hold, Knots, Oscillation, Ramp, Sampled, Turn
-from sdt_drake.resources import models_dir
-from sdt_drake.robot import edited, load_robot
+from sdt_drake.robot.robot import edited, load_robot
 
 
 def of_yaw(robot, *segments, duration=20.0, **fields):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from motions import PERIOD, SHORT, sampled
 
-from sdt_drake.errors import InputError
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.tables import write_table
 from sdt_drake.motion import Motion, import_motion, load_plan
-from sdt_drake.tables import write_table
 
 
 def swing(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

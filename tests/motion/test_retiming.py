@@ -22,9 +22,9 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_array
 from test_robot import ARM, chain_sdf
 
-from sdt_drake.dynamics import inverse_dynamics
-from sdt_drake.errors import InputError
+from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Command, Motion, commanded_motion, plan_motion, retime, retiming
+from sdt_drake.robot.dynamics import inverse_dynamics
 
 
 def torque_of(robot, q, v, vd) -> np.ndarray:

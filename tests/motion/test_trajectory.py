@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sdt_drake.errors import InputError
+from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion
 
 

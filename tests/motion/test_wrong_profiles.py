@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from motions import ALIGNED, BACK, PLANETARY, ROLL, SPIN, YAW, profile_text
 
-from sdt_drake.errors import InputError
+from sdt_drake.io.errors import InputError
 from sdt_drake.motion import load_command
 
 END = "!Ramp {to_deg_s: 0, duration: 1}"

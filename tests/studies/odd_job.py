@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
 
+from sdt_drake.io.versions import versions
 from sdt_drake.studies.journal import Row
-from sdt_drake.versions import versions
 
 
 @dataclass

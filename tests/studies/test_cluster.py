@@ -16,7 +16,7 @@ import pytest
 from odd_job import OddJob, process_of
 from small_studies import RUNS, rows
 
-from sdt_drake.errors import InputError
+from sdt_drake.io.errors import InputError
 from sdt_drake.studies import cluster as module
 from sdt_drake.studies.cluster import Cluster, run_row
 from sdt_drake.studies.execute import run_study

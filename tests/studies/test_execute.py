@@ -8,7 +8,7 @@ import threading
 import pytest
 from small_studies import RUNS
 
-from sdt_drake.errors import InputError
+from sdt_drake.io.errors import InputError
 from sdt_drake.studies import execute
 from sdt_drake.studies.execute import Inbox, run_study
 from sdt_drake.studies.job import make_job

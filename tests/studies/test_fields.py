@@ -7,10 +7,10 @@ import re
 
 import pytest
 
-from sdt_drake.device import Friction
-from sdt_drake.errors import InputError
-from sdt_drake.motors import DeviceChoice
-from sdt_drake.scenario import ControllerChoice, Scenario, load_scenario
+from sdt_drake.io.errors import InputError
+from sdt_drake.robot.device import Friction
+from sdt_drake.robot.motors import DeviceChoice
+from sdt_drake.run.scenario import ControllerChoice, Scenario, load_scenario
 from sdt_drake.studies.fields import field_names, find_field
 from sdt_drake.studies.study import load_study
 

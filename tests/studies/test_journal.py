@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sdt_drake.errors import InputError
+from sdt_drake.io.errors import InputError
 from sdt_drake.studies.folder import claim, holds_study
 from sdt_drake.studies.journal import JOURNAL, Journal, Row, read_rows
 

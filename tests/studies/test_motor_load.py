@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from small_studies import MOTION
 
-from sdt_drake.design import make_design
-from sdt_drake.errors import InputError
-from sdt_drake.motors import DeviceChoice, motors_in_use
-from sdt_drake.scenario import Scenario, load_scenario
-from sdt_drake.simulate import simulate
+from sdt_drake.io.errors import InputError
+from sdt_drake.robot.motors import DeviceChoice, motors_in_use
+from sdt_drake.run.design import make_design
+from sdt_drake.run.scenario import Scenario, load_scenario
+from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.outcomes import (
     InfeasibleError,
     has_motor_loads,

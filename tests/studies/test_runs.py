@@ -10,13 +10,13 @@ import pytest
 
 from sdt_drake.analysis.comparison import run_of
 from sdt_drake.analysis.tracking import motor_use, track
-from sdt_drake.design import make_design
-from sdt_drake.errors import InputError
-from sdt_drake.learning.flights import fly
-from sdt_drake.motors import DeviceChoice
-from sdt_drake.resources import models_dir
-from sdt_drake.scenario import Scenario, load_scenario
-from sdt_drake.simulate import simulate
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.resources import models_dir
+from sdt_drake.machine.learn.flights import fly
+from sdt_drake.robot.motors import DeviceChoice
+from sdt_drake.run.design import make_design
+from sdt_drake.run.scenario import Scenario, load_scenario
+from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.distributions import Choice, Grid, List, Uniform
 from sdt_drake.studies.job import make_job
 from sdt_drake.studies.journal import Row

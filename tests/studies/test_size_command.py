@@ -9,7 +9,7 @@ import json
 import numpy as np
 import pytest
 
-from sdt_drake.cli import main
+from sdt_drake.cli.app import main
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.sizing import Requirements
 

@@ -13,10 +13,10 @@ import yaml
 from matplotlib.markers import MarkerStyle
 from synthetic import table_of
 
-from sdt_drake.errors import InputError
-from sdt_drake.motors import DeviceChoice
-from sdt_drake.resources import find_file
-from sdt_drake.studies import plots_front
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.resources import find_file
+from sdt_drake.robot.motors import DeviceChoice
+from sdt_drake.show.figures import fronts as plots_front
 from sdt_drake.studies.sizing import Candidate, Requirements, Sizing, candidates, load_sizing
 from sdt_drake.studies.summary import failures
 from sdt_drake.studies.table import StudyTable

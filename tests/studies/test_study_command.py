@@ -13,10 +13,10 @@ import pyarrow.parquet
 import pytest
 from small_studies import RUNS, rows
 
-from sdt_drake.analysis.document import Document
-from sdt_drake.cli import main
-from sdt_drake.simulate import Recording
-from sdt_drake.studies import report
+from sdt_drake.cli.app import main
+from sdt_drake.run.simulate import Recording
+from sdt_drake.show.documents import Document
+from sdt_drake.show.reports import study as report
 from sdt_drake.studies.results import read_study_table
 
 

@@ -12,16 +12,16 @@ import pyarrow.parquet
 import pytest
 from pydrake.common.yaml import yaml_dump_typed
 
-from sdt_drake.errors import InputError
-from sdt_drake.motors import DeviceChoice
-from sdt_drake.scenario import Scenario, load_scenario
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.yaml_files import load_yaml
+from sdt_drake.robot.motors import DeviceChoice
+from sdt_drake.run.scenario import Scenario, load_scenario
 from sdt_drake.studies.distributions import Choice, Grid, List, LogUniform, Normal, Uniform
 from sdt_drake.studies.job import make_job
 from sdt_drake.studies.journal import Row
 from sdt_drake.studies.outcomes import outcome_names
 from sdt_drake.studies.results import write_results
 from sdt_drake.studies.study import Study, Variable, load_study
-from sdt_drake.yaml_files import load_yaml
 
 SHARES = np.array([0.0, 0.025, 0.25, 0.5, 0.75, 0.975])
 

@@ -14,7 +14,7 @@ import pytest
 from small_studies import RUNS, rows
 from test_main import DRIVER
 
-from sdt_drake.cli import main
+from sdt_drake.cli.app import main
 
 pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /proc")
 

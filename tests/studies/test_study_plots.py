@@ -14,8 +14,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import same_color, to_hex
 from synthetic import CONTROLLERS, make_table, small_table
 
-from sdt_drake.analysis.style import LOOKS, PALETTE
-from sdt_drake.studies import plots, plots_front
+from sdt_drake.show.figures import fronts as plots_front
+from sdt_drake.show.figures import studies as plots
+from sdt_drake.show.style import LOOKS, PALETTE
 
 FAMILIES = ("max_abs_speed_error", "max_abs_position_error", "peak_torque_share", "felt_share")
 INPUTS = ("omega_r", "payload", "friction", "motion")

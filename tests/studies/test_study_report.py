@@ -12,8 +12,8 @@ import pytest
 import sharing
 from synthetic import CONTROLLERS, make_table, small_table
 
-from sdt_drake.analysis.document import Details, Section, Table
-from sdt_drake.studies import report
+from sdt_drake.show.documents import Details, Section, Table
+from sdt_drake.show.reports import study as report
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from types import SimpleNamespace
 import pytest
 from odd_job import OddJob, process_of
 
-from sdt_drake.errors import InputError, temporaries
+from sdt_drake.io.errors import InputError, temporaries
 from sdt_drake.studies import workers as module
 from sdt_drake.studies.journal import Row
 from sdt_drake.studies.workers import Worker, Workers

@@ -33,11 +33,11 @@ from pydrake.systems.primitives import ConstantVectorSource
 from test_laws import CASES
 
 from sdt_drake import systems
-from sdt_drake.controllers import CONTROLLERS, Controller, make_controller
-from sdt_drake.deviation import Deviation, deviated
-from sdt_drake.device import OVERFLOW_RATE, sliding_friction
-from sdt_drake.errors import InputError
-from sdt_drake.robot import load_robot
+from sdt_drake.io.errors import InputError
+from sdt_drake.robot.deviation import Deviation, deviated
+from sdt_drake.robot.device import OVERFLOW_RATE, sliding_friction
+from sdt_drake.robot.robot import load_robot
+from sdt_drake.run.controllers import CONTROLLERS, Controller, make_controller
 
 RNG = np.random.default_rng(4)
 

@@ -30,7 +30,7 @@ from alone import (
 )
 from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 
-from sdt_drake.device import OVERFLOW_RATE, PRESLIDING_DAMPING_TIME, Springs
+from sdt_drake.robot.device import OVERFLOW_RATE, PRESLIDING_DAMPING_TIME, Springs
 from sdt_drake.systems import SymbolicLaw
 
 TIME = 0.3  # s

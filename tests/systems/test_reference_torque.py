@@ -8,14 +8,14 @@ import pytest
 from alone import Alone
 from pydrake.systems.controllers import InverseDynamics
 
-from sdt_drake.control import feedforward_torque
-from sdt_drake.deviation import Deviation
-from sdt_drake.device import Friction
-from sdt_drake.dynamics import decouple
-from sdt_drake.loops import make_loop
-from sdt_drake.robot import load_robot
-from sdt_drake.simulate import make_simulator, simulate
+from sdt_drake.robot.deviation import Deviation
+from sdt_drake.robot.device import Friction
+from sdt_drake.robot.dynamics import decouple
+from sdt_drake.robot.robot import load_robot
+from sdt_drake.run.loop import make_loop
+from sdt_drake.run.simulate import make_simulator, simulate
 from sdt_drake.systems import load_torque as module
+from sdt_drake.systems.gains import feedforward_torque
 
 RNG = np.random.default_rng(6)
 R = np.array([67.2, 1, 1, 1])

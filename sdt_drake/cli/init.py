@@ -1,0 +1,42 @@
+"""Put a robot, a motion, motors, a scenario and a study into a folder, to make them your own."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from pathlib import Path
+
+from sdt_drake.cli.common import check_folder, say, some_path
+from sdt_drake.io.errors import InputError, write_text
+from sdt_drake.io.resources import models_dir
+
+EXAMPLE = "sdt-drake init my_trainer"
+
+_STARTER = Path(__file__).with_name("starter")
+
+_NEXT = """
+sdt-drake simulate scenario.yaml --out run.png     how well the joints follow
+sdt-drake view scenario.yaml --record run.html     the device in 3D, in the browser
+sdt-drake tune scenario.yaml                       inertia and gains
+sdt-drake pilot scenario.yaml                      what the pilot feels
+sdt-drake plan motion.yaml --robot robot.sdf       what the motion takes of the motors
+sdt-drake study study.yaml --workers 2 --out mc    many devices; needs sdt_drake[study]
+
+Change a file, or a field on the way: --set controller.kind=pi
+Every field of every file: sdt-drake reference"""
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", metavar="FOLDER", type=some_path, help="new, or empty")
+
+
+def run(options: argparse.Namespace) -> None:
+    folder: Path = options.folder
+    check_folder(folder)
+    if folder.is_dir() and any(folder.iterdir()):
+        raise InputError(f"{folder}: is not empty, expected a new folder, or an empty one")
+    schemas = models_dir() / "schemas"
+    for file in sorted(_STARTER.iterdir()):
+        text = file.read_text(encoding="utf-8").replace("SCHEMAS", f"{schemas}")
+        say(f"{write_text(folder / file.name, text)} written")
+    say(f"\ncd {shlex.quote(str(folder))}{_NEXT}")

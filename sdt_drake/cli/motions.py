@@ -1,0 +1,99 @@
+"""List the training motions, or print one in full."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import sdt_drake as sdt
+from sdt_drake.cli import common
+from sdt_drake.cli.common import print_table, say
+from sdt_drake.io.errors import InputError
+
+if TYPE_CHECKING:
+    from sdt_drake.motion import Command
+    from sdt_drake.robot.robot import Robot
+
+EXAMPLE = "sdt-drake motions graveyard_spiral"
+
+
+_LONGEST = 3600  # s; what is computed while one waits
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "motion", nargs="?", metavar="NAME", help="a motion that ships, or a profile .yaml"
+    )
+    common.add_robot(parser)
+
+
+def run(options: argparse.Namespace) -> None:
+    robot = sdt.load_robot(options.robot)
+    if options.motion is None:
+        _print_all(robot)
+    else:
+        _print_one(options.motion, robot)
+
+
+def _print_all(robot: Robot) -> None:
+    from sdt_drake.motion import command_of, load_profile, shipped_motions
+
+    rows, sentences = [], []
+    for name in shipped_motions():
+        profile = load_profile(name)
+        try:
+            g, sentence = _largest_g(command_of(profile, robot), robot), profile.feels
+        except InputError as error:
+            g, sentence = "-", f"not with '{robot.name}' ({error})"
+        joints = dict.fromkeys(joint for track in profile.tracks for joint in track.joints)
+        rows.append((name, profile.title, f"{profile.duration:g}", ", ".join(joints), g))
+        sentences.append(f"{name}: {sentence}")
+    print_table(("motion", "illusion", "duration [s]", "joints", "largest G"), rows)
+    say("largest G: at the pilot's head, on the commanded motion")
+    say()
+    for sentence in sentences:
+        common.say_wrapped(sentence)
+
+
+def _print_one(motion: str, robot: Robot) -> None:
+    from sdt_drake.motion import load_command, load_profile
+
+    profile = load_profile(motion)
+    with common.naming_robot("--robot"):
+        command = load_command(motion, robot)
+    with common.naming(motion):
+        g = _largest_g(command, robot)
+    say(f"{profile.title or profile.name}: {profile.duration:g} s, largest G at the head {g}")
+    if profile.feels or profile.description:
+        common.say_wrapped(f"feels: {profile.feels}" if profile.feels else profile.description)
+    say()
+    print_table(
+        ("segment", "from [s]", "to [s]"),
+        [(f"{s.track}: {s.text}", f"{s.start:.3f}", f"{s.end:.3f}") for s in command.timeline],
+    )
+    turned = [
+        f"{name} {angle:g} deg"
+        for name, angle in zip(robot.joint_names, np.degrees(command.q0), strict=True)
+        if angle != 0
+    ]
+    say(f"starts at {', '.join(turned) or '0 deg'}; the speed in gaps is held")
+    if profile.notes:
+        say()
+        common.say_wrapped(f"notes: {profile.notes}")
+
+
+def _largest_g(command: Command, robot: Robot) -> str:
+    """Largest resultant at the head, in G."""
+    from sdt_drake.motion import INTERPOLATION_PERIOD, commanded_motion
+    from sdt_drake.robot.head import has_head, head_motion
+
+    if command.duration > _LONGEST:
+        raise InputError(f"duration: {command.duration:g} s, expected at most {_LONGEST:g} s")
+    if not has_head(robot):
+        return "-"
+    # The planner may be given another period; here any about as long, that divides the duration.
+    period = command.duration / np.ceil(command.duration / INTERPOLATION_PERIOD)
+    motion = commanded_motion(robot, command, period)
+    return f"{head_motion(robot, motion.q, motion.v, motion.vd).resultant_g.max():.2f}"

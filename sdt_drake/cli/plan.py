@@ -1,0 +1,196 @@
+"""Plan a motion within the motors' torques."""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import sdt_drake as sdt
+from sdt_drake.cli import common
+from sdt_drake.cli.common import say
+from sdt_drake.io.errors import InputError, within
+from sdt_drake.io.fields import check
+from sdt_drake.io.shown import formatted
+
+if TYPE_CHECKING:
+    from sdt_drake.motion import Margins, Plan
+    from sdt_drake.robot.robot import Robot
+
+EXAMPLE = "sdt-drake plan graveyard_spin --planner retiming --out motion.csv"
+
+
+_ANGLE_LOST = 0.1  # deg; less is not worth a line
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    common.add_motion(parser)
+    common.add_robot(parser)
+    common.add_period(parser)
+    parser.add_argument(
+        "--planner",
+        choices=("limiter", "retiming"),
+        default="limiter",
+        help="what gives way where a motor is too weak: a joint for a while (limiter, default), or "
+        "the time of the whole path (retiming)",
+    )
+    parser.add_argument(
+        "--torque-margin",
+        type=common.number(above=0, maximum=1),
+        default=1.0,
+        help="share of the motors' torque to use, in (0, 1]",
+    )
+    parser.add_argument(
+        "--envelope",
+        metavar="SCENARIO",
+        help="scenario whose drive has the motors' torque-speed envelope (n1, n0); for the report",
+    )
+    parser.add_argument(
+        "--drive-table",
+        type=common.some_path,
+        metavar="FILE.csv",
+        help="positions, speeds and torque pre-control of the motors, motor side, in SI units; "
+        "`export` writes what drives read",
+    )
+    text = "the motion (.csv), or a figure of torques and speeds (.png, .svg, .pdf)"
+    common.add_figure(parser, text, [".csv"])
+
+
+def run(options: argparse.Namespace) -> None:
+    from sdt_drake.machine.drive_files import samples_of, write_drive_table
+    from sdt_drake.motion import load_plan, margins
+
+    if options.drive_table is not None:
+        _check_drive_table(options.drive_table, options.out)
+    robot = sdt.load_robot(options.robot)
+    n1, n0 = _envelope(options.envelope, robot.n)
+    with common.naming_robot("--robot"):
+        plan = load_plan(
+            options.motion,
+            robot,
+            period=options.period,
+            torque_margin=options.torque_margin,
+            planner=options.planner,
+        )
+    report = margins(robot, plan.motion, n1=n1, n0=n0)
+    if options.drive_table:
+        with within(options.drive_table):
+            samples = samples_of(robot, plan.motion, plan.motion.period)
+        write_drive_table(options.drive_table, robot, samples)
+    _print_report(options, robot, plan, report)
+    if options.drive_table:
+        say(f"{options.drive_table} written")
+    title = f"{Path(options.motion).name}, {options.planner}: {_duration(plan)}"
+    figure = partial(sdt.plots_motion.plan, title, robot, plan, report)
+    common.deliver(options, figure, plan.motion.to_csv)
+
+
+def _check_drive_table(table: Path, out: Path | None) -> None:
+    with common.naming("--drive-table"):
+        common.check_file(table, [".csv"])
+    if out is not None and table.resolve() == out.resolve():
+        raise InputError(f"--drive-table: {table} is the file of --out too, expected another one")
+
+
+def _envelope(path: str | None, n: int) -> tuple[list[float] | None, list[float] | None]:
+    """n1 and n0 of a scenario's drive [rad/s], motor side; None without a scenario."""
+    if path is None:
+        return None, None
+    scenario = sdt.load(path)
+    check(scenario, path, n)
+    drive = scenario.drive
+    if drive.n1 is None:
+        raise InputError(f"{path}: drive.n1 and drive.n0 missing, expected an envelope")
+    return drive.n1, drive.n0
+
+
+def _duration(plan: Plan) -> str:
+    text = f"{plan.motion.duration:g} s"
+    return text if plan.longer <= 0 else f"{text}, {plan.longer:g} s longer than commanded"
+
+
+def _print_ends(options: argparse.Namespace, robot: Robot, plan: Plan) -> None:
+    """Joints that do not end where they are commanded, or do not start and end at rest."""
+    from sdt_drake.motion import ends_in_motion
+
+    # The retiming rounds its time up: what ends in motion goes on a little, along its path.
+    lost = np.degrees(plan.angle_lost) if options.planner == "limiter" else np.zeros(robot.n)
+    for k in np.flatnonzero(lost > _ANGLE_LOST).tolist():
+        say(
+            f"{robot.joint(k)} ends {lost[k]:.1f} deg from where it is commanded: the limiter does "
+            "not catch up; --planner retiming keeps the path"
+        )
+    moving = ends_in_motion(robot, plan.motion)
+    if moving:
+        say(f"not at rest: {', '.join(moving)}")
+
+
+def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report: Margins) -> None:
+    motion = plan.motion
+    is_whole = plan.torque_margin == 1
+    share = "" if is_whole else f" with {100 * plan.torque_margin:.4g} % of the motors' torque"
+    share += ", but not within the torque-speed envelope" if _is_beyond_envelope(report) else ""
+    say(f"{options.motion}: {_duration(plan)}, {len(motion.time)} samples, feasible{share}")
+    _print_ends(options, robot, plan)
+    if plan.loss is not None:
+        loss = plan.loss
+        j, k = int(loss.speed.argmax()), int(loss.position.argmax())
+        longer = f" and {loss.longer:.3g} s longer" if loss.longer > 1e-6 else ""
+        say(
+            f"resampled at {motion.period:g} s{longer}: at most {loss.speed[j]:.3g} rad/s lost "
+            f"(joint {j + 1}, {loss.speed_time[j]:.3f} s) and {loss.position[k]:.3g} rad (joint "
+            f"{k + 1}, {loss.position_time[k]:.3f} s)"
+        )
+    angles, speed = np.degrees(motion.q), np.abs(motion.v).max(axis=0)
+    fastest = np.where(np.isfinite(robot.velocity_limit), robot.velocity_limit, np.nan)
+    tightest = [
+        f"{place.quantity}, {formatted(100 * place.share, '.1f')} % at {place.time:.3f} s"
+        for place in map(report.tightest, range(robot.n))
+    ]
+    common.print_joints(
+        robot.joint_names,
+        [
+            ("torque [N m]", ".1f", report.peak_torque),
+            ("of motor [%]", ".1f", 100 * report.peak_torque / robot.effort_limit),
+            ("RMS [%]", ".1f", 100 * report.rms_torque / robot.effort_limit),
+            ("held [s]", ".3f", plan.limited.sum(axis=0) * motion.period),
+            ("speed [rad/s]", ".3f", speed),
+            ("of limit [%]", ".1f", 100 * speed / fastest),
+            ("from [deg]", ".1f", angles.min(axis=0)),
+            ("to [deg]", ".1f", angles.max(axis=0)),
+            ("tightest", "", tightest),
+        ],
+    )
+    _print_margins(robot, report, is_whole)
+
+
+def _is_beyond_envelope(report: Margins) -> bool:
+    """The planners keep all other limits."""
+    return report.smallest.quantity == "torque at speed" and report.smallest.left < 0
+
+
+def _print_margins(robot: Robot, report: Margins, is_whole: bool) -> None:
+    for k in np.flatnonzero(np.isfinite(report.to_stop)).tolist():
+        say(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
+    place = report.smallest
+    say(
+        f"smallest margin: {formatted(100 * place.left, '.1f')} %, {place.quantity} of "
+        f"{robot.joint(place.joint)} at {place.time:.3f} s"
+        + ("" if is_whole else ", held against the whole limit")
+    )
+    if _is_beyond_envelope(report):
+        say(
+            "beyond the torque-speed envelope: the planners do not know it; take a lower "
+            "--torque-margin or a slower motion"
+        )
+    growth = report.growth / robot.effort_limit
+    k = int(growth.argmax())
+    say(
+        "largest torques, joint side, with the motors' inertia; held: back by the limiter, or all "
+        "joints together by the retiming"
+    )
+    most = "less than 0.0001" if growth[k] < 1e-6 else f"at most {100 * growth[k]:.2g}"
+    say(f"between samples the peaks grow by {most} % of the motor (joint {k + 1})")

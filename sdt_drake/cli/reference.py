@@ -1,0 +1,78 @@
+"""Tell what each kind of file may hold: fields, units, sides, defaults, choices, meanings."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sdt_drake.cli.common import add_out, check_file, check_folder, say, say_wrapped
+from sdt_drake.io.errors import InputError, checked_choice, write_text
+
+if TYPE_CHECKING:
+    from sdt_drake.show.reference import Chapter, Sheet
+
+EXAMPLE = "sdt-drake reference scenario"
+
+
+_WIDTH = 80  # columns
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("topic", nargs="?", metavar="TOPIC", help="a kind of file; all are listed")
+    add_out(
+        parser,
+        "the reference of a topic (.md), the JSON Schema of its files for editors (.json); without "
+        "a topic a folder for both of all",
+    )
+
+
+def run(options: argparse.Namespace) -> None:
+    from sdt_drake.show.reference import FILES, TOPICS, write_reference
+
+    if options.topic is None:
+        if options.out is not None:
+            check_folder(options.out)
+            for path in write_reference(options.out):
+                say(f"{path} written")
+            return
+        for name, make in TOPICS.items():
+            schema = ", with a JSON Schema" * (name in FILES)
+            say(f"{name:12s}  {make().title}{schema}")
+        return
+    checked_choice(options.topic, tuple(TOPICS), "TOPIC")
+    if options.out is not None:
+        _write(options.topic, options.out)
+        return
+    _print(TOPICS[options.topic]())
+
+
+def _write(topic: str, out: Path) -> None:
+    from sdt_drake.show.reference import FILES, TOPICS, schema_text
+
+    check_file(out, (".md", ".json"))
+    if out.suffix == ".json" and topic not in FILES:
+        raise InputError(f"{out}: {topic} has no JSON Schema, only {', '.join(FILES)}")
+    text = schema_text(topic) if out.suffix == ".json" else f"{TOPICS[topic]().markdown()}\n"
+    write_text(out, text)
+    say(f"{out} written")
+
+
+def _print(chapter: Chapter) -> None:
+    for k, sheet in enumerate(chapter.sheets):
+        if k:
+            say()
+        _print_sheet(sheet.title or chapter.title, sheet)
+
+
+def _print_sheet(title: str, sheet: Sheet) -> None:
+    say(title)
+    for paragraph in sheet.text.split("\n\n"):
+        say_wrapped(paragraph, "", "", _WIDTH)
+    for row in sheet.rows:
+        cells = dict(zip(sheet.header[1:-1], row[1:-1], strict=True))
+        unit = f"[{unit}]" if (unit := cells.pop("unit", "")) else ""
+        told = [f"{cells.pop('takes', '')} {unit}".strip()]
+        told += [f"{header} {cell}" for header, cell in cells.items() if cell]
+        say_wrapped(f"{row[0]}: {'; '.join(filter(None, told))}", "  ", "  ", _WIDTH)
+        say_wrapped(row[-1], "      ", "      ", _WIDTH)

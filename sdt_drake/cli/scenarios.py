@@ -1,0 +1,49 @@
+"""List what ships with the package, scenarios first, or print one to start your own from."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shutil
+import textwrap
+
+from sdt_drake.cli.common import say
+from sdt_drake.io.errors import read_text
+from sdt_drake.io.resources import SHIPPED, find_file, models_dir, shipped
+
+EXAMPLE = "sdt-drake scenarios coupled_pi_ctc"
+
+_MOST_BYTES = 1_000_000
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "name",
+        nargs="?",
+        metavar="|".join(SHIPPED).upper(),
+        help="the one to print; they all have different names",
+    )
+
+
+def run(options: argparse.Namespace) -> None:
+    if options.name is not None:
+        text = read_text(find_file(options.name, *SHIPPED), _MOST_BYTES).removesuffix("\n")
+        # The line for editors, as it is true elsewhere.
+        say(re.sub(r"(?<=schema=)(?:\.\./)?schemas", f"{models_dir() / 'schemas'}", text, count=1))
+        return
+    width = shutil.get_terminal_size().columns - 20
+    for kind in SHIPPED:
+        say(f"{kind}:")
+        for name in shipped(kind):
+            say(f"  {name:16}  {textwrap.shorten(_about(name, kind), width, placeholder=' ...')}")
+        say()
+    say("names stand for files: sdt-drake simulate coupled_pi; in YAML, motion: leans")
+    say("sdt-drake motions: what is felt; sdt-drake scenarios NAME > own.yaml: a copy")
+
+
+def _about(name: str, kind: str) -> str:
+    """What a file says of itself first: its first comment up to where that could end."""
+    text = find_file(name, kind).read_text(encoding="utf-8")
+    comment = re.search(r"<!--(.*?)-->|((?:^# (?!yaml-).*\n)+)", text, re.DOTALL | re.MULTILINE)
+    words = re.sub(r"^#", "", comment[1] or comment[2], flags=re.MULTILINE) if comment else ""
+    return re.split(r"[.:;(]\s|\s\(|(?<=\?)\s", " ".join(words.split()), maxsplit=1)[0]

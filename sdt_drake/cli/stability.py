@@ -1,0 +1,167 @@
+"""Sweep omega_n / omega_r with elastic joints: damping, overshoot, border of stability."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sdt_drake as sdt
+from sdt_drake.cli import common
+from sdt_drake.cli.common import say
+from sdt_drake.io.errors import InputError, checked_number
+from sdt_drake.io.progress import as_part, part
+from sdt_drake.io.tables import RESULT_TABLES, Results
+
+if TYPE_CHECKING:
+    from sdt_drake.analysis.stability import StabilitySweep
+    from sdt_drake.run.design import Design
+
+EXAMPLE = "sdt-drake stability coupled_pi --out stability.png"
+
+
+SHOWN = (0.1, 0.25, 0.5, 0.75, 1.0, 1.5)
+_OPTIONS = {
+    "plant.elasticity.natural_frequency": "--omega-r",
+    "plant.elasticity.damping_ratio": "--damping",
+}
+"""What gives the fields of the springs here."""
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    common.add_scenario(parser)
+    common.add_omega_r(parser, "that of the scenario")
+    parser.add_argument(
+        "--damping",
+        type=common.number(minimum=0),
+        help="damping ratio of the elastic joints [-] (default: that of the scenario's "
+        "plant.elasticity, or 0.01)",
+    )
+    text = "the sweeps (.csv, .json), or a figure of them (.png, .svg, .pdf)"
+    common.add_figure(parser, text, RESULT_TABLES)
+
+
+def run(options: argparse.Namespace) -> None:
+    from sdt_drake.analysis.stability import IDEAL, SLOWEST, stability_sweep
+    from sdt_drake.robot.device import ENCODERS
+    from sdt_drake.run.controllers import CONTROLLERS
+
+    if options.omega_r is not None:
+        checked_number(options.omega_r, "--omega-r", minimum=SLOWEST)
+    design = common.design_of(options)
+    scenario, choice = design.scenario, design.scenario.controller
+    omega_r, source = _omega_r(design, options)
+    damping = options.damping
+    if damping is None:
+        damping = scenario.plant.elasticity.damping_ratio
+    drives = {"ideal drive": IDEAL}
+    if scenario.drive != IDEAL:
+        drives["the scenario's drive"] = scenario.drive
+    swept = as_part(stability_sweep, 1 / len(ENCODERS) / len(drives))
+    with common.naming_fields(_OPTIONS), part():
+        sweeps = {
+            encoder: {
+                label: swept(design, omega_r, encoder=encoder, drive=drive, damping_ratio=damping)
+                for label, drive in drives.items()
+            }
+            for encoder in ENCODERS
+        }
+    say(f"{scenario.name}: {choice.label}, {CONTROLLERS[choice.kind].in_words(design)}")
+    say(f"elastic joints of omega_r = {omega_r:g} rad/s ({source}), damping ratio {damping:g}")
+    say()
+    for encoder, by_drive in sweeps.items():
+        for drive, sweep in by_drive.items():
+            say(f"encoder on the {encoder}, {drive}: damping ratio, and overshoot of the link's")
+            say("speed, over omega_n / omega_r")
+            _print_sweep(sweep, design.robot.joint_names)
+            say()
+    for line in _notes(design, omega_r):
+        say(line)
+    title = f"{scenario.name}: {scenario.controller.label}, elastic joints of {omega_r:g} rad/s"
+    about = {"title": title, "omega_r": omega_r, "damping_ratio": damping}
+    common.deliver(
+        options,
+        lambda: sdt.plots.stability(title, sweeps, design.robot.joint_names),
+        Results(about, _columns(sweeps)).write,
+    )
+
+
+def _columns(sweeps: Mapping[str, Mapping[str, StabilitySweep]]) -> dict[str, NDArray[Any]]:
+    """A row for each encoder, drive and ratio omega_n / omega_r."""
+    every = [(encoder, drive, s) for encoder, by in sweeps.items() for drive, s in by.items()]
+    encoders, drives, of_each = zip(*every, strict=True)
+    counts = [len(sweep.ratio) for sweep in of_each]
+    columns = {"encoder": np.repeat(encoders, counts), "drive": np.repeat(drives, counts)}
+    for name in ("ratio", "damping", "overshoot_percent"):
+        columns[name] = np.concatenate([getattr(sweep, name) for sweep in of_each])
+    return columns | {"unstable_from": np.repeat([s.border for s in of_each], counts, axis=0)}
+
+
+def _omega_r(design: Design, options: argparse.Namespace) -> tuple[float, str]:
+    """Lowest natural frequency of the structure [rad/s], and where it comes from."""
+    if options.omega_r is not None:
+        return options.omega_r, "--omega-r"
+    if design.omega_r is None:
+        raise InputError(
+            f"--omega-r: missing; {options.scenario} gives kp and ki but no controller.omega_r, "
+            "expected the lowest natural frequency of its structure [rad/s]"
+        )
+    given, factor = design.scenario.controller.omega_r, design.nominal.frequency_factor
+    times = "" if factor == 1 else f", {given:g}, times {factor:.4g} for the device"
+    return design.omega_r, f"controller.omega_r{times}"
+
+
+def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
+    shown = [int(np.argmin(np.abs(sweep.ratio - ratio))) for ratio in SHOWN]
+    columns = [
+        (
+            f"{sweep.ratio[i]:g}",
+            "",
+            [
+                f"{damping:.2f}, {overshoot:.0f} %" if damping > 0 else "unstable"
+                for damping, overshoot in zip(
+                    sweep.damping[i], sweep.overshoot_percent[i], strict=True
+                )
+            ],
+        )
+        for i in shown
+    ]
+    border = np.where(np.isinf(sweep.border), np.nan, sweep.border)
+    common.print_joints(joint_names, [*columns, ("unstable from", ".3f", border)])
+
+
+def _notes(design: Design, omega_r: float) -> list[str]:
+    """What stands in the sweep for the scenario's own, and what has no meaning there."""
+    from sdt_drake.analysis.stability import own_ratio, stands_alone
+    from sdt_drake.run.controllers import CONTROLLERS
+
+    plant, choice = design.scenario.plant, design.scenario.controller
+    if not stands_alone(design):
+        notes = [
+            f"{choice.kind} needs the coupled plant: one joint elastic at a time, the others "
+            "rigid, where its inertia is largest"
+        ]
+    elif plant.i_eff is None:
+        notes = ["each axis alone, with its largest inertia"]
+    else:
+        notes = ["each axis alone, with the inertia of plant.i_eff"]
+    own = " ".join(f"{ratio:.3f}" for ratio in own_ratio(design, omega_r))
+    notes.append(f"omega_n / omega_r of the scenario's own gains there: {own}")
+    if design.drive.period is not None and stands_alone(design):
+        notes.append("a sampled drive at its own period")
+    if "position_gain" in CONTROLLERS[choice.kind].options:
+        period = design.motion.period
+        notes.append(f"note: the position, sampled every {period:g} s, is taken for continuous")
+    if choice.feedforward_in_use != "none":
+        notes.append("note: the feedforward, which changes no damping and no border, is left out")
+    if not plant.friction.is_none:
+        notes.append("note: of friction, only the viscous part counts")
+    if not plant.elasticity.is_rigid:
+        notes.append(
+            "note: every joint in turn is elastic with omega_r, whatever plant.elasticity says; "
+            f"its encoder is on the {plant.elasticity.encoder}"
+        )
+    return notes

@@ -1,0 +1,1 @@
+"""Input and output: files, fields and their checks, tables, texts, progress."""

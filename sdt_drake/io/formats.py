@@ -1,0 +1,108 @@
+"""Tables in binary files, .mat of MATLAB and Octave and Parquet, and values in JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, needing, one_line
+
+_PACKAGES = {".mat": "scipy", ".parquet": "pyarrow"}
+BINARY = tuple(_PACKAGES)
+
+
+def check_binary(path: Path) -> None:
+    """Refuse a file that cannot be read or written as the packages for it are not there.
+
+    Raises:
+        InputError: naming the package.
+    """
+    needs = f"{path.suffix} files need {_PACKAGES[path.suffix]}, which is not installed"
+    with needing(f"{path}: {needs}", "sdt_drake[exchange]"):
+        if path.suffix == ".mat":
+            import scipy.io  # noqa: F401
+        else:
+            import pyarrow.parquet  # noqa: F401
+
+
+def write_binary(path: Path, columns: Mapping[str, Array]) -> None:
+    """Write columns, of shape (N,) or (N, n); in Parquet column k is called name_k.
+
+    Args:
+        path: to be written now, in place.
+        columns: by name.
+    """
+    if path.suffix == ".mat":
+        import scipy.io
+
+        scipy.io.savemat(path, dict(columns), oned_as="column")
+        return
+    import pyarrow as pa
+    import pyarrow.parquet
+
+    pyarrow.parquet.write_table(pa.table(flat(columns)), path)
+
+
+def flat(columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Columns of shape (N,), of which those of shape (N, n) are called name_k."""
+    result: dict[str, Array] = {}
+    for name, values in columns.items():
+        whole = {name: values} if values.ndim == 1 else {}
+        result |= whole or {f"{name}_{k + 1}": part for k, part in enumerate(values.T)}
+    return result
+
+
+def read_binary(path: Path) -> dict[str, Array]:
+    """The columns of numbers, each of shape (N,), by name; what else there is, is left out.
+
+    Raises:
+        InputError: naming the file, if it is none of that kind, or the columns differ in length.
+    """
+    check_binary(path)
+    try:
+        columns = _read_mat(path) if path.suffix == ".mat" else _read_parquet(path)
+    except NotImplementedError:
+        raise InputError(f"{path}: is of version 7.3, expected one saved with -v7") from None
+    except InputError:
+        raise
+    except Exception as error:  # of many kinds
+        raise InputError(f"{path}: cannot be read as {path.suffix} ({one_line(error)})") from None
+    if len({len(values) for values in columns.values()}) > 1:
+        raise InputError(f"{path}: the columns differ in length")
+    return columns
+
+
+def _read_mat(path: Path) -> dict[str, Array]:
+    import scipy.io
+
+    arrays = {name: values for name, values in scipy.io.loadmat(path).items() if _is_table(values)}
+    whole = {name: values[:, 0] if name == "time" else values for name, values in arrays.items()}
+    return {name: values.astype(float) for name, values in flat(whole).items()}
+
+
+def _is_table(values: Any) -> bool:
+    return isinstance(values, np.ndarray) and values.ndim == 2 and values.dtype.kind in "iuf"
+
+
+def _read_parquet(path: Path) -> dict[str, Array]:
+    import pyarrow.parquet
+
+    table = pyarrow.parquet.read_table(path)
+    columns = {name: table[name].to_numpy() for name in table.column_names}
+    return {name: v.astype(float) for name, v in columns.items() if v.dtype.kind in "iuf"}
+
+
+def in_json(value: object) -> object:
+    """A value as JSON has it: lists for arrays, null for what is not finite."""
+    if isinstance(value, Mapping):
+        return {key: in_json(inner) for key, inner in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return in_json(value.tolist())
+    if isinstance(value, list | tuple):
+        return [in_json(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

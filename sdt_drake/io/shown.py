@@ -1,0 +1,153 @@
+"""How objects show themselves: in a line, printed as a small table, in a notebook as a page's."""
+
+from __future__ import annotations
+
+import html
+import re
+import shutil
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from sdt_drake.io.arrays import Array
+
+_LEAST = 80  # characters of a line
+_MOST_LINES = 5  # of a header
+
+
+class Summary(NamedTuple):
+    """The gist of an object: a line, and a table whose first `keys` columns name the rows."""
+
+    title: str
+    header: Sequence[str] = ()
+    rows: Sequence[Sequence[str]] = ()
+    keys: int = 1
+
+
+class Shown:
+    """An object that shows its `summary`; to derive from."""
+
+    __slots__ = ()
+
+    def summary(self) -> Summary:
+        """What the object is, in a line, and its numbers."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.summary().title}>"
+
+    def __str__(self) -> str:
+        summary = self.summary()
+        title = f"{type(self).__name__} {summary.title}"
+        return "\n".join([title, *aligned(*summary[1:])])
+
+    def _repr_html_(self) -> str:
+        """For notebooks."""
+        title, header, rows, _ = self.summary()
+        told = f"<b>{type(self).__name__}</b> {html.escape(title)}"
+        lines = [[f"<th>{html.escape(name)}</th>" for name in header]]
+        lines += [[f"<td>{html.escape(cell)}</td>" for cell in row] for row in rows]
+        table = "".join(f"<tr>{''.join(cells)}</tr>" for cells in lines)
+        return f"<p>{told}</p><table>{table}</table>" if rows else f"<p>{told}</p>"
+
+
+def listed(texts: Sequence[str]) -> str:
+    """Words as a list for people: "a, b and c"."""
+    return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
+
+
+def by_joint(
+    names: Sequence[str], columns: Sequence[tuple[str, str, Iterable[Any]]]
+) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of a table with a row for each joint, for people.
+
+    Args:
+        names: of the joints.
+        columns: header, format and a value for each joint; NaN is a dash.
+    """
+    cells = [[formatted(x, spec) for x in values] for _, spec, values in columns]
+    rows = [list(row) for row in zip(numbered(names), *cells, strict=True)]
+    return ["joint", *(header for header, _, _ in columns)], rows
+
+
+def joint_count(n: int) -> str:
+    """How many joints, for people: "1 joint", "4 joints"."""
+    return f"{n} joint{'s' * (n != 1)}"
+
+
+def numbered(names: Sequence[str]) -> list[str]:
+    """Joints by number and name: "1 planetary"."""
+    return [f"{k + 1} {name}".strip() for k, name in enumerate(names)]
+
+
+def formatted(value: Any, spec: str) -> str:
+    """A number for people: a dash for NaN, ∞, and never -0.0."""
+    text = format(value, spec).replace("nan", "–").replace("inf", "∞")
+    return re.sub(r"^-(?=0[.0]*$)", "", text)
+
+
+def of_joints(
+    title: str, columns: Mapping[str, tuple[str, Array]], names: Sequence[str] = ()
+) -> Summary:
+    """Columns with a value for each joint as a summary, by header; joints may have no names."""
+    table = [(header, *column) for header, column in columns.items()]
+    return Summary(title, *by_joint(names or [""] * len(table[0][-1]), table))
+
+
+def aligned(
+    header: Sequence[str], rows: Sequence[Sequence[str]], keys: int = 1, width: int = 0
+) -> list[str]:
+    """Lines of a table: the first column to the left, the others to the right.
+
+    One that is wider than `width`, by default the terminal, or 80 characters, has its headers on
+    several lines; if that is not enough, its columns stand below each other in blocks, each with
+    the first `keys` columns again.
+    """
+    if not header:
+        return []
+    columns = [list(column) for column in zip(header, *rows, strict=True)]
+    blocks, width = [columns], width or terminal_width()
+    if _width(columns) > width:
+        columns = [_stacked(column) for column in columns]
+        blocks = _blocks(columns[:keys], columns[keys:], width)
+    lines: list[str] = []
+    for block in blocks:
+        lines += [""] * bool(lines) + _lines(block)
+    return lines
+
+
+def terminal_width() -> int:
+    """Width of the terminal, where there is one, or $COLUMNS [characters]; at least 80."""
+    return max(_LEAST, shutil.get_terminal_size().columns)
+
+
+def _width(columns: Sequence[Sequence[str]]) -> int:
+    return sum(max(map(len, column)) + 2 for column in columns) - 2
+
+
+def _stacked(column: Sequence[str]) -> list[str]:
+    """A column whose header is on as many lines as its words need, of _MOST_LINES."""
+    header, *cells = column
+    # A unit like [N m s/rad] is one word.
+    text = re.sub(r"\[.*\]", lambda unit: unit[0].replace(" ", "\xa0"), header)
+    longest = max(map(len, [*cells, *text.split(" ")]))
+    lines = textwrap.wrap(text, max(longest, 1), break_long_words=False) or [""]
+    return [*[""] * (_MOST_LINES - len(lines)), *(x.replace("\xa0", " ") for x in lines), *cells]
+
+
+def _blocks(keys: list[list[str]], columns: list[list[str]], width: int) -> list[list[list[str]]]:
+    blocks = [list(keys)]
+    for column in columns:
+        if len(blocks[-1]) > len(keys) and _width([*blocks[-1], column]) > width:
+            blocks.append(list(keys))
+        blocks[-1].append(column)
+    return blocks
+
+
+def _lines(columns: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(map(len, column)) for column in columns]
+    lines = []
+    for first, *others in zip(*columns, strict=True):
+        right = [cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True)]
+        lines.append("  ".join([first.ljust(widths[0]), *right]).rstrip())
+    return list(filter(None, lines))  # headers that are shorter than others'

@@ -1,0 +1,392 @@
+"""Tables with named columns, as .csv, .mat or .parquet: `time` first, `name_k` for joint k."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import json
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, checked_input, checked_suffix, needing, replacing
+from sdt_drake.io.formats import BINARY, check_binary, flat, in_json, read_binary, write_binary
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TABLES = (".csv", *BINARY)
+"""Kinds of files that tables of joints are read from and written as."""
+
+MOST_BYTES = 1_000_000_000
+"""Of a table that is read: a recording of an hour, and what memory holds several times."""
+
+
+def write_table(
+    path: str | Path, time: Array, columns: Mapping[str, Array], *, first: str = "time"
+) -> None:
+    """Write `time` [s], shape (N,), and columns of shape (N, n), exactly (17 digits).
+
+    The suffix says how, one of TABLES. `first` is the name of the first column,
+    where it is not the time.
+
+    Raises:
+        InputError: for another suffix; if the file cannot be written, or needs a package that is
+            not installed.
+    """
+    path, whole = checked_suffix(Path(path), TABLES), {first: time, **columns}
+    if path.suffix in BINARY:
+        check_binary(path)
+        with replacing(path) as partial:
+            write_binary(partial, whole)
+        return
+    own = flat(whole)
+    rows = np.stack(list(own.values()), axis=1).tolist()
+    with replacing(path) as partial, partial.open("w", encoding="utf-8") as file:
+        file.write(",".join(own) + "\n")
+        # repr of a float is its shortest exact text, and quicker than a format of fixed width.
+        file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+
+
+def data_frame(time: Array, columns: Mapping[str, Array]) -> pd.DataFrame:
+    """A table of pandas: time [s] as index, and `name_k` for joint k, of values of shape (N, n).
+
+    Raises:
+        InputError: where pandas is not installed.
+    """
+    with needing("to_pandas needs pandas", "sdt_drake[exchange]"):
+        import pandas as pd
+    return pd.DataFrame(flat(columns), index=pd.Index(time, name="time"))
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """Numbers of a design, to be written as .csv, the columns alone, or as .json.
+
+    Attributes:
+        about: what holds for all rows, by name: texts, numbers, arrays, or mappings of them.
+        columns: by name: texts or numbers of shape (N,), or numbers of shape (N, n), of which
+            column k is called name_k.
+        units: by name, of what UNITS does not know.
+    """
+
+    about: Mapping[str, object]
+    columns: Mapping[str, ArrayLike]
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def write(self, path: Path) -> None:
+        """Write them exactly, as the suffix says; what is not finite is null in .json.
+
+        Raises:
+            InputError: if the file cannot be written.
+        """
+        columns = flat({name: np.asarray(values) for name, values in self.columns.items()})
+        lists = {name: values.tolist() for name, values in columns.items()}
+        with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+            if path.suffix == ".json":
+                known = {**UNITS, **self.units}
+                units = {x: known[x] for x in (*self.about, *self.columns) if x in known}
+                whole = {**self.about, "units": units, "columns": lists}
+                json.dump(in_json(whole), file, indent=1, ensure_ascii=False, allow_nan=False)
+                file.write("\n")
+                return
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(lists)
+            writer.writerows(zip(*lists.values(), strict=True))
+
+
+UNITS = {
+    name: unit
+    for unit, names in {
+        "s": "time rise_time settling_time peak_time",
+        "rad/s": "omega omega_r omega_0 omega_n_max omega_n_median omega_n_min bandwidth crossover "
+        "peak_omega v peak steady_state_error",
+        "kg m²": "inertia i_eff_max i_eff_median i_eff_min",
+        "N m s/rad": "kp",
+        "N m/rad": "ki",
+        "-": "zeta zeta_max zeta_median zeta_min ratio damping damping_ratio unstable_from "
+        "tracking_magnitude loop_gain_magnitude gain_margin gain_reduction modulus_margin",
+        "%": "overshoot_percent variation_percent",
+        "deg": "tracking_phase loop_gain_phase phase_margin",
+        "dB": "peak_db",
+    }.items()
+    for name in names.split()
+}
+"""Of the numbers of a design, by name. Inertias and gains are motor side; max, median and min are
+those along a motion."""
+
+RESULT_TABLES = (".csv", ".json")
+"""Kinds of files that `Results` are written as."""
+
+
+def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str, Array]]:
+    """The time column, shape (N,), and each group of columns `name_1..name_n`, shape (N, n).
+
+    Columns with other names are left out. The time must grow: in equal steps if `even`.
+
+    Raises:
+        InputError: naming the file, and the line where there is one: no such file, not UTF-8, no
+            time column, no commas between the columns, something that is not a finite number, a
+            row of another length, a time that does not grow as it must, more than MOST_BYTES.
+    """
+    numbers = read_numbers(path) if Path(path).suffix not in BINARY else _read_binary(Path(path))
+    path, names = numbers.path, numbers.names
+    if names[0] != "time":
+        raise InputError(f"{path}: the first column is '{names[0]}', expected 'time'")
+    groups = _groups(path, names)
+    numbers.check_finite([0, *(c for group in groups.values() for c in group)])
+    time = numbers.data[:, 0]
+    _check_time(numbers, even=even)
+    return time, {name: numbers.data[:, columns] for name, columns in groups.items()}
+
+
+def check_columns(
+    path: str | Path, columns: Mapping[str, Array], names: Sequence[str], expected: str
+) -> None:
+    """Refuse columns of which some are missing, or that differ in their number of joints.
+
+    Raises:
+        InputError: naming the file, and what was expected.
+    """
+    for name in names:
+        if name not in columns:
+            raise InputError(f"{path}: no column {name}_1, expected {expected}")
+    if len({columns[name].shape for name in names}) > 1:
+        raise InputError(f"{path}: {', '.join(names)} differ in their number of joints")
+
+
+LIMITS = {"q": (1e6, "rad"), "q_ref": (1e6, "rad"), "v": (1e4, "rad/s"), "v_ref": (1e4, "rad/s")}
+"""Of angles and speeds in files, joint side: what is beyond has another unit, or is no motion."""
+
+SHORTEST_STEP = 1e-6
+"""Of time in files [s]."""
+
+
+def check_limits(path: str | Path, time: Array, columns: Mapping[str, Array]) -> None:
+    """Refuse angles and speeds that no joint has, and time in steps that nobody records.
+
+    Args:
+        path: of the file that holds them.
+        time: in equal steps [s], shape (N,), N >= 2.
+        columns: by name, shape (N, n); those that LIMITS does not name may hold anything.
+
+    Raises:
+        InputError: naming the file, the column and the time.
+    """
+    step = time[1] - time[0]
+    if step < SHORTEST_STEP:
+        raise InputError(
+            f"{path}: time in steps of {step:g} s, expected at least {SHORTEST_STEP:g} s"
+        )
+    for name, (limit, unit) in LIMITS.items():
+        beyond = np.argwhere(np.abs(columns.get(name, np.zeros((0, 0)))) > limit)
+        if len(beyond):
+            row, k = beyond[0]
+            raise InputError(
+                f"{path}: {name}_{k + 1} is {columns[name][row, k]:g} {unit} at {time[row]:g} s, "
+                f"expected at most {limit:g} {unit}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """What a file of columns holds.
+
+    Attributes:
+        path: of the file.
+        names: of the columns; "1", "2", ... where it has no header.
+        data: shape (rows, columns); there may be some that are not finite.
+        skip: lines before the first row that are not blank; of a file that is no text, None.
+    """
+
+    path: Path
+    names: list[str]
+    data: Array
+    skip: int | None = 1
+
+    def place(self, row: int) -> str:
+        """File and line with a row, from 0."""
+        if self.skip is None:
+            return f"{self.path}, row {row + 1}"
+        line = next(itertools.islice(_lines(self.path), int(row) + self.skip, None))[0]
+        return f"{self.path}, line {line}"
+
+    def check_finite(self, columns: Iterable[int]) -> None:
+        """Refuse what is not a finite number, naming line and column."""
+        for column in columns:
+            bad = np.flatnonzero(~np.isfinite(self.data[:, column]))
+            if len(bad):
+                raise InputError(
+                    f"{self.place(bad[0])}: {self.names[column]} is "
+                    f"{self.data[bad[0], column]}, expected a finite number"
+                )
+
+
+def read_numbers(
+    path: str | Path,
+    *,
+    delimiter: str | None = ",",
+    header: bool = True,
+    skip: int = 0,
+    least: int = 2,
+    texts: bool = False,
+) -> Numbers:
+    """Read a rectangular table of numbers.
+
+    Args:
+        path: of the file.
+        delimiter: between the columns; None: spaces or tabs.
+        header: whether names of the columns come first, perhaps behind a #.
+        skip: how many lines before that say something else; blank ones do not count.
+        least: how many rows there must be.
+        texts: whether columns may hold texts, such as modes and frames: those that begin with one
+            are NaN throughout.
+
+    Raises:
+        InputError: naming the file, and the line where there is one: no such file, not UTF-8, no
+            such delimiter, a text for a number, a row of another length, more than MOST_BYTES.
+    """
+    path = checked_input(Path(path), MOST_BYTES)
+    lines = itertools.islice(_lines(path), skip, None)
+    start = list(itertools.islice(lines, least + header))
+    if len(start) < least + header:
+        raise InputError(f"{path}: fewer than {'two rows' if least == 2 else 'a row'}")
+    first = start[0][1].strip().lstrip("#") if header else start[0][1]
+    names = [_unquoted(name) for name in first.split(delimiter)]
+    if len(names) == 1:
+        _check_delimiter(path, first, delimiter)
+    rows = (line for _, line in itertools.chain(start[header:], lines))
+    cells = start[header][1].split(delimiter) if texts else []
+    skipped: dict[int | str, Callable[[str], float]] = {
+        k: lambda _: np.nan for k, cell in enumerate(cells) if _is_text(cell)
+    }
+    try:
+        data = np.loadtxt(
+            rows, delimiter=delimiter, ndmin=2, comments=None, quotechar='"', converters=skipped
+        )
+        if data.shape[1] != len(names):
+            raise ValueError
+    except InputError:
+        raise
+    except ValueError:
+        raise _bad_line(path, len(names), delimiter, skip + header, skipped) from None
+    if not header:
+        names = [str(k + 1) for k in range(data.shape[1])]
+    return Numbers(path, names, data, skip + header)
+
+
+def _read_binary(path: Path) -> Numbers:
+    columns = read_binary(checked_input(path, MOST_BYTES))
+    ordered = sorted(columns, key=lambda name: name != "time")  # MATLAB sorts them as it likes
+    if len(columns) == 0 or len(columns[ordered[0]]) < 2:
+        raise InputError(f"{path}: fewer than two rows")
+    return Numbers(path, ordered, np.stack([columns[name] for name in ordered], axis=1), None)
+
+
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Number and text of each line that is not blank, one by one: a file may be large."""
+    try:
+        # Spreadsheets put a byte-order mark in front.
+        with path.open(encoding="utf-8-sig") as file:
+            for number, line in enumerate(file, start=1):
+                if "\0" in line:  # UTF-16 without a byte-order mark
+                    raise _not_utf8(path)
+                if line.strip():
+                    yield number, line
+    except UnicodeDecodeError:
+        raise _not_utf8(path) from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+
+
+def _unquoted(cell: str) -> str:
+    return cell.strip().strip('"').strip()
+
+
+def _not_utf8(path: Path) -> InputError:
+    return InputError(f"{path}: cannot be read as UTF-8, expected a CSV file saved as UTF-8")
+
+
+_SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "spaces"}
+
+
+def _check_delimiter(path: Path, line: str, delimiter: str | None) -> None:
+    """Refuse a line with another separator than it should have."""
+    expected = _SEPARATORS[delimiter or " "]
+    for separator, name in _SEPARATORS.items():
+        if name != expected and len(line.strip().split(separator)) > 1:
+            raise InputError(
+                f"{path}, line {next(_lines(path))[0]}: {name} between the columns, expected "
+                f"{expected}, and points in the numbers"
+            )
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(_unquoted(cell).replace("_", "?"))  # Python would take 5_0 for a number
+    except ValueError:
+        return False
+    return True
+
+
+def _is_text(cell: str) -> bool:
+    """Whether a cell was never meant as a number, as 1,5 is."""
+    return not _is_number(cell) and any(map(str.isalpha, cell))
+
+
+def _bad_line(
+    path: Path, width: int, delimiter: str | None, skip: int, skipped: Container[int | str]
+) -> InputError:
+    """What is wrong with a file that does not read as a rectangular table of numbers."""
+    for number, line in itertools.islice(_lines(path), skip, None):
+        fields = line.strip().split(delimiter)
+        if len(fields) != width:
+            return InputError(
+                f"{path}, line {number}: {len(fields)} value(s), expected {width} as in the first"
+            )
+        for column, cell in enumerate(fields):
+            if column not in skipped and not _is_number(cell):
+                expected = ", expected points in the numbers" * _is_number(cell.replace(",", "."))
+                told = f"'{cell.strip()}' is not a number{expected}"
+                return InputError(f"{path}, line {number}: {told}")
+    return InputError(f"{path}: not a table of numbers")
+
+
+def _check_time(numbers: Numbers, *, even: bool) -> None:
+    time = numbers.data[:, 0]
+    with np.errstate(over="ignore"):
+        steps = np.diff(time)
+    bad = steps <= 0
+    expected = "a growing time"
+    if even:
+        bad |= np.abs(steps - steps[0]) > 1e-6 * abs(steps[0])
+        expected = f"equal steps{f' of {steps[0]:g} s' if steps[0] > 0 else ' > 0'}"
+    if bad.any():
+        row = int(np.argmax(bad)) + 1
+        raise InputError(
+            f"{numbers.place(row)}: time goes from {time[row - 1]:g} to "
+            f"{time[row]:g} s, expected {expected}"
+        )
+
+
+def _groups(path: Path, header: list[str]) -> dict[str, list[int]]:
+    """The columns of each `name`: `name_1..name_n`, which must stand in that order."""
+    groups: dict[str, list[int]] = {}
+    for column, name in enumerate(header):
+        stem, _, k = name.rpartition("_")
+        if not (stem and k.isdecimal()):
+            continue
+        group = groups.setdefault(stem, [])
+        if k != str(len(group) + 1):
+            before = header[column - 1].rpartition("_")[0]
+            if not group and before in groups and k == str(len(groups[before]) + 1):
+                stem = before  # `v_1, v_2, w_3` misspells v_3
+            expected = f"{stem}_{len(groups[stem]) + 1}"
+            raise InputError(f"{path}: column '{name}', expected '{expected}'")
+        group.append(column)
+    return groups

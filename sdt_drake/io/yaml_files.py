@@ -1,0 +1,216 @@
+"""YAML files: as plain data, and as objects of dataclasses."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml  # of Drake itself
+from pydrake.common.yaml import yaml_dump_typed
+
+from sdt_drake.io.errors import (
+    InputError,
+    has_control_characters,
+    one_line,
+    read_text,
+    within,
+    write_text,
+)
+from sdt_drake.io.fields import made
+from sdt_drake.io.resources import a_kind, find_file
+
+T = TypeVar("T")
+
+_MOST_BYTES = 1_000_000  # more takes minutes
+_MOST_VALUES = 1_000_000  # lists and mappings too, with what aliases repeat
+_LONGEST_TEXT = 10_000  # letters
+_DEEPEST = 50  # lists and mappings in each other
+_TOO_LARGE = f"too large, expected at most {_MOST_VALUES} values and {_DEEPEST} levels"
+_TEXT, _MERGE = "tag:yaml.org,2002:str", "tag:yaml.org,2002:merge"
+
+
+_PART = re.compile(r"(\w+)(?:\[([1-9]\d{0,5})\])?")  # of a dotted name; entries count from 1
+
+
+def load_yaml(
+    schema: type[T], path: str | Path, kind: str = "", changes: Mapping[str, Any] | None = None
+) -> tuple[T, Path]:
+    """The object of dataclass `schema` that a YAML file describes, and its path.
+
+    Args:
+        schema: a dataclass with the rules of its fields, see `sdt_drake.io.fields`.
+        path: of the file.
+        kind: of the file; those of SHIPPED in `sdt_drake.io.resources` have short names.
+        changes: values by dotted names, to be had instead of the file's, or besides.
+
+    Raises:
+        InputError: with a line for each problem: file, dotted name of the field, value, and what
+            would be right.
+    """
+    file = find_file(path, kind)
+    if file.suffix in _NO_YAML:
+        raise InputError(
+            f"{path}: is {_NO_YAML[file.suffix]}, expected {a_kind(kind or 'YAML file')}"
+        )
+    data = read_yaml(file)
+    _refuse_others(data, path, kind)
+    for name, value in (changes or {}).items():
+        _put(data, name, value)
+    return made(schema, data, file, changes or ()), file
+
+
+_NO_YAML = {".sdf": "a robot", ".urdf": "a robot", ".csv": "a table"}
+_KEYS = {
+    "scenario": {"controller", "plant"},
+    "motion": {"tracks", "joints"},
+    "study": {"variables", "requirements"},
+    "motors": {"motors"},
+    "drives": {"axes"},
+}
+"""What only a file of a kind has, of those that may be mistaken for others."""
+
+
+def _refuse_others(data: Any, path: str | Path, kind: str) -> None:
+    keys = set(data) if isinstance(data, dict) else set()
+    if kind in _KEYS and not keys & _KEYS[kind]:
+        for other in (name for name, own in _KEYS.items() if keys & own):
+            raise InputError(f"{path}: is {a_kind(other)}, expected {a_kind(kind)}")
+
+
+def _put(data: Any, name: str, value: Any) -> None:
+    """Give the field of a dotted name another value; mappings on the way are made."""
+    *parents, last = (_PART.fullmatch(part) for part in name.split("."))
+    wrong = InputError(f"{name}: expected the dotted name of a field, 'controller.kind'")
+    for part in parents:
+        if part is None or part[2] is not None or not isinstance(data, dict):
+            raise wrong
+        if data.get(part[1]) is None:
+            data[part[1]] = {}
+        data = data[part[1]]
+    if last is None or not isinstance(data, dict):
+        raise wrong
+    if last[2] is None:
+        data[last[1]] = value
+        return
+    entries, k = data.get(last[1]), int(last[2])
+    if not isinstance(entries, list) or k > len(entries):
+        count = len(entries) if isinstance(entries, list) else 0
+        expected = f"[1] to [{count}], or the whole list" if count else "the whole list"
+        raise InputError(f"{name}: the file has {count or 'no'} entries there, expected {expected}")
+    data[last[1]] = [*entries[: k - 1], value, *entries[k:]]
+
+
+def parse_yaml(text: str) -> Any:
+    """What a text in YAML holds, as `read_yaml`.
+
+    Raises:
+        InputError: not YAML, too large, a key that is given twice.
+    """
+    try:
+        return _Reader(text).data()
+    except InputError:
+        raise
+    except (yaml.YAMLError, ValueError) as error:
+        raise InputError(f"not valid YAML, {one_line(error)}") from None
+
+
+def read_yaml(file: Path) -> Any:
+    """What a YAML file holds, as lists, dicts, texts and numbers.
+
+    As Drake's own loader does it: the tag of a mapping is its `_tag`, and top-level keys that start
+    with an underscore are left out, so that they can hold anchors.
+
+    Raises:
+        InputError: naming the file: not UTF-8, not YAML, too large, a key that is given twice.
+    """
+    text = read_text(file, _MOST_BYTES)
+    with within(file):
+        data = parse_yaml(text)
+    if not isinstance(data, dict):
+        return data
+    return {key: data[key] for key in data if key == "_tag" or not key.startswith("_")}
+
+
+def write_yaml(path: str | Path, thing: object) -> None:
+    """Write an object of a dataclass as YAML that `load_yaml` reads, replaced whole.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    write_text(Path(path), yaml_dump_typed(thing, schema=type(thing)))
+
+
+class _Reader(yaml.SafeLoader):
+    """YAML that is small, and says everything once."""
+
+    def data(self) -> Any:
+        self.depth = self.n_values = 0
+        self.read: dict[yaml.Node, tuple[Any, int]] = {}  # values, and how many are in them
+        node = self.get_single_node()
+        return None if node is None else self._value(node, "", 0)
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        self.depth += 1
+        if self.depth > _DEEPEST + 2:  # before Python itself gives up
+            raise InputError(_TOO_LARGE)
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+    def _value(self, node: yaml.Node, name: str, depth: int) -> Any:
+        before = self.n_values
+        value, count = self.read.get(node, (None, 1))
+        self.n_values += count
+        if depth > _DEEPEST or self.n_values > _MOST_VALUES:  # an alias within itself, too
+            raise InputError(_TOO_LARGE)
+        if node not in self.read:
+            value = self._new_value(node, name, depth)
+            self.read[node] = value, self.n_values - before
+        return value
+
+    def _new_value(self, node: yaml.Node, name: str, depth: int) -> Any:
+        if isinstance(node, yaml.MappingNode):
+            return self._mapping(node, name, depth)
+        if isinstance(node, yaml.SequenceNode):
+            if node.tag != self.DEFAULT_SEQUENCE_TAG:
+                raise _wrong(node, name, f"{node.tag} on a list, expected it on a mapping")
+            items = enumerate(node.value)
+            return [self._value(item, f"{name}[{i + 1}]", depth + 1) for i, item in items]
+        if len(node.value) > _LONGEST_TEXT:
+            raise _wrong(node, name, f"{len(node.value)} letters, expected at most {_LONGEST_TEXT}")
+        if has_control_characters(re.sub(r"[\t\n]", "", node.value)):
+            raise _wrong(node, name, "control characters in a text, expected letters")
+        return self.construct_object(node)
+
+    def _mapping(self, node: yaml.MappingNode, name: str, depth: int) -> dict[str, Any]:
+        merged: dict[str, Any] = {}
+        own: dict[str, Any] = {}
+        for key, inner in node.value:
+            if key.tag not in (_TEXT, _MERGE):
+                told = key.value if isinstance(key, yaml.ScalarNode) else "of several values"
+                raise _wrong(
+                    key,
+                    name,
+                    f"the key {told} is no text to YAML, which takes yes, no, on and off for truth "
+                    "values; expected the name of a field",
+                )
+            dotted = f"{name}.{key.value}".lstrip(".")
+            value = self._value(inner, dotted, depth + 1)
+            if key.tag == _MERGE:
+                for part in reversed(value if isinstance(value, list) else [value]):
+                    if not isinstance(part, dict):
+                        raise _wrong(key, dotted, "expected a mapping to merge")
+                    merged.update(part)
+            elif self._value(key, name, depth) in own:
+                raise _wrong(key, dotted, "is given twice")
+            else:
+                own[key.value] = value
+        tag = {} if node.tag == self.DEFAULT_MAPPING_TAG else {"_tag": node.tag}
+        return merged | own | tag
+
+
+def _wrong(node: yaml.Node, name: str, text: str) -> InputError:
+    place = f"line {node.start_mark.line + 1}"
+    return InputError(f"{place}: {name}: {text}" if name else f"{place}: {text}")

@@ -1,0 +1,1 @@
+"""The real machine: recordings, identification, learning, replay, drive files."""

@@ -1,0 +1,37 @@
+"""Motions as the files that drives (CiA 402), PLCs (IEC 61131-3) and ROS 2 read."""
+
+from sdt_drake.machine.drive_files.drives import Axis, Drives, load_drives
+from sdt_drake.machine.drive_files.export import (
+    READ_BACK,
+    Fed,
+    cycles_in_a_period,
+    export,
+    read_back,
+    write_read_back,
+)
+from sdt_drake.machine.drive_files.formats import write_drive_table
+from sdt_drake.machine.drive_files.set_points import (
+    Samples,
+    SetPoints,
+    samples_from,
+    samples_of,
+    set_points,
+)
+
+__all__ = [
+    "READ_BACK",
+    "Axis",
+    "Drives",
+    "Fed",
+    "Samples",
+    "SetPoints",
+    "cycles_in_a_period",
+    "export",
+    "load_drives",
+    "read_back",
+    "samples_from",
+    "samples_of",
+    "set_points",
+    "write_drive_table",
+    "write_read_back",
+]

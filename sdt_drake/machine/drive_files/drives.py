@@ -1,0 +1,141 @@
+"""What the drives of the axes read: the units of their set points, CiA 402."""
+
+# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import tau
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.fields import Problems, check, setting
+from sdt_drake.io.yaml_files import load_yaml
+from sdt_drake.robot.robot import Robot
+
+POSITION, SPEED, TORQUE = "position", "speed", "torque"
+
+INT16, INT32 = 2**15 - 1, 2**31 - 1
+
+OBJECTS = {
+    "607Ah": ("TargetPosition", POSITION),
+    "60FFh": ("TargetVelocity", SPEED),
+    "60B1h": ("VelocityOffset", SPEED),
+    "60B2h": ("TorqueOffset", TORQUE),
+    "6071h": ("TargetTorque", TORQUE),
+}
+"""Objects of CiA 402-2 (IEC 61800-7-201) by index: name, and what it holds."""
+
+SPEED_UNITS = {
+    "increments/s": 0.0,
+    "rpm": 1.0,
+    "0.1 rpm": 0.1,
+    "0.01 rpm": 0.01,
+    "0.001 rpm": 0.001,
+}
+"""Of 60FFh and 60B1h: increments of the encoder, or turns of the motor per minute [rpm]."""
+
+
+@dataclass(kw_only=True, slots=True)
+class Axis:
+    """The drive of a joint; **motor side**.
+
+    Attributes:
+        increments: of the encoder in a turn of the motor.
+        gear_ratio: motor speed over joint speed; by default that of the robot.
+        sign: 1, or -1 where the motor turns against its joint.
+        zero: increments at the joint angle 0.
+        speed_unit: of target velocity and velocity offset.
+        rated_torque: that torques in per mille refer to (6076h), rated or standstill.
+        maximum_torque: of the drive; by default as far as per mille in 16 bits go, where it reads
+            torques.
+        objects: of CiA 402 that it reads in every cycle.
+    """
+
+    increments: int = setting(minimum=1, unit="increments", side="motor")
+    gear_ratio: float | None = setting(None, above=0, unit="-")
+    sign: int = setting(1, unit="-")
+    zero: int = setting(0, unit="increments")
+    speed_unit: str = setting("increments/s", choices=tuple(SPEED_UNITS))
+    rated_torque: float = setting(above=0, unit="N m", side="motor")
+    maximum_torque: float | None = setting(None, above=0, unit="N m", side="motor")
+    objects: list[str] = setting(["607Ah", "60B1h", "60B2h"], choices=tuple(OBJECTS))
+
+    def problems(self) -> Problems:
+        if self.sign not in (1, -1):
+            yield "sign", f"{self.sign}, expected 1 or -1"
+        for i, index in enumerate(self.objects):
+            if index in self.objects[:i]:
+                yield f"objects[{i + 1}]", f"{index} is given twice"
+        if not {"607Ah", "60FFh"} & set(self.objects):  # what the offsets are added to
+            yield "objects", "neither a position nor a speed, expected 607Ah or 60FFh among them"
+
+
+@dataclass(kw_only=True, slots=True)
+class Drives:
+    """The drives of a device.
+
+    Attributes:
+        notes: for people.
+        cycle_time: of the set points.
+        axes: base to tip.
+    """
+
+    notes: str = ""
+    cycle_time: float = setting(above=0, maximum=1, unit="s")
+    axes: list[Axis] = setting(per_joint=True)
+
+    def zeros(self) -> Array:
+        """Increments of the drives at the joint angles 0, shape (n,)."""
+        return np.array([axis.zero for axis in self.axes], dtype=float)
+
+    def increments_per_rad(self, robot: Robot) -> Array:
+        """Increments per rad of a joint angle, with the sign of the axis; shape (n,)."""
+        return self._per_joint(robot, lambda axis: axis.increments / tau)
+
+    def speed_per_increment(self) -> Array:
+        """Speed units in an increment per second, shape (n,)."""
+        rpm = [SPEED_UNITS[axis.speed_unit] for axis in self.axes]
+        turns = [60 / axis.increments for axis in self.axes]
+        return np.array([x / unit if unit else 1.0 for x, unit in zip(turns, rpm, strict=True)])
+
+    def per_mille_per_torque(self, robot: Robot) -> Array:
+        """Per mille of the motors' rated torque in 1 N m at the joint, with its sign; shape
+        (n,)."""
+        return 1 / self._per_joint(robot, lambda axis: axis.rated_torque / 1000)
+
+    def most_per_mille(self) -> Array:
+        """Largest magnitude of a torque, in per mille of the rated one, shape (n,)."""
+        given = [axis.maximum_torque or np.inf for axis in self.axes]
+        rated = np.array([axis.rated_torque for axis in self.axes])
+        return np.minimum(1000 * np.array(given) / rated, self.most(TORQUE, INT16))
+
+    def most(self, quantity: str, most: int) -> Array:
+        """What the bits of a set point hold, of axes that read one; shape (n,)."""
+        return np.where(self.reads(quantity), most, np.inf)
+
+    def reads(self, quantity: str) -> NDArray[np.bool_]:
+        """Which axes have a set point of a quantity: POSITION, SPEED or TORQUE; shape (n,)."""
+        read = [{OBJECTS[index][1] for index in axis.objects} for axis in self.axes]
+        return np.array([quantity in quantities for quantities in read])
+
+    def _per_joint(self, robot: Robot, of_motor: Callable[[Axis], float]) -> Array:
+        """What a motor has in a unit of its own angle or torque, in one of the joint's."""
+        return np.array(
+            [
+                axis.sign * (axis.gear_ratio or r) * of_motor(axis)
+                for axis, r in zip(self.axes, robot.gear_ratio, strict=True)
+            ]
+        )
+
+
+def load_drives(path: str | Path, n: int) -> Drives:
+    """The drives of a robot with `n` joints, from YAML, or the shipped ones of a name.
+
+    Raises:
+        InputError: with a line for each problem: file, field, and what would be right.
+    """
+    drives, file = load_yaml(Drives, path, "drives")
+    check(drives, str(file), n)
+    return drives

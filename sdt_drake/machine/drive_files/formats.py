@@ -1,0 +1,286 @@
+"""Files for drives and controllers, each written and read back."""
+
+from __future__ import annotations
+
+import heapq
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from string import Template
+
+import numpy as np
+from pydrake.trajectories import PiecewisePolynomial
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, read_text, replacing, write_text
+from sdt_drake.io.tables import write_table
+from sdt_drake.machine.drive_files.drives import OBJECTS, TORQUE, Drives
+from sdt_drake.machine.drive_files.set_points import Integers, Samples, SetPoints
+from sdt_drake.robot.robot import Robot
+
+_MOST_BYTES = 1_000_000_000
+_IN_A_LINE = 16  # values of an array
+
+
+def _columns(drives: Drives) -> list[tuple[str, int]]:
+    """Object and axis, from 0, of each column: all positions first, as drives are mapped."""
+    return [
+        (index, k)
+        for index in OBJECTS
+        for k, axis in enumerate(drives.axes)
+        if index in axis.objects
+    ]
+
+
+def _points(drives: Drives, columns: Sequence[Integers]) -> SetPoints:
+    """Of the columns in the order of `_columns`; 0 for what no drive reads."""
+    shape = len(columns[0]), len(drives.axes)
+    points = SetPoints(*(np.zeros(shape, dtype=np.int64) for _ in range(3)))
+    for (index, k), column in zip(_columns(drives), columns, strict=True):
+        points.of_object(index)[:, k] = column
+    return points
+
+
+# --- SI units --------------------------------------------------------------------------------
+
+
+def write_drive_table(path: Path, robot: Robot, samples: Samples) -> None:
+    """Write time [s], q_motor_k [rad], v_motor_k [rad/s], tau_motor_k [N m], all **motor side**.
+
+    q_motor = r q, v_motor = r v, tau_motor = tau / r, with tau the full inverse dynamics, the
+    motors' own inertia included. So tau_motor is the whole torque of a motor, for the additive
+    torque set point of its drive; a pre-control by acceleration times inertia in the drive has to
+    be off then. A row holds until the next one; the last row has no acceleration any more.
+    """
+    r, time = robot.gear_ratio, np.arange(float(len(samples.q))) * samples.period
+    columns = {"q_motor": r * samples.q, "v_motor": r * samples.v, "tau_motor": samples.tau / r}
+    write_table(path, time, columns)
+
+
+# --- integers, a row for each cycle ----------------------------------------------------------
+
+
+def write_csv(path: Path, drives: Drives, points: SetPoints) -> None:
+    """The cycle from 0, and `607Ah_k` and so on of the axes that read them: integers alone."""
+    columns = _columns(drives)
+    table = [points.of_object(index)[:, k] for index, k in columns]
+    table.insert(0, np.arange(len(points.position)))
+    _write_integers(path, _header(drives), np.stack(table, axis=1))
+
+
+def _header(drives: Drives) -> list[str]:
+    return ["cycle", *(f"{index}_{k + 1}" for index, k in _columns(drives))]
+
+
+def read_csv(path: Path, drives: Drives) -> SetPoints:
+    """Read what `write_csv` wrote.
+
+    Raises:
+        InputError: naming the file: not for these drives, a cycle missing, no integers.
+    """
+    table = _read_integers(path, _header(drives))
+    wrong = np.flatnonzero(table[:, 0] != np.arange(len(table)))
+    if len(wrong):
+        raise InputError(
+            f"{path}, line {wrong[0] + 2}: cycle {table[wrong[0], 0]}, expected {wrong[0]}"
+        )
+    return _points(drives, list(table[:, 1:].T))
+
+
+# --- Structured Text -------------------------------------------------------------------------
+
+
+def write_st(path: Path, drives: Drives, points: SetPoints, rest: SetPoints, title: str) -> None:
+    """A function block of IEC 61131-3 that plays its arrays, a row in each call.
+
+    Call it once per cycle. While Execute is FALSE its outputs are those of the first row of `rest`:
+    the first row of the motion has the speed and the torque of who already goes on from there.
+    """
+    columns, last = _columns(drives), len(points.position) - 1
+    outputs = {OBJECTS[index][0]: (index, _type_of(index)) for index, _ in columns}
+    arrays, copies, still = [], [], []
+    for index, k in columns:
+        name, values = OBJECTS[index][0], points.of_object(index)[:, k].tolist()
+        rows = [values[i : i + _IN_A_LINE] for i in range(0, last + 1, _IN_A_LINE)]
+        text = ",\n".join(f"    {', '.join(map(str, row))}" for row in rows)
+        kind = f"ARRAY[0..{last}] OF {_type_of(index)}"
+        arrays.append(f"  {name}_{k + 1} : {kind} := [\n{text}];")
+        copies.append(f"  {name}[{k + 1}] := {name}_{k + 1}[Cycle];")
+        still.append(f"  {name}[{k + 1}] := {rest.of_object(index)[0, k]};")
+    text = Template(Path(__file__).with_name("motion.st").read_text(encoding="utf-8")).substitute(
+        title=title.replace("*", ""),
+        cycles=last + 1,
+        cycle=f"{1e3 * drives.cycle_time:g}",
+        outputs="\n".join(
+            f"  {name} : ARRAY[1..{len(drives.axes)}] OF {kind}; (* {index} *)"
+            for name, (index, kind) in outputs.items()
+        ),
+        last=last,
+        arrays="\n".join(arrays),
+        copies="\n".join(copies),
+        still="\n".join(still),
+    )
+    write_text(path, text)
+
+
+def _type_of(index: str) -> str:
+    return "INT" if OBJECTS[index][1] == TORQUE else "DINT"
+
+
+def read_st(path: Path, drives: Drives) -> SetPoints:
+    """Read the arrays of what `write_st` wrote.
+
+    Raises:
+        InputError: naming the file: not for these drives, an array missing or cut off.
+    """
+    arrays = {
+        name: (int(last), values)
+        for name, last, values in re.findall(
+            r"(\w+_\d+) : ARRAY\[0\.\.(\d+)\] OF D?INT := \[([-\d,\s]*)\];",
+            read_text(path, _MOST_BYTES),
+        )
+    }
+    columns: list[Integers] = []
+    for index, k in _columns(drives):
+        name = f"{OBJECTS[index][0]}_{k + 1}"
+        if name not in arrays:
+            raise InputError(f"{path}: no whole array {name}, expected one for each axis")
+        last, values = arrays[name]
+        column = np.array(values.split(","), dtype=np.int64)
+        if len(column) != last + 1 or (columns and len(column) != len(columns[0])):
+            raise InputError(f"{path}: {name} has {len(column)} values, expected {last + 1}")
+        columns.append(column)
+    return _points(drives, columns)
+
+
+# --- cam tables ------------------------------------------------------------------------------
+
+
+def cam_rows(samples: Samples, most: int) -> list[int]:
+    """Rows of a samples, at most `most` of them, between which cubics through position and speed
+    stay near it: one more each time in the middle of where they are farthest off [rad]."""
+
+    def gap(a: int, b: int) -> tuple[float, int, int]:
+        ends = [a * samples.period, b * samples.period]
+        cubic = PiecewisePolynomial.CubicHermite(ends, samples.q[[a, b]].T, samples.v[[a, b]].T)
+        within = np.arange(a, b + 1) * samples.period
+        return -np.abs(cubic.vector_values(within).T - samples.q[a : b + 1]).max(), a, b
+
+    last = len(samples.q) - 1
+    rows, gaps = {0, last}, [gap(0, last)]
+    while len(rows) < most and gaps:
+        _, a, b = heapq.heappop(gaps)
+        middle = (a + b) // 2
+        if middle > a:
+            rows.add(middle)
+            heapq.heappush(gaps, gap(a, middle))
+            heapq.heappush(gaps, gap(middle, b))
+    return sorted(rows)
+
+
+def write_cam(path: Path, robot: Robot, drives: Drives, samples: Samples, most: int) -> None:
+    """At most `most` points of a table for cubics: cycle (the master), and for each axis position
+    [increments] and speed [increments/s]; no torques."""
+    rows, per_rad = cam_rows(samples, most), drives.increments_per_rad(robot)
+    position = np.round(drives.zeros() + samples.q[rows] * per_rad)
+    table = np.hstack([np.array(rows)[:, None], position, np.round(samples.v[rows] * per_rad)])
+    _write_integers(path, _cam_header(drives), table.astype(np.int64))
+
+
+def _cam_header(drives: Drives) -> list[str]:
+    axes = range(1, len(drives.axes) + 1)
+    return ["cycle", *(f"{what}_{k}" for what in ("position", "speed") for k in axes)]
+
+
+def read_cam(path: Path, robot: Robot, drives: Drives) -> Samples:
+    """Read what cubics between the points of `write_cam` command in each cycle, without a torque.
+
+    Raises:
+        InputError: naming the file: not for these drives, no growing cycles, no integers.
+    """
+    per_rad, table = drives.increments_per_rad(robot), _read_integers(path, _cam_header(drives))
+    cycles, (position, speed) = table[:, 0], np.hsplit(table[:, 1:], 2)
+    if cycles[0] != 0 or np.any(np.diff(cycles) <= 0):
+        raise InputError(f"{path}: cycles do not grow from 0")
+    cubics = PiecewisePolynomial.CubicHermite(
+        cycles * drives.cycle_time, ((position - drives.zeros()) / per_rad).T, (speed / per_rad).T
+    )
+    t = np.arange(cycles[-1] + 1) * drives.cycle_time
+    q, v = cubics.vector_values(t).T, cubics.derivative().vector_values(t).T
+    return Samples(drives.cycle_time, q, v, np.zeros_like(q))
+
+
+# --- ROS 2 -----------------------------------------------------------------------------------
+
+
+def write_trajectory(path: Path, robot: Robot, samples: Samples, vd: Array) -> None:
+    """A trajectory_msgs/JointTrajectory as YAML, joint side in SI units; a point in a line.
+
+    Args:
+        path: of the file.
+        robot: whose joints are named.
+        samples: what its points are.
+        vd: accelerations [rad/s²], shape (N + 1, n).
+    """
+    with replacing(path) as partial, partial.open("w", encoding="utf-8") as file:
+        file.write(f"joint_names: {json.dumps(list(robot.joint_names))}\npoints:\n")
+        for i, row in enumerate(zip(samples.q, samples.v, vd, samples.tau, strict=True)):
+            nanoseconds = round(i * samples.period * 1e9)
+            point = dict(zip(_FIELDS, (values.tolist() for values in row), strict=True))
+            since = {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
+            text = json.dumps(point | {"time_from_start": since})
+            # YAML 1.1, which ROS reads, takes 1e-05 for a text.
+            text = _NO_POINT.sub(r"\1.0e", text)
+            file.write(f"- {text}\n")
+
+
+_FIELDS = ("positions", "velocities", "accelerations", "effort")
+_NO_POINT = re.compile(r"(?<![.\d])(\d)e")
+
+
+def read_trajectory(path: Path, robot: Robot) -> Samples:
+    """Read what `write_trajectory` wrote.
+
+    Raises:
+        InputError: naming the file: other joints, times that do not grow evenly, no points.
+    """
+    lines = read_text(path, _MOST_BYTES).splitlines()
+    if not lines or lines[0] != f"joint_names: {json.dumps(list(robot.joint_names))}":
+        raise InputError(f"{path}, line 1: other joints, expected {', '.join(robot.joint_names)}")
+    try:
+        points = [json.loads(line[2:]) for line in lines[2:]]
+        since = [point["time_from_start"] for point in points]
+        time = np.array([x["sec"] + 1e-9 * x["nanosec"] for x in since])
+        q, v, _, tau = (np.array([x[name] for x in points], dtype=float) for name in _FIELDS)
+    except (ValueError, KeyError, TypeError):
+        raise InputError(f"{path}: cannot be read, expected a point in each line") from None
+    if (
+        len(time) < 2
+        or np.ptp(np.diff(time)) > 2e-9
+        or {q.shape, v.shape, tau.shape} != {(len(time), robot.n)}
+    ):
+        raise InputError(f"{path}: expected points at even times, with a value for each joint")
+    return Samples(float(time[-1] / (len(time) - 1)), q, v, tau)
+
+
+# --- integers --------------------------------------------------------------------------------
+
+
+def _write_integers(path: Path, header: Sequence[str], table: Integers) -> None:
+    with replacing(path) as partial, partial.open("w", encoding="ascii") as file:
+        file.write(",".join(header) + "\n")
+        file.writelines(",".join(map(str, row)) + "\n" for row in table.tolist())
+
+
+def _read_integers(path: Path, header: Sequence[str]) -> Integers:
+    lines = read_text(path, _MOST_BYTES).splitlines()
+    if not lines or lines[0].split(",") != list(header):
+        raise InputError(f"{path}, line 1: is not for these drives, expected {','.join(header)}")
+    try:
+        table = np.loadtxt(lines[1:], dtype=np.int64, delimiter=",", ndmin=2)
+        if table.shape[1:] != (len(header),) or len(table) < 2:
+            raise ValueError
+    except (ValueError, OverflowError):
+        raise InputError(f"{path}: expected {len(header)} integers in each row") from None
+    return table

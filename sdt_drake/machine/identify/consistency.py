@@ -1,0 +1,220 @@
+"""Links that can be: the nearest to the robot's file that move as was measured.
+
+The ten parameters of a body are those of some distribution of mass if and only if its
+pseudo-inertia
+
+    P = [Sigma h; h' m],  Sigma = trace(I) / 2 - I
+
+is positive definite (Wensing, Kim, Slotine, "Linear matrix inequalities for physically consistent
+inertial parameter identification", IEEE Robotics and Automation Letters 3(1), 2018). How far it is
+from that of the file is measured by the entropic divergence of Lee, Wensing and Park, "Geometric
+robot dynamic identification: a convex programming approach", IEEE Trans. Robotics 36(2), 2020,
+
+    D = trace(P0^-1 P) - log det(P0^-1 P) - 4
+
+which does not depend on frames and units. With base parameters beta of covariance S this minimises
+
+    (beta(P, a) - beta_measured)' S^-1 (...) / 2 + (sum of D + motors' (a / a0 - 1)² / 2) / spread²
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.solvers import ClarabelSolver, MathematicalProgram
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError
+from sdt_drake.machine.identify.base_parameters import Unknown
+from sdt_drake.robot.robot import Robot
+from sdt_drake.robot.sdf import SYMMETRIC, body_of, pseudo_inertia, symmetric
+
+SPREAD = 0.5
+"""How far links are thought to be from those of the file, where nothing was measured [-]."""
+
+_LEAST = 1e-3  # of a motor's scale: rotors have inertia
+_QUICK = 50.0  # rad/s², of a motor that turns nothing but itself; those of small joints are quicker
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A link of the robot's file.
+
+    Attributes:
+        name: of the link.
+        body: joint that turns it, from 0.
+        pseudo: pseudo-inertia in the frame of that body, shape (4, 4).
+        to_link: pose of that frame in the frame of the link, shape (4, 4).
+    """
+
+    name: str
+    body: int
+    pseudo: Array
+    to_link: Array
+
+    def inertial(self, pseudo: Array) -> tuple[float, Array, Array]:
+        """Mass [kg], centre [m], central inertia [kg m²] in the link's frame, of another pseudo."""
+        return body_of(self.to_link @ pseudo @ self.to_link.T)
+
+
+@dataclass(frozen=True, eq=False)
+class Consistent:
+    """What can be: links and motors, the nearest to what was measured.
+
+    Attributes:
+        links: those that were free.
+        pseudo: their pseudo-inertias, each of shape (4, 4).
+        motors: reflected inertia of every motor [kg m²], shape (n,).
+        beta: base parameters of it, shape (r,).
+    """
+
+    links: list[Link]
+    pseudo: list[Array]
+    motors: Array
+    beta: Array
+
+
+def links_of(robot: Robot) -> list[Link]:
+    """The moving links of a robot."""
+    plant, context = robot.plant, robot.plant.CreateDefaultContext()
+    links = []
+    for k, name in enumerate(robot.joint_names):
+        joint = plant.GetJointByName(name)
+        frame = joint.frame_on_child()
+        for link in plant.GetBodiesWeldedTo(joint.child_body()):
+            inertia = plant.CalcSpatialInertia(context, frame, [link.index()])
+            central = inertia.Shift(inertia.get_com()).CalcRotationalInertia()
+            mass, com = inertia.get_mass(), inertia.get_com()
+            pseudo = pseudo_inertia(mass, com, central.CopyToFullMatrix3())
+            pose = frame.CalcPose(context, link.body_frame()).GetAsMatrix4()
+            links.append(Link(link.name(), k, pseudo, pose))
+    return links
+
+
+def parameters_of(pseudo: Array) -> Array:
+    """The ten parameters of `regressor` that a pseudo-inertia stands for; linear in it."""
+    sigma = pseudo[:3, :3]
+    moments = np.trace(sigma) * np.eye(3) - sigma
+    return np.array([pseudo[3, 3], *pseudo[:3, 3], *moments[np.triu_indices(3)]])
+
+
+def nearest_consistent(
+    robot: Robot,
+    unknown: Unknown,
+    free: Sequence[str],
+    beta: Array,
+    covariance: Array,
+    spread: float = SPREAD,
+) -> Consistent:
+    """The robot nearest to `robot` that has the measured base parameters, as far as one can.
+
+    Args:
+        robot: of the file.
+        unknown: what was measured.
+        free: names of the links that may change; without the bodies that are unknown, none.
+        beta: the measured base parameters, shape (r,).
+        covariance: of these, shape (r, r).
+        spread: see SPREAD.
+
+    Raises:
+        InputError: if the solver finds none.
+    """
+    program, every = MathematicalProgram(), links_of(robot)
+    links = [link for link in every if link.name in free and link.pseudo[3, 3] > 0]
+    fixed = np.zeros(11 * robot.n)
+    for link in every:
+        if link not in links:
+            fixed[10 * link.body : 10 * link.body + 10] += parameters_of(link.pseudo)
+    free_parts = [_add_link(program, robot, link) for link in links]
+    is_free = np.isin(10 * robot.n + np.arange(robot.n), unknown.columns)
+    fixed[10 * robot.n :] = np.where(is_free, 0.0, robot.reflected_inertia)
+    if is_free.any():
+        free_parts.append(_add_motors(program, robot, is_free))
+    if not free_parts:
+        return Consistent([], [], robot.reflected_inertia, beta)
+    unknowns, maps = zip(*free_parts, strict=True)
+    A = np.hstack(maps)[unknown.columns]
+    K = unknown.base.combination
+    sure = spread * _whitening(covariance)
+    # What is missed are variables: their squares, not those of all that is measured, are what the
+    # solver's tolerance is of.
+    missed, one = program.NewContinuousVariables(len(beta)), np.eye(len(beta))
+    program.AddLinearEqualityConstraint(
+        np.hstack([sure @ K @ A, one]),
+        sure @ (beta - K @ fixed[unknown.columns]),
+        np.concatenate([*unknowns, missed]),
+    )
+    program.Add2NormSquaredCost(np.sqrt(0.5) * one, np.zeros(len(beta)), missed)
+    result = ClarabelSolver().Solve(program)
+    if not result.is_success():
+        raise InputError(
+            f"{robot.path}: no links that can be have the measured parameters "
+            f"({result.get_solution_result().name})"
+        )
+    x = result.GetSolution(np.concatenate(unknowns))
+    phi = fixed + np.hstack(maps) @ x
+    pseudo = [
+        _root(link.pseudo) @ symmetric(x[10 * i : 10 * i + 10]) @ _root(link.pseudo).T
+        for i, link in enumerate(links)
+    ]
+    return Consistent(links, pseudo, phi[10 * robot.n :], K @ phi[unknown.columns])
+
+
+def _add_link(program: MathematicalProgram, robot: Robot, link: Link) -> tuple[Array, Array]:
+    """Variables Z of a link, near 1, and what they do to all parameters."""
+    Z = program.NewSymmetricContinuousVariables(4)
+    program.AddMaximizeLogDeterminantCost(Z)
+    program.AddLinearCost(Z[0, 0] + Z[1, 1] + Z[2, 2] + Z[3, 3])
+    entries = np.array([Z[i, j] for i, j in SYMMETRIC])
+    return entries, effect_of(robot, link, _root(link.pseudo))
+
+
+def _add_motors(
+    program: MathematicalProgram, robot: Robot, is_free: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Variables of the free motors, near the file's, and what they do to all parameters."""
+    scale = motor_scale(robot)
+    motors = program.NewContinuousVariables(int(is_free.sum()))
+    program.AddBoundingBoxConstraint(_LEAST, np.inf, motors)
+    was = (robot.reflected_inertia / scale)[is_free]
+    program.AddQuadraticErrorCost(np.eye(len(was)), was, motors)
+    effect = np.vstack([np.zeros((10 * robot.n, robot.n)), np.diag(scale)])
+    return motors, effect[:, is_free]
+
+
+def effect_of(robot: Robot, link: Link, factor: Array) -> Array:
+    """What the ten entries SYMMETRIC of Z do to all parameters, shape (11 n, 10), where a link has
+    the pseudo-inertia F Z F' in the frame of its body, F the factor of shape (4, 4)."""
+    effect = np.zeros((11 * robot.n, 10))
+    units = map(symmetric, np.eye(10))
+    own = [parameters_of(factor @ unit @ factor.T) for unit in units]
+    effect[10 * link.body : 10 * link.body + 10] = np.column_stack(own)
+    return effect
+
+
+def motor_scale(robot: Robot) -> Array:
+    """How large reflected inertias of motors are: those of the file, or where it gives none what
+    the largest torque turns at `_QUICK`, as wrists' motors have more than their links [kg m²],
+    shape (n,)."""
+    given = robot.reflected_inertia
+    return np.asarray(np.where(given > 0, given, robot.effort_limit / _QUICK))
+
+
+def _root(pseudo: Array) -> Array:
+    """L of P = L L', of a body that has some extent in all directions."""
+    sigma = pseudo[:3, :3] - np.outer(pseudo[:3, 3], pseudo[:3, 3]) / pseudo[3, 3]
+    least = 1e-4 * max(float(np.linalg.eigvalsh(sigma)[-1]), 1e-6 * pseudo[3, 3])
+    values, vectors = np.linalg.eigh(sigma)
+    body = pseudo.copy()
+    body[:3, :3] += vectors @ np.diag(np.maximum(least - values, 0.0)) @ vectors.T
+    return np.linalg.cholesky(body)
+
+
+def _whitening(covariance: Array) -> Array:
+    """W of S^-1 = W' W."""
+    size = np.sqrt(np.diagonal(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    return (vectors / np.sqrt(np.maximum(values, 1e-12))).T / size

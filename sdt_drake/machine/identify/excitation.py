@@ -1,0 +1,347 @@
+"""Exciting motions: from which the parameters of a robot can be told best, before anybody moves it.
+
+Periodic Fourier series that start and end at rest (Swevers et al., "Optimal robot excitation and
+identification", IEEE Trans. Robotics and Automation 13(5), 1997), optimised for the information of
+the base parameters (D-optimality): log det of the inverse of the covariance that least squares,
+weighted by the noise of the torques, would have. It does not depend on how parameters are scaled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, needing, write_text
+from sdt_drake.io.progress import part
+from sdt_drake.machine.identify.targets import ANY_SPEED, Target
+from sdt_drake.motion.profile import MotionProfile
+from sdt_drake.motion.segments import Fourier
+from sdt_drake.robot.robot import Robot
+
+MARGIN, GENTLY = 0.8, 0.3
+"""Share of speed, acceleration, torque and range that a motion may take: of all, and where it is
+for the payload alone, of speeds and accelerations."""
+
+RATE = 200.0  # samples that are recorded in a second [Hz]
+
+_BASE_PERIODS = (10.0, 5.0)  # s, of the first harmonic, about: heavy robots are slow
+_HARMONICS = 5
+_GRID, _FINER = 48, 2  # samples in a period, for the optimisation; times as many at its end
+_FINE = 400  # and for what the motion comes to
+_STARTS = 40
+_STEP = 1e-6  # of a coefficient, for the gradient
+_STRICTNESS, _STRICTER = 100.0, 10.0  # of the penalty of a sample; times as much at the end
+_SOFT = 0.95  # of the limits, from where on a penalty grows
+_FIRST_ROUNDS, _SHRINKINGS = 12, 50
+_SEARCH = {True: (6, 100, _FINER), False: (2, 50, 1)}
+"""Of up to four joints, and of more, whose rounds take longer: how many starts are tried of each
+base period, rounds of the best one, and how much finer its samples are."""
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Fourier series of all joints, which start and end at rest: linear in their coefficients.
+
+    A joint has its middle [rad], and weights of the columns of `rest`.
+
+    Attributes:
+        n: number of joints.
+        period: of the first harmonic [s].
+    """
+
+    n: int
+    period: float
+
+    @cached_property
+    def rest(self) -> Array:
+        """Orthonormal [sine, cosine] with neither speed nor acceleration at the start."""
+        order = np.arange(1.0, _HARMONICS + 1)
+        nothing = np.zeros(_HARMONICS)
+        laws = np.array([[*order, *nothing], [*nothing, *order**2]])
+        return np.linalg.svd(laws)[2][2:].T
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients of a joint."""
+        return 1 + self.rest.shape[1]
+
+    def bases(self, count: int) -> tuple[Array, Array, Array]:
+        """What position, speed and acceleration are of the coefficients of a joint, at `count` even
+        times of a period, each of shape (count, size)."""
+        omega = 2 * np.pi / self.period * np.arange(1, _HARMONICS + 1)
+        phase = np.outer(np.arange(count) * self.period / count, omega)
+        sine, cosine = np.sin(phase), np.cos(phase)
+        q = np.hstack([sine, cosine])
+        v = np.hstack([omega * cosine, -omega * sine])
+        vd = np.hstack([-(omega**2) * sine, -(omega**2) * cosine])
+        one, none = np.ones((count, 1)), np.zeros((count, 1))
+        parts = ((one, q), (none, v), (none, vd))
+        return tuple(np.hstack([middle, x @ self.rest]) for middle, x in parts)  # type: ignore
+
+    def profile(self, coefficients: Array, duration: float, name: str) -> MotionProfile:
+        """The motion profile of coefficients of shape (n, size), as a motion file has it."""
+        series = coefficients[:, 1:] @ self.rest.T
+        joints = [
+            Fourier(period=self.period, sine=sine.tolist(), cosine=cosine.tolist(), end=duration)
+            for sine, cosine in zip(series[:, :_HARMONICS], series[:, _HARMONICS:], strict=True)
+        ]
+        start = coefficients[:, 0] + series[:, _HARMONICS:].sum(axis=1)
+        return MotionProfile(name=name, duration=duration, q0=start.tolist(), joints=list(joints))
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What a motion may take; joint side, each of shape (n,).
+
+    Attributes:
+        middle, range: positions are within range of the middle [rad].
+        speed, acceleration, torque: largest ones [rad/s, rad/s², N m]; inf for none.
+    """
+
+    middle: Array
+    range: Array
+    speed: Array
+    acceleration: Array
+    torque: Array
+
+    @staticmethod
+    def of(robot: Robot, margin: float, gently: float = 1.0) -> Limits:
+        """The share `margin` of the limits of a robot; of speeds and accelerations `gently` of
+        that.
+
+        A joint without stops turns by up to half a turn to both sides of 0. Gently, one without a
+        limit of acceleration has that which its motor gives it alone, where all joints are at 0.
+        """
+        lower = np.where(np.isinf(robot.position_lower), -np.pi, robot.position_lower)
+        upper = np.where(np.isinf(robot.position_upper), np.pi, robot.position_upper)
+        speed, acceleration = np.minimum(robot.velocity_limit, ANY_SPEED), robot.acceleration_limit
+        if gently < 1:
+            M = robot.plant.CalcMassMatrix(robot.plant.CreateDefaultContext())
+            acceleration = np.minimum(acceleration, robot.effort_limit / M.diagonal())
+        return Limits(
+            middle=(lower + upper) / 2,
+            range=margin * np.maximum(upper - lower, 1e-3) / 2,
+            speed=margin * gently * speed,
+            acceleration=margin * gently * acceleration,
+            torque=margin * robot.effort_limit,
+        )
+
+    def use(self, q: Array, v: Array, vd: Array, torque: Array) -> Array:
+        """Share of each limit that a motion uses, shape (4, ..., n)."""
+        return np.abs(
+            [
+                (q - self.middle) / self.range,
+                v / self.speed,
+                vd / self.acceleration,
+                torque / self.torque,
+            ]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """An exciting motion, and what may be expected of it.
+
+    Attributes:
+        profile: the motion.
+        target: what it is for.
+        condition: of the equations, their columns scaled to one [-].
+        sigma: standard deviation of what is to be found, in its units, shape (p,).
+        used: largest share of the limits of the robot, by quantity, shape (n,); NaN for a joint
+            without that limit. A quantity that no joint has a limit of is left out.
+    """
+
+    profile: MotionProfile
+    target: Target
+    condition: float
+    sigma: Array
+    used: dict[str, Array]
+
+    @property
+    def base_frequency(self) -> float:
+        """Frequency of the first harmonic [Hz]."""
+        return 1 / self.profile.joints[0].period  # type: ignore[union-attr]
+
+    def save(self, path: str | Path) -> None:
+        """Write the motion file.
+
+        Raises:
+            InputError: if it cannot be written.
+        """
+        profile = self.profile
+        lines = [
+            "# Periodic motion to identify a robot from, of `sdt-drake excite`",
+            f"name: {profile.name}",
+            f"duration: {profile.duration!r}  # s",
+            f"q0: {_rounded(profile.q0 or [])}  # rad",
+            "joints:",
+        ]
+        for joint in profile.joints:
+            assert isinstance(joint, Fourier)
+            lines += [
+                "  - !Fourier",
+                f"    period: {joint.period!r}  # s",
+                f"    sine: {_rounded(joint.sine)}  # rad",
+                f"    cosine: {_rounded(joint.cosine)}",
+                f"    end: {joint.end!r}",
+            ]
+        write_text(Path(path), "\n".join(lines) + "\n")
+
+
+def excite(
+    target: Target, duration: float, *, margin: float = MARGIN, gently: float = 1.0
+) -> Excitation:
+    """The motion of a duration [s] that tells most of a target.
+
+    Args:
+        target: what is to be found.
+        duration: of the motion [s].
+        margin: share of the robot's limits that it may take, in (0, 1].
+        gently: share of that for speeds and accelerations, in (0, 1].
+
+    Raises:
+        InputError: if no motion is within the limits.
+    """
+    with needing("exciting motions need scipy", "sdt_drake[identify]"):
+        from scipy.optimize import minimize
+    robot = target.robot
+    limits = Limits.of(robot, margin, gently)
+
+    def better(problem: _Problem, x: Array, rounds: int) -> tuple[float, _Problem, Array]:
+        value, options, round_ = problem.value_and_slope, {"maxiter": rounds}, count(1)
+        with part(rounds / all_rounds) as tell:
+            found = minimize(
+                value, x, jac=True, method="L-BFGS-B", options=options,
+                callback=lambda _: tell(next(round_) / rounds),
+            )  # fmt: skip
+        return found.fun, problem, found.x
+
+    tried = []
+    starts, last_rounds, finer = _SEARCH[robot.n <= 4]
+    all_rounds = len(_BASE_PERIODS) * starts * _FIRST_ROUNDS + last_rounds
+    with part():
+        for about in _BASE_PERIODS:
+            series = Series(robot.n, duration / max(1, round(duration / about)))
+            problem = _Problem(target, series, limits)
+            begin = problem.starts()[:starts]
+            tried += [better(problem, x, _FIRST_ROUNDS) for x in begin]
+        _, problem, x = min(tried, key=lambda found: found[0])
+        # What is beyond a limit in the end shrinks the motion, and costs more than a stricter look.
+        stricter = _Problem(target, problem.series, limits, finer * _GRID, _STRICTER * _STRICTNESS)
+        _, problem, x = better(stricter, x, last_rounds)
+    series, coefficients = problem.series, problem.shrunk(problem.coefficients(x[None])[0])
+    q, v, vd = (x[0] for x in _motion(coefficients[None], series.bases(_FINE)))
+    columns, torque = target.rows(q, v, vd)
+    samples = duration * RATE / _FINE  # of a recording for each row
+    sigma, condition = _expected(columns.reshape(len(q) * robot.n, -1), samples)
+    limits = Limits.of(robot, 1.0)
+    use = limits.use(q, v, vd, torque).max(axis=1)
+    used = dict(zip(("range", "speed", "acceleration", "torque"), use, strict=True))
+    used["acceleration"][np.isinf(limits.acceleration)] = np.nan
+    used = {name: share for name, share in used.items() if not np.isnan(share).all()}
+    profile = series.profile(coefficients, duration, "excite")
+    return Excitation(profile, target, condition, sigma, used)
+
+
+class _Problem:
+    """Minus the information, and what limits take; coefficients in shares of what moves a joint as
+    far and as fast as it may, so that all are of one size."""
+
+    def __init__(
+        self,
+        target: Target,
+        series: Series,
+        limits: Limits,
+        grid: int = _GRID,
+        strictness: float = _STRICTNESS,
+    ):
+        self.target, self.series, self.limits = target, series, limits
+        self.bases, self.strictness = series.bases(grid), strictness
+        q, v, vd = (np.linalg.norm(x, axis=0).max() / np.sqrt(grid) for x in self.bases)
+        sizes = [limits.range / q, limits.speed / v, limits.acceleration / vd]
+        self.size = np.min(sizes, axis=0)  # of coefficients, (n,)
+
+    def coefficients(self, x: Array) -> Array:
+        """Of shares, shape (B, n size): shape (B, n, size)."""
+        shares = x.reshape(len(x), self.series.n, -1)
+        middle = self.limits.middle + self.limits.range * shares[:, :, 0]
+        return np.concatenate([middle[:, :, None], self.size[:, None] * shares[:, :, 1:]], axis=2)
+
+    def values(self, x: Array) -> Array:
+        """Of several motions at once, shape (B,)."""
+        target, count = self.target, len(x)
+        q, v, vd = _motion(self.coefficients(x), self.bases)
+        flat = [y.reshape(-1, target.robot.n) for y in (q, v, vd)]
+        columns, torque = target.rows(*flat)
+        columns = columns.reshape(count, -1, columns.shape[2])
+        use = self.limits.use(q, v, vd, torque.reshape(q.shape))
+        beyond = np.maximum(use - _SOFT, 0) ** 2
+        penalty = self.strictness * beyond.sum(axis=(0, 2, 3))
+        return penalty - _information(columns)
+
+    def value_and_slope(self, x: Array) -> tuple[float, Array]:
+        """At one motion, by differences: all of them are motions of one call."""
+        values = self.values(np.vstack([x, x + _STEP * np.eye(len(x))]))
+        return float(values[0]), (values[1:] - values[0]) / _STEP
+
+    def starts(self) -> Array:
+        """Random motions, large and small, the best first, shape (_STARTS, n size)."""
+        x = np.random.default_rng(0).normal(0, 1, (_STARTS, self.series.n * self.series.size))
+        x *= np.geomspace(0.02, 0.4, _STARTS)[:, None]
+        return np.asarray(x[np.argsort(self.values(x))])
+
+    def shrunk(self, coefficients: Array) -> Array:
+        """The same within the limits, if it is a little beyond; shape (n, size).
+
+        Raises:
+            InputError: if no size is.
+        """
+        fine = self.series.bases(_FINE)
+        for _ in range(_SHRINKINGS):
+            q, v, vd = (x[0] for x in _motion(coefficients[None], fine))
+            use = self.limits.use(q, v, vd, self.target.rows(q, v, vd)[1]).max(axis=1)
+            if use.max() <= 1:
+                return coefficients
+            # All joints shrink together where a torque is beyond, of which any may be the cause.
+            factor = np.minimum(1 / np.maximum(use[:3].max(axis=0), 1), min(1 / use[3].max(), 1))
+            towards = np.where(factor < 1, 0.999 * factor, 1.0)[:, None]
+            still = np.zeros_like(coefficients)
+            still[:, 0] = self.limits.middle
+            coefficients = still + towards * (coefficients - still)
+        k = int(use.max(axis=0).argmax())
+        raise InputError(
+            f"{self.target.robot.path}: joint {k + 1} needs more torque than it may take even at "
+            "rest, expected stronger motors or a larger --margin"
+        )
+
+
+def _motion(coefficients: Array, bases: tuple[Array, Array, Array]) -> list[Array]:
+    """q, v, vd of coefficients of shape (B, n, size), each of shape (B, N, n)."""
+    return [np.einsum("ts,bns->btn", basis, coefficients) for basis in bases]
+
+
+def _information(columns: Array) -> Array:
+    """log det of X' X for X of shape (B, rows, p), each: shape (B,)."""
+    scale = np.sqrt(np.mean(columns**2, axis=(0, 1))) + 1e-12  # of numbers alone: it is put back
+    X = columns / scale
+    gram = np.einsum("bip,biq->bpq", X, X, optimize=True) + 1e-9 * np.eye(X.shape[2])
+    return np.asarray(np.linalg.slogdet(gram)[1] + 2 * np.log(scale).sum())
+
+
+def _expected(columns: Array, samples: float) -> tuple[Array, float]:
+    """Standard deviations of the parameters, and the condition number of the scaled columns."""
+    scale = np.linalg.norm(columns, axis=0)
+    _, singular, Vt = np.linalg.svd(columns / scale, full_matrices=False)
+    with np.errstate(divide="ignore"):
+        sigma = np.sqrt(np.sum((Vt / singular[:, None]) ** 2, axis=0)) / scale / np.sqrt(samples)
+        return sigma, float(singular[0] / singular[-1])
+
+
+def _rounded(values: Sequence[float]) -> list[float]:
+    return [round(x, 9) for x in values]

@@ -1,0 +1,203 @@
+"""Evenly sampled, smooth motion and torque from a recording; no filter here shifts time.
+
+Positions pass a Butterworth filter forwards and backwards, and speeds and accelerations are those
+of a quintic spline through them: central differences at 95 Hz would lose a tenth of an acceleration
+at 8 Hz.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sdt_drake.io.arrays import Array, Index
+from sdt_drake.io.errors import InputError, needing
+from sdt_drake.machine.recordings import Recorded
+from sdt_drake.motion.trajectory import interpolated
+
+with needing("identification needs scipy", "sdt_drake[identify]"):
+    from scipy.interpolate import make_interp_spline
+    from scipy.signal import butter, sosfiltfilt
+
+HIGHEST = 0.35
+"""Cut-off over the rate of samples, from which on a filter would do nothing but ring."""
+
+_ORDER = 4
+_AWAY = 0.01  # of a joint's reach: farther off than that, it has left its place
+_REST = 2.0  # s
+_SHORTEST = 1.0  # s, of what is worth filtering
+_WORKING_RATE = 200.0  # Hz, of what is computed from positions; machines of this kind move slower
+_BEYOND = 2.0  # periods of the cut-off, of what a filter makes up beyond the ends
+_ABOVE = 4.0  # cut-off of positions over that of torques; see `Smooth`
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A part of a recording without gaps, in even steps, joint side.
+
+    Attributes:
+        start: its time in the recording [s].
+        period: [s].
+        q, tau: [rad, N m], shape (N, n).
+    """
+
+    start: float
+    period: float
+    q: Array
+    tau: Array
+
+    @property
+    def end(self) -> float:
+        """Time of the last sample in the recording [s]."""
+        return self.start + (len(self.q) - 1) * self.period
+
+
+@dataclass(frozen=True, eq=False)
+class Smooth:
+    """Positions of a stretch below a cut-off frequency, with their derivatives.
+
+    The torques that follow from them pass the same filter as the measured ones (parallel filtering;
+    Gautier, "Dynamic identification of robots with power model", ICRA 1997). What cuts positions
+    off is four times as high, so that it takes nothing from the torques that are compared.
+
+    Attributes:
+        time: in the recording [s], shape (N,).
+        q, v, vd: [rad, rad/s, rad/s²], shape (N, n).
+        tau: measured, not filtered but against aliasing, joint side [N m], shape (N, n).
+        period: of these samples [s].
+    """
+
+    time: Array
+    q: Array
+    v: Array
+    vd: Array
+    tau: Array
+    period: float
+
+
+def stretches(recorded: Recorded) -> tuple[list[Stretch], list[str]]:
+    """The parts of a recording between its gaps in even steps, from where the robot begins to move
+    to where it has come to rest, and what had to be done, in words.
+
+    Raises:
+        InputError: if no part is as long as a second.
+    """
+    time, notes = recorded.time, []
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    gaps = recorded.gaps
+    if len(gaps):
+        notes.append(f"{recorded.gaps_in_words}: taken apart there")
+    within = np.delete(steps, gaps)
+    jitter = float(np.abs(within - usual).max()) / usual
+    if jitter > 1e-3:
+        notes.append(
+            f"uneven time, steps of {1e3 * within.min():.3g} to {1e3 * within.max():.3g} ms: "
+            f"resampled at {1 / usual:.4g} Hz"
+        )
+    if "tau_mean" in recorded.signals:
+        notes.append("torques are the recorded means between samples (tau_mean)")
+    elif recorded.of_links:
+        notes.append(
+            "torques are those at the ends of periods, not what moved the links within them: "
+            "simulated again, it has their means (tau_mean)"
+        )
+    first, last = _moving(time, recorded.signals["q"])
+    if last - first < time[-1]:
+        notes.append(
+            f"left out, as no joint moves: all before {first:.4g} s and after {last:.4g} s"
+        )
+    parts = []
+    for every in np.split(np.arange(len(time)), gaps + 1):
+        rows = every[(time[every] >= first) & (time[every] <= last)]
+        if len(rows) and time[rows[-1]] - time[rows[0]] >= _SHORTEST and len(rows) > 10 * _ORDER:
+            parts.append(_even(recorded, rows, usual, resample=jitter > 1e-3))
+    if not parts:
+        raise InputError(
+            f"{recorded.path}: {last - first:.3g} s at {1 / usual:.3g} Hz, expected at least "
+            f"{_SHORTEST:g} s and {10 * _ORDER} samples without a gap"
+        )
+    return parts, notes
+
+
+def _moving(time: Array, q: Array) -> tuple[float, float]:
+    """When the first joint leaves its place, and when the last one has come to its own [s]; a rest
+    that filters want is left before and after."""
+    reach = np.ptp(q, axis=0)
+    is_away = [
+        np.any(np.abs(q - there) > np.maximum(_AWAY * reach, _AWAY**2 * reach.max()), axis=1)
+        for there in (q[0], q[-1])
+    ]
+    if not is_away[0].any():
+        return 0.0, float(time[-1])
+    begins, ends = np.argmax(is_away[0]), len(time) - 1 - np.argmax(is_away[1][::-1])
+    first, last = time[begins] - _REST, time[ends] + _REST
+    return max(float(first), 0.0), min(float(last), float(time[-1]))
+
+
+def _even(recorded: Recorded, rows: Index, period: float, *, resample: bool) -> Stretch:
+    time, q, tau = recorded.time[rows], recorded.signals["q"][rows], recorded.signals["tau"][rows]
+    even = np.arange(time[0], time[-1], period) if resample else time
+    if "tau_mean" in recorded.signals:
+        tau = _of_means(time, recorded.signals["tau_mean"][rows], even)
+    elif resample:
+        tau = interpolated(even, time, tau)
+    if resample:
+        q = make_interp_spline(time, q, k=3)(even)
+    else:
+        period = float(time[-1] - time[0]) / (len(time) - 1)
+    return Stretch(float(time[0]), period, q, tau)
+
+
+def _of_means(time: Array, mean: Array, at: Array) -> Array:
+    """The smooth signal that has these means between the times; its integral is a spline's."""
+    steps = np.diff(time, prepend=time[0])[:, None]  # the first mean is of before
+    return np.asarray(
+        make_interp_spline(time, np.cumsum(steps * mean, axis=0), k=5).derivative()(at)
+    )
+
+
+def zero_phase_low_pass(x: Array, cutoff: float, period: float) -> Array:
+    """x of shape (N, ...) below `cutoff` [Hz] without delay: half of an amplitude is left there.
+
+    A Butterworth filter of fourth order, forwards and backwards. Where samples at `period` [s]
+    could hardly tell more than that, they stay; see HIGHEST.
+    """
+    if cutoff >= HIGHEST / period:
+        return x
+    sos = butter(_ORDER, 2 * cutoff * period, output="sos")
+    return np.asarray(
+        sosfiltfilt(sos, x, axis=0, padlen=min(len(x) - 1, int(_BEYOND / (cutoff * period))))
+    )
+
+
+def smooth(stretch: Stretch, cutoff: float) -> Smooth:
+    """Motion and torque of a stretch, for torques that are compared below `cutoff` [Hz]."""
+    every = max(1, int(1 / (stretch.period * max(_WORKING_RATE, 3 * _ABOVE * cutoff))))
+    time: Array = stretch.start + stretch.period * np.arange(len(stretch.q), dtype=float)
+    spline = make_interp_spline(
+        time, zero_phase_low_pass(stretch.q, _ABOVE * cutoff, stretch.period), k=5
+    )
+    tau = (
+        zero_phase_low_pass(stretch.tau, 0.4 / (every * stretch.period), stretch.period)
+        if every > 1
+        else stretch.tau
+    )
+    time = time[::every]
+    return Smooth(
+        time,
+        np.asarray(spline(time)),
+        spline.derivative()(time),
+        spline.derivative(2)(time),
+        tau[::every],
+        every * stretch.period,
+    )
+
+
+def compared(count: int, cutoff: float, period: float) -> slice:
+    """Which of `count` samples to compare below `cutoff` [Hz]: as few as tell it, without the ends,
+    which the filter knows less of: as much as it has to make up beyond them."""
+    every = max(1, int(1 / (4 * cutoff * period)))
+    end = int(_BEYOND / (cutoff * period))
+    return slice(end, count - end, every)

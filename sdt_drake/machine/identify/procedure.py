@@ -1,0 +1,250 @@
+"""From recordings to a robot: cut-off frequency, friction, base parameters, links that can be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError
+from sdt_drake.machine.identify.base_parameters import Unknown, rigid_parameters
+from sdt_drake.machine.identify.consistency import (
+    Consistent,
+    links_of,
+    motor_scale,
+    nearest_consistent,
+)
+from sdt_drake.machine.identify.equations import Equations, equations
+from sdt_drake.machine.identify.estimation import Estimate, Prior, estimate
+from sdt_drake.machine.identify.filtering import HIGHEST, Stretch, stretches
+from sdt_drake.machine.identify.friction import USUAL
+from sdt_drake.machine.identify.regressor import Bodies
+from sdt_drake.machine.identify.suspicions import (
+    inconsistent,
+    suspicious_recording,
+    suspicious_torques,
+    weakly_excited,
+)
+from sdt_drake.machine.recordings import Recorded
+from sdt_drake.robot.robot import Robot
+
+HELD_OUT = 1 / 3
+"""Of each recording, its end, if none are named to validate."""
+
+_LOWEST, _HIGHEST = 1.0, 20.0  # Hz, of cut-off frequencies
+_MOST, _LITTLE = 0.99, 0.001  # of the power of a torque
+_BELIEF = 1.0  # standard deviation of a parameter over its scale, before anything is measured
+
+Parts = list[tuple[int, float, Stretch]]
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """What recordings say of a robot.
+
+    Attributes:
+        nominal: the robot of the file.
+        unknown: what was to be found.
+        recordings: what it was found from, then what it was judged by.
+        equations: all rows, of fitting and of judging.
+        estimate: base parameters and friction.
+        consistent: links and motors that can be.
+        friction: parameters of friction beside these, as in `estimate`, shape (f,).
+        predicted: torque of the consistent robot with friction, joint side [N m], shape (M, n).
+        cutoff: below which torques were compared [Hz].
+        notes: what was done to the recordings, in words.
+        warnings: what is suspicious, in words.
+    """
+
+    nominal: Robot
+    unknown: Unknown
+    recordings: tuple[Recorded, ...]
+    equations: Equations
+    estimate: Estimate
+    consistent: Consistent
+    friction: Array
+    predicted: Array
+    cutoff: float
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    def left(self, predicted: Array, *, held_out: bool) -> Array:
+        """RMS of what a prediction leaves, over the RMS of the measured torque, shape (n,).
+
+        Where a joint rests, friction may be anything: that does not count.
+        """
+        eq = self.equations
+        rows = (eq.fit != held_out)[:, None] & eq.moves
+        error = np.sum(rows * (eq.tau - predicted) ** 2, axis=0)
+        with np.errstate(invalid="ignore"):  # a joint that never moves
+            return np.asarray(np.sqrt(error / np.sum(rows * eq.tau**2, axis=0)))
+
+
+def identify(
+    robot: Robot,
+    recordings: Sequence[Recorded],
+    *,
+    validate: Sequence[Recorded] = (),
+    only: str | None = None,
+    payload: str = "payload",
+    cutoff: float | None = None,
+    held_out: float = HELD_OUT,
+) -> Identified:
+    """Identify a robot from recordings.
+
+    Args:
+        robot: where to start from; gives the kinematics, and what is not to be found.
+        recordings: with q and tau.
+        validate: recordings to judge by; by default the last third of each of the others.
+        only: "payload" or "friction" to take everything else as it is in the file.
+        payload: the link that is meant by it.
+        cutoff: below which torques are compared [Hz]; by default `chosen_cutoff`.
+        held_out: share of each recording, at its end, to judge by where nothing is to validate.
+
+    Raises:
+        InputError: for recordings that say nothing: too short, no torque, nothing moves; for a
+            payload that is no link; for a cut-off frequency that samples know nothing of.
+    """
+    path = recordings[0].path
+    parts, notes = _parts(recordings, validate, held_out)
+    unknown, free = _unknown(robot, only, payload)
+    prior = belief(robot, unknown)
+    _check_cutoff(cutoff, parts)
+    cutoff = cutoff or chosen_cutoff(robot, unknown, parts, path)
+    eq = equations(robot, unknown, parts, cutoff)
+    _check_rows(eq, cutoff, path)
+    found = estimate(eq, prior)
+    r, S = len(found.beta), found.covariance
+    consistent = nearest_consistent(robot, unknown, free, found.beta, S[:r, :r])
+    change = consistent.beta - found.beta
+    # What friction has to do with the base parameters, it follows them.
+    friction = found.friction + S[r:, :r] @ np.linalg.solve(S[:r, :r], change)
+    predicted = eq.known + np.einsum("mkr,r->mk", eq.rigid, consistent.beta)
+    predicted = predicted + found.friction_torque(eq, friction)
+    before, after = (np.sqrt(np.diagonal(x)) for x in (np.linalg.inv(prior.precision), S[:r, :r]))
+    warnings = [line for x in (*recordings, *validate) for line in suspicious_recording(robot, x)]
+    rubs = found.friction_torque(eq, found.friction)
+    warnings += suspicious_torques(robot, eq, found.torque(eq), rubs)
+    warnings += inconsistent(eq, found.torque(eq), predicted)
+    warnings += weakly_excited(found.condition, before, after, unknown.base.words)
+    return Identified(
+        nominal=robot,
+        unknown=unknown,
+        recordings=(*recordings, *validate),
+        equations=eq,
+        estimate=found,
+        consistent=consistent,
+        friction=friction,
+        predicted=predicted,
+        cutoff=cutoff,
+        notes=tuple(notes),
+        warnings=tuple(warnings),
+    )
+
+
+def _parts(
+    recordings: Sequence[Recorded], validate: Sequence[Recorded], held_out: float
+) -> tuple[Parts, list[str]]:
+    parts: Parts = []
+    notes = []
+    for number, recorded in enumerate((*recordings, *validate)):
+        _check_alive(recorded)
+        found, said = stretches(recorded)
+        notes += [f"{recorded.path.name}: {line}" for line in said]
+        held_from = -np.inf if number >= len(recordings) else np.inf
+        if not validate:
+            start, end = found[0].start, found[-1].end
+            held_from = end - held_out * (end - start)
+        parts += [(number, held_from, stretch) for stretch in found]
+    return parts, notes
+
+
+def _check_alive(recorded: Recorded) -> None:
+    """Refuse a recording in which there is nothing to be seen."""
+    q, tau = recorded.signals["q"], recorded.signals["tau"]
+    dead = np.flatnonzero(np.ptp(tau, axis=0) == 0)
+    if len(dead):
+        what = "zero" if not tau[0, dead[0]] else f"{tau[0, dead[0]]:g} N m"
+        raise InputError(f"{recorded.path}: tau_{dead[0] + 1} is {what} all the time")
+    if np.all(np.ptp(q, axis=0) < 1e-6):
+        raise InputError(f"{recorded.path}: no joint moves")
+
+
+def _check_cutoff(cutoff: float | None, parts: Parts) -> None:
+    """Refuse a frequency that filters would leave as it is."""
+    most = HIGHEST / max(stretch.period for *_, stretch in parts)
+    if cutoff is not None and cutoff >= most:
+        raise InputError(
+            f"--cutoff: {cutoff:g} Hz, expected less than {most:.4g} Hz, {HIGHEST:g} "
+            "of the samples' rate"
+        )
+
+
+def _check_rows(eq: Equations, cutoff: float, path: Path) -> None:
+    """Refuse recordings of which nothing is left to fit, or to judge by."""
+    for rows, what in ((eq.fit, "to fit"), (~eq.fit, "to judge by")):
+        if not rows.any():
+            raise InputError(
+                f"{path}: compared below {cutoff:.3g} Hz nothing is left {what}, expected a "
+                "longer recording, another --held-out or a higher --cutoff"
+            )
+    if not eq.moves.any():
+        raise InputError(f"{path}: no joint moves, but for noise")
+
+
+def _unknown(robot: Robot, only: str | None, payload: str) -> tuple[Unknown, list[str]]:
+    """What is to be found, and the links that may change."""
+    if only == "friction":
+        return Unknown.nothing(), []
+    if only == "payload":
+        return Unknown.body(robot, payload), [payload]
+    return Unknown.everything(robot), [link.name for link in links_of(robot)]
+
+
+def belief(robot: Robot, unknown: Unknown) -> Prior:
+    """Prior of the base parameters: those of the file, good to the scale of what they are made
+    of."""
+    bodies = Bodies.of(robot)
+    mass = np.maximum(bodies.parameters[:, 0], 0.05 * bodies.parameters[:, 0].sum())
+    trace = bodies.parameters[:, [4, 7, 9]].sum(axis=1) / 2
+    gyration = np.maximum(trace / mass, 0.05**2)  # m², about the frame
+    # Of mass, first moments and inertias.
+    scale = np.repeat(mass * gyration ** np.array([[0], [0.5], [1]]), [1, 3, 6], axis=0).T
+    whole = _BELIEF * np.concatenate([scale.ravel(), motor_scale(robot)])
+    K = unknown.base.combination
+    covariance = (K * whole[unknown.columns] ** 2) @ K.T
+    mean = K @ rigid_parameters(robot)[unknown.columns]
+    return Prior(mean, np.linalg.inv(covariance))
+
+
+def chosen_cutoff(robot: Robot, unknown: Unknown, parts: Parts, path: Path) -> float:
+    """A frequency below which the motion is, with its torques, and not much else [Hz].
+
+    Twice that below which 99.9 % of the power is that the torque shares with what a simple fit
+    predicts, of the joint where this is highest. Friction at reversals reaches as far; above it a
+    recording holds noise and what no rigid links do. But no higher than where every prediction has
+    0.1 % of power that is not in the torque: noise of encoders, which accelerations are full of,
+    so that a fit to it finds too little inertia.
+    """
+    top = min(_HIGHEST, 0.1 / max(stretch.period for *_, stretch in parts))
+    eq = equations(robot, unknown, parts, top, lambda fastest: (USUAL,))
+    _check_rows(eq, top, path)
+    predicted = estimate(eq, belief(robot, unknown), [USUAL] * robot.n).torque(eq)
+    part = np.bincount(eq.part[eq.fit]).argmax()
+    rows = eq.fit & (eq.part == part)
+    window = np.hanning(int(rows.sum()))[:, None]
+    told, seen = (
+        np.fft.rfft(window * (x[rows] - x[rows].mean(axis=0)), axis=0) for x in (predicted, eq.tau)
+    )
+    shared = (told.conj() * seen).real
+    below = np.cumsum(shared, axis=0) / shared.sum(axis=0)
+    noise = np.where(below > _MOST, np.abs(told) ** 2 - shared, 0.0).cumsum(axis=0)
+    is_clean = noise < _LITTLE * shared.sum(axis=0)
+    is_clean[0] = True
+    frequency = np.fft.rfftfreq(len(window), float(np.median(np.diff(eq.time[rows]))))
+    motion = frequency[np.argmax(below > 1 - _LITTLE, axis=0)].max()
+    clean = frequency[np.logical_and.accumulate(is_clean, axis=0).sum(axis=0) - 1].max()
+    return float(np.clip(min(2 * motion, clean), _LOWEST, top))

@@ -1,0 +1,274 @@
+"""Recordings of robots: what their files call the columns, and the same for all from there on."""
+
+# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Optional
+
+import numpy as np
+
+from sdt_drake.io.arrays import Array, Index
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.fields import Problems, setting
+from sdt_drake.io.tables import Numbers, read_numbers
+from sdt_drake.io.yaml_files import load_yaml
+from sdt_drake.motion.trajectory import interpolated
+from sdt_drake.robot.robot import Robot
+
+SIDES = ("joint", "motor")
+_DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
+_ANGLES = ("q", "v", "q_ref", "v_ref", "vd_ref")
+_TORQUES = ("tau", "tau_mean", "tau_ff")
+RECORDED_SIGNALS = (*_ANGLES, *_TORQUES)
+"""Of each joint: position, speed, torque of the motor, its mean over the period that ends there;
+what was asked for; torque fed forward."""
+
+_GAP = 4.0  # of the usual step
+_OWN = ("tau_cmd", "tau_limited", "load_torque")  # columns that `simulate` writes
+
+
+@dataclass(slots=True)
+class Columns:
+    """How a recording's file says what it holds; the default is that of this package.
+
+    A signal is a list of columns, one for each joint from the base to the tip, by their names or,
+    counted from 1, their numbers; or one text in which {k} stands for the number of the joint. What
+    is not there has none: [].
+
+    Attributes:
+        delimiter: between columns: comma, semicolon, tab or space (any blanks).
+        header: whether a line with names comes first.
+        skip: lines before that.
+        time: column of the time; "" where there is none, but a rate.
+        time_factor: what a 1 in that column is.
+        rate: samples in a second, where there is no time.
+        q: columns of the positions.
+        v: columns of the speeds, which are not needed.
+        tau: columns of the torques.
+        tau_mean: columns of the mean torques since the sample before; `identify` prefers them.
+        q_ref: columns of the position reference, for `replay`.
+        v_ref: columns of the speed reference, likewise.
+        vd_ref: columns of the acceleration reference, likewise.
+        tau_ff: columns of the torque feedforward, likewise.
+        angle: "rad" or "deg", of positions and speeds.
+        side: "joint" or "motor", of torques. That of a recording of `simulate` is known.
+        position_offset: added to q and q_ref; 0 by default.
+        direction: 1, or -1 for a joint whose positions, speeds and torques are counted the other
+            way than in the robot's file; 1 by default.
+        torque_delay: by how much tau is recorded later than positions, as half the period of a
+            drive that holds it.
+        torque_factor: what turns the columns of torques, perhaps currents, into torques; 1 by
+            default.
+    """
+
+    delimiter: str = setting("comma", choices=tuple(_DELIMITERS))
+    header: bool = True
+    skip: int = setting(0, minimum=0, maximum=1000, unit="-")
+    time: str = setting("time", empty=True)
+    time_factor: float = setting(1.0, above=0, unit="s")
+    rate: Optional[float] = setting(None, above=0, unit="Hz")
+    q: list[str] = setting(["q_{k}"])
+    v: list[str] = setting(["v_{k}"], empty=True)
+    tau: list[str] = setting(["tau_{k}"])
+    tau_mean: list[str] = setting(["tau_mean_{k}"], empty=True)
+    q_ref: list[str] = setting(["q_ref_{k}"], empty=True)
+    v_ref: list[str] = setting(["v_ref_{k}"], empty=True)
+    vd_ref: list[str] = setting(["vd_ref_{k}"], empty=True)
+    tau_ff: list[str] = setting(["tau_ff_{k}"], empty=True)
+    angle: str = setting("rad", choices=("rad", "deg"))
+    side: Optional[str] = setting(None, choices=SIDES)
+    position_offset: Optional[list[float]] = setting(None, per_joint=True, unit="rad", side="joint")
+    direction: Optional[list[float]] = setting(
+        None, per_joint=True, minimum=-1, maximum=1, unit="-"
+    )
+    torque_delay: float = setting(0.0, minimum=-1, maximum=1, unit="s")
+    torque_factor: Optional[list[float]] = setting(None, per_joint=True, unit="N m per unit")
+
+    def problems(self) -> Problems:
+        if (self.time == "") == (self.rate is None):
+            text = (
+                "missing, expected one where time is empty" if not self.time else "needs time: ''"
+            )
+            yield "rate", text
+        if any(abs(x) != 1 for x in self.direction or []):
+            yield "direction", f"{self.direction}, expected 1 and -1"
+        if any(x == 0 for x in self.torque_factor or []):
+            yield "torque_factor", f"{self.torque_factor}, expected no 0"
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """A recording of a robot, **joint side**, as it was sampled.
+
+    Attributes:
+        path: of the file.
+        time: growing, not always in equal steps [s], shape (N,).
+        signals: those of RECORDED_SIGNALS that there are [rad, rad/s, rad/s², N m], each of shape
+            (N, n).
+        of_links: whether q and v are those of the links, as `simulate` writes them, and not of what
+            encoders are on.
+    """
+
+    path: Path
+    time: Array
+    signals: dict[str, Array]
+    of_links: bool = False
+
+    @property
+    def gaps(self) -> Index:
+        """Rows, from 0, after which nobody knows what happened until the next one."""
+        steps = np.diff(self.time)
+        return np.flatnonzero(steps > _GAP * np.median(steps))
+
+    @property
+    def gaps_in_words(self) -> str:
+        """How many gaps there are, and where the longest one is; "" for none."""
+        if not len(self.gaps):
+            return ""
+        steps = np.diff(self.time)
+        i = self.gaps[steps[self.gaps].argmax()]
+        longest = f"the longest {steps[i]:.3g} s at {self.time[i]:.3g} s"
+        return f"{len(self.gaps)} gap(s) in time, {longest}"
+
+
+def load_columns(path: str | Path) -> Columns:
+    """The mapping file of a recording.
+
+    Raises:
+        InputError: naming the file, the field, and what would be right.
+    """
+    return load_yaml(Columns, path)[0]
+
+
+def read_recording(
+    path: str | Path,
+    robot: Robot,
+    columns: Columns | None = None,
+    *,
+    needs: Sequence[str] = ("q", "tau"),
+    side: str | None = None,
+) -> Recorded:
+    """Read a recording.
+
+    Args:
+        path: of the file.
+        robot: whose joints it has; gives the gear ratios.
+        columns: what its file calls them.
+        needs: of RECORDED_SIGNALS, what must be there; others are read if they are.
+        side: of the torques, whatever `columns` say; where neither says it, that of the motors if
+            `simulate` has written the file, else the joints'.
+
+    Raises:
+        InputError: naming the file, and the column or line: what `read_numbers` refuses, a column
+            that is missing, another number of joints, a time that does not grow, a number that is
+            not finite.
+    """
+    columns = columns or Columns()
+    numbers = read_numbers(
+        path,
+        delimiter=_DELIMITERS[columns.delimiter],
+        header=columns.header,
+        skip=columns.skip,
+        texts=True,
+    )
+    own = all(f"{name}_1" in numbers.names for name in _OWN)
+    side = side or columns.side or ("motor" if own else "joint")
+    time = _time(numbers, columns)
+    signals = {}
+    for name in RECORDED_SIGNALS:
+        found = _found(numbers, getattr(columns, name), name, robot.n, needed=name in needs)
+        if found:
+            numbers.check_finite(found)
+            signals[name] = numbers.data[:, found]
+    if "tau" in signals and columns.torque_delay != 0:
+        signals["tau"] = interpolated(time + columns.torque_delay, time, signals["tau"])
+    return Recorded(numbers.path, time, _converted(signals, robot, columns, side), own)
+
+
+def _time(numbers: Numbers, columns: Columns) -> Array:
+    if columns.rate is not None:
+        return np.arange(len(numbers.data)) / columns.rate
+    place = _place(numbers, columns.time)
+    if place is None:
+        raise _missing(numbers, columns.time, "time")
+    numbers.check_finite([place])
+    time = (numbers.data[:, place] - numbers.data[0, place]) * columns.time_factor
+    bad = np.flatnonzero(np.diff(time) <= 0)
+    if len(bad):
+        before, after = numbers.data[bad[0] : bad[0] + 2, place]
+        raise InputError(
+            f"{numbers.place(bad[0] + 1)}: {columns.time} goes from "
+            f"{before:.12g} to {after:.12g}, expected a growing time"
+        )
+    return time
+
+
+def _found(
+    numbers: Numbers, names: list[str], signal: str, n: int, *, needed: bool
+) -> list[int] | None:
+    """The columns of a signal; None if it has none and need not."""
+    if not names and not needed:
+        return None
+    pattern = names[0] if len(names) == 1 and "{k}" in names[0] else None
+    said = [pattern.replace("{k}", str(k + 1)) for k in range(n + 1)] if pattern else names
+    places = [_place(numbers, name) for name in said]
+    if pattern:
+        one_more = places.pop() is not None
+        if one_more or (places[0] is not None and None in places):
+            count = n + 1 if one_more else n - places.count(None)
+            told = (
+                f"{count} {'or more ' if one_more else ''}column(s) {pattern.replace('{k}', 'k')}"
+            )
+            raise InputError(f"{numbers.path}: {told} ({signal}), but the robot has {n} joint(s)")
+    elif len(places) != n:
+        raise InputError(f"{signal}: {len(names)} column(s), but the robot has {n} joint(s)")
+    found = [place for place in places if place is not None]
+    if len(found) == n:
+        return found
+    if needed or found:
+        raise _missing(numbers, said[places.index(None)], signal)
+    return None
+
+
+def _place(numbers: Numbers, name: str) -> int | None:
+    """Of a column, by its name or number."""
+    if name in numbers.names:
+        return numbers.names.index(name)
+    is_number = name.isdecimal() and 0 < int(name) <= len(numbers.names)
+    return int(name) - 1 if is_number else None
+
+
+def _missing(numbers: Numbers, name: str, signal: str) -> InputError:
+    there = ", ".join(numbers.names[:12]) + (", ..." if len(numbers.names) > 12 else "")
+    return InputError(
+        f"{numbers.path}: no column '{name}' ({signal}), there are {there}; a mapping file "
+        "(--columns) names others"
+    )
+
+
+def _converted(
+    signals: dict[str, Array], robot: Robot, columns: Columns, side: str
+) -> dict[str, Array]:
+    """In SI units, joint side, counted as in the robot's file."""
+    n, angle = robot.n, np.pi / 180 if columns.angle == "deg" else 1.0
+    direction, offset, torque = (
+        np.full(n, default) if values is None else _each(values, name, n)
+        for name, values, default in (
+            ("direction", columns.direction, 1.0),
+            ("position_offset", columns.position_offset, 0.0),
+            ("torque_factor", columns.torque_factor, 1.0),
+        )
+    )
+    torque = torque * (robot.gear_ratio if side == "motor" else 1.0)
+    factors = dict.fromkeys(_ANGLES, angle) | dict.fromkeys(_TORQUES, torque)
+    return {
+        name: values * factors[name] * direction + (offset if name in ("q", "q_ref") else 0.0)
+        for name, values in signals.items()
+    }
+
+
+def _each(values: list[float], name: str, n: int) -> Array:
+    if len(values) != n:
+        raise InputError(f"{name}: {len(values)} value(s), but the robot has {n} joint(s)")
+    return np.array(values)

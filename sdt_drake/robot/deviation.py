@@ -1,0 +1,150 @@
+"""A robot whose links differ from its file: a controller's model of it, or what it really is."""
+
+# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Optional
+
+import numpy as np
+
+from sdt_drake.io.errors import InputError, within
+from sdt_drake.io.fields import Problems, setting
+from sdt_drake.io.resources import find_file
+from sdt_drake.io.tables import read_numbers
+from sdt_drake.robot.robot import Robot, edited, parts_of
+from sdt_drake.robot.sdf import (
+    body_of,
+    link_named,
+    links_by_name,
+    parse_xml,
+    pseudo_inertia,
+    scale_link,
+    set_inertia,
+    shift_link,
+    stretched,
+)
+
+_PAYLOAD = "payload"  # that a robot need not have where nothing changes it
+
+
+@dataclass(slots=True)
+class Deviation:
+    """What differs from the links of the robot's file.
+
+    Masses and inertias here are those of the links, joint side. Rotors, gears, limits, damping and
+    kinematics are known exactly.
+
+    Attributes:
+        payload: name of the link that payload_mass and payload_offset change; one that is given has
+            to be there, whether they change it or not.
+        payload_mass: added to the link's mass; its inertia scales with the mass (the same body,
+            evenly heavier).
+        payload_offset: added to the position of the link's centre of mass, in the frame in which
+            <inertial> is written: that of the link.
+        inertia_scale: factor on masses and inertias of all links, applied after the payload's
+            change. So the links' part of the mass matrix, the velocity torques and the gravity
+            torques all scale with it; what the rotors add to the mass matrix does not.
+        link_scales: the same factor for each link on its own, in the order of the file.
+        spread: file of the directions in which the links are uncertain, as `identify` writes it;
+            none by default.
+        along: how far along each of these directions, in standard deviations; applied first.
+    """
+
+    payload: str = _PAYLOAD
+    payload_mass: float = setting(0.0, unit="kg")
+    payload_offset: list[float] = setting([0.0, 0.0, 0.0], count=3, unit="m")
+    inertia_scale: float = setting(1.0, above=0, unit="-")
+    link_scales: Optional[list[float]] = setting(None, above=0, unit="-")
+    spread: str = setting("", file="directions")
+    along: Optional[list[float]] = setting(None, minimum=-10, maximum=10, unit="-")
+
+    def problems(self) -> Problems:
+        if self.along and not self.spread:
+            yield "along", "needs spread, the file of the directions"
+
+    @property
+    def exact(self) -> bool:
+        """Whether the model is the robot itself."""
+        scales = [self.inertia_scale, *(self.link_scales or [])]
+        changed = self._changes_payload or any(self.along or [])
+        return not changed and all(scale == 1 for scale in scales)
+
+    @property
+    def _changes_payload(self) -> bool:
+        """Whether there has to be a link `payload`."""
+        return self.payload_mass != 0 or any(x != 0 for x in self.payload_offset)
+
+
+def deviated(robot: Robot, deviation: Deviation, where: str = "deviation") -> Robot:
+    """`robot` with a deviation; itself if there is none.
+
+    It is counted from `robot` as it is: deviations add up.
+
+    Args:
+        robot: stays as it is.
+        deviation: what is different.
+        where: what errors start with.
+
+    Raises:
+        InputError: if the payload is no link, or a body is left that cannot be.
+    """
+    if deviation.payload != _PAYLOAD:  # whatever changes, a name that is given is one
+        link_named(parse_xml(robot.sdf, robot.path), deviation.payload, f"{where}.payload")
+    if deviation.exact:
+        return robot
+    with within(where):
+        return edited(robot, lambda root: _apply(deviation, robot, root, where))
+
+
+def _apply(deviation: Deviation, robot: Robot, root: ET.Element, where: str) -> None:
+    """Put it into the XML of the robot's SDF."""
+    if deviation.along:
+        _spread(robot, root, find_file(deviation.spread), deviation.along, f"{where}.along")
+    if deviation._changes_payload:
+        payload = link_named(root, deviation.payload, f"{where}.payload")
+        _add_mass(payload, deviation.payload_mass, f"{where}.payload_mass")
+        shift_link(payload, deviation.payload_offset)
+    links = links_by_name(root)
+    scales = deviation.link_scales or [1.0] * len(links)
+    if len(scales) != len(links):
+        each = f"{len(links)}, one for each of {', '.join(links)}"
+        raise InputError(f"{where}.link_scales: {len(scales)} value(s), expected {each}")
+    for link, own in zip(links.values(), scales, strict=True):
+        scale_link(link, deviation.inertia_scale * own)
+
+
+def _spread(robot: Robot, root: ET.Element, file: Path, along: Sequence[float], where: str) -> None:
+    """Go along directions of a file: ten numbers for each link, in the order of the robot's
+    file."""
+    directions = read_numbers(file, least=1).data[:, 1:]
+    links = links_by_name(root)
+    if directions.shape[1] != 10 * len(links) or not np.all(np.isfinite(directions)):
+        raise InputError(
+            f"{file}: {directions.shape[1]} columns beside the first, expected {10 * len(links)} "
+            "finite ones, ten for each link of the robot"
+        )
+    if len(along) != len(directions):
+        raise InputError(
+            f"{where}: {len(along)} value(s), expected {len(directions)}, one for each row of "
+            f"{file}"
+        )
+    changes = (np.array(along) @ directions).reshape(-1, 10)
+    for (name, link), change in zip(links.items(), changes, strict=True):
+        if np.any(change != 0):
+            pseudo = pseudo_inertia(*parts_of(robot.plant.GetBodyByName(name)))
+            set_inertia(link, *body_of(stretched(pseudo, change)))
+
+
+def _add_mass(link: ET.Element, added: float, where: str) -> None:
+    """Add mass [kg] to a link, and inertia in proportion."""
+    mass, name = float(link.findtext("inertial/mass", "nan")), link.get("name")
+    if mass == 0:
+        raise InputError(f"{where}: link '{name}' has no mass to be scaled, expected another link")
+    if mass + added <= 0:
+        raise InputError(
+            f"{where}: {added:g} kg would leave {mass + added:g} kg of link '{name}', "
+            f"expected more than {-mass:g}"
+        )
+    scale_link(link, (mass + added) / mass)

@@ -1,0 +1,224 @@
+"""What a real device adds to a rigid, frictionless plant with ideal drives."""
+
+# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
+from dataclasses import dataclass
+from typing import Optional
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.fields import Problems, setting
+
+# --- drives ----------------------------------------------------------------------------------
+
+SHORTEST_PERIOD = 125e-6  # s; the speed loop of SINAMICS S120, servo control at 4 kHz
+
+
+@dataclass(slots=True)
+class Drive:
+    """What lies between the controller's law and the torque of the motors.
+
+    Everything is ideal unless given. Lists have one value for each joint.
+
+    Attributes:
+        period: sampling period of the speed loop; 125 µs to the interpolation period, which it
+            must divide. Continuous by default.
+        torque_bandwidth: -3 dB frequency of the torque loop, a first-order lag.
+        torque_error: the motors give (1 + torque_error) of the torque they should.
+        encoder_resolution: increments of each encoder per revolution **of the motor**; speed is
+            then the difference of positions over `period`.
+        n1: motor speed up to which the full torque is available.
+        n0: motor speed at which none is left to accelerate any more.
+        reference_delay: how late the reference and all that is computed from it arrives.
+    """
+
+    period: Optional[float] = setting(None, minimum=SHORTEST_PERIOD, unit="s")
+    torque_bandwidth: Optional[float] = setting(None, above=0, unit="Hz")
+    torque_error: Optional[list[float]] = setting(None, above=-1, below=1, per_joint=True, unit="-")
+    encoder_resolution: Optional[list[float]] = setting(
+        None, minimum=1, per_joint=True, unit="1/rev", side="motor"
+    )
+    n1: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="rad/s", side="motor")
+    n0: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="rad/s", side="motor")
+    reference_delay: float = setting(0.0, minimum=0, unit="s")
+
+    def problems(self) -> Problems:
+        if self.encoder_resolution is not None and self.period is None:
+            yield "encoder_resolution", "needs period, to take the speed"
+        if (self.n1 is None) != (self.n0 is None):
+            yield "n1" if self.n1 is None else "n0", "missing, expected n1 and n0 or neither"
+        elif self.n1 and self.n0 and any(a >= b for a, b in zip(self.n1, self.n0, strict=False)):
+            yield "n0", f"{self.n0}, expected more than n1, {self.n1}, everywhere"
+
+
+# --- elastic joints: a spring and a damper between each motor and its link -------------------
+
+ENCODERS = ("motor", "link")
+
+
+@dataclass(slots=True)
+class Elasticity:
+    """Elastic joints, given by their natural frequencies.
+
+    Attributes:
+        natural_frequency: of each link against its motor at a standstill, the other joints held,
+            where the motion has its largest inertia, of the robot without deviation; 0: this joint
+            is rigid. By default all are.
+        damping_ratio: of that oscillation.
+        encoder: where the controller measures.
+    """
+
+    natural_frequency: list[float] = setting([], minimum=0, per_joint=True, unit="rad/s")
+    damping_ratio: float = setting(0.01, minimum=0, unit="-")
+    encoder: str = setting("motor", choices=ENCODERS)
+
+    @property
+    def is_rigid(self) -> bool:
+        """Whether no joint is elastic."""
+        return not any(self.natural_frequency)
+
+
+@dataclass(frozen=True, eq=False)
+class Springs:
+    """Springs and dampers, **joint side**; arrays of shape (n,), 0 at rigid joints.
+
+    Attributes:
+        elastic: which joints are.
+        stiffness: k [N m/rad].
+        damping: c [N m s/rad].
+    """
+
+    elastic: NDArray[np.bool_]
+    stiffness: Array
+    damping: Array
+
+
+def springs_of(elasticity: Elasticity, inertia: Array, gravity_stiffness: Array) -> Springs:
+    """Springs and dampers of a choice: k = omega² d - k_g and c = 2 zeta omega d, so that (k + k_g)
+    / d = omega².
+
+    Args:
+        elasticity: gives omega and zeta.
+        inertia: d, of the links that each spring turns, joint side [kg m²], shape (n,).
+        gravity_stiffness: k_g, change of the joint's gravity torque with its angle [N m/rad],
+            shape (n,).
+
+    Raises:
+        InputError: where gravity alone makes the link swing faster than omega.
+    """
+    omega = np.array(elasticity.natural_frequency, dtype=float)
+    elastic = omega > 0
+    with np.errstate(over="ignore"):
+        k = np.where(elastic, omega**2 * inertia - gravity_stiffness, 0.0)
+        c = np.where(elastic, 2 * elasticity.damping_ratio * omega * inertia, 0.0)
+    for j in np.flatnonzero(elastic & (k <= 0)):
+        alone = np.sqrt(gravity_stiffness[j] / inertia[j])
+        raise InputError(
+            f"plant.elasticity.natural_frequency: {omega[j]:g} rad/s, but gravity alone makes "
+            f"joint {j + 1} swing with {alone:.4g}; expected more"
+        )
+    for j in np.flatnonzero(~(np.isfinite(k) & np.isfinite(c))):
+        raise InputError(
+            f"plant.elasticity: natural_frequency {omega[j]:g} rad/s and damping_ratio "
+            f"{elasticity.damping_ratio:g} are too large for joint {j + 1}"
+        )
+    return Springs(elastic, k, c)
+
+
+# --- friction in the joints: Coulomb, viscous, Stribeck --------------------------------------
+
+OVERFLOW_RATE = 400.0
+"""How fast a bristle stretched beyond its limit slips back [1/s]: far above the control loops,
+and slow enough for an explicit integrator at 5 ms."""
+
+PRESLIDING_DAMPING_TIME = 0.005
+"""Damping of a sticking joint over its stiffness [s]; assumed."""
+
+
+@dataclass(slots=True)
+class Friction:
+    """Friction of the joints, **joint side**; lists have one value for each joint. None by default.
+
+    Attributes:
+        coulomb: F_c, friction of a sliding joint at any speed, and the load that a joint at rest
+            holds; 0 by default.
+        viscous: b, beside the SDF's own damping; 0 by default.
+        breakaway: F_b, largest friction at low speed (Stribeck), at least `coulomb`, which is the
+            default.
+        stribeck_speed: v_s, at which friction has that peak.
+        presliding: z_c, how far a joint gives way before it slides.
+        offset: F_0, what the motor carries beside all that, at any speed and at rest, as of a
+            counterbalance that no link has; 0 by default.
+    """
+
+    coulomb: Optional[list[float]] = setting(
+        None, minimum=0, per_joint=True, unit="N m", side="joint"
+    )
+    viscous: Optional[list[float]] = setting(
+        None, minimum=0, per_joint=True, unit="N m s/rad", side="joint"
+    )
+    breakaway: Optional[list[float]] = setting(
+        None, minimum=0, per_joint=True, unit="N m", side="joint"
+    )
+    stribeck_speed: float = setting(0.02, above=0, unit="rad/s", side="joint")
+    presliding: float = setting(1e-5, above=0, unit="rad", side="joint")
+    offset: Optional[list[float]] = setting(None, per_joint=True, unit="N m", side="joint")
+
+    @property
+    def is_none(self) -> bool:
+        """Whether there is no friction."""
+        return self.coulomb is self.viscous is self.breakaway is self.offset is None
+
+    def problems(self) -> Problems:
+        largest, sliding = self.breakaway or [], self.coulomb or []
+        if any(b < c for b, c in zip(largest, sliding, strict=False)):
+            yield "breakaway", f"{largest}, expected at least coulomb, {sliding}"
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionParameters:
+    """`Friction` with its defaults filled in: arrays of shape (n,), joint side."""
+
+    coulomb: Array
+    viscous: Array
+    breakaway: Array
+    stribeck_speed: float
+    presliding: float
+    offset: Array
+
+
+def friction_parameters(friction: Friction, n: int) -> FrictionParameters:
+    """The friction of n joints."""
+
+    def filled(values: list[float] | None, default: Array) -> Array:
+        return default if values is None else np.array(values, dtype=float)
+
+    coulomb = filled(friction.coulomb, np.zeros(n))
+    return FrictionParameters(
+        coulomb,
+        filled(friction.viscous, np.zeros(n)),
+        filled(friction.breakaway, coulomb),
+        friction.stribeck_speed,
+        friction.presliding,
+        filled(friction.offset, np.zeros(n)),
+    )
+
+
+def sliding_friction(friction: FrictionParameters, v: ArrayLike) -> Array:
+    """Friction of joints that slide steadily at v [rad/s], shape (n,) or (N, n); F_0 at rest [N m].
+
+    F_c sign(v) + (F_b - F_c) (v / v_s) exp((1 - (v / v_s)²) / 2) + b v + F_0, joint side. The
+    Stribeck term has its peak F_b - F_c at v_s.
+    """
+    v = np.asarray(v, dtype=float)
+    s = v / friction.stribeck_speed
+    stribeck = (friction.breakaway - friction.coulomb) * s * np.exp((1 - s**2) / 2)
+    return friction.coulomb * np.sign(v) + stribeck + friction.viscous * v + friction.offset
+
+
+def sliding_stretch(friction: FrictionParameters, v: ArrayLike) -> Array:
+    """z / z_c of bristles that slide steadily at v [rad/s]; 0 at rest [-]."""
+    v = np.asarray(v, dtype=float)
+    return np.sign(v) + v / (friction.presliding * OVERFLOW_RATE)

@@ -1,0 +1,315 @@
+"""The motors to choose from, torque motors and geared motors; and a device with chosen ones."""
+
+# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, replace
+from math import pi
+from pathlib import Path
+from typing import Optional
+
+import numpy as np
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, within
+from sdt_drake.io.fields import Problems, setting, suggestion
+from sdt_drake.io.yaml_files import load_yaml
+from sdt_drake.robot.robot import Robot, edited, parts_of
+from sdt_drake.robot.sdf import DRAKE, child, link_named, links_by_name, scale_link, set_inertia
+
+DEFAULT_CATALOGUE = "package://sdt/motors.yaml"
+
+MOTOR_KINDS = ("torque motor", "geared motor")
+"""Direct drive, or with a gearbox that its numbers contain."""
+
+_RPM = 2 * pi / 60  # rad/s
+
+
+@dataclass(kw_only=True, slots=True)
+class Motor:
+    """A motor, with its gearbox if it has one; **motor side**.
+
+    Attributes:
+        id: short name.
+        kind: direct drive, or with a gearbox.
+        peak_torque: largest torque.
+        rated_torque: torque that it can give for ever (S1), at a standstill or low speed.
+        rotor_inertia: of motor and gearbox.
+        n1_rpm: speed up to which it gives its peak torque.
+        n0_rpm: speed at which none is left to drive with; linear between the two.
+        mass: of motor and gearbox.
+        gear_ratio: motor speed over joint speed; of a geared motor by default, unless a device
+            chooses another.
+        thermal_time_constant: of the winding, first order.
+        source: where the numbers are from.
+    """
+
+    id: str = setting()
+    kind: str = setting(choices=MOTOR_KINDS)
+    peak_torque: float = setting(above=0, unit="N m", side="motor")
+    rated_torque: float = setting(above=0, unit="N m", side="motor")
+    rotor_inertia: float = setting(above=0, unit="kg m²", side="motor")
+    n1_rpm: float = setting(above=0, unit="rpm", side="motor")
+    n0_rpm: float = setting(above=0, unit="rpm", side="motor")
+    mass: float = setting(above=0, unit="kg")
+    gear_ratio: float = setting(1.0, above=0, unit="-")
+    thermal_time_constant: float = setting(above=0, unit="s")
+    source: str = setting()
+
+    @property
+    def n1(self) -> float:
+        """`n1_rpm` in rad/s."""
+        return self.n1_rpm * _RPM
+
+    @property
+    def n0(self) -> float:
+        """`n0_rpm` in rad/s."""
+        return self.n0_rpm * _RPM
+
+    def problems(self) -> Problems:
+        if self.rated_torque > self.peak_torque:
+            yield (
+                "rated_torque",
+                f"{self.rated_torque:g}, expected at most peak_torque, {self.peak_torque:g}",
+            )
+        if self.n0_rpm <= self.n1_rpm:
+            yield "n0_rpm", f"{self.n0_rpm:g}, expected more than n1_rpm, {self.n1_rpm:g}"
+        if not self.takes_gear(self.gear_ratio):
+            yield "gear_ratio", f"{self.gear_ratio:g}, but a torque motor drives directly: 1"
+
+    def takes_gear(self, gear_ratio: float) -> bool:
+        """Whether it can have a gear: a torque motor has none."""
+        return self.kind != "torque motor" or gear_ratio == 1
+
+
+@dataclass(kw_only=True, slots=True)
+class Catalogue:
+    """Motors by their ids.
+
+    Attributes:
+        notes: for people.
+        motors: in any order.
+    """
+
+    notes: str = ""
+    motors: list[Motor] = setting()
+
+    @property
+    def ids(self) -> list[str]:
+        """Ids of all motors in the catalogue."""
+        return [motor.id for motor in self.motors]
+
+    def motor(self, id_: str, where: str) -> Motor:
+        """The motor of this id.
+
+        Raises:
+            InputError: naming `where`, and ids like this one.
+        """
+        for motor in self.motors:
+            if motor.id == id_:
+                return motor
+        raise InputError(f"{where}: no motor '{id_}' in the catalogue, {suggestion(id_, self.ids)}")
+
+    def problems(self) -> Problems:
+        for i, id_ in enumerate(self.ids):
+            if id_ in self.ids[:i]:
+                yield f"motors[{i + 1}].id", f"'{id_}' is given twice"
+
+
+def load_catalogue(path: str | Path = DEFAULT_CATALOGUE) -> Catalogue:
+    """A catalogue from YAML.
+
+    Raises:
+        InputError: with a line for each problem: file, field, and what would be right.
+    """
+    return load_yaml(Catalogue, path, "motors")[0]
+
+
+# --- the chosen device -----------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class DeviceChoice:
+    """What the device has otherwise than the SDF; planner, controller and plant all know it.
+
+    Lists have one value for each joint. What stays as in the SDF: kinematics, damping, and the
+    limits of position, speed and acceleration. The envelope n1, n0 of the chosen motors is not put
+    into a scenario's `drive`, and springs of `plant.elasticity` keep their stated frequencies.
+
+    Attributes:
+        motors: ids of the catalogue; "" keeps the motor of the SDF. All are kept by default.
+        gear_ratio: motor speed over joint speed; by default that of the chosen motor, or of the
+            SDF where the motor is kept.
+        structure_scale: s, factor on masses and inertias of all links but the payload: the
+            thickness of their walls.
+        payload: name of the link that is no structure; "" if all links are.
+        stiffness_exponent: p; the structure is s^p times as stiff. 1 for walls of the same outline
+            (assumed).
+        fitted: ids of the motors that the masses of the SDF contain; "" where they contain none.
+        catalogue: file of the motors, relative to the scenario's own folder; or the name of one
+            that ships with the package.
+    """
+
+    motors: list[str] = setting([], per_joint=True)
+    gear_ratio: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="-")
+    structure_scale: float = setting(1.0, above=0, unit="-")
+    payload: str = setting("payload", empty=True)
+    stiffness_exponent: float = setting(1.0, minimum=0, unit="-")
+    fitted: list[str] = setting([], per_joint=True)
+    catalogue: str = setting(DEFAULT_CATALOGUE, file="motors")
+
+    @property
+    def changes_nothing(self) -> bool:
+        """Whether the device is the SDF as it is."""
+        return not any(self.motors) and self.gear_ratio is None and self.structure_scale == 1
+
+    def problems(self) -> Problems:
+        if any(self.motors) and not self.fitted:
+            yield (
+                "fitted",
+                "missing; the difference of masses needs the motors that those of the SDF contain, "
+                "'' where they contain none",
+            )
+
+
+def chosen_robot(robot: Robot, choice: DeviceChoice) -> Robot:
+    """The device of a choice of motors, gears and structure: `robot` itself if it changes nothing.
+
+    A motor stands on the link that carries its joint, as a point mass where the joint's axis has
+    its origin. Motors are no structure and do not scale: with m_f in the masses of the SDF and m
+    chosen, s (M - m_f) + m = s M + (m - s m_f) is what becomes of a link of mass M.
+
+    The lowest natural frequency of the structure changes by `frequency_factor`, with J the links'
+    inertia about the first joint at q = 0, payload and motors included (assumed):
+
+        omega_r = omega_r0 sqrt(s^p J_0 / J)
+
+    Args:
+        robot: as its SDF has it.
+        choice: what is different.
+
+    Raises:
+        InputError: for an unknown motor, or a device that cannot be.
+    """
+    if choice == DeviceChoice():
+        return robot
+    motors, fitted = _motors(choice, robot.n)  # also of a device that uses none: told at once
+    if choice.changes_nothing:
+        return robot
+    with within("device"):
+        other = edited(robot, lambda root: _fit(root, robot, choice, motors))
+        other = _with_stators(other, _added_masses(motors, fitted, choice.structure_scale))
+    stiffness = choice.structure_scale**choice.stiffness_exponent
+    factor = np.sqrt(stiffness * _first_inertia(robot) / _first_inertia(other))
+    return replace(other, frequency_factor=float(robot.frequency_factor * factor))
+
+
+def motors_in_use(choice: DeviceChoice, n: int) -> list[Motor]:
+    """The motor of each of the n joints: the chosen one, or the fitted one where it is kept.
+
+    Raises:
+        InputError: for an unknown motor, or a joint that has neither.
+    """
+    in_use = [motor or old for motor, old in zip(*_motors(choice, n), strict=True)]
+    for k, motor in enumerate(in_use):
+        if motor is None:
+            raise InputError(f"device: joint {k + 1} has no motor of the catalogue, expected one")
+    return [motor for motor in in_use if motor is not None]
+
+
+def _motors(choice: DeviceChoice, n: int) -> tuple[list[Motor | None], list[Motor | None]]:
+    """The chosen and the fitted motor of each joint; None where no id is given."""
+    catalogue = load_catalogue(choice.catalogue)
+
+    def found(name: str) -> list[Motor | None]:
+        return [
+            catalogue.motor(id_, f"device.{name}[{k + 1}]") if id_ else None
+            for k, id_ in enumerate(getattr(choice, name) or [""] * n)
+        ]
+
+    return found("motors"), found("fitted")
+
+
+def _fit(root: ET.Element, robot: Robot, choice: DeviceChoice, motors: list[Motor | None]) -> None:
+    """Put motors, gears and the scale of the structure into the XML of an SDF."""
+    joints = {joint.get("name"): joint for joint in root.iter("joint")}
+    for k, (name, motor) in enumerate(zip(robot.joint_names, motors, strict=True)):
+        ratio = motor.gear_ratio if motor else robot.gear_ratio[k]
+        if choice.gear_ratio is not None:
+            ratio = choice.gear_ratio[k]
+        elif motor is None:
+            continue
+        if motor and not motor.takes_gear(ratio):
+            raise InputError(
+                f"device.gear_ratio[{k + 1}]: {ratio:g}, but {motor.id} drives directly, expected 1"
+            )
+        peak = motor.peak_torque if motor else robot.motor_torque_limit[k]
+        inertia = motor.rotor_inertia if motor else robot.rotor_inertia[k]
+        _set(child(child(joints[name], "axis"), "limit"), "effort", peak * ratio)
+        _set(joints[name], f"{DRAKE}rotor_inertia", inertia)
+        _set(joints[name], f"{DRAKE}gear_ratio", ratio)
+    if choice.structure_scale != 1:
+        payload = link_named(root, choice.payload, "device.payload") if choice.payload else None
+        for link in links_by_name(root).values():
+            if link is not payload:
+                scale_link(link, choice.structure_scale)
+
+
+def _set(parent: ET.Element, tag: str, value: float) -> None:
+    child(parent, tag).text = repr(float(value))
+
+
+def _added_masses(motors: list[Motor | None], fitted: list[Motor | None], s: float) -> list[float]:
+    """m - s m_f for each joint [kg]; a motor that is kept is the fitted one."""
+    masses = []
+    for motor, old in zip(motors, fitted, strict=True):
+        m_f = old.mass if old else 0.0
+        m = motor.mass if motor else m_f
+        masses.append(m - s * m_f)
+    return masses
+
+
+def _with_stators(robot: Robot, added: list[float]) -> Robot:
+    """The robot with a point mass [kg] on the inboard side of each joint; < 0 takes mass away."""
+    bodies = {}
+    for name, mass in zip(robot.joint_names, added, strict=True):
+        frame = robot.plant.GetJointByName(name).frame_on_parent()
+        link = frame.body().name()
+        if mass != 0 and frame.body().index() != robot.plant.world_body().index():
+            place = frame.GetFixedPoseInBodyFrame().translation()
+            bodies[link] = with_point_mass(*parts_of(frame.body()), mass, place)
+            if bodies[link][0] <= 0:
+                raise InputError(f"link '{link}' would be left with {bodies[link][0]:g} kg")
+
+    def edit(root: ET.Element) -> None:
+        for name, body in bodies.items():
+            set_inertia(links_by_name(root)[name], *body)
+
+    return edited(robot, edit) if bodies else robot
+
+
+def with_point_mass(
+    mass: float, com: Array, central: Array, added: float, place: Array
+) -> tuple[float, Array, Array]:
+    """A body and a point: the sum of their masses, its centre, and the inertia about that centre.
+
+    With d from the body's centre to the point and mu = m m_p / (m + m_p), the inertia grows by
+    mu (d² E - d d^T).
+
+    Args:
+        mass: of the body [kg].
+        com: its centre of mass [m], shape (3,).
+        central: its inertia about that [kg m²], shape (3, 3).
+        added: mass of the point [kg]; < 0 takes it away.
+        place: of the point [m], shape (3,).
+    """
+    d, total = place - com, mass + added
+    if total <= 0:
+        return total, com, central
+    reduced = mass * added / total
+    return total, com + added / total * d, central + reduced * (d @ d * np.eye(3) - np.outer(d, d))
+
+
+def _first_inertia(robot: Robot) -> float:
+    """J: inertia of the links about the first joint at q = 0, joint side [kg m²]."""
+    M = robot.plant.CalcMassMatrix(robot.context_at_zero())
+    return M[0, 0] - robot.reflected_inertia[0]

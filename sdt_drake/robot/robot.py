@@ -1,0 +1,330 @@
+"""An SDF or URDF file as a validated serial robot: its plant, motors, gears and limits."""
+
+from __future__ import annotations
+
+import logging
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    BodyIndex,
+    Joint,
+    JointActuator,
+    RevoluteJoint,
+    RigidBody,
+    WeldJoint,
+)
+from pydrake.systems.framework import Context
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, one_line
+from sdt_drake.io.resources import find_file
+from sdt_drake.io.shown import Shown, Summary, joint_count, of_joints
+from sdt_drake.robot.sdf import check_sdf, mass_and_inertia, parse_xml, read_robot_file
+
+_NO_STOP = 1e16  # rad
+
+DEFAULT_ROBOT = "package://sdt/sdt.sdf"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Robot(Shown):
+    """A serial chain of n revolute joints, each with a motor and a gear, base to tip.
+
+    Attributes:
+        name: of the model.
+        path: of the SDF or URDF file.
+        plant: finalized continuous MultibodyPlant. Velocity k and actuator k belong to joint k;
+            rotor inertias are reflected in its mass matrix; it has **no effort limits** (the
+            saturation block is the one limiter of a loop).
+        joint_names: base to tip.
+        rotor_inertia: I_m of motor and gearbox, motor side [kg m²], shape (n,).
+        gear_ratio: r, motor speed over joint speed [-], shape (n,).
+        effort_limit: largest torque, **joint side** [N m], shape (n,).
+        velocity_limit: largest joint speed [rad/s], inf where the file gives none, shape (n,).
+        acceleration_limit: largest joint acceleration [rad/s²], of `<drake:acceleration>`, inf
+            where the file gives none, shape (n,).
+        position_lower, position_upper: joint stops [rad], ±inf where there are none, shape (n,).
+        damping: viscous friction of the joints, joint side [N m s/rad], shape (n,).
+        sdf: text of the SDF that the plant was parsed from, without shapes; also of a URDF.
+        frequency_factor: lowest natural frequency of the structure over that of the file [-].
+    """
+
+    name: str
+    path: Path
+    plant: MultibodyPlant
+    joint_names: tuple[str, ...]
+    rotor_inertia: Array
+    gear_ratio: Array
+    effort_limit: Array
+    velocity_limit: Array
+    acceleration_limit: Array
+    position_lower: Array
+    position_upper: Array
+    damping: Array
+    sdf: str
+    frequency_factor: float = 1.0
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    def summary(self) -> Summary:
+        columns = {
+            "gear ratio [-]": (".4g", self.gear_ratio),
+            "largest torque [N m]": (".5g", self.motor_torque_limit),
+            "rotor inertia [kg m²]": (".4g", self.rotor_inertia),
+        }
+        return of_joints(
+            f"{self.name}: {joint_count(self.n)}; motor side", columns, self.joint_names
+        )
+
+    @cached_property
+    def motor_torque_limit(self) -> Array:
+        """Largest torque of each motor, motor side [N m], shape (n,)."""
+        return self.effort_limit / self.gear_ratio
+
+    @cached_property
+    def reflected_inertia(self) -> Array:
+        """r² I_m: what the motors add to the diagonal of the mass matrix [kg m²], shape (n,)."""
+        return self.gear_ratio**2 * self.rotor_inertia
+
+    def context_at_zero(self) -> Context:
+        """A context of the plant with all joints at 0."""
+        context = self.plant.CreateDefaultContext()
+        self.plant.SetPositions(context, np.zeros(self.n))
+        return context
+
+    def joint(self, k: int) -> str:
+        """For people: "joint 2 'roll'" for k = 1."""
+        return f"joint {k + 1} '{self.joint_names[k]}'"
+
+    def joint_at_zero(self, name: str) -> tuple[Array, Array]:
+        """Axis and origin [m] of a joint in the world, each of shape (3,), with all joints at 0."""
+        joint = cast(RevoluteJoint, self.plant.GetJointByName(name))
+        pose = joint.frame_on_parent().CalcPoseInWorld(self.context_at_zero())
+        return pose.rotation().matrix() @ joint.revolute_axis(), pose.translation()
+
+    def make_plant(self) -> MultibodyPlant:
+        """A copy of the plant that a diagram can own."""
+        return cast(MultibodyPlant, self.plant.Clone())
+
+
+def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
+    """Load and validate a serial robot.
+
+    What Drake would silently misread, repair or ignore is refused: numbers that are none, masses
+    and inertias that are missing or impossible, `<friction>`, actuators without a limit. A link
+    that is said to have no mass is accepted, and logged, where its joint has others to move.
+
+    Args:
+        path: an SDF or URDF file, or the short name of a robot that ships with the package.
+
+    Raises:
+        InputError: naming the file, the link or joint, and the number.
+    """
+    file = find_file(path, "robot")
+    robot = _checked_robot(file, read_robot_file(file))
+    plant = robot.plant
+    still = _welded_to(plant.world_body(), plant)
+    bodies = [plant.get_body(BodyIndex(k)) for k in range(plant.num_bodies())]
+    moving = [body for body in bodies if body.index() not in still]
+    massless = [body.name() for body in moving if body.default_mass() == 0]
+    if massless:
+        _say_once(f"{file}: accepted without mass: {', '.join(massless)}")
+    return robot
+
+
+@cache
+def _say_once(text: str) -> None:
+    logging.getLogger(__name__).warning(text)
+
+
+def edited(robot: Robot, edit: Callable[[ET.Element], None]) -> Robot:
+    """Another robot from the text of this one, so that edits add up; its file stays as it is.
+
+    Args:
+        robot: stays as it is, too.
+        edit: changes the XML in place, <sdf> and all below, before it is checked and parsed.
+
+    Raises:
+        InputError: as `load_robot` does, if no robot could be as the edit leaves it.
+    """
+    root = parse_xml(robot.sdf, robot.path)
+    edit(root)
+    other = _checked_robot(robot.path, root)
+    return replace(other, frequency_factor=robot.frequency_factor)
+
+
+def _checked_robot(file: Path, root: ET.Element) -> Robot:
+    """The robot of this SDF, which is that of the file, or an edited one."""
+    check_sdf(root, file)
+    text = ET.tostring(root, encoding="unicode")
+    plant = _parse(file, text)
+    joints = _chain(plant, file)
+    actuators = _actuators(plant, joints, file)
+    effort_limit = [a.effort_limit() for a in actuators]
+    _replace_actuators(plant, joints, actuators)
+    plant.Finalize()
+    _check_inertias_kept(plant, root, file)
+    _check_dynamics(plant, joints, file)
+    motors = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+    return Robot(
+        name=plant.GetModelInstanceName(joints[0].model_instance()),
+        path=file,
+        plant=plant,
+        joint_names=tuple(j.name() for j in joints),
+        rotor_inertia=np.array([m.default_rotor_inertia() for m in motors]),
+        gear_ratio=np.array([m.default_gear_ratio() for m in motors]),
+        effort_limit=np.array(effort_limit),
+        velocity_limit=np.array([j.velocity_upper_limits()[0] for j in joints]),
+        acceleration_limit=np.array([j.acceleration_upper_limits()[0] for j in joints]),
+        position_lower=_stops([j.position_lower_limits()[0] for j in joints]),
+        position_upper=_stops([j.position_upper_limits()[0] for j in joints]),
+        damping=np.array([j.default_damping_vector()[0] for j in joints]),
+        sdf=text,
+    )
+
+
+def _stops(limits: Sequence[float]) -> Array:
+    """Limits of positions [rad], ±inf for what is none: SDF files say ±1e16 there, by custom."""
+    stops = np.array(limits)
+    return np.where(np.abs(stops) < _NO_STOP, stops, np.copysign(np.inf, stops))
+
+
+# --- what the parsed plant tells -------------------------------------------------------------
+
+
+_PLACE = re.compile(r"<(data|literal)-string>\S* |error: ")  # not that of the file
+
+
+def _parse(file: Path, text: str) -> MultibodyPlant:
+    """The plant of an SDF, not finalized."""
+    plant = MultibodyPlant(time_step=0.0)
+    parser = Parser(plant)
+    parser.SetStrictParsing()
+    try:
+        parser.AddModelsFromString(text, "sdf")
+    except Exception as error:  # of many kinds, for instance for a version that is no number
+        raise InputError(f"{file}: {_PLACE.sub('', one_line(error))}") from None
+    return plant
+
+
+def _chain(plant: MultibodyPlant, file: Path) -> list[RevoluteJoint]:
+    """The revolute joints, base to tip; welded bodies count as one."""
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    for joint in joints:
+        if not isinstance(joint, RevoluteJoint | WeldJoint):
+            raise InputError(
+                f"{file}: joint '{joint.name()}' is {joint.type_name()}, expected revolute or fixed"
+            )
+    chain: list[RevoluteJoint] = []
+    reached = _welded_to(plant.world_body(), plant)
+    n_reached = len(reached)
+    turning = [joint for joint in joints if isinstance(joint, RevoluteJoint)]
+    while outboard := [j for j in turning if j.parent_body().index() in reached]:
+        if len(outboard) > 1:
+            names = ", ".join(f"'{j.name()}'" for j in outboard)
+            raise InputError(f"{file}: the chain branches at joints {names}, expected one chain")
+        chain += outboard
+        reached = _welded_to(outboard[0].child_body(), plant)
+        n_reached += len(reached)
+    if n_reached < plant.num_bodies():
+        raise InputError(
+            f"{file}: {plant.num_bodies() - n_reached} link(s) are not connected to the world by "
+            "revolute or fixed joints; give the base a joint with <parent>world</parent>"
+        )
+    if not chain:
+        raise InputError(f"{file}: no revolute joint")
+    return chain
+
+
+def _welded_to(body: RigidBody, plant: MultibodyPlant) -> set[object]:
+    return {b.index() for b in plant.GetBodiesWeldedTo(body)}
+
+
+def _actuators(plant: MultibodyPlant, joints: Sequence[Joint], file: Path) -> list[JointActuator]:
+    """The actuator of each joint, in the order of the joints, with sound motor data."""
+    found = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+    by_joint = {actuator.joint().index(): actuator for actuator in found}
+    for joint in joints:
+        actuator = by_joint.get(joint.index())
+        limit = actuator.effort_limit() if actuator else 0.0
+        rotor = actuator.default_rotor_inertia() if actuator else 0.0
+        ratio = actuator.default_gear_ratio() if actuator else 1.0
+        for good, text in (
+            (
+                0 < limit < np.inf,
+                f"actuator effort limit {limit:g} N m, expected a finite <effort> > 0",
+            ),
+            (rotor >= 0, f"rotor inertia {rotor:g} kg m², expected >= 0"),
+            (ratio > 0, f"gear ratio {ratio:g}, expected > 0"),
+        ):
+            if not good:
+                raise InputError(f"{file}: joint '{joint.name()}': {text}")
+    return [by_joint[joint.index()] for joint in joints]
+
+
+def _replace_actuators(
+    plant: MultibodyPlant, joints: Sequence[Joint], old: list[JointActuator]
+) -> None:
+    """Put the actuators in the order of the joints and take their effort limits away.
+
+    A plant clamps its actuation by itself, silently; a loop has one limiter, its saturation block.
+    """
+    motors = [(a.name(), a.default_rotor_inertia(), a.default_gear_ratio()) for a in old]
+    for actuator in old:
+        plant.RemoveJointActuator(actuator)
+    for joint, (name, rotor_inertia, gear_ratio) in zip(joints, motors, strict=True):
+        actuator = plant.AddJointActuator(name, joint)
+        actuator.set_default_rotor_inertia(rotor_inertia)
+        actuator.set_default_gear_ratio(gear_ratio)
+
+
+def _check_dynamics(plant: MultibodyPlant, joints: list[RevoluteJoint], file: Path) -> None:
+    """Every joint has something to move."""
+    M = plant.CalcMassMatrix(plant.CreateDefaultContext())
+    eigenvalues = np.linalg.eigvalsh(M)
+    if eigenvalues[0] <= 1e-12 * eigenvalues[-1]:
+        k, most = int(np.argmin(M.diagonal())), int(np.argmax(M.diagonal()))
+        raise InputError(
+            f"{file}: joint '{joints[k].name()}': inertia about its axis {M[k, k]:g} kg m², "
+            f"expected more: that of '{joints[most].name()}' is {M[most, most]:g} kg m²"
+        )
+
+
+def _check_inertias_kept(plant: MultibodyPlant, root: ET.Element, file: Path) -> None:
+    """Every link of the plant has the mass and the trace of inertia that the XML gives it."""
+    for link in root.iter("link"):
+        where = f"{file}: link '{link.get('name')}'"
+        mass, inertia = mass_and_inertia(link, where)
+        kept, _, central = parts_of(plant.GetBodyByName(link.get("name", "")))
+        same = np.allclose(
+            [kept, np.trace(central)], [mass, np.trace(inertia)], rtol=1e-9, atol=1e-9 * mass
+        )
+        if not same:
+            raise InputError(f"{where}: Drake replaced its mass or inertia; check <inertial>")
+
+
+def parts_of(body: RigidBody) -> tuple[float, Array, Array]:
+    """Mass [kg], centre of mass [m] and central inertia [kg m²] of a link, in its frame."""
+    inertia = body.default_spatial_inertia()
+    com = inertia.get_com()
+    return inertia.get_mass(), com, inertia.Shift(com).CalcRotationalInertia().CopyToFullMatrix3()
+
+
+def turned(axis: Array, angle: Array) -> Array:
+    """Rotations about a unit vector by angles [rad] of shape (N,): (N, 3, 3) (Rodrigues)."""
+    x, y, z = axis
+    S = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    sine, versine = np.sin(angle)[:, None, None], (1 - np.cos(angle))[:, None, None]
+    return np.eye(3) + sine * S + versine * (S @ S)

@@ -1,0 +1,125 @@
+"""What every controller tells of itself."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydrake.systems.framework import Context, System
+
+from sdt_drake.io.arrays import Array, Index
+from sdt_drake.io.errors import InputError
+from sdt_drake.systems import CtcFeedforward, ReferenceTorque, SignalTable, Wired
+
+if TYPE_CHECKING:
+    from sdt_drake.run.design import Design
+
+
+_FEEDFORWARD_NEEDS = {
+    "none": (),
+    "ctc": ("links' masses and geometry",),
+    "id": ("links' masses and geometry", "motors' inertia"),
+}
+
+
+class Controller:
+    """What makes a Drake system a controller here: derive from a system and from this, and register
+    it.
+
+    The system is made with a `Design`, and has the output `tau_cmd` [N m], motor side, and inputs
+    named after signals of the loop, which `sdt_drake.systems` describes: `reference`, `state` (as
+    measured, at the period of the drive if that has one), `sampled_state`, `load_torque`,
+    `tau_limited`.
+
+    Attributes:
+        needs: what must be known to commission it, beside what its feedforward needs.
+        plants: on which it makes sense.
+        options: fields of the scenario's `controller` that it takes, of OPTIONS.
+        feedforward: torque feedforward where that is no option: "none", "ctc" or "id".
+        structure: of its PI controllers; None where the scenario chooses it.
+    """
+
+    OPTIONS = ("anti_windup", "feedforward", "position_gain")
+
+    needs: ClassVar[tuple[str, ...]] = ()
+    plants: ClassVar[tuple[str, ...]] = ("axis", "coupled")
+    options: ClassVar[tuple[str, ...]] = ()
+    feedforward: ClassVar[str] = "none"
+    structure: ClassVar[str | None] = None
+
+    @classmethod
+    def needs_with(cls, feedforward: str) -> tuple[str, ...]:
+        """What must be known to commission the controller with a torque feedforward."""
+        return cls.needs + _FEEDFORWARD_NEEDS[feedforward]
+
+    @classmethod
+    def in_words(cls, design: Design) -> str:
+        """What the feedback is, in words, with what a design has of it."""
+        return cls.__name__
+
+    @classmethod
+    def linear(cls, design: Design, sample: int) -> System:
+        """The feedback alone, as it is around a sample of the motion: for linear analysis.
+
+        Raises:
+            InputError: if it has none that Drake can linearise.
+        """
+        kind = design.scenario.controller.kind
+        raise InputError(f"controller.kind {kind}: has no linear feedback (Controller.linear)")
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether `tau_cmd` changes at samples alone."""
+        return False
+
+    def rest(self, context: Context, tau_cmd: ArrayLike) -> None:
+        """Start with that command, on the reference; nothing to do for one without a memory."""
+
+    def memoryless(self, held: Index, sample: Index, q: Array, v: Array) -> Array | None:
+        """The part of the command that does not come from an integral; motor side [N m], shape (M,
+        n).
+
+        None where that is not known: then a run looks at the command within each period.
+
+        Args:
+            held: samples of the reference in force, shape (M,).
+            sample: samples at which positions were last measured, shape (M,).
+            q: positions as measured at the samples, joint side [rad], shape (N + 1, n).
+            v: speeds, joint side [rad/s], shape (M, n).
+        """
+        return None
+
+    def integral_gain(self, held: Index) -> Array:
+        """What an error of the joint speed adds to the command per time [N m/rad], (M, n); 0 for a
+        controller without an integral."""
+        return np.zeros((len(held), 1))
+
+
+LOOP_SIGNALS = ("reference", "state", "sampled_state", "load_torque", "tau_limited")
+"""What a controller can have of the loop, by the names of its inputs."""
+
+
+def add_feedforward(diagram: Wired, design: Design, at: int | None) -> None:
+    """Add the torque feedforward of a design, if it has one, from tau_fb to tau_cmd; none `at` a
+    sample, where it stands still."""
+    if design.tau_ff is None or at is not None:
+        diagram.same("tau_cmd", "tau_fb")
+        return
+    diagram.add("ctc_feedforward", CtcFeedforward(n=design.robot.n))
+    law = design.feedforward
+    if design.feeds_load_torque:
+        diagram.same("tau_ff", "load_torque")
+    elif law is None or design.scenario.inverse_dynamics == "table":
+        add_table(diagram, "feedforward_table", design, tau_ff=design.tau_ff)
+    else:
+        torque = ReferenceTorque(
+            robot=design.model, outputs=("tau_ff",), law=lambda *sample: [law(*sample)]
+        )
+        diagram.add("feedforward_torque", torque)
+
+
+def add_table(diagram: Wired, name: str, design: Design, **signals: Array) -> None:
+    """Add signals along the motion that arrive with the reference."""
+    delay = design.drive.reference_delay
+    diagram.add(name, SignalTable(motion=design.reference, signals=signals, delay=delay))

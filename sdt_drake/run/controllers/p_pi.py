@@ -1,0 +1,38 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sdt_drake.io.arrays import Array, Index
+from sdt_drake.run.controllers.pi import Pi
+from sdt_drake.systems import PositionLoop
+
+if TYPE_CHECKING:
+    from sdt_drake.run.design import Design
+
+
+class PPi(Pi):
+    """The industrial cascade: v_ref + K_V (q_ref - q) as the reference of PI speed controllers.
+
+    .. pydrake_system::
+
+        name: PPi
+        input_ports: [reference, sampled_state, state]
+        output_ports: [tau_cmd]
+    """
+
+    options = ("anti_windup", "feedforward", "position_gain")
+    structure = "pi"
+
+    @classmethod
+    def in_words(cls, design: Design) -> str:
+        k_v = design.scenario.controller.position_gain
+        gain = "K_V = omega_n / 4" if k_v is None else f"K_V = {k_v} 1/s at every omega_n"
+        return f"{super().in_words(design)} in position loops, {gain}"
+
+    def _add_ahead(self, at: int | None) -> dict[str, str]:
+        self.add("position_loop", PositionLoop(position_gain=self._design.position_gain))
+        return {"reference": "speed_reference"}
+
+    def _asked(self, held: Index, sample: Index, q: Array) -> Array:
+        reference = self._design.reference
+        return reference.v[held] + self._design.position_gain * (reference.q[held] - q[sample])

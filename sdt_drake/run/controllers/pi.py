@@ -1,0 +1,131 @@
+"""PI speed controllers, alone and with a torque feedforward (Sections 3.3 and 3.4)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydrake.systems.framework import Context, System
+
+from sdt_drake.io.arrays import Array, Index
+from sdt_drake.run.controllers.base import Controller, add_feedforward
+from sdt_drake.systems import PiSpeedController, Wired
+from sdt_drake.systems.gains import SpeedGains
+
+if TYPE_CHECKING:
+    from sdt_drake.run.design import Design
+
+
+class Pi(Wired, Controller):
+    """A PI speed controller for each motor (Section 3.3), sampled where the drive is.
+
+    With anti-windup it has one more input, `tau_limited`.
+
+    .. pydrake_system::
+
+        name: Pi
+        input_ports: [reference, state]
+        output_ports: [tau_cmd]
+    """
+
+    needs: ClassVar[tuple[str, ...]] = ("largest inertia of each joint",)
+    options: ClassVar[tuple[str, ...]] = ("anti_windup",)
+
+    def __init__(self, design: Design, *, at: int | None = None) -> None:
+        """Of a design; at: a sample of the motion, around which it is linear: its feedback alone,
+        with the gains that it has there."""
+        super().__init__()
+        self._design = design
+        choice, gains = design.scenario.controller, design.gains
+        self._kp = gains.kp * design.robot.gear_ratio  # on the joint speed [N m s/rad]
+        share = 1.0 if at is None else self._share(at)
+        self._pi = PiSpeedController(
+            gains=SpeedGains(kp=share * gains.kp, ki=share * gains.ki),
+            gear_ratio=design.robot.gear_ratio,
+            structure=choice.structure_in_use,
+            anti_windup=choice.anti_windup and at is None,  # nothing saturates there
+            period=design.drive.period,
+        )
+        ahead = self._add_ahead(at)
+        self.add("pi_speed_controller", self._pi, tau="tau_limited", **ahead)
+        add_feedforward(self, design, at)
+        self.build("tau_cmd")
+
+    @classmethod
+    def in_words(cls, design: Design) -> str:
+        structure = design.scenario.controller.structure_in_use
+        return f"PI speed loops with structure {structure}"
+
+    @classmethod
+    def linear(cls, design: Design, sample: int) -> System:
+        return cls(design, at=sample)
+
+    @property
+    def is_sampled(self) -> bool:
+        return self._design.drive.period is not None
+
+    def rest(self, context: Context, tau_cmd: ArrayLike) -> None:
+        # Gone on at the first speed for long: no error of speed, whatever is held from now on.
+        v_fed_back = 0.0 if self._is_on_error else self._design.motion.v[0]
+        fed_back = self._share(0) * self._kp * v_fed_back
+        integral = np.asarray(tau_cmd) + fed_back - self._design.steady_ff
+        self._pi.rest(self.GetMutableSubsystemContext(self._pi, context), integral)
+
+    def memoryless(self, held: Index, sample: Index, q: Array, v: Array) -> Array:
+        asked = self._asked(held, sample, q) if self._is_on_error else 0.0
+        tau_ff = 0.0 if self._design.tau_ff is None else self._design.tau_ff[held]
+        return self._share(held) * self._kp * (asked - v) + tau_ff
+
+    def integral_gain(self, held: Index) -> Array:
+        return self._share(held) * self._design.gains.ki * self._design.robot.gear_ratio
+
+    @property
+    def _is_on_error(self) -> bool:
+        """Whether the proportional gain is."""
+        return self._design.scenario.controller.structure_in_use == "pi"
+
+    # --- what those below change ---------------------------------------------------------------
+
+    def _add_ahead(self, at: int | None) -> dict[str, str]:
+        """Blocks ahead of the PI controllers, and what these get instead of their own signals."""
+        return {}
+
+    def _asked(self, held: Index, sample: Index, q: Array) -> Array:
+        """Speed that is asked for, joint side [rad/s]."""
+        return self._design.reference.v[held]
+
+    def _share(self, held: Index | int) -> Array | float:
+        """Of the gains that are in force."""
+        return 1.0
+
+
+class PiCtc(Pi):
+    """PI speed controllers, and the load torque of the reference fed forward (Section 3.4, Figure
+    6).
+
+    Where that is not the load torque of the loop, it is computed here, and no input.
+
+    .. pydrake_system::
+
+        name: PiCtc
+        input_ports: [reference, state, load_torque]
+        output_ports: [tau_cmd]
+    """
+
+    feedforward = "ctc"
+
+
+class PiId(Pi):
+    """PI speed controllers, and the whole inverse dynamics of the reference fed forward, with both
+    gains on the error: nothing is left for the feedback.
+
+    .. pydrake_system::
+
+        name: PiId
+        input_ports: [reference, state]
+        output_ports: [tau_cmd]
+    """
+
+    feedforward = "id"
+    structure = "pi"

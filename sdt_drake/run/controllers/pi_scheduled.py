@@ -1,0 +1,39 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sdt_drake.io.arrays import Array, Index
+from sdt_drake.run.controllers.base import add_table
+from sdt_drake.run.controllers.pi import Pi
+from sdt_drake.systems import GainSchedule
+
+if TYPE_CHECKING:
+    from sdt_drake.run.design import Design
+
+
+class PiScheduled(Pi):
+    """PI speed controllers with K_PS and K_IS in proportion to I_eff(q_ref), along the motion.
+
+    .. pydrake_system::
+
+        name: PiScheduled
+        input_ports: [reference, state]
+        output_ports: [tau_cmd]
+    """
+
+    needs = ("inertia along the motion",)
+    options = ("anti_windup", "feedforward")
+
+    @classmethod
+    def in_words(cls, design: Design) -> str:
+        return f"{super().in_words(design)}, their gains those at the largest inertia"
+
+    def _add_ahead(self, at: int | None) -> dict[str, str]:
+        if at is not None:  # Drake linearises no schedule of a sampled controller
+            return {}
+        add_table(self, "inertia_table", self._design, inertia_share=self._design.inertia_share)
+        self.add("gain_schedule", GainSchedule(n=self._design.robot.n))
+        return {"reference": "weighted_reference", "state": "weighted_state"}
+
+    def _share(self, held: Index | int) -> Array:
+        return self._design.inertia_share[held]

@@ -1,0 +1,297 @@
+"""Running a loop, and what it recorded."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.framework import Diagram
+
+import sdt_drake
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, checked_number, checked_type
+from sdt_drake.io.fields import setting
+from sdt_drake.io.progress import with_progress
+from sdt_drake.io.shown import Shown, Summary, joint_count, of_joints
+from sdt_drake.io.tables import check_columns, check_limits, data_frame, read_table, write_table
+from sdt_drake.run.controllers import own_code
+from sdt_drake.run.design import Design
+from sdt_drake.run.loop import Loop, make_loop, systems_in
+from sdt_drake.run.motor_torque import arrived, cuts, period_torque, tells_command
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+_HARDER = 20.0
+"""How much harder the integrator tries on the axis plant: its motors saturate for seconds, and what
+it misses where they do so grows until they no longer do."""
+
+_FINEST = 1e-12  # that Drake takes
+_MOST_STEPS = 1_000_000  # of the integrator in a period; a loop that needs more does not end
+
+_SLICES = 200  # of a run, to tell how far it is; between samples, where steps end anyway
+
+# What goes into a CSV file, in this order.
+RECORDED_COLUMNS = (
+    "v_ref", "v", "tau_cmd", "tau", "load_torque", "speed_error", "q_ref", "q", "tau_limited",
+    "tau_peak", "tau_rms", "tau_mean", "saturated", "beyond_stop",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording(Shown):
+    """What happened in a run, at the interpolation period; arrays of shape (N + 1, n), the time
+    (N + 1,).
+
+    Continuous signals are those at `time`; torques are those just before the update at `time`, so
+    at the end of the period that ends there. The first row is just after its update. What motors
+    give within the periods is in `tau_peak`, `tau_rms`, `tau_mean` and `saturated`. Where a
+    controller has its proportional gain on the error, the held reference makes torques fall within
+    each period, by K_PS r times what the speed gains in it: `tau_mean` tells what moves the links,
+    `tau` at the ends does not.
+
+    Attributes:
+        time: since the start.
+        q_ref: positions of the planned motion; also where the controller gets another reference,
+            as flights have taught it.
+        v_ref: speeds of the planned motion, likewise.
+        q: position of the plant.
+        v: speed of the plant.
+        tau_cmd: torque that the controller asks for.
+        tau_limited: the same after saturation.
+        tau: torque that the motors give: the same with an ideal drive.
+        load_torque: tau_LD of Algorithm 1.
+        tau_peak: largest torque that the motors give in the period that ends at `time`.
+        tau_rms: RMS torque of that period.
+        tau_mean: mean torque of that period: its time integral is the motors' impulse.
+        saturated: share of that period in which a motor gives less than is asked.
+        beyond_stop: how far the coupled plant's joints are beyond their stops, which do not act in
+            the simulation; 0 within them, and on the axis plant.
+        q_measured: position of what the encoders are on, not of the links where joints are elastic;
+            not in files.
+        v_measured: speed of the same; not in files.
+    """
+
+    time: Array = setting(unit="s")
+    q_ref: Array = setting(unit="rad", side="joint")
+    v_ref: Array = setting(unit="rad/s", side="joint")
+    q: Array = setting(unit="rad", side="joint")
+    v: Array = setting(unit="rad/s", side="joint")
+    tau_cmd: Array = setting(unit="N m", side="motor")
+    tau_limited: Array = setting(unit="N m", side="motor")
+    tau: Array = setting(unit="N m", side="motor")
+    load_torque: Array = setting(unit="N m", side="motor")
+    tau_peak: Array = setting(unit="N m", side="motor")
+    tau_rms: Array = setting(unit="N m", side="motor")
+    tau_mean: Array = setting(unit="N m", side="motor")
+    saturated: Array = setting(unit="-", side="motor")
+    beyond_stop: Array = setting(unit="rad", side="joint")
+    q_measured: Array | None = setting(None, unit="rad", side="joint")
+    v_measured: Array | None = setting(None, unit="rad/s", side="joint")
+
+    @property
+    def speed_error(self) -> Array:
+        """v - v_ref, joint side [rad/s]."""
+        return self.v - self.v_ref
+
+    @property
+    def position_error(self) -> Array:
+        """q - q_ref, joint side [rad]."""
+        return self.q - self.q_ref
+
+    def summary(self) -> Summary:
+        columns = {
+            "speed error [rad/s]": (".4f", np.abs(self.speed_error).max(axis=0)),
+            "position error [deg]": (".3f", np.degrees(np.abs(self.position_error).max(axis=0))),
+            "motor torque [N m]": (".1f", self.tau_peak.max(axis=0)),
+            "saturated [%]": (".2f", 100 * self.saturated[1:].mean(axis=0)),
+        }
+        step, end = self.time[1] - self.time[0], self.time[-1]
+        title = f"of {joint_count(self.q.shape[1])}: {end:.9g} s in steps of {1000 * step:.6g} ms"
+        return of_joints(title, columns)
+
+    def plot(self, design: Design | None = None, joint: int | None = None) -> Figure:
+        """A scope: speed and its reference, errors, torque; with a design, names and limits.
+
+        Args:
+            design: of the run.
+            joint: 1..n, to show that one alone.
+
+        Raises:
+            InputError: if there is no such joint, or the design has other joints.
+        """
+        title = "Recording" if design is None else design.scenario.summary().title
+        return sdt_drake.plots.scope(title, self, design, joint)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A table of RECORDED_COLUMNS for each joint, its index the time.
+
+        Raises:
+            InputError: where pandas is not installed.
+        """
+        return data_frame(self.time, self._columns)
+
+    @property
+    def _columns(self) -> dict[str, Array]:
+        return {name: getattr(self, name) for name in RECORDED_COLUMNS}
+
+    def save(self, path: str | Path) -> None:
+        """Write time and, for each joint, RECORDED_COLUMNS, exactly: as .csv, .mat or .parquet.
+
+        Raises:
+            InputError: if the file cannot be written, or needs a package that is not installed.
+        """
+        write_table(path, self.time, self._columns)
+
+    @staticmethod
+    def load(path: str | Path) -> Recording:
+        """Read what `save` writes; further columns are ignored.
+
+        Raises:
+            InputError: naming the file and the line or the column: something missing, gaps in
+                time, numbers that are not finite, or beyond what `check_limits` lets pass.
+        """
+        time, columns = read_table(path)
+        check_limits(path, time, columns)
+        names = [x.name for x in fields(Recording) if x.name != "time" and x.default is MISSING]
+        told = ", ".join(f"{name}_k" for name in names)
+        again = "an older one has to be simulated again"
+        expected = f"a recording as `simulate` writes it ({again}): time and for joint k {told}"
+        check_columns(path, columns, names, expected)
+        return Recording(time=time, **{name: columns[name] for name in names})
+
+    to_csv, from_csv = save, load  # as they are called of a motion
+
+
+def make_simulator(
+    diagram: Diagram, *, period: float, accuracy: float, realtime_rate: float = 0.0
+) -> Simulator:
+    """A simulator, not initialized, that meets samples every `period` [s] and integrates between.
+
+    Error-controlled Runge-Kutta of third order. Its largest step is a little above the period: a
+    largest step of just the period makes every few samples take a second step of 1e-16 s.
+    """
+    simulator = Simulator(diagram)
+    config = SimulatorConfig(
+        integration_scheme="runge_kutta3",
+        max_step_size=1.01 * period,
+        accuracy=accuracy,
+        use_error_control=True,
+        target_realtime_rate=realtime_rate,
+    )
+    ApplySimulatorConfig(config, simulator)
+    integrator = simulator.get_mutable_integrator()
+    integrator.set_requested_minimum_step_size(period / _MOST_STEPS)
+    integrator.set_throw_on_minimum_step_size_violation(True)
+    return simulator
+
+
+def simulate(
+    design: Design, diagram: Diagram | None = None, *, realtime_rate: float = 0.0
+) -> Recording:
+    """Run a loop along its motion, starting on the reference, at the scenario's accuracy.
+
+    Args:
+        design: a resolved scenario.
+        diagram: its loop, or a diagram that has it within, however deep; built here by default.
+        realtime_rate: how fast to go, 1 in real time, to watch a loop with a Meshcat; 0: as fast
+            as it can.
+
+    Raises:
+        InputError: for a diagram without the design's loop; if the integrator makes no headway,
+            with the time.
+    """
+    checked_type(design, Design, "design", "sdt_drake.design")
+    checked_number(realtime_rate, "realtime_rate", minimum=0)
+    diagram = make_loop(design) if diagram is None else diagram
+    loop = _loop_in(design, diagram)
+    period, accuracy = design.reference.period, design.scenario.accuracy
+    if design.scenario.plant.kind == "axis":
+        accuracy = max(accuracy / _HARDER, _FINEST)
+    simulator = make_simulator(
+        diagram, period=period, accuracy=accuracy, realtime_rate=realtime_rate
+    )
+    context = simulator.get_mutable_context()
+    own = loop.GetMyMutableContextFromRoot(context)
+    loop.rest(own)
+    with own_code(design.scenario.controller.kind):
+        try:
+            simulator.Initialize()
+            seen = _run(simulator, loop)
+        except RuntimeError as error:
+            reason = " ".join(str(error).split())
+            raise InputError(
+                f"scenario '{design.scenario.name}': the simulation is stuck at "
+                f"{context.get_time():.6g} s ({reason})"
+            ) from None
+    return _recording(loop, loop.recorded(own), seen)
+
+
+def _run(simulator: Simulator, loop: Loop) -> Array | None:
+    """Advance over the motion, looking at what is commanded where `period_torque` needs that."""
+    # Only the main thread hears Ctrl-C; in others, listening for it would take the interpreter's
+    # lock at every step, and let no two runs go at the same time.
+    hears = threading.current_thread() is threading.main_thread()
+    samples, period = len(loop.design.motion.v) - 1, loop.design.reference.period
+    if tells_command(loop):
+        for end in with_progress(np.unique(np.linspace(0, samples, _SLICES + 1, dtype=int))[1:]):
+            simulator.AdvanceTo(end * period, interruptible=hears)
+        return None
+    own, tau_cmd = loop.GetMyContextFromRoot(simulator.get_context()), loop.GetOutputPort("tau_cmd")
+    looks, seen = cuts(loop), []
+    step = looks[-1]
+    rows = round(samples * period / step)
+    for i in with_progress(range(rows)):
+        for end in looks[1:]:
+            simulator.AdvancePendingEvents()
+            seen.append(np.array(tau_cmd.Eval(own)))
+            until = (i + 1) * step if end == step else i * step + end
+            simulator.AdvanceTo(until, interruptible=hears)
+            seen.append(np.array(tau_cmd.Eval(own)))
+    return np.reshape(seen, (rows, len(looks) - 1, 2, -1))
+
+
+def _loop_in(design: Design, diagram: Diagram) -> Loop:
+    loops = [system for system in systems_in(diagram) if isinstance(system, Loop)]
+    if len(loops) != 1 or loops[0].design is not design:
+        raise InputError(
+            f"diagram: {diagram.get_name()!r}, expected the loop of the design or a diagram that "
+            "has it as a subsystem"
+        )
+    return loops[0]
+
+
+def _recording(loop: Loop, signals: Mapping[str, Array], seen: Array | None) -> Recording:
+    design = loop.design
+    motion, load = design.wanted, design.loads.load_torque
+    q, v = np.hsplit(signals["state"], 2)
+    q_seen, v_seen = np.hsplit(signals["measured"], 2)
+    samples = (len(signals["tau"]) - 1) // (len(q) - 1)
+    torques = {name: signals[name][::samples] for name in ("tau_cmd", "tau_limited", "tau")}
+    return Recording(
+        time=motion.time,
+        q_ref=motion.q,
+        v_ref=motion.v,
+        q=q,
+        v=v,
+        load_torque=load[arrived(design, len(load))],  # as a hold has it just before each update
+        beyond_stop=_beyond_stop(design, q),
+        q_measured=q_seen,
+        v_measured=v_seen,
+        **torques,
+        **period_torque(loop, signals, seen),
+    )
+
+
+def _beyond_stop(design: Design, q: Array) -> Array:
+    robot = design.robot
+    if design.scenario.plant.kind == "axis":
+        return np.zeros_like(q)
+    beyond = np.maximum(robot.position_lower - q, q - robot.position_upper)
+    return np.asarray(np.maximum(0.0, beyond))

@@ -1,0 +1,52 @@
+"""Gains and torque feedforward of a scenario's controller, from what it takes the robot for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.motion import Motion
+from sdt_drake.robot.device import friction_parameters, sliding_friction
+from sdt_drake.robot.dynamics import TorqueGroups
+from sdt_drake.robot.robot import Robot
+from sdt_drake.run.scenario import Scenario
+from sdt_drake.systems.gains import SpeedGains, feedforward_torque, tune
+
+FeedforwardLaw = Callable[[Sequence[Array], Array, Array], Array]
+"""Torque of the motors, motor side [N m], from torque groups of a model, v_ref and vd_ref."""
+
+
+def gains_of(scenario: Scenario, i_eff_max: Array, robot: Robot) -> SpeedGains:
+    """The scenario's own gains, or those tuned to the largest inertia, motor side [kg m²], (n,)."""
+    controller = scenario.controller
+    if controller.kp is not None and controller.ki is not None:
+        return SpeedGains(kp=np.array(controller.kp), ki=np.array(controller.ki))
+    zeta = 1.0 if controller.zeta is None else controller.zeta
+    omega_r = (controller.omega_r or 0.0) * robot.frequency_factor
+    return tune(i_eff_max, omega_r, zeta, controller.omega_ratio)
+
+
+def feedforward_of(scenario: Scenario, model: Robot) -> FeedforwardLaw | None:
+    """gain feedforward_torque + friction(v_ref) / r, motor side [N m]; None for neither."""
+    choice, friction = scenario.controller, scenario.plant.friction
+    kind = choice.feedforward_in_use
+    if kind == "none" and not choice.friction_compensation:
+        return None
+    gain = 1.0 if choice.feedforward_gain is None else np.array(choice.feedforward_gain)
+    parameters = friction_parameters(friction, model.n)
+
+    def law(groups: Sequence[Array], v: Array, vd: Array) -> Array:
+        tau_ff = gain * feedforward_torque(kind, model, groups, vd, scenario.algorithm)
+        if choice.friction_compensation:
+            tau_ff = tau_ff + sliding_friction(parameters, v) / model.gear_ratio
+        return tau_ff
+
+    return law
+
+
+def fed(law: FeedforwardLaw, torques: TorqueGroups, motion: Motion) -> Array:
+    """What a law feeds forward along a motion with these torques, motor side [N m], (N + 1, n)."""
+    groups = (torques.inertial, torques.reaction, torques.velocity, torques.gravity)
+    return law(groups, motion.v, motion.vd)

@@ -1,0 +1,1 @@
+"""Everything that is seen: figures, reports, pages, block diagrams, 3D."""

@@ -1,0 +1,9 @@
+"""Block diagrams as a control engineer draws them, of any Drake diagram.
+
+`walk` says what there is to see, `drawn` lays it out and writes it in Graphviz' language.
+"""
+
+from sdt_drake.show.diagrams.drawing import drawn
+from sdt_drake.show.diagrams.walk import walk
+
+__all__ = ["drawn", "walk"]

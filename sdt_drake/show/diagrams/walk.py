@@ -1,0 +1,288 @@
+"""What a picture of a Drake diagram shows: its blocks, its signals, and the frames around them.
+
+Any diagram will do. A system says by class attributes how it is drawn, if its name is not enough:
+
+- `symbol: str`, the text on its block; a Diagram with one is drawn as one block, never opened;
+- `symbols: dict[str, str]` of a Diagram: symbols of its children by name. The name of such a child
+  is then the name of its output signal.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+from pydrake.systems import primitives
+from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, System
+
+from sdt_drake.show.diagrams.text import wrapped
+
+Path = tuple[str, ...]  # names of systems, from the outermost one to the one that is meant
+Signal = tuple[Path, int]  # a block and the index of its output port
+_Port = tuple[Path, str, int]  # of a system, "in" or "out", its index
+
+_GENERIC = re.compile(r"[uy]\d*|sum|.*@.*")  # names of ports that Drake gives
+
+
+@dataclass(frozen=True)
+class Block:
+    """A box, sum, or (shape "end") the name of a signal that comes from or goes outside.
+
+    Attributes:
+        path: of its system.
+        text: lines on it.
+        shape: "box", "sum" or "end".
+    """
+
+    path: Path
+    text: str
+    shape: str = "box"
+
+    def blocks(self) -> Iterator[Block]:
+        """The block itself, as a frame has its blocks."""
+        yield self
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A Diagram that is opened: a frame around its blocks.
+
+    Attributes:
+        path: of the Diagram, () for the outermost one.
+        items: what is in it, in the order in which it was added.
+        title: its name.
+    """
+
+    path: Path
+    items: tuple[Block | Frame, ...]
+    title: str
+
+    def blocks(self) -> Iterator[Block]:
+        """All blocks in it and in its frames."""
+        for item in self.items:
+            yield from item.blocks()
+
+    def frames(self) -> Iterator[Frame]:
+        """The frame and all frames in it."""
+        yield self
+        for item in self.items:
+            if isinstance(item, Frame):
+                yield from item.frames()
+
+
+@dataclass(frozen=True)
+class Wire:
+    """A connection from an output of a block to an input of another.
+
+    Attributes:
+        source: path of the block.
+        output: index of its port.
+        target: path of the other block.
+        input: index of its port.
+        level: number of Diagrams around the one in which the systems are connected.
+        sign: "+" or "−" at a sum, else "".
+    """
+
+    source: Path
+    output: int
+    target: Path
+    input: int
+    level: int = 0
+    sign: str = ""
+
+
+@dataclass(frozen=True)
+class BlockDiagram:
+    """Attributes:
+    frame: the outermost frame.
+    wires: between its blocks.
+    labels: names of signals.
+    exported: blocks with outputs of the diagram.
+    """
+
+    frame: Frame
+    wires: list[Wire]
+    labels: dict[Signal, str]
+    exported: set[Path]
+
+
+def walk(diagram: Diagram, *, max_depth: int = 2) -> BlockDiagram:
+    """Blocks and signals of a diagram, down to `max_depth` levels of opened Diagrams.
+
+    Not drawn: logs and what nothing else reads. PassThroughs are lines.
+    A Gain or MatrixGain without positive coefficients is drawn as the positive one where its
+    minus sign can stand at the sums behind it.
+    """
+    return _Walk(diagram, max_depth).result()
+
+
+class _Walk:
+    def __init__(self, top: Diagram, max_depth: int) -> None:
+        self.systems: dict[Path, System] = {(): top}
+        self.children: dict[Path, list[Path]] = {}  # of opened Diagrams
+        self.leaves: list[Path] = []  # all others but PassThroughs and logs
+        self.symbols: dict[Path, str | None] = {}
+        self.before: dict[_Port, _Port] = {}  # the port that a port has its signal from
+        self._open((), max_depth)
+
+    def _open(self, path: Path, depth: int) -> None:
+        diagram = cast(Diagram, self.systems[path])
+        paths: dict[System, Path] = {}
+        symbols = getattr(diagram, "symbols", {})
+        for index, system in enumerate(diagram.GetSystems()):
+            name = system.get_name()
+            if "@" in name or not name:  # Drake's, with an address of memory
+                name = f"{type(system).__name__.partition('_[')[0]}_{index}"
+            paths[system] = child = (*path, name)
+            self.systems[child] = system
+            self.symbols[child] = symbols.get(name, getattr(system, "symbol", None))
+        self.children[path] = list(paths.values())
+        for (target, i), (source, o) in diagram.connection_map().items():
+            self.before[paths[target], "in", int(i)] = paths[source], "out", int(o)
+        for index in range(diagram.num_input_ports()):
+            for target, i in diagram.GetInputPortLocators(InputPortIndex(index)):
+                self.before[paths[target], "in", int(i)] = path, "in", index
+        for index in range(diagram.num_output_ports()):
+            source, o = diagram.get_output_port_locator(OutputPortIndex(index))
+            self.before[path, "out", index] = paths[source], "out", int(o)
+        for system, child in paths.items():
+            if isinstance(system, primitives.PassThrough):
+                self.before[child, "out", 0] = child, "in", 0
+            elif isinstance(system, Diagram) and self.symbols[child] is None and depth > 0:
+                self._open(child, depth - 1)
+            elif not isinstance(system, primitives.VectorLogSink):
+                self.leaves.append(child)
+
+    def result(self) -> BlockDiagram:
+        top = self.systems[()]
+        wires = self._wires()
+        count = top.num_output_ports()
+        exported = [self._chain(((), "out", index))[-1] for index in range(count)]
+        drawn = self._drawn(wires, {path for path, _, _ in exported})
+        wires = [wire for wire in wires if wire.target in drawn]
+        blocks, wires = self._blocks(drawn, wires)
+        frame = self._frame((), blocks)
+        labels = self._labels(wires, blocks)
+        ends = [wire.source for wire in wires if wire.source not in self.systems]
+        fed = {(wire.source, wire.output) for wire in wires}
+        for index, (path, _, output) in enumerate(exported):
+            if path in drawn and (path, output) not in fed:
+                ends.append((f"{top.get_output_port(index).get_name()} (out)",))
+                wires.append(Wire(path, output, ends[-1], 0))
+        named = (Block(path, path[0].rpartition(" ")[0], "end") for path in dict.fromkeys(ends))
+        frame = replace(frame, items=(*frame.items, *named))
+        return BlockDiagram(frame, wires, labels, {path for path, _, _ in exported})
+
+    def _chain(self, port: _Port) -> list[_Port]:
+        """A port and all before it, up to where its signal comes from."""
+        chain = [port]
+        while chain[-1] in self.before:
+            chain.append(self.before[chain[-1]])
+        return chain
+
+    def _wires(self) -> list[Wire]:
+        wires = []
+        for target in self.leaves:
+            for index in range(self.systems[target].num_input_ports()):
+                chain = self._chain((target, "in", index))
+                source, side, output = chain[-1]
+                if not source:
+                    name = self.systems[()].get_input_port(output).get_name()
+                    wires.append(Wire((f"{name} (in)",), 0, target, index))
+                elif side == "out":
+                    level = min(len(path) for path, _, _ in chain) - 1
+                    wires.append(Wire(source, output, target, index, level))
+        return wires
+
+    def _drawn(self, wires: list[Wire], exported: set[Path]) -> set[Path]:
+        """Blocks but for logs and what nothing else reads; all but logs if nothing is read."""
+        drawn: set[Path] = set()
+        kept = set(self.leaves)
+        while drawn != kept:
+            drawn = kept
+            read = exported | {wire.source for wire in wires if wire.target in drawn}
+            kept = {path for path in drawn if path in read or not self._outputs(path)}
+        return drawn or set(self.leaves)
+
+    def _outputs(self, path: Path) -> int:
+        return self.systems[path].num_output_ports()
+
+    def _blocks(self, drawn: set[Path], wires: list[Wire]) -> tuple[dict[Path, Block], list[Wire]]:
+        """Blocks and signed wires; the minus of a gain stands at the sums behind it, if it can."""
+        gains = {path: own for path in drawn if (own := _gain_sign(self.systems[path]))}
+        targets: dict[Path, list[Path]] = {}
+        for wire in wires:
+            targets.setdefault(wire.source, []).append(wire.target)
+        sources = {wire.target: wire.source for wire in wires}
+
+        def is_sum(path: Path) -> bool:
+            return isinstance(self.systems[path], primitives.Adder)
+
+        def hands_on(path: Path) -> bool:
+            behind = targets.get(path, [])
+            return path in gains and bool(behind) and all(is_sum(t) or hands_on(t) for t in behind)
+
+        def sign(path: Path | None) -> int:
+            return gains[path] * sign(sources.get(path)) if path and hands_on(path) else 1
+
+        minus = {path: "−" for path in gains if gains[path] < 0 and not hands_on(path)}
+        blocks = {path: self._block(path, minus.get(path, "")) for path in drawn}
+        signs = ["+−"[sign(wire.source) < 0] if is_sum(wire.target) else "" for wire in wires]
+        return blocks, [replace(w, sign=s) for w, s in zip(wires, signs, strict=True)]
+
+    def _block(self, path: Path, minus: str) -> Block:
+        system, symbol = self.systems[path], self.symbols[path]
+        if symbol is not None:
+            return Block(path, minus + symbol)
+        if isinstance(system, primitives.Adder):  # a circle has three sides for inputs
+            return Block(path, "", "sum") if system.num_input_ports() <= 3 else Block(path, "Σ")
+        if isinstance(system, primitives.Integrator):
+            return Block(path, "1/s")
+        if isinstance(system, primitives.ZeroOrderHold):
+            return Block(path, f"ZOH\n{1e3 * system.period():.6g} ms")
+        return Block(path, minus + wrapped(path[-1].split(".")[-1]))
+
+    def _frame(self, path: Path, blocks: dict[Path, Block]) -> Frame:
+        items: list[Block | Frame] = []
+        for child in self.children[path]:
+            if child in self.children:
+                inner = self._frame(child, blocks)
+                # A frame around a single block says nothing.
+                alone = len(inner.items) == 1 and isinstance(inner.items[0], Block)
+                items += inner.items if alone else [inner] * bool(inner.items)
+            elif child in blocks:
+                items.append(blocks[child])
+        title = self.systems[path].get_name()
+        if path and len(items) == 1 and isinstance(items[0], Frame):
+            return replace(items[0], title=f"{title}: {items[0].title}")
+        return Frame(path, tuple(items), title)
+
+    def _labels(self, wires: list[Wire], blocks: dict[Path, Block]) -> dict[Signal, str]:
+        """The outermost name of each signal that is a word of ours."""
+        labels: dict[Signal, str] = {}
+        signals = {(wire.source, wire.output): None for wire in wires if wire.source in blocks}
+        for path in [*sorted(self.children, key=len), *(path for path, _ in signals)]:
+            for index in range(self._outputs(path)):
+                source, _, output = self._chain((path, "out", index))[-1]
+                name = self.systems[path].get_output_port(index).get_name()
+                if _GENERIC.fullmatch(name):
+                    name = path[-1] if self.symbols.get(path) else ""
+                if (source, output) not in signals or not name:
+                    continue
+                # A block with one output may name it itself.
+                if self._outputs(source) > 1 or name not in blocks[source].text.replace("\n", "_"):
+                    labels.setdefault((source, output), name)
+        return labels
+
+
+def _gain_sign(system: System) -> int:
+    """-1 for a gain with negative coefficients and no positive one, else 1; 0: no gain."""
+    if not isinstance(system, (primitives.Gain, primitives.MatrixGain)):
+        return 0
+    context = system.CreateDefaultContext()
+    system.get_input_port().FixValue(context, np.zeros(system.get_input_port().size()))
+    gain = np.asarray(primitives.Linearize(system, context).D())
+    return -1 if np.any(gain < 0) and not np.any(gain > 0) else 1

@@ -1,0 +1,1 @@
+"""Figures of runs, motions, the pilot and studies, by matplotlib."""

@@ -1,0 +1,364 @@
+"""Figures of runs and loops; each function returns a matplotlib Figure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from sdt_drake.analysis.budget import ErrorBudget
+from sdt_drake.analysis.comparison import Compared
+from sdt_drake.analysis.frequency_response import FrequencyResponse, unwrapped_degrees
+from sdt_drake.analysis.metrics import COMPARED, METRICS
+from sdt_drake.analysis.reproduction import StepResponse
+from sdt_drake.analysis.stability import StabilitySweep
+from sdt_drake.analysis.tracking import constant_speed_segments
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.shown import formatted, numbered
+from sdt_drake.motion import Motion
+from sdt_drake.robot.dynamics import InertiaRange, Loads
+from sdt_drake.robot.head import has_head
+from sdt_drake.robot.robot import Robot
+from sdt_drake.run.simulate import Recording
+from sdt_drake.show.figures.scope import scope as scope
+from sdt_drake.show.panels import LIMIT, over_time, picture
+from sdt_drake.show.style import (
+    LOOKS,
+    PALETTE,
+    Look,
+    Picture,
+    finish,
+    grid,
+    joint_title,
+    looks_of,
+    nth_look,
+    plain_numbers,
+    style,
+)
+
+_MANY = 4  # joints; there is no room for the numbers of more above a panel
+_STEADY = 0.005  # share of an inertia; a change that is smaller is not worth the whole panel
+
+
+# --- over time -------------------------------------------------------------------------------
+
+
+def trajectories(title: str, motion: Motion, joint_names: Sequence[str]) -> Figure:
+    """A motion: a row for each joint, with position, speed and acceleration."""
+    columns = (
+        ("position [deg]", np.degrees(motion.q), joint_names),
+        ("speed [rad/s]", motion.v, ()),
+        ("acceleration [rad/s²]", motion.vd, ()),
+    )
+    look = LOOKS["reference"]
+    panels = [over_time(label, motion.time, [("", look, x)], names) for label, x, names in columns]
+    return picture(title, panels, width=2.5)
+
+
+def step_responses(title: str, steps: Mapping[str, StepResponse]) -> Figure:
+    """Step responses of the speed loop by structure, with their metrics (Figure 4)."""
+    looks = {
+        "pi": (PALETTE[1], "PI on the error"),
+        "p_in_feedback": (PALETTE[0], "P in the feedback path"),
+    }
+    with style():
+        figure = Picture(figsize=(6.4, 4), layout="constrained")
+        ax = figure.subplots()
+        ax.axhspan(0.98, 1.02, color="0.9", label="±2 %")
+        for structure, step in steps.items():
+            colour, name = looks[structure]
+            m = step.metrics
+            label = (
+                f"{name}, ζ = {step.zeta:g}: rise {m.rise_time:.4f} s, "
+                f"settling {m.settling_time:.4f} s, overshoot {m.overshoot_percent:.2f} %"
+            )
+            ax.plot(step.time, step.speed, color=colour, label=label)
+        # Until all have settled, and some more; all there is if one does not settle.
+        settled = max(step.metrics.settling_time for step in steps.values())
+        end = np.nanmin([2 * settled, *(step.time[-1] for step in steps.values())])
+        ax.set(xlim=(0, end), ylim=(0, None), xlabel="time [s]", ylabel="motor speed [rad/s]")
+        ax.set_ylim(top=1.3 * ax.get_ylim()[1])  # room for the legend
+        ax.legend(loc="upper left", fontsize=8)
+        ax.set_title(title)
+    return figure
+
+
+def speeds(title: str, runs: Mapping[str, Recording], joint_names: Sequence[str]) -> Figure:
+    """Joint speeds of runs by controller and their reference, a panel for each joint (Figure 7)."""
+    first = next(iter(runs.values()))
+    lines = [("reference", LOOKS["reference"], first.v_ref)]
+    lines += [(label, look, runs[label].v) for label, look in _looks(runs)]
+    return picture(title, [over_time("speed [rad/s]", first.time, lines, joint_names)])
+
+
+def speed_errors(
+    title: str, runs: Mapping[str, Recording], joint_names: Sequence[str], motion: Motion
+) -> Figure:
+    """Errors of the joint speeds of runs by controller, a panel for each joint (Figure 8).
+
+    Args:
+        title: of the figure.
+        runs: recordings of `motion` by label of their controller.
+        joint_names: n names.
+        motion: shaded where a joint counts as having constant speed.
+    """
+    lines = [(label, look, runs[label].speed_error) for label, look in _looks(runs)]
+    largest = [[f"{label} {x:.3g}" for x in np.abs(v).max(axis=0)] for label, _, v in lines]
+    panels = over_time(
+        "speed error [rad/s]", motion.time, lines, joint_names,
+        marked=constant_speed_segments(motion), marked_label="constant speed",
+        notes=[f"largest: {', '.join(of_joint)} rad/s" for of_joint in zip(*largest, strict=True)],
+    )  # fmt: skip
+    return picture(title, [panels])
+
+
+def torques(title: str, recording: Recording, loads: Loads, robot: Robot) -> Figure:
+    """Motor torques against load torques and the widened limits, motor side (Figure 3)."""
+    limit = np.broadcast_to(robot.motor_torque_limit, recording.tau.shape)
+    upper = limit + np.maximum(loads.alleviating_torque, 0)
+    lower = -limit + np.minimum(loads.alleviating_torque, 0)
+    lines = [
+        ("limits, widened by the alleviating torque", LIMIT, upper),
+        ("_lower", LIMIT, lower),
+        ("load torque", Look(PALETTE[0]), recording.load_torque),
+        ("motor torque", Look(PALETTE[1]), recording.tau),
+    ]
+    return picture(title, [over_time("torque [N m]", recording.time, lines, robot.joint_names)])
+
+
+def effective_inertia(
+    title: str,
+    time: Array,
+    i_eff: Array,
+    joint_names: Sequence[str],
+    published_maximum: Sequence[float] | None = None,
+) -> Figure:
+    """Effective inertia along a motion, motor side [kg m²], with its largest, median and smallest.
+
+    Args:
+        title: of the figure.
+        time: [s], shape (N,).
+        i_eff: motor side [kg m²], shape (N, n).
+        joint_names: n names.
+        published_maximum: of Table 1, motor side [kg m²], drawn as well.
+    """
+    span = InertiaRange.of(i_eff)
+    levels = [
+        ("largest", Look(PALETTE[1], "--"), span.maximum),
+        ("median", Look(PALETTE[2], "-."), span.median),
+        ("smallest", Look(PALETTE[3], "--"), span.minimum),
+    ]
+    if published_maximum is not None:
+        label = "Table 1 (the paper's motion), largest"
+        levels.append((label, Look(PALETTE[6], ":"), np.asarray(published_maximum)))
+    lines = [("effective inertia", Look(PALETTE[0]), i_eff)]
+    lines += [(label, look, np.broadcast_to(x, i_eff.shape)) for label, look, x in levels]
+    notes = [f"variation {percent:.2f} %" for percent in span.variation_percent]
+    figure = picture(title, [over_time("inertia [kg m²]", time, lines, joint_names, notes=notes)])
+    highest = np.max([values for _, _, values in levels], axis=0)
+    for ax, low, high in zip(figure.axes, span.minimum, highest, strict=True):
+        room = max(0.1 * (high - low), _STEADY * high)  # round-off does not look like a change
+        ax.set_ylim(low - room, high + room)
+    return figure
+
+
+def error_budget(title: str, budget: ErrorBudget, joint_names: Sequence[str]) -> Figure:
+    """The speed error and its parts, a panel for each joint."""
+    parts = {name: values for name, values in budget.parts.items() if values.any()}
+    if np.abs(budget.remainder).max() > 1e-6:
+        parts["remainder"] = budget.remainder
+    lines = [("speed error", Look("0.75"), budget.whole)]
+    lines += [
+        (name, Look(nth_look(i).colour), values) for i, (name, values) in enumerate(parts.items())
+    ]
+    figure = picture(title, [over_time("speed error [rad/s]", budget.time, lines, joint_names)])
+    for ax in figure.axes:
+        ax.lines[0].set_linewidth(3.0)
+    return figure
+
+
+def _looks(runs: Mapping[str, Recording]) -> list[tuple[str, Look]]:
+    return list(zip(runs, looks_of(list(runs)), strict=True))
+
+
+# --- controllers side by side ----------------------------------------------------------------
+
+
+def comparison(title: str, compared: Sequence[Compared]) -> Figure:
+    """Controllers side by side: errors as dots on a logarithmic scale, torques as bars, and what
+    could be felt."""
+    names = numbered(compared[0].design.robot.joint_names)
+    has_heads = all(has_head(c.design.robot) for c in compared)
+    looks = looks_of([c.label for c in compared])
+    with style():
+        bottom = 2.55 if has_heads else 0.85
+        figure, axes = grid(3, 2, panel=(3.95, 1.55), gaps=(1.15, 0.35), bottom=bottom)
+        for ax, metric in zip(axes.flat, COMPARED, strict=False):  # but for the saturation
+            values = METRICS[metric].factor * np.array([c.metrics[metric] for c in compared])
+            _side_by_side(ax, values, compared, looks, dots=metric.endswith("_error"))
+            ax.set_title(METRICS[metric].label, loc="left")
+            ax.set_xticks(np.arange(len(names)), names)
+        if has_heads:
+            _felt(figure, compared, looks)
+        finish(figure, title)
+    return figure
+
+
+def _side_by_side(
+    ax: Axes, values: Array, compared: Sequence[Compared], looks: Sequence[Look], *, dots: bool
+) -> None:
+    """Values of each controller, shape (m, n), around the place of each joint: dots, or bars.
+
+    The foot of a logarithmic axis means nothing, so nothing may stand on it.
+    """
+    m, n = values.shape
+    width, at = 0.8 / m, np.arange(n)
+    for i, (c, look) in enumerate(zip(compared, looks, strict=True)):
+        place = at + (i - (m - 1) / 2) * width
+        if dots:
+            above = np.where(values[i] > 0, values[i], np.nan)
+            ax.plot(place, above, look.marker, color=look.colour, markersize=5, label=c.label)
+        else:
+            ax.bar(place, values[i], width, color=look.colour, label=c.label)
+    for k in np.flatnonzero(~np.any(values > 0, axis=0)).tolist():
+        text = "not\napplicable" if np.isnan(values[:, k]).all() else "none"
+        ax.text(
+            k, 0.5, text, transform=ax.get_xaxis_transform(), color="0.35",
+            horizontalalignment="center", verticalalignment="center",
+        )  # fmt: skip
+    if not np.any(values > 0):
+        ax.set_yticks([])
+    elif dots:
+        ax.set_yscale("log")
+        plain_numbers(ax.yaxis)
+    ax.set_xlim(-0.5, n - 0.5)
+    ax.grid(axis="x", visible=False)
+    for k in at[1:]:
+        ax.axvline(k - 0.5, color="0.85", linewidth=0.8)
+
+
+def _felt(figure: Figure, compared: Sequence[Compared], looks: Sequence[Look]) -> None:
+    """A panel below the others: share of time in which the pilot could feel the error."""
+    left, right = (ax.get_position() for ax in figure.axes[-2:])
+    inch = 1 / figure.get_figheight()
+    ax = figure.add_axes((left.x0, 0.95 * inch, right.x1 - left.x0, 1.0 * inch))
+    at = np.arange(len(compared))
+    share = [100 * c.head.felt.share for c in compared]
+    bars = ax.bar(at, share, 0.6, color=[look.colour for look in looks])
+    ax.bar_label(bars, [f"{value:.1f}" for value in share], fontsize=8)
+    ax.set_title(METRICS["felt_share"].label, loc="left")
+    ax.set(ylim=(0, 115), yticks=(0, 50, 100))
+    ax.set_xticks(at, [c.label.replace("+", "\n+") for c in compared], fontsize=7)
+    ax.grid(axis="x", visible=False)
+
+
+# --- loops -----------------------------------------------------------------------------------
+
+
+def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) -> Figure:
+    """Magnitude and phase of tracking and loop gain over frequency, a line for each joint.
+
+    Marked are where the tracking has fallen by 3 dB; where the loop gain last crosses 0 dB, with
+    its distance to -180 deg there: the phase margin, of a loop that crosses once; and the gain
+    margin, where there is one.
+    """
+    columns = (
+        ("speed over its reference", response.tracking, response.bandwidth, -3, 20),
+        ("loop, cut at the motor", response.loop_gain, response.crossover, 0, 60),
+    )
+    told = {header: values for header, _, values in response.columns()}
+    joints = [joint_title(k, name) for k, name in enumerate(joint_names)]
+    with style():
+        figure, axes = grid(2, 2, panel=(3.95, 2.4), gaps=(1.15, 0.35))
+        for (magnitude, phase), column in zip(axes.T, columns, strict=True):
+            label, values, marked, level, top = column
+            decibel = 20 * np.log10(np.abs(values))
+            degrees = unwrapped_degrees(values, at_crossover=level == 0)
+            for k, joint in enumerate(joints):
+                look = nth_look(k)
+                own = {"color": look.colour, "linestyle": look.dashes, "label": joint}
+                magnitude.semilogx(response.omega, decibel[:, k], **own)
+                phase.semilogx(response.omega, degrees[:, k], **own)
+                magnitude.plot(marked[k], level, look.marker, color=look.colour, markersize=4)
+            magnitude.axhline(level, color="0.4", linewidth=0.8)
+            magnitude.set_title(label, loc="left", fontweight="bold")
+            magnitude.set(ylim=(-60, top), ylabel="magnitude [dB]")
+            phase.set(xlabel="frequency [rad/s]", ylabel="phase [deg]")
+            phase.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 1.5, 3, 4.5, 9, 10]))
+            phase.margins(x=0)
+            plain_numbers(phase.xaxis)
+        _mark_margins(axes[:, 1], response, degrees)
+        quantities = ("bandwidth [rad/s]", "gain margin [dB]", "phase margin [deg]")
+        for ax, name in zip((*axes[0], axes[1, 1]), quantities, strict=True):
+            ax.set_title(_of_joints(name, told[name]), loc="right")
+        finish(figure, title)
+    return figure
+
+
+def _mark_margins(axes: NDArray[np.object_], response: FrequencyResponse, degrees: Array) -> None:
+    """In magnitude and phase of the loop gain; the latter is `degrees`."""
+    magnitude, phase = axes
+    for k, crossover in enumerate(response.crossover):
+        look, margin = nth_look(k), response.gain_margin[k]
+        thin: dict[str, Any] = {"color": look.colour, "linewidth": 0.8}
+        at = np.interp(np.log(crossover), np.log(response.omega), degrees[:, k])
+        phase.plot(crossover, at, look.marker, color=look.colour, markersize=4)
+        phase.vlines(crossover, -180, at, **thin)
+        if np.isfinite(margin):
+            i = np.abs(1 + margin * response.loop_gain[:, k]).argmin()
+            magnitude.vlines(response.omega[i], -20 * np.log10(margin), 0, **thin)
+    phase.axhline(-180, color="0.4", linewidth=0.8)
+
+
+def _of_joints(quantity: str, values: Array) -> str:
+    """A number for each joint, of many the least and the largest; a dash where there is none."""
+    name, unit = quantity.rstrip("]").split(" [")
+    if len(values) > _MANY:
+        ends = (formatted(end.reduce(values), ".0f") for end in (np.fmin, np.fmax))
+        shown = " to ".join(dict.fromkeys(ends))
+    else:
+        shown = ", ".join(formatted(value, ".0f") for value in values)
+    return f"{name} {shown} {unit}"
+
+
+def stability(
+    title: str, sweeps: Mapping[str, Mapping[str, StabilitySweep]], joint_names: Sequence[str]
+) -> Figure:
+    """Least damping and overshoot over omega_n / omega_r.
+
+    `sweeps` by place of the encoder, a column each, and by loop, a line style each.
+    """
+    with style():
+        figure, axes = grid(2, len(sweeps), panel=(3.95, 2.4), gaps=(1.15, 0.35))
+        for (damping, overshoot), (encoder, by_drive) in zip(axes.T, sweeps.items(), strict=True):
+            for i, (drive, sweep) in enumerate(by_drive.items()):
+                for k, name in enumerate(joint_names):
+                    look = {"color": nth_look(k).colour, "linestyle": nth_look(i).dashes}
+                    label = f"{joint_title(k, name)}, {drive}"
+                    damping.plot(sweep.ratio, sweep.damping[:, k], label=label, **look)
+                    overshoot.plot(sweep.ratio, sweep.overshoot_percent[:, k], **look)
+            if all(np.isnan(sweep.overshoot_percent).all() for sweep in by_drive.values()):
+                overshoot.text(0.5, 0.5, "unstable", transform=overshoot.transAxes, ha="center")
+            damping.set_title(f"encoder on the {encoder}", loc="left", fontweight="bold")
+            damping.axhspan(-1, 0, color=PALETTE[1], alpha=0.12, linewidth=0)
+            damping.set(ylim=(-1, 1.02), ylabel="smallest damping ratio")
+            overshoot.set(ylim=(0, 100), ylabel="overshoot of the link [%]", xlabel="ω_n / ω_r")
+            for ax in (damping, overshoot):
+                rule = ax.axvline(0.5, color="0.4", linestyle=":", label="ω_n = 0.5 ω_r")
+                ax.margins(x=0)
+        by_joint = [
+            Line2D([], [], color=nth_look(k).colour, label=joint_title(k, name))
+            for k, name in enumerate(joint_names)
+        ]
+        by_loop = [
+            Line2D([], [], color="0.3", linestyle=nth_look(i).dashes, label=loop)
+            for i, loop in enumerate(next(iter(sweeps.values())))
+        ]
+        finish(figure, f"{title} (shaded: unstable)", [*by_joint, *by_loop, rule])
+    return figure

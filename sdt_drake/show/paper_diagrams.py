@@ -1,0 +1,53 @@
+"""The block diagrams of the paper: loops that are simulated, their inverse dynamics on line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from pydrake.systems.framework import Diagram
+
+from sdt_drake.analysis import paper
+from sdt_drake.run.design import Design
+from sdt_drake.run.loop import make_loop, make_step_loop
+from sdt_drake.run.scenario import load_scenario
+from sdt_drake.show.graphviz import dot_text, has_graphviz, write_dot
+from sdt_drake.systems.gains import tune
+
+
+def _step_loop(structure: str, base: Design) -> Diagram:
+    i_eff = base.inertia.maximum[0]
+    gains = tune([i_eff], paper.OMEGA_R, [paper.FIGURE4_ZETA[structure]])
+    return make_step_loop(gains=gains, i_eff=i_eff, structure=structure)
+
+
+def _loop(name: str, base: Design) -> Diagram:
+    scenario = load_scenario(f"package://sdt/scenarios/{name}.yaml")
+    scenario.inverse_dynamics = "online"
+    if scenario.plant.kind == "coupled":
+        scenario.disturbance.amplitude = 0.05
+    return make_loop(base.variant(scenario))
+
+
+DIAGRAMS: dict[str, Callable[[Design], Diagram]] = {
+    "figure3": partial(_loop, "axis_pi"),
+    "figure4": partial(_step_loop, "pi"),
+    "figure5": partial(_step_loop, "p_in_feedback"),
+    "figure6": partial(_loop, "axis_pi_ctc"),
+    "coupled_loop": partial(_loop, "coupled_pi_ctc"),
+}
+"""The diagrams by name, made from any design of the reference device and motion."""
+
+
+def write_block_diagram(name: str, base: Design, folder: str | Path) -> list[Path]:
+    """Write one of DIAGRAMS as name.dot, and name.svg where Graphviz is installed.
+
+    Args:
+        name: a key of DIAGRAMS.
+        base: any design of the reference device and motion.
+        folder: made if need be.
+    """
+    text, path = dot_text(DIAGRAMS[name](base)), Path(folder) / name
+    formats = ("dot", "svg") if has_graphviz() else ("dot",)
+    return [write_dot(text, path.with_suffix(f".{x}"), x) for x in formats]

@@ -1,0 +1,1 @@
+"""Reports: one Markdown file and one page each."""

@@ -1,0 +1,307 @@
+"""An identified robot in tables, figures and a report."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sdt_drake.analysis.metrics import PARAMETERS_IN_WORDS
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import replacing
+from sdt_drake.io.shown import formatted
+from sdt_drake.machine.identify.base_parameters import rigid_parameters
+from sdt_drake.machine.identify.model import PlantFriction
+from sdt_drake.machine.identify.procedure import Identified
+from sdt_drake.robot.dynamics import decouple, torque_groups
+from sdt_drake.robot.robot import Robot
+from sdt_drake.show import documents as doc
+from sdt_drake.show.panels import Line, Panel, over_time, picture
+from sdt_drake.show.style import PALETTE, Look, joint_title, save_both
+from sdt_drake.show.template import from_template
+from sdt_drake.show.texts import page_text
+
+MEASURED, PREDICTED, NOMINAL = Look(PALETTE[0]), Look(PALETTE[1], "--"), Look(PALETTE[7], ":")
+_MOST = 0.5  # of a variance
+_MOST_SAMPLES = 300  # of which the load torque is computed
+
+
+def identification_title(found: Identified) -> str:
+    """The title of a report: what was identified."""
+    return f"{found.nominal.name} identified"
+
+
+def unmeasured_share(found: Identified, robot: Robot) -> Array:
+    """A of the paper: the error of the load torque, as an amplitude, that is left, shape (n,)."""
+    eq = found.equations
+    rows = np.flatnonzero(~eq.fit)
+    few = rows[np.linspace(0, len(rows) - 1, min(len(rows), _MOST_SAMPLES)).astype(int)]
+    groups = torque_groups(robot, eq.q[few], eq.v[few], eq.vd[few])
+    load = decouple(groups.inertial, groups.coupled, robot.gear_ratio).load_torque
+    left = (eq.tau - found.predicted)[rows]
+    friction = found.estimate.friction_torque(eq, found.friction)[few]
+    size = np.sqrt(np.mean((load * robot.gear_ratio + friction) ** 2, axis=0))
+    return np.asarray(np.sqrt(2 * np.mean(left**2, axis=0)) / np.maximum(size, 1e-9))
+
+
+# --- tables ----------------------------------------------------------------------------------
+
+
+def errors_table(found: Identified, robot: Robot) -> doc.Table:
+    """What is left of the torques of each joint."""
+    nominal, least = found.equations.nominal, found.estimate.torque(found.equations)
+    left = {
+        "file as it is, held out": found.left(nominal, held_out=True),
+        "least squares, fitted": found.left(least, held_out=False),
+        "least squares, held out": found.left(least, held_out=True),
+        "consistent, fitted": found.left(found.predicted, held_out=False),
+        "consistent, held out": found.left(found.predicted, held_out=True),
+        "A of the load torque, held out": unmeasured_share(found, robot),
+    }
+    rows = [(name, [formatted(100 * x, ".2f") for x in values]) for name, values in left.items()]
+    return doc.Table(("prediction", "left of the torque [%]"), rows)
+
+
+def friction_table(found: Identified, files: PlantFriction) -> doc.Table:
+    """Laws, and what a scenario has of them."""
+    friction, names = files.friction, found.nominal.joint_names
+    coulomb, viscous, offset = friction.coulomb or [], friction.viscous or [], friction.offset or []
+    rows = []
+    for k, name in enumerate(names):
+        if not found.equations.moves[:, k].any():  # nothing is known of it, not that it is 0
+            rows.append((f"{k + 1} {name}", *"––––––"))
+            continue
+        rows.append(
+            (
+                f"{k + 1} {name}",
+                found.estimate.laws[k].name,
+                f"{coulomb[k]:.4g} ± {files.std[0, k]:.2g}",
+                f"{viscous[k]:.4g} ± {files.std[1, k]:.2g}",
+                f"{friction.breakaway[k]:.4g}" if friction.breakaway else "–",
+                f"{offset[k]:.3g}",
+                f"{100 * files.left[k]:.1f}",
+            )
+        )
+    return doc.Table(
+        ("joint", "law", "Coulomb [N m]", "viscous [N m s/rad]", "breakaway [N m]",
+         "offset [N m]", "left of the law [%]"),
+        rows,
+    )  # fmt: skip
+
+
+def undecided_laws(found: Identified, files: PlantFriction) -> list[str]:
+    """Sentences on the joints whose intervals are more of the law of friction than of noise."""
+    said = []
+    for k in np.flatnonzero(files.undecided > _MOST).tolist():
+        names = dict.fromkeys(law.name for law, _ in found.estimate.rivals[k])
+        said.append(
+            f"joint {k + 1}: the data do not decide its law of friction; others leave as little "
+            f"({', '.join(names)}), and its ± is more of how far they are apart than of noise"
+        )
+    return said
+
+
+class Parameter(NamedTuple):
+    """What was found of a parameter: a row of parameters.csv.
+
+    Attributes:
+        kind: "base", of sums that torques tell; "link", of links and motors; or "friction".
+        name: of the parameter.
+        unit: of the numbers.
+        value: that was found.
+        std: its standard deviation.
+        nominal: what the file has.
+        identifiable: whether torques tell it alone, in combination, or not at all.
+        words: what it means.
+    """
+
+    kind: str
+    name: str
+    unit: str
+    value: float
+    std: float | None
+    nominal: float | None
+    identifiable: str
+    words: str
+
+
+_UNITS = {"mass": "kg", "hx": "kg m", "hy": "kg m", "hz": "kg m"}  # others are inertias
+
+
+def parameters(found: Identified, robot: Robot) -> list[Parameter]:
+    """Everything that was found."""
+    base, estimate = found.unknown.base, found.estimate
+    nominal, identified = (
+        rigid_parameters(one)[found.unknown.columns] for one in (found.nominal, robot)
+    )
+    units = [_UNITS.get(name.split()[0], "kg m²") for name in base.names]
+    std = np.sqrt(np.diagonal(estimate.covariance)).tolist()
+    beta, was = estimate.beta.tolist(), (base.combination @ nominal).tolist()
+    rows = [
+        Parameter("base", base.names[own], units[own], beta[i], std[i], was[i], "alone", words)
+        for i, (own, words) in enumerate(zip(base.independent, base.words, strict=True))
+    ]
+    of_links = base.names, units, identified.tolist(), nominal.tolist(), base.identifiable
+    rows += [
+        Parameter("link", name, unit, value, None, before, said, _IN_WORDS[said])
+        for name, unit, value, before, said in zip(*of_links, strict=True)
+    ]
+    for k, joint in enumerate(found.nominal.joint_names):
+        part = estimate.friction_of(k)
+        values = found.friction[part].tolist(), std[len(beta) :][part]
+        for term, value, spread in zip(estimate.laws[k].terms, *values, strict=True):
+            unit = "N m s/rad" if term.kind.startswith("viscous") else "N m"
+            shape = f"width {term.width:.4g}, zero at {term.middle:.4g} rad/s" if term.width else ""
+            name = f"{term.kind} of {joint}"
+            rows.append(Parameter("friction", name, unit, value, spread, None, "alone", shape))
+    return rows
+
+
+_IN_WORDS = {
+    "alone": "torques tell it",
+    "in combination": "torques tell sums with others only: this is the nearest to the file",
+    "not at all": "no torque depends on it: as in the file, or where the others need it",
+}
+
+
+def links_table(found: Identified) -> doc.Table:
+    """Mass and centre of mass of each link that was free, before and after."""
+    rows = []
+    for link, pseudo in zip(found.consistent.links, found.consistent.pseudo, strict=True):
+        (mass, centre, _), (new_mass, new_centre, _) = map(link.inertial, (link.pseudo, pseudo))
+        places = (" ".join(formatted(1e3 * x, ".1f") for x in xyz) for xyz in (centre, new_centre))
+        rows.append((link.name, f"{mass:.4g}", f"{new_mass:.4g}", *places))
+    header = (
+        "link", "mass in the file [kg]", "mass [kg]", "centre in the file [mm]", "centre [mm]",
+    )  # fmt: skip
+    return doc.Table(header, rows)
+
+
+def in_short(found: Identified) -> list[str]:
+    """The result in sentences, for the console and the page."""
+    eq = found.equations
+    names = ", ".join(recorded.path.name for recorded in found.recordings)
+    r = len(found.estimate.beta)
+    said = [
+        f"{names}: torques compared below {found.cutoff:.3g} Hz, {int(eq.fit.sum())} samples "
+        f"fitted and {int((~eq.fit).sum())} held out"
+    ]
+    if r:
+        said.append(
+            f"{r} base parameters of links and motors, condition number "
+            f"{found.estimate.condition:.3g}"
+        )
+        said.append(PARAMETERS_IN_WORDS)
+    return said + list(found.notes)
+
+
+# --- figures ---------------------------------------------------------------------------------
+
+
+def torques_figure(found: Identified) -> Figure:
+    """Measured torque, what the identified and the nominal robot predict, and what is left."""
+    eq, time = found.equations, _running_time(found)
+    lines = [
+        ("measured", MEASURED, eq.tau),
+        ("identified", PREDICTED, found.predicted),
+        ("file as it is", NOMINAL, eq.nominal),
+    ]
+    left = [("measured - identified", MEASURED, eq.tau - found.predicted)]
+    names, held, why = found.nominal.joint_names, ~eq.fit[:, None], "held out"
+    torques = over_time("torque [N m]", time, lines, names, marked=held, marked_label=why)
+    errors = over_time("left [N m]", time, left, marked=held, marked_label=why)
+    return picture(f"{identification_title(found)}: torques, joint side", [torques, errors])
+
+
+def residuals_figure(found: Identified) -> Figure:
+    """What is left over the speed of each joint, and the friction that was found."""
+    eq, estimate = found.equations, found.estimate
+    laws, errors = [], []
+    for k, name in enumerate(found.nominal.joint_names):
+        order = np.argsort(eq.v[:, k])
+        v = eq.v[order, k]
+        left = (eq.tau - found.predicted)[order, k]
+        errors.append(
+            Panel(joint_title(k, name), "speed [rad/s]", "left [N m]", v,
+                  [Line("measured - identified", MEASURED, left, dots=True)])
+        )  # fmt: skip
+        grid = np.linspace(v[0], v[-1], 400)
+        terms = estimate.laws[k].terms
+        torque = (
+            np.column_stack([term.at(grid, 1e-3) for term in terms])
+            @ (found.friction[estimate.friction_of(k)])
+        )
+        law = [Line("friction", PREDICTED, torque)]
+        laws.append(Panel("", "speed [rad/s]", "friction [N m]", grid, law))
+    return picture(
+        f"{identification_title(found)}: what is left, and friction, over speed", [errors, laws]
+    )
+
+
+def _running_time(found: Identified) -> Array:
+    """Of all recordings one after the other [s], shape (M,)."""
+    eq, begin = found.equations, 0.0
+    time = np.array(eq.time)
+    for source, recorded in enumerate(found.recordings):
+        time[eq.source == source] += begin
+        begin += recorded.time[-1]
+    return time
+
+
+# --- files -----------------------------------------------------------------------------------
+
+
+def write_parameters(found: Identified, robot: Robot, path: Path) -> None:
+    """The table of all parameters, as CSV."""
+    with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows([Parameter._fields, *parameters(found, robot)])
+
+
+def write_identification_report(
+    found: Identified, robot: Robot, files: PlantFriction, folder: Path
+) -> Path:
+    """Write figures and report into a folder, each replaced whole; the path of the page."""
+    save_both(torques_figure(found), folder / "torques")
+    save_both(residuals_figure(found), folder / "residuals")
+    notes = undecided_laws(found, files)
+    undecided = [doc.Bullets(notes)] if notes else []
+    blocks: dict[str, Sequence[doc.Block]] = {
+        "in_short": [doc.Bullets(in_short(found)), errors_table(found, robot)],
+        "warnings": [doc.Bullets(found.warnings) if found.warnings else doc.Text("None.")],
+        "friction": [friction_table(found, files), *undecided],
+        "links": [links_table(found), *_details(parameters(found, robot))],
+    }
+    files_read = ", ".join(recorded.path.name for recorded in found.recordings)
+    words = {"robot": found.nominal.name, "recordings": files_read}
+    return from_template(page_text("identified.md"), blocks, words, folder).write(folder)
+
+
+def _details(found: Sequence[Parameter]) -> list[doc.Details]:
+    """The parameters of links and motors, to unfold."""
+
+    def numbers(*values: float | None) -> list[str]:
+        return ["–" if x is None else f"{x:.5g}" for x in values]
+
+    base = [
+        [p.words, *numbers(p.value, p.std, p.nominal), p.unit] for p in found if p.kind == "base"
+    ]
+    link = [
+        [p.name, *numbers(p.value, p.nominal), p.unit, p.identifiable]
+        for p in found
+        if p.kind == "link"
+    ]
+    header = ("parameter", "value", "in the file", "unit", "identifiable")
+    return [
+        doc.Details(
+            "Base parameters: what was measured",
+            [doc.Table(("sum", "value", "std", "in the file", "unit"), base)],
+        ),
+        doc.Details(
+            "Parameters of the links and motors, about the joints' frames",
+            [doc.Table(header, link)],
+        ),
+    ]

@@ -1,0 +1,274 @@
+"""The report on the paper recomputed, made of summary.json and of the figures beside it.
+
+Its text stands in pages/report.md.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from sdt_drake.analysis import paper
+from sdt_drake.analysis.claims import VERDICTS, Claims, Json, count_verdicts
+from sdt_drake.analysis.metrics import METRICS
+from sdt_drake.io.errors import InputError, read_text, write_text
+from sdt_drake.show import documents as doc
+from sdt_drake.show.template import from_template
+from sdt_drake.show.texts import page_text
+
+RECORDING, SUMMARY = "device.html", "summary.json"
+
+_MOST_BYTES = 100_000_000  # of a file
+_OTHER_FORM = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
+"""What comes of a summary that does not hold what the report shows."""
+
+
+def write_report(folder: Path, chapters: Sequence[doc.Section] = ()) -> Path:
+    """Write report.html, report.md and table1.md into a folder that `reproduce` has filled.
+
+    Args:
+        folder: with summary.json and the figures.
+        chapters: to put at the end.
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        InputError: naming the file that is missing or cannot be used; nothing is written.
+    """
+    with _advice(folder):
+        report = make_report(_read_summary(folder / SUMMARY), folder)
+        report.sections += chapters
+        page = report.html()
+    of_table1 = [s for s in report.sections if s.title in ("Table 1", "Provenance")]
+    table1 = doc.Document("Table 1, from the SDF and the reference motion", sections=of_table1)
+    write_text(folder / "table1.md", table1.markdown())
+    write_text(folder / "report.md", report.markdown())
+    return write_text(folder / doc.REPORT, page)
+
+
+@contextmanager
+def _advice(folder: Path) -> Iterator[None]:
+    """Errors within say where the files come from, too."""
+    try:
+        yield
+    except InputError as error:
+        message = str(error)
+    except _OTHER_FORM as error:
+        reason = f"has no {error}" if isinstance(error, KeyError) else "has another form"
+        message = f"{folder / SUMMARY}: {reason}, it is of another version"
+    else:
+        return
+    raise InputError(f"{message}; run `sdt-drake reproduce --out {folder}` first")
+
+
+def _read_summary(path: Path) -> Json:
+    if not path.exists():
+        raise InputError(f"{path}: is missing")
+
+    def refuse(text: str) -> float:
+        raise InputError(f"{path}: holds {text}, expected finite numbers")
+
+    try:
+        return json.loads(read_text(path, _MOST_BYTES), parse_constant=refuse)
+    except json.JSONDecodeError:
+        raise InputError(f"{path}: is not JSON") from None
+
+
+def make_report(summary: Json, folder: Path) -> doc.Document:
+    """The report on what is in a folder; see `write_report`."""
+    blocks = _blocks(summary, folder)
+    report = from_template(page_text("report.md"), blocks, _numbers(summary), folder)
+    report.symbols = True
+    return report
+
+
+def _numbers(summary: Json) -> dict[str, object]:
+    """Those in the sentences of the report."""
+    runs = {
+        (run["algorithm"], run["controller"]): run
+        for run in summary["tracking"]
+        if run["plant"] == "coupled" and run["disturbance_amplitude"] == 0
+    }
+    pi, ctc = runs["consistent", "pi"], runs["consistent", "pi_ctc"]
+    printed = runs["printed", "pi_ctc"]
+    largest, steady = "max_abs_speed_error", "constant_speed_error"
+    of = {entry["controller"]: entry for entry in summary["beyond"]}
+    rms_pi, rms_id = (np.array(of[label]["rms_speed_error"]) for label in ("pi", "pi_id"))
+    drift, kept = (
+        math.degrees(max(of[label]["max_abs_position_error"])) for label in ("pi", "p_pi+id")
+    )
+    apart = summary["pi_or_pi_ctc"]
+    numbers = {
+        **summary["versions"],
+        "claims_count": len(summary["claims"]),
+        "pi_error": pi[largest][1],
+        "ctc_error": ctc[largest][1],
+        "ctc_gain": pi[largest][1] / ctc[largest][1],
+        "steady_gain": pi[steady][1] / ctc[steady][1],
+        "printed_loss": printed[largest][1] / pi[largest][1],
+        "id_gain_min": min(rms_pi / rms_id),
+        "id_gain_max": max(rms_pi / rms_id),
+        "drift": drift,
+        "kept": kept,
+        "apart": 100 * apart["share"],
+        "apart_rotation": _worst(apart, slice(0, 3)),
+        "apart_force": _worst(apart, slice(3, 6)),
+    }
+    for label, entry in of.items():
+        name = label.replace("+", "_")
+        numbers[f"felt_{name}"] = 100 * entry["felt"]["share"]
+        numbers[f"angles_{name}"] = 100 * entry["felt"]["share_from_angles"]
+    return numbers
+
+
+def findings(summary: Json) -> list[str]:
+    """The sentences that matter most, of summary.json."""
+    parts = page_text("findings.md").strip().split("\n\n")
+    return [part.format_map(_numbers(summary)) for part in parts]
+
+
+def _worst(felt: Json, channels: slice) -> str:
+    multiple, name = max(zip(felt["largest"][channels], felt["channels"][channels], strict=True))
+    return f"{multiple:.2f} ({name})"
+
+
+def _blocks(summary: Json, folder: Path) -> dict[str, Sequence[doc.Block]]:
+    """The tables of the report, and more, by their names in pages/report.md."""
+    beyond = [
+        {**e, "rms_torque_share": e["rms_share"], "peak_torque_share": e["peak_share"]}
+        for e in summary["beyond"]
+    ]
+    runs, claims = summary["tracking"], summary["claims"]
+    tiles = [(n, verdict, VERDICTS[verdict][0]) for verdict, n in count_verdicts(claims).items()]
+    speeds = ("max_abs_speed_error", "rms_speed_error", "constant_speed_error")
+    position = "max_abs_position_error"
+    torques = (position, "rms_torque_share", "peak_torque_share")
+    return {
+        "tiles": [doc.Tiles(tiles)],
+        "findings": [doc.Bullets(findings(summary))],
+        "claims": [Claims(claims, len(summary["table1"]))],
+        "table1": [_table1(summary["table1"])],
+        "steps": [_steps(summary["step_response"])],
+        "runs_speeds": [_by_joint(_RUN, map(_run, runs), runs, speeds)],
+        "runs_positions": [
+            _by_joint(_RUN, map(_run, runs), runs, (position, "saturated_fraction"))
+        ],
+        "beyond_speeds": [_by_joint(["controller"], map(_label, beyond), beyond, speeds)],
+        "beyond_torques": [_by_joint(["controller"], map(_label, beyond), beyond, torques)],
+        "felt": [_felt(beyond)],
+        "needs": [
+            doc.Table(
+                ["controller", "blocks", "needs to know"],
+                [[*_label(e), str(e["blocks"]), ", ".join(e["needs"])] for e in beyond],
+                look="words",
+            )
+        ],
+        "device": _device(folder / RECORDING),
+        "provenance": _provenance(summary),
+    }
+
+
+def _by_joint(
+    labels: Sequence[str],
+    names: Iterable[Sequence[str]],
+    entries: Sequence[Json],
+    metrics: Sequence[str],
+) -> doc.Table:
+    """A row for each entry, beginning with its names; of each metric a value for each joint."""
+    rows = [
+        [*own, *([METRICS[m].text(value) for value in entry[m]] for m in metrics)]
+        for own, entry in zip(names, entries, strict=True)
+    ]
+    return doc.Table([*labels, *(METRICS[m].column for m in metrics)], rows)
+
+
+_RUN = ("plant", "process", "Algorithm 1", "controller", "A")
+
+
+def _run(run: Json) -> list[str]:
+    amplitude = f"{run['disturbance_amplitude']:g}"
+    return [run["plant"], run["process"], run["algorithm"], f"`{run['controller']}`", amplitude]
+
+
+def _label(entry: Json) -> list[str]:
+    return [f"`{entry['controller']}`"]
+
+
+def _table1(rows: Sequence[Json]) -> doc.Table:
+    columns = {
+        "i_eff_max": ("I_eff,max [kg m²]", ".2f"),
+        "i_eff_median": ("median", ".2f"),
+        "i_eff_min": ("min", ".2f"),
+        "variation_percent": ("variation [%]", ".2f"),
+        "kp": ("K_PS [N m s/rad]", ".1f"),
+        "ki": ("K_IS [N m/rad]", ".0f"),
+        "zeta_max": ("zeta at max", ".3f"),
+        "zeta_median": ("at median", ".3f"),
+        "zeta_min": ("at min", ".3f"),
+    }
+    published = [
+        [f"{paper.table1(name)[k]:g}" if name in paper.TABLE1 else "–" for name in columns]
+        for k in range(len(rows))
+    ]
+    names = [f"joint {k + 1}" for k in range(len(rows))]
+    return _pairs(columns, names, rows, published)
+
+
+def _steps(steps: Json) -> doc.Table:
+    columns = {
+        "rise_time": ("rise, 10–90 % [s]", ".4f"),
+        "settling_time": ("settling, 2 % [s]", ".4f"),
+        "overshoot_percent": ("overshoot [%]", ".3f"),
+    }
+    structures = {"pi": "PI on the error", "p_in_feedback": "P in the feedback path"}
+    published = [[f"{steps['published'][key][name]:g}" for name in columns] for key in structures]
+    return _pairs(columns, structures.values(), [steps[key] for key in structures], published)
+
+
+def _pairs(
+    columns: Mapping[str, tuple[str, str]],
+    names: Iterable[str],
+    computed: Sequence[Json],
+    published: Sequence[Sequence[str]],
+) -> doc.Table:
+    """Two rows for each name; columns by key: title and format."""
+    rows = []
+    for name, values, printed in zip(names, computed, published, strict=True):
+        rows.append([name, *(format(values[key], spec) for key, (_, spec) in columns.items())])
+        rows.append(["*published*", *printed])
+    return doc.Table(["", *(title for title, _ in columns.values())], rows, look="pairs")
+
+
+def _felt(beyond: Sequence[Json]) -> doc.Table:
+    rows = [
+        [
+            *_label(entry),
+            METRICS["felt_share"].text(entry["felt"]["share"]),
+            *(f"{value:.2f}" for value in entry["felt"]["largest"]),
+        ]
+        for entry in beyond
+    ]
+    header = ["controller", METRICS["felt_share"].column, *beyond[0]["felt"]["channels"]]
+    return doc.Table(header, rows)
+
+
+def _device(path: Path) -> list[doc.Block]:
+    if not path.exists():
+        return []
+    text = doc.Text("The reference motion in 3D; drag to look from elsewhere.")
+    return [text, doc.EmbeddedPage("Load the 3D recording", path)]
+
+
+def _provenance(summary: Json) -> list[doc.Block]:
+    seconds = summary["wall_time_s"]
+    times = {**seconds, "sum of the stages": sum(seconds.values())}
+    return [
+        doc.Table(["", "version"], [[k, v] for k, v in summary["versions"].items()]),
+        doc.Table(["", "wall time [s]"], [[k, f"{v:.2f}"] for k, v in times.items()]),
+    ]

@@ -1,0 +1,130 @@
+"""A replay in words, tables and a figure; as a page, and on the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sdt_drake.analysis.metrics import Metric
+from sdt_drake.io.arrays import Array
+from sdt_drake.machine.replay import ALONE, AS_IT_IS, ENOUGH, FED, QUANTITIES, Replay
+from sdt_drake.show import documents as doc
+from sdt_drake.show.panels import Panel, over_time, picture
+from sdt_drake.show.style import PALETTE, Look, save_both
+from sdt_drake.show.template import from_template
+from sdt_drake.show.texts import page_text
+
+RECORDED, SIMULATED = Look(PALETTE[0]), Look(PALETTE[1], "--")
+FIGURE, TABLE = "replay", "replay.csv"
+
+_SHARE = Metric("explained", "%", 100, ".1f")
+_ROUND_OFF = 1e-9  # of what was recorded
+
+
+def replay_figure(replay: Replay) -> Figure:
+    """Recorded and simulated errors and torques, a row for each joint."""
+    time, names = replay.design.motion.time, replay.design.robot.joint_names
+    columns: list[list[Panel]] = []
+    for name, measured in replay.measured.items():
+        metric, simulated = QUANTITIES[name], replay.courses[AS_IT_IS][name]
+        lines = [
+            ("recorded", RECORDED, metric.factor * measured),
+            ("simulated", SIMULATED, metric.factor * simulated),
+        ]
+        columns.append(over_time(metric.label, time, lines, () if columns else names))
+    return picture(f"{replay_title(replay)}: recorded and simulated", columns)
+
+
+def replay_title(replay: Replay) -> str:
+    """The title of a report: what is replayed in what."""
+    return f"{replay.recorded.path.name} in {replay.design.scenario.name}"
+
+
+def tables(replay: Replay) -> list[doc.Table]:
+    """What the simulation explains, and for each quantity how far it is off, by what is changed."""
+    rows = [(QUANTITIES[x].title, _texts(_SHARE, replay.explained(x))) for x in replay.measured]
+    due = replay.due_to_model
+    if due is not None:
+        rest = (
+            "controller, drives, springs" if replay.recorded.of_links else "controller and drives"
+        )
+        rows += [
+            ("of the difference, the plant's model [%]", _texts(_SHARE, due)),
+            (f"of the difference, {rest} [%]", _texts(_SHARE, 1 - due)),
+        ]
+    made = [doc.Table(("of the mean square", _SHARE.label), rows)]
+    for name in replay.measured:
+        metric = QUANTITIES[name]
+        recorded = replay.recorded_rms(name)
+        rows = [("recorded", _texts(metric, recorded))]
+        for case in (case for case, course in replay.courses.items() if name in course):
+            off = replay.difference(name, case)
+            shown = np.where(off < _ROUND_OFF * recorded, 0.0, off)
+            rows.append((f"difference {case}", _texts(metric, shown)))
+        made.append(doc.Table(("RMS", metric.label), rows))
+    return made
+
+
+def replay_findings(replay: Replay) -> list[str]:
+    """What the numbers of a replay say, a sentence each."""
+    design, said = replay.design, []
+    scenario, motion = design.scenario, design.motion
+    said.append(
+        f"{motion.duration:g} s of reference, every {1e3 * motion.period:g} ms, on the "
+        f"{scenario.plant.kind} plant with `{scenario.controller.label}`"
+        + (
+            ", and the recorded torque feedforward in place of its own."
+            if design.tau_ff is not None and design.feedforward is None
+            else "."
+        )
+    )
+    if "tau_ff" in replay.recorded.signals and not design.scenario.controller.takes_feedforward:
+        said.append("This controller has no place for the recorded torque feedforward: left out.")
+    if not {"q", "q_ref"} & set(replay.recorded.signals):
+        said.append("No positions were recorded: all joints are taken to start at the angle 0.")
+    if np.abs(replay.start).max() > 1e-6:
+        offsets = " ".join(f"{x:.4f}" for x in np.degrees(replay.start))
+        said.append(f"The recording starts {offsets} deg beside its reference; that is left out.")
+    if gaps := replay.recorded.gaps_in_words:
+        said.append(
+            f"The recording has {gaps}: straight lines are in their place, and what differs there "
+            "is not the machine's."
+        )
+    for name in replay.measured:
+        shares = " ".join(_texts(_SHARE, replay.explained(name)))
+        said.append(f"Of the {QUANTITIES[name].title} the simulation explains {shares} %.")
+    if ALONE in replay.courses:
+        off = replay.difference("torque", ALONE) > replay.recorded_rms("torque")
+        unexplained = replay.explained("torque") < ENOUGH  # nor of joints without a torque
+        wrong = [str(k + 1) for k in np.flatnonzero(off & unexplained)]
+        if wrong:
+            said.append(
+                f"On the recorded motion the controller would ask joint {', '.join(wrong)} for a "
+                "torque that is off by more than all that was recorded: its law or its gains are "
+                "not those of the machine."
+            )
+    return said
+
+
+def write_replay(replay: Replay, folder: Path) -> Path:
+    """Write figure, table and report into a folder, each replaced whole; the path of the page.
+
+    Raises:
+        InputError: if a file cannot be written.
+    """
+    save_both(replay_figure(replay), folder / FIGURE)
+    replay.to_csv(folder / TABLE)
+    explained, *differences = tables(replay)
+    blocks: dict[str, Sequence[doc.Block]] = {
+        "in_short": [doc.Bullets(replay_findings(replay)), explained],
+        "differences": differences,
+    }
+    words = {"title": replay_title(replay), "fed": FED, "alone": ALONE}
+    return from_template(page_text("replay.md"), blocks, words, folder).write(folder)
+
+
+def _texts(metric: Metric, values: Array) -> Sequence[str]:
+    return [metric.text(x) for x in values.tolist()]

@@ -1,0 +1,1 @@
+"""The device in 3D, in Meshcat."""

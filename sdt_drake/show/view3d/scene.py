@@ -1,0 +1,281 @@
+"""What a motion looks like: pictures of it, and a scene in Meshcat that shows them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba, SceneGraph
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, one_line
+from sdt_drake.motion.trajectory import interpolated
+from sdt_drake.robot.head import GRAVITY, HeadMotion, has_head, head_motion
+from sdt_drake.robot.robot import Robot
+from sdt_drake.systems.robot_drawing import add_robot_drawing
+
+FRAME_RATE = 30.0
+"""Pictures per second of motion [1/s]; the browser interpolates between them."""
+
+LONGEST = 3600.0
+"""Of the motions that are shown [s]: all pictures are in memory, and in the page."""
+
+LARGEST = 1000.0
+"""How far shapes may be from the origin of the world [m]: lines on the floor are 1 m apart."""
+
+METRES_PER_G = 0.7
+"""Length of the arrow for 1 g of specific force [m]."""
+
+ARROW, TRACE = (0.84, 0.15, 0.35), (0.0, 0.55, 0.45)
+"""Colours of specific force and path of the head, RGB in 0..1."""
+
+FIELD_OF_VIEW, WIDTH = 40.0, 1.3
+"""Of the camera that sees everything: field from bottom to top [deg], least width over height."""
+
+PILOT_FIELD, PILOT_NEAR = 75.0, 0.3
+"""Of the pilot's view: field [deg]; nothing nearer is drawn [m], as the pilot's own neck."""
+
+_SHAFT_RADIUS, _TIP_RADIUS, _FLOOR = 0.025, 0.07, 0.02  # m
+_TIP = 0.25  # share of the arrow's length
+_SKY, _HORIZON = [0.80, 0.87, 0.94], [0.97, 0.98, 0.99]  # RGB in 0..1
+_FROM = np.array([5.0, -4.0, 3.0]) / np.sqrt(50)  # from where a camera looks, of length 1
+_CAMERA = "/Cameras/default/rotated/<object>"
+_HEAD_PATH, _ARROW_PATH = "/head", "/arrow"
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """The pictures of a motion, one after the other.
+
+    Attributes:
+        time: k / FRAME_RATE from the start of the motion [s], shape (F,).
+        q: joint angles, joint side [rad], shape (F, n).
+        head: motion of the pilot's head; None for a robot without a head frame.
+    """
+
+    time: Array
+    q: Array
+    head: HeadMotion | None = None
+
+
+def make_frames(robot: Robot, time: Array, q: Array) -> Frames:
+    """The pictures of a motion, and what the head does in them.
+
+    Args:
+        robot: whose joints these are.
+        time: in equal steps [s], shape (N,), N >= 3.
+        q: joint angles, joint side [rad], shape (N, n).
+
+    Raises:
+        InputError: as in `check_angles`.
+    """
+    time, q = np.asarray(time, dtype=float), np.asarray(q, dtype=float)
+    check_angles(robot, time, q)
+    # A motion that ends on a picture has it, though time steps are not exact in binary.
+    count = int((time[-1] - time[0]) * FRAME_RATE + 1e-6) + 1
+    at = np.arange(count) / FRAME_RATE
+    t = at + time[0]
+    sampled = interpolated(t, time, q)
+    if not has_head(robot):
+        return Frames(at, sampled)
+    v = np.gradient(q, time, axis=0)
+    vd = np.gradient(v, time, axis=0)
+    head = head_motion(robot, sampled, interpolated(t, time, v), interpolated(t, time, vd))
+    return Frames(at, sampled, head)
+
+
+def check_angles(robot: Robot, time: Array, q: Array) -> None:
+    """Refuse a motion that cannot be shown; arguments as in `make_frames`.
+
+    Raises:
+        InputError: if shapes do not fit, a value is not finite, or the motion is too long.
+    """
+    if time.ndim != 1 or len(time) < 3 or not np.all(np.diff(time) > 0):
+        raise InputError("time: expected at least three samples that grow")
+    check_duration(time[-1] - time[0])
+    if np.shape(q) != (len(time), robot.n):
+        expected = f"({len(time)}, {robot.n}) for robot '{robot.name}'"
+        raise InputError(f"q: shape {np.shape(q)}, expected {expected}")
+    if not np.all(np.isfinite(q)):
+        raise InputError("q: contains a value that is not finite")
+
+
+def check_duration(duration: float) -> None:
+    """Refuse a motion [s] that is too long to show.
+
+    Raises:
+        InputError: naming its duration.
+    """
+    if not duration <= LONGEST:
+        raise InputError(f"lasts {duration:g} s, expected at most {LONGEST:g} s to show")
+
+
+# --- the scene ------------------------------------------------------------------------------------
+
+
+class Scene:
+    """A robot, its head's trace and its specific force in a Meshcat.
+
+    Args:
+        robot: drawn as its **file** draws it; changes in memory are not seen.
+        frames: what is going to be shown: the trace, and how far the floor and the camera are.
+        meshcat: to draw in; emptied first.
+
+    Attributes:
+        eye, target: from where a camera sees everything, and what it looks at, in the world [m].
+
+    Raises:
+        InputError: if Drake cannot draw a shape of the file, or they reach too far.
+    """
+
+    def __init__(self, robot: Robot, frames: Frames, meshcat: Meshcat) -> None:
+        self.meshcat, self.frames = meshcat, frames
+        meshcat.Delete()
+        try:  # what is wrong with shapes shows here: `load_robot` reads none
+            builder = DiagramBuilder()
+            plant, scene_graph = add_robot_drawing(builder, robot=robot, meshcat=meshcat)
+            self._drawing = builder.Build()
+            self._context = self._drawing.CreateDefaultContext()
+            reached = _reached(robot, plant, scene_graph, frames)
+        except InputError:
+            raise
+        except (Exception, SystemExit) as error:  # the latter is how Drake refuses a radius
+            reason = re.sub(rf"\S*{re.escape(robot.path.name)}:", "line ", one_line(error))
+            raise InputError(
+                f"{robot.path}: a <visual> cannot be drawn ({reason}); a robot without any is "
+                "drawn as balls and rods"
+            ) from None
+        low, high = reached.min(axis=1), reached.max(axis=1)
+        _draw_surroundings(meshcat, low, high)
+        if frames.head is not None:
+            _draw_head(meshcat, frames.head.position)
+        self.target = (low + high) / 2
+        self.eye = self.target + _distance(reached - self.target[:, None]) * _FROM
+        self.show(0)
+
+    def show(self, k: int, *, record: bool = False) -> None:
+        """Picture k; into the recording that is running, if `record`."""
+        frames, head = self.frames, self.frames.head
+        at = frames.time[k] if record else None
+        self._context.SetTime(frames.time[k])
+        state = np.concatenate([frames.q[k], np.zeros_like(frames.q[k])])
+        self._drawing.get_input_port().FixValue(self._context, state)
+        self._drawing.ForcedPublish(self._context)
+        if head is None:
+            return
+        pose = RigidTransform(RotationMatrix(head.rotation[k]), head.position[k])
+        self.meshcat.SetTransform(_HEAD_PATH, pose, at)
+        arrow, length = arrow_pose(head.position[k], head.force_in_world[k])
+        self.meshcat.SetTransform(_ARROW_PATH, arrow, at)
+        self.meshcat.SetProperty(f"{_ARROW_PATH}/unit", "scale", [1.0, 1.0, length], at)
+
+    def overview(self) -> None:
+        """The camera where it sees everything."""
+        self.meshcat.SetProperty(_CAMERA, "fov", FIELD_OF_VIEW)
+        self.meshcat.SetCameraPose(self.eye, self.target)
+
+    def pilot_view(self, k: int) -> None:
+        """The camera where the head is in picture k, looking forward, turning with it."""
+        head = self.frames.head
+        assert head is not None, "for a robot with a head"
+        eye, (x, _, z) = head.position[k], head.rotation[k].T
+        self.meshcat.SetCameraPose(eye, eye + x)
+        # Meshcat keeps its camera upright, by a vector `up` with y upwards: that can roll it.
+        values = {"fov": PILOT_FIELD, "near": PILOT_NEAR}
+        values |= {"up.x": z[0], "up.y": z[2], "up.z": -z[1]}
+        for name, value in values.items():
+            self.meshcat.SetProperty(_CAMERA, name, value)
+
+
+def arrow_pose(position: Array, specific_force: Array) -> tuple[RigidTransform, float]:
+    """Pose of the arrow of a specific force [m/s²], with z along it; and how long it is [m]."""
+    size = float(np.linalg.norm(specific_force))
+    if size < 1e-6:  # in free fall there is no direction
+        return RigidTransform(position), 0.0
+    rotation = RotationMatrix.MakeFromOneVector(specific_force, 2)
+    return RigidTransform(rotation, position), METRES_PER_G * size / GRAVITY
+
+
+def _reached(robot: Robot, plant: MultibodyPlant, scene_graph: SceneGraph, frames: Frames) -> Array:
+    """Corners of the visuals in some 60 of the pictures, and the head and the ends of its arrow in
+    all of them, in the world [m], shape (3, M)."""
+    inspector = scene_graph.model_inspector()
+    corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1)
+    boxes = []
+    for geometry in inspector.GetAllGeometryIds():
+        box = inspector.GetObbInGeometryFrame(geometry)
+        if box is not None:  # a half space has none
+            pose = inspector.GetPoseInFrame(geometry) @ box.pose()
+            body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
+            boxes.append((body, pose.multiply(corners * box.half_width()[:, None])))
+    own, points = plant.CreateDefaultContext(), []
+    if frames.head is not None:
+        arrows = METRES_PER_G / GRAVITY * frames.head.force_in_world
+        points += [frames.head.position.T, (frames.head.position + arrows).T]
+    for row in frames.q[:: max(1, len(frames.q) // 60)]:
+        plant.SetPositions(own, row)
+        points += [plant.EvalBodyPoseInWorld(own, body).multiply(local) for body, local in boxes]
+    cloud = np.hstack(points)
+    if not np.all(np.abs(cloud) <= LARGEST):
+        raise InputError(
+            f"{robot.path}: reaches {np.abs(cloud).max():g} m from the world's origin, expected at "
+            f"most {LARGEST:g} m to show"
+        )
+    return cloud
+
+
+def _distance(points: Array) -> float:
+    """How far a camera that looks along -_FROM is from its target [m], so that it sees these points
+    around the target [m], shape (3, M)."""
+    right = np.array([-_FROM[1], _FROM[0], 0.0]) / np.hypot(_FROM[0], _FROM[1])
+    up = np.cross(_FROM, right)
+    beside = np.maximum(np.abs(right @ points) / WIDTH, np.abs(up @ points))
+    return float(np.max(_FROM @ points + beside / np.tan(np.radians(FIELD_OF_VIEW / 2))))
+
+
+def _draw_surroundings(meshcat: Meshcat, low: Array, high: Array) -> None:
+    """Sky, a floor under the lowest part, and lines 1 m apart on it."""
+    for path in ("/Axes", "/Grid"):
+        meshcat.SetProperty(path, "visible", False)
+    meshcat.SetProperty("/Background/<object>", "top_color", _SKY)
+    meshcat.SetProperty("/Background/<object>", "bottom_color", _HORIZON)
+    radius = float(np.ceil(1.1 * np.abs([low[:2], high[:2]]).max()))
+    _light(meshcat, radius)
+    meshcat.SetObject("/floor", Cylinder(radius, _FLOOR), Rgba(0.86, 0.87, 0.88))
+    meshcat.SetTransform("/floor", RigidTransform(np.array([0.0, 0.0, low[2] - _FLOOR])))
+    at = np.arange(1 - radius, radius)
+    half, z = np.sqrt(radius**2 - at**2), np.full(len(at), low[2] - 0.4 * _FLOOR)
+    starts = np.hstack([[at, -half, z], [-half, at, z]])
+    ends = np.hstack([[at, half, z], [half, at, z]])
+    meshcat.SetLineSegments("/lines", starts, ends, 1.0, Rgba(0.66, 0.68, 0.71))
+
+
+def _light(meshcat: Meshcat, radius: float) -> None:
+    """One lamp from above that throws shadows within `radius` [m] of the middle."""
+    for lamp in ("PointLightNegativeX", "PointLightPositiveX"):  # these stand within the device
+        meshcat.SetProperty(f"/Lights/{lamp}", "visible", False)
+    meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", 1.6)
+    values: dict[str, Any] = {"intensity": 2.2, "position": [4.0, -7.0, 14.0]}
+    values |= {"castShadow": True, "shadow.normalBias": 0.03}
+    values |= {"shadow.mapSize.x": 2048.0, "shadow.mapSize.y": 2048.0}
+    for side, sign in {"left": -1, "right": 1, "bottom": -1, "top": 1}.items():
+        values[f"shadow.camera.{side}"] = sign * radius
+    for name, value in values.items():
+        meshcat.SetProperty("/Lights/FillLight/<object>", name, value)
+
+
+def _draw_head(meshcat: Meshcat, position: Array) -> None:
+    """The trace, and an arrow of 1 m along z that is stretched later."""
+    meshcat.SetLine("/trace", position.T, 3.0, Rgba(*TRACE))
+    unit = f"{_ARROW_PATH}/unit"
+    meshcat.SetObject(f"{unit}/shaft", Cylinder(_SHAFT_RADIUS, 1 - _TIP), Rgba(*ARROW))
+    meshcat.SetTransform(f"{unit}/shaft", RigidTransform(np.array([0.0, 0.0, (1 - _TIP) / 2])))
+    # A cone of Meshcat has its point at the origin and opens along +z.
+    meshcat.SetObject(f"{unit}/tip", MeshcatCone(_TIP, _TIP_RADIUS, _TIP_RADIUS), Rgba(*ARROW))
+    flip = RotationMatrix.MakeXRotation(np.pi)
+    meshcat.SetTransform(f"{unit}/tip", RigidTransform(flip, np.array([0.0, 0.0, 1.0])))

@@ -1,0 +1,271 @@
+"""The device in motion, in Meshcat: live, and as a web page that plays by itself."""
+
+from __future__ import annotations
+
+import gc
+import html
+import time as clock
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from string import Template
+
+import numpy as np
+from pydrake.geometry import Meshcat, MeshcatParams
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, checked_output, checked_suffix, checked_type, write_text
+from sdt_drake.io.shown import numbered
+from sdt_drake.motion import Story
+from sdt_drake.robot.head import check_head
+from sdt_drake.robot.robot import Robot
+from sdt_drake.run.design import Design
+from sdt_drake.run.simulate import Recording
+from sdt_drake.show.texts import json_in_page, page_text
+from sdt_drake.show.view3d.scene import (
+    ARROW,
+    FIELD_OF_VIEW,
+    FRAME_RATE,
+    METRES_PER_G,
+    PILOT_FIELD,
+    PILOT_NEAR,
+    TRACE,
+    WIDTH,
+    Frames,
+    Scene,
+    make_frames,
+)
+
+PAGES = (".html",)
+"""Kinds of files that pages are written as."""
+
+
+def record_html(
+    robot: Robot,
+    time: Array,
+    q: Array,
+    path: str | Path,
+    *,
+    title: str = "",
+    pilot: bool = False,
+    story: Story | None = None,
+) -> None:
+    """Write a web page that plays the motion without a server or a network.
+
+    It also tells the angles of the joints, the G at the head, and which segments are going on.
+
+    Args:
+        robot: drawn as its file draws it.
+        time: growing [s], shape (N,), N >= 3.
+        q: joint angles, joint side [rad], shape (N, n).
+        path: ends in .html.
+        title: of the page; by default the robot's name.
+        pilot: start with the pilot's own view; a button changes it in either case.
+        story: what the motion is for, and its segments; its title goes before.
+
+    Raises:
+        InputError: if the motion does not fit the robot, or the file cannot be written.
+    """
+    checked_suffix(checked_output(Path(path)), PAGES)
+    page = recorded_page(robot, time, q, title=title, pilot=pilot, story=story)
+    Animation(page, title).save(path)
+
+
+class Animation:
+    """A motion in 3D: in a notebook it plays below the cell, without a server or a network."""
+
+    def __init__(self, page: str, title: str) -> None:
+        self._page, self._title = page, title
+
+    def __repr__(self) -> str:
+        return f"<Animation {self._title}, {len(self._page.encode()) / 1e6:.1f} MB>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks."""
+        page, title = html.escape(self._page), html.escape(self._title)
+        style = "width:100%;height:420px;border:0"
+        return f'<iframe title="{title}" style="{style}" srcdoc="{page}"></iframe>'
+
+    def save(self, path: str | Path) -> None:
+        """Write the animation as a web page; see `record_html`.
+
+        Raises:
+            InputError: if the path does not end in .html, or cannot be written.
+        """
+        write_text(checked_suffix(Path(path), PAGES), self._page)
+
+
+def view(design: Design, recording: Recording | None = None, *, pilot: bool = False) -> Animation:
+    """What a run does in 3D, or, without a recording of it, the motion that is asked for.
+
+    Args:
+        design: of the run.
+        recording: of it.
+        pilot: start with the pilot's own view.
+
+    Raises:
+        InputError: if there is no pilot, or the motion is too long.
+    """
+    checked_type(design, Design, "design", "sdt_drake.design")
+    motion, title = design.motion, design.scenario.name
+    time, q = (motion.time, motion.q) if recording is None else (recording.time, recording.q)
+    return Animation(recorded_page(design.robot, time, q, title=title, pilot=pilot), title)
+
+
+@contextmanager
+def _freeing_meshcat() -> Iterator[None]:
+    """For a function that draws in a Meshcat of its own.
+
+    Drake's diagrams are cycles, which wait for the collector of garbage; if that came by in another
+    thread, the Meshcat in them would end the process.
+    """
+    try:
+        yield
+    finally:
+        gc.collect()
+
+
+@_freeing_meshcat()
+def recorded_page(
+    robot: Robot,
+    time: Array,
+    q: Array,
+    *,
+    title: str = "",
+    pilot: bool = False,
+    story: Story | None = None,
+) -> str:
+    """The text of the page that `record_html` writes."""
+    if pilot:
+        check_head(robot)
+    story = story or Story()
+    frames = make_frames(robot, time, q)
+    meshcat = open_meshcat()
+    scene = Scene(robot, frames, meshcat)
+    meshcat.StartRecording(FRAME_RATE, set_visualizations_while_recording=False)
+    for k in range(len(frames.time)):
+        scene.show(k, record=True)
+    meshcat.StopRecording()
+    meshcat.PublishRecording()
+    title = html.escape(story.title or title or robot.name)
+    page = meshcat.StaticHtml().replace("<title>Drake MeshCat</title>", f"<title>{title}</title>")
+    body, end, rest = page.rpartition("</body>")
+    told = _told(robot, frames, story)
+    return body + _overlay(scene, title, html.escape(story.feels), told, pilot) + end + rest
+
+
+def _told(robot: Robot, frames: Frames, story: Story) -> str:
+    """What the page tells, as JSON: angles [deg] and G at the head of each picture; segments."""
+    told = {
+        "rate": FRAME_RATE,
+        "names": numbered(robot.joint_names),
+        "angles": np.degrees(frames.q).round(1).tolist(),
+        "g": [] if frames.head is None else frames.head.resultant_g.round(2).tolist(),
+        "segments": story.segments,
+    }
+    return json_in_page(told)
+
+
+def _overlay(scene: Scene, title: str, feels: str, told: str, pilot: bool) -> str:
+    """Title, legend, what is told, and player of the page."""
+    return Template(page_text("viewer.html")).substitute(
+        METRES=f"{METRES_PER_G:g}",
+        ARROW=_css(ARROW),
+        TRACE=_css(TRACE),
+        NO_HEAD="" if scene.frames.head is not None else "hidden",
+        EYE=_in_browser(scene.eye),
+        TARGET=_in_browser(scene.target),
+        OUTSIDE=f"{FIELD_OF_VIEW:g}",
+        WIDTH=f"{WIDTH:g}",
+        FIELD=f"{PILOT_FIELD:g}",
+        NEAR=f"{PILOT_NEAR:g}",
+        PILOT=str(pilot).lower(),
+        TITLE=title,
+        FEELS=feels,
+        NO_FEELS="" if feels else "hidden",
+        TOLD=told,
+    )
+
+
+def _in_browser(place: Array) -> str:
+    """A place [m] as Meshcat's page has it, with y upwards."""
+    x, y, z = place
+    return f"{x:.6g}, {z:.6g}, {-y:.6g}"
+
+
+def _css(colour: tuple[float, ...]) -> str:
+    return "rgb({})".format(",".join(f"{255 * part:.0f}" for part in colour))
+
+
+# --- live -----------------------------------------------------------------------------------------
+
+
+def open_meshcat(port: int | None = None) -> Meshcat:
+    """A Meshcat server that only this machine reaches.
+
+    Args:
+        port: 1024 to 65535; by default the first free one from 7000 on.
+
+    Raises:
+        InputError: if the port is in use.
+    """
+    try:
+        return Meshcat(MeshcatParams(host="localhost", port=port, show_stats_plot=False))
+    except RuntimeError:
+        used = f"{port} is in use" if port else "none from 7000 on is free"
+        raise InputError(f"port: {used}, choose another one") from None
+
+
+@_freeing_meshcat()
+def play(
+    robot: Robot,
+    time: Array,
+    q: Array,
+    *,
+    rate: float = 1.0,
+    pilot: bool = False,
+    port: int | None = None,
+    once: bool = False,
+    announce: Callable[[str], None] = print,
+) -> None:
+    """Show the motion in a browser, again and again, until Ctrl-C.
+
+    Args:
+        robot, time, q: as in `record_html`.
+        rate: 1 for real time, 2 for twice as fast [-].
+        pilot: with the camera at the head, looking forward.
+        port: of the server on this machine; by default the first free one from 7000 on.
+        once: return at the end of the motion.
+        announce: called with the address of the page, before the motion starts.
+
+    Raises:
+        InputError: if the motion does not fit the robot, or there is no port.
+    """
+    if pilot:
+        check_head(robot)
+    frames = make_frames(robot, time, q)
+    meshcat = open_meshcat(port)
+    scene = Scene(robot, frames, meshcat)
+    scene.overview()
+    try:
+        announce(meshcat.web_url())
+        while True:
+            _run_once(scene, rate, pilot)
+            if once:
+                return
+    except KeyboardInterrupt:
+        return
+
+
+def _run_once(scene: Scene, rate: float, pilot: bool) -> None:
+    """Every picture at its time; those that it is too late for are left out."""
+    frames, start = scene.frames, clock.perf_counter()
+    k, last = -1, len(scene.frames.time) - 1
+    while k < last:
+        due = (clock.perf_counter() - start) * rate * FRAME_RATE
+        k = int(min(max(k + 1, due), last))
+        clock.sleep(max(0.0, frames.time[k] / rate - (clock.perf_counter() - start)))
+        scene.show(k)
+        if pilot:
+            scene.pilot_view(k)
+        scene.meshcat.Flush()

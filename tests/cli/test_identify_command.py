@@ -1,0 +1,73 @@
+"""`sdt-drake identify` from end to end."""
+
+from __future__ import annotations
+
+import csv
+
+import pytest
+from known_truth import HEAVIER, recorded_of
+
+from sdt_drake.io.tables import write_table
+from sdt_drake.machine.identify.base_parameters import Unknown
+from sdt_drake.robot.deviation import deviated
+from sdt_drake.robot.robot import load_robot
+from sdt_drake.run.scenario import load_scenario
+from sdt_drake.studies.study import load_study
+
+
+@pytest.fixture(scope="module")
+def recording(robot, tmp_path_factory):
+    """A recording of heavier frames, as a file."""
+    recorded = recorded_of(deviated(robot, HEAVIER))
+    path = tmp_path_factory.mktemp("recordings") / "run.csv"
+    write_table(path, recorded.time, recorded.signals)
+    return path
+
+
+def test_a_recording_becomes_a_robot_a_scenario_and_a_study(call, recording, robot, tmp_path):
+    out = tmp_path / "identified"
+    done = call("identify", "sdt", recording, "--out", out, "--cutoff", "4")
+    assert done.code == 0 and "base parameters of links and motors" in done.out
+    assert "first moments hx, hy, hz (mass times" in done.out
+    assert "consistent, held out" in done.out and "report.html written" in done.out
+    better = load_robot(out / "robot.sdf")
+    assert better.sdf != robot.sdf
+    scenario = load_scenario(out / "scenario.yaml")
+    assert scenario.plant.friction.coulomb is not None and len(scenario.plant.friction.coulomb) == 4
+    study, base = load_study(out / "uncertainty.yaml")
+    assert base.plant.deviation.along and len(study) == 100
+    rows = list(csv.DictReader((out / "parameters.csv").open()))
+    kinds = [row["kind"] for row in rows]
+    assert kinds.count("base") == len(Unknown.everything(robot).base.words)
+    assert all(float(row["std"]) > 0 for row in rows if row["kind"] == "base")
+    assert "coulomb" in (out / "friction.yaml").read_text()
+    page = (out / "report.html").read_text()
+    assert ">-0.0 " not in page and " -0.0" not in page
+    assert "A of the load torque" in page and page.count("<img") == 2
+
+
+BAD = [
+    (["--held-out", "1.5"], "--held-out: 1.5, expected a number > 0 and < 1"),
+    (["--cutoff", "0"], "--cutoff: 0, expected a number >= 0.1 and <= 1000 [Hz]"),
+    (["--cutoff", "0.1"], "compared below 0.1 Hz nothing is left to fit, expected a longer"),
+    (["--cutoff", "900"], "--cutoff: 900 Hz, expected less than"),
+    (["--held-out", "0.9999"], "nothing is left to fit, expected a longer recording, another --he"),
+    (["--held-out", "0.0001"], "nothing is left to judge by, expected a longer recording"),
+    (["--only", "payload", "--payload", "seat"], "no link 'seat' that moves, expected one of arm"),
+    (["--columns", "none.yaml"], "none.yaml: no such file"),
+]
+
+
+@pytest.mark.parametrize("options, message", BAD)
+def test_bad_input_is_one_line(call, recording, tmp_path, options, message):
+    out = tmp_path / "identified"
+    done = call("identify", "sdt", recording, "--out", out, *options)
+    assert done.code == 2 and message in done.err and done.err.count("\n") == 1
+    assert not out.exists()
+
+
+def test_means_that_a_mapping_file_names_have_to_be_there(call, recording, tmp_path):
+    mapping = tmp_path / "names.yaml"
+    mapping.write_text("tau_mean: ['mean_{k}']\n")
+    done = call("identify", "sdt", recording, "--columns", mapping, "--out", tmp_path / "out")
+    assert done.code == 2 and "no column 'mean_1' (tau_mean), there are time, q_1" in done.err

@@ -1,0 +1,124 @@
+"""Signals at any moment of `sdt-drake`: an exit code, no trace, and nothing left behind."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+# Sends signals to itself at the first event of Python of that kind that names a word; `seen` says
+# that it came to that.
+DRIVER = """
+import os, runpy, sys
+numbers, event, word, *sys.argv = sys.argv[1:]
+waiting = True
+def hook(name, values):
+    global waiting
+    if waiting and name == event and word in str(values[0]):
+        waiting = False
+        open("seen", "w").close()
+        for number in numbers.split(","):
+            number and os.kill(os.getpid(), int(number))
+sys.addaudithook(hook)
+runpy.run_module("sdt_drake", run_name="__main__", alter_sys=True)
+"""
+INT, TERM, HUP = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+
+
+@pytest.fixture
+def stopped(tmp_path):
+    """Exit code and stderr of a command that gets signals at an event, and what it left."""
+
+    def run(signals, event, word, *arguments, code="", ignored=()):
+        numbers = ",".join(str(int(number)) for number in signals)
+        done = subprocess.run(
+            [sys.executable, "-c", code + DRIVER, numbers, event, word, "sdt-drake", *arguments],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            preexec_fn=lambda: [
+                signal.signal(number, signal.SIG_IGN if number in ignored else signal.SIG_DFL)
+                for number in (INT, TERM, HUP)  # whatever we were started with
+            ],
+        )
+        left = {path.name for path in tmp_path.iterdir()}
+        assert "seen" in left
+        return done.returncode, done.stderr, left - {"seen"}
+
+    return run
+
+
+@pytest.mark.parametrize("module", ["argparse", "pydrake.multibody.plant", "matplotlib.figure"])
+def test_ctrl_c_while_a_module_is_imported(stopped, module):
+    assert stopped([INT, INT], "import", module, "step", "--out", "o.png") == (130, "", set())
+
+
+# What a command does, instead of its own work.
+RUN = """
+import contextlib, ctypes, os, signal, threading, time
+from pathlib import Path
+import sdt_drake.cli.step as step
+from sdt_drake.io.errors import replacing, temporaries
+from sdt_drake.analysis.threads import threads
+class Dying:
+    def __del__(self):
+        open("never", "rb")
+def in_a_destructor(options):  # Python prints what is raised there, and goes on
+    Dying()
+    while True:
+        pass
+def with_threads(options):
+    with threads(1) as pool:
+        for _ in range(2):
+            pool.submit(threading.Event().wait)
+        open("never", "rb")
+def writing(options):
+    with replacing(Path("o.csv")) as partial:
+        partial.write_text("all of it")
+def in_a_long_call(options):  # within which Python hears nothing; signals come all the time
+    lock, mutex = ctypes.CDLL(None).pthread_mutex_lock, ctypes.create_string_buffer(64)
+    Path("folder/1").mkdir(parents=True)
+    temporaries.add(Path("folder"))
+    def send():
+        while True:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.01)
+    with replacing(Path("o.csv")) as partial:
+        partial.write_text("half of it")
+        with contextlib.suppress(KeyboardInterrupt):  # which comes once
+            threading.Thread(target=send, daemon=True).start()
+            while True:
+                pass
+        lock(mutex)
+        lock(mutex)
+step.run = """
+
+
+@pytest.mark.parametrize("run", ["in_a_destructor", "with_threads"])
+def test_ctrl_c_is_not_lost_and_waits_for_nobody(stopped, run):
+    assert stopped([INT], "open", "never", "step", code=RUN + run) == (130, "", set())
+
+
+def test_ctrl_c_ends_what_does_not_hear_it(stopped):
+    """And leaves nothing half-written."""
+    done = stopped([], "open", ".partial", "step", code=RUN + "in_a_long_call")
+    assert done == (130, "", set())
+
+
+WRITING = {"code": RUN + "writing"}
+
+
+@pytest.mark.parametrize(
+    ("signals", "code"), [([INT], 130), ([HUP], 129), ([TERM, INT, TERM], 143)]
+)
+def test_a_file_that_is_begun_is_not_left(stopped, signals, code):
+    """And a second signal does not disturb the tidying up."""
+    assert stopped(signals, "open", ".partial", "step", **WRITING) == (code, "", set())
+
+
+def test_what_is_ignored_stays_ignored(stopped):
+    """Below nohup a closed terminal is no reason to end."""
+    done = stopped([HUP], "open", ".partial", "step", ignored=[HUP], **WRITING)
+    assert done == (0, "", {"o.csv"})

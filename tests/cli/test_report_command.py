@@ -1,0 +1,258 @@
+"""Files of `sdt-drake reproduce`: written, replaced, and read again by `sdt-drake report`."""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+import re
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+from command_line import AXIS, snapshot
+
+from sdt_drake.analysis.reproduction import Stopwatch
+from sdt_drake.cli.app import main
+from sdt_drake.io.errors import InputError
+from sdt_drake.run.scenario import load_scenario
+from sdt_drake.run.simulate import Recording
+from sdt_drake.show.documents import REPORT
+from sdt_drake.show.figures import runs as plots
+from sdt_drake.show.graphviz import has_graphviz
+from sdt_drake.show.paper_diagrams import DIAGRAMS
+from sdt_drake.show.reports.paper import RECORDING, write_report
+from sdt_drake.show.reports.paper_files import write_reproduction
+from sdt_drake.show.texts import page_text
+from sdt_drake.studies.distributions import Uniform
+from sdt_drake.studies.execute import run_study
+from sdt_drake.studies.job import make_job
+from sdt_drake.studies.study import Study, Variable
+
+
+@pytest.fixture
+def folder(reproduced, tmp_path):
+    """What the report needs of what reproduce wrote, to change."""
+    ignored = shutil.ignore_patterns("*.csv", "*.md", "*.png")
+    return Path(shutil.copytree(reproduced, tmp_path / "out", ignore=ignored))
+
+
+# --- writing --------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def quick(undrawn, monkeypatch):
+    """The recording, too, costs much of the time: write few bytes instead."""
+    write = "sdt_drake.show.reports.paper_files.record_html"
+    monkeypatch.setattr(write, lambda robot, time, q, path, **options: path.write_text("3D"))
+
+
+def test_files_are_replaced_foreign_ones_left_and_no_graphviz_is_told(
+    reproduction, reproduced, tmp_path, quick, monkeypatch
+):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    used = tmp_path / "used"
+    (used / "diagrams").mkdir(parents=True)
+    for name in ("notes.txt", "diagrams/mine.dot", "report.md"):
+        (used / name).write_text("old")
+    write_reproduction(reproduction, used, Stopwatch(lambda line: None))
+
+    after, fresh = snapshot(used), snapshot(reproduced)
+    assert after.pop("notes.txt") == after.pop("diagrams/mine.dot") == b"old"
+    assert set(after) == {name for name in fresh if not re.match(r"diagrams/.*svg", name)}
+    for name in fresh:  # the same study gives the same bytes
+        if name.endswith((".csv", ".dot")):
+            assert after[name] == fresh[name], name
+    report = after["report.md"].decode()
+    for name in DIAGRAMS:
+        assert re.search(rf"`diagrams/{name}\.dot`; no \.svg: .*Graphviz", report)
+    for link in re.findall(r"\]\(([^)]+)\)", report):
+        assert (used / link).is_file(), link
+
+
+def test_a_figure_that_cannot_be_made_leaves_the_old_results(
+    reproduction, tmp_path, monkeypatch, undrawn
+):
+    for name in ("report.md", "summary.json", "figure2.png"):
+        (tmp_path / name).write_text("old")
+
+    def broken(*args, **kwargs):
+        raise RuntimeError("no figure today")
+
+    monkeypatch.setattr(plots, "speed_errors", broken)
+    monkeypatch.setattr(Recording, "to_csv", lambda self, path: path.write_text("time"))
+    with pytest.raises(RuntimeError, match="no figure today"):
+        write_reproduction(reproduction, tmp_path, Stopwatch(lambda line: None))
+    after = snapshot(tmp_path)
+    assert {after.pop(name) for name in ("report.md", "summary.json", "figure2.png")} == {b"old"}
+    assert set(after) == {
+        "reference.csv",
+        *(f"{plant}_{kind}.csv" for plant in ("axis", "coupled") for kind in ("pi", "pi_ctc")),
+    }
+
+
+# --- the command -------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def quick_study(monkeypatch):
+    """A study that is computed and written at once: one stage, one claim, one file."""
+
+    def write_reproduction(results, folder, watch):
+        with watch.stage("first"), watch.stage("second"):
+            (folder / "report.md").write_text("report")
+        return {"claims": [{"verdict": "reproduced"}]}
+
+    monkeypatch.setattr(
+        "sdt_drake.show.reports.paper.findings", lambda summary: ["**A** finds `b`."]
+    )
+    monkeypatch.setattr("sdt_drake.analysis.reproduction.reproduce", lambda watch: None)
+    monkeypatch.setattr("sdt_drake.show.reports.paper_files.write_reproduction", write_reproduction)
+
+
+def test_reproduce(good, refuse, desk, quick_study, monkeypatch, tmp_path):
+    out = good("reproduce").out
+    assert (desk / "out" / "report.md").read_text() == "report"
+    assert re.search(r"^\s+second\s+0\.\d\d s$", out, re.M)
+    assert "Of 1 claims of the paper: 1 reproduced, 0 not reproduced, 0 not comparable" in out
+    assert "\n- A finds b.\n" in out
+    assert re.search(r"^Open out/report.html; \d+\.\d s in all$", out, re.M)
+    assert ("Graphviz" in out) == (shutil.which("dot") is None)
+
+    monkeypatch.setenv("PATH", str(tmp_path / "nothing"))
+    (line,) = [x for x in good("reproduce", "--out", "b").out.splitlines() if "Graphviz" in x]
+    assert ".svg" in line and "install" in line
+    for place in ("out/report.md", "out/report.md/d"):
+        refuse("reproduce", "--out", place, saying=["out/report.md: is a file, expected a folder"])
+
+
+@pytest.mark.parametrize("arguments", [["reproduce"], ["--help"]])
+def test_a_reader_that_has_enough_costs_no_results(desk, monkeypatch, quick_study, arguments):
+    read, write = os.pipe()
+    os.close(read)  # like `| head -0`
+    monkeypatch.setattr(sys, "stdout", os.fdopen(write, "w"))
+    assert main(arguments) == 0
+    assert Path("out/report.md").is_file() or arguments != ["reproduce"]
+
+
+# --- reading again -------------------------------------------------------------------------------
+
+
+def test_reproduce_ends_with_the_page_and_report_makes_the_same(folder, capsys):
+    made = (folder / REPORT).read_bytes()
+    (folder / REPORT).unlink()
+    assert main(["report", str(folder)]) == 0
+    assert capsys.readouterr().out == f"{folder / REPORT} written\n"
+    assert (folder / REPORT).read_bytes() == made
+
+
+def test_studies_in_the_folder_become_chapters(folder, desk, undrawn):
+    base = load_scenario(AXIS)
+    ratios = Variable("zeta", ["controller.zeta"], "factor", Uniform(0.8, 1.0))
+    study = Study("own", draws=4, variables=[ratios])
+    run_study(make_job(study, base), folder / "own")
+    (folder / RECORDING).unlink()
+
+    assert main(["report", str(folder)]) == 0
+    assert b"Load the 3D recording" not in (folder / REPORT).read_bytes()
+    assert "## Study own" in (folder / "report.md").read_text(encoding="utf-8")
+    page = (folder / REPORT).read_text(encoding="utf-8")
+    chapter = re.search(r'<section id="(\S+)"><h2>Study own</h2>.*?</section>', page, re.S)
+    assert f'<a href="#{chapter[1]}">Study own</a></nav>' in page
+    assert "4 runs" in chapter[0] and chapter[0].count("<figure><") >= 2
+
+
+def test_the_page_shows_the_device(open_page, reproduced):
+    with open_page(reproduced / REPORT, width=400, height=300) as (tab, errors, requests):
+        tab.locator(".recording button").click()
+        tab.frame_locator("iframe").locator("canvas").first.wait_for(timeout=60_000)
+        assert tab.locator(".recording button").count() == 0
+        assert errors == [] and requests == []
+
+
+def change(folder, edit):
+    path = folder / "summary.json"
+    content = json.loads(path.read_text(encoding="utf-8"))
+    edit(content)
+    path.write_text(json.dumps(content), encoding="utf-8")
+
+
+def test_each_figure_of_the_template_is_on_the_page(folder):
+    """Block diagrams stand there as pictures where Graphviz draws them."""
+    page = write_report(folder).read_text(encoding="utf-8")
+    alts = list(map(html.unescape, re.findall(r'<img alt="([^"]*)"', page)))
+    figures = re.findall(r"!\[(.*)\]\((\S+)\.svg\)", page_text("report.md"))
+    drawn = [alt for alt, path in figures if has_graphviz() or not path.startswith("diagrams/")]
+    assert len(figures) > len(DIAGRAMS) and alts == drawn
+
+
+def test_no_text_of_the_summary_becomes_a_tag(folder):
+    evil = '<script>alert(1)</script>" onload="x'
+
+    def edit(summary):
+        summary["claims"][0] |= {"why": evil, "statement": evil, "id": evil, "published": evil}
+        summary["versions"]["drake"] = evil
+        summary["wall_time_s"] = {evil: 1.0}
+        summary["beyond"][6] |= {"controller": evil, "needs": [evil], "blocks": evil}
+        summary["beyond"][0]["felt"]["channels"][0] = evil
+        summary["tracking"][0] |= {"controller": evil, "plant": evil, "algorithm": evil}
+
+    change(folder, edit)
+    page = write_report(folder).read_text(encoding="utf-8")
+    assert "alert(1)</script>" not in page and '" onload' not in page
+    assert page.count("alert(1)") >= 10
+
+
+def _remove(name):
+    return lambda folder: (folder / name).unlink()
+
+
+def _write(name, content):
+    return lambda folder: (folder / name).write_bytes(content)
+
+
+BROKEN = {
+    "cut summary": (_write("summary.json", b'{"a": '), "summary.json: is not JSON"),
+    "not a number": (_write("summary.json", b'{"x": NaN}'), "holds NaN, expected finite"),
+    "no claims": (lambda f: change(f, lambda s: s.pop("claims")), "has no 'claims'"),
+    "odd verdict": (
+        lambda f: change(f, lambda s: s["claims"][0].update(verdict="so so")), "'so so'"),
+    "no runs": (lambda f: change(f, lambda s: s.update(tracking=[])), "it is of another version"),
+    "no figure": (_remove("figure8.svg"), "figure8.svg: is missing"),
+    "cut figure": (_write("figure2.svg", b"<svg"), "figure2.svg: is not an SVG"),
+    "binary": (_write("figure4.svg", b"\xff\xfe\x00"), "figure4.svg: cannot be read"),
+    "no diagram": (lambda f: shutil.rmtree(f / "diagrams"), "figure3.svg: is missing"),
+    "recording": (_write("device.html", b"\xff"), "device.html: cannot be read"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_what_is_missing_is_named_and_the_old_report_stays(folder, case):
+    spoil, expected = BROKEN[case]
+    spoil(folder)
+    before = snapshot(folder)
+    with pytest.raises(InputError) as caught:
+        write_report(folder)
+    message = str(caught.value)
+    assert expected in message and f"sdt-drake reproduce --out {folder}" in message
+    assert "\n" not in message and snapshot(folder) == before
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ("file", "file: is a file, expected a folder"),
+        ("file/below", "file: is a file, expected a folder"),
+        ("nowhere", "nowhere: no such folder; run `sdt-drake reproduce --out"),
+        ("empty", "summary.json: is missing; run `sdt-drake reproduce --out"),
+    ],
+)
+def test_a_folder_that_reproduce_did_not_write(tmp_path, capsys, what, said):
+    (tmp_path / "file").write_text("x", encoding="utf-8")
+    (tmp_path / "empty").mkdir()
+
+    assert main(["report", str(tmp_path / what)]) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and err.count("\n") == 1 and said in err
+    assert list((tmp_path / "empty").iterdir()) == []

@@ -1,0 +1,304 @@
+"""The check of fields: its laws on a small dataclass, and the rules of a scenario."""
+
+# Annotations are real here: the check reads them.
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Optional, Union
+
+import numpy as np
+import pytest
+
+from sdt_drake.io.errors import InputError, within
+from sdt_drake.io.fields import check, made, setting
+from sdt_drake.robot.device import Drive, Elasticity
+from sdt_drake.run.controllers import CONTROLLERS
+from sdt_drake.run.scenario import Scenario, load_scenario, with_fields
+
+FILE = Path("/runs/file.yaml")
+nan, inf = np.nan, np.inf
+
+
+@dataclass(slots=True)
+class Circle:
+    radius: float = setting(above=0, unit="m")
+
+
+@dataclass(slots=True)
+class Square:
+    side: float = 1.0
+
+
+@dataclass(slots=True)
+class Drawing:
+    """Every kind of field."""
+
+    name: str = ""
+    file: str = setting("package://sdt/a", file="anything")
+    size: float = setting(1.0, minimum=0, maximum=10)
+    share: float = setting(0.5, above=0, below=1)
+    count: int = setting(1, minimum=1)
+    filled: bool = False
+    colour: str = setting("red", choices=("red", "blue"))
+    place: list[float] = setting([0.0, 0.0], count=2)
+    widths: Optional[list[float]] = setting(None, above=0, per_joint=True)
+    labels: list[str] = setting([], per_joint=True)
+    shapes: list[Union[Circle, Square]] = setting([])
+    frame: Square = setting(Square)
+    points: list[list[float]] = setting([])
+
+    def problems(self) -> Iterator[tuple[str, str]]:
+        if self.filled and self.count > 1:
+            yield "count", "one, of what is filled"
+        if self.name == "raises":
+            raise InputError("first", "second")
+
+
+def refused(make, *lines):
+    with pytest.raises(InputError) as error:
+        make()
+    assert list(error.value.args) == list(lines)
+
+
+def test_a_file_becomes_an_object():
+    data = {
+        "name": "a", "file": "b", "size": "1e1", "count": 3, "place": [1, 2], "widths": [1],
+        "shapes": [{"radius": 2}, {"_tag": "!Square", "side": 3}], "points": [[1], [2, 3]],
+        "frame": None,
+    }  # fmt: skip
+    drawing = made(Drawing, data, FILE)
+    assert drawing == Drawing(
+        "a", "/runs/b", 10.0, count=3, place=[1.0, 2.0], widths=[1.0],
+        shapes=[Circle(2.0), Square(3.0)], points=[[1.0], [2.0, 3.0]],
+    )  # fmt: skip
+    assert [type(x) for x in (drawing.size, *drawing.place)] == [float] * 3
+    made(Drawing, {}, FILE).place[0] = 1.0
+    assert made(Drawing, {}, FILE) == Drawing() and Drawing().place == [0, 0]
+
+
+def test_all_that_is_wrong_is_told_at_once():
+    data = {
+        "nam": 1, "name": 2, "frame": {"side": [1], "depth": 3}, "shapes": [{}, {"_tag": "!Oval"}],
+        "points": [[1, "a"]], "filled": "yes",
+    }  # fmt: skip
+    with pytest.raises(InputError) as error:
+        made(Drawing, data, FILE)
+    assert str(error.value).splitlines() == [
+        f"/runs/file.yaml: {line}"
+        for line in (
+            "nam: no such field, did you mean 'name'?",
+            "name: 2, expected a text",
+            "filled: 'yes', expected true or false",
+            "shapes[1].radius: missing, expected a number > 0 [m]",
+            "shapes[2]: unknown kind !Oval, expected !Circle, !Square",
+            "frame.depth: no such field, expected one of side",
+            "frame.side: [1], expected a number",
+            "points[1][2]: 'a', expected a number",
+        )
+    ]
+
+
+@pytest.mark.parametrize("data", [None, 3, [1], "text"])
+def test_what_is_no_mapping(data):
+    names = "name, file, size, share, count, filled, colour, place, widths, labels, shapes, frame"
+    found = "empty" if data is None else repr(data)
+    text = f"/runs/file.yaml: {found}, expected a mapping with {names}, points"
+    refused(lambda: made(Drawing, data, FILE), text)
+
+
+BAD = [
+    ({"size": -1}, "size: -1, expected a number >= 0 and <= 10"),
+    ({"size": 10.5}, "size: 10.5, expected a number >= 0 and <= 10"),
+    ({"size": nan}, "size: nan, expected a finite number >= 0 and <= 10"),
+    ({"size": -inf}, "size: -inf, expected a finite number >= 0 and <= 10"),
+    ({"size": True}, "size: True, expected a number >= 0 and <= 10"),
+    ({"size": None}, "size: empty, expected a number >= 0 and <= 10"),
+    ({"size": "1"}, "size: '1', expected a number >= 0 and <= 10"),
+    (
+        {"size": 10**400},
+        "size: a whole number of more than 64 bits, expected a number >= 0 and <= 10",
+    ),
+    ({"share": 0}, "share: 0, expected a number > 0 and < 1"),
+    ({"share": 1}, "share: 1, expected a number > 0 and < 1"),
+    ({"count": 0}, "count: 0, expected a whole number >= 1"),
+    ({"count": 1.0}, "count: 1.0, expected a whole number >= 1"),
+    ({"count": True}, "count: True, expected a whole number >= 1"),
+    ({"filled": 1}, "filled: 1, expected true or false"),
+    ({"colour": "green"}, "colour: 'green', expected one of red, blue"),
+    ({"file": ""}, "file: empty, expected a text"),
+    ({"place": [1]}, "place: 1 value(s), expected 2"),
+    ({"place": []}, "place: empty, expected a list of numbers"),
+    ({"place": 1}, "place: 1, expected a list of numbers"),
+    ({"widths": [1, 1, 1]}, "widths: 3 value(s), expected 4, one for each joint"),
+    ({"widths": []}, "widths: empty, expected a list of numbers > 0, one for each joint"),
+    ({"widths": [1, 1, 0, 1]}, "widths[3]: 0, expected a number > 0"),
+    ({"labels": ["a"]}, "labels: 1 value(s), expected 4, one for each joint"),
+    ({"labels": ["a", "b", 3, "d"]}, "labels[3]: 3, expected a text"),
+    ({"frame": None}, "frame: empty, expected a Square"),
+    ({"shapes": [Circle(0)]}, "shapes[1].radius: 0, expected a number > 0 [m]"),
+    ({"shapes": [Drive()]}, "shapes[1]: Drive("),
+    ({"filled": True, "count": 2}, "count: one, of what is filled"),
+]
+
+
+@pytest.mark.parametrize(("values", "line"), BAD, ids=[line[:40] for _, line in BAD])
+def test_bad_values_of_an_object_of_python(values, line):
+    drawing = Drawing()
+    for name, value in values.items():
+        setattr(drawing, name, value)
+    with pytest.raises(InputError) as error:
+        check(drawing, "drawing", n=4)
+    (told,) = error.value.args
+    assert told.startswith(f"drawing: {line}")
+    assert told.endswith(line) or "Drive(" in line
+
+
+def test_numbers_and_lists_of_numpy_will_do_and_lengths_wait_for_the_robot():
+    drawing = Drawing(size=np.float64(2), count=np.int64(3), place=np.zeros(2), points=np.eye(2))
+    drawing.widths = (1.0, 2.0)
+    check(drawing)
+    check(drawing, n=2)
+    refused(lambda: check(drawing, n=3), "widths: 2 value(s), expected 3, one for each joint")
+
+
+def test_rules_between_fields_may_raise_and_wait_for_the_fields():
+    refused(lambda: check(Drawing(name="raises"), "a"), "a: first", "a: second")
+    refused(lambda: check(Drawing(name="raises", count=0)), f"count: {BAD[10][1][7:]}")
+
+
+def test_very_many_problems_are_cut():
+    with pytest.raises(InputError) as error:
+        made(Drawing, {"points": [["a"] * 30]}, FILE)
+    assert len(error.value.args) == 21 and error.value.args[-1] == "/runs/file.yaml: 10 more"
+
+
+def test_fields_that_there_are_none_of_cannot_be_set():
+    with pytest.raises(AttributeError, match="kindd"):
+        Scenario().controller.kindd = "x"
+
+
+def test_lines_are_started_once():
+    with pytest.raises(InputError) as error, within("a.yaml"), within("a.yaml"):
+        raise InputError("one", "a.yaml: two")
+    assert str(error.value) == "a.yaml: one\na.yaml: two"
+
+
+# --- a scenario ------------------------------------------------------------------------------
+
+
+def axis(**fields) -> Scenario:
+    return with_fields(load_scenario("package://sdt/scenarios/axis_pi.yaml"), fields)
+
+
+def coupled(kind: str, fields: dict) -> Scenario:
+    base = load_scenario("package://sdt/scenarios/coupled_pi.yaml")
+    return with_fields(base, {"controller.kind": kind, **fields})
+
+
+def test_defaults():
+    scenario = Scenario()
+    assert (scenario.period, scenario.torque_margin, scenario.accuracy) == (0.005, 1.0, 1e-4)
+    assert (scenario.disturbance.amplitude, scenario.disturbance.omega_d) == (0.0, 2 * np.pi)
+    assert (scenario.plant.elasticity, scenario.drive) == (Elasticity([], 0.01, "motor"), Drive())
+    assert (scenario.plant.friction.stribeck_speed, scenario.plant.friction.presliding) == (
+        0.02,
+        1e-5,
+    )
+
+
+# What a field alone takes is in the committed reference (test_reference); here is one of each kind.
+AXIS = [
+    ({"period": 0.0}, "period: 0.0, expected a number > 0 [s]"),
+    ({"drive.torque_bandwidth": nan}, "drive.torque_bandwidth: nan, expected a finite number > 0"),
+    ({"disturbance.omega_d": -0.1}, "disturbance.omega_d: -0.1, expected a number >= 0"),
+    ({"controller.kp": [1.0] * 3}, "controller.kp: 3 value(s), expected 4, one for each joint"),
+    ({"plant.i_eff": [1.0, 1, 0, 1]}, "plant.i_eff[3]: 0, expected a number > 0"),
+    ({"motion": ""}, "motion: empty, expected a text"),
+    ({"torque_margin": 1.01}, "torque_margin: 1.01, expected a number > 0 and <= 1"),
+    ({"planner": "fastest"}, "planner: 'fastest', expected one of limiter, retiming"),
+    ({"plant.elasticity.natural_frequency": [1.0, -2, 0, 0]}, "plant.elasticity.natural_frequency"),
+    ({"plant.friction.breakaway": [0, 0, 1.0, 1], "plant.friction.coulomb": [0, 0, 1.0, 1.1]},
+     "plant.friction.breakaway: [0, 0, 1.0, 1], expected at least coulomb, [0, 0, 1.0, 1.1]"),
+    ({"disturbance.omega_d": 20001.0}, "disturbance.omega_d: 20001, expected at most 20000 [rad"),
+    ({"device.motors": ["AC-203"], "device.fitted": [""] * 4}, "device.motors: 1 value(s), expect"),
+    ({"device.motors": ["AC-203"] * 4}, "device.fitted: missing; the difference of masses needs t"),
+    ({"device.motors": ["AC-203"] * 4, "device.fitted": ["AC-203"]}, "device.fitted: 1 value(s), "),
+    ({"drive.period": 1e-4}, "drive.period: 0.0001, expected a number >= 0.000125 [s]"),
+    ({"drive.period": 0.002}, "drive.period: 0.002, does not divide the interpolation period"),
+    ({"drive.period": 0.01}, "drive.period: 0.01, does not divide the interpolation period"),
+    ({"drive.torque_error": [0.1, -1.0, 0, 0]}, "drive.torque_error[2]: -1.0, expected a number >"),
+    ({"drive.encoder_resolution": [1e6] * 4}, "drive.encoder_resolution: needs period, to take t"),
+    ({"drive.period": 0.005, "drive.encoder_resolution": [1e6, 1e6, 0.5, 1]},
+     "drive.encoder_resolution[3]: 0.5, expected a number >= 1"),
+    ({"drive.n1": [1.0] * 4}, "drive.n0: missing, expected n1 and n0 or neither"),
+    ({"drive.n0": [1.0] * 4}, "drive.n1: missing, expected n1 and n0 or neither"),
+    ({"drive.n1": [1.0, 2, 3, 4], "drive.n0": [2.0, 3, 3, 5]},
+     "drive.n0: [2.0, 3, 3, 5], expected more than n1, [1.0, 2, 3, 4], everywhere"),
+    ({"controller.kind": "pid"}, "controller.kind: 'pid', expected one of pi, pi_ctc, pi_id, p_pi"),
+    ({"controller.file": "/no/file.py"}, "controller: /no/file.py: no such file"),
+    ({"controller.kind": "inverse_dynamics"}, "controller.kind: inverse_dynamics needs plant.kind"),
+    ({"controller.ki": None}, "controller.ki: missing, expected kp and ki or neither"),
+    ({"controller.kp": None}, "controller.kp: missing, expected kp and ki or neither"),
+    *(
+        ({f"controller.{name}": value}, f"controller.{name}: kp and ki are given; remove one or")
+        for name, value in (("omega_r", 60.0), ("omega_ratio", 0.4), ("zeta", [1.0] * 4))
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("fields", "line"), AXIS, ids=[line for _, line in AXIS])
+def test_a_bad_field_of_a_scenario(fields, line):
+    with pytest.raises(InputError, match=f"^run: {re.escape(line)}.*$") as error:
+        check(axis(**fields), "run", n=4)
+    assert len(error.value.args) == 1
+
+
+OPEN = ("p_pi", "pi_scheduled")  # kinds that leave the feedforward to the scenario
+FIXED = tuple(kind for kind in CONTROLLERS if kind not in OPEN)
+OPTIONS = [
+    (CONTROLLERS, {"controller.omega_r": None}, "omega_r: missing, the gains need it, or kp and"),
+    (CONTROLLERS, {"controller.omega_r": -66.0}, "omega_r: -66.0, expected a number > 0 [rad/s]"),
+    (CONTROLLERS, {"controller.omega_ratio": 0.0}, "omega_ratio: 0.0, expected a number > 0"),
+    (CONTROLLERS, {"controller.zeta": [1.0] * 5}, "zeta: 5 value(s), expected 4, one for each"),
+    (CONTROLLERS, {"controller.friction_compensation": True}, "friction_compensation: needs pla"),
+    (FIXED, {"controller.feedforward": "none"}, "feedforward: {} takes none, only p_pi, pi_sch"),
+    (OPEN, {"controller.feedforward": "full"}, "feedforward: 'full', expected one of none, ctc, "),
+    ([kind for kind in CONTROLLERS if kind != "p_pi"], {"controller.position_gain": [1.0] * 4},
+     "position_gain: {} takes none, only p_pi"),
+    (["p_pi"], {"controller.position_gain": [1.0, 1, 1, 0]}, "position_gain[4]: 0, expected a num"),
+    (["pi", "inverse_dynamics", *OPEN], {"controller.feedforward_gain": [1.0] * 4},
+     "feedforward_gain: {} has no feedforward"),
+    (["pi_id"], {"controller.feedforward_gain": [1.0]}, "feedforward_gain: 1 value(s), expected 4"),
+    (["inverse_dynamics"], {"controller.anti_windup": True},
+     "anti_windup: inverse_dynamics takes none, only pi, pi_ctc, pi_id, p_pi, pi_scheduled"),
+    (CONTROLLERS, {"plant.i_eff": [1.0] * 4}, "i_eff: the coupled plant has its inertia from the"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields", "line"), [(kind, *rest) for kinds, *rest in OPTIONS for kind in kinds]
+)
+def test_what_the_kind_of_controller_or_plant_would_not_use(kind, fields, line):
+    check(coupled(kind, {}), n=4)
+    part = next(iter(fields)).partition(".")[0]
+    with pytest.raises(InputError, match=f"^{part}.{re.escape(line.format(kind))}.*$"):
+        check(coupled(kind, fields), n=4)
+
+
+@pytest.mark.parametrize("kind", CONTROLLERS)
+def test_a_kind_is_for_certain_plants(kind):
+    scenario = coupled(kind, {"plant.kind": "axis"})
+    if kind == "inverse_dynamics":
+        text = "controller.kind: inverse_dynamics needs plant.kind coupled"
+        refused(lambda: check(scenario), text)
+    else:
+        check(scenario)
+
+
+# 5 ms / 3 is no short decimal, 0.3 ms / 3 is no whole binary multiple.
+@pytest.mark.parametrize("divisor", [1, 2, 3, 5, 7, 16, 40])
+def test_whole_fractions_of_the_interpolation_period_are_taken(divisor):
+    for period in (0.005, 0.007, 1 / 300, 0.012):
+        if period / divisor >= 125e-6:
+            check(axis(period=period, **{"drive.period": period / divisor}))

@@ -1,0 +1,124 @@
+"""CSV tables: exact, and every bad file is refused with its line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sdt_drake.io import tables
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.tables import read_table, write_table
+
+GOOD = "time,v_1,v_2\n0.0,1,2\n0.5,3,4\n1.0,5,6\n"
+
+
+def test_a_table_is_read_back_bit_by_bit(tmp_path):
+    time = 0.005 * np.arange(4)
+    v = np.array([[0.1, 1 / 3], [-0.0, 5e-324], [1.7976931348623157e308, np.pi], [1e-17, -1e22]])
+    tau = np.random.default_rng(0).normal(size=(4, 3))
+    path = tmp_path / "new" / "folder" / "table.csv"
+    write_table(path, time, {"v": v, "tau_cmd": tau})
+    assert path.read_text().splitlines()[0] == "time,v_1,v_2,tau_cmd_1,tau_cmd_2,tau_cmd_3"
+    read_time, columns = read_table(path)
+    assert list(columns) == ["v", "tau_cmd"]
+    for written, read in ((time, read_time), (v, columns["v"]), (tau, columns["tau_cmd"])):
+        assert written.tobytes() == np.ascontiguousarray(read).tobytes()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        GOOD,
+        GOOD.rstrip(),
+        GOOD.replace("\n", "\r\n"),
+        GOOD.replace(",", " , "),
+        GOOD + "\n\n",
+        GOOD.replace("time,v_1,v_2", '"time","v_1", "v_2"'),
+        GOOD.replace("0.5,3,4", '"0.5","3","4"'),
+        "\ufeff" + GOOD,
+    ],
+    ids=[
+        "as_written",
+        "no_last_newline",
+        "windows",
+        "spaces",
+        "blank_end",
+        "quoted_header",
+        "quoted_row",
+        "byte_order_mark",
+    ],
+)
+def test_harmless_variants_of_a_table_are_read(tmp_path, text):
+    path = tmp_path / "table.csv"
+    path.write_bytes(text.encode("utf-8"))
+    time, columns = read_table(path)
+    np.testing.assert_array_equal(time, [0, 0.5, 1])
+    np.testing.assert_array_equal(columns["v"], [[1, 2], [3, 4], [5, 6]])
+
+
+BAD = [
+    ("", ": fewer than two rows"),
+    (GOOD.replace("time", "t"), ": the first column is 't', expected 'time'"),
+    ("time,v_1,v_2\n", "fewer than two rows"),
+    ("time,v_1,v_2\n0,1,2\n", "fewer than two rows"),
+    (GOOD.replace("0.5,3,4", "0.5,3"), r", line 3: 2 value\(s\), expected 3"),
+    (GOOD.replace("0.5,3,4", "0.5,3,4,5"), r", line 3: 4 value\(s\), expected 3"),
+    (GOOD.replace("time,v_1", "time"), r", line 2: 3 value\(s\), expected 2"),
+    (GOOD.replace("1.0,5", "1.0,five"), ", line 4: 'five' is not a number"),
+    (GOOD.replace("1.0,5", "1.0,"), ", line 4: '' is not a number"),
+    (GOOD.replace("1.0,5", "1.0,5_0"), ", line 4: '5_0' is not a number"),
+    (GOOD.replace(",", ";"), ", line 1: semicolons between the columns, expected commas"),
+    (GOOD.replace(",", "\t"), ", line 1: tabs between the columns, expected commas"),
+    (GOOD.replace(",", " "), ", line 1: spaces between the columns, expected commas"),
+    (GOOD.replace("time,v_1,v_2", '"time";"v_1";"v_2"'), ", line 1: semicolons between"),
+    (GOOD.replace("3,4", "3,NaN"), ", line 3: v_2 is nan"),
+    (GOOD.replace("3,4", "-inf,4"), ", line 3: v_1 is -inf"),
+    (GOOD.replace("3,4", "1e999,4"), ", line 3: v_1 is inf"),
+    (GOOD.replace("0.5,", "nan,"), ", line 3: time is nan"),
+    (GOOD.replace("0.5,3,4\n", "\n0.5,3,nan\n"), ", line 4: v_2 is nan"),
+    (GOOD + "2.0,7,8\n", ", line 5: time goes from 1 to 2 s, expected equal steps of 0.5 s"),
+    (GOOD + "0.5,7,8\n", ", line 5: time goes from 1 to 0.5 s"),
+    (GOOD + "1.0,7,8\n", ", line 5: time goes from 1 to 1 s"),
+    (GOOD.replace("0.5,", "0,"), ", line 3: time goes from 0 to 0 s, expected equal steps > 0"),
+    (GOOD.replace("0.5,", "-0.5,"), ", line 3: time goes from 0 to -0.5 s"),
+    (GOOD.replace("v_1,v_2", "v_2,v_1"), "column 'v_2', expected 'v_1'"),
+    (GOOD.replace("v_1,v_2", "v_1,v_1"), "column 'v_1', expected 'v_2'"),
+    (GOOD.replace("v_1,v_2", "v_1,v_3"), "column 'v_3', expected 'v_2'"),
+    (GOOD.replace("v_2", "w_2"), "column 'w_2', expected 'v_2'"),
+    (GOOD.replace("v_2", f"v_{'2' * 5000}"), "column 'v_2+', expected 'v_2'"),
+    (GOOD.replace("0.5", "-1e308").replace("1.0", "1e308"), ", line 3: time goes from 0 to -1e"),
+]
+
+
+@pytest.mark.parametrize("text, message", BAD, ids=[case[-1] for case in BAD])
+def test_a_bad_table_is_refused_with_file_line_and_value(tmp_path, text, message):
+    path = tmp_path / "bad.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=rf"bad\.csv.*{message}") as error:
+        read_table(path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_table_that_is_too_large_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "MOST_BYTES", len(GOOD) - 1)
+    (tmp_path / "large.csv").write_text(GOOD)
+    with pytest.raises(InputError, match=rf"large\.csv: {len(GOOD)} bytes, expected at most"):
+        read_table(tmp_path / "large.csv")
+
+
+def test_a_file_that_cannot_be_read_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"none\.csv: no such file"):
+        read_table(tmp_path / "none.csv")
+    with pytest.raises(InputError, match="is a folder, expected a file"):
+        read_table(tmp_path)
+    (tmp_path / "binary.csv").write_bytes(b"time,v_1\n\xff\xfe\n")
+    with pytest.raises(InputError, match=r"binary\.csv: cannot be read"):
+        read_table(tmp_path / "binary.csv")
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-32"])
+def test_another_encoding_is_refused_with_the_right_one(tmp_path, encoding):
+    path = tmp_path / "other.csv"
+    path.write_text(GOOD, encoding=encoding)
+    with pytest.raises(InputError, match=r"other\.csv: .*expected a CSV file saved as UTF-8$"):
+        read_table(path)

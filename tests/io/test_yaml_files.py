@@ -1,0 +1,105 @@
+"""YAML at the boundary: large, deep and odd texts are refused before they cost anything."""
+
+from __future__ import annotations
+
+import pytest
+from pydrake.common.yaml import yaml_load_data
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.resources import models_dir
+from sdt_drake.io.yaml_files import read_yaml
+from sdt_drake.run.scenario import load_scenario
+
+BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"{new}: &{new} [{', '.join(9 * ['*' + old])}]\n"
+    for old, new in zip("abcdefgh", "bcdefghi", strict=True)
+)
+BAD = {
+    "aliases of aliases": (BOMB, "too large, expected at most 1000000 values and 50 levels"),
+    "an alias of itself": ("name: &a [*a]\n", "too large"),
+    "a mapping of itself": ("&a\nname: *a\n", "too large"),
+    "deep": ("name: " + 51 * "[" + 51 * "]", "too large"),
+    "very deep": ("name: " + 600 * "[" + 600 * "]", "too large"),
+    "unclosed": ("joints: [1", "not valid YAML"),
+    "two documents": ("name: a\n---\nname: b\n", "not valid YAML"),
+    "a tab": ("\tname: a\n", "not valid YAML"),
+    "a tag on a list": ("name: !Spline [1]\n", "line 1: name: !Spline on a list"),
+    "twice": ("name: a\nperiod: 1\nname: b\n", "line 3: name: is given twice"),
+    "twice below": ("a: [{b: 1, b: 2}]\n", r"line 1: a\[1\]\.b: is given twice"),
+    "merged text": ("a: &a x\nname: {<<: *a}\n", "line 2: name.<<: expected a mapping to merge"),
+    "long": ("#" * 1_000_001, "1000001 bytes, expected at most 1000000"),
+    "a long text": (
+        f"a: 1\nname: {'x' * 10_001}",
+        "line 2: name: 10001 letters, expected at most",
+    ),
+    "a number of many digits": (f"name: {'1' * 5000}", "not valid YAML"),
+    "nul": ('name: "a\\0b"', "line 1: name: control characters in a text"),
+    "half a letter": ('name: "a\\ud800b"', "line 1: name: control characters in a text"),
+    "an escape": ('"\\e[31m": 1', "line 1: control characters in a text"),
+    "yes": (
+        "name: a\nyes: 1\n",
+        "line 2: the key yes is no text to YAML, which takes",
+    ),
+    "off": ("off: 1\n", "line 1: the key off is no text"),
+    "a number": ("1: 1\n", "line 1: the key 1 is no text"),
+    "a list": ("? [a]\n: 1\n", "line 1: the key of several values is no text"),
+    "nothing": ("~: 1\n", "line 1: the key ~ is no text"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_refused(tmp_path, case):
+    text, message = BAD[case]
+    path = tmp_path / "file.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=rf"file\.yaml: {message}"):
+        read_yaml(path)
+
+
+def test_no_utf_8(tmp_path):
+    path = tmp_path / "file.yaml"
+    path.write_bytes(b"name: \xff\n")
+    with pytest.raises(InputError, match=r"file\.yaml: cannot be read"):
+        read_yaml(path)
+
+
+def test_aliases_merged_keys_tags_and_hidden_keys_are_read_as_drake_does(tmp_path):
+    path = tmp_path / "file.yaml"
+    text = """
+_hidden: 1
+a: &a {x: [1, 2], y: 1e3}
+b: {<<: *a, y: *a}
+c: {<<: [*a, {x: 3, z: 4}], y: 5}
+d: !Kind {x: .inf}
+e: [~, true, 0x10, -1, 1.5, text]
+f: |
+  two\tparts
+  and lines
+"""
+    path.write_text(text)
+    assert read_yaml(path) == yaml_load_data(text)
+    path.write_text("# nothing\n")
+    assert read_yaml(path) is None
+
+
+@pytest.mark.parametrize(
+    ("file", "told"),
+    [
+        ("studies/monte_carlo.yaml", "is a study, expected a scenario"),
+        ("studies/sizing.yaml", "is a study, expected a scenario"),
+        ("motions/leans.yaml", "is a motion, expected a scenario"),
+        ("motors.yaml", "is a file of motors, expected a scenario"),
+        ("drives.yaml", "is a file of drives, expected a scenario"),
+        ("sdt.sdf", "is a robot, expected a scenario"),
+    ],
+)
+def test_a_file_of_another_kind_is_one_line(file, told):
+    with pytest.raises(InputError) as refused:
+        load_scenario(models_dir() / file)
+    assert refused.value.args == (f"{models_dir() / file}: {told}",)
+
+
+def test_a_table_is_no_yaml(tmp_path):
+    (tmp_path / "run.csv").write_text("time,q_1\n")
+    with pytest.raises(InputError, match=r"run\.csv: is a table, expected a scenario$"):
+        load_scenario(tmp_path / "run.csv")

@@ -1,0 +1,337 @@
+"""What drives read: integers from a motion, files, and what a loop makes of them."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+import yaml
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.tables import read_table
+from sdt_drake.machine.drive_files import (
+    Axis,
+    Drives,
+    SetPoints,
+    export,
+    formats,
+    load_drives,
+    read_back,
+    samples_from,
+    samples_of,
+    set_points,
+    write_drive_table,
+)
+from sdt_drake.motion import Motion
+from sdt_drake.robot.dynamics import torque_groups
+from sdt_drake.run.design import make_design
+from sdt_drake.run.scenario import ControllerChoice, Scenario
+
+R = np.array([67.2, 1, 1, 1])
+ROTOR = np.array([0.1291, 1.73, 0.531, 0.531])
+RATED = np.array([68.0, 1800, 960, 960])
+
+
+def short_motion():
+    """0.6 s from rest to rest: joint 1 there and back, joints 2 and 4 at different speeds."""
+    t = np.arange(121) * 0.005
+    hump = np.sin(np.pi * t / 0.6) ** 2
+    v = np.stack([0.1 * hump * np.cos(np.pi * t / 0.6), 0.4 * hump, 0 * t, -1.3 * hump], axis=1)
+    return Motion.from_speeds(0.005, np.array([0.1, -0.2, 0.3, 0.0]), v)
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return short_motion()
+
+
+def drives_with(*, cycle=0.001, **fields):
+    axes = [Axis(increments=2**20, rated_torque=rated) for rated in RATED]
+    for name, values in fields.items():
+        for axis, value in zip(axes, values, strict=True):
+            setattr(axis, name, value)
+    return Drives(cycle_time=cycle, axes=axes)
+
+
+def test_samples_between_those_of_the_motion_lie_on_its_trajectory(robot, motion):
+    samples = samples_of(robot, motion, 0.0007)
+    t = np.minimum(np.arange(len(samples.q)) * 0.0007, motion.duration)
+    assert 0 <= t[-1] - t[-2] <= 0.0007 and t[-1] == motion.duration
+    np.testing.assert_allclose(samples.q, motion.trajectory.vector_values(t).T, atol=1e-12)
+    speeds = [np.interp(t, motion.time, column) for column in motion.v.T]
+    np.testing.assert_allclose(samples.v, np.transpose(speeds), atol=1e-12)
+    own = samples_of(robot, motion, motion.period)
+    links = torque_groups(robot, motion.q, motion.v, motion.vd).total
+    np.testing.assert_allclose(own.tau, links + R**2 * ROTOR * motion.vd, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("unit", "per_turn_and_second"), [("increments/s", 2**20), ("rpm", 60), ("0.001 rpm", 60_000)]
+)
+def test_integers_are_rounded_motion_and_do_not_drift(robot, motion, unit, per_turn_and_second):
+    drives = drives_with(
+        speed_unit=[unit] * 4,
+        sign=[1, -1, 1, -1],
+        zero=[0, 7, -500, 2**20],
+        gear_ratio=[67.2, 2, 1, 1],
+    )
+    samples = samples_of(robot, motion, 0.001)
+    points = set_points(robot, drives, samples)
+    turns = samples.q * [67.2, -2, 1, -1] / (2 * np.pi)
+    exact = turns * 2**20 + [0, 7, -500, 2**20]
+    assert np.abs(points.position - exact).max() <= 0.5 + 1e-6
+    # Speeds add up to the positions: to half a unit for one cycle, and the half of rounding.
+    in_increments = points.speed[:-1] / per_turn_and_second * 2**20 * 0.001
+    travelled = points.position[0] + np.vstack([np.zeros(4), np.cumsum(in_increments, axis=0)])
+    slack = 1 + 2**20 * 0.001 / per_turn_and_second
+    assert np.abs(travelled - points.position).max() <= slack
+    per_mille = 1000 * samples.tau / ([67.2, -2, 1, -1] * RATED)
+    assert np.abs(points.torque - per_mille).max() <= 0.5 + 1e-9
+
+
+def test_drives_make_the_motion_of_their_integers(robot, motion):
+    drives = drives_with(sign=[1, -1, 1, -1], zero=[0, 7, -500, 2**20])
+    samples = samples_of(robot, motion, drives.cycle_time)
+    read = samples_from(robot, drives, set_points(robot, drives, samples), samples.q[0])
+    half = np.pi / (2**20 * R)  # an increment, joint side
+    assert np.all(np.abs(read.q - samples.q) <= half * (1 + 1e-6))
+    assert np.all(np.abs(read.tau - samples.tau) <= 5e-4 * RATED * R * (1 + 1e-9))
+    mean = np.diff(samples.q, axis=0) / 0.001  # of each cycle
+    assert np.all(np.abs(read.v[:-1] - mean) <= 2.1 * np.pi / (2**20 * R))
+    # Every fifth row commands the same way in the same time.
+    fifth = read.every(5)
+    np.testing.assert_allclose(
+        fifth.q[0] + np.cumsum(fifth.v[:-1], axis=0)[-1] * fifth.period, read.q[-1], atol=2e-5
+    )
+
+
+def test_axes_read_different_objects(robot, motion, tmp_path):
+    """A speed drive follows the same way from where it stands, which a file of speeds alone does
+    not tell; a position drive knows no torque."""
+    objects = [["60FFh", "6071h"], ["607Ah"], ["607Ah", "60B1h", "60B2h"], ["60FFh"]]
+    drives = drives_with(objects=objects, zero=[10**6, 0, 7, 10**7])
+    samples = samples_of(robot, motion, drives.cycle_time)
+    points = set_points(robot, drives, samples)
+    formats.write_csv(tmp_path / "a.csv", drives, points)
+    header = (tmp_path / "a.csv").read_text().split("\n")[0]
+    assert header == "cycle,607Ah_2,607Ah_3,60FFh_1,60FFh_4,60B1h_3,60B2h_3,6071h_1"
+    points = formats.read_csv(tmp_path / "a.csv", drives)
+    read = samples_from(robot, drives, points, samples.q[0])
+    np.testing.assert_array_equal(read.tau[:, [1, 3]], 0)
+    np.testing.assert_allclose(read.q, samples.q, atol=1e-5)
+
+
+# --- files -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def written(robot, motion, tmp_path_factory):
+    folder, drives = tmp_path_factory.mktemp("written"), drives_with()
+    samples = samples_of(robot, motion, drives.cycle_time)
+    points = set_points(robot, drives, samples)
+    formats.write_csv(folder / "p.csv", drives, points)
+    formats.write_st(folder / "p.st", drives, points, points, "a (* title *)")
+    formats.write_cam(folder / "cam.csv", robot, drives, samples, 50)
+    own = samples_of(robot, motion, motion.period)
+    formats.write_trajectory(folder / "t.yaml", robot, own, motion.vd)
+    return folder, drives, samples, points
+
+
+@pytest.mark.parametrize("name", ["p.csv", "p.st"])
+def test_integers_are_read_back(written, name):
+    folder, drives, _, points = written
+    read = {"p.csv": formats.read_csv, "p.st": formats.read_st}[name](folder / name, drives)
+    for quantity in ("position", "speed", "torque"):
+        np.testing.assert_array_equal(getattr(read, quantity), getattr(points, quantity))
+
+
+def test_structured_text_is_that_of_a_parser(written, tmp_path):
+    """blark parses what IEC 61131-3 and TwinCAT take; slowly, so a few cycles."""
+    blark = pytest.importorskip("blark")
+    _, drives, _, points = written
+    few = SetPoints(points.position[:3], points.speed[:3], points.torque[:3])
+    formats.write_st(tmp_path / "p.st", drives, few, points, "a (* title *)")
+    text = (tmp_path / "p.st").read_text(encoding="utf-8")
+    assert "TargetPosition[4] := TargetPosition_4[Cycle];" in text
+    parsed = blark.parse_source_code(text)
+    (block,) = parsed.transform().items
+    assert str(block.name) == "SdtMotion"
+
+
+def test_a_cam_table_has_few_points_and_stays_near(robot, written, motion):
+    folder, drives, samples, _ = written
+    rows = (folder / "cam.csv").read_text().splitlines()
+    assert len(rows) == 51
+    read = formats.read_cam(folder / "cam.csv", robot, drives)
+    assert read.q.shape == samples.q.shape and not read.tau.any()
+    fine = np.abs(read.q - samples.q).max()
+    formats.write_cam(folder / "few.csv", robot, drives, samples, 5)
+    coarse = np.abs(formats.read_cam(folder / "few.csv", robot, drives).q - samples.q).max()
+    assert fine < 1e-4 < coarse < 0.05
+    # As many points as cycles: what is left is the rounding of positions and speeds.
+    drives = drives_with(sign=[1, -1, 1, -1], zero=[0, 7, -500, 2**20])
+    formats.write_cam(folder / "all.csv", robot, drives, samples, 10_000)
+    assert np.abs(formats.read_cam(folder / "all.csv", robot, drives).q - samples.q).max() < 4e-6
+
+
+def test_a_trajectory_is_yaml_of_a_ros_message(robot, written, motion):
+    folder, *_ = written
+    message = yaml.safe_load((folder / "t.yaml").read_text(encoding="utf-8"))
+    assert message["joint_names"] == ["planetary", "roll", "pitch", "yaw"]
+    point = message["points"][60]
+    assert point["time_from_start"] == {"sec": 0, "nanosec": 300_000_000}
+    assert point["positions"] == motion.q[60].tolist()
+    assert point["accelerations"] == motion.vd[60].tolist()
+    read = formats.read_trajectory(folder / "t.yaml", robot)
+    np.testing.assert_array_equal(read.q, motion.q)
+    np.testing.assert_array_equal(read.v, motion.v)
+    assert read.period == pytest.approx(0.005, abs=1e-12)
+
+
+def test_numbers_without_a_point_are_numbers_to_yaml(robot, motion, tmp_path):
+    own = samples_of(robot, motion, motion.period)
+    own.q[0] = -1e-05, 2e16, 5e-324, 1.5e-07
+    formats.write_trajectory(tmp_path / "t.yaml", robot, own, motion.vd)
+    message = yaml.safe_load((tmp_path / "t.yaml").read_text(encoding="utf-8"))
+    assert message["points"][0]["positions"] == [-1e-05, 2e16, 5e-324, 1.5e-07]
+    np.testing.assert_array_equal(formats.read_trajectory(tmp_path / "t.yaml", robot).q, own.q)
+
+
+def test_a_drive_table_is_motor_side_with_the_whole_torque(robot, motion, tmp_path):
+    write_drive_table(tmp_path / "d.csv", robot, samples_of(robot, motion, motion.period))
+    time, columns = read_table(tmp_path / "d.csv")
+    np.testing.assert_array_equal(time, motion.time)
+    np.testing.assert_allclose(columns["q_motor"], R * motion.q)
+    np.testing.assert_allclose(columns["v_motor"], R * motion.v)
+    links = torque_groups(robot, motion.q, motion.v, motion.vd).total
+    np.testing.assert_allclose(columns["tau_motor"], links / R + ROTOR * R * motion.vd, atol=1e-8)
+
+
+def test_how_far_a_cam_is_off_is_told_of_all_its_cycles(robot, tmp_path):
+    """Also of those between the samples of the loop, of which there are 20 here in one."""
+    time = np.arange(31) * 0.02
+    v = np.sin(np.pi * time / 0.6)[:, None] ** 2 * [0.1, 0.4, 0, -1.3]
+    scenario = Scenario(controller=ControllerChoice(omega_r=66.0), period=0.02)
+    motion = Motion.from_speeds(0.02, np.zeros(4), v)
+    design = make_design(scenario, robot=robot, motion=motion)
+    export(design, drives_with(), tmp_path, cam_points=17, title="x")
+    cam = read_back(design, drives_with(), tmp_path)[-1]
+    off = formats.read_cam(tmp_path / "cam.csv", robot, drives_with()).q
+    off = np.abs(off - samples_of(robot, motion, 0.001).q)
+    np.testing.assert_allclose(cam.position_off, off.max(axis=0))
+    assert off.max() > 2 * off[::20].max()
+
+
+# --- bad input -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "told"),
+    [
+        ("p.csv", "607Ah_1,607Ah_2", "607Ah_2,607Ah_1", "line 1: is not for these drives"),
+        ("p.csv", "\n5,", "\n6,", "line 7: cycle 6, expected 5"),
+        ("p.csv", "\n5,", "\n5,x", "13 integers in each row"),
+        ("p.st", "TargetPosition_3", "TargetPosition_9", "no whole array TargetPosition_3"),
+        ("p.st", "TorqueOffset_4 : ARRAY[0..600] OF INT := [\n    ", "", "TorqueOffset_4"),
+        ("p.st", "[0..600] OF INT := [\n", "[0..600] OF INT := [\n 7,", "602 values, expected 601"),
+        ("cam.csv", "\n600,", "\n0,", "cycles do not grow"),
+        ("t.yaml", '"roll", "pitch"', '"pitch", "roll"', "line 1: other joints"),
+        ("t.yaml", '"nanosec": 5000000}', '"nanosec": 6000000}', "even times"),
+        ("t.yaml", '"sec": 0, "nanosec": 5000000', "", "a point in each line"),
+    ],
+)
+def test_files_that_were_changed_are_refused(robot, written, tmp_path, name, old, new, told):
+    folder, drives, *_ = written
+    text = (folder / name).read_text(encoding="utf-8")
+    assert old in text
+    (tmp_path / name).write_text(text.replace(old, new), encoding="utf-8")
+    read = {
+        "p.csv": lambda path: formats.read_csv(path, drives),
+        "p.st": lambda path: formats.read_st(path, drives),
+        "cam.csv": lambda path: formats.read_cam(path, robot, drives),
+        "t.yaml": lambda path: formats.read_trajectory(path, robot),
+    }[name]
+    with pytest.raises(InputError, match=told):
+        read(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("fields", "told"),
+    [
+        ({"increments": [2**32] * 4}, "joint 1 'planetary' at .* s: position of .* increments"),
+        ({"zero": [0, 2**32, 0, 0]}, "joint 2 'roll' at 0.000 s: position of"),
+        ({"rated_torque": [0.01, 1e3, 1e3, 1e3]}, "per mille .*, its drive takes 32767"),
+        ({"maximum_torque": [1e4, 1e4, 1e4, 1.0]}, "joint 4 'yaw' .* torque of .* takes 1$"),
+    ],
+)
+def test_what_a_drive_cannot_take_is_refused(robot, motion, fields, told):
+    drives = drives_with(**fields)
+    with pytest.raises(InputError, match=told):
+        set_points(robot, drives, samples_of(robot, motion, 0.001))
+
+
+def test_what_a_drive_does_not_read_may_be_beyond_its_bits(robot, motion):
+    """A speed drive turns on and on; only what its motor can give is a bound for every drive."""
+    samples, unread = samples_of(robot, motion, 0.001), [["607Ah"], ["60FFh"]] * 2
+    rated = {"rated_torque": [1e-3, 1e3, 1e3, 1e3]}
+    set_points(robot, drives_with(objects=unread, zero=[0, 2**32, 0, 0], **rated), samples)
+    with pytest.raises(InputError, match=r"joint 1 .* torque of .*, its drive takes 1000$"):
+        set_points(robot, drives_with(objects=unread, maximum_torque=[1e-3] * 4, **rated), samples)
+
+
+@pytest.mark.parametrize(("first", "last", "told"), [(0.1, 0, "starts at 0.1"), (0, 0.1, "ends")])
+def test_no_drive_starts_or_ends_in_motion(robot, first, last, told):
+    v = np.zeros((11, 4))
+    v[0, 1], v[-1, 1] = first, last
+    with pytest.raises(InputError, match=f"joint 2 'roll' {told}.*, expected rest"):
+        samples_of(robot, Motion.from_speeds(0.005, np.zeros(4), v), 0.001)
+
+
+AXIS = "{increments: 4096, rated_torque: 10"
+
+
+@pytest.mark.parametrize(
+    ("axis", "told"),
+    [
+        (AXIS + ", sign: 0}", r"axes\[1\].sign: 0, expected 1 or -1"),
+        (AXIS + ", objects: [607Ah, 607Ah]}", r"objects\[2\]: 607Ah is given twice"),
+        (AXIS + ", objects: [60B2h]}", "neither a position nor a speed"),
+        (AXIS + ", objects: [60B1h]}", "neither a position nor a speed"),
+        (AXIS + ", objects: [6071]}", "6071, expected .*6071h"),
+        (AXIS + ", speed_unit: deg/s}", "speed_unit: 'deg/s', expected one of increments/s"),
+        ("{increments: 0.5, rated_torque: 10}", "increments: 0.5, expected a whole number >= 1"),
+        ("{increments: 4096}", "rated_torque"),
+        (AXIS + "}, " + AXIS + "}", r"axes: 2 value\(s\), expected 1, one for each joint"),
+    ],
+)
+def test_drives_are_checked(tmp_path, axis, told):
+    (tmp_path / "d.yaml").write_text(f"cycle_time: 0.001\naxes: [{axis}]\n")
+    with pytest.raises(InputError, match=told):
+        load_drives(tmp_path / "d.yaml", 1)
+
+
+def test_the_function_block_rests_until_it_is_to_play(robot, tmp_path):
+    """A motion that accelerates from its first sample on; joint 2 holds the links against
+    gravity."""
+    t = np.arange(41)[:, None] * 0.005
+    v = np.minimum(t, 0.2 - t) * [0.3, 0.5, 0, -2]
+    design = make_design(
+        Scenario(controller=ControllerChoice(omega_r=66.0)),
+        robot=robot,
+        motion=Motion.from_speeds(0.005, np.array([0.1, 0.7, 0.3, 0.2]), v),
+    )
+    drives = drives_with(zero=[0, 7, -500, 2**20])
+    export(design, drives, tmp_path, cam_points=50, title="x")
+    text = (tmp_path / "set_points.st").read_text(encoding="utf-8")
+    rests = text.split("\nELSE\n")[1].split("\nEND_IF")[0]
+    said = {
+        name: [int(x) for x in re.findall(rf"{name}\[\d\] := (-?\d+);", rests)]
+        for name in ("TargetPosition", "VelocityOffset", "TorqueOffset")
+    }
+    first = formats.read_csv(tmp_path / "set_points.csv", drives)
+    weight = torque_groups(robot, design.motion.q[:1], 0 * v[:1], 0 * v[:1]).gravity[0]
+    assert said["TargetPosition"] == first.position[0].tolist()
+    assert said["VelocityOffset"] == [0] * 4 and first.speed[0].any()
+    np.testing.assert_allclose(said["TorqueOffset"], 1000 * weight / (R * RATED), atol=0.51)
+    assert said["TorqueOffset"][1] != 0 and abs(first.torque[0] - said["TorqueOffset"]).max() > 10

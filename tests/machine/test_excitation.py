@@ -1,0 +1,129 @@
+"""Exciting motions of two links in a plane: within limits, and as good as they say."""
+
+import numpy as np
+import pytest
+from command_line import ARM
+
+from sdt_drake.cli.app import main
+from sdt_drake.io.errors import InputError
+from sdt_drake.machine.identify.excitation import _SEARCH, GENTLY, RATE, excite
+from sdt_drake.machine.identify.targets import Target
+from sdt_drake.motion import Motion, load_plan, plan_motion
+from sdt_drake.motion.command import command_of
+from sdt_drake.robot.robot import load_robot
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    path = tmp_path_factory.mktemp("arm") / "arm.sdf"
+    limit = "</velocity><drake:acceleration>50</drake:acceleration>"
+    path.write_text(ARM.replace("</velocity>", limit, 1))  # of the first joint alone
+    return load_robot(path)
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    """Searches like those for many joints; `excitation` is made before."""
+    monkeypatch.setitem(_SEARCH, True, _SEARCH[False])
+
+
+@pytest.fixture(scope="module")
+def excitation(arm):
+    return excite(Target.everything(arm), 20.0)
+
+
+def planned(excitation) -> Motion:
+    robot = excitation.target.robot
+    plan = plan_motion(robot, command_of(excitation.profile, robot))
+    assert not plan.limited.any()
+    return plan.motion
+
+
+def test_the_planner_takes_it_as_it_is_and_it_uses_what_it_may(arm, excitation):
+    motion = planned(excitation)
+    assert motion.duration == 20
+    assert np.abs(motion.v[[0, -1]]).max() < 1e-9
+    assert np.abs(motion.vd[0]).max() < 0.05 * np.abs(motion.vd).max()
+    again = round(1 / excitation.base_frequency / motion.period)
+    assert motion.v[again:] == pytest.approx(motion.v[:-again], abs=1e-6)
+    assert np.abs(motion.v).max(axis=0) == pytest.approx(5 * excitation.used["speed"], rel=1e-3)
+    first, second = excitation.used["acceleration"]
+    assert 0 < first <= 0.8 + 1e-6 and np.isnan(second)
+    assert 0.7 < max(np.nanmax(share) for share in excitation.used.values()) <= 0.8 + 1e-6
+
+
+def test_the_standard_deviations_are_those_of_fits_to_noise(arm, excitation):
+    """Of 300 recordings with torques of noise alone, solved by numpy."""
+    motion, target = planned(excitation), excitation.target
+    every = round(1 / RATE / motion.period)
+    samples = slice(0, -1, every)
+    # `rows` are checked against Drake where the regressor is; the noise is put back.
+    columns, _ = target.rows(motion.q[samples], motion.v[samples], motion.vd[samples])
+    X = columns.reshape(-1, columns.shape[2])
+    noise = np.random.default_rng(3).normal(size=(len(X), 300))
+    found = np.linalg.lstsq(X, noise, rcond=None)[0]
+    assert found.std(axis=1) == pytest.approx(excitation.sigma, rel=0.15)
+    assert target.noise == pytest.approx([1, 1])
+    scaled = X / np.linalg.norm(X, axis=0)
+    assert np.linalg.cond(scaled) == pytest.approx(excitation.condition, rel=0.02)
+
+
+def test_it_tells_more_than_chance(arm, excitation):
+    """Than 200 motions of a frequency for each joint, within the same limits."""
+    target, rng = excitation.target, np.random.default_rng(0)
+
+    def information(q, v, vd):
+        columns, torque = target.rows(q, v, vd)
+        X = columns.reshape(-1, columns.shape[2])
+        is_within = np.abs(torque).max() < 81 and np.abs(q).max() < 0.81 * np.pi
+        return np.linalg.slogdet(X.T @ X / len(X))[1] if is_within else -np.inf
+
+    t = np.arange(0, 20, 0.1)[:, None]
+    by_chance = []
+    for _ in range(200):
+        omega, phase = rng.uniform(0.5, 3, 2), rng.uniform(0, 6, 2)
+        size = np.minimum(2.0, 4 / omega)
+        middle = rng.uniform(-0.5, 0.5, 2)
+        q, v = middle + size * np.sin(omega * t + phase), size * omega * np.cos(omega * t + phase)
+        by_chance.append(information(q, v, -(omega**2) * (q - middle)))
+    motion = planned(excitation)
+    best = max(by_chance)
+    assert information(motion.q, motion.v, motion.vd) > best + 1 > 0
+
+
+def test_a_payload_is_excited_gently(arm, tmp_path, capsys):
+    out = tmp_path / "excite.yaml"
+    arguments = ["excite", str(arm.path), "--payload", "lower", "--duration", "10"]
+    assert main([*arguments, "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "hx of lower [kg m]" in said and "friction" not in said
+    assert "first moments hx, hy, hz (mass times" in said
+    plan = load_plan(out, arm, period=0.005)
+    assert not plan.limited.any()
+    assert np.abs(plan.motion.v).max() <= 0.8 * GENTLY * 5 + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("--payload hand", "no link 'hand' that moves, expected one of upper; lower"),
+        ("--margin 1.2", "--margin: 1.2, expected a number > 0 and <= 1"),
+        ("--margin 0.2", "joint 1 needs more torque than it may take even at rest"),
+        ("--noise 0", "--noise: 0, expected a number > 0 and <= 1"),
+        ("--duration nan", "--duration: nan, expected a number >= 1"),
+        ("--duration 12.3456", "--duration: 12.3456 s is not a whole multiple of the period 0.005"),
+        ("--out x.csv", "x.csv: unknown kind of file, expected .yaml"),
+    ],
+)
+def test_what_cannot_be_is_refused(arm, options, said, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["excite", str(arm.path), *options.split()]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_scipy_it_says_what_to_install(arm, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "scipy.optimize", None)
+    with pytest.raises(InputError, match=r"pip install 'sdt_drake\[identify\]'"):
+        excite(Target.everything(arm), 10.0)

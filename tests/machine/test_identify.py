@@ -1,0 +1,335 @@
+"""What is identified, against a truth that is known."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known_truth import (
+    COULOMB_TRUE,
+    PILOT,
+    VISCOUS_TRUE,
+    changed,
+    motion,
+    recorded_of,
+    true_robot,
+)
+from test_robot import chain_sdf
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.tables import write_table
+from sdt_drake.machine.identify import model
+from sdt_drake.machine.identify.base_parameters import Unknown, rigid_parameters
+from sdt_drake.machine.identify.consistency import links_of, nearest_consistent
+from sdt_drake.machine.identify.equations import equations
+from sdt_drake.machine.identify.estimation import estimate
+from sdt_drake.machine.identify.filtering import compared, stretches, zero_phase_low_pass
+from sdt_drake.machine.identify.friction import COULOMB, USUAL, VISCOUS, FrictionLaw, Term
+from sdt_drake.machine.identify.model import (
+    directions,
+    identified_robot,
+    plant_friction,
+    save_robot,
+)
+from sdt_drake.machine.identify.procedure import belief, identify
+from sdt_drake.machine.identify.suspicions import weakly_excited
+from sdt_drake.machine.recordings import Recorded
+from sdt_drake.robot.deviation import Deviation, deviated
+from sdt_drake.robot.dynamics import inverse_dynamics, torque_groups
+from sdt_drake.robot.robot import load_robot
+from sdt_drake.show.reports.identification import undecided_laws
+
+
+@pytest.fixture(scope="module")
+def true(robot):
+    return true_robot(robot)
+
+
+@pytest.fixture(scope="module")
+def found(robot, true):
+    return identify(robot, [recorded_of(true)])
+
+
+def test_identified_robot_is_the_true_one_as_far_as_torques_tell(found, robot, true, tmp_path):
+    base, S = found.unknown.base, found.estimate.covariance
+    truth = base.combination @ rigid_parameters(true)
+    std = np.sqrt(np.diagonal(S))
+    assert np.all(np.abs(found.estimate.beta - truth) < 4 * std[: len(truth)])
+    assert np.all(found.left(found.predicted, held_out=True) < 0.02)
+    assert np.all(found.left(found.equations.nominal, held_out=True) > 0.05)
+    files = plant_friction(found)
+    for values, std, wanted in zip(
+        (files.friction.coulomb, files.friction.viscous),
+        files.std,
+        (COULOMB_TRUE, VISCOUS_TRUE),
+        strict=True,
+    ):
+        assert np.all(np.abs(values - wanted) < 0.03 * wanted + 4 * std)
+        assert np.all(std < 0.15 * wanted)
+    # The file loads without any repair, with its shapes, and moves like the true device.
+    save_robot(found, tmp_path / "robot.sdf")
+    again = load_robot(tmp_path / "robot.sdf")
+    assert "<visual" in (tmp_path / "robot.sdf").read_text()
+    np.testing.assert_allclose(rigid_parameters(again), rigid_parameters(identified_robot(found)))
+    _, q, v, vd = motion(robot)
+    expected = inverse_dynamics(true, q, v, vd)
+    left = np.std(inverse_dynamics(again, q, v, vd) - expected, axis=0)
+    assert np.all(left < 0.01 * np.std(expected, axis=0))
+
+
+def test_links_stay_where_the_data_say_nothing(robot):
+    exact = identify(robot, [recorded_of(robot, noise=1e-4)])
+    for link, pseudo in zip(exact.consistent.links, exact.consistent.pseudo, strict=True):
+        size = np.sqrt(np.outer(np.diagonal(link.pseudo), np.diagonal(link.pseudo)))
+        assert np.all(np.abs(pseudo - link.pseudo) < 0.02 * size), link.name
+
+
+@pytest.mark.parametrize("moving", [1.0, 0.4])
+def test_intervals_cover_the_truth(robot, true, moving):
+    """Of 95 % intervals, in coloured noise: what the filter leaves of white noise; also where
+    joints rest for most of the time."""
+    unknown = Unknown.everything(robot)
+    (stretch,), _ = stretches(recorded_of(true, noise=0.0))
+    clean = equations(robot, unknown, [(0, np.inf, stretch)], 4.0, lambda fastest: (USUAL,))
+    rests = (np.arange(len(clean.moves)) % 100 >= 100 * moving)[:, None]
+    rigid, friction = (np.where(rests[..., None], 0.0, x) for x in (clean.rigid, clean.friction))
+    clean = replace(clean, moves=clean.moves & ~rests, rigid=rigid, friction=friction)
+    prior = belief(robot, unknown)
+    exact = estimate(clean, prior, [USUAL] * robot.n)
+    truth = np.concatenate([exact.beta, exact.friction])
+    clean = replace(clean, tau=exact.torque(clean))
+    size, period = 0.01 * np.sqrt(np.mean(stretch.tau**2, axis=0)), stretch.period
+    rows = compared(len(stretch.tau), 4.0, period)
+    rng, inside = np.random.default_rng(2), []
+    for _ in range(25):
+        noise = zero_phase_low_pass(size * rng.normal(size=stretch.tau.shape), 4.0, period)[rows]
+        one = estimate(replace(clean, tau=clean.tau + noise), prior, [USUAL] * robot.n)
+        std = np.sqrt(np.diagonal(one.covariance))
+        inside.append(np.abs(np.concatenate([one.beta, one.friction]) - truth) < 1.96 * std)
+    assert 0.91 < np.mean(inside) < 0.985
+
+
+def test_what_is_left_where_a_joint_rests_says_nothing_of_the_rest(robot, true):
+    """Friction may be anything there; it is not fitted, and makes nothing uncertain."""
+    (stretch,), _ = stretches(recorded_of(true))
+    usual = [USUAL] * robot.n
+    eq = equations(
+        robot, Unknown.everything(robot), [(0, np.inf, stretch)], 4.0, lambda _: (USUAL,)
+    )
+    rests = np.zeros_like(eq.moves)
+    rests[:20] = True
+    eq = replace(eq, moves=eq.moves & ~rests)
+    odd = replace(eq, tau=eq.tau + 100.0 * np.std(eq.tau, axis=0) * rests)
+    one, other = (estimate(x, belief(robot, Unknown.everything(robot)), usual) for x in (eq, odd))
+    np.testing.assert_allclose(other.beta, one.beta, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(other.covariance, one.covariance, rtol=1e-6, atol=1e-12)
+
+
+def test_a_recording_that_begins_and_ends_in_motion_is_judged_by_the_motion(robot, true):
+    """Nobody knows how it went on beyond its ends: what filters make up there is not judged."""
+    parts = [(0, 12.0, stretches(recorded_of(true, noise=0.001))[0][0])]
+    for cutoff in (5.0, 10.0):
+        eq = equations(robot, Unknown.everything(robot), parts, cutoff, lambda _: (USUAL,))
+        found = estimate(eq, belief(robot, Unknown.everything(robot)), [USUAL] * robot.n)
+        off = np.abs(eq.tau - found.torque(eq))
+        ends = (eq.time < 1.0) | (eq.time > 19.0)
+        assert np.all(off[ends].max(axis=0) < 1.2 * off[~ends].max(axis=0))
+
+
+def test_a_stretch_may_be_of_three_rows(robot, true):
+    (stretch,), _ = stretches(recorded_of(true))
+    eq = equations(
+        robot, Unknown.everything(robot), [(0, np.inf, stretch)], 4.0, lambda _: (USUAL,)
+    )
+    parted = replace(eq, part=np.where(np.arange(len(eq.part)) < 23, 99, eq.part))
+    parted = replace(parted, fit=parted.fit & (np.arange(len(eq.part)) >= 20))
+    one = estimate(parted, belief(robot, Unknown.everything(robot)), [USUAL] * robot.n)
+    assert np.all(np.isfinite(one.covariance)) and np.all(np.diagonal(one.covariance) > 0)
+
+
+def test_means_between_samples_tell_what_samples_do_not(robot):
+    """A drive whose torque falls in each period by a fifth of it, as a held reference makes it."""
+    fine = 8
+    time, q, v, vd = motion(robot, 10.0, 200.0 * fine)
+    tau = inverse_dynamics(robot, q, v, vd)
+    impulse = np.cumsum(np.vstack([tau[:1] * 0, (tau[1:] + tau[:-1]) / 2]), axis=0)[::fine] / fine
+    mean = np.vstack([tau[:1], np.diff(impulse, axis=0)])
+    signals = {"q": q[::fine], "tau": 0.8 * tau[::fine], "tau_mean": mean}
+    (found,), notes = stretches(Recorded(Path("held.csv"), time[::fine], signals))
+    np.testing.assert_allclose(found.tau, tau[::fine], rtol=0, atol=1e-5 * np.abs(tau).max())
+    assert notes == ["torques are the recorded means between samples (tau_mean)"]
+    ends = {"q": signals["q"], "tau": signals["tau"]}
+    _, notes = stretches(Recorded(Path("held.csv"), time[::fine], ends, of_links=True))
+    assert "simulated again, it has their means" in notes[0]
+    _, notes = stretches(Recorded(Path("held.csv"), time[::fine], ends))  # of a robot
+    assert notes == []
+
+
+def test_neither_units_of_a_joint_nor_what_is_held_out_change_the_estimate(found):
+    eq, prior = found.equations, belief(found.nominal, found.unknown)
+    size = np.array([1.0, 30.0, 0.1, 5.0])
+    columns = {name: getattr(eq, name) * size[:, None] for name in ("rigid", "friction")}
+    larger = replace(eq, tau=eq.tau * size, known=eq.known * size, **columns)
+    other = replace(eq, tau=np.where(eq.fit[:, None], eq.tau, 0.0))
+    one, *same = (estimate(x, prior, [USUAL] * eq.n) for x in (eq, larger, other))
+    for again in same:
+        np.testing.assert_allclose(again.beta, one.beta, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(again.friction, one.friction, rtol=1e-6, atol=1e-6)
+
+
+def test_friction_follows_the_links_to_where_it_is_likeliest(found):
+    r = len(found.estimate.beta)
+    links = found.consistent.beta - found.estimate.beta
+    friction = found.friction - found.estimate.friction
+    size = np.sqrt(np.diagonal(found.estimate.covariance))
+    information = np.linalg.inv(found.estimate.covariance / np.outer(size, size))
+    change = np.concatenate([links, friction]) / size
+    slope = information[r:] @ change
+    assert np.abs(slope).max() < 1e-3 * np.abs(information[r:, :r] @ change[:r]).max()
+
+
+def test_damping_of_the_file_is_no_friction_of_the_scenario(tmp_path):
+    text = re.sub("<damping>.*?<", "<damping>9<", chain_sdf(4))
+    (tmp_path / "chain.sdf").write_text(text)
+    chain = load_robot(tmp_path / "chain.sdf")
+    time, q, v, vd = motion(chain)
+    tau = inverse_dynamics(chain, q, v, vd)
+    found = identify(chain, [Recorded(Path("r.csv"), time, {"q": q, "tau": tau})], only="friction")
+    assert np.all(chain.damping == 9)
+    assert np.all(found.left(found.equations.nominal, held_out=True) < 0.01)
+    assert np.max(plant_friction(found).friction.viscous) < 0.1
+
+
+def test_light_joints_do_not_stick_so_stiffly_that_they_are_slow_to_simulate(tmp_path):
+    """Damping of bristles, 5 ms F_c / z_c, over the least inertia: a pole that caps the step."""
+    (tmp_path / "chain.sdf").write_text(chain_sdf(4, rotor_inertia=1e-4))
+    chain, coulomb = load_robot(tmp_path / "chain.sdf"), 20.0
+    time, q, v, vd = motion(chain)
+    tau = inverse_dynamics(chain, q, v, vd) + coulomb * np.sign(v)
+    found = identify(chain, [Recorded(Path("r.csv"), time, {"q": q, "tau": tau})], only="friction")
+    least = torque_groups(chain, q, v, vd).d_kk.min() + chain.reflected_inertia.min()
+    pole = 0.005 * coulomb / plant_friction(found).friction.presliding / least
+    assert pole == pytest.approx(5000, rel=0.1)
+
+
+def test_payload_alone(robot):
+    """Another pilot in a device that is known: a kilogram, a centimetre."""
+    found = identify(robot, [recorded_of(deviated(robot, PILOT), noise=0.003)], only="payload")
+    (link,), (pseudo,) = found.consistent.links, found.consistent.pseudo
+    mass, com, _ = link.inertial(pseudo)
+    was, centre, _ = link.inertial(link.pseudo)
+    assert abs(mass - was - 18) < 1
+    assert np.linalg.norm(com - centre - PILOT.payload_offset) < 0.01
+    with pytest.raises(InputError, match="no link 'pilot' that moves, expected one of arm; roll"):
+        identify(robot, [recorded_of(robot)], only="payload", payload="pilot")
+
+
+def test_friction_alone_has_its_law(robot):
+    recorded, offset = recorded_of(robot), [700.0, -400.0, 0.0, 20.0]
+    found = identify(
+        robot, [changed(recorded, tau=recorded.signals["tau"] + offset)], only="friction"
+    )
+    friction = plant_friction(found).friction
+    np.testing.assert_allclose(friction.coulomb, COULOMB_TRUE, rtol=0.04)
+    np.testing.assert_allclose(friction.offset, offset, rtol=0.01, atol=4)
+    same = rigid_parameters(identified_robot(found))
+    np.testing.assert_allclose(same, rigid_parameters(robot), rtol=1e-12)
+    law = FrictionLaw("sigmoid", (VISCOUS, COULOMB, Term("sigmoid", 0.3, 0.0)))
+    shape = np.tanh(motion(robot)[2] / 0.3) * COULOMB_TRUE * 3
+    more = replace(recorded, signals={**recorded.signals, "tau": recorded.signals["tau"] + shape})
+    found = identify(robot, [more], only="friction")
+    assert all(one.name.startswith(law.name) for one in found.estimate.laws)
+
+
+def test_other_laws_that_leave_as_little_widen_the_intervals_of_friction(found):
+    """By half the square of how far the one other law is from the chosen one; and that is said."""
+    estimate, apart = found.estimate, 5.0  # N m s/rad
+    own = estimate.friction[estimate.friction_of(1)]
+    shifted = own + apart * np.array([term == VISCOUS for term in estimate.laws[1].terms])
+
+    def by(*rivals):
+        laws = ([], [(replace(estimate.laws[1], name=name), x) for name, x in rivals], [], [])
+        return replace(found, estimate=replace(estimate, rivals=laws))
+
+    alone, other = plant_friction(by()), plant_friction(by(("another", shifted)))
+    added = other.std**2 - alone.std**2
+    np.testing.assert_allclose(added[1], [0, apart**2 / 2, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(added[0], 0, atol=1e-9)
+    assert undecided_laws(by(), alone) == []
+    (said,) = undecided_laws(by(("another", shifted)), other)
+    assert said.startswith("joint 2: ") and "(another)" in said
+
+
+def test_few_seconds_of_noise_do_not_decide_a_law_of_friction(robot, true):
+    few = identify(robot, [recorded_of(true, seconds=6.0, noise=0.2)], only="friction")
+    assert plant_friction(few).undecided.max() > 0.5
+    many = identify(robot, [recorded_of(true, noise=1e-4)])
+    assert many.estimate.rivals == ([],) * 4 and plant_friction(many).undecided.max() == 0
+
+
+def test_joints_that_never_slow_down_show_no_peak_of_friction(robot):
+    """At speeds where a Stribeck peak is 0 to the last digit, or next to it."""
+    time, q, v, vd = motion(robot)
+    fast = np.abs(v).max(axis=0) + np.array([0.05, 0.2, 1.0, 3.0])  # rad/s
+    q, v = q + fast * time[:, None], v + fast
+    tau = inverse_dynamics(robot, q, v, vd) + COULOMB_TRUE + VISCOUS_TRUE * v
+    recorded = Recorded(Path("fast.csv"), time, {"q": q, "tau": tau})
+    friction = plant_friction(identify(robot, [recorded], only="friction")).friction
+    assert friction.breakaway is None
+    np.testing.assert_allclose(friction.viscous, VISCOUS_TRUE, rtol=0.05)
+
+    v = np.linspace(0.5, 3.0, 200)
+    rounded = 60 + 16 * v + 1e-9 * (v == v[0])  # the slowest speed alone sees anything of a peak
+    for peak in (0.01, 0.05, 0.1):  # there 0, 1e-20, 1e-5 of its height
+        (_, _, stribeck), _ = model._nearest(v, rounded, peak)
+        assert stribeck == 0
+
+
+def test_what_stays_nearly_as_it_was_believed_is_hardly_excited():
+    words = ["hx of arm + 2 mass of hand", "Izz of arm"]
+    (line,) = weakly_excited(10.0, np.array([1.0, 1.0]), np.array([0.9, 0.1]), words)
+    assert line.startswith("1 of 2 base parameters") and line.endswith("named after hx of arm")
+
+
+def changes_along(found, robot, along, file):
+    """What a step in each direction does to the base parameters, shape (directions, r)."""
+    step, changes = 1e-3, []
+    write_table(file, np.arange(1.0, len(along) + 1), {"entry": along}, first="direction")
+    for one in step * np.eye(len(along)):
+        other = deviated(robot, Deviation(spread=str(file), along=one.tolist()))
+        change = (rigid_parameters(other) - rigid_parameters(robot))[found.unknown.columns]
+        changes.append(found.unknown.base.combination @ change / step)
+    return np.array(changes)
+
+
+def test_draws_where_nothing_was_measured_are_as_likely_as_the_nearest_links(robot, tmp_path):
+    """Something measured as well as that was known before counts half."""
+    found = identify(robot, [recorded_of(robot)], only="payload", cutoff=3.0)
+    nothing = replace(found.estimate, covariance=1e12 * found.estimate.covariance)
+    along = directions(replace(found, estimate=nothing), robot)
+    changes = changes_along(found, robot, along, tmp_path / "spread.csv")
+    believed = changes.T @ changes
+    base = found.unknown.base.combination @ rigid_parameters(robot)[found.unknown.columns]
+    for measured in 0.02 * changes:
+        near = nearest_consistent(robot, found.unknown, ["payload"], base + measured, believed)
+        size = np.sqrt(np.diagonal(believed))
+        np.testing.assert_allclose((near.beta - base) / size, measured / size / 2, atol=5e-4)
+
+
+def test_draws_have_the_measured_covariance(found, tmp_path):
+    robot = identified_robot(found)
+    along = directions(found, robot)
+    r = len(found.estimate.beta)
+    names = [link.name for link in links_of(robot)]
+    assert along.shape[1] == 10 * len(names)
+    changes, file = changes_along(found, robot, along, tmp_path / "s.csv"), tmp_path / "s.csv"
+    drawn = np.sqrt(np.sum(np.square(changes), axis=0))
+    # As it was measured, less what the belief in the file knows better, and what is the motors'.
+    measured = np.sqrt(np.diagonal(found.estimate.covariance))[:r]
+    assert np.all(drawn < 1.02 * measured)
+    assert np.median(drawn / measured) > 0.85
+    with pytest.raises(InputError, match=r"along: 1 value\(s\), expected"):
+        deviated(robot, Deviation(spread=str(file), along=[1.0]))

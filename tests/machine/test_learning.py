@@ -1,0 +1,348 @@
+"""Learning from flights: loop models, filter, convergence, flights, and the command."""
+
+from __future__ import annotations
+
+import copy
+import os
+import signal
+from dataclasses import replace
+from types import SimpleNamespace
+
+import command_line
+import numpy as np
+import pytest
+
+from sdt_drake.analysis.comparison import with_controller
+from sdt_drake.io.errors import InputError
+from sdt_drake.machine.learn import flights
+from sdt_drake.machine.learn.filter import convergence, design_filter, refuse_divergence
+from sdt_drake.machine.learn.flights import fly, learn, next_step, reason_to_stop
+from sdt_drake.machine.learn.loops import (
+    POINTS,
+    LoopSet,
+    demand,
+    devices_of,
+    known_loop,
+    loops_of,
+    position_response,
+)
+from sdt_drake.motion import LearnedReference, Motion, checked_torque
+from sdt_drake.run.design import make_design
+from sdt_drake.run.simulate import simulate
+from sdt_drake.show.reports import learning as report
+from sdt_drake.studies.study import load_study
+
+DRIVE = {"drive.period": 0.001, "drive.encoder_resolution": [4194304] * 4}
+SPRINGS = {"plant.elasticity.natural_frequency": [0, 75, 0, 0]}
+
+
+@pytest.fixture
+def cascade(designed):
+    """A cascade at the start of the motion: joint 1 starts after 0.5 s, joint 4 after 1 s."""
+
+    def make(label="p_pi", fields=None, *, name="coupled_pi", end=1.5):
+        base = designed(name, fields, end=end)
+        return base.variant(with_controller(base.scenario, label))
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("label", "fields", "of"),
+    [
+        ("p_pi", None, "reference"),
+        ("p_pi+id", None, "reference"),
+        ("pi", None, "reference"),
+        ("inverse_dynamics", None, "reference"),
+        ("p_pi+id", DRIVE, "reference"),
+        ("p_pi+id", {"held_speed": "mean"}, "reference"),
+        ("p_pi", SPRINGS, "reference"),
+        ("p_pi", {"drive.reference_delay": 0.01}, "reference"),
+        ("p_pi", None, "torque"),
+    ],
+)
+def test_the_loop_answers_a_pulse_as_its_linear_model_says(cascade, label, fields, of):
+    """Of joints 1 and 2 at rest, against the simulation, with what they do to the others."""
+    fields = {"accuracy": 1e-7, **(fields or {})}
+    base = cascade(label, fields, end=0.4)
+    period, count = base.motion.period, len(base.motion.q)
+    still = Motion.from_speeds(period, base.motion.q[0], np.zeros_like(base.motion.q))
+    design = make_design(base.scenario, robot=base.nominal, motion=still)
+    pulse = np.zeros((count, 4))
+    pulse[4:34, :2] = (1 - np.cos(np.linspace(0, 2 * np.pi, 30)))[:, None] / [67.2, 1.0]
+    if of == "torque":
+        learned = LearnedReference(still, pulse)
+    else:
+        pulse *= 1e-4
+        q = still.q + pulse
+        motion = Motion.from_positions(period, np.vstack([q[:1], q, q[-1:]]))
+        learned = LearnedReference(motion)
+    answer = [simulate(d).q_measured for d in (design.given(learned), design)]
+
+    padded = 4 * count
+    omega = 2 * np.pi * np.fft.rfftfreq(padded, period)
+    response = position_response(design, 0, np.maximum(omega, 1e-3), of=of)
+    spectrum = np.fft.rfft(pulse, padded, axis=0)
+    predicted = np.fft.irfft(np.einsum("mij,mj->mi", response, spectrum), padded, axis=0)[:count]
+    tolerance = 0.01 * np.abs(predicted).max(axis=0)
+    assert np.all(tolerance[:2] > 1e-10)
+    tolerance[2:] = tolerance.max()
+    assert np.all(np.abs(answer[0] - answer[1] - predicted) <= tolerance)
+
+
+def test_what_is_learned_shrinks_errors_as_the_check_says(cascade):
+    """A loop that is linear and 0.7 times the model's: 0.3 of each error is left by each flight,
+    within the bandwidth; above it all is left."""
+    design = cascade()
+    loops = loops_of(design, "reference")
+    filter_ = design_filter(design, loops, "reference")
+    time = np.arange(4000) * design.motion.period
+    bell = np.exp(-(((time - 10) / 0.6) ** 2))[:, None] * np.ones(4)
+    slow, fast = (bell * np.sin(2 * np.pi * f * time)[:, None] for f in (1.0, 40.0))
+
+    def flown(learned):
+        omega = 2 * np.pi * np.fft.rfftfreq(len(time), design.motion.period)
+        spectrum = np.fft.rfft(learned, axis=0)
+        for k, inverse in enumerate(filter_.inverse.T):
+            spectrum[:, k] *= 0.7 / np.interp(omega, filter_.omega, inverse)
+        return np.fft.irfft(spectrum, len(time), axis=0)
+
+    for wanted, left in ((slow, 0.3**3), (fast, 1.0)):
+        learned = np.zeros_like(wanted)
+        for _ in range(3):
+            learned = filter_.next(learned, wanted - flown(learned))
+        share = np.abs(wanted - flown(learned)).max() / np.abs(wanted).max()
+        assert share == pytest.approx(left, rel=0.05)
+
+    # A flight starts as the planned motion does, whatever was off there.
+    assert not filter_.next(slow, slow + 1.0)[0].any()
+
+    scaled = [0.7 * response for response in loops[0].responses]
+    check = convergence(filter_, LoopSet("others", tuple(scaled), loops[0].demand))
+    below = filter_.omega < 0.2 * filter_.bandwidth[0].omega
+    np.testing.assert_allclose(check.share[below], 0.3, atol=0.02)
+
+
+def test_an_unstable_loop_is_refused_whatever_its_response_is(cascade):
+    """Its speed is that of a link behind a spring; its response says that errors shrink."""
+    springs = {
+        "plant.elasticity.natural_frequency": [0, 40, 0, 0],
+        "plant.elasticity.encoder": "link",
+    }
+    with pytest.raises(InputError, match=r"for the model: unstable loop at \d.* s of the motion"):
+        loops_of(cascade(fields=springs), "reference")
+
+
+def test_a_loop_that_would_diverge_is_refused_before_a_flight(cascade):
+    design = cascade()
+    loops = loops_of(design, "reference")
+    filter_ = design_filter(design, loops, "reference")
+    lively = [2.2 * response for response in loops[0].responses]
+    lively = LoopSet("others", tuple(lively), loops[0].demand)
+    check = convergence(filter_, lively)
+    assert 1.15 < check.largest < 1.5
+    with pytest.raises(InputError, match=r"converge for others: joint \d would keep 1\.\d+ of"):
+        refuse_divergence([check], filter_)
+    tired = convergence(filter_, replace(loops[0], demand=np.array([[0.5, 1.06, 0.2, 0.3]])))
+    with pytest.raises(InputError, match=r"takes 106\.0 % of the torque of motor 2"):
+        refuse_divergence([tired], filter_)
+    some = np.array([[0.5, 1.06, 0.2, 0.3], [0.5, 0.8, 0.2, 0.3]])
+    refuse_divergence([convergence(filter_, replace(loops[0], demand=some))], filter_)
+    # A filter that knows of such loops learns less.
+    careful = design_filter(design, [*loops, lively], "reference")
+    assert careful.bandwidth[1].why == "the spread of the loops"
+
+
+def test_what_a_motion_takes_of_a_device_is_what_it_needs_there(cascade):
+    """Inverse dynamics, friction and disturbance of what moves: no tracking error, no reserve."""
+    design = cascade("inverse_dynamics", {"plant.deviation.payload_mass": 40}, end=1.0)
+    run = simulate(design)
+    expected = run.tau_peak[20:].max(axis=0) / design.robot.motor_torque_limit
+    np.testing.assert_allclose(demand(design)[0], expected[0], rtol=0.02)
+    shaken = cascade("inverse_dynamics", {"disturbance.amplitude": 0.1}, end=1.0)
+    calm = cascade("inverse_dynamics", end=1.0)
+    load = np.abs(calm.loads.load_torque * calm.robot.gear_ratio / calm.robot.effort_limit)
+    assert np.all(demand(shaken) <= demand(calm) + 0.1 * load.max(axis=0) + 1e-9)
+    assert np.any(demand(shaken) > demand(calm))
+    rough = cascade("inverse_dynamics", name="wrong_model", end=1.0)
+    assert np.all((demand(rough) > demand(calm))[[0, 2]])  # which move
+
+
+def test_the_bandwidth_is_what_the_model_is_trusted_in(cascade, designed):
+    rigid = cascade()
+    by_structure = design_filter(rigid, loops_of(rigid, "reference"), "reference")
+    assert [round(b.omega, 3) for b in by_structure.bandwidth] == [65.991] * 4
+    slow = cascade("pi")
+    by_loop = design_filter(slow, loops_of(slow, "reference"), "reference")
+    for k, bandwidth in enumerate(by_loop.bandwidth):
+        assert bandwidth.why == "the loop's own bandwidth"
+        gain = position_response(slow, 0, np.array([0.9, 1.2]) * bandwidth.omega)[:, k, k]
+        assert abs(gain[0]) > 0.5 > abs(gain[1])
+    softer = make_design(
+        rigid.scenario, robot=replace(rigid.nominal, frequency_factor=0.5), motion=rigid.wanted
+    )
+    by_structure = design_filter(softer, loops_of(softer, "reference"), "reference")
+    assert [round(b.omega, 3) for b in by_structure.bandwidth] == [round(65.991 / 2, 3)] * 4
+    unknown = copy.deepcopy(rigid.scenario)
+    unknown.controller.omega_r = None
+    perfect = LoopSet("perfect", (np.tile(np.eye(4), (POINTS, 1, 1)),), np.zeros((1, 4)))
+    by_samples = design_filter(replace(rigid, scenario=unknown), [perfect], "reference")
+    assert by_samples.bandwidth[0] == (pytest.approx(100 * np.pi), "the period of the samples")
+    with pytest.raises(InputError, match="--bandwidth: 100 Hz"):
+        design_filter(rigid, loops_of(rigid, "reference"), "reference", bandwidth=200 * np.pi)
+
+
+def test_flights_of_a_wrong_model_get_better_without_more_torque(cascade):
+    design = cascade(name="wrong_model")
+    filter_ = design_filter(design, loops_of(design, "reference"), "reference")
+    seen = []
+    lessons = learn(design, filter_, 3, stops=False, report=lambda x: seen.append(len(x.flights)))
+    first, last = lessons.flights[0], lessons.flights[-1]
+    assert seen == [flight.number for flight in lessons.flights] == [1, 2, 3]
+    assert first.rms[3] > 20 * last.rms[3]
+    assert np.all(last.peak <= 1.02 * first.peak + 0.002)
+    motion = last.learned.motion
+    checked_torque(design.nominal, motion)
+    np.testing.assert_array_equal(motion.q[0], design.wanted.q[0])
+    again = fly(design.given(last.learned), 3)
+    np.testing.assert_array_equal(again.error, last.error)
+
+
+def test_what_encoders_see_is_learned_from_and_what_links_do_is_told(cascade):
+    flight, run = fly(design := cascade("p_pi", SPRINGS), 1), simulate(design)
+    np.testing.assert_array_equal(flight.seen, design.wanted.q - run.q_measured)
+    np.testing.assert_array_equal(flight.error, design.wanted.q - run.q)
+    assert np.abs(flight.seen - flight.error)[:, 1].max() > 1e-4
+
+
+def test_a_learned_torque_takes_off_what_changes_quickly(cascade):
+    design = cascade(name="wrong_model")
+    filter_ = design_filter(design, loops_of(design, "torque"), "torque")
+    mean = cascade(name="wrong_model", fields={"held_speed": "mean"})
+    slower = design_filter(mean, loops_of(mean, "torque"), "torque").lowest
+    assert np.all(slower < filter_.lowest / 20)
+    first, second = learn(design, filter_, 2, stops=False).flights
+    assert second.learned.motion is design.wanted
+    change = [np.abs(np.diff(flight.error[:, 3])).max() for flight in (first, second)]
+    assert change[1] < 0.6 * change[0]
+    careful = copy.deepcopy(design.scenario)
+    careful.torque_margin = 0.5
+    step = next_step(replace(design, scenario=careful), filter_, 100 * first.seen)
+    assert "available" in step.limit and step.note == f"torque cut off, {step.limit}"
+    most = np.abs(step.learned.torque) / design.nominal.motor_torque_limit
+    assert most.max() == pytest.approx(0.5)
+
+
+def test_a_step_beyond_a_limit_is_scaled_back(cascade):
+    design = cascade()
+    filter_ = design_filter(design, loops_of(design, "reference"), "reference")
+    time = design.motion.time[:, None]
+    error = np.array([0, 0.1, 0, 0]) * np.sin(2 * np.pi * 5 * time) * np.sin(np.pi * time)
+    step = next_step(design, filter_, error)
+    assert 0.05 < step.share < 0.9
+    assert "joint 2" in step.limit
+    checked_torque(design.nominal, step.learned.motion)
+    assert np.ptp(step.learned.motion.q[:, 1] - design.wanted.q[:, 1]) > 0.01
+
+
+def test_it_stops_where_another_flight_is_not_worth_it():
+    def flights(*scores, felt=0.5):
+        return [SimpleNamespace(score=score, felt=felt) for score in scores]
+
+    whole = SimpleNamespace(share=1.0, limit="")
+    assert reason_to_stop(flights(1.0), []) == ""
+    assert reason_to_stop(flights(1.0, 0.5), [whole]) == ""
+    assert "nobody feels" in reason_to_stop(flights(1.0, felt=0.0), [])
+    assert "less than 5 %" in reason_to_stop(flights(1.0, 0.5, 0.49), [whole] * 2)
+    assert "has grown" in reason_to_stop(flights(1.0, 0.5, 0.6), [whole] * 2)
+    near = SimpleNamespace(share=0.3, limit="joint 2 needs torque")
+    assert reason_to_stop(flights(1.0, 0.5), [near]) == "a limit is near: joint 2 needs torque"
+
+
+def test_the_model_is_what_the_controller_knows(cascade):
+    model, plant = {"controller.model.payload_mass": -40}, {"plant.deviation.payload_mass": 40}
+    known = demand(known_loop(cascade(fields=model | plant)))
+    lighter = demand(cascade(fields={"plant.deviation.payload_mass": -40}))
+    np.testing.assert_allclose(known, lighter)
+    assert np.any(lighter < demand(cascade(fields=plant)))
+
+
+def test_the_devices_of_a_study_are_of_its_variables_with_the_loop_s_own_controller(cascade):
+    design = cascade()
+    study, base = load_study("monte_carlo")
+    devices = devices_of(design, study, base, 2)
+    assert [device.scenario.controller.kind for device in devices] == ["p_pi", "p_pi"]
+    masses = [device.scenario.plant.deviation.payload_mass for device in devices]
+    assert masses == [study.inputs(4 * row)["payload_mass"] for row in range(2)]
+    only = replace(study, variables=study.variables[:1])
+    with pytest.raises(InputError, match="varies nothing but the controller"):
+        devices_of(design, only, base, 2)
+
+
+def test_the_command_leaves_what_simulate_and_plan_take(good, refuse, desk, undrawn):
+    file = "../given/cascade.yaml"
+    payload = "plant.deviation.payload_mass=30"
+    out = good("learn", file, "--set", payload, "--flights", "2", "--out", "learned").out
+    assert "flight 2, largest error" in out and "best: flight 2" in out
+    rows = command_line.read_csv(desk / "learned/flights.csv")
+    best = dict(zip(rows[0], map(float, rows[2]), strict=True))
+    shown = command_line.columns_of(good("simulate", "learned/scenario.yaml").out)["position [deg]"]
+    expected = [np.degrees(best[f"max_abs_position_error_{k}"]) for k in (1, 2, 3, 4)]
+    np.testing.assert_allclose(command_line.numbers(shown), expected, atol=6e-4)
+    good("plan", "learned/learned.csv")
+    refuse(
+        "learn", "learned/scenario.yaml", "--out", "learned", saying=("is read by this command",)
+    )
+    written = {path.name for path in (desk / "learned").iterdir()}
+    assert written >= {"report.html", "report.md", "convergence.png", "flights.svg", "errors.png"}
+
+
+@pytest.mark.parametrize("at", ["fly", "write_table"])
+def test_interrupted_in_its_third_flight_it_keeps_two(call, good, refuse, desk, monkeypatch, at):
+    """By the flight itself, or while its numbers are written; when finished nothing is kept."""
+    command = ("learn", "../given/cascade.yaml", "--all")
+    # It takes long.
+    monkeypatch.setattr(report, "write_learning_report", lambda folder, *rest: folder)
+    good(*command, "--flights", "2", "--out", "two")
+    module = flights if at == "fly" else report
+    original = getattr(module, at)
+
+    def interrupted(path_or_design, number, *more, **named):
+        if np.max(number) == 3:
+            signal.raise_signal(signal.SIGINT)
+        return original(path_or_design, number, *more, **named)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(module, at, interrupted)
+        done = call(*command, "--out", "five")
+    assert (done.code, done.err) == (130, "")
+    assert "interrupted; flights so far are kept in five/unfinished: sdt-drake learn" in done.out
+    files = {"flights.csv", "learned.csv", "scenario.yaml"}
+    kept = {"unfinished", *(f"unfinished/{name}" for name in files)}
+    assert set(command_line.snapshot(desk / "five")) == kept
+    for name in files:
+        assert (desk / "five/unfinished" / name).read_bytes() == (desk / "two" / name).read_bytes()
+    refuse(*command, "--out", "five", saying=("five/unfinished: has flights of an inter",))
+    good("learn", "five/unfinished/scenario.yaml", "--flights", "1", "--out", "on")
+    before, after = (command_line.read_csv(desk / f"{x}/flights.csv") for x in ("two", "on"))
+    assert after[1][1:] == before[2][1:] and "unfinished" not in os.listdir(desk / "on")
+
+
+def test_the_command_refuses_what_it_cannot_do(refuse):
+    refuse("learn", "../given/coupled.yaml", "--flights", "0", saying=("--flights: 0",))
+    refuse("learn", "../given/coupled.yaml", "--bandwidth", "0", saying=("--bandwidth: 0 Hz",))
+    refuse("learn", "../given/coupled.yaml", "--study", "nothing", saying=("nothing",))
+    refuse("learn", "../given/coupled.yaml", "--out", "../given/run.yaml", saying=("is a file",))
+
+
+def test_every_column_of_what_a_flight_leaves_has_its_frequencies_below(cascade):
+    """Of three joints the second has no panel below it."""
+    design = cascade()
+    loops = loops_of(design, "reference")
+    filter_ = design_filter(design, loops, "reference")
+    left = [convergence(filter_, one) for one in loops]
+    figure = report.plot_checks("three joints", left, filter_, design.robot.joint_names[:3])
+    figure.canvas.draw()
+    below = [bool(ax.get_xlabel()) for ax in figure.axes if ax.get_visible()]
+    assert below == [False, True, True]
+    assert any(tick.label1.get_visible() for tick in figure.axes[1].xaxis.get_major_ticks())

@@ -1,0 +1,235 @@
+"""Learning from recordings of a real machine, here a simulated one with a recorder of its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import command_line
+import numpy as np
+import pytest
+
+from sdt_drake.analysis.comparison import with_controller
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.tables import write_table
+from sdt_drake.machine.learn.filter import design_filter
+from sdt_drake.machine.learn.loops import loops_of
+from sdt_drake.machine.learn.matching import match
+from sdt_drake.machine.learn.state import (
+    FlightRecord,
+    State,
+    _refuse_growth,
+    read_state,
+    reference_file,
+    teach,
+    write_step,
+)
+from sdt_drake.machine.recordings import read_recording
+from sdt_drake.motion import LearnedReference, Motion
+from sdt_drake.motion.trajectory import interpolated
+from sdt_drake.run.design import make_design
+from sdt_drake.run.simulate import simulate
+
+
+class Machine:
+    """A device that is not what its model says, and its recorder."""
+
+    def __init__(self, design, filter_, first, folder):
+        self.design, self.filter, self.first = design, filter_, first
+        self.folder, self.count = folder, 0
+
+    def flight(self, learned=None):
+        """Time [s], what was asked for and what came [rad]."""
+        if learned is None:
+            return self.first.time, self.design.motion.q, self.first.q.copy()
+        design = self.design.given(learned)
+        run = simulate(design)
+        return run.time, design.motion.q, run.q
+
+    def record(self, flight, *, lead=0.0, step=None, noise=0.0, seed=0, columns=("q_ref", "q")):
+        """A file that begins `lead` [s] before the motion, at rest, and goes on after it."""
+        time, q_ref, q = flight
+        step = step or time[1]
+        at = np.arange(round((time[-1] + lead + 0.2) / step) + 1.0) * step - lead
+        spread = np.random.default_rng(seed).normal(0, noise, (len(at), 4))
+
+        def sampled(values):
+            motion = Motion.from_speeds(time[1], values[0], np.gradient(values, time[1], axis=0))
+            inside = np.clip(at, 0, time[-1])
+            smooth = interpolated(inside, time, values)
+            return smooth if step == time[1] else motion.trajectory.vector_values(inside).T
+
+        values = {"q_ref": sampled(q_ref), "q": sampled(q) + spread}
+        self.count += 1
+        path = self.folder / f"recorded_{self.count}.csv"
+        write_table(path, at + lead, {name: values[name] for name in columns})
+        return path
+
+    def read(self, path):
+        return read_recording(path, self.design.robot, needs=("q",))
+
+    def taught(self, flight, count, noise):
+        """What so many noisy recordings of a first flight teach."""
+        paths = [self.record(flight, noise=noise, seed=i) for i in range(count)]
+        state = State([], [LearnedReference(self.design.motion)])
+        return teach(self.design, self.filter, state, [self.read(path) for path in paths])
+
+
+@pytest.fixture(scope="module")
+def made(designed):
+    """A design, its filter, and its first flight."""
+    base = designed("wrong_model", end=1.5)
+    v = base.wanted.v * np.clip((1.5 - base.wanted.time) / 0.8, 0, 1)[:, None]  # ends at rest
+    wanted = Motion.from_speeds(base.wanted.period, base.wanted.q[0], v)
+    scenario = with_controller(base.scenario, "p_pi")
+    design = make_design(scenario, robot=base.nominal, motion=wanted)
+    return (
+        design,
+        design_filter(design, loops_of(design, "reference"), "reference"),
+        simulate(design),
+    )
+
+
+@pytest.fixture
+def machine(made, tmp_path):
+    return Machine(*made, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("lead", "step", "columns", "off"),
+    [
+        (0.0, None, ("q_ref", "q"), 1e-9),
+        (0.35, None, ("q",), 1e-9),
+        (0.1234, 0.001, ("q_ref", "q"), 2e-5),
+        (0.1234, 0.001, ("q",), 1.1e-3),  # to a sample
+    ],
+)
+def test_the_motion_is_found_in_a_recording(machine, lead, step, columns, off):
+    flight = machine.flight()
+    path = machine.record(flight, lead=lead, step=step, columns=columns)
+    found = match(machine.read(path), machine.design, machine.filter, [machine.design.motion])
+    assert found.shift == pytest.approx(lead, abs=off)
+    assert found.reference == (0 if "q_ref" in columns else -1)
+    np.testing.assert_allclose(found.q, flight[2], rtol=0, atol=3e-6 + 2 * off)
+
+
+def test_a_step_from_recordings_is_that_of_simulated_flights(machine):
+    """Two steps: errors shrink as fast, and the best is kept when one grows."""
+    folder = machine.folder / "state"
+    design, scores, learned = machine.design, [], None
+    for number in (1, 2):
+        path = machine.record(machine.flight(learned), lead=0.05)
+        state = read_state(folder, design)
+        taught = teach(design, machine.filter, state, [machine.read(path)])
+        write_step(folder, design, state, taught)
+        learned = LearnedReference.from_csv(reference_file(folder, number + 1))
+        scores.append(taught.flight.score)
+    assert scores[1] < 0.1 * scores[0]
+    state = read_state(folder, design)
+    assert len(state.flights) == 2 and state.best is state.flights[1]
+    motions = [reference.motion for reference in state.references]
+    first = machine.read(machine.folder / "recorded_1.csv")
+    assert match(first, design, machine.filter, motions).reference == 0
+    worse = machine.flight(state.references[1])
+    worse[2][:, 3] += 0.001 * np.sin(5 * worse[0])
+    before = {file: file.read_bytes() for file in folder.iterdir()}
+    with pytest.raises(InputError, match=r"has grown, .*best so far is reference_02.csv"):
+        teach(design, machine.filter, state, [machine.read(machine.record(worse))])
+    assert {file: file.read_bytes() for file in folder.iterdir()} == before
+
+
+def test_what_repeats_is_told_from_what_does_not(machine):
+    """Of eight noisy recordings: the floor is the noise, what repeats is the error without it."""
+    flight, noise = machine.flight(), 3e-5
+    taught = machine.taught(flight, 8, noise)
+    np.testing.assert_allclose(taught.flight.floor, noise, rtol=0.1)
+    true = np.sqrt(np.mean((machine.design.wanted.q - flight[2]) ** 2, axis=0))
+    np.testing.assert_allclose(taught.flight.rms, true, rtol=0.05, atol=0.4 * noise)
+    quiet = machine.flight()
+    quiet[2][:] = machine.design.wanted.q
+    taught = machine.taught(quiet, 3, noise)
+    assert any("within what noise leaves" in note for note in taught.notes)
+    np.testing.assert_allclose(taught.flight.floor, noise, rtol=0.1)
+    quiet[2][:, 1] += 1.5 * noise  # within the noise of all joints, but not within its own
+    assert not any("noise" in note for note in machine.taught(quiet, 3, noise).notes)
+    quiet[2][:] = machine.design.wanted.q + noise
+    taught = machine.taught(quiet, 3, noise)
+    np.testing.assert_allclose(taught.flight.rms, noise, rtol=0.1)
+    # A larger error that noise may have made is no growth.
+    best, larger = ([x] * 4 for x in (1e-5, 2e-5))
+    best = FlightRecord(largest=best, rms=best, floor=[noise] * 4, recordings=3)
+    larger = FlightRecord(largest=larger, rms=larger)
+    _refuse_growth(larger, State([best], []), Path("a.csv"))
+    with pytest.raises(InputError, match="the error has grown"):
+        _refuse_growth(larger, State([replace(best, floor=[])], []), Path("a.csv"))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (
+            lambda f: (f[0], f[1][:, [3, 1, 2, 0]], f[2][:, [3, 1, 2, 0]]),
+            "q_ref is up to .* expected a recording of one",
+        ),
+        (lambda f: (f[0], f[1], f[2][:, [3, 1, 2, 0]]), "joint 1 is .* another order"),
+        (lambda f: (f[0], f[1], np.degrees(f[2])), "another unit"),
+        (lambda f: (f[0][:150], f[1][:150], f[2][:150]), "q_ref is up to 0"),
+        (lambda f: (f[0], 57 * f[1], f[2]), r"q_ref is up to \d"),
+    ],
+)
+def test_recordings_of_something_else_are_refused(machine, spoil, words):
+    path = machine.record(spoil(machine.flight()))
+    with pytest.raises(InputError, match=words):
+        match(machine.read(path), machine.design, machine.filter, [machine.design.motion])
+
+
+def test_each_recording_without_its_reference_is_taken_on_trust(machine):
+    state, flight = State([], [LearnedReference(machine.design.motion)]), machine.flight()
+    paths = [machine.record(flight), machine.record(flight, columns=("q",))]
+    recordings = [machine.read(path) for path in paths]
+    notes = teach(machine.design, machine.filter, state, recordings).notes
+    assert [note for note in notes if "on trust" in note] == [
+        f"{paths[1]}: it holds no q_ref: that the reference to be flown was flown is taken on trust"
+    ]
+
+
+def test_recordings_with_gaps_or_too_few_samples_or_a_part_are_refused(machine):
+    def refused(change, words):
+        path = machine.record(machine.flight())
+        lines = path.read_text(encoding="utf-8").splitlines()
+        path.write_text("\n".join([lines[0], *change(lines[1:])]) + "\n", encoding="utf-8")
+        with pytest.raises(InputError, match=words):
+            match(machine.read(path), machine.design, machine.filter, [machine.design.motion])
+
+    refused(lambda rows: rows[:100] + rows[110:], "a gap from 0.495 to 0.55 s")
+    refused(lambda rows: rows[::8], "a sample every 0.04 s, expected every 0.024 s")
+    refused(lambda rows: rows[:220], r"has 0.000 to 1.095 s of the motion, .* all of its 1.5 s")
+    refused(lambda rows: rows[:2], "2 samples, expected those of a whole motion")
+
+
+def test_the_command_learns_flight_by_flight(good, refuse, desk):
+    file = "../given/cascade.yaml"
+    changed = ("--set", "plant.deviation.payload_mass=30")
+    good("simulate", file, *changed, "--out", "flight.csv")
+    out = good("learn", file, "--recording", "flight.csv", "--state", "state").out
+    assert "state/reference_02.csv written" in out
+    assert "flight.csv: its q_ref is that of the plan, as `simulate` writes it: that" in out
+    assert "note: with several recordings of a flight" in out
+    assert "RMS error [deg]" in " ".join(out.split()) and "repeats" not in out.split("note:")[0]
+    good("simulate", file, *changed, "--set", "learned=state/reference_02.csv", "--out", "next.csv")
+    again = ("learn", "--recording", "next.csv", "--state", "state")
+    out = good(*again, "--motion", command_line.SHORT_MOTION).out
+    assert "the motion begins 0.00 ms" in out and "best so far: state/reference_02.csv" in out
+    refuse(*again, "--motion", "leans", saying=("--motion leans: is not the motion",))
+    refuse("learn", "--recording", "flight.csv", "--state", "state", late=True, saying=("grown",))
+    state = desk / "state/flight_01.yaml"
+    text = state.read_text(encoding="utf-8")
+    state.write_text(text.replace("floor: []", "floor: [1]"), encoding="utf-8")
+    refuse(*again, late=True, saying=("state/flight_01.yaml: floor: 1 value(s), expected 4",))
+    refuse(*again, "--set", "period=0.004", saying=("--set: state has its scenario",))
+    for option in (("--flights", "2"), ("--all",), ("--out", "x")):
+        refuse(*again, *option, saying=(f"{option[0]}: is for simulated flights",))
+    refuse("learn", "--recording", "flight.csv", saying=("--state: missing",))
+    refuse("learn", "--recording", "flight.csv", "--state", "other", saying=("expected a SCEN",))
+    refuse("learn", file, "--state", "state", saying=("--state: is for --recording",))
+    refuse("learn", file, "--draws", "3", saying=("--draws: is of a study, expected --study",))

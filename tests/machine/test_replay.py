@@ -1,0 +1,237 @@
+"""Recordings replayed: of runs, whose differences are known, and of a real robot."""
+
+import dh
+import numpy as np
+import pytest
+
+from sdt_drake.cli.app import main
+from sdt_drake.io.errors import InputError
+from sdt_drake.machine.recordings import Recorded, read_recording
+from sdt_drake.machine.replay import ALONE, AS_IT_IS, FED, UNFED, _smoothed, replay
+from sdt_drake.motion import Motion
+from sdt_drake.run.scenario import (
+    ControllerChoice,
+    Drive,
+    Friction,
+    PlantChoice,
+    Scenario,
+    save_scenario,
+    with_fields,
+)
+from sdt_drake.run.simulate import simulate
+from sdt_drake.show.reports.replay import replay_findings, tables
+
+CASCADE = {
+    "controller.kind": "p_pi",
+    "controller.structure": "p_in_feedback",
+    "controller.feedforward": "id",
+}
+SPRINGS = {
+    "plant.elasticity.natural_frequency": [60.0, 0.0, 0.0, 0.0],
+    "drive": Drive(period=0.0025),
+}
+
+
+def recorded_run(made, tmp_path, **more):
+    """A run as a file, and read again; `more` columns beside it."""
+    path = tmp_path / "run.csv"
+    simulate(made).to_csv(path)
+    recorded = read_recording(path, made.robot)
+    assert recorded.of_links
+    return Recorded(recorded.path, recorded.time, recorded.signals | more, of_links=True)
+
+
+def replayed(made, recorded, fields=None):
+    return replay(with_fields(made.scenario, fields or {}), recorded, made.nominal)
+
+
+def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(designed, tmp_path):
+    fields = {**CASCADE, **SPRINGS}
+    made = designed("real_device", fields, start=1.0, end=2.0, rest=100)
+    result = replayed(made, recorded_run(made, tmp_path))
+    assert list(result.measured) == ["speed_error", "position_error", "torque"]
+    for name, tolerance in (("speed_error", 1e-9), ("position_error", 1e-9), ("torque", 1e-6)):
+        assert result.recorded_rms(name).min() > 1e3 * tolerance
+        assert result.difference(name).max() < tolerance
+    for case in ("without friction", "with rigid joints", "with ideal drives"):
+        assert result.difference("position_error", case)[0] > 1e-7
+    assert "with the nominal links" not in result.courses and UNFED not in result.courses
+    assert np.isnan(result.due_to_model).all()
+    assert tables(result)[0].rows[-1][0] == "of the difference, controller, drives, springs [%]"
+    torques = {row[0]: row[1] for row in tables(result)[-1].rows}
+    assert torques["difference as the scenario has it"] == ["0"] * 4  # and no round-off
+    result.measured["torque"][:, 2] = 0
+    assert np.isnan(result.explained("torque")).tolist() == [False, False, True, False]
+    result.measured["position_error"][:, 2] = 0
+    assert np.isnan(result.due_to_model).all()  # of a joint that was at rest, too
+
+
+def test_what_differs_in_a_gap_is_not_put_down_to_the_machine(designed, tmp_path):
+    made = designed("coupled_pi", CASCADE, start=1.0, end=2.0)
+    recorded = recorded_run(made, tmp_path)
+    assert not any("gap" in line for line in replay_findings(replayed(made, recorded)))
+    kept = (recorded.time < 0.3) | (recorded.time > 0.5)
+    signals = {name: x[kept] for name, x in recorded.signals.items()}
+    holed = Recorded(recorded.path, recorded.time[kept], signals, of_links=True)
+    (line,) = (line for line in replay_findings(replayed(made, holed)) if "gap" in line)
+    assert line.startswith("The recording has 1 gap(s) in time, the longest 0.21 s at 0.295 s")
+
+
+def test_a_wrong_payload_is_told_from_a_wrong_gain(designed, tmp_path):
+    """By the load that is fed in: it makes good what the plant lacks, and no other gain; wherever
+    the encoders have their zeros."""
+    made = designed("coupled_pi", CASCADE, start=1.0, end=4.0)
+    recorded = recorded_run(made, tmp_path)
+    recorded.signals["q"] += 0.3
+
+    softer = list(made.position_gain / 3)
+    wrong_plant = replayed(made, recorded, {"plant.deviation.payload_mass": 60.0})
+    wrong_gain = replayed(made, recorded, {"controller.position_gain": softer})
+    assert wrong_plant.difference("position_error", "with the nominal links").max() < 1e-6
+    assert wrong_plant.due_to_model[1] > 0.9
+    assert wrong_gain.due_to_model.max() < 0.1
+    off = wrong_plant.difference("torque", ALONE), wrong_gain.difference("torque", ALONE)
+    assert np.all(off[0] < 0.05 * off[1])
+
+
+def test_the_recorded_feedforward_is_used(designed, tmp_path):
+    made = designed("coupled_pi", CASCADE, start=0.0, end=1.0)
+    fed = made.tau_ff * made.robot.gear_ratio
+    recorded = recorded_run(made, tmp_path, tau_ff=fed)
+    result = replayed(made, recorded, {"controller.feedforward": None})
+    assert result.difference("torque", AS_IT_IS).max() < 1e-6
+    assert np.all(result.difference("torque", UNFED) > 0.1)
+    assert "recorded torque feedforward" in replay_findings(result)[0]
+
+
+def test_a_reference_of_speeds_alone_starts_where_the_joints_do(designed, tmp_path):
+    """Gravity and inertias are those of the pose; the offset of a reference that nobody recorded
+    is no news."""
+    made = designed("coupled_pi", start=1.0, end=1.5)
+    v = made.motion.v * np.clip(made.motion.time / 0.2, 0, 1)[:, None]  # from rest
+    motion = Motion.from_speeds(made.motion.period, made.motion.q[0] + [0, 0.8, 0, 0.5], v)
+    made = designed("coupled_pi", motion=motion)
+    recorded = recorded_run(made, tmp_path)
+    del recorded.signals["q_ref"]
+    result = replayed(made, recorded)
+    assert result.difference("torque").max() < 1e-6 and not result.start.any()
+    assert not any("start" in line for line in replay_findings(result))
+    del recorded.signals["q"]
+    result = replayed(made, recorded)
+    assert result.difference("torque").max() > 10
+    assert replay_findings(result)[1].startswith("No positions were recorded")
+
+
+def test_a_feedforward_that_a_controller_cannot_take_is_said_to_be_left_out(designed, tmp_path):
+    made = designed("coupled_pi", {"controller.kind": "inverse_dynamics"}, start=1.0, end=1.2)
+    recorded = recorded_run(made, tmp_path, tau_ff=np.ones_like(made.motion.q))
+    said = replay_findings(replayed(made, recorded))
+    assert "no place for the recorded torque feedforward" in said[1]
+    assert "in place of its own" not in said[0]
+
+
+def test_the_controller_alone_is_its_law_on_the_recorded_motion(designed):
+    """K_P r (v_ref - v) + K_I r (integral of v_ref - q), with the reference held."""
+    fields = {"controller.structure": "pi"}
+    made = designed("coupled_pi", fields, start=1.0, end=1.5)
+    motion, ratio = made.motion, made.robot.gear_ratio
+    q = motion.q + 0.3 - 2e-4 * (1 - np.cos(8 * motion.time))[:, None]
+    v = motion.v - 2e-4 * 8 * np.sin(8 * motion.time)[:, None]
+    signals = {"v_ref": motion.v, "q_ref": motion.q, "q": q, "v": v, "tau": 0 * v}
+    recorded = Recorded("run.csv", 2.0 + motion.time, signals)
+    result = replayed(made, recorded, {"learned": "no such file"})
+    np.testing.assert_allclose(result.start, 0.3)  # an encoder's zero is no error
+    error = q - 0.3 - motion.q
+    np.testing.assert_allclose(result.measured["position_error"], error, atol=1e-9)
+    left = result.courses[AS_IT_IS]["position_error"] - error
+    explained = 1 - np.mean(left**2, axis=0) / np.mean(error**2, axis=0)
+    np.testing.assert_allclose(result.explained("position_error"), explained, rtol=1e-9)
+    held = np.vstack([motion.v[:1], motion.v[:-1]])
+    integral = np.vstack([0 * v[:1], np.cumsum(motion.v[:-1], axis=0) * motion.period])
+    gone = integral - (q - q[0])
+    asked = ratio * (made.gains.kp * (held - v) + made.gains.ki * gone)
+    expected = (asked - asked.mean(axis=0))[1:]
+    found = result.courses[ALONE]["torque"][1:]
+    assert found == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
+    # What the integrals began with, the recording tells, also where it is more than a motor has.
+    recorded.signals["tau"] = recorded.signals["tau"] + 150.0 * ratio
+    result = replayed(made, recorded)
+    assert result.courses[ALONE]["torque"][1:, 1:] == pytest.approx(found[:, 1:] + 150.0)
+    assert np.abs(result.courses[ALONE]["torque"][:, 0]).max() <= made.robot.motor_torque_limit[0]
+
+
+def test_a_motor_that_has_no_more_does_not_make_the_law_another(designed, tmp_path):
+    """Joint 2 saturates; the controller asks for more than it has."""
+    made = designed("axis_pi", end=9.4)
+    assert 0.02 < simulate(made).saturated[:, 1].mean() < 0.5
+    result = replayed(made, recorded_run(made, tmp_path))
+    assert result.difference("torque", ALONE)[1] < 0.01 * result.recorded_rms("torque")[1]
+
+
+def test_nothing_is_said_of_the_law_of_joints_without_a_torque(designed, tmp_path):
+    made = designed("coupled_pi", start=1.0, end=1.5)
+    recorded = recorded_run(made, tmp_path)
+    recorded.signals["tau"][:, 1:3] = 0
+    recorded.signals["tau"][:, 3] *= 0.1
+    said = replay_findings(replayed(made, recorded))
+    assert "would ask joint 4 for" in said[-1]
+
+
+def test_a_load_is_smoothed_in_phase():
+    step = np.repeat([[0.0], [1.0]], 50, axis=0)
+    smooth = _smoothed(step, 0.005)
+    np.testing.assert_allclose(smooth, 1 - smooth[::-1], atol=1e-12)
+    assert 0 < smooth[49, 0] < 0.5 < smooth[50, 0] < 1 and smooth[0, 0] == 0
+
+
+def test_bad_recordings_are_refused(design):
+    time, rest = np.array([0.0, 0.005, 0.01]), np.zeros((3, 4))
+    for signals, said in (
+        ({"q": rest, "tau": rest}, "neither q_ref nor v_ref"),
+        ({"v_ref": rest}, "none of q, v and tau"),
+    ):
+        with pytest.raises(InputError, match=f"a.csv: {said}"):
+            replay(design.scenario, Recorded("a.csv", time, signals), design.robot)
+
+
+@dh.needs_data
+def test_the_kuka_under_the_gains_of_its_data_set(tmp_path, capsys):
+    """Their law is a PI speed loop with both gains on the error. Torques agree by and large; the
+    wrist's errors are far larger than these gains leave, and the controller alone tells why."""
+    table = dh.KUKA_KR300
+    ratio = np.array(table.gear_ratio)
+    speed_gain = np.array([1046.4, 1137.6, 1073.4, 63.12, 68.44, 44.08])
+    friction = Friction(
+        coulomb=list(ratio * [1.6, 2.1, 2.0, 0.62, 0.41, 0.67]),
+        viscous=list(ratio * [7.0, 6.9, 5.3, 0.75, 2.4, 2.5]),
+    )
+    scenario = Scenario(
+        robot=str(table.write(tmp_path)),
+        period=0.004,
+        plant=PlantChoice(kind="coupled", friction=friction),
+        controller=ControllerChoice(
+            structure="pi", kp=list(speed_gain / ratio), ki=list(572.96 / ratio)
+        ),
+    )
+    save_scenario(scenario, tmp_path / "kuka.yaml")
+    (tmp_path / "columns.yaml").write_text(
+        "q: ['q_motor_{k}']\ntau: ['motor_torque_{k}']\ntau_ff: ['motor_feedforward_{k}']\n"
+        "side: motor\n"
+    )
+    lines = (dh.DATA / "kuka_kr300/recording_B.csv").read_text().splitlines()[:801]
+    (tmp_path / "b.csv").write_text("\n".join(lines))
+    arguments = [str(tmp_path / name) for name in ("b.csv", "kuka.yaml")]
+    columns = ["--columns", str(tmp_path / "columns.yaml")]
+    out = tmp_path / "out"
+    assert main(["replay", *arguments, *columns, "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "the recorded torque feedforward in place of its own" in said
+    assert "of the difference, controller and drives [%]" in said
+    assert "would ask joint 4, 5, 6 for a torque that is off" in said
+    assert {path.name for path in out.iterdir()} == {
+        "report.html", "report.md", "replay.csv", "replay.png", "replay.svg",
+    }  # fmt: skip
+    rows = {row.split("  ")[0]: row.split()[-6:] for row in said.splitlines()}
+    del rows["motor torque"][1]  # of the joint with a counterbalance, which this model lacks
+    assert all(float(share) > 40 for share in rows["motor torque"])
+    assert FED in (out / "report.md").read_text()

@@ -1,0 +1,253 @@
+"""The chosen device against calculations by hand: masses, inertias, limits, frequency."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from pydrake.multibody.tree import JacobianWrtVariable
+from test_robot import chain_sdf
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.motion import Motion
+from sdt_drake.robot.deviation import Deviation, deviated
+from sdt_drake.robot.dynamics import effective_inertia, torque_groups
+from sdt_drake.robot.motors import DeviceChoice, chosen_robot, load_catalogue, with_point_mass
+from sdt_drake.robot.robot import edited, load_robot
+from sdt_drake.run.design import make_design
+from sdt_drake.run.scenario import load_scenario
+
+FITTED = ["AC-203", "TM-3950", "TM-2150", "TM-2150"]
+LIGHTER = ["AC-150", "TM-2860", "TM-1430", "TM-716"]
+MASS = {motor.id: motor.mass for motor in load_catalogue().motors}
+ADDED = np.array([MASS[new] - MASS[old] for new, old in zip(LIGHTER, FITTED, strict=True)])
+ARM, PAYLOAD = 2.6, 180.0  # m, kg
+Q = np.random.default_rng(5).uniform(-3, 3, size=(8, 4))  # rad
+
+
+def links(robot, q):
+    """Mass matrix of the links, joint side [kg m²]."""
+    context = robot.plant.CreateDefaultContext()
+    robot.plant.SetPositions(context, q)
+    return robot.plant.CalcMassMatrix(context) - np.diag(robot.reflected_inertia)
+
+
+def total_mass(robot) -> float:
+    return robot.plant.CalcTotalMass(robot.plant.CreateDefaultContext())
+
+
+def points(robot, masses, q):
+    """Mass matrix of points where the joints' axes have their origins: sum of m J^T J."""
+    plant, context = robot.plant, robot.plant.CreateDefaultContext()
+    plant.SetPositions(context, q)
+    world, M = plant.world_frame(), np.zeros((robot.n, robot.n))
+    for name, mass in zip(robot.joint_names, masses, strict=True):
+        frame = plant.GetJointByName(name).frame_on_parent()
+        J = plant.CalcJacobianTranslationalVelocity(
+            context, JacobianWrtVariable.kV, frame, np.zeros(3), world, world
+        )
+        M += mass * J.T @ J
+    return M
+
+
+@pytest.mark.parametrize(
+    "fields, torque, rotor_inertia, gear_ratio",
+    [
+        ({"motors": FITTED, "fitted": FITTED}, [203.2, 3950, 2150, 2150], None, [67.2, 1, 1, 1]),
+        (
+            {"motors": LIGHTER, "fitted": FITTED},
+            [150, 2860, 1430, 716],
+            [0.0953, 0.706, 0.353, 0.177],
+            [67.2, 1, 1, 1],
+        ),
+        ({"gear_ratio": [50, 1, 1, 2]}, [203.2, 3950, 2150, 2150], None, [50, 1, 1, 2]),
+    ],
+    ids=["fitted", "lighter", "gears alone"],
+)
+def test_limits_rotors_and_gears(robot, fields, torque, rotor_inertia, gear_ratio):
+    other = chosen_robot(robot, DeviceChoice(**fields))
+    np.testing.assert_allclose(other.effort_limit, np.multiply(torque, gear_ratio), rtol=1e-15)
+    np.testing.assert_array_equal(other.rotor_inertia, rotor_inertia or robot.rotor_inertia)
+    np.testing.assert_array_equal(other.gear_ratio, gear_ratio)
+    np.testing.assert_array_equal(other.velocity_limit, robot.velocity_limit)
+    if rotor_inertia is None:  # the motors of the SDF
+        assert other.frequency_factor == 1
+        np.testing.assert_array_equal(links(other, Q[0]), links(robot, Q[0]))
+
+
+def test_a_choice_of_nothing_is_the_robot_itself(robot):
+    for choice in (DeviceChoice(), DeviceChoice(motors=[""] * 4), DeviceChoice(fitted=FITTED)):
+        assert chosen_robot(robot, choice) is robot
+
+
+def test_masses_of_the_motors_stand_on_the_inboard_side(robot):
+    """Joint 1 stands on the ground; the others 2.6 m from its axis, on their own axes."""
+    other = chosen_robot(robot, DeviceChoice(motors=LIGHTER, fitted=FITTED))
+    moving = ADDED[1:].sum()
+    assert total_mass(other) == pytest.approx(total_mass(robot) + moving, rel=1e-14)
+    motion = (Q, np.zeros_like(Q), np.zeros_like(Q))
+    d_kk, before = (torque_groups(r, *motion).d_kk for r in (other, robot))
+    by_hand = before + np.array([moving * ARM**2, 0, 0, 0])
+    np.testing.assert_allclose(d_kk, by_hand, rtol=1e-12)
+    i_eff = by_hand / [67.2**2, 1, 1, 1] + [0.0953, 0.706, 0.353, 0.177]
+    np.testing.assert_allclose(effective_inertia(other, d_kk), i_eff, rtol=1e-12)
+    gravity, held = (torque_groups(r, *motion).gravity for r in (other, robot))
+    np.testing.assert_allclose(gravity, held, atol=1e-9)  # the axes meet where the masses are
+
+
+def test_masses_of_the_motors_stand_on_the_axes_of_any_chain(tmp_path):
+    motors = ["AC-270", "TM-2860", "TM-3950", "TM-2860"]
+    path = tmp_path / "robot.sdf"
+    path.write_text(chain_sdf(4, seed=7, base=True))  # skew axes, products of inertia
+    chain = deviated(load_robot(path), Deviation(inertia_scale=1e5))  # heavy: all stay bodies
+    added = [MASS[new] - MASS[old] for new, old in zip(motors, FITTED, strict=True)]
+    other = chosen_robot(chain, DeviceChoice(motors=motors, fitted=FITTED))
+    for q in Q:
+        by_hand = links(chain, q) + points(chain, added, q)
+        np.testing.assert_allclose(links(other, q), by_hand, rtol=1e-10, atol=1e-9)
+
+
+def test_point_mass_by_hand():
+    """A rod of 2 kg and 3 m along x, and 1 kg at its end: centre 0.5 m away."""
+    rod = np.diag([0, 1.5, 1.5])  # m L² / 12
+    mass, com, central = with_point_mass(2.0, np.zeros(3), rod, 1.0, np.array([1.5, 0, 0]))
+    assert mass == 3
+    np.testing.assert_allclose(com, [0.5, 0, 0])
+    end = 1.5 + 2 * 0.5**2 + 1 * 1.0**2
+    np.testing.assert_allclose(central, np.diag([0, end, end]))
+    back = with_point_mass(mass, com, central, -1.0, np.array([1.5, 0, 0]))
+    assert back[0] == 2
+    np.testing.assert_allclose(back[1], 0, atol=1e-15)
+    np.testing.assert_allclose(back[2], rod, atol=1e-15)
+
+
+def test_structure_scales_and_the_payload_does_not(robot):
+    s = 0.7
+    other = chosen_robot(robot, DeviceChoice(structure_scale=s))
+    doubled = deviated(robot, Deviation(payload_mass=PAYLOAD))
+    assert total_mass(other) == pytest.approx(s * (total_mass(robot) - PAYLOAD) + PAYLOAD)
+    for q in Q:
+        payload = links(doubled, q) - links(robot, q)
+        by_hand = s * (links(robot, q) - payload) + payload
+        np.testing.assert_allclose(links(other, q), by_hand, rtol=1e-9, atol=1e-9)
+    np.testing.assert_array_equal(other.effort_limit, robot.effort_limit)
+
+
+def test_motors_are_no_structure(robot):
+    """s (M - m_f) + m: the motors that are kept do not scale."""
+    s, motors = 0.8, ["", "TM-5270", "", "TM-1430"]
+    other = chosen_robot(robot, DeviceChoice(motors, structure_scale=s, fitted=FITTED))
+    fitted, new = MASS["TM-3950"] + 2 * MASS["TM-2150"], MASS["TM-5270"] + 85 + MASS["TM-1430"]
+    by_hand = s * (total_mass(robot) - PAYLOAD - fitted) + PAYLOAD + new
+    assert total_mass(other) == pytest.approx(by_hand, rel=1e-14)
+
+
+@pytest.mark.parametrize("s, p", [(0.7, 1.0), (1.3, 1.0), (1.3, 3.0), (0.7, 0.0)])
+def test_frequency_of_the_structure(robot, s, p):
+    other = chosen_robot(robot, DeviceChoice(structure_scale=s, stiffness_exponent=p))
+    before, after = (links(r, np.zeros(4))[0, 0] for r in (robot, other))
+    payload = PAYLOAD * ARM**2 + 15.8  # kg m², about the arm's axis at q = 0
+    assert after == pytest.approx(s * (before - payload) + payload, rel=1e-12)
+    assert other.frequency_factor == pytest.approx(np.sqrt(s**p * before / after), rel=1e-12)
+    # An edit of it, and a choice after a choice, go on from there.
+    assert edited(other, lambda root: None).frequency_factor == other.frequency_factor
+    again = chosen_robot(other, DeviceChoice(structure_scale=1 / s, stiffness_exponent=p))
+    assert again.frequency_factor == pytest.approx(1, rel=1e-12)
+
+
+REFUSED = [
+    (
+        {"motors": ["AC-203", "TM-999", "", ""], "fitted": FITTED},
+        "device.motors[2]: no motor 'TM-999' in the catalogue, did you mean",
+    ),
+    (
+        {"motors": LIGHTER, "fitted": FITTED, "gear_ratio": [67.2, 2, 1, 1]},
+        "device.gear_ratio[2]: 2, but TM-2860 drives directly, expected 1",
+    ),
+    (
+        {"structure_scale": 2.0, "payload": "seat"},
+        "device.payload: no link 'seat', expected one of arm, roll_frame, pitch_frame, gondola, ",
+    ),
+    (
+        {"structure_scale": 0.01, "fitted": FITTED, "catalogue": "nowhere.yaml"},
+        "nowhere.yaml: no such file",
+    ),
+    ({"catalogue": "nowhere.yaml"}, "nowhere.yaml: no such file"),
+    ({"fitted": ["AC-204", "", "", ""]}, "device.fitted[1]: no motor 'AC-204' in the catalogue"),
+]
+
+
+@pytest.mark.parametrize("values, message", REFUSED, ids=[message[:40] for _, message in REFUSED])
+def test_a_bad_choice_is_refused(robot, values, message):
+    with pytest.raises(InputError, match="^" + re.escape(message)):
+        chosen_robot(robot, DeviceChoice(**values))
+
+
+def test_a_link_lighter_than_its_motor_is_refused(robot):
+    light = deviated(robot, Deviation(link_scales=[1, 0.2, 1, 1, 1]))  # roll_frame: 60 kg
+    with pytest.raises(InputError) as error:
+        chosen_robot(light, DeviceChoice(["", "", "TM-716", ""], fitted=["", "", "TM-5270", ""]))
+    assert str(error.value) == "device: link 'roll_frame' would be left with -90 kg"
+
+
+# --- in a scenario ---------------------------------------------------------------------------
+
+
+def with_device(**values):
+    scenario = load_scenario("package://sdt/scenarios/coupled_pi_ctc.yaml")
+    scenario.device = DeviceChoice(**values)
+    return scenario
+
+
+@pytest.fixture
+def swing(tmp_path) -> str:
+    """A motion of 0.2 s in which all joints turn."""
+    path = tmp_path / "swing.csv"
+    v = 0.02 * np.sin(np.linspace(0, np.pi, 41))[:, None] * np.ones(4)
+    Motion.from_speeds(0.005, np.zeros(4), v).to_csv(path)
+    return str(path)
+
+
+def test_planner_controller_and_plant_know_the_device(robot, swing):
+    scenario = with_device(motors=LIGHTER, structure_scale=0.8, fitted=FITTED)
+    scenario.motion = swing
+    made = make_design(scenario)
+    chosen = chosen_robot(robot, scenario.device)
+    for known in (made.robot, made.nominal, made.model):
+        np.testing.assert_array_equal(known.effort_limit, chosen.effort_limit)
+        assert total_mass(known) == total_mass(chosen)
+    d_kk = torque_groups(chosen, made.motion.q, made.motion.v, made.motion.vd).d_kk
+    i_eff = effective_inertia(chosen, d_kk).max(axis=0)
+    omega_n = 0.5 * 65.991 * chosen.frequency_factor
+    np.testing.assert_allclose(made.gains.ki, omega_n**2 * i_eff, rtol=1e-12)
+    assert chosen.frequency_factor != 1
+
+
+def test_a_robot_that_is_given_is_the_chosen_one(robot, design):
+    scenario = with_device(motors=LIGHTER, structure_scale=0.8, fitted=FITTED)
+    chosen = chosen_robot(robot, scenario.device)
+    made = make_design(scenario, robot=chosen, motion=design.motion)
+    assert made.robot is chosen
+    assert made.variant(scenario).robot is chosen
+
+
+def test_given_gains_are_not_scaled(swing):
+    scenario = with_device(structure_scale=0.8)
+    scenario.controller.omega_r = scenario.controller.zeta = None
+    scenario.controller.kp, scenario.controller.ki = [1.0] * 4, [2.0] * 4
+    scenario.motion = swing
+    np.testing.assert_array_equal(make_design(scenario).gains.ki, 2.0)
+
+
+def test_an_error_of_the_device_names_the_scenario():
+    with pytest.raises(InputError, match=r"^scenario 'coupled_pi_ctc': device\.motors\[1\]: no mo"):
+        make_design(with_device(motors=["x", "", "", ""], fitted=FITTED))
+
+
+def test_omega_ratio_tunes_the_loop(designed):
+    half, quarter = (
+        designed("coupled_pi", {"controller.omega_ratio": ratio}) for ratio in (0.5, 0.25)
+    )
+    np.testing.assert_array_equal(quarter.gains.ki, half.gains.ki / 4)
+    np.testing.assert_allclose(quarter.omega_n, 65.991 / 4, rtol=1e-12)

@@ -1,0 +1,88 @@
+"""The catalogue of motors: what is published, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.robot.motors import DEFAULT_CATALOGUE, load_catalogue
+
+MOTOR = """
+  - id: M1
+    kind: torque motor
+    peak_torque: 100
+    rated_torque: 40
+    rotor_inertia: 0.1
+    n1_rpm: 60
+    n0_rpm: 120
+    mass: 10
+    thermal_time_constant: 180
+    source: illustrative
+"""
+
+
+@pytest.fixture
+def load(tmp_path):
+    def load_text(text: str):
+        path = tmp_path / "motors.yaml"
+        path.write_text(text, encoding="utf-8")
+        return load_catalogue(path)
+
+    return load_text
+
+
+def test_numbers_of_the_paper_are_exact(robot):
+    """Motors of joints 1 to 4: torque, rotor inertia, gear ratio."""
+    catalogue = load_catalogue()
+    motors = [catalogue.motor(id_, "") for id_ in ("AC-203", "TM-3950", "TM-2150", "TM-2150")]
+    assert [m.peak_torque for m in motors] == [203.2, 3950, 2150, 2150]
+    assert [m.rotor_inertia for m in motors] == robot.rotor_inertia.tolist()
+    assert [m.gear_ratio for m in motors] == robot.gear_ratio.tolist() == [67.2, 1, 1, 1]
+    assert all("published" in m.source for m in motors)
+    # Up to their n1 they serve the speed limits of the SDF.
+    n1 = np.array([m.n1 / m.gear_ratio for m in motors])
+    np.testing.assert_allclose(n1, robot.velocity_limit, rtol=1e-4)
+
+
+def test_rpm_become_rad_per_s(load):
+    (motor,) = load("motors:" + MOTOR).motors
+    assert (motor.n1, motor.n0) == pytest.approx((2 * np.pi, 4 * np.pi), rel=1e-15)
+    assert motor.gear_ratio == 1
+
+
+BAD = [
+    ("    rotor_inertia: 0.1\n", "", "motors[1].rotor_inertia: missing, expected a number > 0"),
+    ("    source: illustrative\n", "", "motors[1].source: missing, expected a text"),
+    ("rated_torque: 40", "rated_torque: 101", "motors[1].rated_torque: 101, expected at most p"),
+    ("n0_rpm: 120", "n0_rpm: 60", "motors[1].n0_rpm: 60, expected more than n1_rpm, 60"),
+    ("kind: torque motor", "kind: dc", "motors[1].kind: 'dc', expected one of torque "),
+    ("mass: 10", "gear_ratio: 2\n    mass: 10", "motors[1].gear_ratio: 2, but a torque motor dri"),
+    ("id: M1", "id: ''", "motors[1].id: empty, expected a text"),
+    (MOTOR, MOTOR + MOTOR, "motors[2].id: 'M1' is given twice"),
+    (MOTOR, " []", "motors: empty, expected a list of mappings"),
+    *(
+        (f"{name}: ", f"{name}: -", f"motors[1].{name}: -")
+        for name in ("peak_torque", "rated_torque", "rotor_inertia", "n1_rpm", "n0_rpm", "mass",
+                     "thermal_time_constant")
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("old, new, message", BAD, ids=[case[-1] for case in BAD])
+def test_a_bad_motor_is_refused_with_file_and_field(load, tmp_path, old, new, message):
+    assert old in MOTOR
+    with pytest.raises(InputError) as error:
+        load("motors:" + MOTOR.replace(old, new))
+    (line,) = error.value.args
+    assert line.startswith(f"{tmp_path / 'motors.yaml'}: {message}")
+
+
+def test_an_unknown_motor_is_refused_with_near_ones():
+    catalogue = load_catalogue(DEFAULT_CATALOGUE)
+    with pytest.raises(InputError) as error:
+        catalogue.motor("TM-3590", "device.motors[2]")
+    text = "device.motors[2]: no motor 'TM-3590' in the catalogue, did you mean 'TM-3950' or "
+    assert str(error.value).startswith(text)
+    with pytest.raises(InputError, match=r"expected one of TM-716, .*, AC-270$"):
+        catalogue.motor("x", "device.motors[2]")

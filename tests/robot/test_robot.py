@@ -1,0 +1,364 @@
+"""Loading of robots: the shipped device, any serial chain, and what is refused."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.robot.robot import load_robot
+
+# A planar arm with round numbers. Both joints turn about y; at q = 0 it points along x. Link 1 is
+# 0.8 m long, its centre of mass is at 0.5 m; that of link 2 is 0.3 m from the elbow.
+ARM = """<?xml version="1.0"?>
+<sdf version="1.9" xmlns:drake="http://drake.mit.edu">
+  <model name="arm">
+    <link name="upper">
+      <inertial>
+        <pose>0.5 0 0 0 0 0</pose><mass>4</mass>
+        <inertia><ixx>0.25</ixx><iyy>0.5</iyy><izz>0.6</izz></inertia>
+      </inertial>
+    </link>
+    <link name="lower">
+      <pose relative_to="elbow"/>
+      <inertial>
+        <pose>0.3 0 0 0 0 0</pose><mass>2</mass>
+        <inertia><ixx>0.1</ixx><iyy>0.2</iyy><izz>0.25</izz></inertia>
+      </inertial>
+    </link>
+    <joint name="shoulder" type="revolute">
+      <parent>world</parent><child>upper</child>
+      <axis>
+        <xyz>0 1 0</xyz>
+        <limit><effort>90</effort><velocity>3</velocity><lower>-2</lower><upper>1</upper></limit>
+        <dynamics><damping>0.7</damping></dynamics>
+      </axis>
+      <drake:rotor_inertia>0.01</drake:rotor_inertia>
+      <drake:gear_ratio>10</drake:gear_ratio>
+    </joint>
+    <joint name="elbow" type="revolute">
+      <pose relative_to="upper">0.8 0 0 0 0 0</pose>
+      <parent>upper</parent><child>lower</child>
+      <axis><xyz>0 1 0</xyz><limit><effort>40</effort></limit></axis>
+    </joint>
+  </model>
+</sdf>
+"""
+
+
+def chain_sdf(n: int, *, seed: int = 0, base: bool = False, rotor_inertia: float = 0.01) -> str:
+    """A random chain of n joints, declared in no order, with products of inertia and damping.
+
+    Joint k = 1..n: effort 100 k, rotor inertia k `rotor_inertia`, gear ratio 2, damping 0.1 k. With
+    `base`, the first joint stands on a link that is welded to the world.
+    """
+    rng = np.random.default_rng(seed)
+    parts = []
+    for k, name in enumerate(chain_names(n), start=1):
+        parent = ("base" if base else "world") if k == 1 else f"link_{k - 1}"
+        frame = "__model__" if parent == "world" else parent
+        # Four masses of 1.5 kg: an inertia that a body can have.
+        r = rng.normal(scale=0.3, size=(4, 3))
+        com = r.mean(axis=0)
+        r -= com
+        I = 1.5 * (np.sum(r**2) * np.eye(3) - r.T @ r)  # noqa: E741
+        moments = "".join(
+            f"<i{a}{b}>{float(I[i, j])!r}</i{a}{b}>"
+            for i, a in enumerate("xyz")
+            for j, b in enumerate("xyz")
+            if i <= j
+        )
+        parts.append(
+            f'<link name="link_{k}"><pose relative_to="{name}"/><inertial><mass>6</mass>'
+            f"<pose>{_text(com)} 0 0 0</pose><inertia>{moments}</inertia></inertial></link>"
+        )
+        parts.append(
+            f'<joint name="{name}" type="revolute">'
+            f'<pose relative_to="{frame}">{_text(rng.uniform(-0.5, 0.5, size=6))}</pose>'
+            f"<parent>{parent}</parent><child>link_{k}</child>"
+            f"<axis><xyz>{_text(rng.normal(size=3))}</xyz><limit><effort>{100 * k}</effort></limit>"
+            f"<dynamics><damping>{0.1 * k}</damping></dynamics></axis>"
+            f"<drake:rotor_inertia>{k * rotor_inertia}</drake:rotor_inertia>"
+            "<drake:gear_ratio>2</drake:gear_ratio></joint>"
+        )
+    if base:
+        parts.append(
+            '<link name="base"><inertial><mass>9</mass><inertia><ixx>1</ixx><iyy>1</iyy>'
+            "<izz>1</izz></inertia></inertial></link>"
+        )
+        parts.append(
+            '<joint name="anchor" type="fixed"><parent>world</parent><child>base</child></joint>'
+        )
+    rng.shuffle(parts)
+    return (
+        '<sdf version="1.9" xmlns:drake="http://drake.mit.edu"><model name="chain">'
+        + "".join(parts)
+        + "</model></sdf>"
+    )
+
+
+def chain_names(n: int) -> tuple[str, ...]:
+    """Joints of `chain_sdf`, base to tip: the alphabet would have them the other way round."""
+    return tuple(f"joint_{chr(ord('z') - k)}" for k in range(n))
+
+
+def _text(values) -> str:
+    return " ".join(map(repr, map(float, values)))
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write the text of an SDF; gives its path."""
+
+    def write_sdf(text: str, name: str = "robot.sdf"):
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write_sdf
+
+
+# --- the shipped device ----------------------------------------------------------------------
+
+
+def test_shipped_motors_and_limits_are_the_published_ones(robot):
+    assert robot.name == "sdt"
+    assert robot.n == 4
+    assert robot.joint_names == ("planetary", "roll", "pitch", "yaw")
+    np.testing.assert_allclose(robot.effort_limit, [13655.04, 3950, 2150, 2150], rtol=1e-12)
+    np.testing.assert_allclose(robot.motor_torque_limit, [203.2, 3950, 2150, 2150], rtol=1e-12)
+    np.testing.assert_array_equal(robot.gear_ratio, [67.2, 1, 1, 1])
+    np.testing.assert_array_equal(robot.rotor_inertia, [0.1291, 1.73, 0.531, 0.531])
+    np.testing.assert_allclose(
+        robot.reflected_inertia, [67.2**2 * 0.1291, 1.73, 0.531, 0.531], rtol=1e-12
+    )
+    rpm = 2 * np.pi / 60
+    np.testing.assert_allclose(
+        robot.velocity_limit, [2000 / 67.2 * rpm, 45 * rpm, 60 * rpm, 60 * rpm], rtol=2e-5
+    )
+    np.testing.assert_array_equal(robot.position_lower, [-np.inf] * 4)
+    np.testing.assert_array_equal(robot.position_upper, [np.inf] * 4)
+    np.testing.assert_array_equal(robot.damping, np.zeros(4))
+    np.testing.assert_allclose(robot.plant.gravity_field().gravity_vector(), [0, 0, -9.81])
+
+
+@pytest.mark.parametrize(
+    "links, mass, com, moments",
+    [
+        (["arm"], 5600, [0.4, 0, 0], [1500, 8000, 9067.5]),
+        (["roll_frame"], 300, [0, 0, -0.18373], [95, 9, 95]),
+        (["pitch_frame"], 340, [0, 0, -0.18373], [533.8, 9, 535.8]),
+        (["gondola", "payload"], 370, [0, 0, -0.18373], [238, 13, 249.749]),
+    ],
+)
+def test_shipped_links_have_the_calibrated_inertia(robot, links, mass, com, moments):
+    plant = robot.plant
+    bodies = [plant.GetBodyByName(name) for name in links]
+    total = plant.CalcSpatialInertia(
+        plant.CreateDefaultContext(), bodies[0].body_frame(), [b.index() for b in bodies]
+    )
+    assert total.get_mass() == pytest.approx(mass, rel=1e-12)
+    np.testing.assert_allclose(total.get_com(), com, atol=1e-12)
+    central = total.Shift(total.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
+    np.testing.assert_allclose(central, np.diag(moments), atol=1e-9)
+
+
+def test_plant_passes_any_torque_on_and_is_copied(robot):
+    assert robot.make_plant() is not robot.plant
+    plant, context = robot.plant, robot.plant.CreateDefaultContext()
+    torque = 50 * robot.effort_limit
+    plant.get_actuation_input_port().FixValue(context, torque)
+    np.testing.assert_array_equal(plant.get_net_actuation_output_port().Eval(context), torque)
+
+
+# --- any serial chain ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("base", [False, True])
+@pytest.mark.parametrize("n", [1, 2, 7])
+def test_any_chain_loads_with_states_and_actuators_from_base_to_tip(write, n, base):
+    robot = load_robot(write(chain_sdf(n, seed=n, base=base, rotor_inertia=1e6)))
+    k = np.arange(1, n + 1)
+    assert robot.joint_names == chain_names(n)
+    np.testing.assert_allclose(robot.effort_limit, 100 * k)
+    np.testing.assert_allclose(robot.rotor_inertia, 1e6 * k)
+    np.testing.assert_allclose(robot.reflected_inertia, 4e6 * k)
+    np.testing.assert_allclose(robot.damping, 0.1 * k)
+    plant = robot.plant
+    context = plant.CreateDefaultContext()
+    # Velocity k is that of joint k: the motor of joint k outweighs the links by far.
+    M = plant.CalcMassMatrix(context)
+    np.testing.assert_allclose(M.diagonal() / 4e6, k, rtol=1e-3)
+    np.testing.assert_array_equal(plant.MakeActuationMatrix(), np.eye(n))
+    # Position k is that of joint k.
+    for i, name in enumerate(robot.joint_names):
+        plant.SetPositions(context, np.eye(n)[i])
+        assert plant.GetJointByName(name).get_angle(context) == 1
+
+
+def test_values_of_an_sdf_reach_the_robot(write):
+    limit = "<effort>40</effort><drake:acceleration>2.5</drake:acceleration>"
+    limit += "<lower>-1e16</lower><upper>1e+16</upper>"  # so say many files: none
+    path = write(ARM.replace("<effort>40</effort>", limit))
+    robot = load_robot(str(path))
+    assert (robot.name, robot.path, robot.joint_names) == ("arm", path, ("shoulder", "elbow"))
+    np.testing.assert_array_equal(robot.effort_limit, [90, 40])
+    np.testing.assert_array_equal(robot.velocity_limit, [3, np.inf])
+    np.testing.assert_array_equal(robot.acceleration_limit, [np.inf, 2.5])
+    np.testing.assert_array_equal(robot.position_lower, [-2, -np.inf])
+    np.testing.assert_array_equal(robot.position_upper, [1, np.inf])
+    np.testing.assert_array_equal(robot.damping, [0.7, 0])
+    np.testing.assert_array_equal(robot.gear_ratio, [10, 1])
+    np.testing.assert_array_equal(robot.rotor_inertia, [0.01, 0])
+
+
+# --- what is refused -------------------------------------------------------------------------
+
+_UPPER, _LOWER = r"link 'upper': ", r"link 'lower': "
+_SHOULDER, _ELBOW = r"joint 'shoulder': ", r"joint 'elbow': "
+_ELBOW_LIMIT = "<limit><effort>40</effort></limit>"
+_LOWER_INERTIAL = ARM[ARM.rindex("<inertial>") : ARM.rindex("</link>")]
+_THIRD_LINK = f'<link name="third"><pose relative_to="elbow"/>{_LOWER_INERTIAL}</link>'
+_END = "</model>"
+
+
+BAD = [
+    # Masses and inertias that Drake would fill in or replace.
+    ("<izz>0.6", "<izz>0.76", _UPPER + r".*triangle inequality.* 0\.25 \+ 0\.5 < 0\.76"),
+    ("<ixx>0.1<", "<ixy>0.3</ixy><ixx>0.1<", _LOWER + r".*principal moment -0\.154"),
+    (_LOWER_INERTIAL, "", _LOWER + "no <mass>"),
+    ("<mass>2</mass>", "", _LOWER + "no <mass>"),
+    ("<ixx>0.1</ixx>", "", _LOWER + "no <ixx>"),
+    ("<mass>4", "<mass>0", _UPPER + "<inertia> without <mass>"),
+    ("<mass>4", "<mass>-4", _UPPER + "<mass> -4 kg"),
+    ("<mass>4", "<mass>NaN", _UPPER + "<mass> is 'NaN'"),
+    # Numbers that Drake would take up to some letter, or of which it would take the first.
+    ("<effort>40", "<effort>4_0", _ELBOW + "<effort> is '4_0', expected a number"),
+    ("<effort>40", "<effort>\uff14\uff10", _ELBOW + "<effort> is '\uff14\uff10'"),
+    ("<effort>40", "<effort>4 0", _ELBOW + "<effort> is '4 0'"),
+    ("<effort>40", "<effort>4<b/>0", _ELBOW + "<effort> is '4'"),
+    ("<effort>40", "<effort>1e400", _ELBOW + "<effort> is '1e400'"),
+    ("<effort>40", "<effort>" + 10**6 * "4", _ELBOW + r"<effort> is '4{40}\.\.\.'"),
+    ("<pose>0.3 0", "<pose>0,3 0", _LOWER + "<pose> is '0,3 0 0 0 0 0', expected 6 or 7 numbers"),
+    ("0 1 0", "0 1 0 9", "<xyz> is '0 1 0 9', expected 3 numbers"),
+    ("<mass>2</mass>", "<mass>2</mass><mass>3</mass>", _LOWER + "<mass> more than once"),
+    ("<effort>40<", "<effort>40</effort><effort>4<", _ELBOW + "<effort> more than once"),
+    ("<axis><xyz>", "<axis><drake:gear_ratio>2</drake:gear_ratio><xyz>", "<gear_ratio> in <axis>"),
+    ("drake:gear_ratio", "drake:gear_ration", "<gear_ration> .* did you mean 'drake:gear_ratio'"),
+    # Names.
+    ("elbow", 10**5 * "e", r"<joint> has the name 'e{40}\.\.\.', expected 1 to 100"),
+    ('"lower"', '"a&#10;b"', r"<link> has the name 'a\\nb', expected"),
+    ("<child>lower", "<child>" + 10**5 * "e", "Child frame"),
+    # Versions.
+    ('version="1.9"', 'version="one"', "<sdf version='one'>, expected"),
+    (' version="1.9"', "", "<sdf version=''>, expected"),
+    ('version="1.9"', 'version="1.99"', "SDF version"),
+    # Joints.
+    ("<damping>", "<friction>0.2</friction><damping>", _SHOULDER + "<friction> 0.2"),
+    ("<damping>", "<spring_stiffness>5</spring_stiffness><damping>", _SHOULDER + "<spring_stiff"),
+    ("<velocity>3", "<velocity>0", _SHOULDER + "<velocity> 0, expected a number > 0"),
+    ('elbow" type="revolute"', 'elbow" type="prismatic"', "joint 'elbow' is prismatic"),
+    (
+        _END,
+        _THIRD_LINK
+        + ARM[ARM.index('<joint name="elbow"') : ARM.index(_END)]
+        .replace('"elbow"', '"wrist"')
+        .replace("lower", "third")
+        + _END,
+        "branches at joints 'elbow', 'wrist'",
+    ),
+    ("<parent>world", "<parent>third", "third"),
+    (_END, _THIRD_LINK + _END, r"1 link\(s\) are not connected to the world"),
+    ("revolute", "fixed", "no revolute joint"),
+    *(
+        (f"<{tag}>{value}<", f"<{tag}>nan<", rf"{_SHOULDER}<(drake:)?{tag[-12:]}> is 'nan'")
+        for tag, value in (("damping", 0.7), ("velocity", 3), ("lower", -2))
+    ),
+    (
+        "<velocity>3<",
+        "<drake:acceleration>-1</drake:acceleration><velocity>3<",
+        _SHOULDER + "<acceleration> -1, expected a number > 0",
+    ),
+    # Forces that no torque group holds, and elements without effect.
+    (_END, "<drake:linear_bushing_rpy/></model>", "<linear_bushing_rpy> in <model> is not supp"),
+    (_END, "<drake:ball_constraint/></model>", "<ball_constraint> in <model> is not supported"),
+    ("</limit></axis>", '</limit><mimic joint="shoulder"/></axis>', _ELBOW + "<mimic> in <axis>"),
+    ("<drake:gear_ratio>", '<drake:controller_gains p="9" d="1"/><drake:gear_ratio>', _SHOULDER),
+    # Motors.
+    (_ELBOW_LIMIT, "", _ELBOW + "actuator effort limit inf N m, expected a finite <effort> > 0"),
+    ("<effort>40", "<effort>inf", _ELBOW + "actuator effort limit inf"),
+    ("<effort>40", "<effort>0", _ELBOW + "actuator effort limit 0"),
+    ("inertia>0.01", "inertia>-0.01", _SHOULDER + r"rotor inertia -0\.01"),
+    ("ratio>10", "ratio>0", _SHOULDER + "gear ratio 0"),
+    ('<link name="lower">', '<link name="lower"><gravity>false</gravity>', "gravity: false"),
+    ("drake:rotor_inertia", "rotor_inertia", _SHOULDER + ".*did you mean 'drake:rotor_inertia'"),
+    # Files.
+    (ARM, "robot", "not well-formed XML"),
+    (
+        _END,
+        "<include><uri>package://sdt/sdt.sdf</uri></include></model>",
+        "<include> in <model> is not supported",
+    ),
+    ("<sdf", "<!DOCTYPE sdf><sdf", "<!DOCTYPE> is not supported"),
+    ("<mass>2", 100 * "<a>" + 100 * "</a>" + "<mass>2", "more than 50 elements within"),
+    ("</sdf>", '<model name="two"/></sdf>', "2 models, expected one"),
+    (_END, '<link name="upper"/></model>', "link 'upper' more than once"),
+    ("<child>lower", "<child>nothing", "nothing"),
+]
+
+
+@pytest.mark.parametrize("old, new, message", BAD, ids=[case[-1] for case in BAD])
+def test_a_bad_sdf_is_refused_with_file_place_and_number(write, old, new, message):
+    _check_refused(write, ARM.replace(old, new), message)
+
+
+def _check_refused(write, text: str, message: str) -> None:
+    assert text != ARM
+    path = write(text, "bad.sdf")
+    with pytest.raises(InputError, match=f"^{re.escape(str(path))}: .*{message}") as error:
+        load_robot(path)
+    assert "\n" not in str(error.value) and len(str(error.value)) < 600
+
+
+@pytest.mark.parametrize("text", ["4<!-- a -->0", "4<![CDATA[0]]>", "&#52;0", "<?a b?>40"])
+def test_a_number_is_what_xml_says_it_is(write, text):
+    robot = load_robot(write(ARM.replace("<effort>40", f"<effort>{text}")))
+    assert robot.effort_limit[1] == 40
+
+
+_NO_BODY = "<mass>0</mass><inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia></inertial>"
+
+
+def test_a_link_without_mass_is_accepted_with_a_note_where_others_have_some(write, caplog):
+    start, end = ARM.index("<mass>"), ARM.index("</inertial>") + len("</inertial>")
+    robot = load_robot(write(ARM[:start] + _NO_BODY + ARM[end:]))
+    assert [r.getMessage() for r in caplog.records] == [
+        f"{robot.path}: accepted without mass: upper"
+    ]
+    # Link 2 alone, at 0.3 m from the elbow and 1.1 m from the shoulder, and the rotor.
+    M = robot.plant.CalcMassMatrix(robot.plant.CreateDefaultContext())
+    elbow = 0.2 + 2 * 0.3**2
+    np.testing.assert_allclose(M, [[0.2 + 2 * 1.1**2 + 1, 0.2 + 2 * 0.3 * 1.1], [M[0, 1], elbow]])
+
+
+def test_a_link_without_mass_that_nothing_makes_up_for_is_refused(write):
+    text = ARM.replace(_LOWER_INERTIAL, f"<inertial>{_NO_BODY}")
+    _check_refused(write, text, _ELBOW + r"inertia about its axis 0 kg m².* 'shoulder' is 2\.5 kg")
+
+
+@pytest.mark.parametrize(
+    "reference, message",
+    [
+        ("nowhere.sdf", r"^nowhere\.sdf: no such file"),
+        ("package://sdt/nothing.sdf", r"nothing\.sdf: no such file; shipped: .*sdt\.sdf"),
+        ("package://sdt/motions/reference.yaml", r"reference\.yaml: expected an \.sdf or \.urdf"),
+        ("binary.sdf", r"binary\.sdf: not well-formed XML"),
+    ],
+)
+def test_a_file_that_is_no_sdf_is_refused(tmp_path, monkeypatch, reference, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "binary.sdf").write_bytes(b"\xff\xfe\x00\x01")
+    with pytest.raises(InputError, match=message):
+        load_robot(reference)

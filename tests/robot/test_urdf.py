@@ -1,0 +1,165 @@
+"""A URDF is the robot of the SDF that says the same; what it cannot say is refused."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from pydrake.math import RollPitchYaw
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from test_robot import ARM
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.robot.robot import load_robot
+
+# The arm of test_robot.py.
+URDF = """<?xml version="1.0"?>
+<robot name="arm" xmlns:drake="http://drake.mit.edu">
+  <material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>
+  <link name="base"/>
+  <link name="upper">
+    <inertial>
+      <origin xyz="0.5 0 0" rpy="0 0 0"/><mass value="4"/>
+      <inertia ixx="0.25" iyy="0.5" izz="0.6" ixy="0" ixz="0" iyz="0"/>
+    </inertial>
+  </link>
+  <link name="lower">
+    <inertial>
+      <origin xyz="0.3 0 0"/><mass value="2"/><inertia ixx="0.1" iyy="0.2" izz="0.25"/>
+    </inertial>
+  </link>
+  <joint name="shoulder" type="revolute">
+    <parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit effort="90" velocity="3" lower="-2" upper="1"/><dynamics damping="0.7"/>
+    <safety_controller k_velocity="9"/>
+  </joint>
+  <joint name="elbow" type="continuous">
+    <origin xyz="0.8 0 0"/><parent link="upper"/><child link="lower"/><axis xyz="0 1 0"/>
+    <limit effort="40"/>
+  </joint>
+  <transmission name="drive">
+    <robotNamespace>/arm</robotNamespace>
+    <type>transmission_interface/SimpleTransmission</type>
+    <joint name="shoulder"><hardwareInterface>effort</hardwareInterface></joint>
+    <actuator name="motor">
+      <drake:rotor_inertia value="0.01"/><mechanicalReduction>10</mechanicalReduction>
+    </actuator>
+  </transmission>
+  <gazebo reference="upper"><mu1>0.2</mu1></gazebo>
+</robot>
+"""
+
+FIELDS = ("joint_names", "rotor_inertia", "gear_ratio", "effort_limit", "velocity_limit")
+FIELDS += ("acceleration_limit", "position_lower", "position_upper", "damping")
+
+
+@pytest.fixture
+def load(tmp_path):
+    def load_text(text: str, name: str = "arm.urdf"):
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return load_robot(path)
+
+    return load_text
+
+
+def dynamics(plant, q):
+    """Mass matrix and gravity torques, joint side."""
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, q)
+    return plant.CalcMassMatrix(context), plant.CalcGravityGeneralizedForces(context)
+
+
+def check_same(one, other):
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    for q in np.random.default_rng(0).uniform(-3, 3, (5, one.n)):
+        for a, b in zip(dynamics(one.plant, q), dynamics(other.plant, q), strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
+
+
+def test_a_urdf_is_the_robot_of_the_sdf_that_says_the_same(load):
+    check_same(load(URDF), load(ARM, "arm.sdf"))
+
+
+def test_places_and_turned_inertias_are_those_of_drakes_own_reader(load):
+    text = URDF
+    for old, new in (
+        ('<origin xyz="0.8 0 0"/>', '<origin xyz="0.8 0.1 -0.2" rpy="0.3 -0.5 1.1"/>'),
+        ('<origin xyz="0.5 0 0" rpy="0 0 0"/>', '<origin xyz="0.5 0.1 0" rpy="0.4 -0.3 0.9"/>'),
+        ('ixy="0" ixz="0" iyz="0"', 'ixy="0.02" ixz="-0.01" iyz="0.03"'),
+        ('<link name="lower">', '<link name="world"/><link name="lower">'),
+        ('<link name="base"/>', ""),
+        ('link="base"', 'link="world"'),
+        ('<axis xyz="0 1 0"/>\n    <limit effort="40"/>', '<limit effort="40"/>'),  # along x
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    robot, plant = load(text), MultibodyPlant(0.0)
+    Parser(plant).AddModelsFromString(
+        text.replace('inertia value="0.01"', 'inertia value="0"'), "urdf"
+    )
+    plant.Finalize()
+    rotors = np.diag(robot.reflected_inertia)
+    for q in np.random.default_rng(1).uniform(-3, 3, (5, 2)):
+        (M, gravity), (M_drake, gravity_drake) = dynamics(robot.plant, q), dynamics(plant, q)
+        np.testing.assert_allclose(M, M_drake + rotors, rtol=1e-12)
+        np.testing.assert_allclose(gravity, gravity_drake, rtol=1e-12, atol=1e-12)
+
+
+def test_the_world_need_not_be_a_link(load):
+    text = URDF.replace('<link name="base"/>', "").replace('link="base"', 'link="world"')
+    check_same(load(text), load(URDF))
+
+
+def test_inertia_of_the_root_does_not_matter(load):
+    odd = "<inertial><mass value='0'/><inertia ixx='0.05' iyy='0.06' izz='0.03'/></inertial>"
+    text = URDF.replace('<link name="base"/>', f'<link name="base">{odd}</link>')
+    check_same(load(text), load(URDF))
+
+
+def test_frames_and_links_without_mass_are_read(load):
+    more = (
+        "<link name='tool'/><joint name='flange' type='fixed'><parent link='lower'/>"
+        "<child link='tool'/><origin xyz='1 0 0'/></joint>"
+        "<frame name='head' link='tool' xyz='0 2 0' rpy='0 0 1'/></robot>"
+    )
+    plant = load(URDF.replace("</robot>", more)).plant
+    X = plant.GetFrameByName("head").CalcPoseInWorld(plant.CreateDefaultContext())
+    np.testing.assert_allclose(X.translation(), [1.8, 2, 0], atol=1e-15)
+    np.testing.assert_allclose(RollPitchYaw(X.rotation()).vector(), [0, 0, 1], atol=1e-15)
+
+
+_SHOULDER, _ELBOW = "joint 'shoulder'.*", "joint 'elbow'.*"
+_LOWER_BODY = URDF[URDF.rindex("<inertial>") : URDF.rindex("</inertial>") + len("</inertial>")]
+
+BAD = [
+    ('effort="40"', 'effort="4_0"', _ELBOW + "<effort> is '4_0', expected a number"),
+    ('xyz="0.8 0 0"', 'xyz="0.8 0"', _ELBOW + "xyz or rpy is '0.8 0', expected 3 numbers"),
+    ('xyz="0.3 0 0"', 'xyz="0.3 0 0" quat="1 0 0 0"', "link 'lower': quat of <origin>"),
+    ('value="2"/>', 'value="2"/><mass value="3"/>', "link 'lower': <mass> more than once"),
+    (_LOWER_BODY, "", "link 'lower': no <inertial>"),
+    ("<dynamics", '<mimic joint="elbow"/><dynamics', _SHOULDER + "<mimic> in <joint>"),
+    ('<limit effort="40"/>', '<limit effort="40" lower="1"/>', _ELBOW + "lower and upper"),
+    ('lower="-2" ', "", _SHOULDER + "lower and upper"),
+    ('"continuous"', '"prismatic"', _ELBOW + "is prismatic, expected revolute, continuous, fixed"),
+    ("SimpleTrans", "FourBarTrans", "transmission 'drive': type 'transmission_interface/FourBar"),
+    ('<joint name="shoulder">', '<joint name="knee">', "joint 'knee', which is not there"),
+    ("<mech", '<drake:gear_ratio value="2"/><mech', _SHOULDER + "<drake:gear_ratio> more than"),
+    ('<link name="base"/>', '<link name="base"/><xacro:macro/>', "<xacro:macro> in <robot>"),
+    ('<parent link="upper"/>', '<parent link="nothing"/>', "nothing"),
+    ('<link name="base"/>', '<link name="base"/><link name="b"/>', "2 links that no joint carries"),
+    ("rotor_inertia", "rotor_intertia", "<drake:rotor_intertia> in <actuator> .* did you mean"),
+    ("robot", "sdf", "<sdf> is not <robot>"),
+]
+
+
+@pytest.mark.parametrize("old, new, message", BAD, ids=[case[-1] for case in BAD])
+def test_a_bad_urdf_is_refused_with_file_and_place(load, tmp_path, old, new, message):
+    assert old in URDF
+    where = re.escape(str(tmp_path / "arm.urdf"))
+    with pytest.raises(InputError, match=f"^{where}: .*{message}") as error:
+        load(URDF.replace(old, new))
+    assert "\n" not in str(error.value) and len(str(error.value)) < 600

@@ -1,0 +1,224 @@
+"""The controllers alone: what they tell of themselves, and their systems against it."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from alone import Alone
+from pydrake.systems.framework import LeafSystem
+
+from sdt_drake.analysis.comparison import compare, with_controller
+from sdt_drake.analysis.linear import linear_feedback
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.fields import check
+from sdt_drake.run.controllers import (
+    CONTROLLERS,
+    Controller,
+    Pi,
+    make_controller,
+    register_controller,
+)
+from sdt_drake.run.scenario import PLANTS
+from sdt_drake.systems.gains import FEEDFORWARDS, STRUCTURES
+
+# --- what they tell --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_words_are_known(designed, name):
+    kind = CONTROLLERS[name]
+    assert kind.feedforward in FEEDFORWARDS
+    assert kind.structure is None or kind.structure in STRUCTURES
+    assert kind.plants and set(kind.plants) <= set(PLANTS)
+    assert set(kind.options) <= set(Controller.OPTIONS)
+    assert kind.needs
+    design = designed("coupled_pi", {"controller.kind": name}, end=0.1)
+    assert len(kind.in_words(design)) > len(kind.__name__)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("feedforward", FEEDFORWARDS)
+def test_better_feedforward_needs_more(name, feedforward):
+    needs, none = CONTROLLERS[name].needs_with(feedforward), CONTROLLERS[name].needs
+    assert needs[: len(none)] == none
+    more = FEEDFORWARDS.index(feedforward)  # nothing, the links, the links and the motors
+    assert len(needs) == len(none) + more
+    assert ("motors' inertia" in needs[len(none) :]) == (feedforward == "id")
+
+
+# --- one's own -------------------------------------------------------------------------------
+
+
+class Mine(Pi):
+    """A PI speed controller that takes a feedforward."""
+
+    plants = ("coupled",)
+    options = ("feedforward",)
+
+
+def test_a_registered_controller_is_known_to_scenarios_and_comparisons(designed):
+    base = designed("coupled_pi", end=0.2)
+    with pytest.raises(InputError, match=r"controllers: 'mine', expected one of pi, "):
+        compare(base, ["mine"])
+    register_controller("mine", Mine)
+    register_controller("mine", Mine)  # of a file that is run once more
+    plain, fed, of_pi = compare(base, ["mine", "mine+id", "pi"])
+    np.testing.assert_array_equal(plain.recording.v, of_pi.recording.v)
+    assert plain.needs == of_pi.needs and len(fed.needs) > len(of_pi.needs)
+    assert not np.array_equal(fed.recording.v, plain.recording.v)
+
+    scenario = with_controller(base.scenario, "mine")
+    check(scenario)
+    scenario.controller.anti_windup = True
+    with pytest.raises(InputError, match=r"controller\.anti_windup: mine takes none, only pi, "):
+        check(scenario)
+    scenario = copy.deepcopy(designed("axis_pi", end=0.1).scenario)
+    scenario.controller.kind = "mine"
+    with pytest.raises(InputError, match=r"^controller\.kind: mine needs plant\.kind coupled$"):
+        check(scenario)
+
+
+@pytest.mark.parametrize(
+    ("name", "controller", "message"),
+    [
+        ("", Mine, "expected a name of letters"),
+        ("a+b", Mine, "expected a name of letters"),
+        ("1st", Mine, "expected a name of letters"),
+        (None, Mine, "expected a name of letters"),
+        ("pi", Mine, "'pi': ships with the package"),
+        ("mine", LeafSystem, "expected a class that derives"),
+        ("mine", Mine.__init__, "expected a class that derives"),
+        ("mine", "Mine", "expected a class that derives"),
+    ],
+)
+def test_bad_registrations_are_refused(name, controller, message):
+    before = dict(CONTROLLERS)
+    with pytest.raises(InputError, match=message):
+        register_controller(name, controller)
+    assert before == CONTROLLERS
+
+
+# --- systems ---------------------------------------------------------------------------------
+
+WIRED = [
+    ("pi", {}),
+    ("pi", {"structure": "pi"}),
+    ("pi_ctc", {}),
+    ("pi_id", {}),
+    ("p_pi", {}),
+    ("p_pi", {"feedforward": "id", "position_gain": [2.0, 3.0, 4.0, 5.0]}),
+    ("pi_scheduled", {}),
+    ("pi_scheduled", {"feedforward": "ctc", "structure": "pi"}),
+]
+
+
+class Commanding(Alone):
+    """A continuous controller's system, at a sample of its motion."""
+
+    def __init__(self, design, i):
+        super().__init__(make_controller(design))
+        self.context.SetTime(i * design.motion.period)
+        held, loads = design.reference, design.loads._asdict()
+        self.give(**{name: torque[i] for name, torque in loads.items()})
+        self.give(reference=[*held.q[i], *held.v[i], *held.vd[i]])
+
+    def give(self, **inputs):
+        super().give(**{k: v for k, v in inputs.items() if self.system.HasInputPort(k)})
+
+    def command(self, q, v, integral=None):
+        unread = np.full(4, 1e9)  # by any controller
+        self.give(state=[*unread, *v], sampled_state=[*q, *unread])
+        if self.context.num_discrete_state_groups():  # the tables
+            self.sample()
+        if integral is not None:
+            self.context.SetContinuousState(integral)
+        return self.output("tau_cmd")
+
+
+@pytest.mark.parametrize(("kind", "choices"), WIRED, ids=str)
+def test_memoryless_and_integral_are_those_of_the_system(designed, kind, choices):
+    fields = {"controller.kind": kind} | {f"controller.{k}": v for k, v in choices.items()}
+    design = designed("coupled_pi", fields, start=2.0, end=3.0)
+    rng = np.random.default_rng(3)
+    for i in (0, 7, 199):
+        wired = Commanding(design, i)
+        states = wired.context.num_continuous_states()
+        q, v = design.motion.q[i] + rng.normal(size=4), rng.normal(size=4)
+        at, controller = np.array([i]), wired.system
+        assert not controller.is_sampled
+        command = wired.command(q, v, np.zeros(states))
+        measured = np.where(np.arange(len(design.motion.q))[:, None] == i, q, np.nan)
+        told = controller.memoryless(at, at, measured, v[None])[0]
+        np.testing.assert_allclose(command, told, rtol=1e-9, atol=1e-6)
+        # What the integral adds in a time is proportional to how much too slow the joint is.
+        faster, rates = 0.1 * rng.normal(size=4), []
+        for speed in (v, v + faster):
+            wired.command(q, speed)
+            rates.append(wired.system.EvalTimeDerivatives(wired.context).CopyToVector())
+        added = wired.command(q, v, rates[0] - rates[1]) - command
+        expected = controller.integral_gain(at) * faster
+        np.testing.assert_allclose(added, np.ravel(expected), rtol=1e-9, atol=1e-6)
+
+
+@pytest.mark.parametrize(("kind", "choices"), WIRED, ids=str)
+def test_starts_with_a_command_on_the_reference(designed, kind, choices):
+    fields = {"controller.kind": kind} | {f"controller.{k}": v for k, v in choices.items()}
+    design = designed("coupled_pi", fields, end=0.1, rest=2)
+    wired, tau_cmd = Commanding(design, 0), np.array([1.0, -2.0, 300.0, 0.5])
+    wired.system.rest(wired.context, tau_cmd)
+    command = wired.command(design.motion.q[0], design.motion.v[0])
+    np.testing.assert_allclose(command, tau_cmd, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("kind", "structure"), [("pi", "p_in_feedback"), ("pi", "pi"), ("p_pi", "p_in_feedback")]
+)
+def test_mean_speeds_of_the_periods_are_held_where_asked_for(designed, kind, structure):
+    """Of a motion that accelerates; a run starts without an error of speed all the same."""
+    fields = {"held_speed": "mean", "controller.kind": kind, "controller.structure": structure}
+    design, i = designed("coupled_pi", fields, start=2.0, end=2.1), 7
+    motion, held = design.motion, design.reference
+    mean = (motion.v[1:] + motion.v[:-1]) / 2
+    np.testing.assert_allclose(held.v, [*mean, motion.v[-1]], rtol=0, atol=1e-12)
+    assert np.abs(mean - motion.v[:-1]).max() > 1e-3
+    wired = Commanding(design, i)
+    command = wired.command(motion.q[i], motion.v[i], np.zeros(4))
+    told = wired.system.memoryless(np.array([i]), np.array([i]), motion.q, motion.v[[i]])[0]
+    np.testing.assert_allclose(command, told, rtol=1e-9, atol=1e-6)
+    wired, tau_cmd = Commanding(design, 0), np.array([1.0, -2.0, 300.0, 0.5])
+    wired.system.rest(wired.context, tau_cmd)
+    wired.give(reference=[*motion.q[0], *motion.v[0], *np.zeros(4)])
+    command = wired.command(motion.q[0], motion.v[0])
+    np.testing.assert_allclose(command, tau_cmd, rtol=1e-9, atol=1e-9)
+
+
+def test_what_a_controller_need_not_tell(designed):
+    """By default: nothing known of its command, nothing to do at the start, no options."""
+
+    class Bare(LeafSystem, Controller):
+        pass
+
+    design = designed("coupled_pi", end=0.1)
+    bare = Bare()
+    at = np.zeros(1, dtype=int)
+    assert bare.memoryless(at, at, design.motion.q, design.motion.v[:1]) is None
+    assert not bare.integral_gain(at).any()
+    bare.rest(bare.CreateDefaultContext(), np.zeros(4))
+    assert not bare.is_sampled and Bare.options == () and Bare.in_words(design) == "Bare"
+    sampled = {"coupled_pi": ["inverse_dynamics"], "real_device": ["pi", "p_pi", "pi_scheduled"]}
+    for name, kinds in sampled.items():  # at the reference's samples, and at the drive's
+        for kind in kinds:
+            assert make_controller(designed(name, {"controller.kind": kind}, end=0.1)).is_sampled
+
+
+def test_linear_gains_are_scheduled_with_the_inertia(designed):
+    plain = designed("coupled_pi", end=0.1)
+    share = np.array([0.5, 0.6, 0.7, 0.8])
+    design = designed("coupled_pi", {"controller.kind": "pi_scheduled"}, end=0.1)
+    design = replace(design, inertia_share=np.tile(share, (len(design.motion.q), 1)))
+    own, fixed = linear_feedback(design, 3), linear_feedback(plain, 3)
+    np.testing.assert_allclose(own.C, share[:, None] * fixed.C, rtol=1e-12)
+    np.testing.assert_allclose(own.D, share[:, None] * fixed.D, rtol=1e-12)

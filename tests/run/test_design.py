@@ -1,0 +1,350 @@
+"""What a design computes for its loop: feedforward, inertia, gains, springs; what it refuses."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from pydrake.multibody.tree import MultibodyForces
+from variants import kind
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.motion import Motion
+from sdt_drake.robot.deviation import Deviation, deviated
+from sdt_drake.robot.device import Drive, Elasticity, Friction
+from sdt_drake.robot.dynamics import decouple, torque_groups
+from sdt_drake.robot.robot import edited, load_robot
+from sdt_drake.run.design import make_design
+from sdt_drake.run.scenario import ControllerChoice, with_fields
+from sdt_drake.systems.gains import tune
+
+R = np.array([67.2, 1, 1, 1])
+ROTORS = np.array([0.1291, 1.73, 0.531, 0.531])  # kg m², motor side
+OMEGA_R = 65.991  # rad/s
+ZETA = [0.95, 0.98, 0.99, 0.95]
+FRICTION = Friction(
+    [300.0, 60.0, 0.0, 20.0], [40.0, 0.0, 8.0, 2.0], [450.0, 60.0, 10.0, 50.0], 0.03
+)
+OMEGA = np.array([90.0, 120.0, 150.0, 80.0])  # rad/s
+LIGHT = Deviation(payload_mass=-40.0)
+
+
+@pytest.fixture
+def make(designed):
+    """A design of the coupled plant with changed fields of its controller, plant or drive."""
+
+    def make(name="pi", *, scenario="coupled_pi", friction=None, elasticity=None, **controller):
+        plant = {
+            "plant.friction": friction or Friction(),
+            "plant.elasticity": elasticity or Elasticity(),
+        }
+        return designed(scenario, kind(name, **controller) | plant)
+
+    return make
+
+
+def inverse_dynamics(robot, motion):
+    """Of Drake with gravity and rotors, joint side, every hundredth sample."""
+    plant, context, torques = robot.plant, robot.plant.CreateDefaultContext(), []
+    for q, v, vd in zip(motion.q[::100], motion.v[::100], motion.vd[::100], strict=True):
+        plant.SetPositionsAndVelocities(context, [*q, *v])
+        forces = MultibodyForces(plant)
+        plant.CalcForceElementsContribution(context, forces)
+        torques.append(plant.CalcInverseDynamics(context, vd, forces))
+    return np.array(torques)
+
+
+def link_inertia(robot, motion):
+    """Diagonal of the mass matrix without the rotors, at every sample."""
+    plant, context = robot.plant, robot.plant.CreateDefaultContext()
+    diagonals = []
+    for q in motion.q:
+        plant.SetPositions(context, q)
+        diagonals.append(plant.CalcMassMatrix(context).diagonal())
+    return np.array(diagonals) - R**2 * ROTORS
+
+
+def sliding(v):
+    """Coulomb, Stribeck and viscous friction, joint side."""
+    f_c, b, f_b = (np.array(x) for x in (FRICTION.coulomb, FRICTION.viscous, FRICTION.breakaway))
+    s = v / 0.03
+    return f_c * np.sign(v) + (f_b - f_c) * s * np.exp(0.5 - s**2 / 2) + b * v
+
+
+# --- torque feedforward ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["pi", "p_pi", "pi_scheduled", "inverse_dynamics"])
+def test_no_feedforward_is_none(make, kind):
+    assert make(kind).tau_ff is None
+
+
+@pytest.mark.parametrize("algorithm", ["consistent", "printed"])
+@pytest.mark.parametrize("name", ["pi_ctc", "p_pi", "pi_scheduled"])
+def test_ctc_is_the_load(designed, name, algorithm):
+    fields = kind(name, feedforward=None if name == "pi_ctc" else "ctc")
+    design = designed("coupled_pi", fields | {"algorithm": algorithm})
+    np.testing.assert_array_equal(design.tau_ff, design.loads.load_torque)
+
+
+@pytest.mark.parametrize("kind", ["pi_id", "p_pi", "pi_scheduled"])
+def test_id_is_drakes_inverse_dynamics_with_the_rotors(make, kind):
+    design = make(kind, feedforward=None if kind == "pi_id" else "id")
+    assert design.tau_ff.shape == design.motion.v.shape
+    expected = inverse_dynamics(design.robot, design.motion) / R
+    np.testing.assert_allclose(design.tau_ff[::100], expected, rtol=1e-9, atol=1e-9)
+
+
+def test_id_on_axes_is_the_same(make):
+    np.testing.assert_array_equal(make("pi_id", scenario="axis_pi").tau_ff, make("pi_id").tau_ff)
+
+
+def test_gain_is_a_factor_on_each_joint(make):
+    gain = [0.5, 1.2, 0.0, -1.0]
+    design = make("pi_id", feedforward_gain=gain)
+    np.testing.assert_allclose(design.tau_ff, gain * make("pi_id").tau_ff, rtol=1e-14)
+
+
+@pytest.mark.parametrize("kind", ["pi", "p_pi", "inverse_dynamics"])
+def test_friction_compensation_alone(make, kind):
+    design = make(kind, friction=FRICTION, friction_compensation=True)
+    np.testing.assert_allclose(design.tau_ff, sliding(design.motion.v) / R, rtol=1e-12, atol=1e-12)
+    assert np.abs(design.tau_ff).max(axis=0).min() > 1
+
+
+def test_friction_compensation_is_added_after_the_gain(make):
+    gain = [0.5, 1.2, 0.0, -1.0]
+    design = make("pi_id", friction=FRICTION, friction_compensation=True, feedforward_gain=gain)
+    expected = gain * make("pi_id").tau_ff + sliding(design.motion.v) / R
+    np.testing.assert_allclose(design.tau_ff, expected, rtol=1e-12, atol=1e-12)
+
+
+def test_friction_is_not_compensated_unasked(make):
+    np.testing.assert_array_equal(make("pi_id", friction=FRICTION).tau_ff, make("pi_id").tau_ff)
+    assert make("pi", friction=FRICTION).tau_ff is None
+
+
+# --- a wrong model ---------------------------------------------------------------------------
+
+
+def test_the_model_is_the_robot_by_default(make):
+    design = make("pi_id")
+    assert design.model is design.robot
+
+
+def test_wrong_model_changes_what_the_controller_knows_and_not_the_plant(make):
+    right, wrong = make("pi_id"), make("pi_id", model=LIGHT)
+    # 180 kg with the payload, 140 kg without a part of it.
+    assert wrong.model.plant.CalcTotalMass(wrong.model.plant.CreateDefaultContext()) == (
+        pytest.approx(6570.0)
+    )
+    assert wrong.robot is right.robot
+    for name in ("load_torque", "alleviating_torque"):
+        np.testing.assert_array_equal(getattr(wrong.loads, name), getattr(right.loads, name))
+    for name in ("maximum", "median", "minimum"):
+        np.testing.assert_array_equal(getattr(wrong.inertia, name), getattr(right.inertia, name))
+    np.testing.assert_array_equal(wrong.i_eff, right.i_eff)
+    np.testing.assert_array_equal(wrong.torques.total, right.torques.total)
+
+    expected = inverse_dynamics(wrong.model, wrong.motion) / R
+    np.testing.assert_allclose(wrong.tau_ff[::100], expected, rtol=1e-9, atol=1e-9)
+    assert np.all(np.abs(wrong.tau_ff - right.tau_ff).max(axis=0) > 1e-3 * right.tau_ff.max(axis=0))
+
+
+@pytest.mark.parametrize("scale", [0.8, 1.25])
+def test_gains_are_tuned_to_the_model(make, scale):
+    errors = Deviation(inertia_scale=scale)
+    design = make(model=errors)
+    links = link_inertia(design.robot, design.motion).max(axis=0)
+    expected = tune(ROTORS + scale * links / R**2, OMEGA_R, ZETA)
+    np.testing.assert_allclose(design.gains.kp, expected.kp, rtol=1e-9)
+    np.testing.assert_allclose(design.gains.ki, expected.ki, rtol=1e-9)
+    np.testing.assert_allclose(design.omega_n, OMEGA_R / 2, rtol=1e-12)
+
+
+def test_ctc_of_a_wrong_model_is_algorithm_1_of_that(make):
+    design = make("pi_ctc", model=LIGHT)
+    motion, model = design.motion, deviated(design.robot, LIGHT)
+    torques = torque_groups(model, motion.q, motion.v, motion.vd)
+    expected = decouple(torques.inertial, torques.coupled, R).load_torque
+    np.testing.assert_array_equal(design.tau_ff, expected)
+    assert np.abs(design.tau_ff - design.loads.load_torque).max() > 1
+
+
+def test_elastic_joints_are_those_of_the_plant_whatever_the_model(make):
+    right, wrong = (
+        make(elasticity=Elasticity(OMEGA.tolist()), model=model) for model in (Deviation(), LIGHT)
+    )
+    np.testing.assert_array_equal(wrong.springs.stiffness, right.springs.stiffness)
+
+
+# --- inertia, gains, position loop -----------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", [Deviation(), LIGHT], ids=["right", "wrong"])
+def test_inertia_share_is_1_where_the_inertia_is_largest(make, model):
+    design = make(model=model)
+    i_eff = ROTORS + link_inertia(design.model, design.motion) / R**2
+    share = design.inertia_share
+    assert np.all(share > 0)
+    np.testing.assert_array_equal(share.max(axis=0), 1)
+    np.testing.assert_array_equal(share[i_eff.argmax(axis=0), range(4)], 1)
+    np.testing.assert_allclose(share, i_eff / i_eff.max(axis=0), rtol=1e-9)
+    assert share.min(axis=0)[:2].max() < 0.95
+
+
+def test_natural_frequency_of_given_gains(make):
+    ki = [4.64e3, 1.07e5, 8.67e5, 2.73e5]
+    design = make(omega_r=None, zeta=None, kp=[267.1, 6.34e3, 5.2e4, 1.57e4], ki=ki)
+    i_eff = ROTORS + link_inertia(design.robot, design.motion).max(axis=0) / R**2
+    np.testing.assert_allclose(design.omega_n**2 * i_eff, ki, rtol=1e-12)
+
+
+def test_position_gain_is_a_quarter_of_the_natural_frequency_if_not_given(make):
+    np.testing.assert_allclose(make("p_pi").position_gain, OMEGA_R / 8, rtol=1e-12)
+    given = make("p_pi", position_gain=[1.0, 2.0, 3.0, 4.0]).position_gain
+    np.testing.assert_array_equal(given, [1, 2, 3, 4])
+
+
+# --- elastic joints --------------------------------------------------------------------------
+
+
+def test_rigid_by_default(make):
+    assert make().springs is None
+
+
+def test_spring_and_gravity_give_the_frequency_where_the_inertia_is_largest(make):
+    """Gravity by the curvature of the potential energy."""
+    omega = OMEGA * [1, 1, 0, 1]
+    design = make(elasticity=Elasticity(omega.tolist(), damping_ratio=0.02))
+    inertia = link_inertia(design.robot, design.motion)
+    plant, context = design.robot.plant, design.robot.plant.CreateDefaultContext()
+    gravity, h = np.zeros(4), 1e-3
+    for k in range(4):
+        q = design.motion.q[inertia[:, k].argmax()]
+        energies = []
+        for shift in (-h, 0, h):
+            plant.SetPositions(context, q + shift * np.eye(4)[k])
+            energies.append(plant.CalcPotentialEnergy(context))
+        gravity[k] = (energies[0] - 2 * energies[1] + energies[2]) / h**2
+    assert np.abs(gravity).max() > 100
+    d = inertia.max(axis=0)
+    elastic = design.springs
+    np.testing.assert_array_equal(elastic.elastic, [True, True, False, True])
+    squares = (elastic.stiffness + gravity * elastic.elastic) / d
+    np.testing.assert_allclose(squares, omega**2, rtol=1e-5)
+    np.testing.assert_allclose(elastic.damping, 0.04 * omega * d, rtol=1e-9)
+    assert elastic.stiffness[2] == 0
+
+
+@pytest.mark.parametrize("name", ["axis_pi", "coupled_pi"])
+def test_springs_stay_whatever_they_carry(designed, name):
+    elastic = {"plant.elasticity": Elasticity([60.0] * 4), "plant.i_eff": None}
+    heavy = {"plant.deviation": Deviation(inertia_scale=1.5)}
+    nominal, heavier = designed(name, elastic), designed(name, elastic | heavy)
+    np.testing.assert_array_equal(heavier.springs.stiffness, nominal.springs.stiffness)
+    np.testing.assert_array_equal(heavier.springs.damping, nominal.springs.damping)
+
+
+def test_spring_of_an_axis_turns_its_constant_inertia_less_the_rotor(make):
+    design = make(
+        scenario="axis_pi", elasticity=Elasticity(OMEGA.tolist()), zeta=None, omega_r=None
+    )
+    links = R**2 * (np.array([4.26, 98.01, 796.3, 250.28]) - ROTORS)
+    np.testing.assert_allclose(design.springs.stiffness, OMEGA**2 * links, rtol=1e-12)
+
+
+# --- what is refused -------------------------------------------------------------------------
+
+SPRINGS = "plant.elasticity"
+FREQUENCY = r"plant\.elasticity\.natural_frequency"
+
+
+@pytest.mark.parametrize(
+    ("name", "fields", "message"),
+    [
+        *(
+            (name, {SPRINGS: Elasticity([0.0, 0.0, 1e6, 0.0])},
+             rf"{FREQUENCY} gives joint 3 a pole at \S+ rad/s, expected less than 2e\+05$")
+            for name in ("axis_pi", "coupled_pi")
+        ),
+        *(
+            ("coupled_pi", {SPRINGS: Elasticity([0.0, omega, 0.0, 0.0])},
+             r"plant\.elasticity[.:] ?natural_frequency.* joint 2")
+            for omega in (1e160, 1e308)  # without a number
+        ),
+        # A hanging gondola swings by itself, faster than at 0.1 rad/s.
+        ("coupled_pi", {SPRINGS: Elasticity([0.0, 0.1, 0.1, 0.0])},
+         rf"{FREQUENCY}: 0\.1 rad/s, but gravity alone makes joint \d swing with "
+         r"\S+; expected more$"),
+        # Joint 2: nothing but its rotor.
+        ("axis_pi", {"plant.i_eff": [4.3, 1.73, 796, 250], SPRINGS: Elasticity([0, 90.0, 0, 0])},
+         r".*joint 2 has .*link inertia 0 kg m²"),
+        ("coupled_pi", {SPRINGS: Elasticity([0.0, 66.0, 0.0, 0.0], 1e6)},
+         r"plant\.elasticity\.damping_ratio gives joint 2 a pole"),
+        ("coupled_pi", {"plant.friction": Friction(coulomb=[1.0] * 3)},
+         r"plant\.friction\.coulomb: 3 va"),
+        ("coupled_pi", {"plant.friction": Friction(coulomb=[1e9] * 4)},
+         r"plant\.friction: coulomb over presliding gives joint \d a pole at \S+ rad/s"),
+        ("coupled_pi", {"plant.friction": Friction(viscous=[0.0, 1e9, 0.0, 0.0])},
+         r"plant\.friction: viscous gives joint 2 a pole"),
+        ("coupled_pi", {"plant.friction": Friction(breakaway=[0.0, 0.0, 1e9, 0.0])},
+         r"plant\.friction: breakaway over stribeck_speed gives joint 3 a pole"),
+        ("coupled_pi", {"drive": Drive(torque_bandwidth=4e4)},
+         r"drive\.torque_bandwidth gives joint 1 a pole"),
+        ("coupled_pi", {"drive": Drive(n1=[1.0] * 4, n0=[1.0 + 1e-12] * 4)},
+         r"drive: n0 so close to n1 gives joint \d a pole"),
+        *(
+            ("coupled_pi", {"drive": Drive(reference_delay=delay)},
+             rf"drive\.reference_delay: {delay:g} s, .* ends at 30 s$")
+            for delay in (30.0, 31.0)
+        ),
+        # At the smallest inertia of joint 2, 66.8 kg m², but not at its largest, 98.
+        ("coupled_pi", {"controller": ControllerChoice(kp=[1, 1.7e7, 1, 1], ki=[1.0] * 4)},
+         r"gains .* give joint 2 a pole at 2\.54e\+05"),
+        ("coupled_pi", {"controller.model": Deviation(payload_mass=-180.0)},
+         r"controller\.model\.payload_mass: -180 kg"),
+        ("coupled_pi", {"controller.model": Deviation("seat", 1.0)},
+         r"controller\.model\.payload: no link"),
+        ("coupled_pi", {"controller.model": Deviation(inertia_scale=1e300)},
+         r"controller\.model: .*inertia"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_or_would_make_the_simulation_crawl(designed, name, fields, message):
+    with pytest.raises(InputError, match=rf"^scenario '{name}': {message}") as error:
+        designed(name, fields)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("field", ["controller.model", "plant.deviation"])
+def test_an_error_of_no_link_is_refused_before_anything_is_planned(design, field):
+    seat = Deviation("seat", payload_mass=1.0)
+    scenario = with_fields(design.scenario, {"motion": "not_there.yaml", field: seat})
+    with pytest.raises(InputError, match=rf"{field}\.payload: no link 'seat', expected one of "):
+        make_design(scenario)
+
+
+def test_spring_without_a_rotor_is_refused(design):
+    def no_rotor(root):
+        rotor = root.find(".//joint[@name='pitch']").find("drake:rotor_inertia")
+        rotor.text = "0"
+
+    robot = edited(load_robot(), no_rotor)
+    scenario = dataclasses.replace(
+        design.scenario,
+        plant=dataclasses.replace(
+            design.scenario.plant, elasticity=Elasticity([90.0, 0.0, 90.0, 0.0])
+        ),
+    )
+    still = Motion.from_speeds(0.005, np.zeros(4), np.zeros((11, 4)))
+    message = (
+        r"^scenario 'coupled_pi_ctc': plant\.elasticity: joint 3 has the rotor inertia 0 kg m² "
+        r"\(motor side\) and the link inertia \S+ kg m² \(joint side\); an elastic joint needs "
+        r"both > 0$"
+    )
+    with pytest.raises(InputError, match=message):
+        make_design(scenario, robot=robot, motion=still)
+    # Nobody asks for the rotor of a rigid joint.
+    scenario.plant.elasticity.natural_frequency = [90.0, 90.0, 0.0, 90.0]
+    assert make_design(scenario, robot=robot, motion=still).springs is not None

@@ -1,0 +1,202 @@
+"""Controllers and drives in the loops, against calculations by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from by_hand import GEAR, LIMIT
+from variants import kind
+
+from sdt_drake.motion import Motion
+from sdt_drake.robot.device import Drive, Elasticity, Friction
+from sdt_drake.robot.dynamics import Loads
+from sdt_drake.run.design import make_design
+from sdt_drake.run.loop import make_loop
+from sdt_drake.run.simulate import make_simulator, simulate
+
+PERIOD = 0.005  # s
+CONSISTENT = {"algorithm": "consistent"}
+HANGING = np.array([0.4, 0.15, 0.1, 0.7])  # rad; roll and pitch out of balance
+
+
+def same(actual, expected, tolerance):
+    np.testing.assert_allclose(actual, expected, rtol=0, atol=tolerance)
+
+
+# --- controllers along the reference motion --------------------------------------------------
+
+
+def test_inverse_dynamics_gives_every_joint_its_frequency_and_damping(designed):
+    """Off the reference at rest, each error goes its own way: held, e'' = -2 zeta w e' - w² e."""
+    zeta, omega = np.array([0.3, 0.5, 0.7, 1.0]), 65.991 / 2
+    design = designed("coupled_pi", kind("inverse_dynamics", zeta=zeta.tolist()))
+    still = Motion.from_speeds(PERIOD, HANGING, np.zeros((101, 4)))
+    design = dataclasses.replace(design, motion=still, loads=Loads(still.v, still.v))
+    diagram = make_loop(design)
+    simulator = make_simulator(diagram, period=PERIOD, accuracy=1e-9)
+    context = simulator.get_mutable_context()
+    plant = diagram.GetSubsystemByName("multibody_plant").plant
+    e, v = np.array([1e-4, -2e-4, 1.5e-4, 3e-4]), np.zeros(4)
+    plant.SetPositions(plant.GetMyMutableContextFromRoot(context), HANGING + e)
+    for time in still.time[1:]:
+        vd = -2 * zeta * omega * v - omega**2 * e
+        e, v = e + PERIOD * v + PERIOD**2 / 2 * vd, v + PERIOD * vd
+        simulator.AdvanceTo(time)
+        same(plant.GetPositions(plant.GetMyContextFromRoot(context)) - HANGING, e, 5e-7)
+
+
+# --- anti-windup -----------------------------------------------------------------------------
+
+HOLD = 1.0  # rad/s of joint 2
+
+
+@pytest.mark.parametrize("structure", ["pi", "p_in_feedback"])
+def test_anti_windup_is_back_in_less_than_half_the_time(designed, structure):
+    """Joint 2 at constant speed, its motor overloaded by 2 % from 0.5 s to 2.5 s."""
+    v = np.zeros((1601, 4))
+    v[:, 1] = HOLD
+    load = np.zeros_like(v)
+    load[100:500, 1] = 1.02 * LIMIT[1]
+    runs = []
+    for anti_windup in (False, True):
+        fields = kind("pi", structure=structure, anti_windup=anti_windup)
+        design = designed("axis_pi", CONSISTENT | fields, end=0.1)
+        motion = Motion.from_speeds(PERIOD, np.zeros(4), v)
+        design = make_design(design.scenario, robot=design.robot, motion=motion)
+        runs.append(simulate(dataclasses.replace(design, loads=Loads(load, np.zeros_like(v)))))
+    times = []
+    for recording in runs:
+        rows = (recording.time > 0.8) & (recording.time <= 2.5)
+        assert np.all(recording.tau[rows, 1] != recording.tau_cmd[rows, 1])
+        same(recording.v[500, 1], runs[1].v[500, 1], 0.02)  # as fast when it is released
+        off = np.abs(recording.v[:, 1] - HOLD) > 0.02 * HOLD
+        times.append(recording.time[np.flatnonzero(off)[-1] + 1] - 2.5)
+    assert times[1] < 0.5 * times[0], times
+
+
+@pytest.mark.parametrize("structure", ["pi", "p_in_feedback"])
+@pytest.mark.parametrize("name", ["axis_pi", "coupled_pi"])
+def test_anti_windup_does_nothing_where_nothing_saturates(run, name, structure):
+    without, with_it = (
+        run(name, CONSISTENT | kind("pi", structure=structure, anti_windup=a), end=0.5)
+        for a in (False, True)
+    )
+    np.testing.assert_array_equal(with_it.tau, with_it.tau_cmd)
+    same(with_it.v, without.v, 1e-12)
+
+
+# --- drives ----------------------------------------------------------------------------------
+
+NEVER = {"n1": [1e9] * 4, "n0": [2e9] * 4}
+IDEAL = [Drive(), Drive(**NEVER), Drive(reference_delay=0.0), Drive(torque_error=[0.0] * 4)]
+
+
+@pytest.mark.parametrize("name", ["axis_pi_ctc", "coupled_pi", "coupled_pi_ctc"])
+def test_a_drive_that_does_nothing_is_none(run, name):
+    """`drive: {}`, an envelope that never acts, a delay or an error of 0: the same recording."""
+    plain = run(name, end=0.5)
+    for drive in IDEAL:
+        driven = run(name, {"drive": drive}, end=0.5)
+        for field in dataclasses.fields(plain):
+            expected, actual = getattr(plain, field.name), getattr(driven, field.name)
+            np.testing.assert_allclose(
+                actual, expected, rtol=1e-9, atol=1e-9, err_msg=f"{drive}: {field.name}"
+            )
+        np.testing.assert_array_equal(driven.tau, driven.tau_limited)
+
+
+@pytest.mark.parametrize("structure", ["pi", "p_in_feedback"])
+def test_sampled_drive_converges_to_the_continuous_one(run, structure):
+    """First order: half the period, half the difference."""
+
+    def speeds(drive):
+        fields = CONSISTENT | {"controller.structure": structure, "drive": drive}
+        return run("axis_pi", fields, end=0.6).v
+
+    periods = (0.005, 0.0025, 0.00125, 0.000625, 0.000125)
+    apart = [np.abs(speeds(Drive(period=p)) - speeds(Drive())).max() for p in periods]
+    ratios = np.array(apart[:-1]) / apart[1:]
+    same(ratios[:3], 2, 0.5)
+    assert ratios[3] > 3.5  # of five times as many samples
+    assert apart[-1] < 1e-3
+
+
+def test_sampled_drive_by_hand(designed):
+    """Constant torque over each period: plain recursions, exact."""
+    fields = CONSISTENT | {"controller.structure": "pi", "drive": Drive(period=0.001)}
+    design = designed("axis_pi", fields, end=1.0)
+    gains, load = design.gains, design.loads.load_torque
+    v, integral = np.zeros(4), np.zeros(4)
+    speeds = [v]
+    for i in range(len(design.motion.v) - 1):
+        for _ in range(5):
+            error = GEAR * (design.motion.v[i] - v)
+            tau = gains.kp * error + gains.ki * integral
+            integral = integral + 0.001 * error
+            v = v + 0.001 * (tau - load[i]) / (design.i_eff * GEAR)
+        speeds.append(v)
+    same(simulate(design).v, speeds, 1e-8)
+
+
+@pytest.mark.parametrize("name", ["pi", "pi_ctc", "pi_id", "p_pi", "pi_scheduled"])
+def test_delay_of_whole_periods_shifts_the_response_by_as_many_samples(run, name):
+    fields = kind(name) | CONSISTENT
+    prompt = run("axis_pi", fields, end=0.8, rest=3)
+    for count in (1, 4, 50):
+        late = run(
+            "axis_pi", fields | {"drive": Drive(reference_delay=count * PERIOD)}, end=0.8, rest=3
+        )
+        same(late.v[count:], prompt.v[:-count], 2e-6)
+        same(late.v[:count], 0, 1e-12)
+        for other in (count - 1, count + 1):  # a sample more or less would show
+            assert np.abs(late.v[other:] - prompt.v[: len(late.v) - other]).max() > 1e-3
+
+
+def test_delay_of_half_a_period_is_between(run):
+    none, half, one = (
+        run("axis_pi", CONSISTENT | {"drive": Drive(reference_delay=d)}, end=0.8, rest=3).v
+        for d in (0.0, 0.5 * PERIOD, PERIOD)
+    )
+    assert np.abs(half - none).max() > 1e-3
+    same(half, (none + one) / 2, 1e-4)
+
+
+def test_torque_loop_lags_with_its_bandwidth(run):
+    """T dtau/dt = tau_limited - tau, of what is linear from row to row."""
+    recording = run("axis_pi", CONSISTENT | {"drive": Drive(torque_bandwidth=20.0)}, end=1.5)
+    lag, tau = 1 / (2 * np.pi * 20), recording.tau_limited
+    held, decay = np.zeros((len(tau), 4)), np.exp(-PERIOD / lag)
+    for i in range(1, len(held)):
+        behind = lag * (tau[i] - tau[i - 1]) / PERIOD
+        held[i] = tau[i] - behind + decay * (held[i - 1] - tau[i - 1] + behind)
+    same(recording.tau / LIMIT, held / LIMIT, 0.01)
+    assert np.abs(recording.tau - recording.tau_limited).max() > 0.03 * LIMIT.min()
+
+
+REAL = {
+    "plant.friction": Friction(
+        [300.0, 60.0, 10.0, 20.0], [40.0, 0.0, 8.0, 2.0], [450.0, 60.0, 15.0, 50.0]
+    ),
+    "plant.elasticity": Elasticity([90.0, 0.0, 0.0, 0.0], damping_ratio=0.05),
+    "drive": Drive(
+        period=0.00025,
+        torque_bandwidth=300.0,
+        torque_error=[0.01, 0.0, -0.02, 0.0],
+        encoder_resolution=[2.0**20, 2.0**22, 2.0**22, 2.0**22],
+        n1=[150.0, 4.0, 4.0, 4.0],
+        n0=[210.0, 5.0, 6.0, 7.0],
+        reference_delay=0.01,
+    ),
+    "disturbance.amplitude": 0.05,
+}
+
+
+@pytest.mark.parametrize("name", ["coupled_pi", "axis_pi"])
+def test_everything_real_still_follows(run, name):
+    fields = kind("p_pi", feedforward="id", friction_compensation=True, anti_windup=True)
+    recording = run(name, CONSISTENT | fields | REAL, end=0.5)
+    moved = recording.v_ref[2:]  # of a reference that is 10 ms late
+    behind = np.abs(recording.v[2:] - recording.v_ref[:-2]).max(axis=0)
+    assert behind.max() < 0.1 * np.abs(moved).max(), behind

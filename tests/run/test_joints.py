@@ -1,0 +1,215 @@
+"""Friction and elastic joints under a robot or axes, against calculations by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from by_hand import GEAR, ROTORS
+from pydrake.systems.framework import InputPortSelection, OutputPortSelection
+from pydrake.systems.primitives import ConstantVectorSource, Linearize
+
+from sdt_drake.robot.device import Elasticity, FrictionParameters, Springs
+from sdt_drake.run.loop import make_loop
+from sdt_drake.run.simulate import make_simulator
+from sdt_drake.systems import AxisProcess, ElasticJoints, JointFriction, RobotPlant, Wired
+
+HANGING = np.array([0.4, 0.15, 0.1, 0.7])  # rad; roll and pitch out of balance
+
+# --- friction --------------------------------------------------------------------------------
+
+STICKY = FrictionParameters(
+    coulomb=np.array([500.0, 400.0, 300.0, 100.0]),
+    viscous=np.array([40.0, 5.0, 2.0, 1.0]),
+    breakaway=np.array([700.0, 500.0, 300.0, 130.0]),
+    stribeck_speed=0.02,
+    presliding=1e-5,
+    offset=np.zeros(4),
+)
+
+
+class Free:
+    """The plant with friction, without torque of the motors, at HANGING."""
+
+    def __init__(self, robot, friction, *, v=(0, 0, 0, 0), accuracy=1e-4):
+        diagram = Wired()
+        self.block = diagram.add("plant", RobotPlant(robot=robot), load_torque="friction")
+        joints = JointFriction(friction=friction, gear_ratio=GEAR)
+        self.joints = diagram.add("joints", joints)
+        diagram.add("no_torque", ConstantVectorSource(np.zeros(4)), "tau")
+        diagram.build()
+        self.simulator = make_simulator(diagram, period=0.001, accuracy=accuracy)
+        root = self.simulator.get_mutable_context()
+        self.block.rest(self.block.GetMyMutableContextFromRoot(root), HANGING, v)
+        self.plant = self.block.plant
+
+    @property
+    def context(self):
+        return self.plant.GetMyContextFromRoot(self.simulator.get_context())
+
+    def q_at(self, time):
+        self.simulator.AdvanceTo(time)
+        return self.plant.GetPositions(self.context)
+
+
+def test_friction_holds_the_plant_under_a_load_and_lets_go_under_a_larger_one(robot):
+    held = Free(robot, STICKY)
+    load = np.abs(held.plant.CalcGravityGeneralizedForces(held.context))
+    assert load.max() > 200 and np.all(load < 0.9 * STICKY.coulomb)
+    np.testing.assert_allclose(held.q_at(3.0), HANGING, rtol=0, atol=1e-4)
+    weak = dataclasses.replace(STICKY, coulomb=STICKY.coulomb / 10, breakaway=STICKY.breakaway / 10)
+    assert np.abs(Free(robot, weak).q_at(1.0) - HANGING).max() > 0.05
+
+
+def test_energy_of_the_plant_with_friction_never_rises(robot):
+    """Kinetic, potential, and stored in the bristles, at every step of the integrator."""
+    free = Free(robot, STICKY, v=[0.05, -1.5, 1.0, 2.0], accuracy=1e-7)
+    energies, speeds = [], []
+
+    def see(root):
+        bristles = free.joints.GetMyContextFromRoot(root).get_continuous_state_vector()
+        z = 100 * bristles.CopyToVector()
+        stored = np.where(np.abs(z) > 1, np.abs(z) - 0.5, z**2 / 2)
+        context, plant = free.plant.GetMyContextFromRoot(root), free.plant
+        v = plant.GetVelocities(context)
+        # CalcKineticEnergy leaves out the rotors.
+        kinetic = v @ plant.CalcMassMatrix(context) @ v / 2
+        in_bristles = STICKY.coulomb @ stored * STICKY.presliding
+        energies.append(kinetic + plant.CalcPotentialEnergy(context) + in_bristles)
+        speeds.append(np.abs(v).max())
+
+    free.simulator.set_monitor(see)
+    free.simulator.AdvanceTo(6.0)
+    assert len(energies) > 1000 and speeds[-1] < 1e-4  # at rest in the end
+    assert np.diff(energies).max() < 1e-6 * (energies[0] - energies[-1])
+
+
+# --- elastic joints --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("k", range(4))
+def test_link_on_its_spring_swings_at_the_given_frequency(designed, k):
+    """Motor held, other joints locked: the force on joint k by its angle, in the loop itself."""
+    omega = 70.0
+    springs = Elasticity([omega if j == k else 0.0 for j in range(4)], damping_ratio=0.03)
+    design = designed("coupled_pi", {"plant.elasticity": springs})
+    diagram = make_loop(design)
+    root = diagram.CreateDefaultContext()
+    plant = diagram.GetSubsystemByName("multibody_plant").plant
+    joints = diagram.GetSubsystemByName("elastic_joints")
+    own = plant.GetMyMutableContextFromRoot(root)
+    q = design.motion.q[design.torques.d_kk[:, k].argmax()]
+    joints.rest(joints.GetMyMutableContextFromRoot(root), q, np.zeros(4))  # the motor, held
+
+    def force(shift, v=0.0):
+        """On the links of joint k, with all other joints held still by their own motors."""
+        plant.SetPositionsAndVelocities(own, [*(q + shift * np.eye(4)[k]), *(v * np.eye(4)[k])])
+        vd = plant.EvalTimeDerivatives(own).CopyToVector()[4:]
+        return (plant.CalcMassMatrix(own) @ vd)[k]
+
+    h = 1e-4
+    stiffness, damping = (force(-h) - force(h)) / (2 * h), (force(0, -h) - force(0, h)) / (2 * h)
+    plant.SetPositions(own, q)
+    inertia = plant.CalcMassMatrix(own)[k, k]
+    whole = design.robot.plant.CreateDefaultContext()
+    design.robot.plant.SetPositions(whole, q)
+    rotor = design.robot.plant.CalcMassMatrix(whole)[k, k] - inertia  # which is not in it
+    assert rotor == pytest.approx(GEAR[k] ** 2 * ROTORS[k], rel=1e-9)
+    assert np.sqrt(stiffness / inertia) == pytest.approx(omega, rel=1e-3)
+    assert damping / (2 * omega * inertia) == pytest.approx(0.03, rel=1e-3)
+
+
+OMEGA = np.array([90.0, 120.0, 150.0, 80.0])
+
+
+class Elastic:
+    """A process behind springs, without torque of the motors."""
+
+    def __init__(self, process, springs):
+        self.diagram, zero = Wired(), ConstantVectorSource(np.zeros(4))
+        joints = ElasticJoints(springs=springs, rotor_inertia=ROTORS, gear_ratio=GEAR)
+        self.process = self.diagram.add("process", process, tau="tau_link", load_torque="none")
+        self.joints = self.diagram.add("joints", joints, tau="none")
+        self.diagram.add("no_torque", zero, "none")
+        self.diagram.build()
+
+    def start(self, q, v, q_motor, v_motor, accuracy):
+        simulator = make_simulator(self.diagram, period=0.001, accuracy=accuracy)
+        root = simulator.get_mutable_context()
+        self.process.rest(self.process.GetMyMutableContextFromRoot(root), q, v)
+        self.joints.rest(self.joints.GetMyMutableContextFromRoot(root), q_motor, v_motor)
+        return simulator
+
+    def states(self, simulator):
+        """q, v, theta, w."""
+        root = simulator.get_context()
+        return [
+            part
+            for block, name in ((self.process, "state"), (self.joints, "motor_state"))
+            for part in np.split(
+                block.GetOutputPort(name).Eval(block.GetMyContextFromRoot(root)), 2
+            )
+        ]
+
+
+def test_elastic_axes_swing_at_the_given_frequencies_and_keep_their_momentum(designed):
+    """Behind its springs an axis turns the links alone; with its motor free, it swings with
+    omega² (1 + d / (r² I_m))."""
+    fields = {"plant.elasticity": Elasticity(OMEGA.tolist(), damping_ratio=0.03)}
+    design = designed("axis_pi", fields, end=0.1)
+    links = GEAR**2 * (design.i_eff - ROTORS)
+    axes = make_loop(design).GetSubsystemByName("axis_process")
+    context = axes.CreateDefaultContext()
+    for name, tau in (("tau", np.ones(4)), ("load_torque", np.zeros(4))):
+        axes.GetInputPort(name).FixValue(context, tau)
+    vd = axes.EvalTimeDerivatives(context).CopyToVector()[4:]
+    np.testing.assert_allclose(vd, GEAR / links, rtol=1e-12)
+
+    def linear(springs):
+        diagram = Elastic(AxisProcess(i_eff=links / GEAR**2, gear_ratio=GEAR), springs).diagram
+        ports = InputPortSelection.kNoInput, OutputPortSelection.kNoOutput
+        return Linearize(diagram, diagram.CreateDefaultContext(), *ports).A()
+
+    A = linear(design.springs)
+    for k in range(4):
+        roots = np.linalg.eigvals(A[np.ix_([k, 4 + k], [k, 4 + k])])  # motor held
+        np.testing.assert_allclose(np.abs(roots), OMEGA[k], rtol=1e-9)
+        np.testing.assert_allclose(-roots.real / OMEGA[k], 0.03, rtol=1e-9)
+    undamped = dataclasses.replace(design.springs, damping=np.zeros(4))
+    found = np.linalg.eigvals(linear(undamped)).imag
+    expected = np.sort(OMEGA * np.sqrt(1 + links / (GEAR**2 * ROTORS)))
+    np.testing.assert_allclose(np.sort(found[found > 1]), expected, rtol=1e-6)
+
+    elastic = Elastic(AxisProcess(i_eff=links / GEAR**2, gear_ratio=GEAR), design.springs)
+    q, v, q_motor, v_motor = np.random.default_rng(7).normal(size=(4, 4))
+    simulator = elastic.start(0.01 * q, v, 0.01 * q_motor, v_motor, 1e-8)
+    simulator.AdvanceTo(1.0)
+    _, end, _, end_motor = elastic.states(simulator)
+    assert np.abs(end_motor - v_motor).max() > 0.1
+    momentum = links * v + GEAR**2 * ROTORS * v_motor
+    np.testing.assert_allclose(links * end + GEAR**2 * ROTORS * end_motor, momentum, rtol=1e-6)
+
+
+def test_energy_of_the_elastic_plant_is_kept_without_damping(robot):
+    springs = Springs(
+        np.array([True, True, False, True]), np.array([4e6, 2e5, 0.0, 1e5]), np.zeros(4)
+    )
+    elastic = Elastic(RobotPlant(robot=robot, without_rotor=springs.elastic), springs)
+    plant = elastic.process.plant
+    wound = HANGING + np.array([0.002, -0.001, 0, 0.003])
+    simulator = elastic.start(HANGING, [0.3, -1.0, 0.8, 1.5], wound, [0.5, -1.2, 0, 1.0], 1e-7)
+    seen = []
+    for time in np.linspace(0, 0.4, 101):
+        simulator.AdvanceTo(time)
+        q, v, theta, w = elastic.states(simulator)
+        context = plant.GetMyContextFromRoot(simulator.get_context())
+        seen.append([
+            v @ plant.CalcMassMatrix(context) @ v / 2,
+            (GEAR**2 * ROTORS * springs.elastic) @ w**2 / 2,
+            plant.CalcPotentialEnergy(context),
+            springs.stiffness @ (theta - q) ** 2 / 2,
+        ])  # fmt: skip
+    swings = np.ptp(np.array(seen), axis=0)
+    assert np.all(swings > 5), swings  # every part takes part
+    assert np.ptp(np.sum(seen, axis=1)) < 1e-4 * swings.min()

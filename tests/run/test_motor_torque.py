@@ -1,0 +1,202 @@
+"""What motors give within the periods, against a walk through the loop in small steps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.systems.framework import LeafSystem
+from variants import kind, weaker
+
+from sdt_drake.motion import Motion
+from sdt_drake.robot.device import Drive, Elasticity
+from sdt_drake.run.controllers import Controller, Pi, PiId, PPi, register_controller
+from sdt_drake.run.loop import make_loop
+from sdt_drake.run.motor_torque import saturated_share, torque_limits
+from sdt_drake.run.simulate import make_simulator, simulate
+
+PERIODS, STEPS = 20, 50  # 0.1 s of motion, in steps of 0.1 ms
+
+
+def short_motion():
+    """All joints speed up; joint 2 for a while faster than its motor can."""
+    t = 0.005 * np.arange(PERIODS + 1)
+    v = np.outer(t, [0.45, 3.0, 0.25, 0.4])
+    v[8:, 1] += 2.0 * np.minimum((t[8:] - t[8]) / 0.01, 1.0)
+    return Motion.from_speeds(0.005, np.array([0.0, 0.3, 0.1, 0.1]), v)
+
+
+@pytest.fixture
+def design_of(designed):
+    def make(label, plant, drive, **fields):
+        fields |= kind(label) | {"plant.kind": plant, "drive": drive}
+        return designed("coupled_pi_ctc", fields, motion=short_motion())
+
+    return make
+
+
+def walked(design):
+    """Peak, RMS, mean and share of time saturated of each period, (4, N, n), by small steps."""
+    loop, period = make_loop(design), design.reference.period
+    simulator = make_simulator(loop, period=period, accuracy=1e-4)
+    context = simulator.get_mutable_context()
+    loop.rest(context)
+    simulator.Initialize()
+
+    def value(name):
+        port = loop.logs[name].get_input_port()
+        return port.Eval(loop.logs[name].GetMyContextFromRoot(context)).copy()
+
+    found = []
+    for i in range(PERIODS):
+        torque, saturated = [], []
+        for step in range(STEPS):
+            simulator.AdvancePendingEvents()  # what happens at this instant
+            ends = []
+            for end in (0, 1):
+                if end:
+                    simulator.AdvanceTo((i + (step + 1) / STEPS) * period)
+                torque.append(value("tau"))
+                ends.append(value("tau_cmd") != value("tau_limited"))
+            saturated.append(np.mean(ends, axis=0))
+        a, b = np.array(torque[::2]), np.array(torque[1::2])
+        rms = np.sqrt(np.mean((a * a + a * b + b * b) / 3, axis=0))
+        mean = np.mean((a + b) / 2, axis=0)
+        found.append((np.abs(torque).max(axis=0), rms, mean, np.mean(saturated, axis=0)))
+    return np.moveaxis(np.array(found), 1, 0)
+
+
+ENVELOPE = {"n1": [20.0, 0.1, 5.0, 5.0], "n0": [300.0, 4.0, 30.0, 30.0]}
+CASES = {
+    "pi": ("pi", "coupled", Drive()),
+    "pi_id": ("pi_id", "coupled", Drive()),
+    "p_pi+id": ("p_pi+id", "coupled", Drive()),
+    "pi_scheduled+id": ("pi_scheduled+id", "coupled", Drive()),
+    "inverse_dynamics": ("inverse_dynamics", "coupled", Drive()),
+    "axis": ("pi_ctc", "axis", Drive()),
+    "envelope": ("pi_id", "coupled", Drive(**ENVELOPE)),
+    "late": ("p_pi+id", "coupled", Drive(reference_delay=0.0072)),
+    "lag": ("pi_id", "coupled", Drive(torque_bandwidth=200.0, torque_error=[0.1, -0.1, 0, 0.05])),
+    "sampled": ("pi_id", "coupled", Drive(period=0.001, **ENVELOPE)),
+    "sampled, late, lag": (
+        "p_pi+id",
+        "coupled",
+        Drive(period=0.001, torque_bandwidth=400.0, reference_delay=0.007),
+    ),
+}
+
+
+def within(run):
+    return run.tau_peak[1:], run.tau_rms[1:], run.tau_mean[1:], run.saturated[1:]
+
+
+def agree(run, expected, limit, off):
+    """Peak, RMS and mean as shares of the motor, and how long it saturates in all."""
+    peak, rms, mean, saturated = expected
+    np.testing.assert_allclose(run.tau_peak[1:] / limit, peak / limit, rtol=0, atol=off)
+    np.testing.assert_allclose(run.tau_rms[1:] / limit, rms / limit, rtol=0, atol=off)
+    np.testing.assert_allclose(run.tau_mean[1:] / limit, mean / limit, rtol=0, atol=max(off, 5e-3))
+    share = run.saturated[1:].mean(axis=0)
+    np.testing.assert_allclose(share, saturated.mean(axis=0), atol=4e-3)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_torque_within_the_periods(design_of, case):
+    own = design_of(*CASES[case])
+    run, expected = simulate(own), walked(own)
+    off = 2e-2 if case == "late" else 3e-3
+    agree(run, expected, own.robot.motor_torque_limit, off)
+    assert np.any(run.saturated[:, 1] > 0) == (case not in ("pi", "axis"))
+
+
+OPAQUE = {
+    shipped.__name__: type("Opaque", (shipped,), {"memoryless": Controller.memoryless})
+    for shipped in (Pi, PiId, PPi)
+}
+
+
+@pytest.mark.parametrize("case", ["pi", "p_pi+id", "envelope", "late", "lag", "axis pi"])
+def test_torque_of_a_controller_that_tells_nothing(design_of, case):
+    """As of the same one that does, from its command at both ends of each period."""
+    label, plant, drive = CASES.get(case, ("pi", "axis", Drive()))
+    for name, controller in OPAQUE.items():
+        register_controller(name, controller)
+    opaque = {"pi": "Pi", "pi_id": "PiId", "p_pi+id": "PPi+id"}[label]
+    own, telling = design_of(opaque, plant, drive), design_of(label, plant, drive)
+    run, told = simulate(own), simulate(telling)
+    np.testing.assert_allclose(run.v, told.v, rtol=0, atol=2e-4)  # each is good to 1e-4
+    lags = case == "lag"  # at a jolt the other is not better
+    expected = walked(telling) if lags else within(told)
+    agree(run, expected, own.robot.motor_torque_limit, 2e-2 if case == "late" else 3e-3)
+
+
+class Damper(LeafSystem, Controller):
+    """tau_cmd = K_PS (r v_ref - r v), continuous; it has no integral."""
+
+    def __init__(self, design):
+        super().__init__()
+        n, self._motion = design.robot.n, design.motion
+        self._gain = design.gains.kp * design.robot.gear_ratio
+        ports = (
+            self.DeclareVectorInputPort("reference", 3 * n),
+            self.DeclareVectorInputPort("state", 2 * n),
+        )
+
+        def command(context, output):
+            reference, state = (port.Eval(context) for port in ports)
+            output.SetFromVector(self._gain * (reference[n : 2 * n] - state[n:]))
+
+        self.DeclareVectorOutputPort("tau_cmd", n, command, {port.ticket() for port in ports})
+
+
+class ToldDamper(Damper):
+    """The same, which tells its command."""
+
+    def memoryless(self, held, sample, q, v):
+        return self._gain * (self._motion.v[held] - v)
+
+
+@pytest.mark.parametrize("drive", [Drive(), Drive(period=0.001)], ids=["continuous", "sampled"])
+def test_torque_of_a_controller_without_an_integral(design_of, drive):
+    register_controller("damper", Damper)
+    register_controller("told", ToldDamper)
+    own = design_of("told", "coupled", drive)
+    run, seen = simulate(own), simulate(design_of("damper", "coupled", drive))
+    agree(run, within(seen), own.robot.motor_torque_limit, 3e-3)
+
+
+def test_motors_behind_springs_are_taken_as_their_encoders_see_them(design_of):
+    springs = {"plant.elasticity": Elasticity([60.0, 80.0, 100.0, 100.0], damping_ratio=0.05)}
+    own = design_of("pi_id", "coupled", Drive(), **springs)
+    limit, smooth = own.robot.motor_torque_limit, slice(0, 7)  # before the jolt
+    peak = simulate(own).tau_peak[1:]
+    np.testing.assert_allclose(peak[smooth] / limit, walked(own)[0][smooth] / limit, atol=5e-3)
+
+
+def test_limits_of_an_axis_are_widened_on_the_side_on_which_the_others_help(design_of):
+    help_ = np.array([[3.0, -2, 0, 1], [-1, 5, 2, 0], [0, 0, 0, 0]])
+    axis = design_of("pi", "axis", Drive())
+    axis = replace(axis, loads=axis.loads._replace(alleviating_torque=help_))
+    lower, upper = torque_limits(axis, np.arange(2), np.zeros((2, 4)))
+    limit = axis.robot.motor_torque_limit
+    np.testing.assert_allclose(upper - limit, [[3, 0, 0, 1], [0, 5, 2, 0]], atol=1e-9)
+    np.testing.assert_allclose(lower + limit, [[0, -2, 0, 0], [-1, 0, 0, 0]], atol=1e-9)
+
+
+@pytest.mark.parametrize("period", [None, 0.001])
+def test_wider_limits_of_an_axis_arrive_with_the_reference(design_of, period):
+    # In the middle of a period; the help of the others changes from sample to sample.
+    drive = Drive(period=period, reference_delay=0.007)
+    strong = design_of("pi_ctc", "axis", drive)
+    own = weaker(strong, 0.1)
+    run, (peak, _, mean, _) = simulate(own), walked(own)
+    assert run.saturated.any() and own.loads.alleviating_torque.any()
+    for found, expected in ((run.tau_peak, peak), (run.tau_mean, mean)):
+        off = (found[1:] - expected) / strong.robot.motor_torque_limit
+        np.testing.assert_allclose(off, 0, atol=2e-2)
+
+
+def test_share_of_a_period_in_saturation():
+    """A command that rises linearly to twice its limit, stays there, and falls again."""
+    command = np.array([0.0, 2.0, 2.0, 0.0, -2.0])[None, :, None]
+    share = saturated_share(command, np.clip(command, -1, 1))
+    np.testing.assert_allclose(share[0, :, 0], [0.5, 1.0, 0.5, 0.5])

@@ -1,0 +1,149 @@
+"""Controllers of one's own, from the Python file that a scenario names."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sdt_drake.cli.app import main
+from sdt_drake.io.errors import InputError
+from sdt_drake.run import controllers
+from sdt_drake.run.controllers import CONTROLLERS, load_controllers
+from sdt_drake.run.scenario import load_scenario
+
+OWN = Path(__file__).parents[1] / "own_controllers.py"
+SCENARIO = """
+motion: short.yaml
+plant: {kind: coupled}
+controller: {kind: proportional, file: own.py, omega_r: 66}
+"""
+MOTION = """
+duration: 0.5
+joints:
+- !Knots {knots: [[0, 0], [0.5, 0.2]]}
+- !Knots {knots: [[0, 0], [0.5, 0.1]]}
+- !Knots {knots: [[0, 0], [0.5, 0]]}
+- !Knots {knots: [[0, 0], [0.5, 0.4]]}
+"""
+STUDY = """
+scenario: run.yaml
+draws: 2
+variables:
+- fields: [controller]
+  distribution: !Choice {values: [proportional, pi]}
+- fields: [plant.deviation.payload_mass]
+  distribution: !Uniform {low: 0, high: 9}
+"""
+
+
+@pytest.fixture
+def desk(tmp_path, monkeypatch):
+    """A folder with a scenario that names its controller's file; the user is in another."""
+    folder = tmp_path / "desk"
+    folder.mkdir()
+    shutil.copy(OWN, folder / "own.py")
+    (folder / "run.yaml").write_text(SCENARIO)
+    (folder / "short.yaml").write_text(MOTION)
+    (folder / "study.yaml").write_text(STUDY)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    return folder
+
+
+def test_a_scenario_brings_its_controller(desk, capsys):
+    assert "proportional" not in CONTROLLERS
+    assert main(["simulate", str(desk / "run.yaml"), "--out", "run.csv"]) == 0
+    assert "proportional on the coupled plant" in capsys.readouterr().out
+    assert Path("run.csv").stat().st_size > 1000
+    labels = "pi,proportional"
+    assert main(["compare", str(desk / "run.yaml"), "--controllers", labels]) == 0
+    assert "largest inertia of each joint" in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_studies_take_the_file_with_them(desk, capsys):
+    """Into processes that have not seen it, whatever row they begin with, and into the folder,
+    where rows are repeated."""
+    assert main(["study", str(desk / "study.yaml"), "--out", "out", "--workers", "1"]) == 0
+    assert "failed" not in capsys.readouterr().out
+    shutil.rmtree(desk)
+    CONTROLLERS.pop("proportional")
+    controllers._loaded.clear()  # as in a new process
+    assert main(["study", "repeat", "out", "--row", "0"]) == 0
+    assert "proportional" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["bode", "stability"])
+def test_linear_analysis_needs_a_linear_feedback(desk, capsys, command):
+    assert main([command, str(desk / "run.yaml")]) == 2
+    assert "controller.kind proportional: has no linear feedback" in capsys.readouterr().err
+
+
+def test_the_same_text_is_run_once(desk, tmp_path):
+    text = OWN.read_text() + "\nopen('ran', 'a').write('x')\n"
+    for name in ("a.py", "b.py"):
+        (tmp_path / name).write_text(text)
+        load_controllers(tmp_path / name)
+    assert Path("ran").read_text() == "x"
+    first = CONTROLLERS["proportional"]
+    (tmp_path / "c.py").write_text(OWN.read_text())
+    load_controllers(tmp_path / "c.py")
+    assert CONTROLLERS["proportional"] is not first
+    load_controllers(tmp_path / "a.py")  # the name is what this file says again
+    assert CONTROLLERS["proportional"] is first and Path("ran").read_text() == "x"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("(LeafSystem, Controller)", "(Controller)", "expected a class that derives from a Drake"),
+        ("2 * n)\n", "n)\n", "controller: input 'sampled_state' of length 4, expected 8"),
+        ("0.9 *", "0.9 / 0 *", r"controller 'proportional': fails \(ZeroDivisionError: "),
+        (
+            "self._gain * (",
+            "self._gian * (",
+            r"controller 'proportional': fails \(AttributeError: ",
+        ),
+        ("self._gain * (", "np.nan * (", r"stuck at 0 s \(Detected NaN"),
+    ],
+)
+def test_a_controller_that_does_not_work(desk, capsys, old, new, message):
+    text = "import numpy as np\n" + OWN.read_text()
+    assert old in text
+    (desk / "own.py").write_text(text.replace(old, new))
+    assert main(["simulate", str(desk / "run.yaml")]) == 2
+    error = capsys.readouterr().err
+    assert re.search(message, error) and error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x = 1 +\n", r"own\.py: SyntaxError: invalid syntax .*line 1"),
+        ("import math\n\nmath.sqrt(-1)\n", r"own\.py, line 3: ValueError: math domain error$"),
+        ("import sys\nsys.exit('over')\n", r"own\.py, line 2: SystemExit: over$"),
+        ("x = 1\n", r"controller\.kind: 'proportional', expected one of pi, "),
+        (None, r"own\.py: no such file$"),
+    ],
+)
+def test_a_file_that_cannot_be_used(desk, text, message):
+    (desk / "own.py").unlink()
+    if text is not None:
+        (desk / "own.py").write_text(text)
+    with pytest.raises(InputError, match=message):
+        load_scenario(desk / "run.yaml")
+
+
+def test_its_command_at_both_ends_of_a_period(desk):
+    """What it holds from sample to sample is what the motors give all the time."""
+    from sdt_drake.run.design import make_design
+    from sdt_drake.run.simulate import simulate
+
+    design = make_design(load_scenario(desk / "run.yaml"))
+    recording = simulate(design)
+    np.testing.assert_allclose(recording.tau_peak[1:], np.abs(recording.tau[1:]), atol=1e-9)
+    np.testing.assert_allclose(recording.tau_rms[1:], np.abs(recording.tau[1:]), atol=1e-9)

@@ -1,0 +1,362 @@
+"""Pictures of diagrams: what is in them, their signs and names, and how they lie on a page."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections import Counter
+
+import pytest
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import (
+    Adder,
+    ConstantVectorSource,
+    Gain,
+    Integrator,
+    MatrixGain,
+    PassThrough,
+    ZeroOrderHold,
+)
+
+from sdt_drake.robot.device import Friction
+from sdt_drake.run.loop import make_loop as closed_loop
+from sdt_drake.run.loop import make_step_loop
+from sdt_drake.show.diagrams import drawn, walk
+from sdt_drake.show.diagrams.layout import Layout
+from sdt_drake.show.diagrams.routing import routed
+from sdt_drake.show.diagrams.text import rich, text_size
+from sdt_drake.show.paper_diagrams import DIAGRAMS
+from sdt_drake.systems import Wired
+from sdt_drake.systems.gains import tune
+
+
+def make_loop():
+    """A reference, a controller with symbols, a process, and a log."""
+    gains = tune([1.0], 60, [1.0])
+    return make_step_loop(gains=gains, i_eff=1.0, structure="p_in_feedback")
+
+
+def wired(*blocks, outputs=(), name="diagram"):
+    """A diagram of blocks, each with its name and its signals; some are read from outside."""
+    diagram = Wired()
+    for block, system, signals in blocks:
+        diagram.add(block, system, *signals.split())
+    diagram.build(*outputs)
+    diagram.set_name(name)
+    return diagram
+
+
+def make_chain(*systems, name="chain"):
+    """Systems one behind the other, the first fed and the last read from outside."""
+    signals = ["speed", *(f"x{number}" for number in range(1, len(systems))), "torque"]
+    blocks = []
+    for number, system in enumerate(systems):
+        others = (f"other{i}" for i in range(1, system.num_input_ports()))
+        own = " ".join([signals[number], *others, signals[number + 1]])
+        blocks.append((f"s{number}", system, own))
+    return wired(*blocks, outputs=["torque"], name=name)
+
+
+def blocks_of(picture):
+    return {block.path[-1]: block for block in picture.frame.blocks()}
+
+
+def wires_of(picture):
+    return Counter((wire.source[-1], wire.target[-1]) for wire in picture.wires)
+
+
+def signs_of(picture):
+    return {(wire.source[-1], wire.target[-1]): wire.sign for wire in picture.wires if wire.sign}
+
+
+# --- what is in a picture --------------------------------------------------------------------
+
+
+def test_each_block_and_each_connection_is_there_once():
+    picture = walk(make_loop())
+
+    paths = [block.path for block in picture.frame.blocks()]
+    pi = ("motor_speed_ref", "motor_speed", "speed_error", "integral", "K_IS", "K_PS", "tau_fb")
+    assert Counter(paths) == Counter(
+        [(name,) for name in ("step_reference", "axis_process", "no_load")]
+        + [("pi_speed_controller", name) for name in pi]
+    )
+    wires = (
+        "step_reference motor_speed_ref, motor_speed_ref speed_error, motor_speed speed_error, "
+        "speed_error integral, integral K_IS, motor_speed K_PS, K_IS tau_fb, K_PS tau_fb, "
+        "tau_fb axis_process, no_load axis_process, axis_process motor_speed"
+    )
+    assert wires_of(picture) == Counter(tuple(wire.split()) for wire in wires.split(", "))
+
+
+def test_pass_throughs_are_lines_and_what_comes_from_outside_and_goes_there_has_names():
+    picture = walk(make_chain(PassThrough(1), Integrator(1)))
+
+    ends = {block.path[-1]: block.text for block in blocks_of(picture).values()}
+    assert ends == {"s1": "1/s", "speed (in)": "speed", "torque (out)": "torque"}
+    assert wires_of(picture) == Counter([("speed (in)", "s1"), ("s1", "torque (out)")])
+
+
+@pytest.mark.parametrize(
+    ("read", "drawn_blocks"),
+    [(["one"], {"source", "one", "one (out)"}), ([], {"source", "one", "other"})],
+)
+def test_what_only_a_log_reads_is_not_drawn_unless_nothing_is_read(read, drawn_blocks):
+    diagram = Wired()
+    diagram.add("source", ConstantVectorSource([1.0]), "x")
+    for name in ("one", "other"):
+        diagram.add(name, Gain(2.0, 1), "x", name)
+    diagram.log(["one", "other"], 0.01)
+    diagram.build(*read)
+
+    assert set(blocks_of(walk(diagram))) == drawn_blocks
+
+
+def test_depth_says_how_many_levels_are_opened():
+    closed, opened = walk(make_loop(), max_depth=0), walk(make_loop(), max_depth=1)
+
+    assert blocks_of(closed)["pi_speed_controller"].text == "pi speed\ncontroller"
+    assert "K_PS" not in blocks_of(closed) and "K_PS" in blocks_of(opened)
+    assert ("pi_speed_controller", "axis_process") in wires_of(closed)
+    assert [frame.title for frame in opened.frame.frames()] == ["step_loop", "pi_speed_controller"]
+
+
+def test_a_diagram_with_a_symbol_is_never_opened():
+    one, other = make_loop(), make_loop()
+    one.GetSubsystemByName("pi_speed_controller").symbol = "PI"
+    other.symbols = {"pi_speed_controller": "PI"}
+
+    for loop in (one, other):
+        assert blocks_of(walk(loop, max_depth=9))["pi_speed_controller"].text == "PI"
+
+
+def test_a_line_downwards_leaves_a_sum_its_three_inputs():
+    diagram = wired(
+        ("total", Adder(3, 1), "in0 in1 in2 out1"),
+        ("low", Adder(1, 1), "x out0"),
+        ("back", Gain(1.0, 1), "in3 x"),
+        outputs=["out0", "out1"],
+    )
+
+    assert drawn(walk(diagram)).count(" -> ") == 7
+
+
+def test_no_frame_around_one_block_and_one_frame_around_one_frame():
+    inner = make_chain(Gain(1.0, 1), Integrator(1), name="inner")
+    inside = make_chain(inner)
+    one = make_chain(make_chain(Integrator(1)), Gain(1.0, 1))
+    two = make_chain(inside, Gain(1.0, 1))
+
+    assert [frame.path for frame in walk(one).frame.frames()] == [()]
+    assert [frame.title for frame in walk(two).frame.frames()] == ["chain", "s0: s0"]
+
+
+def test_what_leaves_a_frame_and_comes_back_into_it_is_fed_back():
+    error = ("error", Adder(2, 1), "reference tau e")
+    inner = wired(error, ("integral", Integrator(1), "e tau_cmd"), outputs=["tau_cmd"])
+    looped = wired(("controller", inner, "reference tau tau"))
+    picture = walk(wired(("around", looped, "reference")))
+
+    back = Layout(picture).back
+    assert [(wire.source[-1], wire.target[-1]) for wire in back] == [("integral", "error")]
+
+
+@pytest.mark.parametrize(
+    ("system", "shape", "text"),
+    [
+        (Adder(1, 1), "sum", ""),
+        (Adder(4, 1), "box", "Σ"),
+        (Integrator(1), "box", "1/s"),
+        (Gain(2.0, 1), "box", "s0"),
+        (Gain(-2.0, 1), "box", "−s0"),
+        (MatrixGain([[-1.0]]), "box", "−s0"),
+        (ZeroOrderHold(0.005, 1), "box", "ZOH\n5 ms"),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_blocks_of_drake(system, shape, text):
+    block = blocks_of(walk(make_chain(system)))["s0"]
+
+    assert (block.shape, block.text) == (shape, text)
+
+
+def test_blocks_without_a_name_get_one():
+    builder = DiagramBuilder()
+    builder.ExportOutput(builder.AddSystem(ConstantVectorSource([1.0])).get_output_port(), "one")
+    text = drawn(walk(builder.Build()))
+
+    assert '"ConstantVectorSource_0"' in text and "0x" not in text
+
+
+# --- signs -----------------------------------------------------------------------------------
+
+
+def test_minus_stands_at_the_sums():
+    picture = walk(make_loop())
+
+    assert signs_of(picture) == {
+        ("motor_speed_ref", "speed_error"): "+",
+        ("motor_speed", "speed_error"): "−",
+        ("K_IS", "tau_fb"): "+",
+        ("K_PS", "tau_fb"): "−",
+    }
+    assert not [block.text for block in picture.frame.blocks() if block.text.startswith("−")]
+
+
+@pytest.mark.parametrize(
+    ("systems", "texts", "signs"),
+    [
+        ((Gain(-2.0, 1), Gain(-3.0, 1), Adder(1, 1)), ["s0", "s1", ""], {("s1", "s2"): "+"}),
+        ((Gain(-2.0, 1), Integrator(1), Adder(1, 1)), ["−s0", "1/s", ""], {("s1", "s2"): "+"}),
+        ((MatrixGain([[1.0, -1.0]]), Adder(1, 1)), ["s0", ""], {("s0", "s1"): "+"}),
+    ],
+    ids=["two make a plus", "stays before other blocks", "of both signs"],
+)
+def test_minus_of_gains(systems, texts, signs):
+    picture = walk(make_chain(*systems))
+
+    assert [blocks_of(picture)[f"s{number}"].text for number in range(len(systems))] == texts
+    assert signs_of(picture) == signs
+
+
+# --- names of signals ------------------------------------------------------------------------
+
+
+def test_signals_have_our_words_for_names():
+    picture = walk(make_loop())
+    labels = {path[-1]: label for (path, _), label in picture.labels.items() if label}
+
+    # A block names its signal itself if it can; 1/s and r are not the names of signals.
+    assert labels == {
+        "motor_speed_ref": "motor_speed_ref",
+        "motor_speed": "motor_speed",
+        "integral": "integral",
+        "tau_fb": "tau_fb",
+        "axis_process": "state",
+    }
+    text = drawn(picture)
+    assert len(re.findall(r"label=<τ<SUB>fb</SUB>>", text)) == 1
+    assert len(re.findall(r"label=<state>", text)) == 1
+
+
+@pytest.mark.parametrize(
+    "name, text", [("figure3", "dynamic\nsaturation"), ("coupled_loop", "saturation")]
+)
+def test_a_saturation_is_called_dynamic_where_its_limits_move(_reference_design, name, text):
+    picture = walk(DIAGRAMS[name](_reference_design))
+    blocks = {block.path[-1]: block.text for block in picture.frame.blocks()}
+    assert blocks["dynamic_saturation"] == text
+
+
+def test_rich_text():
+    assert rich("tau_cmd") == "τ<SUB>cmd</SUB>"
+    assert rich("K_IS/s") == "K<SUB>IS</SUB>/s"
+    assert rich("load_torque") == "load torque"
+    assert rich("tau") == "τ" and rich("a<b\nc") == "a&lt;b<BR/>c"
+    assert text_size("tau_cmd")[0] < text_size("tau cmd")[0] < text_size("tau cmd, long")[0]
+
+
+# --- on the page -----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def page(_reference_design):
+    """The most crowded figure, and its positions and lines."""
+    picture = walk(DIAGRAMS["figure6"](_reference_design))
+    return picture, routed(picture)
+
+
+def test_the_flow_is_one_line_and_only_the_state_comes_back():
+    router = routed(walk(make_loop()))
+    line = ["step_reference", "motor_speed_ref", "speed_error", "integral", "K_IS", "tau_fb"]
+    rects = {path[-1]: rect for path, rect in router.rects.items()}
+
+    for before, path in itertools.pairwise([*line, "axis_process"]):
+        assert rects[before].right < rects[path].left and rects[before].y == rects[path].y
+    (wire,) = router.layout.back
+    assert (wire.source[-1], wire.target[-1]) == ("axis_process", "motor_speed")
+    lowest = max(rect.bottom for rect in rects.values())
+    assert max(y for _, y in router.lines[wire]) > lowest
+
+
+def test_blocks_stand_apart_and_in_their_frames(page):
+    picture, router = page
+    blocks = {block.path: router.rects[block.path] for block in picture.frame.blocks()}
+    frames = [frame.path for frame in picture.frame.frames() if frame.path]
+
+    for one, other in itertools.combinations(blocks.values(), 2):
+        assert not one.overlaps(other, 1)
+    for path, frame in itertools.product(blocks, frames):
+        assert blocks[path].overlaps(router.rects[frame]) == (path[: len(frame)] == frame)
+
+
+def test_lines_lead_from_block_to_block_without_running_on_others(page):
+    picture, router = page
+    blocks = [router.rects[block.path] for block in picture.frame.blocks()]
+    begun: dict[tuple, set] = {}
+    used = Counter()
+
+    for wire, line in router.lines.items():
+        earlier = begun.setdefault((wire.source, wire.output), set())
+        assert line[0] in earlier or on_border(router.rects[wire.source], line[0])
+        assert on_border(router.rects[wire.target], line[-1])
+        assert not any(inside(rect, point) for rect in blocks for point in line[1:-1])
+        for a, b in itertools.pairwise(line):
+            assert abs(a[0] - b[0]) + abs(a[1] - b[1]) == 1
+            used[min(a, b), max(a, b)] += 1
+        earlier.update(line)
+    assert set(router.lines) == set(picture.wires) and set(used.values()) == {1}
+
+
+def test_what_stands_highest_enters_a_sum_from_above_so_that_no_other_crosses_it(designed):
+    design = designed("coupled_pi", {"plant.friction": Friction([300.0] * 4)})
+    router = routed(walk(closed_loop(design)))
+    lines = {w.source[-1]: line for w, line in router.lines.items() if w.target[-1] == "true_load"}
+    (left, right), (before, (x, y)) = lines.values(), lines["friction"][-2:]
+
+    assert before == (x, y - 1)
+    assert not set(left) & set(right)
+
+
+def inside(rect, point):
+    return rect.left <= point[0] <= rect.right and rect.top <= point[1] <= rect.bottom
+
+
+def on_border(rect, point):
+    on_edge = point[0] in (rect.left, rect.right) or point[1] in (rect.top, rect.bottom)
+    return inside(rect, point) and on_edge
+
+
+def test_a_block_that_hands_on_what_is_fed_back_stands_below():
+    diagram = wired(
+        ("error", Adder(2, 1), "reference measured e"),
+        ("gain", Gain(2.0, 1), "e u"),
+        ("process", Integrator(1), "u state"),
+        ("encoder", ZeroOrderHold(0.001, 1), "state measured"),
+        outputs=["state"],
+    )
+    picture = walk(diagram)
+    rects = Layout(picture).rects
+
+    assert rects["encoder",].top > rects["process",].bottom
+    assert rects["encoder",].right < rects["gain",].left
+
+
+def test_any_tangle_is_drawn():
+    n = 5
+    states = " ".join(f"x{i}" for i in range(n))
+    sums = [(f"sum{j}", Adder(n, 1), f"{states} rate{j}") for j in range(n)]
+    integrals = [(f"state{i}", Integrator(1), f"rate{i} x{i}") for i in range(n)]
+    text = drawn(walk(wired(*sums, *integrals)))
+
+    assert text.count(" -> ") == n * n + n
+
+
+def test_nothing_to_draw():
+    assert drawn(walk(make_chain(PassThrough(1)))) == 'digraph "chain" {\n}\n'
+
+
+def test_a_name_with_quotes():
+    text = drawn(walk(make_chain(Integrator(1), name='the "loop"')))
+
+    assert text.startswith('digraph "the \\"loop\\"" {\n')

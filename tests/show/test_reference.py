@@ -1,0 +1,183 @@
+"""The reference of all files says everything, and what is committed of it is what it says."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import re
+
+import numpy as np
+import pytest
+import yaml
+from test_field_rules import BAD, Drawing
+
+from sdt_drake.cli.app import main
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.resources import models_dir
+from sdt_drake.io.schema import json_schema, parts
+from sdt_drake.io.yaml_files import load_yaml
+from sdt_drake.machine.drive_files import Samples, write_drive_table
+from sdt_drake.motion import Motion
+from sdt_drake.robot import sdf
+from sdt_drake.run.simulate import Recording
+from sdt_drake.show.reference import FILES, SCHEMAS, TOPICS, schema_text, with_reference
+
+MODELS = models_dir()
+SHIPPED = sorted(MODELS.rglob("*.yaml"))
+MODELINE = re.compile(r"# yaml-language-server: \$schema=(.*)\n")
+
+
+class Yaml12(yaml.SafeLoader):
+    """As editors read it: 1e3 is a number; tags, which JSON does not have, are left out."""
+
+
+Yaml12.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$"),
+    list("-+.0123456789"),
+)
+Yaml12.add_multi_constructor(
+    "!", lambda loader, tag, node: loader.construct_mapping(node, deep=True)
+)
+
+
+def validator(schema):
+    return pytest.importorskip("jsonschema").Draft7Validator(schema)
+
+
+@pytest.mark.parametrize("schema", [*FILES.values(), Recording])
+def test_every_field_has_a_meaning_and_every_number_a_unit(schema):
+    rows = [entry for part in parts(schema) for entry in part.entries]
+    assert [row.name for row in rows if len(row.meaning) < 4] == []
+    assert [row.name for row in rows if "number" in row.takes and not row.unit] == []
+    of_a_side = [
+        row for row in rows if re.match(r"(N m( s)?(/rad)?|kg m²|deg\S*|rad)(,|$)", row.unit)
+    ]
+    assert [row.name for row in of_a_side if not row.unit.endswith("side")] == []
+
+
+def test_committed_reference_is_what_the_command_writes():
+    page = (MODELS / "README.md").read_text(encoding="utf-8")
+    assert with_reference(page, "models/README.md") == page
+    for topic in FILES:
+        assert (MODELS / SCHEMAS / f"{topic}.json").read_text(encoding="utf-8") == schema_text(
+            topic
+        )
+    # The tags that editors have to be told.
+    schemas = "".join(TOPICS[topic]().markdown() for topic in FILES)
+    tags = set(re.findall(r"`(!\w+)`", schemas))
+    assert set(re.findall(r'"(!\w+) mapping"', page)) == tags and len(tags) == 13
+
+
+@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
+def test_shipped_files_name_the_schema_that_they_keep(file):
+    text = file.read_text(encoding="utf-8")
+    path = (file.parent / MODELINE.match(text)[1]).resolve()
+    assert path.parent == MODELS.resolve() / SCHEMAS
+    load_yaml(FILES[path.stem], file)  # so it is a file of that kind
+    schema = json.loads(path.read_text(encoding="utf-8"))
+    check = validator(schema)
+    check.check_schema(schema)
+    assert list(check.iter_errors(yaml.load(text, Yaml12))) == []
+
+
+WRONG = [
+    ("scenario", "coupled_pi", "kind: coupled", "kind: cupled"),
+    ("scenario", "coupled_pi", "omega_r: 65.991", "omega_r: -1"),
+    ("scenario", "coupled_pi", "zeta: [0.95, 0.98, 0.99, 0.95]", "zeta: 0.95"),
+    ("motion", "leans", "duration: 65.0", "length: 65.0"),
+    ("motors", "motors", "kind: torque motor", "kind: torque"),
+    ("study", "monte_carlo", "draws: 250", "draws: 2.5"),
+    ("sizing", "sizing", "requirements:", "requirement:"),
+]
+
+
+@pytest.mark.parametrize(("topic", "name", "right", "wrong"), WRONG)
+def test_schemas_refuse_what_the_package_refuses(topic, name, right, wrong, tmp_path):
+    text = next(f for f in SHIPPED if f.stem == name).read_text(encoding="utf-8")
+    assert right in text
+    text = text.replace(right, wrong, 1)
+    file = tmp_path / "wrong.yaml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError):
+        load_yaml(FILES[topic], file)
+    assert not validator(json.loads(schema_text(topic))).is_valid(yaml.load(text, Yaml12))
+
+
+def test_a_controller_of_ones_own_is_taken_with_its_file():
+    check = validator(json.loads(schema_text("scenario")))
+    assert check.is_valid({"controller": {"kind": "mine", "file": "mine.py"}})
+    assert not check.is_valid({"controller": {"kind": "mine"}})
+
+
+LOOSER = ({"frame": None}, {"count": 1.0})  # empty in a file, and whole to JSON
+
+
+def test_schema_of_every_kind_of_field_refuses_what_the_check_refuses():
+    """But for what takes the number of joints or two fields, and what no file can hold."""
+    check = validator(json_schema(Drawing, ""))
+    assert check.is_valid({"shapes": [{"radius": 1}, {"side": 2}], "frame": None, "_anchor": 1})
+    told = 0
+    for data, text in BAD:
+        with contextlib.suppress(TypeError, ValueError):  # what no JSON can hold
+            json.dumps(data, allow_nan=False)
+            if "expected" in text and "expected 4" not in text and data not in LOOSER:
+                assert not check.is_valid(data), text
+                told += 1
+    assert told >= 18  # refusals that a schema can tell, too
+
+
+def header(path):
+    return path.read_text(encoding="utf-8").splitlines()[0].split(",")
+
+
+def test_columns_of_tables_are_those_of_the_files(robot, tmp_path):
+    n, file = robot.n, tmp_path / "a.csv"
+    still = Motion.from_speeds(0.005, np.zeros(n), np.zeros((3, n)))
+    values = {f.name: np.zeros((3, n)) for f in dataclasses.fields(Recording)}
+    recording = Recording(**{**values, "time": still.time})
+    samples = Samples(still.period, still.q, still.v, still.q)
+    sheets = [*TOPICS["recording"]().sheets, *TOPICS["tables"]().sheets]
+    writers = (recording.to_csv, still.to_csv, lambda path: write_drive_table(path, robot, samples))
+    for sheet, write in zip(sheets, writers, strict=True):
+        write(file)
+        names = [name.replace("_k", f"_{k}") for name, *_ in sheet.rows for k in range(1, n + 1)]
+        assert list(dict.fromkeys(names)) == header(file)
+
+
+def test_elements_of_a_robot_are_all_that_the_check_knows():
+    (elements,) = TOPICS["robot"]().sheets
+    told = {row[0].split("/")[-1] for row in elements.rows} | {"iyy", "izz", "ixy", "ixz", "iyz"}
+    assert set(sdf._COUNTS) - set(sdf._ZERO) <= told
+
+
+def test_command(tmp_path, capsys):
+    for topic in TOPICS:
+        assert main(["reference", topic]) == 0
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) <= 80
+    assert "  controller.omega_r: a number > 0 [rad/s]; default none\n" in out
+    assert main(["reference"]) == 0 and "scenario " in capsys.readouterr().out
+    assert main(["reference", "--out", str(tmp_path / "all")]) == 0
+    assert main(["reference", "--out", str(tmp_path / "all")]) == 0  # again
+    assert len(list((tmp_path / "all").rglob("*.json"))) == len(FILES)
+    assert main(["reference", "motion", "--out", str(tmp_path / "motion.json")]) == 0
+    assert json.loads((tmp_path / "motion.json").read_text())["required"] == ["duration"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["scenarios"], "TOPIC: 'scenarios', expected one of scenario, "),
+        (["robot", "--out", "a.json"], "a.json: robot has no JSON Schema, only scenario, "),
+        (["robot", "--out", "a.txt"], "a.txt: unknown kind of file, expected .md, .json"),
+        (["--out", "."], "README.md: expected one line <!-- reference: "),
+    ],
+)
+def test_refusals(arguments, line, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "README.md").write_text("# Mine\n")
+    assert main(["reference", *arguments]) == 2
+    assert line in capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["README.md"]

@@ -1,0 +1,395 @@
+"""The paper recomputed: its numbers, and what its report says."""
+
+import dataclasses
+import json
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sdt_drake
+from sdt_drake.analysis import paper
+from sdt_drake.analysis.claims import Claims
+from sdt_drake.analysis.reproduction import Stopwatch
+from sdt_drake.io.tables import read_table
+from sdt_drake.motion import Motion
+from sdt_drake.robot.head import felt_difference
+from sdt_drake.show.graphviz import has_graphviz
+from sdt_drake.show.paper_diagrams import DIAGRAMS
+from sdt_drake.show.reports.paper_files import summary
+from sdt_drake.show.texts import page_text
+
+GEAR = np.array([67.2, 1, 1, 1])  # published
+ROTOR = np.array([0.1291, 1.73, 0.531, 0.531])  # published
+OMEGA_R = 2 * np.pi * 10.5028
+ZETA = np.array([0.95, 0.98, 0.99, 0.95])
+
+# By an independent calculation.
+I_EFF = {
+    "i_eff_max": (4.2601, 98.0127, 796.298, 250.280),
+    "i_eff_median": (4.004, 77.61, 792.10, 250.28),
+    "i_eff_min": (3.830, 66.82, 774.84, 250.28),
+}
+# plant, process, algorithm, controller, disturbed: largest |speed error| of joints 1 to 4.
+LARGEST = {
+    ("axis", "i_eff_max", "printed", "pi", False): (0.0272, 0.8688, 0.0145, 0.0546),
+    ("axis", "i_eff_max", "printed", "pi_ctc", True): (0.0271, 0.1939, 0.0099, 0.0505),
+    ("axis", "i_eff_min", "printed", "pi", False): (0.0272, 0.9001, 0.0147, 0.0526),
+    ("axis", "i_eff_min", "printed", "pi_ctc", True): (0.0271, 0.1938, 0.0099, 0.0505),
+    ("axis", "i_eff_max", "consistent", "pi", False): (0.0272, 0.2100, 0.0151, 0.0529),
+    ("axis", "i_eff_max", "consistent", "pi_ctc", True): (0.0271, 0.1939, 0.0099, 0.0505),
+    ("coupled", "multibody", "consistent", "pi", False): (0.0273, 0.2085, 0.0130, 0.0539),
+    ("coupled", "multibody", "consistent", "pi_ctc", False): (0.0273, 0.1865, 0.0112, 0.0523),
+    ("coupled", "multibody", "printed", "pi_ctc", False): (0.0275, 0.9153, 0.0240, 0.0779),
+}
+# Of the coupled runs: RMS, and drift of the position [deg].
+RMS_AND_DRIFT = {
+    ("consistent", "pi"): ((0.01606, 0.06119, 0.00660, 0.02045), (8.3, 7.1, 0.5, 0.8)),
+    ("consistent", "pi_ctc"): ((0.01606, 0.05625, 0.00663, 0.02029), (8.3, 5.5, 0.5, 0.7)),
+    ("printed", "pi_ctc"): ((0.01607, 0.09215, 0.00685, 0.02060), (8.3, 8.9, 0.5, 0.8)),
+}
+# Plant, controller, algorithm: largest |speed error| of joint 2 at 11 s < t < 16.5 s.
+MIDDLE = {
+    ("axis", "pi", "printed"): 0.0470,
+    ("axis", "pi_ctc", "consistent"): 0.0090,
+    ("coupled", "pi", "consistent"): 0.0486,
+    ("coupled", "pi_ctc", "consistent"): 0.0052,
+    ("coupled", "pi_ctc", "printed"): 0.0970,
+}
+FILES = {
+    "axis_pi": ("axis", "i_eff_max", "printed", "pi", False),
+    "axis_pi_ctc": ("axis", "i_eff_max", "printed", "pi_ctc", True),
+    "coupled_pi": ("coupled", "multibody", "consistent", "pi", False),
+    "coupled_pi_ctc": ("coupled", "multibody", "consistent", "pi_ctc", False),
+}
+RUN_COLUMNS = (
+    "v_ref v tau_cmd tau load_torque speed_error q_ref q tau_limited tau_peak tau_rms tau_mean "
+    "saturated beyond_stop"
+)
+REFERENCE_COLUMNS = (
+    "q_ref v_ref vd_ref tau_inertial tau_reaction tau_velocity tau_gravity tau_coupled "
+    "load_torque alleviating_torque i_eff"
+)
+# Captions by file, and block diagrams, as the report's text has them.
+PICTURES = re.findall(r"!\[(.*)\]\((.*)\.svg\)", page_text("report.md"))
+FIGURES = {name: caption for caption, name in PICTURES if "/" not in name}
+DRAWN = [name.removeprefix("diagrams/") for _, name in PICTURES if "/" in name]
+
+
+@pytest.fixture(scope="module")
+def content(reproduced):
+    """summary.json, by a strict reader."""
+
+    def refuse(name):
+        raise AssertionError(f"{name} is not JSON")
+
+    text = (reproduced / "summary.json").read_text(encoding="utf-8")
+    return json.loads(text, parse_constant=refuse)
+
+
+@pytest.fixture(scope="module")
+def report(reproduced):
+    return (reproduced / "report.md").read_text(encoding="utf-8")
+
+
+def entry_of(content, key):
+    """The entry of a run."""
+    *names, disturbed = key
+    (entry,) = [
+        entry
+        for entry in content["tracking"]
+        if [entry[name] for name in ("plant", "process", "algorithm", "controller")] == names
+        and (entry["disturbance_amplitude"] > 0) == disturbed
+    ]
+    return entry
+
+
+# --- summary.json ----------------------------------------------------------------------------
+
+
+def test_keys_of_the_summary(content):
+    assert list(content) == [
+        "table1", "step_response", "tracking", "claims", "beyond", "pi_or_pi_ctc", "versions",
+        "wall_time_s",
+    ]  # fmt: skip
+    assert content["versions"]["package"] == sdt_drake.__version__
+    assert set(content["versions"]) == {"package", "drake", "numpy", "python"}
+    assert len(content["wall_time_s"]) >= 5
+    # Joint 3 swings: it has no constant speed, and JSON has no NaN.
+    for entry in content["tracking"]:
+        assert [value is None for value in entry["constant_speed_error"]] == [0, 0, 1, 0]
+    keys = {(e["plant"], e["process"], e["algorithm"]) for e in content["tracking"]}
+    assert len(keys) == 6 and len(content["tracking"]) == 13
+
+
+def test_a_number_that_does_not_exist_is_null(reproduction):
+    step = reproduction.steps["pi"]
+    never = dataclasses.replace(step.metrics, settling_time=math.nan, overshoot_percent=math.inf)
+    steps = reproduction.steps | {"pi": dataclasses.replace(step, metrics=never)}
+    text = json.dumps(summary(dataclasses.replace(reproduction, steps=steps), []), allow_nan=False)
+    written = json.loads(text)["step_response"]
+    assert written["pi"] == {
+        "rise_time": step.metrics.rise_time, "settling_time": None, "overshoot_percent": None
+    }  # fmt: skip
+    p = reproduction.steps["p_in_feedback"].metrics
+    assert written["p_in_feedback"]["settling_time"] == p.settling_time
+
+
+def test_table1(content):
+    columns = {key: [row[key] for row in content["table1"]] for key in content["table1"][0]}
+    for name, expected in I_EFF.items():
+        np.testing.assert_allclose(columns[name], expected, rtol=2e-4, err_msg=name)
+        # K_PS and K_IS are fixed, so zeta goes with 1 / sqrt(I_eff).
+        zeta = ZETA / np.sqrt(np.divide(expected, I_EFF["i_eff_max"]))
+        np.testing.assert_allclose(columns[name.replace("i_eff", "zeta")], zeta, rtol=2e-4)
+    np.testing.assert_allclose(columns["variation_percent"], (10.09, 31.82, 2.69, 0), atol=0.006)
+    i_eff = np.array(columns["i_eff_max"])
+    np.testing.assert_allclose(columns["ki"], 0.25 * OMEGA_R**2 * i_eff, rtol=1e-4)
+    # 2 zeta sqrt(I K_IS) = zeta omega_r I
+    np.testing.assert_allclose(columns["kp"], ZETA * OMEGA_R * i_eff, rtol=1e-4)
+
+
+def test_published_side(content):
+    published = [row["published"] for row in content["table1"]]
+    for name, expected in {
+        "i_eff_max": [4.26, 98.01, 796.3, 250.28],
+        "variation_percent": [39.95, 31.82, 7.29, 25.4],
+        "kp": [267.1, 6340, 52000, 15700],
+        "ki": [4640, 107000, 867000, 273000],
+        "zeta_max": list(ZETA),
+        "zeta_median": [1.06, 1.07, 1.009, 1.017],
+        "zeta_min": [1.23, 1.18, 1.03, 1.099],
+        "i_eff_min": [None] * 4,
+    }.items():
+        assert [row[name] for row in published] == expected
+    assert content["step_response"]["published"] == {
+        "pi": {"rise_time": 0.022, "settling_time": 0.16, "overshoot_percent": 13.53},
+        "p_in_feedback": {"rise_time": 0.094, "settling_time": 0.159, "overshoot_percent": 0.0},
+    }
+    assert paper.JOINT2_PI_MAX_ERROR == {"i_eff_max": 1.08, "i_eff_min": 1.204}
+
+
+@pytest.mark.parametrize("key", LARGEST, ids=str)
+def test_largest_errors(content, key):
+    entry = entry_of(content, key)
+    tolerance = 0.02 if key[0] == "axis" else 0.05
+    np.testing.assert_allclose(entry["max_abs_speed_error"], LARGEST[key], rtol=tolerance)
+    if key[0] == "coupled":
+        rms, drift = RMS_AND_DRIFT[key[2:4]]
+        np.testing.assert_allclose(entry["rms_speed_error"], rms, rtol=0.05)
+        np.testing.assert_allclose(np.degrees(entry["max_abs_position_error"]), drift, atol=0.06)
+
+
+def test_errors_at_constant_speed(reproduction):
+    for (plant, *of), expected in MIDDLE.items():
+        recording = getattr(reproduction, plant)(*of).recording
+        middle = (recording.time > 11) & (recording.time < 16.5)
+        largest = np.abs(recording.speed_error[middle, 1]).max()
+        assert largest == pytest.approx(expected, rel=0.02), of
+
+
+def test_the_smallest_inertia_is_the_published_one_less_its_variation(reproduction):
+    for controller, sign in (("pi", "printed"), ("pi_ctc", "consistent")):
+        design = reproduction.axis(controller, sign, "i_eff_min").design
+        expected = [4.26 * 0.6005, 98.01 * 0.6818, 796.3 * 0.9271, 250.28 * 0.746]
+        np.testing.assert_allclose(design.i_eff, expected, rtol=1e-12)
+
+
+def test_what_is_felt_with_every_controller(reproduction, content):
+    for entry, compared in zip(content["beyond"], reproduction.beyond, strict=True):
+        felt, head = entry["felt"], compared.head
+        assert felt["share"] == head.felt.share
+        assert felt["share_from_angles"] == head.felt_from_angles.share
+        assert felt["channels"] == ["roll", "pitch", "yaw", "fore-aft", "lateral", "vertical"]
+        np.testing.assert_array_equal(felt["largest"], head.felt.multiples.max(axis=0))
+        np.testing.assert_array_equal(felt["channel_share"], (head.felt.multiples > 1).mean(axis=0))
+        assert (entry["rms_share"], entry["peak_share"]) == (
+            compared.motors.rms_share.tolist(), compared.motors.peak_share.tolist(),
+        )  # fmt: skip
+    by_label = {c.label: c.head for c in reproduction.beyond}
+    apart = felt_difference(by_label["pi"].achieved, by_label["pi_ctc"].achieved, 0.005)
+    assert content["pi_or_pi_ctc"]["share"] == pytest.approx(apart.share)
+
+
+def test_what_the_report_says_of_the_pilot_holds(content):
+    """Its sentences stand in a file: the numbers must agree with their words."""
+    share = {e["controller"]: e["felt"]["share"] for e in content["beyond"]}
+    angles = {e["controller"]: e["felt"]["share_from_angles"] for e in content["beyond"]}
+    assert content["pi_or_pi_ctc"]["share"] > 0.5
+    assert 0 <= share["pi"] - share["pi_ctc"] < 0.1 < 0.8 < share["pi_ctc"]
+    assert min(angles["pi"], angles["pi_ctc"]) > 0.5 * share["pi_ctc"]
+    assert share["p_pi"] == pytest.approx(0.309, abs=0.005)
+    assert share["p_pi"] > 3 * share["p_pi+ctc"] > 9 * share["p_pi+id"] > 0
+    assert share["inverse_dynamics"] == 0
+
+
+def test_findings_show_these_numbers(content):
+    text = (Path(__file__).parents[2] / "diagrams/README.md").read_text(encoding="utf-8")
+    lines = [line.split("|") for line in text.splitlines() if line.count("|") == 4]
+    rows = {line[1].strip(): line[3] for line in lines}
+    axis, coupled = (
+        [entry_of(content, FILES[f"{plant}_{name}"]) for name in ("pi", "pi_ctc")]
+        for plant in ("axis", "coupled")
+    )
+    both = "largest speed error: PI, PI + CTC"
+    for label, entries, name, joint in (
+        (f"decoupled axes, joint 2, {both}", axis, "max_abs_speed_error", 2),
+        (f"**coupled plant**, joint 2, {both}", coupled, "max_abs_speed_error", 2),
+        ("coupled plant, joint 2 at constant speed, largest", coupled, "constant_speed_error", 2),
+        ("coupled plant, joint 4 at constant speed, largest", coupled, "constant_speed_error", 4),
+    ):
+        shown = [float(number) for number in re.findall(r"[\d.]+(?=[, ])", rows[label])]
+        assert shown == [float(f"{entry[name][joint - 1]:.3g}") for entry in entries], label
+
+
+# --- CSV files -------------------------------------------------------------------------------
+
+
+def check_header(path, names):
+    first = path.read_text(encoding="utf-8").partition("\n")[0].split(",")
+    assert first == ["time", *(f"{name}_{k}" for name in names.split() for k in range(1, 5))]
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_recordings(reproduced, content, name):
+    path, key = reproduced / f"{name}.csv", FILES[name]
+    check_header(path, RUN_COLUMNS)
+    time, columns = read_table(path)
+    np.testing.assert_allclose(time, 0.005 * np.arange(6001), atol=1e-12)
+    error = columns["v"] - columns["v_ref"]
+    np.testing.assert_array_equal(columns["speed_error"], error)
+    entry = entry_of(content, key)
+    np.testing.assert_allclose(np.abs(error).max(axis=0), entry["max_abs_speed_error"])
+    saturated = columns["saturated"][1:].mean(axis=0)
+    np.testing.assert_allclose(saturated, entry["saturated_fraction"], atol=1e-12)
+
+
+def test_reference_groups_add_up(reproduced, reproduction):
+    path = reproduced / "reference.csv"
+    check_header(path, REFERENCE_COLUMNS)
+    _, columns = read_table(path)
+    for name in ("inertial", "reaction", "velocity", "gravity"):
+        expected = getattr(reproduction.design.torques, name)
+        np.testing.assert_allclose(columns[f"tau_{name}"], expected, atol=1e-9)
+    groups = sum(columns[f"tau_{name}"] for name in ("reaction", "velocity", "gravity"))
+    np.testing.assert_allclose(columns["tau_coupled"], groups, atol=1e-8)
+    largest = np.abs(columns["tau_coupled"]).max(axis=0)
+    np.testing.assert_allclose(largest, [4031, 3419, 678, 288], atol=0.6)
+    split = GEAR * (columns["load_torque"] - columns["alleviating_torque"])
+    np.testing.assert_allclose(columns["tau_coupled"], split, atol=1e-8)
+    # Help points along the acceleration, and is never more than the joint itself needs.
+    help_ = GEAR * columns["alleviating_torque"] * np.sign(columns["vd_ref"])
+    assert np.all(help_ >= -1e-9) and np.all(help_ <= np.abs(columns["tau_inertial"]) + 1e-9)
+    d_kk = GEAR**2 * (columns["i_eff"] - ROTOR)
+    np.testing.assert_allclose(columns["tau_inertial"], d_kk * columns["vd_ref"], atol=1e-6)
+    motion = Motion.from_csv(path)
+    np.testing.assert_array_equal(motion.q, reproduction.design.motion.q)
+    np.testing.assert_allclose(np.degrees(motion.q[:, 2].min()), -9.9, atol=0.05)
+
+
+# --- files and report ------------------------------------------------------------------------
+
+
+def test_all_files_are_there_and_what_their_suffix_says(reproduced):
+    folder = reproduced
+    files = {str(path.relative_to(folder)): path for path in folder.rglob("*") if path.is_file()}
+    expected = {"summary.json", "reference.csv", "table1.md", "report.md", "report.html"}
+    expected |= {"device.html"} | {f"{name}.csv" for name in FILES}
+    expected |= {f"{name}.{suffix}" for name in FIGURES for suffix in ("png", "svg")}
+    drawn = ("dot", "svg") if has_graphviz() else ("dot",)
+    assert list(DIAGRAMS) == DRAWN
+    assert set(files) == expected | {f"diagrams/{n}.{s}" for n in DIAGRAMS for s in drawn}
+    for name, path in files.items():
+        start = {".png": b"\x89PNG\r\n", ".dot": b"digraph", ".svg": b"<"}.get(path.suffix, b"")
+        assert path.read_bytes().startswith(start), name
+
+
+def test_report_has_every_claim_run_version_and_the_provenance(report, content):
+    rows = {line.split(" | ")[0].lstrip("| "): line for line in report.splitlines()}
+    for claim in content["claims"]:
+        row = rows[claim["id"]]
+        assert f"**{claim['verdict']}**" in row and claim["why"] in row
+    verdicts = [claim["verdict"] for claim in content["claims"]]
+    for verdict in set(verdicts):
+        assert f"**{verdicts.count(verdict)}** {verdict}" in report
+    for entry in content["tracking"]:
+        assert " ".join(f"{value:.4f}" for value in entry["max_abs_speed_error"]) in report
+    for version in content["versions"].values():
+        assert version in report
+    assert "calibrated" in report and "assumed" in report
+    assert not re.search(r"\b(nan|inf|None)\b", report)
+    for block in re.findall(r"(?:^\|.*\n)+", report, re.MULTILINE):
+        assert len({line.count("|") for line in block.splitlines()}) == 1, block[:200]
+    headings = re.findall(r"^## (.*)$", report, re.MULTILINE)
+    assert headings[:5] == ["Summary", "Device in 3D", "Claims", "Motion", "Table 1"]
+    answer, figure = report.split("## Summary\n\n")[1].split("\n\n")[:2]
+    assert "constant speed" in answer and "(coupled_errors.png)" in figure
+
+
+def test_links_of_the_report_lead_somewhere(report, reproduced):
+    links = re.findall(r"\]\(([^)]+)\)", report)
+    assert {"figure2.png", "figure4.png", "figure7.png", "figure8.png"} <= set(links)
+    for link in links:
+        assert (reproduced / link).is_file(), link
+
+
+def test_sentences_say_what_the_runs_say(report, content):
+    pi, ctc, printed = (
+        entry_of(content, ("coupled", "multibody", sign, controller, False))
+        for sign, controller in RMS_AND_DRIFT
+    )
+    before, after = pi["max_abs_speed_error"][1], ctc["max_abs_speed_error"][1]
+    assert f"joint 2 from {before:.3f} to {after:.3f} rad/s**, {before / after:.2f} times" in report
+    steady = pi["constant_speed_error"][1] / ctc["constant_speed_error"][1]
+    assert f"at constant speed {steady:.1f} times less" in report
+    assert f"{printed['max_abs_speed_error'][1] / before:.1f} times that of PI alone" in report
+    of = {entry["controller"]: entry for entry in content["beyond"]}
+    drift = math.degrees(max(of["pi"]["max_abs_position_error"]))
+    kept = math.degrees(max(of["p_pi+id"]["max_abs_position_error"]))
+    assert f"drifts by up to {drift:.1f} deg" in report and f"within {kept:.3f} deg" in report
+    gains = np.divide(of["pi"]["rms_speed_error"], of["pi_id"]["rms_speed_error"])
+    assert f"{gains.min():.0f} to {gains.max():.0f} times less RMS speed error" in report
+    for label in ("pi", "pi_ctc", "p_pi", "p_pi+ctc", "p_pi+id"):
+        assert f"{100 * of[label]['felt']['share']:.1f} %" in report
+    for label in ("pi", "pi_ctc"):
+        assert f"{100 * of[label]['felt']['share_from_angles']:.1f}" in report
+    rotation, force = (max(content["pi_or_pi_ctc"]["largest"][k : k + 3]) for k in (0, 3))
+    assert f"{rotation:.2f} (yaw) and {force:.2f} (lateral) times" in report
+
+
+def test_table1_markdown(reproduced):
+    text = (reproduced / "table1.md").read_text(encoding="utf-8")
+    rows = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")]
+    computed = [row for row in rows if row[0].startswith("joint ")]
+    assert [float(row[1]) for row in computed] == pytest.approx(I_EFF["i_eff_max"], abs=0.006)
+    assert [float(row[7]) for row in computed] == pytest.approx(ZETA)
+    published = [row for row in rows if row[0] == "*published*"]
+    assert [row[5] for row in published] == ["267.1", "6340", "52000", "15700"]
+    assert [row[6] for row in published] == ["4640", "107000", "867000", "273000"]
+    assert "calibrated" in text
+
+
+def test_values_of_claims_stand_in_a_table():
+    text = "K_PS = omega_r² I_eff,max"
+    claim = {"id": "a", "statement": text, "published": [4640.0, None], "computed": [4.5e-13, True],
+             "verdict": "reproduced", "why": "so"}  # fmt: skip
+    assert "| 4640, – | 4.5e-13, yes | **reproduced** |" in Claims([claim], 2).markdown()
+    page = Claims([claim], 2).html(str)
+    assert "joint 2" in page and "<td>4640</td><td>–</td>" in page and ">all 1<" in page
+    one = Claims([claim | {"published": 0.5, "computed": [250.28, 52016.4]}], 2).html(str)
+    assert '<td class="whole" colspan="2">0.5</td>' in one  # of no joint alone
+    assert "<td>250.28</td><td>52016</td>" in one
+    both = Claims([claim | {"published": {"a_b": 1}, "computed": {"a_b": 2.0}}], 2).html(str)
+    assert 'scope="col">a b</th>' in both and "<td>2</td>" in both
+
+
+def test_stages_are_told_as_they_pass():
+    told = []
+    watch = Stopwatch(told.append)
+    for name in ("one", "two", "one"):
+        with watch.stage(name):
+            pass
+    assert list(watch.seconds) == ["one", "two"] and len(told) == 3
+    assert all(re.fullmatch(r"  (one|two) +\d+\.\d\d s", line) for line in told)

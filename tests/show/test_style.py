@@ -1,0 +1,143 @@
+"""The look of figures, and files for them."""
+
+from itertools import combinations
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.show import style
+from sdt_drake.show.style import LOOKS, PALETTE, finish, grid, looks_of, save
+
+# Machado, Oliveira, Fernandes, "A physiologically-based model for simulation of color vision
+# deficiency", 2009: linear RGB as seen without red, green, blue cones.
+NO_CONES = {
+    "none": np.eye(3),
+    "red": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216],
+            [-0.003882, -0.048116, 1.051998]],
+    "green": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413],
+              [-0.011820, 0.042940, 0.968881]],
+    "blue": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602],
+             [0.004733, 0.691367, 0.303900]],
+}  # fmt: skip
+
+
+def lab(colour, seen_by):
+    """CIE L*a*b* of an sRGB colour (D65), as the eye `seen_by` sees it."""
+    rgb = np.array(matplotlib.colors.to_rgb(colour))
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    linear = np.clip(np.array(seen_by) @ linear, 0, 1)
+    to_xyz = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    t = np.array(to_xyz) @ linear / [0.9505, 1.0, 1.089]
+    f = np.where(t > (6 / 29) ** 3, np.cbrt(t), t / (3 * (6 / 29) ** 2) + 4 / 29)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("eye", NO_CONES)
+def test_colours_of_lines_in_one_panel_differ_for_every_eye(eye):
+    """A difference of 2.3 is just noticeable side by side; lines need many times that."""
+    in_time_plots = [LOOKS[label].colour for label in ("reference", "pi", "pi_ctc", "pi_id")]
+    for first, second in [*combinations(PALETTE[:5], 2), *combinations(in_time_plots, 2)]:
+        seen = [lab(colour, NO_CONES[eye]) for colour in (first, second)]
+        assert np.linalg.norm(seen[0] - seen[1]) > 15, (first, second)
+
+
+def test_a_controller_looks_the_same_whoever_else_is_there():
+    assert len({look.colour for look in LOOKS.values()}) == len(LOOKS)
+    assert len({LOOKS[label][1:] for label in ("pi", "pi_ctc", "pi_id", "p_pi+id")}) == 4
+    assert looks_of(["pi", "own"])[0] == looks_of(["own", "pi"])[1] == LOOKS["pi"]
+    assert len(set(looks_of(["a", "b", "c"]))) == 3
+    pi, own, other = (look.colour for look in looks_of(["pi", "own", "other"]))
+    assert len({pi, own, other, *(look.colour for look in looks_of(["p_pi"]))}) == 4
+    # The paper's blue, red and green.
+    hues = [LOOKS[label].colour for label in ("reference", "pi", "pi_ctc")]
+    assert hues == ["#0072B2", "#D55E00", "#009E73"]
+
+
+def test_small_numbers_and_long_legends_have_room():
+    figure, axes = grid(2, 1, panel=(4.0, 1.5))
+    for ax, size, label in zip(
+        axes.flat, (4e-4, 0.1), ("speed error [rad/s]", "share"), strict=True
+    ):
+        for k in range(12):
+            ax.plot([0, 1], [-size, k * size / 12], label=f"joint {k + 1} of a robot")
+        ax.set(xlabel="time [s]", ylabel=label)
+    high = axes[0, 0].get_window_extent().height
+    finish(figure, "title")
+    figure.draw_without_rendering()
+    small, large = axes.flat
+    assert (small.get_ylabel(), large.get_ylabel()) == ("speed error [1e−4 rad/s]", "share")
+    assert [t.get_text() for t in small.get_yticklabels()][1:-1] == ["−4", "−2", "0", "2", "4"]
+    assert small.get_window_extent().height == pytest.approx(high, rel=1e-6)
+    legend, below = figure.legends[0].get_window_extent(), large.xaxis.label.get_window_extent()
+    assert figure.legends[0]._ncols < 12 and legend.y1 < below.y0 and legend.y0 > 0
+
+
+@pytest.fixture
+def figure():
+    with style.style():
+        figure, axes = grid(1, 1, panel=(4, 2))
+        axes[0, 0].plot([0.0, 1.0, 2.0], [3.0, 4.0, 5.0], label="$x^{$")
+        finish(figure, "cost in $")
+    return figure
+
+
+@pytest.mark.parametrize(
+    ("suffix", "magic"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")]
+)
+def test_save_writes_what_the_suffix_says(figure, tmp_path, suffix, magic):
+    before = dict(matplotlib.rcParams)
+    path = tmp_path / "new" / "folder" / f"figure.{suffix}"
+    assert save(figure, str(path)) == path
+    assert path.read_bytes().startswith(magic)
+    assert list(path.parent.iterdir()) == [path]
+    assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.parametrize("name", ["figure.xyz", "figure", "figure.csv", ".png"])
+def test_save_refuses_an_unknown_suffix(figure, tmp_path, name):
+    with pytest.raises(InputError, match=r"\.png") as caught:
+        save(figure, tmp_path / name)
+    assert str(tmp_path / name) in str(caught.value) and "\n" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("step", ["drawing", "writing"])
+def test_save_replaces_a_file_whole_or_not_at_all(figure, tmp_path, monkeypatch, step):
+    path = tmp_path / "figure.png"
+    path.write_bytes(b"old")
+
+    def savefig(self, target, **options):
+        target.write(b"half")
+        assert path.read_bytes() == b"old"  # while the new one is being written
+        raise RuntimeError("power cut")
+
+    def write_bytes(path, data):
+        with path.open("wb") as file:
+            file.write(data[:10])
+        raise OSError(28, "No space left on device", str(path))
+
+    if step == "drawing":
+        monkeypatch.setattr(Figure, "savefig", savefig)
+    else:
+        monkeypatch.setattr(type(path), "write_bytes", write_bytes)
+    with pytest.raises((RuntimeError, InputError), match=r"power cut|No space left"):
+        save(figure, path)
+    monkeypatch.undo()
+    assert path.read_bytes() == b"old" and list(tmp_path.iterdir()) == [path]
+
+
+def test_the_same_figure_gives_the_same_svg(figure, tmp_path):
+    one, two = (save(figure, tmp_path / name).read_bytes() for name in ("a.svg", "b.svg"))
+    assert one == two and b"<dc:date>" not in one
+
+
+def test_a_legend_names_every_label_once_and_hides_the_others(figure):
+    (ax,) = figure.axes
+    ax.plot([0, 1], [0, 1], label="$x^{$")
+    ax.plot([0, 1], [0, 1], label="_lower")
+    figure.legends.clear()
+    finish(figure, "again")
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["$x^{$"]

@@ -1,0 +1,287 @@
+"""The page that plays pictures of a motion, and pictures that are played live."""
+
+from __future__ import annotations
+
+import os
+import re
+import struct
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from test_scene import TIME, smooth
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.motion import Story, TimedSegment
+from sdt_drake.robot.robot import load_robot
+from sdt_drake.show.view3d import scene, viewer
+from sdt_drake.show.view3d.scene import FRAME_RATE, METRES_PER_G, Scene, make_frames
+from sdt_drake.show.view3d.viewer import record_html
+
+EVIL = "</script><b onload='x'>"
+SMALL = {"width": 200, "height": 130}  # WebGL in software is slow
+
+
+def without_head(folder):
+    """A copy of the shipped robot's file in which nobody sits, with no visual either."""
+    text = load_robot().path.read_text(encoding="utf-8")
+    text = re.sub(r"<frame name=.head.*?</frame>", "", text, flags=re.S)
+    text = re.sub(r"<visual .*?</visual>", "", text, flags=re.S)
+    path = folder / "other.sdf"
+    path.write_text(text, encoding="utf-8")
+    return load_robot(path)
+
+
+# --- the page -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def page_file(tmp_path_factory, robot):
+    path = tmp_path_factory.mktemp("page") / "run.html"
+    segments = (
+        TimedSegment("roll", 0, 0.5, "to 1.5 deg/s, cosine"),
+        TimedSegment("roll", 0.8, 2, EVIL),
+        TimedSegment("yaw", 0.8, 2, "hold"),
+    )
+    story = Story(feels="A <b> lean.", segments=segments)
+    record_html(robot, TIME, smooth(robot)[0], path, title="Leans <1>", story=story, pilot=True)
+    return path
+
+
+@pytest.fixture(scope="module")
+def loaded(open_page, page_file):
+    """The page, loaded once, as that takes long: it plays until a test seeks."""
+    with open_page(page_file, **SMALL) as opened:
+        opened.page.wait_for_function("viewer.animator.time > 0.1")  # it plays by itself
+        assert opened.page.inner_text("#sdt-view") == "From outside"  # it began as the pilot
+        yield opened
+        assert opened.errors == [] and opened.requests == []
+
+
+@pytest.fixture
+def page(loaded):
+    """The same, seen from outside."""
+    view = loaded.page.locator("#sdt-view")
+    if view.inner_text() == "From outside":
+        view.dispatch_event("click")  # at once: a mouse waits until what moves is drawn
+    yield loaded.page
+    assert loaded.errors == [] and loaded.requests == []
+
+
+def seek(page, time):
+    """Show a time, which ends the play: from then on, nothing is drawn that nobody asks for."""
+    page.wait_for_function("document.getElementById('sdt-seek').max > 0")  # it is loaded
+    page.evaluate(
+        """t => {
+          viewer.animate = () => {};
+          const slider = document.getElementById("sdt-seek");
+          slider.value = t;
+          slider.oninput();
+          viewer.render();
+        }""",
+        time,
+    )
+
+
+def place_of(page, path):
+    """Where a path of the scene is [m], in Drake's axes: Meshcat's own have y upwards."""
+    x, y, z = page.evaluate(
+        """path => {
+          const object = viewer.scene_tree.find(path).object;
+          object.updateWorldMatrix(true, false);
+          return object.matrixWorld.elements.slice(12, 15);
+        }""",
+        path,
+    )
+    return np.array([x, -z, y])
+
+
+def colours(page):
+    """What each pixel of the picture shows, 4 bit for each of red, green and blue."""
+    return page.evaluate(
+        """() => {
+          viewer.render();
+          const shown = viewer.renderer.domElement, copy = document.createElement("canvas");
+          copy.width = shown.width;
+          copy.height = shown.height;
+          const paint = copy.getContext("2d");
+          paint.drawImage(shown, 0, 0);
+          const data = paint.getImageData(0, 0, copy.width, copy.height).data, found = [];
+          for (let i = 0; i < data.length; i += 4)
+            found.push((data[i] >> 4) * 256 + (data[i + 1] >> 4) * 16 + (data[i + 2] >> 4));
+          return found;
+        }"""
+    )
+
+
+def test_page_plays_alone(page, robot, page_file):
+    text = page_file.read_text(encoding="utf-8")
+    assert "<title>Leans &lt;1&gt;</title>" in text and "<b>Leans &lt;1&gt;</b>" in text
+    assert not re.search(r"<(script|link|img)[^>]*(src|href)=.?https?:", text)
+    assert len(text) < 4e6
+    assert page.evaluate("viewer.animator.duration") == pytest.approx(2.0)
+    frames = make_frames(robot, TIME, smooth(robot)[0])
+    head = frames.head
+    for k in (0, 31, 60):
+        seek(page, frames.time[k])
+        np.testing.assert_allclose(place_of(page, ["head"]), head.position[k], atol=1e-4)
+        force = head.force_in_world[k] * METRES_PER_G / 9.80665
+        tip = place_of(page, ["arrow", "unit", "tip"])
+        np.testing.assert_allclose(tip - head.position[k], force, atol=2e-3)
+    before = colours(page)
+    seek(page, 0.4)
+    assert len(set(before)) > 50 and colours(page) != before
+
+
+def test_player_fits_a_phone(page):
+    seek(page, 0.4)
+    page.set_viewport_size({"width": 390, "height": 844})
+    slider, *others = (
+        page.locator(f"#sdt-{name}").bounding_box() for name in ("seek", "play", "time", "view")
+    )
+    assert slider["width"] > 300 and slider["height"] >= 24
+    for box in others:  # below it, and on the screen
+        assert box["y"] >= slider["y"] + slider["height"]
+        assert box["x"] >= 0 and box["x"] + box["width"] <= 390
+        assert box["y"] + box["height"] <= 844
+    page.mouse.click(slider["x"] + slider["width"] / 2, slider["y"] + slider["height"] / 2)
+    assert page.evaluate("viewer.animator.time") == pytest.approx(1.0, abs=0.1)
+    page.wait_for_function("document.getElementById('sdt-play').textContent === 'Play'")
+    page.set_viewport_size(SMALL)
+
+
+def test_page_tells_angles_g_and_segments(page, robot):
+    frames = make_frames(robot, TIME, smooth(robot)[0])
+    for k, going in ((9, ["to 1.5 deg/s", "–"]), (20, ["–", "–"]), (45, [EVIL, "hold"])):
+        seek(page, frames.time[k])
+        angles = [f"{angle:.1f}°" for angle in np.degrees(frames.q[k])]
+        names = [f"{i} {name}" for i, name in enumerate(robot.joint_names, start=1)]
+        # The page played until now, and may still show a moment before.
+        page.wait_for_function(
+            """told => `${told}` ===
+              `${Array.from(document.querySelectorAll("#sdt-joints td"), x => x.innerText)}`""",
+            arg=[text for pair in zip(names, angles, strict=True) for text in pair],
+        )
+        assert page.inner_text("#sdt-time").startswith(f"{frames.time[k]:.1f} ")
+        g = frames.head.resultant_g[k]
+        assert page.inner_text("#sdt-g") == f"{g:.2f} G"
+        shown = page.evaluate("document.getElementById('sdt-meter').value")
+        assert shown == pytest.approx(g, abs=0.006)
+        assert page.locator("#sdt-segments td").all_inner_texts() == [
+            "roll", going[0], "yaw", going[1],
+        ]  # fmt: skip
+    assert "To be felt: A <b> lean." in page.inner_text("#sdt-legend")
+
+
+def test_pilots_view_rides_along(page, robot, meshcat):
+    frames = make_frames(robot, TIME, smooth(robot)[0])
+    head = frames.head
+    camera = ["Cameras", "default", "rotated", "<object>"]
+    seek(page, 0.0)
+    eye = Scene(robot, frames, meshcat).eye  # from where all is seen
+    np.testing.assert_allclose(place_of(page, camera), eye, atol=1e-3)
+    page.click("#sdt-view")
+    assert page.inner_text("#sdt-view") == "From outside"
+    for k in (45, 10):
+        seek(page, frames.time[k])
+        np.testing.assert_allclose(place_of(page, camera), head.position[k], atol=1e-4)
+        # The camera's y, up, and -z, forward, are the head's z and x.
+        m = page.evaluate("viewer.camera.matrixWorld.elements")
+        (ux, uy, uz), (bx, by, bz) = m[4:7], m[8:11]
+        np.testing.assert_allclose([ux, -uz, uy], head.rotation[k][:, 2], atol=1e-3)
+        np.testing.assert_allclose([-bx, bz, -by], head.rotation[k][:, 0], atol=1e-3)
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self/task"), reason="needs /proc")
+def test_a_page_leaves_no_server(robot, tmp_path):
+    def threads():
+        return len(os.listdir("/proc/self/task"))
+
+    before = threads()
+    record_html(robot, TIME, smooth(robot)[0], tmp_path / "a.html")
+    assert threads() <= before
+
+
+def test_robot_without_a_head_and_visuals_and_a_browser_without_webgl(open_page, tmp_path):
+    other = without_head(tmp_path)
+    q = smooth(other)[0]
+    frames = make_frames(other, TIME, q)
+    assert frames.head is None
+    record_html(other, TIME, q, tmp_path / "a.html")
+    with pytest.raises(InputError, match="no pilot's head"):
+        record_html(other, TIME, q, tmp_path / "b.html", pilot=True)
+    assert not (tmp_path / "b.html").exists()
+    with open_page(tmp_path / "a.html", **SMALL) as (page, errors, requests):
+        assert not page.is_visible("#sdt-view") and not page.is_visible("#sdt-meter")
+        seek(page, 1.0)
+        names = page.evaluate("Object.keys(viewer.scene_tree.children)")
+        assert "robot" in names and not {"trace", "arrow", "head"} & set(names)
+        assert errors == [] and requests == []
+        page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+        page.reload()
+        assert page.inner_text("#sdt-time") == "no 3D: this browser has no WebGL"
+        assert page.is_disabled("#sdt-play")
+
+
+# --- live -----------------------------------------------------------------------------------------
+
+
+def test_play_once_shows_every_second_at_its_time(robot, monkeypatch):
+    shown, now = [], [0.0]
+    # Its own clock: other threads of the process sleep by that of everybody.
+    clock = SimpleNamespace(
+        perf_counter=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s)
+    )
+    monkeypatch.setattr(viewer, "clock", clock)
+    show = viewer.Scene.show
+
+    def spy(scene, k, **options):
+        shown.append((scene.frames.time[k], now[0]))
+        now[0] += 0.05  # slower than two pictures at twice the speed
+        show(scene, k, **options)
+
+    monkeypatch.setattr(viewer.Scene, "show", spy)
+    addresses = []
+    viewer.play(robot, TIME, smooth(robot)[0], rate=2.0, once=True, announce=addresses.append)
+    (address,) = addresses
+    assert re.fullmatch(r"http://localhost:\d+", address)
+    motion, wall = np.array(shown[1:]).T  # the first one is there before the clock starts
+    started = wall[0]
+    assert motion[0] == 0 and motion[-1] == 2.0
+    late = (wall - started) * 2.0 - motion
+    assert np.all(late > -1e-9) and np.all(late < 0.05 * 2.0 + 2 / FRAME_RATE)
+    assert len(motion) < 30  # 61 pictures, of which there was time for some
+
+
+def test_ctrl_c_ends_the_play(robot, monkeypatch):
+    rounds = []
+
+    def run(scene, rate, pilot):
+        rounds.append(rate)
+        if len(rounds) == 3:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(viewer, "_run_once", run)
+    viewer.play(robot, TIME, smooth(robot)[0], announce=str)
+    assert rounds == [1.0, 1.0, 1.0]
+
+
+def test_live_camera_of_the_pilot(robot, meshcat):
+    """Its place and `up`, from what Meshcat keeps for a browser that comes later."""
+    frames = make_frames(robot, TIME, smooth(robot)[0])
+    shown = Scene(robot, frames, meshcat)
+    shown.pilot_view(20)
+    forward, _, up = frames.head.rotation[20].T
+    eye = frames.head.position[20]
+    kept = {
+        name: msgpack_number(shown.meshcat._GetPackedProperty(scene._CAMERA, f"up.{name}"))
+        for name in "xyz"
+    }
+    np.testing.assert_allclose([kept["x"], -kept["z"], kept["y"]], up, atol=1e-12)
+    assert abs(up @ forward) < 1e-9 and np.all(np.isfinite(eye))
+
+
+def msgpack_number(packed):
+    """The float64 that a packed property ends with."""
+    assert packed[-9] == 0xCB
+    return struct.unpack(">d", packed[-8:])[0]
