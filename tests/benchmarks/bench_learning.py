@@ -22,9 +22,10 @@ import numpy as np
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.machine.learn.filter import convergence, design_filter
 from sdt_drake.machine.learn.flights import learn
-from sdt_drake.machine.learn.loops import devices_of, loop_set, loops_of
+from sdt_drake.machine.learn.loops import loop_set, loops_of
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario
+from sdt_drake.studies.devices import devices_of
 from sdt_drake.studies.study import load_study
 
 HEADER = (

@@ -21,7 +21,6 @@ from sdt_drake.machine.learn.loops import (
     POINTS,
     LoopSet,
     demand,
-    devices_of,
     known_loop,
     loops_of,
     position_response,
@@ -30,6 +29,7 @@ from sdt_drake.motion import LearnedReference, Motion, checked_torque
 from sdt_drake.run.design import make_design
 from sdt_drake.run.simulate import simulate
 from sdt_drake.show.reports import learning as report
+from sdt_drake.studies.devices import devices_of
 from sdt_drake.studies.study import load_study
 
 DRIVE = {"drive.period": 0.001, "drive.encoder_resolution": [4194304] * 4}

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,8 +15,6 @@ from sdt_drake.robot.device import Friction, sliding_friction
 from sdt_drake.robot.dynamics import gravity_stiffness, inverse_dynamics
 from sdt_drake.run.controllers import CONTROLLERS
 from sdt_drake.run.design import Design
-from sdt_drake.run.scenario import ControllerChoice, Scenario
-from sdt_drake.studies.study import Study
 
 LEARNED = ("reference", "torque")
 """What can be learned: a change of the reference's positions [rad], joint side, or of the torque
@@ -79,18 +77,17 @@ def demand(design: Design) -> Array:
 
 
 def loops_of(
-    design: Design, of: str, *, uncertainty: tuple[Study, Scenario] | None = None, draws: int = 20
+    design: Design, of: str, *, devices: Mapping[str, Sequence[Design]] | None = None
 ) -> list[LoopSet]:
     """The loops that a filter has to converge for; first the one that it is made of.
 
     Args:
         design: of the loop.
         of: what is learned, one of `LEARNED`.
-        uncertainty: a study, of which only the variables of the device count, and its base.
-        draws: how many devices of the study, at most.
+        devices: further designs by the name of the group.
 
     Raises:
-        InputError: for variables that do not fit the scenario; for an unstable loop.
+        InputError: for an unstable loop.
     """
     known = known_loop(design)
     sets = [loop_set("the model", [known], of)]
@@ -98,51 +95,13 @@ def loops_of(
     is_known = plant.deviation == design.scenario.controller.model and plant.friction.is_none
     if not is_known or design.scenario.disturbance.amplitude > 0:
         sets.append(loop_set("the simulated device", [design], of))
-    if uncertainty is not None:
-        study, base = uncertainty
-        devices = devices_of(design, study, base, draws)
-        sets.append(loop_set(f"the devices of {study.name}", devices, of))
-    return sets
+    return sets + [loop_set(name, group, of) for name, group in (devices or {}).items()]
 
 
 def responses(design: Design, of: str) -> tuple[Complex, ...]:
     """Responses of a device to what is learned, in its poses."""
     omega = frequencies(design)
     return tuple(position_response(design, pose, omega, of=of) for pose in poses(design))
-
-
-def devices_of(design: Design, study: Study, base: Scenario, draws: int) -> list[Design]:
-    """Designs of the first rows of a study, with the controller and the motion of a design.
-
-    Args:
-        design: of the loop.
-        study: its variables are the uncertainty, but for controllers.
-        base: of the study; what its variables change and the design does not have is of it.
-        draws: how many rows, at most.
-
-    Raises:
-        InputError: for variables that do not fit the scenario.
-    """
-    fixed = [v for v in study.variables if not _is_of_controller(v.targets)]
-    if not fixed:
-        raise InputError(f"{study.name}: varies nothing but the controller, expected a device")
-    scenario = copy.deepcopy(design.scenario)
-    scenario.learned = ""
-    if scenario.plant.deviation.exact:
-        scenario.plant.deviation = base.plant.deviation
-    if scenario.plant.friction.is_none:
-        scenario.plant.friction = base.plant.friction
-    uncertain = replace(study, variables=fixed, accuracy=scenario.accuracy)
-    uncertain.validate(scenario)
-    count = min(len(uncertain), draws)
-    return [
-        design.variant(uncertain.scenario_of(scenario, uncertain.inputs(row)))
-        for row in range(count)
-    ]
-
-
-def _is_of_controller(targets: Sequence[object]) -> bool:
-    return any(getattr(target, "type", None) is ControllerChoice for target in targets)
 
 
 def frequencies(design: Design) -> Array:
