@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-import sdt_drake
 from sdt_drake.analysis.metrics import COMPARED, METRICS
 from sdt_drake.analysis.threads import threads
 from sdt_drake.analysis.tracking import (
@@ -26,7 +25,7 @@ from sdt_drake.analysis.tracking import (
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_choice, checked_type, needing, replacing
 from sdt_drake.io.progress import as_part, part
-from sdt_drake.io.shown import Shown, Summary
+from sdt_drake.io.shown import Shown, Summary, face
 from sdt_drake.robot.head import has_head
 from sdt_drake.run.controllers import CONTROLLERS, Controller
 from sdt_drake.run.design import Design
@@ -109,7 +108,7 @@ class Comparison(list[Compared], Shown):
 
     def plot(self) -> Figure:
         """A figure of errors and torques of all controllers, side by side."""
-        return sdt_drake.plots.comparison(f"Comparison {self.summary().title}", self)
+        return face().plots.comparison(f"Comparison {self.summary().title}", self)
 
     def to_pandas(self) -> pd.DataFrame:
         """METRICS in their computed units (SI), a row for each controller and joint.

@@ -18,10 +18,10 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.analysis.claims import count_verdicts
     from sdt_drake.analysis.reproduction import Stopwatch, reproduce
     from sdt_drake.show.documents import REPORT
     from sdt_drake.show.graphviz import NO_GRAPHVIZ, has_graphviz
+    from sdt_drake.show.reports.claims import count_verdicts
     from sdt_drake.show.reports.paper import findings
     from sdt_drake.show.reports.paper_files import write_reproduction
 

@@ -7,6 +7,7 @@ import re
 import shutil
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
+from types import ModuleType
 from typing import Any, NamedTuple
 
 from sdt_drake.io.arrays import Array
@@ -22,6 +23,16 @@ class Summary(NamedTuple):
     header: Sequence[str] = ()
     rows: Sequence[Sequence[str]] = ()
     keys: int = 1
+
+
+def face() -> ModuleType:
+    """Return the package itself, whose `plots` and `linear` the methods of results call.
+
+    This is the only import from below of what stands above: results plot themselves for users.
+    """
+    import sdt_drake
+
+    return sdt_drake
 
 
 class Shown:

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import sdt_drake
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, whole_periods
-from sdt_drake.io.shown import Shown, Summary, joint_count, of_joints
+from sdt_drake.io.shown import Shown, Summary, face, joint_count, of_joints
 from sdt_drake.motion.command import Command
 from sdt_drake.motion.trajectory import Loss, Motion
 from sdt_drake.robot.dynamics import inverse_dynamics
@@ -80,7 +79,7 @@ class Plan(Shown):
         Raises:
             InputError: for a robot of another number of joints.
         """
-        return sdt_drake.plots_motion.plan("Plan", robot, self, margins(robot, self.motion))
+        return face().plots_motion.plan("Plan", robot, self, margins(robot, self.motion))
 
     def peak_use(self, robot: Robot) -> Array:
         """Largest |torque| over the motor's limit [-], shape (n,)."""

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
-import sdt_drake
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, whole_periods
-from sdt_drake.io.shown import Shown, Summary, joint_count, of_joints
+from sdt_drake.io.shown import Shown, Summary, face, joint_count, of_joints
 from sdt_drake.io.tables import check_columns, data_frame, read_table, write_table
 
 if TYPE_CHECKING:
@@ -109,7 +108,7 @@ class Motion(Shown):
         names = joint_names or [f"{k + 1}" for k in range(self.n)]
         if len(names) != self.n:
             raise InputError(f"joint_names: {len(names)} name(s), expected {self.n}")
-        return sdt_drake.plots.trajectories("Motion", self, names)
+        return face().plots.trajectories("Motion", self, names)
 
     def to_pandas(self) -> pd.DataFrame:
         """A table of q_ref_k, v_ref_k, vd_ref_k, its index the time.

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-import sdt_drake
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_type, within
 from sdt_drake.io.fields import check
-from sdt_drake.io.shown import Shown, Summary, of_joints
+from sdt_drake.io.shown import Shown, Summary, face, of_joints
 from sdt_drake.motion import LearnedReference, Motion, Plan, load_learned, load_plan
 from sdt_drake.robot.deviation import deviated
 from sdt_drake.robot.device import Drive, FrictionParameters, Springs
@@ -109,11 +108,11 @@ class Design(Shown):
         """A figure of the effective inertia along the motion, motor side."""
         robot, title = self.robot, f"{self.scenario.name}: effective inertia, motor side"
         i_eff = effective_inertia(robot, self.torques.d_kk)
-        return sdt_drake.plots.effective_inertia(title, self.motion.time, i_eff, robot.joint_names)
+        return face().plots.effective_inertia(title, self.motion.time, i_eff, robot.joint_names)
 
     def linear(self, sample: int = 0) -> LinearModel:
         """The closed loop around a sample of the motion, at rest there; see `sdt_drake.linear`."""
-        return sdt_drake.linear(self, sample)
+        return face().linear(self, sample)
 
     @property
     def omega_r(self) -> float | None:

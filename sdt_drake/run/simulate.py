@@ -12,12 +12,11 @@ import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Diagram
 
-import sdt_drake
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_number, checked_type
 from sdt_drake.io.fields import setting
 from sdt_drake.io.progress import with_progress
-from sdt_drake.io.shown import Shown, Summary, joint_count, of_joints
+from sdt_drake.io.shown import Shown, Summary, face, joint_count, of_joints
 from sdt_drake.io.tables import check_columns, check_limits, data_frame, read_table, write_table
 from sdt_drake.run.controllers import own_code
 from sdt_drake.run.design import Design
@@ -127,7 +126,7 @@ class Recording(Shown):
             InputError: if there is no such joint, or the design has other joints.
         """
         title = "Recording" if design is None else design.scenario.summary().title
-        return sdt_drake.plots.scope(title, self, design, joint)
+        return face().plots.scope(title, self, design, joint)
 
     def to_pandas(self) -> pd.DataFrame:
         """A table of RECORDED_COLUMNS for each joint, its index the time.

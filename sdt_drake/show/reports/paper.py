@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from sdt_drake.analysis import paper
-from sdt_drake.analysis.claims import VERDICTS, Claims, Json, count_verdicts
 from sdt_drake.analysis.metrics import METRICS
 from sdt_drake.io.errors import InputError, read_text, write_text
 from sdt_drake.show import documents as doc
+from sdt_drake.show.reports.claims import LOOKS, Claims, Json, count_verdicts
 from sdt_drake.show.template import from_template
 from sdt_drake.show.texts import page_text
 
@@ -145,7 +145,7 @@ def _blocks(summary: Json, folder: Path) -> dict[str, Sequence[doc.Block]]:
         for e in summary["beyond"]
     ]
     runs, claims = summary["tracking"], summary["claims"]
-    tiles = [(n, verdict, VERDICTS[verdict][0]) for verdict, n in count_verdicts(claims).items()]
+    tiles = [(n, verdict, LOOKS[verdict][0]) for verdict, n in count_verdicts(claims).items()]
     speeds = ("max_abs_speed_error", "rms_speed_error", "constant_speed_error")
     position = "max_abs_position_error"
     torques = (position, "rms_torque_share", "peak_torque_share")
