@@ -244,14 +244,28 @@ def is_scenario(path: str) -> bool:
     return not isinstance(data, dict) or not {"tracks", "joints"} & data.keys()
 
 
-def check_folder(folder: Path) -> None:
-    """Refuse a folder, there or still to be made, that is a file or below one, or a broken link.
+def check_folder(folder: Path, names: Iterable[str] = ()) -> None:
+    """Refuse a folder, there or still to be made, that cannot be written to, is a file or below
+    one, or a broken link.
+
+    Args:
+        folder: the folder.
+        names: of files that will be written there, below it too; refused as `checked_output` does.
 
     Raises:
         InputError: naming the file.
     """
+    _check_place(folder)
+    for path in (folder / name for name in names):
+        checked_output(path)
+        _check_place(path.parent)
+
+
+def _check_place(folder: Path) -> None:
     for place in (checked_name(folder), *folder.parents):
         if place.is_dir():
+            if not os.access(place, os.W_OK | os.X_OK):
+                raise InputError(f"{place}: cannot be written to, expected a folder that can")
             return
         if place.is_symlink() and not place.exists():
             raise InputError(f"{place}: is a link that leads nowhere, expected a folder")

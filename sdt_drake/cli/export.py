@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from sdt_drake.cli import common
-from sdt_drake.io.errors import InputError, checked_output
+from sdt_drake.file_sets import replacing_files
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import numbered
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.machine.drive_files import (
+        FILES,
         READ_BACK,
         cycles_in_a_period,
         export,
@@ -59,7 +61,7 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.run.design import make_design
     from sdt_drake.run.scenario import load_scenario
 
-    common.check_folder(options.out)
+    common.check_folder(options.out, FILES)
     source, changes = options.motion, dict(options.changes)
     if not common.is_scenario(source):
         changes["motion"] = source
@@ -70,15 +72,17 @@ def run(options: argparse.Namespace) -> None:
         design = make_design(load_scenario(source, changes))
     scenario, robot = design.scenario, design.nominal
     drives = load_drives(options.drive, robot.n)
-    checked_output(options.out / READ_BACK)
-    export(
-        design,
-        drives,
-        options.out,
-        cam_points=options.cam_points,
-        title=options.motion,
-        source=options.drive,
-    )
+    with replacing_files(options.out) as new:
+        export(
+            design,
+            drives,
+            new,
+            cam_points=options.cam_points,
+            title=options.motion,
+            source=options.drive,
+        )
+        fed = read_back(design, drives, new)
+        write_read_back(new / READ_BACK, fed)
     period, cycle = design.motion.period, drives.cycle_time
     common.say(
         f"{options.motion}: {design.motion.duration:g} s for drives with a cycle of "
@@ -95,8 +99,6 @@ def run(options: argparse.Namespace) -> None:
             f"note: {scenario.controller.label} has no place for a torque feedforward: read back, "
             "it is fed without the torques of the files"
         )
-    fed = read_back(design, drives, options.out)
-    write_read_back(options.out / READ_BACK, fed)
     _print_read_back(design, fed, options.cam_points)
 
 

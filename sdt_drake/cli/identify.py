@@ -44,14 +44,14 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.machine.identify.files import write_identified
+    from sdt_drake.machine.identify.files import FILES, write_identified
     from sdt_drake.machine.identify.model import identified_robot, plant_friction
     from sdt_drake.machine.identify.procedure import identify
     from sdt_drake.machine.recordings import Columns, load_columns, read_recording
     from sdt_drake.show.reports import identification as analysis
 
     folder: Path = options.out
-    common.check_folder(folder)
+    common.check_folder(folder, FILES)
     robot = sdt.load_robot(options.robot)
     columns = None if options.columns is None else load_columns(options.columns)
     named = columns is not None and columns.tau_mean not in ([], Columns().tau_mean)

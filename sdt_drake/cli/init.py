@@ -7,6 +7,7 @@ import shlex
 from pathlib import Path
 
 from sdt_drake.cli.common import check_folder, say, some_path
+from sdt_drake.file_sets import replacing_files
 from sdt_drake.io.errors import InputError, write_text
 from sdt_drake.io.resources import models_dir
 
@@ -36,7 +37,11 @@ def run(options: argparse.Namespace) -> None:
     if folder.is_dir() and any(folder.iterdir()):
         raise InputError(f"{folder}: is not empty, expected a new folder, or an empty one")
     schemas = models_dir() / "schemas"
-    for file in sorted(_STARTER.iterdir()):
-        text = file.read_text(encoding="utf-8").replace("SCHEMAS", f"{schemas}")
-        say(f"{write_text(folder / file.name, text)} written")
+    files = sorted(_STARTER.iterdir())
+    with replacing_files(folder) as new:
+        for file in files:
+            text = file.read_text(encoding="utf-8").replace("SCHEMAS", f"{schemas}")
+            write_text(new / file.name, text)
+    for file in files:
+        say(f"{folder / file.name} written")
     say(f"\ncd {shlex.quote(str(folder))}{_NEXT}")

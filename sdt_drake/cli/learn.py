@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 from sdt_drake.cli import common
 from sdt_drake.cli.common import say
-from sdt_drake.io.errors import InputError, checked_output
+from sdt_drake.file_sets import replacing_files
+from sdt_drake.io.errors import InputError
 
 if TYPE_CHECKING:
     from sdt_drake.machine.learn.filter import Convergence, LearningFilter
@@ -96,10 +97,12 @@ def run(options: argparse.Namespace) -> None:
 
 def _simulated(options: argparse.Namespace) -> None:
     from sdt_drake.machine.learn.flights import Lessons, learn
+    from sdt_drake.show.documents import REPORT
     from sdt_drake.show.reports import learning as report
 
     folder: Path = options.out or Path("learned")
-    common.check_folder(folder)
+    # A scenario that was learned goes on in another folder.
+    common.check_folder(folder, report.ALL_FILES)
     count, kept = options.flights or _FLIGHTS, folder / report.UNFINISHED
     with_them = shlex.quote(str(kept / report.SCENARIO))
     goes_on = f"sdt-drake learn {with_them} --out OTHER goes on from them"
@@ -108,8 +111,6 @@ def _simulated(options: argparse.Namespace) -> None:
             f"{kept}: has flights of an interrupted run, expected another --out; {goes_on}"
         )
     design = common.design_of(options)
-    for name in report.FILES:
-        checked_output(folder / name)  # a scenario that was learned goes on in another folder
     filter_, checks = _checked_filter(options, design)
 
     def tell(lessons: Lessons) -> None:
@@ -122,8 +123,9 @@ def _simulated(options: argparse.Namespace) -> None:
         lessons = learn(design, filter_, count, stops=not options.all, report=tell)
         for line in report.learning_summary(lessons):
             say(line)
-        report.write_learned(folder, design, lessons)
-        page = report.write_learning_report(folder, design, filter_, checks, lessons)
+        with replacing_files(folder) as new:
+            report.write_learned(new, design, lessons)
+            report.write_learning_report(new, design, filter_, checks, lessons)
     except KeyboardInterrupt:
         if (kept / report.FLIGHTS).exists():
             say(f"interrupted; flights so far are kept in {kept}: {goes_on}")
@@ -131,7 +133,7 @@ def _simulated(options: argparse.Namespace) -> None:
     report.remove_unfinished(folder)
     learned, scenario = folder / report.LEARNED, folder / report.SCENARIO
     say(f"{learned} and {scenario} written: sdt-drake simulate uses them")
-    say(f"{page} written")
+    say(f"{folder / REPORT} written")
 
 
 def _checked_filter(

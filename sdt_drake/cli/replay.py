@@ -33,8 +33,16 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.machine.recordings import load_columns, read_recording
     from sdt_drake.machine.replay import replay
     from sdt_drake.run.design import load_device
-    from sdt_drake.show.reports.replay import replay_figure, replay_findings, tables, write_replay
+    from sdt_drake.show.reports.replay import (
+        FILES,
+        replay_figure,
+        replay_findings,
+        tables,
+        write_replay,
+    )
 
+    if options.out is not None and not options.out.suffix:
+        common.check_folder(options.out, FILES)
     with common.naming_changes(options):
         scenario = sdt.load(options.scenario, dict(options.changes))
         robot = load_device(scenario)

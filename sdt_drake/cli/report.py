@@ -18,7 +18,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.show.reports.paper import write_report
+    from sdt_drake.show.reports.paper import FILES, write_report
     from sdt_drake.show.reports.study import study_chapter, write_study_report
     from sdt_drake.studies.folder import holds_study
 
@@ -31,6 +31,7 @@ def run(options: argparse.Namespace) -> None:
     if holds_study(folder):
         path, _ = write_study_report(folder)
     else:
+        check_folder(folder, FILES)
         studies = [path for path in sorted(folder.iterdir()) if holds_study(path)]
         path = write_report(folder, [study_chapter(study) for study in studies])
     say(f"{path} written")

@@ -23,12 +23,11 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.show.graphviz import NO_GRAPHVIZ, has_graphviz
     from sdt_drake.show.reports.claims import count_verdicts
     from sdt_drake.show.reports.paper import findings
-    from sdt_drake.show.reports.paper_files import write_reproduction
+    from sdt_drake.show.reports.paper_files import FILES, write_reproduction
 
     start = time.perf_counter()
     folder: Path = options.out
-    check_folder(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    check_folder(folder, FILES)
     watch = Stopwatch(say)
     with part():
         summary = write_reproduction(reproduce(watch), folder, watch)

@@ -6,9 +6,10 @@ import argparse
 import shlex
 from pathlib import Path
 
-from sdt_drake.cli.common import naming_changes, say
+from sdt_drake.cli.common import check_folder, naming_changes, say
 from sdt_drake.cli.study import FAILED, add_running, run_into
-from sdt_drake.io.errors import checked_output, write_text
+from sdt_drake.file_sets import replacing_files
+from sdt_drake.io.errors import write_text
 
 EXAMPLE = "sdt-drake size sizing --workers 2 --out sizing"
 
@@ -20,7 +21,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.show.figures.fronts import sizing_front
-    from sdt_drake.show.style import save_both
+    from sdt_drake.show.style import pictures, save_both
     from sdt_drake.studies.results import read_study_table
     from sdt_drake.studies.sizing import load_sizing
     from sdt_drake.studies.summary import failures
@@ -29,8 +30,7 @@ def run(options: argparse.Namespace) -> None:
     with naming_changes(options):
         sizing, base = load_sizing(options.study, dict(options.changes))
     folder = options.out or Path(sizing.name)
-    for name in ("sizing.txt", "candidates.csv", "front.png", "front.svg"):
-        checked_output(folder / name)  # what comes after the runs, before them
+    check_folder(folder, ("sizing.txt", "candidates.csv", *pictures("front")))
     run_into(folder, sizing.study(), base, options)
     table = read_study_table(folder)
     verdicts = judge_candidates(sizing, table)
@@ -39,10 +39,11 @@ def run(options: argparse.Namespace) -> None:
     for line in lines:
         say(line)
     say()
-    write_text(folder / "sizing.txt", "\n".join(lines) + "\n")
-    write_verdicts(verdicts, folder / "candidates.csv")
-    figure = sizing_front(f"{sizing.name}: motors and tracking", verdicts)
-    save_both(figure, folder / "front")
+    with replacing_files(folder) as new:
+        write_text(new / "sizing.txt", "\n".join(lines) + "\n")
+        write_verdicts(verdicts, new / "candidates.csv")
+        figure = sizing_front(f"{sizing.name}: motors and tracking", verdicts)
+        save_both(figure, new / "front")
     say(f"sizing.txt, candidates.csv, front.png and front.svg written to {folder}")
     say(f"its runs: sdt-drake study show {shlex.quote(str(folder))}")
     if failed:

@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 from sdt_drake.io.errors import InputError, read_text, write_text
 from sdt_drake.show.texts import json_in_page, page_text
 
-REPORT = "report.html"
+REPORT, MARKDOWN = "report.html", "report.md"
 
 _MOST_BYTES = 100_000_000  # of a file
 
@@ -308,7 +308,7 @@ class Document:
                 written.
         """
         page = self.html()
-        write_text(folder / "report.md", self.markdown())
+        write_text(folder / MARKDOWN, self.markdown())
         return write_text(folder / REPORT, page)
 
     def _shown(self) -> list[Section]:

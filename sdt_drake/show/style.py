@@ -247,6 +247,11 @@ def save_both(figure: Figure, path: Path) -> Path:
     return save(figure, path.with_suffix(".svg"))
 
 
+def pictures(*names: str) -> list[str]:
+    """The names of the files that `save_both` writes."""
+    return [f"{name}{suffix}" for name in names for suffix in (".png", ".svg")]
+
+
 def drawn_numbers(figure: Figure) -> list[list[float]]:
     """What a figure shows: x and y of every line, set of points or areas, and bar, in their order.
 

@@ -2,6 +2,7 @@
 
 from sdt_drake.machine.drive_files.drives import Axis, Drives, load_drives
 from sdt_drake.machine.drive_files.export import (
+    FILES,
     READ_BACK,
     Fed,
     cycles_in_a_period,
@@ -19,6 +20,7 @@ from sdt_drake.machine.drive_files.set_points import (
 )
 
 __all__ = [
+    "FILES",
     "READ_BACK",
     "Axis",
     "Drives",

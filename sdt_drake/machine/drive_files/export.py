@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from sdt_drake.analysis.threads import threads
+from sdt_drake.file_sets import replacing_files
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import MOST_PERIODS, InputError, replacing_all, within
+from sdt_drake.io.errors import MOST_PERIODS, InputError, within
 from sdt_drake.io.tables import Results
 from sdt_drake.machine.drive_files import formats
 from sdt_drake.machine.drive_files.drives import Drives
@@ -21,6 +22,8 @@ from sdt_drake.run.simulate import simulate
 
 CSV, ST, CAM, TRAJECTORY = "set_points.csv", "set_points.st", "cam.csv", "trajectory.yaml"
 READ_BACK = "read_back.csv"
+FILES = (CSV, ST, CAM, TRAJECTORY, READ_BACK)
+"""What `export` and `write_read_back` write."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,12 +83,11 @@ def export(
     with within(source):
         points = set_points(robot, drives, samples)
         rest = set_points(robot, drives, still)
-    with replacing_all([folder / name for name in (CSV, ST, CAM, TRAJECTORY)]) as partials:
-        csv, st, cam, trajectory = partials
-        formats.write_csv(csv, drives, points)
-        formats.write_st(st, drives, points, rest, title)
-        formats.write_cam(cam, robot, drives, samples, cam_points)
-        formats.write_trajectory(trajectory, robot, own, motion.vd)
+    with replacing_files(folder) as new:
+        formats.write_csv(new / CSV, drives, points)
+        formats.write_st(new / ST, drives, points, rest, title)
+        formats.write_cam(new / CAM, robot, drives, samples, cam_points)
+        formats.write_trajectory(new / TRAJECTORY, robot, own, motion.vd)
 
 
 def _commanded(design: Design, period: float, *, still: bool = False) -> Samples:

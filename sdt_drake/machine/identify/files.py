@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sdt_drake.file_sets import replacing_files
 from sdt_drake.io.errors import write_text
 from sdt_drake.io.tables import write_table
 from sdt_drake.io.yaml_files import write_yaml
@@ -18,16 +19,25 @@ from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.robot import DEFAULT_ROBOT, Robot, load_robot
 from sdt_drake.run.scenario import Scenario, load_scenario, save_scenario
+from sdt_drake.show.documents import MARKDOWN, REPORT
 from sdt_drake.show.reports.identification import write_identification_report, write_parameters
+from sdt_drake.show.style import pictures
 
 _OWN = "real_device"  # the shipped device's scenario with what a real one has
 _OMEGA_R = 60.0  # rad/s, lowest natural frequency of robots of which nobody says one; assumed
+
+FILES = (
+    *("robot.sdf", "motion.csv", "friction.yaml", "scenario.yaml", "parameters.csv"),
+    *("uncertainty.csv", "uncertain.yaml", "uncertainty.yaml"),
+    *(*pictures("torques", "residuals"), MARKDOWN, REPORT),
+)
+"""What `write_identified` writes; not all of it of every robot."""
 
 
 def write_identified(
     found: Identified, robot: Robot, friction: PlantFriction, folder: Path, base: str | None = None
 ) -> Path:
-    """Write all files of an identification into a folder, each replaced whole.
+    """Write all files of an identification into a folder, all or none.
 
     Args:
         found: what was identified.
@@ -44,6 +54,14 @@ def write_identified(
         InputError: if a file cannot be written, or for a bad `base`.
     """
     scenario = _base(found, base)
+    with replacing_files(folder) as new:
+        _write(found, robot, friction, scenario, new)
+    return folder / REPORT
+
+
+def _write(
+    found: Identified, robot: Robot, friction: PlantFriction, scenario: Scenario, folder: Path
+) -> None:
     save_robot(found, folder / "robot.sdf")
     scenario.robot = "robot.sdf"
     if not scenario.motion:
@@ -56,7 +74,7 @@ def write_identified(
     save_scenario(scenario, folder / "scenario.yaml")
     write_parameters(found, robot, folder / "parameters.csv")
     _write_study(found, robot, friction, scenario, folder)
-    return write_identification_report(found, robot, friction, folder)
+    write_identification_report(found, robot, friction, folder)
 
 
 def _base(found: Identified, base: str | None) -> Scenario:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sdt_drake.file_sets import replacing_files
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import check, setting
@@ -200,11 +201,12 @@ def _notes(flight: FlightRecord, step: Step, state: State) -> list[str]:
 
 
 def write_step(folder: Path, design: Design, state: State, taught: Taught) -> Path:
-    """Write what the next flight gets, and then what came of this one; the former's file."""
+    """Write what the next flight gets, and what came of this one; all or none; the former's
+    file."""
     number = len(state.flights) + 1
-    if number == 1:
-        save_scenario(design.scenario, folder / SCENARIO)
-    path = reference_file(folder, number + 1)
-    taught.step.learned.to_csv(path, design.wanted)
-    write_yaml(flight_file(folder, number), taught.flight)
-    return path
+    with replacing_files(folder, last=flight_file(folder, number).name) as new:
+        if number == 1:
+            save_scenario(design.scenario, new / SCENARIO)
+        taught.step.learned.to_csv(reference_file(new, number + 1), design.wanted)
+        write_yaml(flight_file(new, number), taught.flight)
+    return reference_file(folder, number + 1)

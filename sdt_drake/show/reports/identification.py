@@ -264,7 +264,7 @@ def write_parameters(found: Identified, robot: Robot, path: Path) -> None:
 def write_identification_report(
     found: Identified, robot: Robot, files: PlantFriction, folder: Path
 ) -> Path:
-    """Write figures and report into a folder, each replaced whole; the path of the page."""
+    """Write figures and report into a folder; the path of the page."""
     save_both(torques_figure(found), folder / "torques")
     save_both(residuals_figure(found), folder / "residuals")
     notes = undecided_laws(found, files)

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from sdt_drake.file_sets import replacing_files
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import replacing_all
 from sdt_drake.io.tables import write_table
 from sdt_drake.machine.learn.filter import Convergence, LearningFilter
 from sdt_drake.machine.learn.flights import Flight, Lessons
 from sdt_drake.run.design import Design
 from sdt_drake.run.scenario import save_scenario
-from sdt_drake.show.documents import Table
+from sdt_drake.show.documents import MARKDOWN, REPORT, Table
 from sdt_drake.show.panels import over_time, picture
 from sdt_drake.show.style import (
     PALETTE,
@@ -26,6 +26,7 @@ from sdt_drake.show.style import (
     grid,
     joint_title,
     nth_look,
+    pictures,
     plain_numbers,
     save_both,
     style,
@@ -39,6 +40,14 @@ FILES = (LEARNED, SCENARIO, FLIGHTS)
 
 UNFINISHED = "unfinished"
 """Folder within, with the same files, of flights that are not yet, or never were, all flown."""
+
+ALL_FILES = (
+    *FILES,
+    *(f"{UNFINISHED}/{name}" for name in FILES),
+    *pictures("convergence", "flights", "errors"),
+    *(MARKDOWN, REPORT),
+)
+"""All that a learning writes."""
 
 
 def check_table(checks: Sequence[Convergence], filter_: LearningFilter) -> Table:
@@ -107,11 +116,10 @@ def write_learned(folder: Path, design: Design, lessons: Lessons) -> None:
     """
     scenario = copy.deepcopy(design.scenario)
     scenario.name, scenario.learned = f"{scenario.name}_learned", LEARNED
-    with replacing_all([folder / name for name in FILES]) as partials:
-        best, with_it, flights = partials
-        lessons.best.learned.to_csv(best, design.wanted)
-        save_scenario(scenario, with_it)
-        _write_flights(flights, lessons.flights)
+    with replacing_files(folder) as new:
+        lessons.best.learned.to_csv(new / LEARNED, design.wanted)
+        save_scenario(scenario, new / SCENARIO)
+        _write_flights(new / FLIGHTS, lessons.flights)
 
 
 def remove_unfinished(folder: Path) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from sdt_drake.analysis import paper
 from sdt_drake.analysis.metrics import METRICS
+from sdt_drake.file_sets import replacing_files
 from sdt_drake.io.errors import InputError, read_text, write_text
 from sdt_drake.show import documents as doc
 from sdt_drake.show.reports.claims import LOOKS, Claims, Json, count_verdicts
@@ -22,6 +23,8 @@ from sdt_drake.show.template import from_template
 from sdt_drake.show.texts import page_text
 
 RECORDING, SUMMARY = "device.html", "summary.json"
+FILES = ("table1.md", doc.MARKDOWN, doc.REPORT)
+"""What `write_report` writes, all or none."""
 
 _MOST_BYTES = 100_000_000  # of a file
 _OTHER_FORM = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
@@ -47,9 +50,10 @@ def write_report(folder: Path, chapters: Sequence[doc.Section] = ()) -> Path:
         page = report.html()
     of_table1 = [s for s in report.sections if s.title in ("Table 1", "Provenance")]
     table1 = doc.Document("Table 1, from the SDF and the reference motion", sections=of_table1)
-    write_text(folder / "table1.md", table1.markdown())
-    write_text(folder / "report.md", report.markdown())
-    return write_text(folder / doc.REPORT, page)
+    with replacing_files(folder) as new:
+        for name, text in zip(FILES, (table1.markdown(), report.markdown(), page), strict=True):
+            write_text(new / name, text)
+    return folder / doc.REPORT
 
 
 @contextmanager

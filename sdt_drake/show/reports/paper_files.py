@@ -14,6 +14,7 @@ from sdt_drake.analysis import paper
 from sdt_drake.analysis.claims import Claim, judge_claims
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.reproduction import Reproduction, Stopwatch, table1_rows
+from sdt_drake.file_sets import replacing_files
 from sdt_drake.io.errors import write_text
 from sdt_drake.io.formats import in_json
 from sdt_drake.io.tables import write_table
@@ -22,15 +23,34 @@ from sdt_drake.robot.dynamics import effective_inertia
 from sdt_drake.robot.head import CHANNELS, FeltDifference, felt_difference
 from sdt_drake.show.figures import runs as plots
 from sdt_drake.show.paper_diagrams import DIAGRAMS, write_block_diagram
+from sdt_drake.show.reports.paper import FILES as REPORT_FILES
 from sdt_drake.show.reports.paper import RECORDING, SUMMARY, write_report
-from sdt_drake.show.style import save_both
+from sdt_drake.show.style import pictures, save_both
 from sdt_drake.show.view3d.viewer import record_html
+
+FILES = (
+    "reference.csv",
+    *(f"{plant}_{name}.csv" for plant in ("axis", "coupled") for name in ("pi", "pi_ctc")),
+    *pictures("figure2", "figure4", "figure7", "figure8", "coupled_errors", "controllers"),
+    *(f"diagrams/{name}.{suffix}" for name in DIAGRAMS for suffix in ("dot", "svg")),
+    SUMMARY,
+    RECORDING,
+    *REPORT_FILES,
+)
+"""What `write_reproduction` writes."""
 
 
 def write_reproduction(results: Reproduction, folder: Path, watch: Stopwatch) -> dict[str, Any]:
-    """Write all files of `reproduce` into `folder`, each replaced whole; returns the content of
+    """Write all files of `reproduce` into `folder`, all or none; returns the content of
     summary.json."""
     claims = judge_claims(results)
+    with replacing_files(folder) as new:
+        return _write(results, claims, new, watch)
+
+
+def _write(
+    results: Reproduction, claims: Sequence[Claim], folder: Path, watch: Stopwatch
+) -> dict[str, Any]:
     with watch.stage("CSV files"):
         write_reference_motion(results, folder / "reference.csv")
         for name in ("pi", "pi_ctc"):

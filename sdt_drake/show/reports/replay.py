@@ -9,16 +9,19 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sdt_drake.analysis.metrics import Metric
+from sdt_drake.file_sets import replacing_files
 from sdt_drake.io.arrays import Array
 from sdt_drake.machine.replay import ALONE, AS_IT_IS, ENOUGH, FED, QUANTITIES, Replay
 from sdt_drake.show import documents as doc
 from sdt_drake.show.panels import Panel, over_time, picture
-from sdt_drake.show.style import PALETTE, Look, save_both
+from sdt_drake.show.style import PALETTE, Look, pictures, save_both
 from sdt_drake.show.template import from_template
 from sdt_drake.show.texts import page_text
 
 RECORDED, SIMULATED = Look(PALETTE[0]), Look(PALETTE[1], "--")
 FIGURE, TABLE = "replay", "replay.csv"
+FILES = (*pictures(FIGURE), TABLE, doc.MARKDOWN, doc.REPORT)
+"""What `write_replay` writes."""
 
 _SHARE = Metric("explained", "%", 100, ".1f")
 _ROUND_OFF = 1e-9  # of what was recorded
@@ -110,20 +113,22 @@ def replay_findings(replay: Replay) -> list[str]:
 
 
 def write_replay(replay: Replay, folder: Path) -> Path:
-    """Write figure, table and report into a folder, each replaced whole; the path of the page.
+    """Write figure, table and report into a folder, all or none; the path of the page.
 
     Raises:
         InputError: if a file cannot be written.
     """
-    save_both(replay_figure(replay), folder / FIGURE)
-    replay.to_csv(folder / TABLE)
     explained, *differences = tables(replay)
     blocks: dict[str, Sequence[doc.Block]] = {
         "in_short": [doc.Bullets(replay_findings(replay)), explained],
         "differences": differences,
     }
     words = {"title": replay_title(replay), "fed": FED, "alone": ALONE}
-    return from_template(page_text("replay.md"), blocks, words, folder).write(folder)
+    with replacing_files(folder) as new:
+        save_both(replay_figure(replay), new / FIGURE)
+        replay.to_csv(new / TABLE)
+        from_template(page_text("replay.md"), blocks, words, new).write(new)
+    return folder / doc.REPORT
 
 
 def _texts(metric: Metric, values: Array) -> Sequence[str]:
