@@ -90,8 +90,21 @@ def _is_importing(frame: FrameType | None) -> bool:
     return frame is not None
 
 
+def _open_streams() -> None:
+    """Open what the caller has closed of stdin, stdout and stderr, to nowhere: pipes and files of
+    this process and of its children would get their numbers."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest number that is free
+            os.set_inheritable(number, True)
+            setattr(sys, name, os.fdopen(number, "w" if number else "r", closefd=False))
+
+
 def main() -> int:
     """Run the command line; returns the exit code, 128 + n after signal n."""
+    _open_streams()
     stop, code = _Stop(), None
     stop.listen()
     os.environ.setdefault("PYTHONSAFEPATH", "1")  # the same for the processes of a study

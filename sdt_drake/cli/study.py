@@ -150,6 +150,7 @@ class Progress:
 
 
 def repeat(folder: Path, row: int | None, out: Path | None) -> None:
+    from sdt_drake.show.reports.study import cell, outcome_tables
     from sdt_drake.studies.folder import load_runner
 
     runner, names, other = load_runner(folder)
@@ -162,10 +163,10 @@ def repeat(folder: Path, row: int | None, out: Path | None) -> None:
     if wrong:
         say(f"run failed: {wrong}")
         say()
-    print_table(("input", "value"), [(k, f"{v}") for k, v in study.inputs(row).items()])
-    say()
-    values = [(k, f"{v!r}") for k, v in zip(names, outcomes, strict=True)]
-    print_table(("outcome", "value [rad/s, rad, -]"), values)
+    print_table(("input", "value"), [(k, cell(v)) for k, v in study.inputs(row).items()])
+    for table in outcome_tables(names, outcomes):
+        say()
+        common.print_document_table(table)
     if other:
         say(f"The study was begun with {other}: numbers may differ.")
     if out is not None:

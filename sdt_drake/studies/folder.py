@@ -6,20 +6,25 @@ It has copies of all files that the study names, so it may be moved, and they ma
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from sdt_drake.io.errors import InputError
+from pydrake.common.yaml import yaml_dump_typed
+
+from sdt_drake.io.errors import InputError, checked_input, write_text
 from sdt_drake.io.versions import other_versions, versions
-from sdt_drake.io.yaml_files import write_yaml
-from sdt_drake.run.scenario import Scenario, save_scenario
+from sdt_drake.io.yaml_files import parse_yaml, read_yaml
+from sdt_drake.run.scenario import Scenario
 from sdt_drake.studies.job import Job, places_of
 from sdt_drake.studies.runs import Runner, with_files
 from sdt_drake.studies.study import Study, load_study
 
 STUDY, BASE, STATE, FILES = "study.yaml", "scenario.yaml", "state.json", "files"
+
+_MOST_NAMES = 5  # of fields that are told
 
 
 def claim(job: Job, folder: Path, resume: bool) -> None:
@@ -32,10 +37,9 @@ def claim(job: Job, folder: Path, resume: bool) -> None:
     if holds_study(folder):
         state = _state(folder)
         if state["fingerprint"] != job.fingerprint:
-            raise InputError(
-                f"{folder}: holds another study, or this one with other files; expected another "
-                "folder"
-            )
+            other = _in_words(_differences(_recorded(state), _recorded({"contents": _texts(job)})))
+            what = f"which differs in {other}" if other else "or this one with other shipped files"
+            raise InputError(f"{folder}: holds another study, {what}; expected another folder")
         if other := other_versions(state["versions"], job.versions):
             raise InputError(f"{folder}: begun with {other}; expected another folder")
         if not resume:
@@ -48,6 +52,7 @@ def claim(job: Job, folder: Path, resume: bool) -> None:
         "outcomes": list(job.outcomes),
         "files": _places(job),
         "versions": job.versions,
+        "contents": _texts(job),
     }
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -73,13 +78,28 @@ def save_study(job: Job, folder: Path) -> None:
         InputError: if it cannot be written.
     """
     job.save_files(folder / FILES)
-    save_scenario(with_files(job.base, _places(job)), folder / BASE)
-    write_yaml(folder / STUDY, dataclasses.replace(job.study, scenario=BASE))
+    for name in (BASE, STUDY):
+        write_text(folder / name, _texts(job)[name])
 
 
 def _places(job: Job) -> dict[str, str]:
     """Of the files, as the folder has them, by their names in the study."""
     return {name: f"{FILES}/{place}" for name, place in places_of(job.files).items()}
+
+
+def _texts(job: Job) -> dict[str, str]:
+    """What the folder's files hold, by name: study and scenario whole, and hashes of the others."""
+    study = dataclasses.replace(job.study, scenario=BASE)
+    base = with_files(job.base, _places(job))
+    return {
+        STUDY: yaml_dump_typed(study, schema=Study),
+        BASE: yaml_dump_typed(base, schema=Scenario),
+        **{place: _hash(job.files[name]) for name, place in _places(job).items()},
+    }
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 def holds_study(folder: Path) -> bool:
@@ -91,10 +111,12 @@ def load_folder(folder: Path) -> tuple[Study, Scenario, tuple[str, ...]]:
     """Study, base scenario and names of the outcomes of a study folder.
 
     Raises:
-        InputError: if it holds no study, or a file of it cannot be used.
+        InputError: if it holds no study, or a file of it cannot be used, or has been changed since
+            its runs.
     """
     state = _state(folder)
     study, base = load_study(folder / STUDY)
+    _check_unchanged(folder, _recorded(state))
     return study, base, tuple(state["outcomes"])
 
 
@@ -111,6 +133,60 @@ def load_runner(folder: Path) -> tuple[Runner, tuple[str, ...], str]:
     return Runner(study, base, places), outcomes, other_versions(state["versions"], versions())
 
 
+def _check_unchanged(folder: Path, recorded: Mapping[str, Any]) -> None:
+    """Refuse files that are not as they were when the study was begun: its outcomes are of them."""
+    now = {
+        name: read_yaml(folder / name)
+        if name in (STUDY, BASE)
+        else _hash(checked_input(folder / name).read_bytes())
+        for name in recorded
+    }
+    if found := _differences(recorded, now):
+        raise InputError(
+            f"{folder}: {_in_words(found)} changed since the study was begun, expected what its "
+            "runs were made of; a changed study belongs into another folder"
+        )
+
+
+def _recorded(state: Mapping[str, Any]) -> dict[str, Any]:
+    """What the files of a folder held when its study was begun; nothing is known of old ones."""
+    contents: Mapping[str, str] = state.get("contents", {})
+    return {
+        name: parse_yaml(text) if name in (STUDY, BASE) else text for name, text in contents.items()
+    }
+
+
+def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Files that are not the same in both, and the dotted names of the fields that are not.
+
+    How long a run may take changes nothing in it.
+    """
+    fields = {name: list(_fields(old.get(name), new.get(name))) for name in {**old, **new}}
+    wanted = {name: [x for x in found if x != "timeout"] for name, found in fields.items()}
+    return {name: found for name, found in wanted.items() if found}
+
+
+def _fields(old: Any, new: Any, name: str = "") -> Iterator[str]:
+    if isinstance(old, dict) and isinstance(new, dict):
+        for key in {**old, **new}:
+            yield from _fields(old.get(key), new.get(key), f"{name}.{key}".lstrip("."))
+    elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        for k, pair in enumerate(zip(old, new, strict=True)):
+            yield from _fields(*pair, f"{name}[{k + 1}]")
+    elif old != new:
+        yield name
+
+
+def _in_words(differences: Mapping[str, list[str]]) -> str:
+    """Files with their fields, as `_differences` finds them."""
+    told = []
+    for name, fields in differences.items():
+        more = ["..."] if len(fields) > _MOST_NAMES else []
+        inner = ", ".join([*filter(None, fields[:_MOST_NAMES]), *more])
+        told.append(f"{name} ({inner})" if inner else name)
+    return ", ".join(told)
+
+
 def _state(folder: Path) -> Mapping[str, Any]:
     path = folder / STATE
     if not path.is_file():
@@ -119,6 +195,7 @@ def _state(folder: Path) -> Mapping[str, Any]:
         state = json.loads(path.read_text(encoding="utf-8"))
         texts = [state["fingerprint"], *state["outcomes"]]
         texts += [*state["files"].values(), *state["versions"].values()]
+        texts += state.get("contents", {}).values()
         "".join(texts)  # a TypeError, if one is none
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise InputError(

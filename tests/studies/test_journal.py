@@ -7,14 +7,16 @@ import math
 import resource
 import signal
 from contextlib import contextmanager
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from sdt_drake.io.errors import InputError
+from sdt_drake.run.scenario import Scenario
 from sdt_drake.studies.folder import claim, holds_study
+from sdt_drake.studies.job import Job
 from sdt_drake.studies.journal import JOURNAL, Journal, Row, read_rows
+from sdt_drake.studies.study import Study
 
 ROWS = [
     Row(2, "ok", "", 0.1, (1 / 3, math.nan)),
@@ -148,7 +150,7 @@ def test_full_disk(tmp_path):
 
 
 def test_a_disk_that_is_full_from_the_start_leaves_a_folder_that_can_be_used(tmp_path):
-    job = SimpleNamespace(fingerprint="x", outcomes=("y",), files={}, versions={})
+    job = Job(Study(), Scenario(), {}, ("y",), "x", {})
     with disk_of(10), pytest.raises(InputError, match=r"no study can be begun .*File too large"):
         claim(job, tmp_path, resume=False)
     claim(job, tmp_path, resume=False)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import functools
 import json
+import re
 import shutil
+import subprocess
 import sys
 from types import SimpleNamespace
 
@@ -125,11 +127,13 @@ def test_folder_of_a_study(refuse, desk, undisturbed):
     """Neither overwritten, nor taken for another study."""
     shutil.copytree(undisturbed, desk / "mc")
     assert "mc: holds this study already; --resume goes" in refuse("many.yaml", "--out", "mc")
-    assert "mc: holds another study" in refuse("few.yaml", "--out", "mc")
-    assert "mc: holds another study" in refuse("few.yaml", "--out", "mc", "--resume")
+    other = "mc: holds another study, which differs in study.yaml (name, draws), scenario.yaml ("
+    assert other in refuse("few.yaml", "--out", "mc")
+    assert other in refuse("few.yaml", "--out", "mc", "--resume")
     motion = (desk / "short.yaml").read_text()
     (desk / "short.yaml").write_text(motion.replace("0.5], [0.5", "0.4], [0.5"))
-    assert "this one with other files" in refuse("many.yaml", "--out", "mc", "--resume")
+    said = refuse("many.yaml", "--out", "mc", "--resume")
+    assert "mc: holds another study, which differs in files/1/short.yaml; expected" in said
     (desk / "short.yaml").write_text(motion)
     state = (desk / "mc" / "state.json").read_text()
     drake = json.loads(state)["versions"]["drake"]
@@ -161,6 +165,40 @@ def test_nonsense_in_a_folder(refuse, desk, undisturbed, file, text, message):
 
 
 @pytest.mark.parametrize(
+    ("file", "old", "new", "told"),
+    [
+        ("study.yaml", "high: 0.3", "high: 0.4", "study.yaml (variables[1].distribution.high)"),
+        ("scenario.yaml", ", 0.98,", ", 0.97,", "scenario.yaml (controller.zeta[2])"),
+        ("files/1/short.yaml", "0.5]", "0.4]", "files/1/short.yaml"),
+        ("study.yaml", "timeout: 300.0", "timeout: 30.0", ""),
+    ],
+)
+def test_inputs_that_were_changed_do_not_go_with_old_outcomes(
+    refuse, desk, undisturbed, undrawn, file, old, new, told
+):
+    """But for how long a run may take; to resume the study puts them back."""
+    shutil.copytree(undisturbed, desk / "mc")
+    before = (desk / "mc" / file).read_text()
+    assert old in before
+    (desk / "mc" / file).write_text(before.replace(old, new))
+    if told:
+        line = f"mc: {told} changed since the study was begun, expected what its runs"
+        assert line in refuse("show", "mc") and line in refuse("repeat", "mc", "--row", "1")
+        assert main(["report", "mc"]) == 2
+    assert main(["study", "many.yaml", "--out", "mc", "--resume"]) == 0
+    assert (desk / "mc" / file).read_text() == before
+    assert main(["report", "mc"]) == 0
+
+
+def test_a_folder_of_an_older_version_is_shown(copied, undrawn):
+    """It does not tell what its study was begun with."""
+    state = json.loads((copied / "state.json").read_text())
+    del state["contents"]
+    (copied / "state.json").write_text(json.dumps(state))
+    assert main(["study", "show", f"{copied}"]) == 0
+
+
+@pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ("", "--row None, expected 0 to 29"),
@@ -172,6 +210,15 @@ def test_nonsense_in_a_folder(refuse, desk, undisturbed, file, text, message):
 )
 def test_bad_repeat(refuse, undisturbed, arguments, message):
     assert message in refuse("repeat", undisturbed, *arguments.split())
+
+
+@pytest.mark.parametrize("closed", ["2>&-", ">&-", "<&- >&- 2>&-"])
+def test_streams_that_the_caller_has_closed(desk, closed):
+    """Their numbers must not go to pipes and files of the processes."""
+    command = [sys.executable, "-m", "sdt_drake", "study", "few.yaml"]
+    done = subprocess.run(["sh", "-c", f'"$@" {closed}', "sh", *command], capture_output=True)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert len(rows(desk / "few")) == 6
 
 
 # --- the same, bit for bit -------------------------------------------------------------------
@@ -217,13 +264,16 @@ def test_repeat_from_a_folder_that_was_moved_and_files_that_are_gone(desk, undis
     for file in desk.glob("*.yaml"):
         file.unlink()
     assert main(["study", "repeat", "elsewhere", "--row", "5", "--out", "row.csv"]) == 0
-    lines = capfd.readouterr().out.splitlines()
-    assert "outcome                   value [rad/s, rad, -]" in lines  # `show` has deg and %
-    printed = dict(line.split() for line in lines if len(line.split()) == 2)
+    lines = (re.split(r"\s{2,}", line) for line in capfd.readouterr().out.splitlines())
+    printed = {name: cells for name, *cells in lines}
     expected = rows(undisturbed).slice(5, 1).to_pylist()[0]
-    for name in ("disturbance.amplitude", "rms_speed_error_2", "felt_share", "peak_torque_share_2"):
-        assert float(printed[name]) == expected[name]
-    assert printed["controller"] == expected["controller"]
+    assert printed["controller"] == [expected["controller"]]
+    assert printed["disturbance.amplitude"] == [f"{expected['disturbance.amplitude']:.4g}"]
+    degrees = np.degrees(expected["max_abs_position_error_2"])
+    assert printed["largest position error [deg]"][1] == f"{degrees:.3f}"
+    torque, felt = 100 * expected["peak_torque_share_2"], 100 * expected["felt_share"]
+    assert printed["peak torque [% of the motor]"][1] == f"{torque:.1f}"
+    assert printed["error that can be felt [% of time]"] == [f"{felt:.1f}"]
     error = np.abs(Recording.from_csv(desk / "row.csv").speed_error).max(axis=0)
     assert error[1] == expected["max_abs_speed_error_2"] > 0
 

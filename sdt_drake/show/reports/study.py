@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from sdt_drake.analysis.metrics import metric_of
+from sdt_drake.analysis.metrics import family_of, metric_of
 from sdt_drake.io.errors import write_text
 from sdt_drake.io.shown import listed
 from sdt_drake.show import documents as doc
@@ -174,9 +174,29 @@ def percentile_table(table: StudyTable, names: Sequence[str]) -> doc.Table:
     for level, part in table.groups.items():
         for name in names:
             place = ", ".join(filter(None, [level, table.place(name)]))
-            rows.append([place, *map(_cell, metric.factor * percentiles(part, name))])
+            rows.append([place, *map(cell, metric.factor * percentiles(part, name))])
     header = [table.by or "", *(f"{percent} %" for percent in PERCENTS[:-1]), "largest"]
     return doc.Table(header, rows, f"Percentiles: {metric.label}")
+
+
+def outcome_tables(names: Sequence[str], outcomes: Sequence[float]) -> list[doc.Table]:
+    """Outcomes of a run: those of joints with a row for each family, then those of the whole run.
+
+    Args:
+        names: as `outcomes.outcome_names` has them.
+        outcomes: of the run, by these names.
+    """
+    rows: dict[bool, dict[str, list[str]]] = {True: {}, False: {}}
+    for name, value in zip(names, outcomes, strict=True):
+        metric, joint = metric_of(name), family_of(name)[1]
+        rows[joint is not None].setdefault(metric.label, [metric.label]).append(metric.text(value))
+    by_joint, whole = (list(some.values()) for some in rows.values())
+    n = max(map(len, by_joint), default=1) - 1
+    tables = [
+        doc.Table(["outcome", *(f"joint {k + 1}" for k in range(n))], by_joint),
+        doc.Table(["outcome", "of the run"], whole),
+    ]
+    return [table for table in tables if table.rows]
 
 
 def worst_table(table: StudyTable, outcome: str, count: int = 3) -> doc.Table:
@@ -195,8 +215,8 @@ def worst_table(table: StudyTable, outcome: str, count: int = 3) -> doc.Table:
         columns: list[Iterable[object]] = [runs.row]
         if has_joints:
             columns.append(runs.worst_joint(outcome))
-        columns.append([_cell(metric.factor * value) for value in runs.outcome(outcome)])
-        columns += [map(_cell, runs.inputs[name].tolist()) for name in inputs]
+        columns.append([cell(metric.factor * value) for value in runs.outcome(outcome)])
+        columns += [map(cell, runs.inputs[name].tolist()) for name in inputs]
         rows += [list(map(str, cells)) for cells in zip(*columns, strict=True)]
     header = ["row", *(["joint"] if has_joints else []), metric.unit or "value", *inputs]
     return doc.Table(header, rows, f"Worst runs: {metric.title}")
@@ -245,7 +265,8 @@ def _percent(share: Share) -> str:
     return f"{100 * max(share.value, 0):.0f} ± {100 * share.error:.0f}"
 
 
-def _cell(value: float | str) -> str:
+def cell(value: float | str) -> str:
+    """A number or a text as tables show it; a dash for NaN."""
     if isinstance(value, int | float):
         return "–" if np.isnan(value) else f"{value:.4g}"
     return str(value)
