@@ -13,7 +13,7 @@ from pydrake.systems.primitives import ConstantVectorSource, VectorLogSink, Zero
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_type
-from sdt_drake.run.controllers import make_controller
+from sdt_drake.run.controllers import in_errors, make_controller
 from sdt_drake.run.controllers.base import LOOP_SIGNALS, add_table
 from sdt_drake.run.design import Design
 from sdt_drake.run.device_diagram import add_device, add_loads, add_moved, at_rest
@@ -60,7 +60,8 @@ class Loop(Wired):
             what the controller asks for then. None by default.
 
     Raises:
-        InputError: for a controller with ports that no signals of the loop fit.
+        InputError: for a controller with ports that no signals of the loop fit, or with an
+            algebraic loop.
 
     Attributes:
         design: what it was made from.
@@ -83,7 +84,7 @@ class Loop(Wired):
         self.design = design
         widened = design.scenario.plant.kind == "axis" if widened is None else widened
         self.controller = _checked_controller(
-            make_controller(design) if controller is None else controller, robot.n
+            design, make_controller(design) if controller is None else controller
         )
 
         source = ReferenceSource(motion=motion, delay=drive.reference_delay)
@@ -171,20 +172,29 @@ def make_step_loop(*, gains: SpeedGains, i_eff: float, structure: str) -> Diagra
     return loop
 
 
-def _checked_controller(controller: System, n: int) -> System:
+def _checked_controller(design: Design, controller: System) -> System:
     checked_type(controller, System, "controller", "calling its class")
+    where, n = in_errors(design, type(controller)), design.robot.n
     ports = map(controller.get_output_port, range(controller.num_output_ports()))
     outputs = {port.get_name(): port.size() for port in ports}
     if outputs != {"tau_cmd": n}:
         told = ", ".join(f"{name} of length {size}" for name, size in outputs.items())
         raise InputError(
-            f"controller: outputs: {told or 'none'}, expected tau_cmd of length {n} alone"
+            f"{where}: outputs: {told or 'none'}, expected tau_cmd of length {n} alone"
         )
     inputs = map(controller.get_input_port, range(controller.num_input_ports()))
     for name in (port.get_name() for port in inputs):
         if name not in LOOP_SIGNALS:
             raise InputError(
-                f"controller: an input '{name}', expected one of {', '.join(LOOP_SIGNALS)}"
+                f"{where}: an input '{name}', expected one of {', '.join(LOOP_SIGNALS)}"
+            )
+        at_once = name == "tau_limited" and controller.HasDirectFeedthrough(
+            controller.GetInputPort(name).get_index(), 0
+        )
+        if at_once:
+            raise InputError(
+                f"{where}: tau_cmd depends on tau_limited at once, and that on tau_cmd: an "
+                "algebraic loop; expected prerequisites_of_calc of tau_cmd without tau_limited"
             )
     return controller
 

@@ -215,8 +215,8 @@ def saturated_share(command: Array, limited: Array) -> Array:
     """
     beyond = command - limited
     start, end = beyond[:, :-1], beyond[:, 1:]
-    change = np.diff(command, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # as large as numbers go
+        change = np.diff(command, axis=1)
         until = np.where(start == 0, 0.0, np.clip(-start / change, 0, 1))
         since = np.where(end == 0, 0.0, np.clip(end / change, 0, 1))
-    return np.where(start * end > 0, 1.0, until + since)
+        return np.where(start * end > 0, 1.0, until + since)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
+from traceback import extract_tb
 from typing import TYPE_CHECKING
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
-from pydrake.systems.framework import Diagram
+from pydrake.systems.framework import Context, Diagram
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_number, checked_type
@@ -18,7 +19,7 @@ from sdt_drake.io.fields import setting
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, face, joint_count, of_joints
 from sdt_drake.io.tables import check_columns, check_limits, data_frame, read_table, write_table
-from sdt_drake.run.controllers import own_code
+from sdt_drake.run.controllers import in_errors, own_code
 from sdt_drake.run.design import Design
 from sdt_drake.run.loop import Loop, make_loop, systems_in
 from sdt_drake.run.motor_torque import arrived, cuts, period_torque, tells_command
@@ -218,18 +219,41 @@ def simulate(
     )
     context = simulator.get_mutable_context()
     own = loop.GetMyMutableContextFromRoot(context)
-    loop.rest(own)
-    with own_code(design.scenario.controller.kind):
+    with own_code(design, type(loop.controller)):
+        loop.rest(own)
         try:
             simulator.Initialize()
+            _look(loop, own)  # at a NaN Drake's integrator may try for ever
             seen = _run(simulator, loop)
         except RuntimeError as error:
+            if error.__traceback__ and extract_tb(error.__traceback__)[-1].filename != __file__:
+                raise  # of Python code in the loop
+            _look(loop, own)
             reason = " ".join(str(error).split())
             raise InputError(
                 f"scenario '{design.scenario.name}': the simulation is stuck at "
                 f"{context.get_time():.6g} s ({reason})"
             ) from None
-    return _recording(loop, loop.recorded(own), seen)
+        signals = loop.recorded(own)
+        times = loop.logs["tau_cmd"].GetLog(loop.GetSubsystemContext(loop.logs["tau_cmd"], own))
+        _check_command(loop, signals["tau_cmd"], times.sample_times())
+        return _recording(loop, signals, seen)
+
+
+def _look(loop: Loop, own: Context) -> Array:
+    """What the controller asks for now, motor side [N m], shape (n,); own: context of the loop."""
+    tau_cmd = np.array(loop.GetOutputPort("tau_cmd").Eval(own))
+    _check_command(loop, tau_cmd[None], [own.get_time()])
+    return tau_cmd
+
+
+def _check_command(loop: Loop, tau_cmd: Array, time: Sequence[float]) -> None:
+    """Refuse commands, shape (N, n), that are not finite, whatever becomes of them in the loop."""
+    for i, k in np.argwhere(~np.isfinite(tau_cmd)):
+        raise InputError(
+            f"{in_errors(loop.design, type(loop.controller))}: tau_cmd of joint {k + 1} is "
+            f"{tau_cmd[i, k]} at {time[i]:.6g} s, expected finite numbers"
+        )
 
 
 def _run(simulator: Simulator, loop: Loop) -> Array | None:
@@ -242,17 +266,17 @@ def _run(simulator: Simulator, loop: Loop) -> Array | None:
         for end in with_progress(np.unique(np.linspace(0, samples, _SLICES + 1, dtype=int))[1:]):
             simulator.AdvanceTo(end * period, interruptible=hears)
         return None
-    own, tau_cmd = loop.GetMyContextFromRoot(simulator.get_context()), loop.GetOutputPort("tau_cmd")
+    own = loop.GetMyContextFromRoot(simulator.get_context())
     looks, seen = cuts(loop), []
     step = looks[-1]
     rows = round(samples * period / step)
     for i in with_progress(range(rows)):
         for end in looks[1:]:
             simulator.AdvancePendingEvents()
-            seen.append(np.array(tau_cmd.Eval(own)))
+            seen.append(_look(loop, own))
             until = (i + 1) * step if end == step else i * step + end
             simulator.AdvanceTo(until, interruptible=hears)
-            seen.append(np.array(tau_cmd.Eval(own)))
+            seen.append(_look(loop, own))
     return np.reshape(seen, (rows, len(looks) - 1, 2, -1))
 
 

@@ -80,7 +80,8 @@ class DynamicSaturation(SymbolicLaw):
                 a = others[0]
                 lower = lower + [sym.if_then_else(help_ < -_TINY, help_, nothing) for help_ in a]
                 upper = upper + [sym.if_then_else(help_ > _TINY, help_, nothing) for help_ in a]
-            return [sym.min(sym.max(tau_cmd[k], lower[k]), upper[k]) for k in range(n)]
+            # In this order NaN becomes a limit: at a NaN in its state Drake integrates for ever.
+            return [sym.min(sym.max(lower[k], tau_cmd[k]), upper[k]) for k in range(n)]
 
         inputs = {"tau_cmd": n}
         inputs |= {"alleviating_torque": n} if widened else {}

@@ -38,6 +38,7 @@ variables:
 - fields: [plant.deviation.payload_mass]
   distribution: !Uniform {low: 0, high: 9}
 """
+CLASS = r"controller 'proportional' \(class Proportional\)"
 
 
 @pytest.fixture
@@ -102,22 +103,62 @@ def test_the_same_text_is_run_once(desk, tmp_path):
     [
         ("(LeafSystem, Controller)", "(Controller)", "expected a class that derives from a Drake"),
         ("2 * n)\n", "n)\n", "controller: input 'sampled_state' of length 4, expected 8"),
-        ("0.9 *", "0.9 / 0 *", r"controller 'proportional': fails \(ZeroDivisionError: "),
+        ("super().__init__()", "pass", rf"{CLASS}: __init__ of Proportional declares ports first"),
+        ("0.9 *", "0.9 / 0 *", rf"{CLASS}: fails \(ZeroDivisionError: "),
+        ("self._gain * (", "self._gian * (", rf"{CLASS}: fails \(AttributeError: "),
+        ("self._gain * (", "sys.exit(0) * (", rf"{CLASS}: fails \(SystemExit: 0\)"),
+        ("self._gain * (", "Lock().release() * (", rf"{CLASS}: fails \(RuntimeError: release "),
+        ("self._gain * (", "np.nan * (", rf"{CLASS}: tau_cmd of joint 1 is nan at 0 s, expected"),
         (
             "self._gain * (",
-            "self._gian * (",
-            r"controller 'proportional': fails \(AttributeError: ",
+            "(np.nan if context.get_time() > 0.2 else 0) * (",
+            rf"{CLASS}: tau_cmd of joint 1 is nan at 0\.205 s, expected finite",
         ),
-        ("self._gain * (", "np.nan * (", r"stuck at 0 s \(Detected NaN"),
+        ("self._gain * (", "np.inf + 0 * (", rf"{CLASS}: tau_cmd of joint 1 is inf at 0 s, "),
+        (
+            "    def _calc(self, context, output):\n",
+            "    is_sampled = True\n\n    def _calc(self, context, output):\n"
+            "        self._gain = self._gain if context.get_time() < 0.2 else np.inf\n",
+            rf"{CLASS}: tau_cmd of joint 1 is -?inf at 0\.20",
+        ),
+        (
+            "inputs = {",
+            "inputs = {self.DeclareVectorInputPort('tau_limited', n).ticket(), ",
+            rf"{CLASS}: tau_cmd depends on tau_limited at once, .*an algebraic loop",
+        ),
     ],
 )
-def test_a_controller_that_does_not_work(desk, capsys, old, new, message):
-    text = "import numpy as np\n" + OWN.read_text()
+@pytest.mark.parametrize("plant", ["axis", "coupled"])
+def test_a_controller_that_does_not_work(desk, capsys, plant, old, new, message):
+    text = "import sys\nfrom threading import Lock\nimport numpy as np\n" + OWN.read_text()
     assert old in text
     (desk / "own.py").write_text(text.replace(old, new))
-    assert main(["simulate", str(desk / "run.yaml")]) == 2
+    arguments = ["--set", f"plant.kind={plant}", "--out", "run.csv"]
+    assert main(["simulate", str(desk / "run.yaml"), *arguments]) == 2
     error = capsys.readouterr().err
     assert re.search(message, error) and error.count("\n") == 1
+    assert not Path("run.csv").exists()
+
+
+@pytest.mark.parametrize("plant", ["axis", "coupled"])
+def test_a_continuous_controller_that_fails_within_a_step(desk, capsys, plant):
+    """Where no sample looks: at a NaN of its own the integrator would try for ever."""
+    text = "import numpy as np\n" + OWN.read_text().replace("sampled_state", "state")
+    text = text.replace("inputs = {", "inputs = {self.time_ticket(), ")
+    late = "(np.nan if context.get_time() > 0.2012 else 1) * self._gain * ("
+    (desk / "own.py").write_text(text.replace("self._gain * (", late))
+    arguments = ["compare", str(desk / "run.yaml"), "--controllers", "pi,proportional"]
+    assert main([*arguments, "--set", f"plant.kind={plant}"]) == 2
+    assert re.search(rf"{CLASS}: tau_cmd of joint \d is nan at 0\.20", capsys.readouterr().err)
+
+
+def test_a_row_of_a_study_fails_and_the_others_go_on(desk, capsys):
+    text = OWN.read_text().replace("self._gain * (", "exit(0) * (")
+    (desk / "own.py").write_text("from sys import exit\n" + text)
+    arguments = ["study", str(desk / "study.yaml"), "--out", "out", "--workers", "1"]
+    main(arguments)
+    told = capsys.readouterr().out
+    assert re.search(rf"2 of 4 runs failed: {CLASS}: fails \(SystemExit: 0\)", told)
 
 
 @pytest.mark.parametrize(

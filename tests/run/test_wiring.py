@@ -237,14 +237,17 @@ def test_a_controller_of_ones_own_has_all_that_shipped_ones_have(designed, plant
 @pytest.mark.parametrize(
     ("ports", "message"),
     [
-        ({"state": ("speed", 8)}, "^controller: an input 'speed', expected "),
+        ({"state": ("speed", 8)}, r"^controller \(class Own\): an input 'speed', expected "),
         ({"state": ("state", 4)}, "^controller: input 'state' of length 4, expected 8$"),
         (
             {"output": ("torque", 4)},
-            "^controller: outputs: torque of length 4, expected tau_cmd",
+            r"^controller \(class Own\): outputs: torque of length 4, expected tau_cmd",
         ),
-        ({"output": ("tau_cmd", 3)}, "^controller: .*tau_cmd of length 3, expected tau_cmd of len"),
-        ({"further": ("reference", 12)}, "^controller: .*tau_cmd of length 4, reference of"),
+        (
+            {"output": ("tau_cmd", 3)},
+            "^controller .*: .*tau_cmd of length 3, expected tau_cmd of",
+        ),
+        ({"further": ("reference", 12)}, "^controller .*: .*tau_cmd of length 4, reference of"),
     ],
     ids=str,
 )

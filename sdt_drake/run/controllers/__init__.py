@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -30,7 +32,7 @@ CONTROLLERS: dict[str, type[Controller]] = {
     "inverse_dynamics": InverseDynamics,
 }
 
-_SHIPPED = frozenset(CONTROLLERS)
+_SHIPPED = dict(CONTROLLERS)
 _LONGEST = 1_000_000  # bytes of a file of controllers
 _loaded: dict[str, dict[str, type[Controller]]] = {}  # what a text has registered
 
@@ -41,31 +43,41 @@ def make_controller(design: Design) -> System:
     Raises:
         InputError: if one that does not ship with the package fails.
     """
-    kind = design.scenario.controller.kind
-    with own_code(kind):
+    controller = CONTROLLERS[design.scenario.controller.kind]
+    with own_code(design, controller):
         # Registered classes derive from both, and are made with a design.
-        return cast("Callable[[Design], System]", CONTROLLERS[kind])(design)
+        return cast("Callable[[Design], System]", controller)(design)
+
+
+def in_errors(design: Design, controller: type) -> str:
+    """The name of a controller of that class in errors: that of its kind, if it has one, and its
+    class."""
+    kind = design.scenario.controller.kind
+    name = f" '{kind}'" if CONTROLLERS[kind] is controller else ""
+    return f"controller{name} (class {controller.__name__})"
 
 
 @contextmanager
-def own_code(kind: str) -> Iterator[None]:
-    """Say that an error is one of a controller that does not ship with the package."""
+def own_code(design: Design, controller: type) -> Iterator[None]:
+    """Say that an error is one of a controller of that class, if it does not ship with the package;
+    SystemExit is such an error, too."""
     try:
         yield
     except InputError:
         raise
-    except Exception as error:
-        if kind in _SHIPPED:
+    except (Exception, SystemExit) as error:  # of a controller
+        if controller in _SHIPPED.values():
             raise
         text = f"{type(error).__name__}: {one_line(error)}"
-        raise InputError(f"controller '{kind}': fails ({text})") from error
+        raise InputError(f"{in_errors(design, controller)}: fails ({text})") from error
 
 
 def register_controller(name: str, controller: type[Controller]) -> None:
     """Make a controller of one's own known to scenarios, comparisons and studies, by its name.
 
     Raises:
-        InputError: for the name of a shipped one or no name, or a class that is no `Controller`.
+        InputError: for the name of a shipped one or no name, a class that is no `Controller`, or
+            one that declares ports before the constructor of its Drake system has run.
     """
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z]\w*", name):
         raise InputError(f"controller {name!r}: expected a name of letters, digits and _")
@@ -77,7 +89,24 @@ def register_controller(name: str, controller: type[Controller]) -> None:
             f"controller '{name}': {controller!r}, expected a class that derives from a Drake "
             "system and from sdt_drake.run.controllers.Controller"
         )
+    for one in controller.__mro__:
+        if issubclass(one, System) and _declares_first(one):
+            raise InputError(
+                f"controller '{name}' (class {controller.__name__}): __init__ of {one.__name__} "
+                "declares ports first, expected super().__init__() before"
+            )
     CONTROLLERS[name] = controller
+
+
+def _declares_first(system: type) -> bool:
+    """Whether a class declares ports, or is built, before any __init__ of its bases.
+
+    Drake would write to memory that nobody has set up. The names in code stand in the order of
+    their use.
+    """
+    code = getattr(inspect.unwrap(system.__init__), "__code__", None)  # None: in C++
+    names = () if code is None else takewhile("__init__".__ne__, code.co_names)
+    return any(name.startswith(("Declare", "BuildInto")) for name in names)
 
 
 def load_controllers(path: str | Path) -> None:
@@ -105,5 +134,5 @@ def load_controllers(path: str | Path) -> None:
 
 __all__ = [
     "CONTROLLERS", "Controller", "InverseDynamics", "PPi", "Pi", "PiCtc", "PiId", "PiScheduled",
-    "load_controllers", "make_controller", "own_code", "register_controller",
+    "in_errors", "load_controllers", "make_controller", "own_code", "register_controller",
 ]  # fmt: skip
