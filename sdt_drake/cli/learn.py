@@ -179,10 +179,7 @@ def _checked_filter(
 
 
 def _from_recordings(options: argparse.Namespace) -> None:
-    import numpy as np
-
-    from sdt_drake.machine.learn.state import SCENARIO, State, read_state, teach, write_step
-    from sdt_drake.machine.recordings import load_columns, read_recording
+    from sdt_drake.machine.learn.state import alone_in, count_flights
 
     folder: Path | None = options.state
     if folder is None:
@@ -191,6 +188,24 @@ def _from_recordings(options: argparse.Namespace) -> None:
     files = [Path(path).resolve() for path in options.recording]
     if len(set(files)) < len(files):
         raise InputError("--recording: names a file twice, expected another recording each time")
+    known = count_flights(folder)
+    with alone_in(folder, lambda: say(f"{folder}: waiting for another learn to end")):
+        _step_in(folder, known, options)
+
+
+def _step_in(folder: Path, known: int, options: argparse.Namespace) -> None:
+    """Take a step from recordings in the folder of a learning.
+
+    Args:
+        folder: of the learning; nobody else writes to it.
+        known: how many flights it had when this command began.
+        options: of the command.
+    """
+    import numpy as np
+
+    from sdt_drake.machine.learn.state import SCENARIO, State, read_state, teach, write_step
+    from sdt_drake.machine.recordings import load_columns, read_recording
+
     begun = (folder / SCENARIO).exists()
     if begun == (options.scenario is not None):
         text = f"has its scenario, {SCENARIO}; leave SCENARIO away" if begun else "is new"
@@ -208,7 +223,7 @@ def _from_recordings(options: argparse.Namespace) -> None:
     ]
     filter_, _ = _checked_filter(options, design)
     state = read_state(folder, design)
-    taught = teach(design, filter_, state, recordings)
+    taught = teach(design, filter_, state, recordings, known)
     flight = taught.flight
     for recorded, shift in zip(recordings, flight.shifts, strict=True):
         say(f"{recorded.path}: the motion begins {1e3 * shift:.2f} ms after its start")

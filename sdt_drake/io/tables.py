@@ -24,7 +24,10 @@ TABLES = (".csv", *BINARY)
 """Kinds of files that tables of joints are read from and written as."""
 
 MOST_BYTES = 1_000_000_000
-"""Of a table that is read: a recording of an hour, and what memory holds several times."""
+"""Of a table that is read: a recording of an hour."""
+
+MOST_NUMBERS = 100_000_000
+"""Of such a table, 0.8 GB: memory holds up to six times that."""
 
 
 def write_table(
@@ -136,8 +139,11 @@ def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str,
     """
     numbers = read_numbers(path) if Path(path).suffix not in BINARY else _read_binary(Path(path))
     path, names = numbers.path, numbers.names
-    if names[0] != "time":
-        raise InputError(f"{path}: the first column is '{names[0]}', expected 'time'")
+    if names[0] != "time" or "time" in names[1:]:
+        told = (
+            "two columns are 'time'" * (names[0] == "time") or f"the first column is '{names[0]}'"
+        )
+        raise InputError(f"{path}: {told}, expected 'time' first, and once")
     groups = _groups(path, names)
     numbers.check_finite([0, *(c for group in groups.values() for c in group)])
     time = numbers.data[:, 0]
@@ -260,7 +266,8 @@ def read_numbers(
     names = [_unquoted(name) for name in first.split(delimiter)]
     if len(names) == 1:
         _check_delimiter(path, first, delimiter)
-    rows = (line for _, line in itertools.chain(start[header:], lines))
+    most = MOST_NUMBERS // len(names)
+    rows = (line for _, line in itertools.islice(itertools.chain(start[header:], lines), most + 1))
     cells = start[header][1].split(delimiter) if texts else []
     skipped: dict[int | str, Callable[[str], float]] = {
         k: lambda _: np.nan for k, cell in enumerate(cells) if _is_text(cell)
@@ -271,6 +278,8 @@ def read_numbers(
         )
         if data.shape[1] != len(names):
             raise ValueError
+        if len(data) > most:
+            raise InputError(f"{path}: more than {MOST_NUMBERS} numbers, expected at most so many")
     except InputError:
         raise
     except ValueError:

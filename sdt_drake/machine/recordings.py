@@ -11,6 +11,7 @@ import numpy as np
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import Problems, setting
+from sdt_drake.io.shown import listed
 from sdt_drake.io.tables import Numbers, read_numbers
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.motion.trajectory import interpolated
@@ -25,6 +26,10 @@ RECORDED_SIGNALS = (*_ANGLES, *_TORQUES)
 what was asked for; torque fed forward."""
 
 _GAP = 4.0  # of the usual step
+_LEAST_RATE, _USUAL_RATE, _MOST_RATE = 5.0, 300.0, 1e5  # Hz; of samples of a robot that moves
+_UNITS = {1e-9: "nanoseconds", 1e-6: "microseconds", 1e-3: "milliseconds", 1.0: "seconds",
+          60.0: "minutes", 3600.0: "hours", 86400.0: "days"}  # fmt: skip
+_SHORTEST, _LONGEST = 0.5, 10.0  # of a motion, that a recording of it lasts
 _OWN = ("tau_cmd", "tau_limited", "load_torque")  # columns that `simulate` writes
 
 
@@ -108,12 +113,14 @@ class Recorded:
             (N, n).
         of_links: whether q and v are those of the links, as `simulate` writes them, and not of what
             encoders are on.
+        time_factor: what a 1 in the column of times was taken for [s]; None without such a column.
     """
 
     path: Path
     time: Array
     signals: dict[str, Array]
     of_links: bool = False
+    time_factor: float | None = 1.0
 
     @property
     def gaps(self) -> Index:
@@ -161,8 +168,8 @@ def read_recording(
 
     Raises:
         InputError: naming the file, and the column or line: what `read_numbers` refuses, a column
-            that is missing, another number of joints, a time that does not grow, a number that is
-            not finite.
+            that is missing, or there twice, another number of joints, a time that does not grow,
+            or in steps that nobody records in, a number that is not finite.
     """
     columns = columns or Columns()
     numbers = read_numbers(
@@ -175,15 +182,64 @@ def read_recording(
     own = all(f"{name}_1" in numbers.names for name in _OWN)
     side = side or columns.side or ("motor" if own else "joint")
     time = _time(numbers, columns)
+    _check_rate(numbers.path, columns, time)
+    conversions = _conversions(robot, columns, side)
     signals = {}
     for name in RECORDED_SIGNALS:
-        found = _found(numbers, getattr(columns, name), name, robot.n, needed=name in needs)
+        names = getattr(columns, name)
+        is_named = bool(names) and names != getattr(Columns(), name)
+        found = _found(numbers, names, name, robot.n, needed=is_named or name in needs)
         if found:
             numbers.check_finite(found)
             signals[name] = numbers.data[:, found]
-    if "tau" in signals and columns.torque_delay != 0:
-        signals["tau"] = interpolated(time + columns.torque_delay, time, signals["tau"])
-    return Recorded(numbers.path, time, _converted(signals, robot, columns, side), own)
+            if name == "tau" and columns.torque_delay != 0:
+                signals[name] = interpolated(time + columns.torque_delay, time, signals[name])
+            signals[name] *= conversions[name][0]  # in place: a file may be long
+            signals[name] += conversions[name][1]
+    factor = columns.time_factor if columns.rate is None else None
+    return Recorded(numbers.path, time, signals, own, factor)
+
+
+def check_different(recordings: Sequence[Recorded]) -> None:
+    """Refuse a recording that says what another one does, whatever their files are called.
+
+    Raises:
+        InputError: naming both files.
+    """
+    for i, one in enumerate(recordings):
+        for other in recordings[:i]:
+            pairs = ((values, other.signals.get(name)) for name, values in one.signals.items())
+            if len(one.signals) == len(other.signals) and all(
+                x is y or (y is not None and np.array_equal(x, y)) for x, y in pairs
+            ):
+                raise InputError(
+                    f"{one.path}: holds the same as {other.path}, expected another recording"
+                )
+
+
+def other_unit(recorded: Recorded, moving: float) -> str:
+    """A unit of time in which a recording of a motion would be as long as that, as the end of a
+    sentence; "" for none, or if it is.
+
+    Args:
+        recorded: what seems to be of another motion.
+        moving: how long the motion moves [s].
+    """
+    if recorded.time_factor is None:
+        return ""
+    lasts, step = (
+        float(x) / recorded.time_factor
+        for x in (recorded.time[-1], np.median(np.diff(recorded.time)))
+    )
+    factor = min(_UNITS, key=lambda x: abs(np.log(x * lasts / moving)))
+    fits = _SHORTEST <= factor * lasts / moving <= _LONGEST
+    is_likely = fits and _LEAST_RATE <= 1 / (factor * step) <= _MOST_RATE
+    if factor == recorded.time_factor or not is_likely:
+        return ""
+    return (
+        f"; in {_UNITS[factor]} it would last {factor * lasts:.4g} s, time_factor: {factor:g} in "
+        "the mapping file (--columns)"
+    )
 
 
 def _time(numbers: Numbers, columns: Columns) -> Array:
@@ -202,6 +258,30 @@ def _time(numbers: Numbers, columns: Columns) -> Array:
             f"{before:.12g} to {after:.12g}, expected a growing time"
         )
     return time
+
+
+def _check_rate(path: Path, columns: Columns, time: Array) -> None:
+    """Refuse samples that are much slower or faster than those of a robot, naming the setting of
+    `Columns` that would make sense."""
+    rate = 1 / float(np.median(np.diff(time)))
+    if _LEAST_RATE <= rate <= _MOST_RATE:
+        return
+    if columns.rate is not None:  # in kHz, or a period
+        hints = {x: f"rate: {x:g}" for x in (1e3 * rate, 1e-3 * rate, 1 / rate)}
+    else:
+        counted = rate * columns.time_factor
+        hints = {
+            counted / x: f"in {unit} it would be {counted / x:.4g} Hz, time_factor: {x:g}"
+            for x, unit in _UNITS.items()
+        }
+    better = min(hints, key=lambda x: abs(np.log(x / _USUAL_RATE)))
+    is_likely = _LEAST_RATE <= better <= _MOST_RATE
+    raise InputError(
+        f"{path}: {columns.time or 'rate'}: {len(time)} samples in {time[-1]:.4g} s, "
+        f"{rate:.4g} Hz, expected {_LEAST_RATE:g} to {_MOST_RATE:g} Hz"
+        + f"; {hints[better]} in the mapping file (--columns)"
+        * is_likely
+    )
 
 
 def _found(
@@ -225,6 +305,12 @@ def _found(
         raise InputError(f"{signal}: {len(names)} column(s), but the robot has {n} joint(s)")
     found = [place for place in places if place is not None]
     if len(found) == n:
+        twice = [name for name, place in zip(said, places, strict=False) if found.count(place) > 1]
+        if twice:
+            raise InputError(
+                f"{numbers.path}: {signal}: {listed(twice)} are one column, expected one for each "
+                "joint"
+            )
         return found
     if needed or found:
         raise _missing(numbers, said[places.index(None)], signal)
@@ -233,6 +319,11 @@ def _found(
 
 def _place(numbers: Numbers, name: str) -> int | None:
     """Of a column, by its name or number."""
+    if numbers.names.count(name) > 1:
+        raise InputError(
+            f"{numbers.path}: {numbers.names.count(name)} columns '{name}', expected one; a "
+            "mapping file (--columns) may name it by its number"
+        )
     if name in numbers.names:
         return numbers.names.index(name)
     is_number = name.isdecimal() and 0 < int(name) <= len(numbers.names)
@@ -247,10 +338,9 @@ def _missing(numbers: Numbers, name: str, signal: str) -> InputError:
     )
 
 
-def _converted(
-    signals: dict[str, Array], robot: Robot, columns: Columns, side: str
-) -> dict[str, Array]:
-    """In SI units, joint side, counted as in the robot's file."""
+def _conversions(robot: Robot, columns: Columns, side: str) -> dict[str, tuple[Array, Array]]:
+    """Factor and offset of each signal to SI units, joint side, counted as in the robot's file,
+    shapes (n,)."""
     n, angle = robot.n, np.pi / 180 if columns.angle == "deg" else 1.0
     direction, offset, torque = (
         np.full(n, default) if values is None else _each(values, name, n)
@@ -261,10 +351,12 @@ def _converted(
         )
     )
     torque = torque * (robot.gear_ratio if side == "motor" else 1.0)
-    factors = dict.fromkeys(_ANGLES, angle) | dict.fromkeys(_TORQUES, torque)
+    factors = dict.fromkeys(_ANGLES, angle * direction) | dict.fromkeys(
+        _TORQUES, torque * direction
+    )
     return {
-        name: values * factors[name] * direction + (offset if name in ("q", "q_ref") else 0.0)
-        for name, values in signals.items()
+        name: (factor, offset if name in ("q", "q_ref") else np.zeros(n))
+        for name, factor in factors.items()
     }
 
 

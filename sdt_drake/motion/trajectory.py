@@ -168,6 +168,7 @@ class Motion(Shown):
 # What a joint may lose by resampling, of its speeds and of its angles:
 _LOSS = 0.01  # of their range, and
 _LOSS_SIZE = 1e-3  # rad/s, rad
+_BLOCK, _FAR = 10_000, 60  # samples that a spline is made of at a time; see `splined`
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,15 +245,33 @@ def interpolated(t: Array, time: Array, values: Array) -> Array:
     return np.stack([np.interp(t, time, column) for column in values.T], axis=1)
 
 
+def splined(t: Array, time: Array, values: Array, derivative: int = 0) -> Array:
+    """Columns of samples at `time`, shape (N, n), at growing `t`, shape (M,), within these: on the
+    cubic spline through them, or a derivative of it, shape (M, n).
+
+    A polynomial in Drake takes the memory of a hundred samples, so there are never many: a sample
+    that is _FAR others away has less than 2^-_FAR of a say.
+    """
+    if len(time) < 4:  # too few for a spline
+        whole = PiecewisePolynomial.FirstOrderHold(time, values.T)
+        return np.asarray(whole.derivative(derivative).vector_values(t).T)
+    result = np.empty((len(t), values.shape[1]))
+    starts = np.arange(0, max(1, len(time) - _FAR), _BLOCK)
+    places = np.searchsorted(t, [-np.inf, *time[starts[1:]], np.inf])
+    for start, *rows in zip(starts, places[:-1], places[1:], strict=True):
+        near = slice(max(0, start - _FAR), start + _BLOCK + _FAR)
+        course = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
+            time[near], values[near].T
+        ).derivative(derivative)
+        result[slice(*rows)] = course.vector_values(t[slice(*rows)]).T
+    return result
+
+
 def _from_positions(time: Array, q: Array, t: Array, period: float) -> tuple[Array, Motion]:
     """Speeds at the samples, and the motion."""
-    if len(time) < 4:  # too few for a spline
-        course = PiecewisePolynomial.FirstOrderHold(time, q.T)
-    else:
-        course = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(time, q.T)
-    v = course.derivative().vector_values(time).T
+    v = splined(time, time, q, 1)
     within = np.minimum(t, time[-1])
-    positions = course.vector_values(within).T + (t - within)[:, None] * v[-1]
+    positions = splined(within, time, q) + (t - within)[:, None] * v[-1]
     # What gives the central differences the speeds of the course at its ends.
     before, after = positions[1] - 2 * period * v[0], positions[-2] + 2 * period * v[-1]
     return v, Motion.from_positions(period, np.vstack([before, positions, after]))

@@ -58,6 +58,7 @@ def test_harmless_variants_of_a_table_are_read(tmp_path, text):
 
 BAD = [
     ("", ": fewer than two rows"),
+    (GOOD.replace("v_2", "time"), ": two columns are 'time', expected 'time' first, and once"),
     (GOOD.replace("time", "t"), ": the first column is 't', expected 'time'"),
     ("time,v_1,v_2\n", "fewer than two rows"),
     ("time,v_1,v_2\n0,1,2\n", "fewer than two rows"),
@@ -104,6 +105,12 @@ def test_a_table_that_is_too_large_is_refused(tmp_path, monkeypatch):
     (tmp_path / "large.csv").write_text(GOOD)
     with pytest.raises(InputError, match=rf"large\.csv: {len(GOOD)} bytes, expected at most"):
         read_table(tmp_path / "large.csv")
+    monkeypatch.undo()
+    monkeypatch.setattr(tables, "MOST_NUMBERS", 8)
+    with pytest.raises(InputError, match=r"large\.csv: more than 8 numbers, expected at most"):
+        read_table(tmp_path / "large.csv")
+    monkeypatch.setattr(tables, "MOST_NUMBERS", 9)
+    assert len(read_table(tmp_path / "large.csv")[0]) == 3
 
 
 def test_a_file_that_cannot_be_read_is_refused(tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +14,7 @@ import pytest
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import write_table
+from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.machine.learn.filter import design_filter
 from sdt_drake.machine.learn.loops import loops_of
 from sdt_drake.machine.learn.matching import match
@@ -19,12 +22,13 @@ from sdt_drake.machine.learn.state import (
     FlightRecord,
     State,
     _refuse_growth,
+    alone_in,
     read_state,
     reference_file,
     teach,
     write_step,
 )
-from sdt_drake.machine.recordings import read_recording
+from sdt_drake.machine.recordings import Columns, read_recording
 from sdt_drake.motion import LearnedReference, Motion
 from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.run.design import make_design
@@ -205,6 +209,44 @@ def test_recordings_with_gaps_or_too_few_samples_or_a_part_are_refused(machine):
     refused(lambda rows: rows[::8], "a sample every 0.04 s, expected every 0.024 s")
     refused(lambda rows: rows[:220], r"has 0.000 to 1.095 s of the motion, .* all of its 1.5 s")
     refused(lambda rows: rows[:2], "2 samples, expected those of a whole motion")
+    refused(
+        lambda rows: rows[:100], r"lasts 0.495 s, expected all 1.\d* s in which the motion moves$"
+    )
+
+
+def test_a_wrong_unit_of_time_is_refused_with_the_right_one(machine):
+    """Before memory is asked for what it would take."""
+    path, robot = machine.record(machine.flight(), step=0.02), machine.design.robot
+    for factor, words in (
+        (1e-3, "lasts 0.0017 s, .*; in seconds it would last 1.7 s, time_factor: 1 in the map"),
+        (3, "a sample every 0.06 s, .*; in seconds it would last 1.7 s, time_factor: 1 in"),
+    ):
+        wrongly = read_recording(path, robot, Columns(time_factor=factor), needs=("q",))
+        with pytest.raises(InputError, match=words):
+            match(wrongly, machine.design, machine.filter, [machine.design.motion])
+
+
+def test_two_commands_at_once_keep_both_flights(good, desk):
+    """One after the other: a flight of a reference is one of it, whoever comes first."""
+    file, state = "../given/cascade.yaml", desk / "state"
+    for number, mass in enumerate((30, 30.001, 29.999)):
+        changed = ("--set", f"plant.deviation.payload_mass={mass}")
+        good("simulate", file, *changed, "--out", f"{number}.csv")
+    good("learn", file, "--recording", "0.csv", "--state", "state")
+    command = [sys.executable, "-m", "sdt_drake", "learn", "--state", "state", "--recording"]
+    with alone_in(state, pytest.fail):
+        options = {"stdout": subprocess.PIPE, "text": True}
+        both = [subprocess.Popen([*command, f"{i}.csv"], **options) for i in (1, 2)]
+        assert ["waiting for another" in one.stdout.readline() for one in both] == [True, True]
+        assert not (state / "flight_02.yaml").exists()
+    outs = [one.communicate()[0] for one in both]
+    assert [one.returncode for one in both] == [0, 0], outs
+    assert sorted(path.name for path in state.glob("*")) == sorted(
+        ["scenario.yaml", *(f"flight_0{i}.yaml" for i in (1, 2, 3))]
+        + [f"reference_0{i}.csv" for i in (2, 3, 4)]
+    )
+    flown = [load_yaml(FlightRecord, state / f"flight_0{i}.yaml")[0].reference for i in (2, 3)]
+    assert flown == [2, 2]
 
 
 def test_the_command_learns_flight_by_flight(good, refuse, desk):

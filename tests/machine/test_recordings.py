@@ -85,17 +85,45 @@ BAD = [
     ({"row": (2, 0, 0.01)}, r"line 4: time goes from 0.01 to 0.01, expected a growing time"),
     ({"row": (3, 6, np.nan)}, r"line 5: tau_2 is nan, expected a finite number"),
     ({"delimiter": ";"}, r"line 2: 1 value\(s\), expected 9"),
+    ({"header": HEADER.replace("tau_1", "q_1")}, r"2 columns 'q_1', expected one; a mapping file"),
+    ({"columns": Columns(q=["2", "3", "2", "5"])}, r"q: 2 and 2 are one column, expected one for"),
+    ({"columns": Columns(q=["q_1", "q_2", "q_3", "4"])}, r"q: q_3 and 4 are one column"),
+    (
+        {"columns": Columns(q_ref=["wish_{k}"])},
+        r"no column 'wish_1' \(q_ref\), there are time, q_1",
+    ),
+    (
+        {"columns": Columns(tau_ff=["a", "b", "c", "d"])},
+        r"no column 'a' \(tau_ff\), there are time",
+    ),
+    (
+        {"scale": 1e3},
+        r"time: 5 samples in 40 s, 0.1 Hz, .*in milliseconds it .* 100 Hz, time_factor: 0.001 in",
+    ),
+    ({"scale": 1e6}, r"microseconds it would be 100 Hz, time_factor: 1e-06 in the mapping file"),
+    ({"scale": 1e9}, r"nanoseconds it would be 100 Hz, time_factor: 1e-09 in the mapping file"),
+    ({"scale": 1 / 86400}, r"in days it would be 100 Hz, time_factor: 86400 in the mapping file"),
+    (
+        {"columns": Columns(time_factor=1e-6)},
+        r"expected 5 to 100000 Hz; in seconds .* time_factor: 1 ",
+    ),
+    (
+        {"columns": Columns(time="", rate=0.005)},
+        r"rate: 5 samples in 800 s, .*; rate: 200 in the map",
+    ),
+    ({"columns": Columns(time="", rate=1.0)}, r"; rate: 1000 in the mapping file"),
 ]
 
 
 @pytest.mark.parametrize("change, message", BAD, ids=[case[-1] for case in BAD])
 def test_bad_recordings_are_refused_in_one_line(tmp_path, table, robot, change, message):
+    table[:, 0] *= change.get("scale", 1)
     if "row" in change:
         row, column, value = change["row"]
         table[row, column] = value
     options = {key: change[key] for key in ("header", "delimiter") if key in change}
     with pytest.raises(InputError, match=rf"r\.csv.*{message}") as error:
-        read_recording(write(tmp_path, table, **options), robot)
+        read_recording(write(tmp_path, table, **options), robot, change.get("columns"))
     assert "\n" not in str(error.value)
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from motions import PERIOD, SHORT, sampled
+from pydrake.trajectories import PiecewisePolynomial
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import write_table
-from sdt_drake.motion import Motion, import_motion, load_plan
+from sdt_drake.motion import Motion, import_motion, load_plan, trajectory
 
 
 def swing(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -140,3 +141,18 @@ def test_a_motion_that_the_limiter_only_checks_is_retimed_by_the_other(robot, tm
     assert plan.longer > 0 and plan.loss is None
     with pytest.raises(InputError, match="planner: 'fast', expected one of limiter, retiming"):
         load_plan(path, robot, period=PERIOD, planner="fast")
+
+
+def test_a_spline_in_blocks_is_the_spline_of_all(monkeypatch):
+    """Blocks keep memory small; where they meet, the samples beyond have no say."""
+    rng = np.random.default_rng(1)
+    time = np.cumsum(rng.uniform(0.05, 1.0, 700))
+    values = rng.normal(size=(700, 2))
+    at = np.sort(np.append(rng.uniform(time[0], time[-1], 3000), time[[0, 100, 200, -1]]))
+    whole = [trajectory.splined(at, time, values, order) for order in (0, 1)]
+    course = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(time, values.T)
+    np.testing.assert_allclose(whole[0], course.vector_values(at).T, rtol=0, atol=1e-12)
+    monkeypatch.setattr(trajectory, "_BLOCK", 100)
+    for order in (0, 1):
+        parts = trajectory.splined(at, time, values, order)
+        np.testing.assert_allclose(parts, whole[order], rtol=0, atol=1e-10)

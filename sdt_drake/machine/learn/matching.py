@@ -7,18 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.trajectories import PiecewisePolynomial
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.learn.filter import LearningFilter, through
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings import Recorded, other_unit
 from sdt_drake.motion import Motion
-from sdt_drake.motion.trajectory import interpolated
+from sdt_drake.motion.trajectory import splined
 from sdt_drake.run.design import Design
 
 _GAP = 2.5  # usual steps of time
 _SAMPLES = 4  # in a period of the bandwidth, at least
+_SHORT = 0.5  # of the motion; what lasts less is of another one, or its time has another unit
+_MOVES = 1e-6  # rad/s
 _SAME = 1e-3  # rad; a recorded reference is one that it is near to
 _OFF, _OFF_ANGLE = 0.1, 0.02  # of the joint's range, rad; positions of the same motion, RMS
 _OFF_SPEED, _OFF_SLOW = 0.3, 0.02  # of the joint's speeds, rad/s; likewise
@@ -61,7 +62,8 @@ def match(
         InputError: naming the file: gaps, too few samples; a part of the motion that is missing;
             another motion.
     """
-    _check_samples(recorded, filter_)
+    first, last = _moving(recorded, references[-1])
+    _check_samples(recorded, filter_, last - first)
     q_ref, number = recorded.signals.get("q_ref"), -1
     if q_ref is None or recorded.of_links:  # where `simulate` writes the planned motion
         shift = _coarse(recorded, recorded.signals["q"], _expected(filter_, references[-1]))
@@ -82,7 +84,16 @@ def match(
     return Matched(q, shift, number)
 
 
-def _check_samples(recorded: Recorded, filter_: LearningFilter) -> None:
+def _moving(recorded: Recorded, motion: Motion) -> tuple[float, float]:
+    """When joints begin to move in a motion, and when they come to rest [s]."""
+    at = np.flatnonzero(np.any(np.abs(motion.v) > _MOVES, axis=1))
+    if not len(at):
+        raise InputError(f"{recorded.path}: nothing moves in the motion, so it cannot be found")
+    return max(0, at[0] - 1) * motion.period, min(len(motion.v) - 1, at[-1] + 1) * motion.period
+
+
+def _check_samples(recorded: Recorded, filter_: LearningFilter, moving: float) -> None:
+    """Refuse gaps, too few samples, and a recording that is much shorter than the motion [s]."""
     if len(recorded.time) < _SAMPLES:
         raise InputError(
             f"{recorded.path}: {len(recorded.time)} samples, expected those of a whole motion"
@@ -97,10 +108,16 @@ def _check_samples(recorded: Recorded, filter_: LearningFilter) -> None:
         )
     fastest = max(bandwidth.omega for bandwidth in filter_.bandwidth)
     most = 2 * np.pi / fastest / _SAMPLES
+    hint = other_unit(recorded, moving)
     if usual > most:
         raise InputError(
             f"{recorded.path}: a sample every {usual:.3g} s, expected every {most:.2g} s at least, "
-            f"as errors are learned up to {fastest / (2 * np.pi):.3g} Hz"
+            f"as errors are learned up to {fastest / (2 * np.pi):.3g} Hz{hint}"
+        )
+    if recorded.time[-1] < _SHORT * moving:
+        raise InputError(
+            f"{recorded.path}: lasts {recorded.time[-1]:.3g} s, expected all {moving:.4g} s in "
+            f"which the motion moves{hint}"
         )
 
 
@@ -114,18 +131,17 @@ def _expected(filter_: LearningFilter, reference: Motion) -> Motion:
 def _coarse(recorded: Recorded, values: Array, motion: Motion) -> float:
     """When a motion begins in recorded positions, to a sample of the recording [s]."""
     step = float(np.median(np.diff(recorded.time)))
-    count = int((recorded.time[-1] - recorded.time[0]) / step) + 1
-    own = _resampled(recorded, values, np.arange(float(count)) * step)
-    sought = np.arange(round(motion.duration / step) + 1.0) * step
-    course = interpolated(sought, motion.time, motion.q)
-    own, course = np.diff(own, axis=0), np.diff(course, axis=0)
-    if not course.any():
-        raise InputError(f"{recorded.path}: nothing moves in the motion, so it cannot be found")
-    length = len(own) + len(course)
-    spectra = np.fft.rfft(own, length, axis=0) * np.fft.rfft(course, length, axis=0).conj()
-    alike = np.fft.irfft(spectra, length, axis=0).sum(axis=1)
-    lag = int(alike.argmax())
-    return (lag - length if lag >= len(own) else lag) * step
+    first, last = np.divide(_moving(recorded, motion), step)
+    own = np.arange(int(recorded.time[-1] / step) + 1.0) * step
+    sought = np.arange(np.floor(first), last + 1) * step
+    length = 2 ** (len(own) + len(sought) - 3).bit_length()
+    alike = np.zeros(length // 2 + 1, dtype=complex)
+    for x, q in zip(values.T, motion.q.T, strict=True):  # a joint at a time: a file may be long
+        spectrum = np.fft.rfft(np.diff(np.interp(sought, motion.time, q)), length).conj()
+        spectrum *= np.fft.rfft(np.diff(np.interp(own, recorded.time, x)), length)
+        alike += spectrum
+    lag = int(np.fft.irfft(alike, length).argmax())
+    return float((lag - length if lag >= len(own) - 1 else lag) - np.floor(first)) * step
 
 
 def _found(recorded: Recorded, q_ref: Array, reference: Motion) -> tuple[float, float]:
@@ -146,7 +162,7 @@ def _found(recorded: Recorded, q_ref: Array, reference: Motion) -> tuple[float, 
 def _at(recorded: Recorded, values: Array, motion: Motion, shift: float) -> Array:
     """Recorded values at the samples of a motion; at rest before and after the recording."""
     time = np.clip(motion.time + shift, recorded.time[0], recorded.time[-1])
-    return _resampled(recorded, values, time)
+    return splined(time, recorded.time, values)
 
 
 def _missing(recorded: Recorded, motion: Motion, shift: float) -> NDArray[np.bool_]:
@@ -158,17 +174,12 @@ def _missing(recorded: Recorded, motion: Motion, shift: float) -> NDArray[np.boo
 
 def _check_whole(recorded: Recorded, motion: Motion, shift: float) -> None:
     """Refuse a motion that moves where it was not recorded."""
-    if np.any(np.abs(motion.v[_missing(recorded, motion, shift)]) > 1e-6):
+    if np.any(np.abs(motion.v[_missing(recorded, motion, shift)]) > _MOVES):
         first, last = recorded.time[[0, -1]] - shift
         raise InputError(
             f"{recorded.path}: has {first:.3f} to {last:.3f} s of the motion, or another one; "
             f"expected all of its {motion.duration:g} s"
         )
-
-
-def _resampled(recorded: Recorded, values: Array, time: Array) -> Array:
-    spline = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(recorded.time, values.T)
-    return np.asarray(spline.vector_values(time)).T
 
 
 def _check_motion(recorded: Recorded, q: Array, expected: Motion) -> None:

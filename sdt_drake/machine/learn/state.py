@@ -2,15 +2,19 @@
 
 A folder holds the scenario, and of each flight, numbered from 1, what it was given
 (`reference_02.csv`; the first flies the planned motion) and what came of it (`flight_01.yaml`,
-written last). Nothing in it is ever changed.
+written last). Nothing in it is ever changed. Who learns has it alone meanwhile: see `alone_in`.
 """
 
 # Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
+import contextlib
+import fcntl
+import itertools
 import math
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import IO, NamedTuple
 
 import numpy as np
 
@@ -22,12 +26,13 @@ from sdt_drake.io.yaml_files import load_yaml, write_yaml
 from sdt_drake.machine.learn.filter import LearningFilter
 from sdt_drake.machine.learn.flights import Step, next_step
 from sdt_drake.machine.learn.matching import match
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings import Recorded, check_different
 from sdt_drake.motion import LearnedReference, load_learned
 from sdt_drake.run.design import Design
 from sdt_drake.run.scenario import save_scenario
 
 SCENARIO = "scenario.yaml"
+_LOCK = ".lock"
 _GROWN = 1.05  # of the error of the best flight
 _GAIN = 0.95
 
@@ -90,16 +95,65 @@ def read_state(folder: Path, design: Design) -> State:
     """
     references = [LearnedReference(design.motion, design.learned_torque)]
     flights: list[FlightRecord] = []
-    while (file := flight_file(folder, len(flights) + 1)).exists():
+    for number in range(1, 1 + count_flights(folder)):
+        file = flight_file(folder, number)
         flight, _ = load_yaml(FlightRecord, file)
         check(flight, str(file), design.robot.n)
         if flight.reference > len(references):
             raise InputError(f"{file}: reference: {flight.reference}, there is none yet")
         flights.append(flight)
-        path = reference_file(folder, len(flights) + 1)
+        path = reference_file(folder, number + 1)
         margin = design.scenario.torque_margin
         references.append(load_learned(path, design.wanted, design.nominal, torque_margin=margin))
     return State(flights, references)
+
+
+@contextlib.contextmanager
+def alone_in(folder: Path, waiting: Callable[[], None]) -> Iterator[None]:
+    """Keep other processes out of a folder of a learning, which is new or not; one after the other
+    gets its turn. A new folder in which nothing is written goes.
+
+    Args:
+        folder: of the learning.
+        waiting: called before this process waits for another one.
+
+    Raises:
+        InputError: if the folder cannot be written.
+    """
+    path, is_new = folder / _LOCK, not folder.exists()
+    try:
+        file = _locked(path, waiting)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
+    with file:
+        try:
+            yield
+        finally:
+            path.unlink(missing_ok=True)
+            if is_new:
+                with contextlib.suppress(OSError):  # it is not empty
+                    folder.rmdir()
+
+
+def _locked(path: Path, waiting: Callable[[], None]) -> IO[str]:
+    """A file that no other process has locked, made where there is none."""
+    while True:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with contextlib.suppress(FileNotFoundError):  # who had it has removed it, or the folder
+            file = path.open("a", encoding="utf-8")
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                waiting()
+                fcntl.flock(file, fcntl.LOCK_EX)
+            if os.path.samestat(os.fstat(file.fileno()), path.stat()):
+                return file
+            file.close()
+
+
+def count_flights(folder: Path) -> int:
+    """How many flights a folder knows."""
+    return next(i for i in itertools.count() if not flight_file(folder, i + 1).exists())
 
 
 def flight_file(folder: Path, number: int) -> Path:
@@ -127,15 +181,29 @@ class Taught(NamedTuple):
 
 
 def teach(
-    design: Design, filter_: LearningFilter, state: State, recordings: Sequence[Recorded]
+    design: Design,
+    filter_: LearningFilter,
+    state: State,
+    recordings: Sequence[Recorded],
+    known: int | None = None,
 ) -> Taught:
     """Learn from recordings of the flight that comes next, or of an earlier one again.
 
+    Args:
+        design: of the loop.
+        filter_: for it.
+        state: so far.
+        recordings: of one flight each, all of the same reference.
+        known: how many flights the state had when they were there already; by default all. No
+            later reference was flown, and the last one before is expected.
+
     Raises:
-        InputError: naming the file: what `match` refuses; recordings of different references; an
-            error that has grown.
+        InputError: naming the file: what `match` refuses; a recording that is there twice;
+            recordings of different references; an error that has grown.
     """
-    motions = [reference.motion for reference in state.references]
+    check_different(recordings)
+    references = state.references if known is None else state.references[: known + 1]
+    motions = [reference.motion for reference in references]
     found = [match(recorded, design, filter_, motions) for recorded in recordings]
     flown = {one.reference % len(motions) for one in found}
     if len(flown) > 1:
