@@ -8,10 +8,9 @@ What one needs every day is here, and loaded when it is asked for:
     run = sdt.simulate(design)
     print(sdt.track(run, design.motion).max_abs_speed_error)  # [rad/s], joint side
 
-The way of the data, each step a module: `robot` (SDF), `motion` (profile, planner), `dynamics`
-(torque groups, loads, effective inertia), `control` (tuning, step metrics), `scenario` and `design`
-(a run as data, and resolved), `systems` and `loops` (Drake blocks and diagrams), `simulate`
-(recordings), `analysis` (metrics, figures, claims, report).
+Its packages, from the bottom up: `io` (files), `robot` (SDF, dynamics), `motion` (profiles and
+planners), `systems` (Drake blocks), `run` (scenario, design, loop, simulation), `analysis` (numbers
+of runs), `studies` (many runs), `machine` (the real one), `show` (figures, reports), `cli`.
 """
 
 import sys

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from sdt_drake.cli import common
-from sdt_drake.file_sets import replacing_files
 from sdt_drake.io.errors import InputError
+from sdt_drake.io.file_sets import replacing_files
 from sdt_drake.io.shown import numbered
 
 if TYPE_CHECKING:

@@ -44,14 +44,13 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.machine.identify.files import FILES, write_identified
     from sdt_drake.machine.identify.model import identified_robot, plant_friction
     from sdt_drake.machine.identify.procedure import identify
     from sdt_drake.machine.recordings import Columns, load_columns, read_recording
     from sdt_drake.show.reports import identification as analysis
 
     folder: Path = options.out
-    common.check_folder(folder, FILES)
+    common.check_folder(folder, analysis.FILES)
     robot = sdt.load_robot(options.robot)
     columns = None if options.columns is None else load_columns(options.columns)
     named = columns is not None and columns.tau_mean not in ([], Columns().tau_mean)
@@ -81,4 +80,4 @@ def run(options: argparse.Namespace) -> None:
     for line in analysis.undecided_laws(found, files):
         say(f"note: {line}")
     say()
-    say(f"{write_identified(found, better, files, folder, options.base)} written")
+    say(f"{analysis.write_identified(found, better, files, folder, options.base)} written")

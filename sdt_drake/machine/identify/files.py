@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.file_sets import replacing_files
 from sdt_drake.io.errors import write_text
 from sdt_drake.io.tables import write_table
 from sdt_drake.io.yaml_files import write_yaml
@@ -19,49 +18,29 @@ from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.robot import DEFAULT_ROBOT, Robot, load_robot
 from sdt_drake.run.scenario import Scenario, load_scenario, save_scenario
-from sdt_drake.show.documents import MARKDOWN, REPORT
-from sdt_drake.show.reports.identification import write_identification_report, write_parameters
-from sdt_drake.show.style import pictures
 
 _OWN = "real_device"  # the shipped device's scenario with what a real one has
 _OMEGA_R = 60.0  # rad/s, lowest natural frequency of robots of which nobody says one; assumed
 
 FILES = (
-    *("robot.sdf", "motion.csv", "friction.yaml", "scenario.yaml", "parameters.csv"),
+    *("robot.sdf", "motion.csv", "friction.yaml", "scenario.yaml"),
     *("uncertainty.csv", "uncertain.yaml", "uncertainty.yaml"),
-    *(*pictures("torques", "residuals"), MARKDOWN, REPORT),
 )
-"""What `write_identified` writes; not all of it of every robot."""
+"""Names of the files that `write_files` writes; some robots need only a part of them."""
 
 
-def write_identified(
-    found: Identified, robot: Robot, friction: PlantFriction, folder: Path, base: str | None = None
-) -> Path:
-    """Write all files of an identification into a folder, all or none.
+def write_files(
+    found: Identified, robot: Robot, friction: PlantFriction, scenario: Scenario, folder: Path
+) -> None:
+    """Write the identified robot, and a scenario and a study that use it, into a folder.
 
     Args:
         found: what was identified.
         robot: the identified one.
         friction: of it.
-        folder: to write to.
-        base: scenario to take motion, drives and controller from; by default one that ships, or,
-            for other robots than the shipped one, a PI controller on what was recorded.
-
-    Returns:
-        The path of the report.
-
-    Raises:
-        InputError: if a file cannot be written, or for a bad `base`.
+        scenario: from `base_scenario`; it is changed.
+        folder: to write to; it exists.
     """
-    scenario = _base(found, base)
-    with replacing_files(folder) as new:
-        _write(found, robot, friction, scenario, new)
-    return folder / REPORT
-
-
-def _write(
-    found: Identified, robot: Robot, friction: PlantFriction, scenario: Scenario, folder: Path
-) -> None:
     save_robot(found, folder / "robot.sdf")
     scenario.robot = "robot.sdf"
     if not scenario.motion:
@@ -72,12 +51,20 @@ def _write(
     scenario.plant.friction = friction.friction
     scenario.plant.deviation = scenario.controller.model = Deviation()
     save_scenario(scenario, folder / "scenario.yaml")
-    write_parameters(found, robot, folder / "parameters.csv")
     _write_study(found, robot, friction, scenario, folder)
-    write_identification_report(found, robot, friction, folder)
 
 
-def _base(found: Identified, base: str | None) -> Scenario:
+def base_scenario(found: Identified, base: str | None) -> Scenario:
+    """Return the scenario whose motion, drives and controller the identified robot gets.
+
+    Args:
+        found: what was identified.
+        base: name or file; by default one that ships, or, for other robots than the shipped one, a
+            PI controller on what was recorded.
+
+    Raises:
+        InputError: for a bad `base`.
+    """
     if base is None and found.nominal.joint_names == load_robot(DEFAULT_ROBOT).joint_names:
         base = _OWN
     if base is not None:
@@ -99,10 +86,8 @@ def recorded_motion(found: Identified, period: float) -> Motion:
 def _write_study(
     found: Identified, robot: Robot, friction: PlantFriction, scenario: Scenario, folder: Path
 ) -> None:
-    text, along = (
-        Path(__file__).with_name("uncertainty.yaml").read_text(encoding="utf-8"),
-        directions(found, robot),
-    )
+    text = Path(__file__).with_name("uncertainty.yaml").read_text(encoding="utf-8")
+    along = directions(found, robot)
     if len(along):
         write_table(
             folder / "uncertainty.csv", np.arange(1.0, len(along) + 1), {"entry": along},

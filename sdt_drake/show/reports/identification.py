@@ -13,7 +13,9 @@ from matplotlib.figure import Figure
 from sdt_drake.analysis.metrics import PARAMETERS_IN_WORDS
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import replacing
+from sdt_drake.io.file_sets import replacing_files
 from sdt_drake.io.shown import formatted
+from sdt_drake.machine.identify import files as identified_files
 from sdt_drake.machine.identify.base_parameters import rigid_parameters
 from sdt_drake.machine.identify.model import PlantFriction
 from sdt_drake.machine.identify.procedure import Identified
@@ -21,7 +23,7 @@ from sdt_drake.robot.dynamics import decouple, torque_groups
 from sdt_drake.robot.robot import Robot
 from sdt_drake.show import documents as doc
 from sdt_drake.show.panels import Line, Panel, over_time, picture
-from sdt_drake.show.style import PALETTE, Look, joint_title, save_both
+from sdt_drake.show.style import PALETTE, Look, joint_title, pictures, save_both
 from sdt_drake.show.template import from_template
 from sdt_drake.show.texts import page_text
 
@@ -253,6 +255,37 @@ def _running_time(found: Identified) -> Array:
 
 
 # --- files -----------------------------------------------------------------------------------
+
+
+_OWN_FILES = ("parameters.csv", *pictures("torques", "residuals"), doc.MARKDOWN, doc.REPORT)
+FILES = (*identified_files.FILES, *_OWN_FILES)
+"""Names of all files of an identification."""
+
+
+def write_identified(
+    found: Identified, robot: Robot, friction: PlantFriction, folder: Path, base: str | None = None
+) -> Path:
+    """Write the files and the report of an identification into a folder, all or none.
+
+    Args:
+        found: what was identified.
+        robot: the identified one.
+        friction: of it.
+        folder: to write to.
+        base: see `identified_files.base_scenario`.
+
+    Returns:
+        The path of the report.
+
+    Raises:
+        InputError: if a file cannot be written, or for a bad `base`.
+    """
+    scenario = identified_files.base_scenario(found, base)
+    with replacing_files(folder) as new:
+        identified_files.write_files(found, robot, friction, scenario, new)
+        write_parameters(found, robot, new / "parameters.csv")
+        write_identification_report(found, robot, friction, new)
+    return folder / doc.REPORT
 
 
 def write_parameters(found: Identified, robot: Robot, path: Path) -> None:

@@ -14,8 +14,8 @@ from sdt_drake.analysis import paper
 from sdt_drake.analysis.claims import Claim, judge_claims
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.reproduction import Reproduction, Stopwatch, table1_rows
-from sdt_drake.file_sets import replacing_files
 from sdt_drake.io.errors import write_text
+from sdt_drake.io.file_sets import replacing_files
 from sdt_drake.io.formats import in_json
 from sdt_drake.io.tables import write_table
 from sdt_drake.io.versions import versions

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sdt_drake.analysis.metrics import Metric
-from sdt_drake.file_sets import replacing_files
 from sdt_drake.io.arrays import Array
+from sdt_drake.io.file_sets import replacing_files
 from sdt_drake.machine.replay import ALONE, AS_IT_IS, ENOUGH, FED, QUANTITIES, Replay
 from sdt_drake.show import documents as doc
 from sdt_drake.show.panels import Panel, over_time, picture
