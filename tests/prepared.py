@@ -22,7 +22,7 @@ from sdt_drake.cli.app import main
 from sdt_drake.io import shown
 from sdt_drake.motion import Motion
 from sdt_drake.robot.robot import Robot, load_robot
-from sdt_drake.run import controllers
+from sdt_drake.run import kinds
 from sdt_drake.run.design import Design, make_design
 from sdt_drake.run.scenario import load_scenario, with_fields
 from sdt_drake.show import style
@@ -70,11 +70,11 @@ def _wide_terminal(monkeypatch):
 
 @pytest.fixture(autouse=True)
 def _own_controllers_end_with_their_test(monkeypatch):
-    monkeypatch.setattr(controllers, "_loaded", {})
-    before = dict(controllers.CONTROLLERS)
+    monkeypatch.setattr(kinds, "_loaded", {})
+    before = dict(kinds.CONTROLLERS)
     yield
-    controllers.CONTROLLERS.clear()
-    controllers.CONTROLLERS.update(before)
+    kinds.CONTROLLERS.clear()
+    kinds.CONTROLLERS.update(before)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -17,7 +17,7 @@ import sdt_drake as sdt
 from sdt_drake.analysis.comparison import Compared, Comparison
 from sdt_drake.analysis.linear import LinearModel
 from sdt_drake.io.shown import aligned, formatted
-from sdt_drake.run.controllers import CONTROLLERS
+from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.simulate import simulate
 
 SOURCE = Path(sdt.__file__)

@@ -27,8 +27,8 @@ from sdt_drake.io.errors import InputError, checked_choice, checked_type, needin
 from sdt_drake.io.progress import as_part, part
 from sdt_drake.io.shown import Shown, Summary, face
 from sdt_drake.robot.head import has_head
-from sdt_drake.run.controllers import CONTROLLERS, Controller
 from sdt_drake.run.design import Design
+from sdt_drake.run.kinds import CONTROLLERS, OPTIONS
 from sdt_drake.run.loop import blocks_of, make_loop
 from sdt_drake.run.scenario import ControllerChoice, Scenario
 from sdt_drake.run.simulate import Recording, simulate
@@ -162,7 +162,7 @@ def with_controller(scenario: Scenario, label: str) -> Scenario:
     choice = scenario.controller
     choice.kind = kind
     choice.feedforward = feedforward
-    for name in set(Controller.OPTIONS) - set(CONTROLLERS[kind].options):
+    for name in set(OPTIONS) - set(CONTROLLERS[kind].options):
         setattr(choice, name, getattr(ControllerChoice(), name))
     if choice.feedforward_in_use == "none":
         choice.feedforward_gain = None

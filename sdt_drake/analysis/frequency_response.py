@@ -13,8 +13,8 @@ from sdt_drake.analysis.stability import least_damping
 from sdt_drake.io.arrays import Array, Complex
 from sdt_drake.io.tables import Results
 from sdt_drake.robot.dynamics import where_largest
-from sdt_drake.run.controllers import CONTROLLERS
 from sdt_drake.run.design import Design
+from sdt_drake.run.kinds import CONTROLLERS
 
 _AS_AT_REST = 0.1  # rad, and powers of omega; what a loop gain may still turn and change there
 

@@ -18,7 +18,7 @@ from pydrake.systems.primitives import AffineSystem, FirstOrderTaylorApproximati
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_type, needing
 from sdt_drake.io.shown import Shown, Summary
-from sdt_drake.run.controllers import CONTROLLERS, Controller
+from sdt_drake.run.controllers import Controller, controller_class
 from sdt_drake.run.design import Design
 from sdt_drake.run.device_diagram import make_process
 from sdt_drake.run.loop import blocks_of
@@ -212,7 +212,7 @@ def linear(design: Design, sample: int = 0) -> LinearModel:
         raise InputError(f"sample: {sample!r}, expected a whole number from 0 to {last}")
     loop = linearise(design, sample).whole()
     n, kind = design.robot.n, design.scenario.controller.kind
-    process, feedback = make_process(design), CONTROLLERS[kind].linear(design, sample)
+    process, feedback = make_process(design), controller_class(kind).linear(design, sample)
     states = [*_of_joints(n, "q", "v"), *_state_names(process)[2 * n :]]
     late = len(loop.A) - len(states) - len(_state_names(feedback))  # positions one period before
     states += [f"q_before_{k + 1}" for k in range(late)] + _state_names(feedback)
@@ -296,7 +296,7 @@ def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
     Raises:
         InputError: for a controller that cannot be linearised.
     """
-    controller = CONTROLLERS[design.scenario.controller.kind].linear(design, sample)
+    controller = controller_class(design.scenario.controller.kind).linear(design, sample)
     parts = feedback_parts(design, sample, controller)
     reference = parts.pop("reference")
     feedback = replace(

@@ -26,8 +26,8 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.progress import as_part, part, with_progress
 from sdt_drake.robot.device import Drive, Elasticity
 from sdt_drake.robot.dynamics import where_largest
-from sdt_drake.run.controllers import CONTROLLERS
 from sdt_drake.run.design import Design
+from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.systems.gains import SpeedGains, natural_frequency
 
 SLOWEST = 0.1

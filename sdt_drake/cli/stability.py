@@ -47,7 +47,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.stability import IDEAL, SLOWEST, stability_sweep
     from sdt_drake.robot.device import ENCODERS
-    from sdt_drake.run.controllers import CONTROLLERS
+    from sdt_drake.run.controllers import controller_class
 
     if options.omega_r is not None:
         checked_number(options.omega_r, "--omega-r", minimum=SLOWEST)
@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> None:
             }
             for encoder in ENCODERS
         }
-    say(f"{scenario.name}: {choice.label}, {CONTROLLERS[choice.kind].in_words(design)}")
+    say(f"{scenario.name}: {choice.label}, {controller_class(choice.kind).in_words(design)}")
     say(f"elastic joints of omega_r = {omega_r:g} rad/s ({source}), damping ratio {damping:g}")
     say()
     for encoder, by_drive in sweeps.items():
@@ -136,7 +136,7 @@ def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
 def _notes(design: Design, omega_r: float) -> list[str]:
     """What stands in the sweep for the scenario's own, and what has no meaning there."""
     from sdt_drake.analysis.stability import own_ratio, stands_alone
-    from sdt_drake.run.controllers import CONTROLLERS
+    from sdt_drake.run.kinds import CONTROLLERS
 
     plant, choice = design.scenario.plant, design.scenario.controller
     if not stands_alone(design):

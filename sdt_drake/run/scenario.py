@@ -18,7 +18,7 @@ from sdt_drake.robot.device import Drive, Elasticity, Friction
 from sdt_drake.robot.dynamics import SIGNS
 from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.robot.robot import DEFAULT_ROBOT
-from sdt_drake.run.controllers import CONTROLLERS, Controller, Pi, load_controllers
+from sdt_drake.run.kinds import CONTROLLERS, OPTIONS, load_controllers
 from sdt_drake.systems.gains import FEEDFORWARDS, STRUCTURES
 
 PLANTS = ("axis", "coupled")
@@ -108,7 +108,7 @@ class ControllerChoice:
         # What the chosen kind of controller would not use.
         for option in fields(self):
             takers = [kind for kind, c in CONTROLLERS.items() if option.name in c.options]
-            is_option = option.name in Controller.OPTIONS and self.kind not in takers
+            is_option = option.name in OPTIONS and self.kind not in takers
             if is_option and getattr(self, option.name) != option.default:
                 yield option.name, f"{self.kind} takes none, only {', '.join(takers)}"
         if self.feedforward_gain is not None and self.feedforward_in_use == "none":
@@ -132,7 +132,7 @@ class ControllerChoice:
     @property
     def takes_feedforward(self) -> bool:
         """Whether it has a place for any torque feedforward, as PI loops have."""
-        return issubclass(CONTROLLERS[self.kind], Pi)
+        return CONTROLLERS[self.kind].takes_feedforward
 
     @property
     def structure_in_use(self) -> str:

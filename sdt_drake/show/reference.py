@@ -18,7 +18,8 @@ from sdt_drake.machine.drive_files import Drives
 from sdt_drake.machine.recordings import Columns
 from sdt_drake.motion import MotionProfile
 from sdt_drake.robot.motors import Catalogue
-from sdt_drake.run.controllers import CONTROLLERS, Controller
+from sdt_drake.run.controllers import controller_class
+from sdt_drake.run.kinds import CONTROLLERS, OPTIONS
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import RECORDED_COLUMNS, Recording
 from sdt_drake.show.documents import Block, Heading, Table, Text
@@ -98,14 +99,14 @@ def _written(topic: str) -> Chapter:
 
 def _controllers() -> Chapter:
     rows = []
-    for kind, controller in CONTROLLERS.items():
-        text = " ".join((inspect.getdoc(controller) or "").split("\n\n")[0].split())
-        plants, options = ", ".join(controller.plants), ", ".join(controller.options) or "none"
-        needs = ", ".join(controller.needs_with(controller.feedforward))
-        rows.append((kind, plants, options, needs, text))
+    for name, kind in CONTROLLERS.items():
+        text = " ".join((inspect.getdoc(controller_class(name)) or "").split("\n\n")[0].split())
+        plants, options = ", ".join(kind.plants), ", ".join(kind.options) or "none"
+        needs = ", ".join(kind.needs_with(kind.feedforward))
+        rows.append((name, plants, options, needs, text))
     text = (
         "What `controller.kind` of a scenario names. Options are fields of `controller` that only "
-        f"some take, of {', '.join(Controller.OPTIONS)}; needs, what must be known to commission "
+        f"some take, of {', '.join(OPTIONS)}; needs, what must be known to commission "
         "it, beside what a chosen feedforward needs."
     )
     header = ("kind", "plants", "options", "needs", "meaning")

@@ -23,7 +23,7 @@ from sdt_drake.io.fields import check
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Friction
 from sdt_drake.robot.head import CHANNELS, felt_difference, head_motion_of_samples
-from sdt_drake.run.controllers import CONTROLLERS
+from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import simulate

@@ -25,8 +25,8 @@ from command_line import (
 from sdt_drake.analysis.budget import error_budget
 from sdt_drake.analysis.frequency_response import frequency_response
 from sdt_drake.io.tables import read_table
-from sdt_drake.run.controllers import CONTROLLERS
 from sdt_drake.run.design import make_design
+from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.scenario import load_scenario
 
 FELT = ["felt [% of time]", "largest rotation", "rotation about", "largest force", "force along"]

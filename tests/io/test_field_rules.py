@@ -13,7 +13,7 @@ import pytest
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.fields import check, made, setting
 from sdt_drake.robot.device import Drive, Elasticity
-from sdt_drake.run.controllers import CONTROLLERS
+from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.scenario import Scenario, load_scenario, with_fields
 
 FILE = Path("/runs/file.yaml")

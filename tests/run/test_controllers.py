@@ -15,12 +15,13 @@ from sdt_drake.analysis.linear import linear_feedback
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import check
 from sdt_drake.run.controllers import (
-    CONTROLLERS,
     Controller,
     Pi,
+    controller_class,
     make_controller,
     register_controller,
 )
+from sdt_drake.run.kinds import CONTROLLERS, OPTIONS
 from sdt_drake.run.scenario import PLANTS
 from sdt_drake.systems.gains import FEEDFORWARDS, STRUCTURES
 
@@ -33,10 +34,10 @@ def test_words_are_known(designed, name):
     assert kind.feedforward in FEEDFORWARDS
     assert kind.structure is None or kind.structure in STRUCTURES
     assert kind.plants and set(kind.plants) <= set(PLANTS)
-    assert set(kind.options) <= set(Controller.OPTIONS)
+    assert set(kind.options) <= set(OPTIONS)
     assert kind.needs
     design = designed("coupled_pi", {"controller.kind": name}, end=0.1)
-    assert len(kind.in_words(design)) > len(kind.__name__)
+    assert len(controller_class(name).in_words(design)) > len(name)
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)

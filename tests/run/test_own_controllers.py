@@ -11,8 +11,8 @@ import pytest
 
 from sdt_drake.cli.app import main
 from sdt_drake.io.errors import InputError
-from sdt_drake.run import controllers
-from sdt_drake.run.controllers import CONTROLLERS, load_controllers
+from sdt_drake.run import kinds
+from sdt_drake.run.kinds import CONTROLLERS, load_controllers
 from sdt_drake.run.scenario import load_scenario
 
 OWN = Path(__file__).parents[1] / "own_controllers.py"
@@ -73,7 +73,7 @@ def test_studies_take_the_file_with_them(desk, capsys):
     assert "failed" not in capsys.readouterr().out
     shutil.rmtree(desk)
     CONTROLLERS.pop("proportional")
-    controllers._loaded.clear()  # as in a new process
+    kinds._loaded.clear()  # as in a new process
     assert main(["study", "repeat", "out", "--row", "0"]) == 0
     assert "proportional" in capsys.readouterr().out
 

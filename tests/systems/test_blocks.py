@@ -37,7 +37,8 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.device import OVERFLOW_RATE, sliding_friction
 from sdt_drake.robot.robot import load_robot
-from sdt_drake.run.controllers import CONTROLLERS, Controller, make_controller
+from sdt_drake.run.controllers import Controller, make_controller
+from sdt_drake.run.kinds import CONTROLLERS
 
 RNG = np.random.default_rng(4)
 

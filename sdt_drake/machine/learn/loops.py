@@ -13,7 +13,7 @@ from sdt_drake.io.arrays import Array, Complex
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.robot.device import Friction, sliding_friction
 from sdt_drake.robot.dynamics import gravity_stiffness, inverse_dynamics
-from sdt_drake.run.controllers import CONTROLLERS
+from sdt_drake.run.controllers import controller_class
 from sdt_drake.run.design import Design
 
 LEARNED = ("reference", "torque")
@@ -175,7 +175,7 @@ def _sampled_loop(design: Design, sample: int) -> StateSpace:
     """From [q_ref, v_ref, vd_ref (3n), added torque (n)], held, to the positions that the encoders
     see (n), at the interpolation period."""
     n, period = design.robot.n, design.motion.period
-    controller = CONTROLLERS[design.scenario.controller.kind].linear(design, sample)
+    controller = controller_class(design.scenario.controller.kind).linear(design, sample)
     parts = feedback_parts(design, sample, controller)
     own, process = parts["reference"], linear_process(design, sample)
     step = own.period

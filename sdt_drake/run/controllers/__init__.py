@@ -1,29 +1,27 @@
-"""The controllers, found by name in one registry."""
+"""The controllers as Drake systems: the class of each kind, and controllers of one's own."""
 
 from __future__ import annotations
 
 import inspect
 import re
-import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import fields
 from itertools import takewhile
-from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from pydrake.systems.framework import System
 
-from sdt_drake.io.errors import InputError, one_line, read_text
+from sdt_drake.io.errors import InputError, one_line
 from sdt_drake.run.controllers.base import Controller
 from sdt_drake.run.controllers.inverse_dynamics import InverseDynamics
 from sdt_drake.run.controllers.p_pi import PPi
 from sdt_drake.run.controllers.pi import Pi, PiCtc, PiId
 from sdt_drake.run.controllers.pi_scheduled import PiScheduled
+from sdt_drake.run.design import Design
+from sdt_drake.run.kinds import CONTROLLERS, Kind
 
-if TYPE_CHECKING:
-    from sdt_drake.run.design import Design
-
-CONTROLLERS: dict[str, type[Controller]] = {
+SHIPPED: dict[str, type[Controller]] = {
     "pi": Pi,
     "pi_ctc": PiCtc,
     "pi_id": PiId,
@@ -31,10 +29,12 @@ CONTROLLERS: dict[str, type[Controller]] = {
     "pi_scheduled": PiScheduled,
     "inverse_dynamics": InverseDynamics,
 }
+"""The classes of the controllers that ship with the package, by their kinds."""
 
-_SHIPPED = dict(CONTROLLERS)
-_LONGEST = 1_000_000  # bytes of a file of controllers
-_loaded: dict[str, dict[str, type[Controller]]] = {}  # what a text has registered
+
+def controller_class(kind: str) -> type[Controller]:
+    """Return the class of a kind of controller."""
+    return cast(type[Controller], CONTROLLERS[kind].controller or SHIPPED[kind])
 
 
 def make_controller(design: Design) -> System:
@@ -43,7 +43,7 @@ def make_controller(design: Design) -> System:
     Raises:
         InputError: if one that does not ship with the package fails.
     """
-    controller = CONTROLLERS[design.scenario.controller.kind]
+    controller = controller_class(design.scenario.controller.kind)
     with own_code(design, controller):
         # Registered classes derive from both, and are made with a design.
         return cast("Callable[[Design], System]", controller)(design)
@@ -53,7 +53,7 @@ def in_errors(design: Design, controller: type) -> str:
     """The name of a controller of that class in errors: that of its kind, if it has one, and its
     class."""
     kind = design.scenario.controller.kind
-    name = f" '{kind}'" if CONTROLLERS[kind] is controller else ""
+    name = f" '{kind}'" if controller_class(kind) is controller else ""
     return f"controller{name} (class {controller.__name__})"
 
 
@@ -66,7 +66,7 @@ def own_code(design: Design, controller: type) -> Iterator[None]:
     except InputError:
         raise
     except (Exception, SystemExit) as error:  # of a controller
-        if controller in _SHIPPED.values():
+        if controller in SHIPPED.values():
             raise
         text = f"{type(error).__name__}: {one_line(error)}"
         raise InputError(f"{in_errors(design, controller)}: fails ({text})") from error
@@ -81,7 +81,7 @@ def register_controller(name: str, controller: type[Controller]) -> None:
     """
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z]\w*", name):
         raise InputError(f"controller {name!r}: expected a name of letters, digits and _")
-    if name in _SHIPPED:
+    if name in SHIPPED:
         raise InputError(f"controller '{name}': ships with the package, expected another name")
     is_class = isinstance(controller, type)
     if not (is_class and issubclass(controller, Controller) and issubclass(controller, System)):
@@ -95,7 +95,8 @@ def register_controller(name: str, controller: type[Controller]) -> None:
                 f"controller '{name}' (class {controller.__name__}): __init__ of {one.__name__} "
                 "declares ports first, expected super().__init__() before"
             )
-    CONTROLLERS[name] = controller
+    of_class = {x.name: getattr(controller, x.name) for x in fields(Kind) if x.name != "controller"}
+    CONTROLLERS[name] = Kind(**of_class, controller=controller)
 
 
 def _declares_first(system: type) -> bool:
@@ -109,30 +110,8 @@ def _declares_first(system: type) -> bool:
     return any(name.startswith(("Declare", "BuildInto")) for name in names)
 
 
-def load_controllers(path: str | Path) -> None:
-    """Run a Python file that registers controllers of one's own; the same text only once.
-
-    Raises:
-        InputError: if there is no such file, or it fails, naming file, line and error.
-    """
-    file = Path(path)
-    text = read_text(file, _LONGEST)
-    if text in _loaded:
-        CONTROLLERS.update(_loaded[text])  # another text may have taken the names
-        return
-    before = dict(CONTROLLERS)
-    try:
-        code = compile(text, str(file), "exec")
-        exec(code, {"__name__": f"controllers_of_{file.stem}", "__file__": str(file)})
-    except (Exception, SystemExit) as error:
-        frames = traceback.extract_tb(error.__traceback__)
-        lines = [frame.lineno for frame in frames if frame.filename == str(file)]
-        where = f"{file}, line {lines[-1]}" if lines else f"{file}"
-        raise InputError(f"{where}: {type(error).__name__}: {one_line(error)}") from None
-    _loaded[text] = {name: x for name, x in CONTROLLERS.items() if before.get(name) is not x}
-
-
 __all__ = [
-    "CONTROLLERS", "Controller", "InverseDynamics", "PPi", "Pi", "PiCtc", "PiId", "PiScheduled",
-    "in_errors", "load_controllers", "make_controller", "own_code", "register_controller",
+    "SHIPPED", "Controller", "InverseDynamics", "PPi", "Pi", "PiCtc", "PiId",
+    "PiScheduled", "controller_class", "in_errors", "make_controller", "own_code",
+    "register_controller",
 ]  # fmt: skip

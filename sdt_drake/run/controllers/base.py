@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from dataclasses import fields
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,17 +11,9 @@ from pydrake.systems.framework import Context, System
 
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.io.errors import InputError
+from sdt_drake.run.design import Design
+from sdt_drake.run.kinds import CONTROLLERS, Kind
 from sdt_drake.systems import CtcFeedforward, ReferenceTorque, SignalTable, Wired
-
-if TYPE_CHECKING:
-    from sdt_drake.run.design import Design
-
-
-_FEEDFORWARD_NEEDS = {
-    "none": (),
-    "ctc": ("links' masses and geometry",),
-    "id": ("links' masses and geometry", "motors' inertia"),
-}
 
 
 class Controller:
@@ -35,23 +28,24 @@ class Controller:
     Attributes:
         needs: what must be known to commission it, beside what its feedforward needs.
         plants: on which it makes sense.
-        options: fields of the scenario's `controller` that it takes, of OPTIONS.
+        options: fields of the scenario's `controller` that it takes, of `kinds.OPTIONS`.
         feedforward: torque feedforward where that is no option: "none", "ctc" or "id".
         structure: of its PI controllers; None where the scenario chooses it.
+        takes_feedforward: whether any torque feedforward can be added to its command.
     """
-
-    OPTIONS = ("anti_windup", "feedforward", "position_gain")
 
     needs: ClassVar[tuple[str, ...]] = ()
     plants: ClassVar[tuple[str, ...]] = ("axis", "coupled")
     options: ClassVar[tuple[str, ...]] = ()
     feedforward: ClassVar[str] = "none"
     structure: ClassVar[str | None] = None
+    takes_feedforward: ClassVar[bool] = False
 
-    @classmethod
-    def needs_with(cls, feedforward: str) -> tuple[str, ...]:
-        """What must be known to commission the controller with a torque feedforward."""
-        return cls.needs + _FEEDFORWARD_NEEDS[feedforward]
+    def __init_subclass__(cls, kind: str | None = None) -> None:
+        """Give a class that ships with the package the attributes of its kind."""
+        if kind is not None:
+            for attribute in fields(Kind):
+                setattr(cls, attribute.name, getattr(CONTROLLERS[kind], attribute.name))
 
     @classmethod
     def in_words(cls, design: Design) -> str:

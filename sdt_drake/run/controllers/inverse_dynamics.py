@@ -1,18 +1,14 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from pydrake.systems.framework import System
 
 from sdt_drake.run.controllers.base import Controller, add_feedforward
+from sdt_drake.run.design import Design
 from sdt_drake.systems import InverseDynamicsController, Wired
 from sdt_drake.systems.gains import damping_ratio
 
-if TYPE_CHECKING:
-    from sdt_drake.run.design import Design
 
-
-class InverseDynamics(Wired, Controller):
+class InverseDynamics(Wired, Controller, kind="inverse_dynamics"):
     """Computed torque from the state of all joints at the interpolation period, the law of
     `sdt_drake.systems.InverseDynamicsController`, with the poles of the speed loops.
 
@@ -24,9 +20,6 @@ class InverseDynamics(Wired, Controller):
         input_ports: [reference, sampled_state]
         output_ports: [tau_cmd]
     """
-
-    needs = ("links' masses and geometry", "motors' inertia", "state of all joints at once")
-    plants = ("coupled",)
 
     def __init__(self, design: Design, *, at: int | None = None) -> None:
         """Of a design; at: for linear analysis, its feedback alone."""

@@ -1,16 +1,12 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.run.controllers.pi import Pi
+from sdt_drake.run.design import Design
 from sdt_drake.systems import PositionLoop
 
-if TYPE_CHECKING:
-    from sdt_drake.run.design import Design
 
-
-class PPi(Pi):
+class PPi(Pi, kind="p_pi"):
     """The industrial cascade: v_ref + K_V (q_ref - q) as the reference of PI speed controllers.
 
     .. pydrake_system::
@@ -19,9 +15,6 @@ class PPi(Pi):
         input_ports: [reference, sampled_state, state]
         output_ports: [tau_cmd]
     """
-
-    options = ("anti_windup", "feedforward", "position_gain")
-    structure = "pi"
 
     @classmethod
     def in_words(cls, design: Design) -> str:

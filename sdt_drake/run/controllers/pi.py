@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
-
 import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, System
 
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.run.controllers.base import Controller, add_feedforward
+from sdt_drake.run.design import Design
 from sdt_drake.systems import PiSpeedController, Wired
 from sdt_drake.systems.gains import SpeedGains
 
-if TYPE_CHECKING:
-    from sdt_drake.run.design import Design
 
-
-class Pi(Wired, Controller):
+class Pi(Wired, Controller, kind="pi"):
     """A PI speed controller for each motor (Section 3.3), sampled where the drive is.
 
     With anti-windup it has one more input, `tau_limited`.
@@ -28,9 +24,6 @@ class Pi(Wired, Controller):
         input_ports: [reference, state]
         output_ports: [tau_cmd]
     """
-
-    needs: ClassVar[tuple[str, ...]] = ("largest inertia of each joint",)
-    options: ClassVar[tuple[str, ...]] = ("anti_windup",)
 
     def __init__(self, design: Design, *, at: int | None = None) -> None:
         """Of a design; at: a sample of the motion, around which it is linear: its feedback alone,
@@ -100,7 +93,7 @@ class Pi(Wired, Controller):
         return 1.0
 
 
-class PiCtc(Pi):
+class PiCtc(Pi, kind="pi_ctc"):
     """PI speed controllers, and the load torque of the reference fed forward (Section 3.4, Figure
     6).
 
@@ -113,10 +106,8 @@ class PiCtc(Pi):
         output_ports: [tau_cmd]
     """
 
-    feedforward = "ctc"
 
-
-class PiId(Pi):
+class PiId(Pi, kind="pi_id"):
     """PI speed controllers, and the whole inverse dynamics of the reference fed forward, with both
     gains on the error: nothing is left for the feedback.
 
@@ -126,6 +117,3 @@ class PiId(Pi):
         input_ports: [reference, state]
         output_ports: [tau_cmd]
     """
-
-    feedforward = "id"
-    structure = "pi"

@@ -1,17 +1,13 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.run.controllers.base import add_table
 from sdt_drake.run.controllers.pi import Pi
+from sdt_drake.run.design import Design
 from sdt_drake.systems import GainSchedule
 
-if TYPE_CHECKING:
-    from sdt_drake.run.design import Design
 
-
-class PiScheduled(Pi):
+class PiScheduled(Pi, kind="pi_scheduled"):
     """PI speed controllers with K_PS and K_IS in proportion to I_eff(q_ref), along the motion.
 
     .. pydrake_system::
@@ -20,9 +16,6 @@ class PiScheduled(Pi):
         input_ports: [reference, state]
         output_ports: [tau_cmd]
     """
-
-    needs = ("inertia along the motion",)
-    options = ("anti_windup", "feedforward")
 
     @classmethod
     def in_words(cls, design: Design) -> str:

@@ -21,8 +21,9 @@ from sdt_drake.io.shown import by_joint, joint_count
 from sdt_drake.io.versions import versions
 from sdt_drake.motion import story_of
 from sdt_drake.robot.head import CHANNELS, has_head
-from sdt_drake.run.controllers import CONTROLLERS
+from sdt_drake.run.controllers import controller_class
 from sdt_drake.run.design import Design
+from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import Recording
 from sdt_drake.show import documents as doc
@@ -158,7 +159,7 @@ def _setup(design: Design) -> list[doc.Block]:
             f"{design.robot.name}, {joint_count(design.robot.n)} (`{Path(scenario.robot).name}`)",
         ),
         ("motion", f"`{Path(scenario.motion).name}`, {duration}"),
-        ("controller", f"`{choice.label}`: {CONTROLLERS[choice.kind].in_words(design)}"),
+        ("controller", f"`{choice.label}`: {controller_class(choice.kind).in_words(design)}"),
         ("torque feedforward", _fed(design)),
         ("its model of the robot", exact),
         ("plant", _plant(design)),
