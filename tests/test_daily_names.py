@@ -168,7 +168,7 @@ def test_every_state_has_a_name(designed, kind, fields):
     assert model.B.shape[1], model.C.shape[0] == (len(model.inputs), len(model.outputs))
     assert len(set(model.states)) == len(model.states)
     rest = {name.rpartition("_")[0] for name in model.states[8:]}
-    assert rest <= {"q_before", "integral", "pid"}, rest  # of Drake's inverse dynamics
+    assert rest <= {"q_before", "integral"}, rest
 
 
 @pytest.mark.parametrize("sample", [101, 1.5, None, "a"])

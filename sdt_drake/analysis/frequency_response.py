@@ -14,7 +14,6 @@ from sdt_drake.io.arrays import Array, Complex
 from sdt_drake.io.tables import Results
 from sdt_drake.robot.dynamics import where_largest
 from sdt_drake.run.design import Design
-from sdt_drake.run.kinds import CONTROLLERS
 
 _AS_AT_REST = 0.1  # rad, and powers of omega; what a loop gain may still turn and change there
 
@@ -26,7 +25,9 @@ class FrequencyResponse:
     Attributes:
         omega: [rad/s], shape (len(omega),).
         tracking: v / v_ref of the link, all loops closed, without feedforward [-].
-        loop_gain: of the loop, cut at the motor's torque, the others closed [-].
+        loop_gain: of the loop, cut at the motor's torque, the others closed [-]. Where
+            the position is sampled around a faster speed loop, it is cut at those samples, with
+            z = exp(j omega T) of their period T: the margins are those of the position loop.
         bandwidth: where |tracking| has fallen by 3 dB for good [rad/s]; NaN if beyond the range.
         peak_db: largest |tracking| [dB].
         peak_omega: where [rad/s].
@@ -39,6 +40,7 @@ class FrequencyResponse:
         damping: smallest damping ratio of the modes between v_ref and v, all loops closed [-].
         stable: whether every mode between v_ref and v decays (those at rest apart: positions).
         sample: of the motion, around which each joint's loop is linear.
+        at_positions: whether loops are cut at the samples of the position.
     """
 
     omega: Array
@@ -55,6 +57,7 @@ class FrequencyResponse:
     damping: Array
     stable: NDArray[np.bool_]
     sample: NDArray[np.intp]
+    at_positions: bool = False
 
     def results(self, title: str) -> Results:
         """The numbers to write: omega, and of each joint magnitude and phase of both responses."""
@@ -64,8 +67,13 @@ class FrequencyResponse:
             at_crossover = name == "loop_gain"
             columns[f"{name}_phase"] = unwrapped_degrees(values, at_crossover=at_crossover)
         rows = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "omega"}
-        judged = {name: values for name, values in rows.items() if values.ndim == 1}
-        return Results({"title": title, **judged}, columns)
+        judged = {name: values for name, values in rows.items() if np.ndim(values) == 1}
+        return Results({"title": title, "loops_cut_at": self.cut, **judged}, columns)
+
+    @property
+    def cut(self) -> str:
+        """Where loops are cut, in words."""
+        return "the position" if self.at_positions else "the motor"
 
     @property
     def gain_margins_db(self) -> Array:
@@ -98,11 +106,11 @@ def frequency_response(
     """Frequency responses around a sample of the motion, at rest.
 
     Args:
-        design: a resolved scenario. The drive's lag and sampling and elastic joints count; limits,
-            and friction but for its viscous part, have no frequency response.
+        design: a resolved scenario. The drive's lag, elastic joints and all sampling in the loop
+            count; limits, and friction but for its viscous part, have no frequency response.
         sample: of the motion; by default for each joint the first where its inertia is largest.
         points: of omega, from 1/1000 to 100 times the natural frequency of the speed loops (further
-            with elastic joints); to the Nyquist frequency of a sampled drive.
+            with elastic joints); of a sampled loop, to the Nyquist frequency of its slowest part.
     """
     n = design.robot.n
     largest = where_largest(design.torques.d_kk).tolist()
@@ -112,7 +120,7 @@ def frequency_response(
     if design.springs is not None:  # far above, the gains have nothing but the rotors to turn
         rotors = np.where(design.springs.elastic, design.robot.rotor_inertia, np.inf)
         top = max(top, 10 * np.max(design.gains.kp / rotors))
-    period = loops[samples[0]].feedback.period
+    period = loops[samples[0]].opened.period
     if period:
         top = np.pi / period
     omega = np.geomspace(1e-3 * design.omega_n.min(), top, points)
@@ -143,16 +151,16 @@ def frequency_response(
         damping=damping,
         stable=stable,
         sample=np.array(samples),
+        at_positions=loops[samples[0]].at_positions,
     )
 
 
 def left_out(design: Design, response: FrequencyResponse) -> list[str]:
     """What the numbers of a design's loops do not tell, a clause each, for people."""
-    controller, friction = design.scenario.controller, design.scenario.plant.friction
+    friction = design.scenario.plant.friction
     clauses = {
-        "the samples of the position loop are taken for continuous": (
-            "position_gain" in CONTROLLERS[controller.kind].options
-        ),
+        "the margins are those of the position loops; controller.kind pi has those of the speed "
+        "loops": response.at_positions,
         "of friction, only the viscous part has a frequency response": not friction.is_none,
         "the margins of an unstable loop say nothing": not response.stable.all(),
     }

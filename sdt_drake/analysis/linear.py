@@ -1,7 +1,7 @@
 """Linear analysis of the loops: Drake's linearisation of process and feedback, closed in numpy.
 
-Process and feedback are linearised apart, so that a sampled speed loop can be closed exactly: the
-process then has the zero-order-hold map of its period.
+Process and feedback are linearised apart, so that every sampled part is closed exactly, with its
+own period: what is slower sees the zero-order-hold map of all that is faster.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.analysis import DiscreteTimeApproximation
 from pydrake.systems.framework import Context, Diagram, System
-from pydrake.systems.primitives import AffineSystem, FirstOrderTaylorApproximation, LinearSystem
+from pydrake.systems.primitives import FirstOrderTaylorApproximation
 
+from sdt_drake.analysis.state_space import StateSpace
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_type, needing
 from sdt_drake.io.shown import Shown, Summary
-from sdt_drake.run.controllers import Controller, controller_class
+from sdt_drake.run.controllers import controller_class
 from sdt_drake.run.design import Design
 from sdt_drake.run.device_diagram import make_process
 from sdt_drake.run.loop import blocks_of
@@ -28,88 +28,29 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class StateSpace:
-    """x' = A x + B u (or, sampled, x of the next period), y = C x + D u.
-
-    Attributes:
-        period: sampling period [s]; 0: continuous.
-    """
-
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-    period: float = 0.0
-
-    @classmethod
-    def of(cls, system: AffineSystem) -> StateSpace:
-        """The linear part of a linear or affine system of Drake's, its offsets left out."""
-        return StateSpace(system.A(), system.B(), system.C(), system.D(), system.time_period())
-
-    def response(self, omega: Array) -> NDArray[np.complex128]:
-        """Frequency response at `omega` [rad/s], shape (len(omega), outputs, inputs)."""
-        s = np.exp(1j * omega * self.period) if self.period else 1j * omega
-        resolvent = s[:, None, None] * np.eye(len(self.A)) - self.A
-        moving: NDArray[np.complex128] = self.C @ np.linalg.solve(resolvent, self.B + 0j)
-        return moving + self.D
-
-    def sampled(self, period: float) -> StateSpace:
-        """The system behind zero-order holds, at their samples."""
-        continuous = LinearSystem(self.A, self.B, self.C, self.D)
-        return StateSpace.of(DiscreteTimeApproximation(continuous, period))
-
-    def between(self) -> StateSpace:
-        """The system without the states that no input reaches or no output shows."""
-        n = len(self.A)
-        leads = np.linalg.matrix_power((self.A != 0) | np.eye(n, dtype=bool), n)  # column to row
-        x = (leads @ (self.B != 0).any(axis=1)) & ((self.C != 0).any(axis=0) @ leads)
-        return StateSpace(self.A[np.ix_(x, x)], self.B[x], self.C[:, x], self.D, self.period)
-
-    def modes(self) -> NDArray[np.complex128]:
-        """Eigenvalues [1/s]; of a sampled system, the continuous ones that they stand for."""
-        eigenvalues = np.linalg.eigvals(self.A).astype(complex)
-        if not self.period:
-            return eigenvalues
-        with np.errstate(divide="ignore"):
-            return np.log(eigenvalues) / self.period
-
-    def step(self, duration: float, samples: int) -> tuple[Array, Array]:
-        """Outputs after a step of the one input: time [s] (N + 1,) and y (N + 1, outputs).
-
-        N is `samples`; of a sampled system less, if it has fewer periods, or up to twice as many.
-        """
-        system = self if self.period else self.sampled(duration / samples)
-        every = max(1, round(duration / system.period) // samples)
-        count = round(duration / system.period / every)
-        n = len(system.A)
-        one_period = np.block([[system.A, system.B], [np.zeros((1, n)), np.ones((1, 1))]])
-        onwards = np.linalg.matrix_power(one_period, every)
-        x_u = np.append(np.zeros(n), 1.0)[:, None]
-        while x_u.shape[1] <= count:  # twice as many samples each time
-            x_u = np.hstack([x_u, onwards @ x_u])
-            onwards = onwards @ onwards
-        y = np.hstack([system.C, system.D]) @ x_u[:, : count + 1]
-        return np.arange(count + 1, dtype=float) * every * system.period, y.T
-
-
-@dataclass(frozen=True, eq=False)
 class LinearLoop:
-    """A loop of n joints, linear around a sample of its motion at rest.
+    """A loop of n joints, linear around a sample of its motion at rest, and cut once for each.
+
+    The cut is at the torque that the feedback asks of the motor, where that is the only way round:
+    in a continuous loop, or one that is sampled with one period. A feedback that also takes samples
+    of a slower period is cut there, at the positions; what is faster stays closed.
 
     Attributes:
-        process: from tau_cmd (n) to [measured (2n), state (2n)].
-        feedback: from [reference (3n), measured (2n)] to tau_fb (n); of the same period.
+        opened: from [where it is cut (n), reference (3n), tau_ff (n)] to [measured (2n),
+            state (2n), tau_fb (n)].
+        at_positions: whether it is cut at the sampled positions that the feedback takes.
         n: number of joints.
     """
 
-    process: StateSpace
-    feedback: StateSpace
+    opened: StateSpace
+    at_positions: bool
     n: int
 
     def loop_gain(self, omega: Array) -> NDArray[np.complex128]:
-        """-(tau_fb / tau_cmd) of each joint, all others closed; shape (len(omega), n)."""
+        """-(what comes back / what goes out) at the cut of each joint, all others closed; shape
+        (len(omega), n)."""
         n = self.n
-        H = -self.feedback.response(omega)[:, :, 3 * n :] @ self.process.response(omega)[:, : 2 * n]
+        H = -self.opened.response(omega)[:, self._back, :n]
         gain = np.empty((len(omega), n), dtype=complex)
         for k in range(n):
             o = [j for j in range(n) if j != k]
@@ -124,28 +65,23 @@ class LinearLoop:
         q_ref and vd_ref are the integral and the derivative of v_ref.
         """
         n, s = self.n, 1j * omega[:, None]
-        v = self.whole().response(omega)[:, n : 2 * n]
+        v = self.whole().response(omega)[:, 3 * n : 4 * n]
         q_ref, v_ref, vd_ref = (np.einsum("ikk->ik", v[:, :, k : k + n]) for k in (0, n, 2 * n))
         return q_ref / s + v_ref + s * vd_ref
 
     def whole(self) -> StateSpace:
-        """The closed loop from [reference (3n), tau_ff (n)] to [state (2n), tau_cmd (n)].
+        """The closed loop from [reference (3n), tau_ff (n)] to [measured (2n), state (2n), tau_fb
+        (n)].
 
         tau_ff is added to the feedback, motor side [N m]. The states are those of the process,
         then those of the feedback.
         """
-        p, f, n = self.process, self.feedback, self.n
-        by_reference, by_measured = np.hsplit(f.B, [3 * n])
-        at_once, from_measured = np.hsplit(f.D, [3 * n])
-        measured, state = p.C[: 2 * n], p.C[2 * n :]  # tau reaches neither at once: D is 0 there
-        fed_back = from_measured @ measured
-        return StateSpace(
-            A=np.block([[p.A + p.B @ fed_back, p.B @ f.C], [by_measured @ measured, f.A]]),
-            B=np.block([[p.B @ at_once, p.B], [by_reference, np.zeros((len(f.A), n))]]),
-            C=np.block([[state, np.zeros((2 * n, len(f.A)))], [fed_back, f.C]]),
-            D=np.block([[np.zeros((2 * n, 4 * n))], [at_once, np.eye(n)]]),
-            period=p.period,
-        )
+        return self.opened.fed_back(self._back, slice(0, self.n))
+
+    @property
+    def _back(self) -> slice:
+        """Of the outputs, what comes back to the cut."""
+        return slice(self.n) if self.at_positions else slice(4 * self.n, None)
 
     def closed(self, k: int) -> StateSpace:
         """The closed loop from v_ref of joint k to v of its link; q_ref is the integral of v_ref.
@@ -158,7 +94,7 @@ class LinearLoop:
         rest = float(loop.period > 0)  # what keeps q_ref: x+ = x, or x' = 0
         A = np.block([[loop.A, q_ref], [np.zeros((1, len(loop.A))), np.full((1, 1), rest)]])
         B = np.vstack([v_ref, np.full((1, 1), loop.period or 1.0)])
-        C = np.append(loop.C[[n + k]], [[0.0]], axis=1)
+        C = np.append(loop.C[[3 * n + k]], [[0.0]], axis=1)
         return StateSpace(A, B, C, np.zeros((1, 1)), loop.period).between()
 
 
@@ -212,14 +148,25 @@ def linear(design: Design, sample: int = 0) -> LinearModel:
         raise InputError(f"sample: {sample!r}, expected a whole number from 0 to {last}")
     loop = linearise(design, sample).whole()
     n, kind = design.robot.n, design.scenario.controller.kind
+    torque = np.hstack([np.zeros((n, 3 * n)), np.eye(n)])  # that is added to the feedback's
+    loop = replace(
+        loop,
+        C=loop.C[2 * n :],
+        D=np.vstack([loop.D[2 * n : 4 * n], loop.D[4 * n :] + torque]),
+    )
     process, feedback = make_process(design), controller_class(kind).linear(design, sample)
     states = [*_of_joints(n, "q", "v"), *_state_names(process)[2 * n :]]
-    late = len(loop.A) - len(states) - len(_state_names(feedback))  # positions one period before
-    states += [f"q_before_{k + 1}" for k in range(late)] + _state_names(feedback)
+    own = _state_names(feedback)
+    # Positions one period before: of the drive's samples, then of those of the reference.
+    late = [*_of_joints(n, "q_before"), *own, *_of_joints(n, "q_sampled_before")]
+    states += late if len(loop.A) > len(states) + len(own) else own
+    names = tuple(x for x, there in zip(states, loop.is_between(), strict=False) if there)
+    loop = loop.between()
     inputs = _of_joints(n, "q_ref", "v_ref", "vd_ref", "tau_ff")
     outputs = _of_joints(n, "q", "v", "tau_cmd")
-    named = (tuple(states), tuple(inputs), tuple(outputs))
-    return LinearModel(loop.A, loop.B, loop.C, loop.D, loop.period, *named)
+    return LinearModel(
+        loop.A, loop.B, loop.C, loop.D, loop.period, names, tuple(inputs), tuple(outputs)
+    )
 
 
 def _of_joints(n: int, *names: str) -> list[str]:
@@ -239,37 +186,55 @@ def _state_names(system: System) -> list[str]:
 def linearise(design: Design, sample: int = 0) -> LinearLoop:
     """The loop of a design, linear around a sample of its motion, at rest there.
 
-    What is not sampled in the loop counts as continuous; of the sampling, that of the drive's
-    speed loop is exact, and that of a controller of the whole state; with encoders of a resolution
-    speeds are differences of positions, as in the loop. Samples of the position loop of a cascade
-    are taken for continuous, and increments for small.
+    What is sampled in the loop counts as it is sampled, each part with its own period: the drive's
+    speed loop, the position loop of a cascade, a controller of the whole state. The model is exact
+    at the samples of the slowest. With encoders of a resolution speeds are differences of
+    positions, as in the loop, and increments count as small.
     """
     return close(design, linear_process(design, sample), linear_feedback(design, sample))
 
 
 def close(design: Design, process: StateSpace, feedback: StateSpace) -> LinearLoop:
-    """The loop of a process and a feedback; the process at the feedback's samples if that is
-    sampled."""
-    if feedback.period:
-        process = sampled_process(design, process, feedback.period)
-    return LinearLoop(process, feedback, design.robot.n)
+    """The loop of a process and a feedback, each part sampled as in the loop of the design."""
+    n, period = design.robot.n, design.reference.period
+    is_late = design.drive.encoder_resolution is not None  # speeds are differences
+    by_state, by_samples = (
+        bool(feedback.B[:, ports].any() or feedback.D[:, ports].any())
+        for ports in (slice(3 * n, 5 * n), slice(5 * n, None))
+    )
+    # The samples are all that the torque comes of, and it changes with them alone.
+    is_slow = by_samples and not by_state and not len(feedback.between().A)
+    step = period if is_slow else feedback.period or design.drive.period or 0.0
+    if step:
+        process = process.sampled(step)
+        process = process.by_differences(n) if is_late else process
+        feedback = feedback if feedback.period else feedback.sampled(step)
+    torque, samples, measured = slice(n), slice(n, 3 * n), slice(2 * n)
+    series = _in_series(process, feedback)
+    if is_slow or not by_samples:
+        return LinearLoop(series.fed_back(measured, samples), False, n)
+    slow = series.fed_back(slice(4 * n, None), torque).sampled(period)
+    slow = slow.by_differences(n) if is_late else slow
+    return LinearLoop(slow.fed_back(slice(n, 2 * n), slice(n, 2 * n)), True, n)
 
 
-def sampled_process(design: Design, process: StateSpace, period: float) -> StateSpace:
-    """A process at samples of a drive; speeds that its encoders measure in steps are differences of
-    its measured positions."""
-    process, n = process.sampled(period), design.robot.n
-    if design.drive.encoder_resolution is None:
-        return process
-    positions = process.C[:n]
-    C = np.hstack([process.C, np.zeros((4 * n, n))])
-    C[n : 2 * n] = np.hstack([positions, -np.eye(n)]) / period
+def _in_series(process: StateSpace, feedback: StateSpace) -> StateSpace:
+    """A feedback that measures a process, not yet closed.
+
+    From [torque (n), samples (2n), reference (3n), tau_ff (n)] to [measured (2n), state (2n),
+    tau_fb (n)].
+    """
+    n, x = process.B.shape[1], len(feedback.A)
+    by_reference, by_state, by_samples = np.hsplit(feedback.B, [3 * n, 5 * n])
+    D_reference, D_state, D_samples = np.hsplit(feedback.D, [3 * n, 5 * n])
+    measured, torque = process.C[: 2 * n], process.B  # which reaches neither output at once: D is 0
+    none, no_torque, at_once = np.zeros((len(torque), 5 * n)), np.zeros((x, n)), np.zeros((n, n))
     return StateSpace(
-        A=np.block([[process.A, np.zeros((len(process.A), n))], [positions, np.zeros((n, n))]]),
-        B=np.vstack([process.B, np.zeros((n, n))]),
-        C=C,
-        D=process.D,
-        period=period,
+        A=np.block([[process.A, np.zeros((len(torque), x))], [by_state @ measured, feedback.A]]),
+        B=np.block([[torque, none, torque], [no_torque, by_samples, by_reference, no_torque]]),
+        C=np.block([[process.C, np.zeros((4 * n, x))], [D_state @ measured, feedback.C]]),
+        D=np.block([[np.zeros((4 * n, 7 * n))], [at_once, D_samples, D_reference, at_once]]),
+        period=process.period,
     )
 
 
@@ -288,42 +253,32 @@ def linear_process(design: Design, sample: int = 0) -> StateSpace:
 
 
 def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
-    """The feedback from [reference (3n), measured (2n)] to tau_fb (n), linear, of the period that
-    it is sampled with.
+    """The feedback from [reference (3n), state (2n), sampled_state (2n)] to tau_fb (n), linear, of
+    the period of its own states.
 
     Encoders are ideal and never late.
 
     Raises:
         InputError: for a controller that cannot be linearised.
     """
+    n = design.robot.n
     controller = controller_class(design.scenario.controller.kind).linear(design, sample)
-    parts = feedback_parts(design, sample, controller)
-    reference = parts.pop("reference")
-    feedback = replace(
-        reference,
-        B=np.hstack([reference.B, np.sum([part.B for part in parts.values()], axis=0)]),
-        D=np.hstack([reference.D, np.sum([part.D for part in parts.values()], axis=0)]),
-    )
-    is_sampled = isinstance(controller, Controller) and controller.is_sampled
-    if is_sampled and not feedback.period:
-        return feedback.sampled(design.motion.period)  # its state is, with the reference
-    return feedback
-
-
-def feedback_parts(design: Design, sample: int, controller: System) -> dict[str, StateSpace]:
-    """The feedback from each input of a controller, by its name, to tau_fb (n): all parts have the
-    same state.
-
-    `controller` is the feedback of the design's, as `Controller.linear` makes it.
-    """
-    at = np.concatenate([design.motion.q[sample], np.zeros(design.robot.n)])
+    at = np.concatenate([design.motion.q[sample], np.zeros(n)])
+    resting = {"reference": np.append(at, np.zeros(n)), "state": at, "sampled_state": at}
     context = controller.CreateDefaultContext()
-    reference = np.append(at, np.zeros(design.robot.n))
-    resting = {"reference": reference, "state": at, "sampled_state": at}
     ports = [controller.get_input_port(i) for i in range(controller.num_input_ports())]
     for port in ports:
         port.FixValue(context, resting[port.get_name()])
-    return {p.get_name(): _taylor(controller, context, p.get_name(), "tau_cmd") for p in ports}
+    parts = {p.get_name(): _taylor(controller, context, p.get_name(), "tau_cmd") for p in ports}
+    one = parts["reference"]  # all have the same states
+    B, D = (
+        [
+            getattr(parts[name], by) if name in parts else np.zeros((len(getattr(one, by)), len(x)))
+            for name, x in resting.items()
+        ]
+        for by in ("B", "D")
+    )
+    return replace(one, B=np.hstack(B), D=np.hstack(D))
 
 
 def _hold_still(diagram: Diagram, context: Context, first: int) -> None:

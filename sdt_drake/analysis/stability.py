@@ -21,7 +21,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sdt_drake.analysis.linear import StateSpace, close, linear_feedback, linear_process
+from sdt_drake.analysis.linear import close, linear_feedback, linear_process
+from sdt_drake.analysis.state_space import StateSpace
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.progress import as_part, part, with_progress
 from sdt_drake.robot.device import Drive, Elasticity
@@ -47,7 +48,8 @@ class StabilitySweep:
         ratio: omega_n / omega_r [-], shape (len(ratio),).
         damping: smallest damping ratio of any mode of the loop; below 0 it is unstable [-].
         overshoot_percent: of the link's speed after a step of its reference [%], where q_ref is
-            the integral of that and vd_ref is 0; NaN if unstable.
+            the integral of that and vd_ref is 0; NaN if unstable. Of a sampled loop it is that of
+            the samples.
         border: smallest ratio at which the loop is unstable, to 1e-3, shape (n,); inf if it is
             stable at every ratio.
     """

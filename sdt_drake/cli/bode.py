@@ -41,7 +41,10 @@ def run(options: argparse.Namespace) -> None:
     title = f"{scenario.name}: {scenario.controller.label}"
     say(f"{title} on the {scenario.plant.kind} plant")
     common.print_joints(design.robot.joint_names, response.columns())
-    say("speed of the link over its reference, without feedforward; the loop cut at the motor")
+    cut = f"the loop cut at {response.cut}"
+    if response.at_positions:
+        cut += f", sampled every {design.motion.period:g} s"
+    say(f"speed of the link over its reference, without feedforward; {cut}")
     times = design.motion.time[response.sample]
     if sample is None:
         joints = ", ".join(f"{t:.3f}" for t in times)

@@ -153,8 +153,7 @@ def _notes(design: Design, omega_r: float) -> list[str]:
     if design.drive.period is not None and stands_alone(design):
         notes.append("a sampled drive at its own period")
     if "position_gain" in CONTROLLERS[choice.kind].options:
-        period = design.motion.period
-        notes.append(f"note: the position, sampled every {period:g} s, is taken for continuous")
+        notes.append(f"positions sampled every {design.motion.period:g} s")
     if choice.feedforward_in_use != "none":
         notes.append("note: the feedforward, which changes no damping and no border, is left out")
     if not plant.friction.is_none:

@@ -6,11 +6,21 @@ import dataclasses
 
 import numpy as np
 import pytest
-from test_linear import OMEGA_R, ROTORS, R, held, matrices, moving, two_mass_polynomials, two_masses
+from test_linear import (
+    OMEGA_R,
+    ROTORS,
+    R,
+    cascade_map,
+    held,
+    matrices,
+    moving,
+    two_mass_polynomials,
+    two_masses,
+)
 from variants import kind
 
-from sdt_drake.analysis.linear import StateSpace
 from sdt_drake.analysis.stability import RATIOS, least_damping, stability_sweep
+from sdt_drake.analysis.state_space import StateSpace
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.device import Drive
 from sdt_drake.run.scenario import load_scenario
@@ -161,25 +171,37 @@ def test_the_structure_is_that_of_the_kind(designed, design):
     np.testing.assert_allclose(sweep.overshoot_percent[2], 37, atol=0.5)  # at 0.5
 
 
+@pytest.mark.parametrize("drive", [Drive(), Drive(period=0.001)], ids=["ideal", "1 ms"])
 @pytest.mark.parametrize("position_gain", [None, [3.0, 5.0, 7.0, 20.0]])
 @pytest.mark.parametrize("encoder", ENCODERS)
-def test_the_position_loop_of_a_cascade_is_swept(designed, encoder, position_gain):
-    """K_V follows omega_n, or is the scenario's own."""
+def test_the_position_loop_of_a_cascade_is_swept(designed, encoder, position_gain, drive):
+    """K_V follows omega_n, or is the scenario's own; positions are sampled every 5 ms."""
     design = designed("coupled_pi", kind("p_pi", position_gain=position_gain))
-    sweep = stability_sweep(design, OMEGA_R, encoder=encoder, ratios=SOME)
+    sweep = stability_sweep(design, OMEGA_R, encoder=encoder, drive=drive, ratios=SOME)
     for k, inertia in enumerate(design.inertia.maximum):
 
-        def polynomials(ratio, k=k, inertia=inertia):
-            k_v = ratio * OMEGA_R / 4 if position_gain is None else position_gain[k]
-            return cascade(inertia, k, ratio, encoder, k_v)
+        def over_a_period(ratio, k=k, inertia=inertia):
+            """Map of the closed loop at v_ref = 0, and what a speed that is asked for adds."""
+            omega_n = ratio * OMEGA_R
+            k_v = omega_n / 4 if position_gain is None else position_gain[k]
+            gains = (np.array([[2 * ZETA[k] * omega_n * inertia]]), [[omega_n**2 * inertia]])
+            at = 2 if encoder == "motor" else 0
+            A, B = two_masses(ROTORS[k], inertia - ROTORS[k], OMEGA_R)
+            A, B = cascade_map(A, B, np.eye(4)[[at + 1]], gains, 0.005, drive.period)
+            return A - k_v * B * np.eye(5)[at], B[:, 0], k_v
 
-        def damping_at(ratio, polynomials=polynomials):
-            return damping_of(np.roots(polynomials(ratio)[1]))
+        def damping_at(ratio, over_a_period=over_a_period):
+            z = np.linalg.eigvals(over_a_period(ratio)[0]).astype(complex)
+            return damping_of(np.log(z) / 0.005)
 
         for i, ratio in enumerate(SOME):
             assert sweep.damping[i, k] == pytest.approx(damping_at(ratio), abs=1e-6)
             if sweep.damping[i, k] > 0:
-                expected = 100 * (step_of(*polynomials(ratio), ratio) - 1)
+                (A, B, k_v), x, speeds = over_a_period(ratio), np.zeros(5), []
+                for j in range(2000):
+                    speeds.append(x[1])
+                    x = A @ x + B * (1 + k_v * 0.005 * j)
+                expected = 100 * (max(speeds) - 1)
                 assert sweep.overshoot_percent[i, k] == pytest.approx(expected, abs=0.1)
         border = border_by_hand(damping_at, SOME)
         assert sweep.border[k] == pytest.approx(border, abs=1e-3)

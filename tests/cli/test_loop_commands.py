@@ -87,8 +87,10 @@ def test_bode_says_what_does_not_count_and_what_there_is_not(good, given):
     assert good("bode", careful, "--time", "1.25").out == plain.replace("axis:", "careful:", 1)
     rough = SCENARIO.replace("kind: axis", "kind: axis, friction: {viscous: [1, 1, 1, 1]}")
     cascade = good("bode", given("rough.yaml", rough), "--set", "controller.kind=p_pi").out
-    assert "note: the samples of the position loop are taken" in cascade
-    assert "note: of friction" in cascade and "note: the samples" not in plain
+    assert "the loop cut at the position, sampled every 0.005 s\n" in cascade
+    assert "note: the margins are those of the position loops" in cascade
+    assert "note: of friction" in cascade and "note: " not in plain
+    assert "the loop cut at the motor\n" in plain
     soft = "kind: axis, elasticity: {natural_frequency: [65.991, 0, 0, 0], encoder: link}"
     out = good("bode", given("soft.yaml", SCENARIO.replace("kind: axis", soft))).out
     assert columns_of(out)["stable"][0] == "no"
@@ -159,7 +161,10 @@ def test_stability_says_whose_loops_it_sweeps(good, desk, given, coarse):
         "pi": ["pi, PI speed loops with structure p_in_feedback"],
         "pi_ctc": ["pi_ctc, ", "feedforward", "is left out"],
         "pi_id": ["structure pi\n", "feedforward"],
-        "p_pi": ["in position loops, K_V = [3.0, 4.0, 5.0, 6.0] 1/s", "position, sampled"],
+        "p_pi": [
+            "in position loops, K_V = [3.0, 4.0, 5.0, 6.0] 1/s",
+            "positions sampled every 0.005 s",
+        ],
         "pi_scheduled": ["their gains those at the largest inertia"],
         "inverse_dynamics": ["whole state every 0.005 s", "needs the coupled plant"],
     }

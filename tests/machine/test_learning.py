@@ -55,6 +55,7 @@ def cascade(designed):
         ("pi", None, "reference"),
         ("inverse_dynamics", None, "reference"),
         ("p_pi+id", DRIVE, "reference"),
+        ("inverse_dynamics", DRIVE, "reference"),
         ("p_pi+id", {"held_speed": "mean"}, "reference"),
         ("p_pi", SPRINGS, "reference"),
         ("p_pi", {"drive.reference_delay": 0.01}, "reference"),

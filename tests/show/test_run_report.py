@@ -59,8 +59,10 @@ def test_what_is_always_saturated_and_the_nearest_border_are_told(designed):
     recording.saturated[:, 1], recording.saturated[:, 2] = 1, 2e-5
     text = run_report(design, recording, Path("x.html"), range(4)).markdown()
     assert "joint 2 for 100.00 % of the time, joint 3 for 0.002 % of the time." in text
-    fall = frequency_response(design).gain_margins_db[1]  # more gain does no harm
-    assert f"gain margin: joint {fall.argmax() + 1}, {fall.max():.1f} dB" in text and fall.max() < 0
+    rise, fall = frequency_response(design).gain_margins_db  # less gain does no harm
+    assert f"gain margin: joint {rise.argmin() + 1}, {rise.min():.1f} dB" in text
+    assert "smallest phase margin of a position loop: " in text
+    assert rise.min() > 0 and np.isnan(fall).all() and "cut at the position, the others" in text
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sdt_drake.analysis.linear import StateSpace, feedback_parts, linear_process, sampled_process
+from sdt_drake.analysis.linear import linearise
+from sdt_drake.analysis.state_space import StateSpace
 from sdt_drake.io.arrays import Array, Complex
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.robot.device import Friction, sliding_friction
 from sdt_drake.robot.dynamics import gravity_stiffness, inverse_dynamics
-from sdt_drake.run.controllers import controller_class
 from sdt_drake.run.design import Design
 
 LEARNED = ("reference", "torque")
@@ -174,46 +174,16 @@ def position_response(
 def _sampled_loop(design: Design, sample: int) -> StateSpace:
     """From [q_ref, v_ref, vd_ref (3n), added torque (n)], held, to the positions that the encoders
     see (n), at the interpolation period."""
-    n, period = design.robot.n, design.motion.period
-    controller = controller_class(design.scenario.controller.kind).linear(design, sample)
-    parts = feedback_parts(design, sample, controller)
-    own, process = parts["reference"], linear_process(design, sample)
-    step = own.period
-    if step:
-        process = sampled_process(design, process, step)
-
-    def part(name: str) -> tuple[Array, Array]:
-        """B and D of an input; 0 where there is none."""
-        if name in parts:
-            return parts[name].B, parts[name].D
-        return np.zeros((len(own.A), 2 * n)), np.zeros((n, 2 * n))
-
-    (b_seen, d_seen), (b_held, d_held) = part("state"), part("sampled_state")
-    A, B, seen = process.A, process.B, process.C[: 2 * n]
-    held = StateSpace(  # from what is held for a period: reference, sampled state, torque
-        A=np.block([[A + B @ d_seen @ seen, B @ own.C], [b_seen @ seen, own.A]]),
-        B=np.block([[B @ own.D, B @ d_held, B], [own.B, b_held, 0 * own.B[:, :n]]]),
-        C=np.hstack([seen, np.zeros((2 * n, len(own.A)))]),
-        D=np.zeros((2 * n, 6 * n)),
-        period=step,
-    )
-    held = _every(held, round(period / step)) if step else held.sampled(period)
-    from_reference, from_state, from_torque = np.hsplit(held.B, [3 * n, 5 * n])
+    n = design.robot.n
+    loop = linearise(design, sample).whole().sampled(design.reference.period)
+    from_reference, from_torque = np.hsplit(loop.B, [3 * n])
     return StateSpace(
-        A=held.A + from_state @ held.C,
+        A=loop.A,
         B=np.hstack([from_reference + from_torque @ _feedforward(design, sample), from_torque]),
-        C=held.C[:n],
+        C=loop.C[:n],
         D=np.zeros((n, 4 * n)),
-        period=period,
+        period=loop.period,
     )
-
-
-def _every(system: StateSpace, count: int) -> StateSpace:
-    """A sampled system at every `count`-th sample, its inputs held in between."""
-    A, B = np.eye(len(system.A)), np.zeros_like(system.B)
-    for _ in range(count):
-        A, B = system.A @ A, system.A @ B + system.B
-    return StateSpace(A, B, system.C, system.D, count * system.period)
 
 
 def _feedforward(design: Design, sample: int) -> Array:

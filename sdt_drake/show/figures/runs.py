@@ -270,7 +270,7 @@ def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) ->
     """
     columns = (
         ("speed over its reference", response.tracking, response.bandwidth, -3, 20),
-        ("loop, cut at the motor", response.loop_gain, response.crossover, 0, 60),
+        (f"loop, cut at {response.cut}", response.loop_gain, response.crossover, 0, 60),
     )
     told = {header: values for header, _, values in response.columns()}
     joints = [joint_title(k, name) for k, name in enumerate(joint_names)]

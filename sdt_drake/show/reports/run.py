@@ -137,7 +137,8 @@ def _judged(response: FrequencyResponse, names: Sequence[str]) -> str:
     text += f"{response.damping[k]:.2g}"
     if not np.isnan(response.phase_margin).all():
         k = int(np.nanargmin(response.phase_margin))
-        text += f"; smallest phase margin: joint {k + 1}, {response.phase_margin[k]:.0f} deg"
+        of = " of a position loop" if response.at_positions else ""
+        text += f"; smallest phase margin{of}: joint {k + 1}, {response.phase_margin[k]:.0f} deg"
     decibel = response.gain_margins_db
     if not np.isnan(decibel).all():
         way, k = divmod(int(np.nanargmin(np.abs(decibel))), len(names))
@@ -258,9 +259,10 @@ def _loops(design: Design, response: FrequencyResponse | InputError) -> list[doc
     if isinstance(response, InputError):
         return [doc.Text(f"There is no linear analysis: {response}.")]
     notes = [
-        "Speed of the link over its reference, without feedforward; the loop cut at the motor, the "
-        "others closed. Gain margins: how much more, or less, of its gain that joint could have; a "
-        "dash where no amount matters. Each joint where its inertia is largest, at rest.",
+        "Speed of the link over its reference, without feedforward; the loop cut at "
+        f"{response.cut}, the others closed. Gain margins: how much more, or less, of its gain "
+        "that joint could have; a dash where no amount matters. Each joint where its inertia is "
+        "largest, at rest.",
         *(f"{clause.capitalize()}." for clause in left_out(design, response)),
     ]
     return [_by_joint(design, response.columns()), doc.Text(" ".join(notes), "soft")]
