@@ -308,8 +308,9 @@ def test_a_device_or_pipe_is_not_replaced_by_a_file(refuse, desk):
     "line",
     ["step --out o.pdf", pytest.param(f"diagram {RUN} --out o.svg", marks=needs_graphviz)],
 )
-def test_a_disk_that_is_full_on_the_way(refuse, line):
+def test_a_disk_that_is_full_on_the_way(refuse, line, monkeypatch):
     """Neither matplotlib nor Graphviz says so in a way that could be passed on."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # Python would keep what it could write
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2000, limits[1]))
     try:
