@@ -9,6 +9,7 @@ from known_truth import HEAVIER, recorded_of
 
 from sdt_drake.io.tables import write_table
 from sdt_drake.machine.identify.base_parameters import Unknown
+from sdt_drake.machine.identify.files import FILES
 from sdt_drake.robot.deviation import deviated
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.run.scenario import load_scenario
@@ -30,6 +31,7 @@ def test_a_recording_becomes_a_robot_a_scenario_and_a_study(call, recording, rob
     assert done.code == 0 and "base parameters of links and motors" in done.out
     assert "first moments hx, hy, hz (mass times" in done.out
     assert "consistent, held out" in done.out and "report.html written" in done.out
+    assert {path.name for path in out.iterdir()} == {*FILES} - {"motion.csv"}
     better = load_robot(out / "robot.sdf")
     assert better.sdf != robot.sdf
     scenario = load_scenario(out / "scenario.yaml")

@@ -23,7 +23,7 @@ from sdt_drake.show.figures import runs as plots
 from sdt_drake.show.graphviz import has_graphviz
 from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.show.reports.paper import RECORDING, write_report
-from sdt_drake.show.reports.paper_files import write_reproduction
+from sdt_drake.show.reports.paper_files import FILES, write_reproduction
 from sdt_drake.show.texts import page_text
 from sdt_drake.studies.distributions import Uniform
 from sdt_drake.studies.execute import run_study
@@ -60,6 +60,7 @@ def test_files_are_replaced_foreign_ones_left_and_no_graphviz_is_told(
 
     after, fresh = snapshot(used), snapshot(reproduced)
     assert after.pop("notes.txt") == after.pop("diagrams/mine.dot") == b"old"
+    assert {"diagrams", *FILES} >= set(fresh)
     assert set(after) == {name for name in fresh if not re.match(r"diagrams/.*svg", name)}
     for name in fresh:  # the same study gives the same bytes
         if name.endswith((".csv", ".dot")):

@@ -19,7 +19,7 @@ from sdt_drake.run.scenario import (
     with_fields,
 )
 from sdt_drake.run.simulate import simulate
-from sdt_drake.show.reports.replay import replay_findings, tables
+from sdt_drake.show.reports.replay import FILES, replay_findings, tables
 
 CASCADE = {
     "controller.kind": "p_pi",
@@ -228,9 +228,7 @@ def test_the_kuka_under_the_gains_of_its_data_set(tmp_path, capsys):
     assert "the recorded torque feedforward in place of its own" in said
     assert "of the difference, controller and drives [%]" in said
     assert "would ask joint 4, 5, 6 for a torque that is off" in said
-    assert {path.name for path in out.iterdir()} == {
-        "report.html", "report.md", "replay.csv", "replay.png", "replay.svg",
-    }  # fmt: skip
+    assert {path.name for path in out.iterdir()} == set(FILES)
     rows = {row.split("  ")[0]: row.split()[-6:] for row in said.splitlines()}
     del rows["motor torque"][1]  # of the joint with a counterbalance, which this model lacks
     assert all(float(share) > 40 for share in rows["motor torque"])

@@ -184,7 +184,7 @@ def test_inputs_that_were_changed_do_not_go_with_old_outcomes(
     if told:
         line = f"mc: {told} changed since the study was begun, expected what its runs"
         assert line in refuse("show", "mc") and line in refuse("repeat", "mc", "--row", "1")
-        assert main(["report", "mc"]) == 2
+    assert main(["report", "mc"]) == (2 if told else 0)
     assert main(["study", "many.yaml", "--out", "mc", "--resume"]) == 0
     assert (desk / "mc" / file).read_text() == before
     assert main(["report", "mc"]) == 0

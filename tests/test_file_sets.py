@@ -1,0 +1,112 @@
+"""Files that are written together: all or none, and none that could not be is computed."""
+
+from __future__ import annotations
+
+import importlib
+import resource
+from pathlib import Path
+
+import command_line
+import pytest
+
+from sdt_drake.io.errors import InputError, temporaries, write_text
+from sdt_drake.io.file_sets import replacing_files
+from sdt_drake.machine.drive_files import FILES as EXPORTED
+from sdt_drake.machine.identify import files as identified_files
+from sdt_drake.show.reports import learning as learning
+from sdt_drake.show.reports import paper_files as files
+from sdt_drake.show.reports import replay as replay_report
+
+call, desk, refuse = (getattr(command_line, x) for x in ("call", "desk", "refuse"))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Holds a file of a set, and one that is none of it."""
+    (tmp_path / "there").mkdir()
+    for name in ("a.csv", "notes"):
+        (tmp_path / "there" / name).write_text("old")
+    return tmp_path / "there"
+
+
+def write(folder: Path, *names: str) -> None:
+    with replacing_files(folder) as new:
+        for name in names:
+            write_text(new / name, "new")
+
+
+def test_a_set_is_replaced_and_the_rest_stays(folder):
+    (folder / "linked").write_text("old")
+    (folder / "b.csv").symlink_to("linked")
+    write(folder, "a.csv", "b.csv", "below/c.csv")
+    assert command_line.snapshot(folder) == {
+        "a.csv": b"new", "linked": b"new", "notes": b"old", "below": None, "below/c.csv": b"new",
+    }  # fmt: skip
+    assert (folder / "b.csv").is_symlink() and not temporaries
+
+
+@pytest.mark.parametrize("there", [True, False])
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
+def test_nothing_is_left_of_a_set_that_is_not_finished(folder, there, error):
+    before = command_line.snapshot(folder)
+    out = folder if there else folder / "new/below"
+    with pytest.raises(error), replacing_files(out) as new:
+        write_text(new / "a.csv", "new")
+        raise error
+    assert command_line.snapshot(folder) == before and not temporaries
+
+
+@pytest.mark.parametrize("name", ["b.csv", "below/c.csv"])
+def test_a_file_that_cannot_be_replaced_keeps_all_others(folder, name):
+    (folder / name).mkdir(parents=True)
+    before = command_line.snapshot(folder)
+    with pytest.raises(InputError, match=f"^{folder / name}: is a folder, expected a file$"):
+        write(folder, "a.csv", name)
+    assert command_line.snapshot(folder) == before
+
+
+def test_a_full_disk_is_told_by_the_name_that_the_file_would_have_had(refuse):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, limits[1]))
+    try:
+        refuse("init", "own", saying=["own/robot.sdf: cannot be written (File too large)"])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+def test_the_last_file_tells_that_the_others_are_there(folder, monkeypatch):
+    order, replace = [], Path.replace
+    monkeypatch.setattr(Path, "replace", lambda x, y: order.append(y.name) or replace(x, y))
+    with replacing_files(folder, last="a.csv") as new:
+        for name in ("a.csv", "z.csv", "b.csv"):
+            (new / name).write_text("new")
+    assert order == ["b.csv", "z.csv", "a.csv"]
+
+
+COMMANDS = {
+    "identify sdt run.csv": (identified_files.FILES, "identification.procedure.identify"),
+    "replay run.csv coupled_pi": (replay_report.FILES, "analysis.replay.replay"),
+    "export --drive drives": (EXPORTED, "design.make_design"),
+    "learn wrong_model": (learning.ALL_FILES, "design.make_design"),
+    "reproduce": (files.FILES, "analysis.reproduction.reproduce"),
+    "size sizing": (("sizing.txt", "candidates.csv"), "studies.execute.run_study"),
+}
+"""Commands with the files that they write, and what computes them."""
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_what_cannot_be_replaced_is_told_before_anything_is_computed(
+    refuse, desk, monkeypatch, line
+):
+    names, computes = COMMANDS[line]
+    module, _, function = computes.rpartition(".")
+    monkeypatch.setattr(importlib.import_module(f"sdt_drake.{module}"), function, None)
+    for name in names:
+        (desk / "out" / name).mkdir(parents=True)
+        refuse(*line.split(), "--out", "out", saying=[f"out/{name}: is a folder, expected a file"])
+        (desk / "out" / name).rmdir()
+
+
+def test_a_folder_that_cannot_be_written_to_is_told_before(refuse, monkeypatch):
+    monkeypatch.setattr("sdt_drake.cli.common.os.access", lambda *_: False)
+    refuse("reproduce", saying=["cannot be written to, expected a folder that can"])
