@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,6 +20,9 @@ from sdt_drake.machine.identify.filtering import (
 )
 from sdt_drake.machine.identify.friction import FrictionLaw, Term, laws, terms_of
 from sdt_drake.robot.robot import Robot
+
+_BLOCK = 20_000  # samples, each of which has hundreds of numbers in columns
+_MARGIN = 8.0  # periods of the cut-off, after which a filter has forgotten all but 1e-8
 
 _SLOW = 0.01
 """Of the largest speed: below that, nobody takes a joint to slide."""
@@ -102,9 +105,16 @@ def equations(
     slowest, fastest = _speeds(motions, cutoff)
     tried = tuple(candidates(speed) for speed in fastest)
     terms = tuple(map(terms_of, tried))
-    rows = [_rows(robot, unknown, motion, cutoff, terms, slowest) for motion in motions]
-    columns = {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
-    counts = [len(row["time"]) for row in rows]
+    rows = [
+        [
+            _rows(robot, unknown, block, cutoff, terms, slowest, at)
+            for block, at in _blocks(m, cutoff)
+        ]
+        for m in motions
+    ]
+    every = [row for of_part in rows for row in of_part]
+    columns = {name: np.concatenate([row[name] for row in every]) for name in every[0]}
+    counts = [sum(len(row["time"]) for row in of_part) for of_part in rows]
     held_from = np.repeat([begin for _, begin, _ in parts], counts)
     return Equations(
         source=np.repeat([source for source, *_ in parts], counts),
@@ -126,6 +136,20 @@ def _speeds(motions: Sequence[Smooth], cutoff: float) -> tuple[Array, Array]:
     return np.where(noise > motion, np.inf, slowest), fastest
 
 
+def _blocks(motion: Smooth, cutoff: float) -> Iterator[tuple[Smooth, Index]]:
+    """A motion in blocks that memory holds as columns, and the samples of each that are compared;
+    blocks overlap by as much as filters have to know."""
+    count = len(motion.time)
+    margin = int(_MARGIN / (cutoff * motion.period))
+    for at in np.array_split(
+        np.arange(count)[compared(count, cutoff, motion.period)], 1 + count // _BLOCK
+    ):
+        first = max(0, at[0] - margin) if len(at) else 0
+        block = slice(first, at[-1] + 1 + margin if len(at) else count)
+        signals = (x[block] for x in (motion.time, motion.q, motion.v, motion.vd, motion.tau))
+        yield Smooth(*signals, motion.period), at - first
+
+
 def _rows(
     robot: Robot,
     unknown: Unknown,
@@ -133,8 +157,10 @@ def _rows(
     cutoff: float,
     terms: Sequence[Sequence[Term]],
     slowest: Array,
+    at: Index,
 ) -> dict[str, Any]:
-    """The fields of `Equations` that a stretch has, by name; of friction (M, n, terms)."""
+    """The fields of `Equations` that some samples of a motion have, by name; of friction (M, n,
+    terms)."""
     columns = rigid_columns(robot, motion.q, motion.v, motion.vd)
     parameters = rigid_parameters(robot)
     is_known = np.ones(len(parameters), dtype=bool)
@@ -154,9 +180,11 @@ def _rows(
         "friction": np.stack(friction, axis=1),
         "moves": (np.abs(motion.v) > slowest).astype(float),
     }
-    rows = compared(len(motion.time), cutoff, motion.period)
-    few = {
-        name: zero_phase_low_pass(values, cutoff, motion.period)[rows]
+    few = {  # a joint at a time, and copies: what filters make of all samples is large
+        name: np.stack(
+            [zero_phase_low_pass(x, cutoff, motion.period)[at] for x in values.swapaxes(0, 1)],
+            axis=1,
+        )
         for name, values in whole.items()
     }
-    return few | {"time": motion.time[rows], "moves": few["moves"] > 0.5}
+    return few | {"time": motion.time[at], "moves": few["moves"] > 0.5}

@@ -7,11 +7,12 @@ at 8 Hz.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from sdt_drake.io.arrays import Array, Index
+from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, needing
 from sdt_drake.machine.recordings import Recorded
 from sdt_drake.motion.trajectory import interpolated
@@ -29,6 +30,7 @@ _REST = 2.0  # s
 _SHORTEST = 1.0  # s, of what is worth filtering
 _WORKING_RATE = 200.0  # Hz, of what is computed from positions; machines of this kind move slower
 _BEYOND = 2.0  # periods of the cut-off, of what a filter makes up beyond the ends
+_WINDOWS, _PERIODS = 20, 50  # of a long recording, at most; of the cut-off in each, at least
 _ABOVE = 4.0  # cut-off of positions over that of torques; see `Smooth`
 
 
@@ -112,13 +114,45 @@ def stretches(recorded: Recorded) -> tuple[list[Stretch], list[str]]:
     for every in np.split(np.arange(len(time)), gaps + 1):
         rows = every[(time[every] >= first) & (time[every] <= last)]
         if len(rows) and time[rows[-1]] - time[rows[0]] >= _SHORTEST and len(rows) > 10 * _ORDER:
-            parts.append(_even(recorded, rows, usual, resample=jitter > 1e-3))
+            of_part = slice(int(rows[0]), int(rows[-1]) + 1)
+            parts.append(_even(recorded, of_part, usual, resample=jitter > 1e-3))
     if not parts:
         raise InputError(
             f"{recorded.path}: {last - first:.3g} s at {1 / usual:.3g} Hz, expected at least "
             f"{_SHORTEST:g} s and {10 * _ORDER} samples without a gap"
         )
     return parts, notes
+
+
+def spread(found: Sequence[Stretch], seconds: float, cutoff: float) -> list[Stretch]:
+    """Windows of the stretches of a recording, about `seconds` in all, evenly over it and at its
+    end, too; all of it if it is no longer than that.
+
+    Args:
+        found: the stretches.
+        seconds: how much is wanted [s].
+        cutoff: below which torques are compared [Hz]; windows have enough periods of it.
+    """
+    ends = np.cumsum([stretch.end - stretch.start for stretch in found])
+    if ends[-1] <= seconds:
+        return list(found)
+    count = int(np.clip(seconds * cutoff / _PERIODS, 2, _WINDOWS))
+    lasts = min(max(seconds / count, _PERIODS / cutoff), float(ends[-1]))
+    windows = []
+    for begin in np.linspace(0, ends[-1] - lasts, count):
+        for stretch, end in zip(found, ends, strict=True):
+            shift = end - (stretch.end - stretch.start)
+            first, last = ((t - shift) / stretch.period for t in (begin, begin + lasts))
+            rows = slice(max(0, round(first)), max(0, round(last) + 1))
+            part = Stretch(
+                stretch.start + rows.start * stretch.period,
+                stretch.period,
+                stretch.q[rows],
+                stretch.tau[rows],
+            )
+            if (len(part.q) - 1) * part.period > 3 * _BEYOND / cutoff:
+                windows.append(part)
+    return windows
 
 
 def _moving(time: Array, q: Array) -> tuple[float, float]:
@@ -136,7 +170,7 @@ def _moving(time: Array, q: Array) -> tuple[float, float]:
     return max(float(first), 0.0), min(float(last), float(time[-1]))
 
 
-def _even(recorded: Recorded, rows: Index, period: float, *, resample: bool) -> Stretch:
+def _even(recorded: Recorded, rows: slice, period: float, *, resample: bool) -> Stretch:
     time, q, tau = recorded.time[rows], recorded.signals["q"][rows], recorded.signals["tau"][rows]
     even = np.arange(time[0], time[-1], period) if resample else time
     if "tau_mean" in recorded.signals:

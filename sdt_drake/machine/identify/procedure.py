@@ -19,7 +19,7 @@ from sdt_drake.machine.identify.consistency import (
 )
 from sdt_drake.machine.identify.equations import Equations, equations
 from sdt_drake.machine.identify.estimation import Estimate, Prior, estimate
-from sdt_drake.machine.identify.filtering import HIGHEST, Stretch, stretches
+from sdt_drake.machine.identify.filtering import HIGHEST, Stretch, spread, stretches
 from sdt_drake.machine.identify.friction import USUAL
 from sdt_drake.machine.identify.regressor import Bodies
 from sdt_drake.machine.identify.suspicions import (
@@ -34,6 +34,11 @@ from sdt_drake.robot.robot import Robot
 HELD_OUT = 1 / 3
 """Of each recording, its end, if none are named to validate."""
 
+MOST_ROWS = 20_000
+"""Of equations, about: a row takes the memory of a thousand numbers. Of longer recordings parts are
+compared."""
+
+_ROWS = 4.0  # in a period of the cut-off
 _LOWEST, _HIGHEST = 1.0, 20.0  # Hz, of cut-off frequencies
 _MOST, _LITTLE = 0.99, 0.001  # of the power of a torque
 _BELIEF = 1.0  # standard deviation of a parameter over its scale, before anything is measured
@@ -114,7 +119,13 @@ def identify(
     prior = belief(robot, unknown)
     _check_cutoff(cutoff, parts)
     cutoff = cutoff or chosen_cutoff(robot, unknown, parts, path)
-    eq = equations(robot, unknown, parts, cutoff)
+    few = _few(parts, cutoff)
+    if len(few) > len(parts):
+        lasts, whole = (sum(x.end - x.start for *_, x in every) for every in (few, parts))
+        notes.append(
+            f"long: compared are {lasts:.3g} s of {whole:.3g} s, in {len(few)} parts evenly over it"
+        )
+    eq = equations(robot, unknown, few, cutoff)
     _check_rows(eq, cutoff, path)
     found = estimate(eq, prior)
     r, S = len(found.beta), found.covariance
@@ -160,6 +171,18 @@ def _parts(
             held_from = end - held_out * (end - start)
         parts += [(number, held_from, stretch) for stretch in found]
     return parts, notes
+
+
+def _few(parts: Parts, cutoff: float) -> Parts:
+    """As much of long recordings as takes about MOST_ROWS, each its share."""
+    sources = sorted({source for source, *_ in parts})
+    seconds = MOST_ROWS / (_ROWS * cutoff) / len(sources)
+    few: Parts = []
+    for source in sources:
+        own = [(held_from, stretch) for other, held_from, stretch in parts if other == source]
+        windows = spread([stretch for _, stretch in own], seconds, cutoff)
+        few += [(source, own[0][0], window) for window in windows]
+    return few
 
 
 def _check_alive(recorded: Recorded) -> None:
@@ -230,6 +253,7 @@ def chosen_cutoff(robot: Robot, unknown: Unknown, parts: Parts, path: Path) -> f
     so that a fit to it finds too little inertia.
     """
     top = min(_HIGHEST, 0.1 / max(stretch.period for *_, stretch in parts))
+    parts = _few(parts, top)
     eq = equations(robot, unknown, parts, top, lambda fastest: (USUAL,))
     _check_rows(eq, top, path)
     predicted = estimate(eq, belief(robot, unknown), [USUAL] * robot.n).torque(eq)

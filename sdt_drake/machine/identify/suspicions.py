@@ -146,10 +146,10 @@ def _against_nominal(eq: Equations) -> tuple[Array, Array]:
     alike = np.zeros((eq.n, eq.n))
     for j in range(eq.n):
         known = np.column_stack([np.ones(len(eq.tau)), np.tanh(eq.v[:, j] / 0.02), eq.v[:, j]])
-        out = known @ np.linalg.pinv(known)
-        own = measured[:, j] - out @ measured[:, j]
+        out = np.linalg.pinv(known)
+        own = measured[:, j] - known @ (out @ measured[:, j])
         for k in range(eq.n):
-            other = nominal[:, k] - out @ nominal[:, k]
+            other = nominal[:, k] - known @ (out @ nominal[:, k])
             size = np.linalg.norm(own) * np.linalg.norm(other)
             alike[j, k] = own @ other / size if size > 0 else 0.0
     size = np.maximum(np.sum((nominal - nominal.mean(axis=0)) ** 2, axis=0), 1e-300)
