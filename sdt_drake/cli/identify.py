@@ -44,19 +44,19 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
+    from sdt_drake.machine.identify.files import base_scenario
     from sdt_drake.machine.identify.model import identified_robot, plant_friction
     from sdt_drake.machine.identify.procedure import identify
-    from sdt_drake.machine.recordings import Columns, load_columns, read_recording
+    from sdt_drake.machine.recordings import load_columns, read_recording
     from sdt_drake.show.reports import identification as analysis
 
     folder: Path = options.out
     common.check_folder(folder, analysis.FILES)
     robot = sdt.load_robot(options.robot)
+    scenario = base_scenario(robot, options.base)
     columns = None if options.columns is None else load_columns(options.columns)
-    named = columns is not None and columns.tau_mean not in ([], Columns().tau_mean)
-    needs = ("q", "tau", "tau_mean") if named else ("q", "tau")
     fitted, judged = (
-        [read_recording(path, robot, columns, needs=needs, side=options.side) for path in paths]
+        [read_recording(path, robot, columns, side=options.side) for path in paths]
         for paths in (options.recordings, options.validate)
     )
     found = identify(
@@ -80,4 +80,4 @@ def run(options: argparse.Namespace) -> None:
     for line in analysis.undecided_laws(found, files):
         say(f"note: {line}")
     say()
-    say(f"{analysis.write_identified(found, better, files, folder, options.base)} written")
+    say(f"{analysis.write_identified(found, better, files, folder, scenario)} written")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 
 import pytest
+from command_line import ARM
 from known_truth import HEAVIER, recorded_of
 
 from sdt_drake.io.tables import write_table
@@ -57,12 +58,20 @@ BAD = [
     (["--held-out", "0.0001"], "nothing is left to judge by, expected a longer recording"),
     (["--only", "payload", "--payload", "seat"], "no link 'seat' that moves, expected one of arm"),
     (["--columns", "none.yaml"], "none.yaml: no such file"),
+    (["--validate", "RECORDING"], "run.csv: holds the same as"),
+    (["--scenario", "arm.yaml"], "--scenario arm.yaml: is of a robot with joints shoulder, elbow,"),
 ]
 
 
 @pytest.mark.parametrize("options, message", BAD)
-def test_bad_input_is_one_line(call, recording, tmp_path, options, message):
+def test_bad_input_is_one_line(call, recording, tmp_path, monkeypatch, options, message):
     out = tmp_path / "identified"
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.sdf").write_text(ARM)
+    (tmp_path / "arm.yaml").write_text(
+        "robot: arm.sdf\nmotion: arm_motion.yaml\ncontroller: {omega_r: 60}\n"
+    )
+    options = [recording if option == "RECORDING" else option for option in options]
     done = call("identify", "sdt", recording, "--out", out, *options)
     assert done.code == 2 and message in done.err and done.err.count("\n") == 1
     assert not out.exists()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,6 +33,13 @@ def test_what_looks_wrong_is_said(robot, true):
     assert "are its positions in degrees?" in suspicions(robot, changed(recorded, q=np.degrees(q)))
     motors = suspicions(robot, changed(recorded, tau=tau / robot.gear_ratio))
     assert "tau_1 is 0.01" in motors and "is it that of the motor?" in motors
+    for unit, factor in (("kN m", 1000), ("N mm", 0.001)):
+        other = suspicions(robot, changed(recorded, tau=tau / factor))
+        assert (
+            f"tau_1, tau_2, tau_3 and tau_4: about {1 / factor:g} times the torque of the file: in "
+            f"{unit}? (torque_factor: [{factor}, {factor}, {factor}, {factor}] in the mapping file)"
+        ) in other
+        assert "friction does" not in other and unit not in motors
     assert (
         "tau_3 goes against the torque of the file, and drives as no friction does"
         in suspicions(robot, changed(recorded, tau=tau * [1, 1, -1, 1]))
@@ -89,6 +97,10 @@ def test_recordings_that_say_nothing_are_refused(robot, true):
     tau, q = recorded.signals["tau"], recorded.signals["q"]
     with pytest.raises(InputError, match=r"truth\.csv: tau_2 is zero all the time"):
         identify(robot, [changed(recorded, tau=tau * [1, 0, 1, 1])])
+    again = replace(changed(recorded, tau=tau.copy()), path=Path("copy.csv"))
+    for more in ({"validate": [again]}, {"recordings": [recorded, again]}):
+        with pytest.raises(InputError, match=r"^copy\.csv: holds the same as truth\.csv, expected"):
+            identify(robot, **{"recordings": [recorded], **more})
     with pytest.raises(InputError, match=r"truth\.csv: no joint moves"):
         identify(robot, [changed(recorded, q=np.zeros_like(q))])
     noise = 1e-5 * np.random.default_rng(0).normal(size=q.shape)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.io.errors import write_text
+from sdt_drake.io.errors import InputError, write_text
 from sdt_drake.io.tables import write_table
 from sdt_drake.io.yaml_files import write_yaml
 from sdt_drake.machine.identify.filtering import smooth, stretches
@@ -29,6 +29,33 @@ FILES = (
 """Names of the files that `write_files` writes; some robots need only a part of them."""
 
 
+def base_scenario(robot: Robot, base: str | None = None) -> Scenario:
+    """The scenario that the identified robot gets its motion, drives and controller from.
+
+    Args:
+        robot: that recordings are of.
+        base: name or file of a scenario of that robot; by default one that ships, or, for other
+            robots than the shipped one, a PI controller without a motion.
+
+    Raises:
+        InputError: for a bad scenario, or one of a robot with other joints.
+    """
+    if base is None and robot.joint_names == load_robot(DEFAULT_ROBOT).joint_names:
+        base = _OWN
+    if base is not None:
+        scenario = load_scenario(base)
+        names = load_robot(scenario.robot).joint_names
+        if names != robot.joint_names:
+            raise InputError(
+                f"--scenario {base}: is of a robot with joints {', '.join(names)}, expected "
+                f"{', '.join(robot.joint_names)}, as in {robot.path}"
+            )
+        return scenario
+    scenario = Scenario(motion="")
+    scenario.controller.omega_r = _OMEGA_R
+    return scenario
+
+
 def write_files(
     found: Identified, robot: Robot, friction: PlantFriction, scenario: Scenario, folder: Path
 ) -> None:
@@ -38,9 +65,10 @@ def write_files(
         found: what was identified.
         robot: the identified one.
         friction: of it.
-        scenario: from `base_scenario`; it is changed.
+        scenario: `base_scenario`; without a motion it gets the recorded one.
         folder: to write to; it exists.
     """
+    scenario = copy.deepcopy(scenario)
     save_robot(found, folder / "robot.sdf")
     scenario.robot = "robot.sdf"
     if not scenario.motion:
@@ -52,26 +80,6 @@ def write_files(
     scenario.plant.deviation = scenario.controller.model = Deviation()
     save_scenario(scenario, folder / "scenario.yaml")
     _write_study(found, robot, friction, scenario, folder)
-
-
-def base_scenario(found: Identified, base: str | None) -> Scenario:
-    """Return the scenario whose motion, drives and controller the identified robot gets.
-
-    Args:
-        found: what was identified.
-        base: name or file; by default one that ships, or, for other robots than the shipped one, a
-            PI controller on what was recorded.
-
-    Raises:
-        InputError: for a bad `base`.
-    """
-    if base is None and found.nominal.joint_names == load_robot(DEFAULT_ROBOT).joint_names:
-        base = _OWN
-    if base is not None:
-        return copy.deepcopy(load_scenario(base))
-    scenario = Scenario(motion="")
-    scenario.controller.omega_r = _OMEGA_R
-    return scenario
 
 
 def recorded_motion(found: Identified, period: float) -> Motion:

@@ -28,7 +28,7 @@ from sdt_drake.machine.identify.suspicions import (
     suspicious_torques,
     weakly_excited,
 )
-from sdt_drake.machine.recordings import Recorded
+from sdt_drake.machine.recordings import Recorded, check_different
 from sdt_drake.robot.robot import Robot
 
 HELD_OUT = 1 / 3
@@ -110,10 +110,12 @@ def identify(
         held_out: share of each recording, at its end, to judge by where nothing is to validate.
 
     Raises:
-        InputError: for recordings that say nothing: too short, no torque, nothing moves; for a
-            payload that is no link; for a cut-off frequency that samples know nothing of.
+        InputError: for recordings that say nothing: too short, no torque, nothing moves; for one
+            that is there twice, to fit or to judge by; for a payload that is no link; for a cut-off
+            frequency that samples know nothing of.
     """
     path = recordings[0].path
+    check_different([*recordings, *validate])
     parts, notes = _parts(recordings, validate, held_out)
     unknown, free = _unknown(robot, only, payload)
     prior = belief(robot, unknown)

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from sdt_drake.io.arrays import Array
+from sdt_drake.io.arrays import Array, Mask
+from sdt_drake.io.shown import listed
 from sdt_drake.machine.identify.equations import Equations
 from sdt_drake.machine.identify.targets import ANY_SPEED
 from sdt_drake.machine.recordings import Recorded
@@ -16,6 +17,8 @@ from sdt_drake.robot.robot import Robot
 _FAR = 5.0  # times a limit: no joint moves so fast, or so far
 _NEAR_LIMIT, _OFTEN = 0.98, 0.01  # of the largest torque, and the share of time there
 _UNEXPLAINED = 0.3  # of the torque: whatever moved, it was not this robot
+_UNITS = {"kN m": 1e3, "N mm": 1e-3}  # N m
+_UNIT_RATIO = 300.0  # of a gear; from there on it could be taken for a unit
 _AT_REVERSALS = 3.0  # times what is left elsewhere
 _AFTER = 0.15  # s, of a reversal
 _FELT = 0.1  # of a torque, that is friction
@@ -91,8 +94,13 @@ def suspicious_torques(
     yield from _seen_on_one_side(eq, still)
     slopes, alike = _against_nominal(eq)
     drives = _driving(eq, friction)
+    own = np.where((np.diagonal(alike) > 0.5) & (robot.gear_ratio < _UNIT_RATIO), slopes, 0.0)
+    in_units = {unit: (own * x > 1 / 3) & (own * x < 3) for unit, x in _UNITS.items()}
+    yield from (_in_unit(unit, found) for unit, found in in_units.items() if found.any())
     for k in range(robot.n):
         ratio, s = float(robot.gear_ratio[k]), float(slopes[k])
+        if any(found[k] for found in in_units.values()):
+            continue
         if drives[k] < -_FELT or (alike[k, k] < -0.5 and drives[k] < 0):
             against = "goes against the torque of the file, and " * bool(alike[k, k] < -0.5)
             yield (
@@ -116,6 +124,16 @@ def suspicious_torques(
                 "order of the joints, base to tip?"
             )
     yield from _left_over(eq, predicted, still)
+
+
+def _in_unit(unit: str, found: Mask) -> str:
+    """The sentence on joints whose torques seem to be in a unit of _UNITS, shape (n,)."""
+    names = listed([f"tau_{k + 1}" for k in np.flatnonzero(found)])
+    factors = ", ".join(f"{_UNITS[unit] if one else 1:g}" for one in found)
+    return (
+        f"{names}: about {1 / _UNITS[unit]:g} times the torque of the file: in {unit}? "
+        f"(torque_factor: [{factors}] in the mapping file)"
+    )
 
 
 def _seen_on_one_side(eq: Equations, still: Sequence[int]) -> Iterator[str]:

@@ -21,6 +21,7 @@ from sdt_drake.machine.identify.model import PlantFriction
 from sdt_drake.machine.identify.procedure import Identified
 from sdt_drake.robot.dynamics import decouple, torque_groups
 from sdt_drake.robot.robot import Robot
+from sdt_drake.run.scenario import Scenario
 from sdt_drake.show import documents as doc
 from sdt_drake.show.panels import Line, Panel, over_time, picture
 from sdt_drake.show.style import PALETTE, Look, joint_title, pictures, save_both
@@ -263,7 +264,7 @@ FILES = (*identified_files.FILES, *_OWN_FILES)
 
 
 def write_identified(
-    found: Identified, robot: Robot, friction: PlantFriction, folder: Path, base: str | None = None
+    found: Identified, robot: Robot, friction: PlantFriction, folder: Path, scenario: Scenario
 ) -> Path:
     """Write the files and the report of an identification into a folder, all or none.
 
@@ -278,9 +279,8 @@ def write_identified(
         The path of the report.
 
     Raises:
-        InputError: if a file cannot be written, or for a bad `base`.
+        InputError: if a file cannot be written.
     """
-    scenario = identified_files.base_scenario(found, base)
     with replacing_files(folder) as new:
         identified_files.write_files(found, robot, friction, scenario, new)
         write_parameters(found, robot, new / "parameters.csv")
