@@ -15,6 +15,7 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from sdt_drake.io import yaml_files
 from sdt_drake.io.resources import PACKAGE_PREFIX
+from sdt_drake.robot.motors import as_driven
 from sdt_drake.run.loop import Loop, blocks_of, make_loop
 from sdt_drake.run.scenario import Scenario
 
@@ -62,6 +63,7 @@ def plan_of(scenario, robot):
     if not scenario.motion.startswith(PACKAGE_PREFIX):
         return _plan_of(scenario, robot)
     how = scenario.motion, scenario.period, scenario.torque_margin, scenario.planner
+    robot = as_driven(robot, scenario.drive)
     key = _hashed(repr(how) + robot.sdf, robot)
     if key not in _plans:
         _plans[key] = _plan_of(scenario, robot)

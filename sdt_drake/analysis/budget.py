@@ -94,7 +94,8 @@ def _undisturbed(design: Design) -> Design:
 
 
 def _without_limits(design: Design) -> Design:
-    robot = replace(design.robot, effort_limit=_NO_LIMIT * design.robot.effort_limit)
+    most = _NO_LIMIT * design.robot.effort_limit
+    robot = replace(design.robot, effort_limit=most, envelope=None)
     drive = replace(design.scenario.drive, n1=None, n0=None)
     return replace(_with(design, drive=drive), robot=robot)
 

@@ -36,12 +36,15 @@ def run(options: argparse.Namespace) -> None:
     check_folder(folder)
     if folder.is_dir() and any(folder.iterdir()):
         raise InputError(f"{folder}: is not empty, expected a new folder, or an empty one")
-    schemas = models_dir() / "schemas"
     files = sorted(_STARTER.iterdir())
+    schemas = sorted((models_dir() / "schemas").iterdir())
     with replacing_files(folder) as new:
         for file in files:
-            text = file.read_text(encoding="utf-8").replace("SCHEMAS", f"{schemas}")
-            write_text(new / file.name, text)
+            write_text(new / file.name, file.read_text(encoding="utf-8"))
+        # Beside the files, so that editors check them wherever the folder is copied to.
+        for file in schemas:
+            write_text(new / "schemas" / file.name, file.read_text(encoding="utf-8"))
     for file in files:
         say(f"{folder / file.name} written")
+    say(f"{folder / 'schemas'} written: what editors check the files against")
     say(f"\ncd {shlex.quote(str(folder))}{_NEXT}")

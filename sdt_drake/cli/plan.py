@@ -13,7 +13,6 @@ import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import say
 from sdt_drake.io.errors import InputError, within
-from sdt_drake.io.fields import check
 from sdt_drake.io.shown import formatted
 
 if TYPE_CHECKING:
@@ -46,7 +45,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--envelope",
         metavar="SCENARIO",
-        help="scenario whose drive has the motors' torque-speed envelope (n1, n0); for the report",
+        help="scenario whose device has a torque-speed envelope: of chosen motors, or drive.n1 and "
+        "n0; the motion is planned for that device, within it",
     )
     parser.add_argument(
         "--drive-table",
@@ -65,8 +65,7 @@ def run(options: argparse.Namespace) -> None:
 
     if options.drive_table is not None:
         _check_drive_table(options.drive_table, options.out)
-    robot = sdt.load_robot(options.robot)
-    n1, n0 = _envelope(options.envelope, robot.n)
+    robot = _robot(options)
     with common.naming_robot("--robot"):
         plan = load_plan(
             options.motion,
@@ -75,7 +74,7 @@ def run(options: argparse.Namespace) -> None:
             torque_margin=options.torque_margin,
             planner=options.planner,
         )
-    report = margins(robot, plan.motion, n1=n1, n0=n0)
+    report = margins(robot, plan.motion)
     if options.drive_table:
         with within(options.drive_table):
             samples = samples_of(robot, plan.motion, plan.motion.period)
@@ -95,16 +94,23 @@ def _check_drive_table(table: Path, out: Path | None) -> None:
         raise InputError(f"--drive-table: {table} is the file of --out too, expected another one")
 
 
-def _envelope(path: str | None, n: int) -> tuple[list[float] | None, list[float] | None]:
-    """n1 and n0 of a scenario's drive [rad/s], motor side; None without a scenario."""
+def _robot(options: argparse.Namespace) -> Robot:
+    """The robot of --robot, or the device of the scenario of --envelope."""
+    from sdt_drake.robot.motors import as_driven
+    from sdt_drake.run.design import load_device
+
+    path = options.envelope
     if path is None:
-        return None, None
+        return sdt.load_robot(options.robot)
+    common.refuse_options(options, f"{path} names the robot, with its motors; remove", "robot")
     scenario = sdt.load(path)
-    check(scenario, path, n)
-    drive = scenario.drive
-    if drive.n1 is None:
-        raise InputError(f"{path}: drive.n1 and drive.n0 missing, expected an envelope")
-    return drive.n1, drive.n0
+    robot = as_driven(load_device(scenario), scenario.drive)
+    if robot.envelope is None or not robot.envelope.limits:
+        raise InputError(
+            f"{path}: no torque-speed envelope, expected drive.n1 and drive.n0, or device.motors "
+            "with speeds in their catalogue"
+        )
+    return robot
 
 
 def _duration(plan: Plan) -> str:
@@ -132,8 +138,9 @@ def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report:
     motion = plan.motion
     is_whole = plan.torque_margin == 1
     share = "" if is_whole else f" with {100 * plan.torque_margin:.4g} % of the motors' torque"
-    share += ", but not within the torque-speed envelope" if _is_beyond_envelope(report) else ""
     say(f"{options.motion}: {_duration(plan)}, {len(motion.time)} samples, feasible{share}")
+    if robot.envelope is not None:
+        say(f"within the torque-speed envelope of {robot.envelope.source}")
     _print_ends(options, robot, plan)
     if plan.loss is not None:
         loss = plan.loss
@@ -145,7 +152,7 @@ def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report:
             f"{k + 1}, {loss.position_time[k]:.3f} s)"
         )
     angles, speed = np.degrees(motion.q), np.abs(motion.v).max(axis=0)
-    fastest = np.where(np.isfinite(robot.velocity_limit), robot.velocity_limit, np.nan)
+    fastest = np.where(np.isfinite(robot.top_speed), robot.top_speed, np.nan)
     tightest = [
         f"{place.quantity}, {formatted(100 * place.share, '.1f')} % at {place.time:.3f} s"
         for place in map(report.tightest, range(robot.n))
@@ -167,11 +174,6 @@ def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report:
     _print_margins(robot, report, is_whole)
 
 
-def _is_beyond_envelope(report: Margins) -> bool:
-    """The planners keep all other limits."""
-    return report.smallest.quantity == "torque at speed" and report.smallest.left < 0
-
-
 def _print_margins(robot: Robot, report: Margins, is_whole: bool) -> None:
     for k in np.flatnonzero(np.isfinite(report.to_stop)).tolist():
         say(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
@@ -181,11 +183,6 @@ def _print_margins(robot: Robot, report: Margins, is_whole: bool) -> None:
         f"{robot.joint(place.joint)} at {place.time:.3f} s"
         + ("" if is_whole else ", held against the whole limit")
     )
-    if _is_beyond_envelope(report):
-        say(
-            "beyond the torque-speed envelope: the planners do not know it; take a lower "
-            "--torque-margin or a slower motion"
-        )
     growth = report.growth / robot.effort_limit
     k = int(growth.argmax())
     say(

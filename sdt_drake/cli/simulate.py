@@ -44,6 +44,8 @@ def run(options: argparse.Namespace) -> None:
     title = design.scenario.summary().title
     say(title)
     common.print_joints(design.robot.joint_names, columns_of(vars(tracking)))
+    if design.envelope is not None:
+        say(f"torque-speed envelope: of {design.envelope.source}")
     for line in stops_passed(recording, design.robot.joint_names):
         say(f"note: {line}")
 

@@ -104,7 +104,8 @@ def _simulated(options: argparse.Namespace) -> tuple[str, Robot, Array, Array, S
     from sdt_drake.robot.head import check_head
     from sdt_drake.show.view3d.scene import check_duration
 
-    common.refuse_options(options, "the scenario names the robot", "robot")
+    instead = f"the scenario names the robot, expected --set robot={options.robot}"
+    common.refuse_options(options, instead, "robot")
     design = common.design_of(options, check_head if options.pilot else None)
     with common.naming(options.scenario):
         check_duration(design.motion.duration)

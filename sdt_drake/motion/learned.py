@@ -87,11 +87,12 @@ class LearnedReference:
             )
         checked_torque(robot, own, torque_margin=torque_margin)
         if self.torque is not None:
-            limit = torque_margin * robot.motor_torque_limit
-            for i, k in np.argwhere(np.abs(self.torque) > limit):
+            available = robot.torque_range(own.v, torque_margin)
+            least, most = (limit / robot.gear_ratio for limit in available)
+            for i, k in np.argwhere((self.torque < least) | (self.torque > most)):
                 raise InputError(
                     f"joint {k + 1} at {own.time[i]:.3f} s: feeds {self.torque[i, k]:.6g} N m "
-                    f"forward, motor side, available {limit[k]:.6g} N m"
+                    f"forward, motor side, available {least[i, k]:.6g} to {most[i, k]:.6g} N m"
                 )
 
 

@@ -15,6 +15,7 @@ from sdt_drake.motion.plan import (
     SPEED_TOLERANCE,
     TORQUE_TOLERANCE,
     Plan,
+    check_speeds,
     checked_plan,
     commanded_motion,
 )
@@ -56,19 +57,21 @@ def plan_motion(
             done: naming joint, time, what it needs and what there is.
     """
     commanded = commanded_motion(robot, command, period)
-    v, limited = _limited_speeds(robot, commanded, torque_margin * robot.effort_limit)
+    if robot.envelope is not None:
+        check_speeds(robot, commanded)  # held back at its top speed, a joint would get lost
+    v, limited = _limited_speeds(robot, commanded, torque_margin)
     motion = Motion.from_speeds(period, commanded.q[0], v)
     return checked_plan(robot, motion, commanded, torque_margin, limited)
 
 
 def _limited_speeds(
-    robot: Robot, commanded: Motion, available: Array
+    robot: Robot, commanded: Motion, torque_margin: float
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Speeds that follow the command, shape (N + 1, n), as closely as the torques allow."""
     plant, context = robot.plant, robot.plant.CreateDefaultContext()
     period, command = commanded.period, commanded.v
     largest = robot.acceleration_limit + ACCELERATION_TOLERANCE / 2
-    guard = _LostMotionGuard(robot, commanded, available)
+    guard = _LostMotionGuard(robot, commanded)
     limited = np.zeros(command.shape, dtype=bool)
     speeds = command.copy()
     q, v = commanded.q[0], command[0]
@@ -82,7 +85,9 @@ def _limited_speeds(
                 shifted = q + (commanded.q[ahead] - commanded.q[i])
                 vd = commanded.vd[ahead]
                 torque = inverse_dynamics(robot, shifted, command[ahead], vd)
-                beyond = ((np.abs(torque) > available) | (np.abs(vd) > largest)).any(axis=1)
+                low, high = robot.torque_range(command[ahead], torque_margin)
+                off = (torque < low) | (torque > high) | (np.abs(vd) > largest)
+                beyond = off.any(axis=1)
                 followed = int(np.argmax(beyond)) if beyond.any() else beyond.size
                 look = _SHORTEST_LOOK if beyond.any() else min(2 * look, _LONGEST_LOOK)
                 q = q + (commanded.q[i + followed] - commanded.q[i])
@@ -99,10 +104,11 @@ def _limited_speeds(
                 + robot.damping * v
                 - plant.CalcGravityGeneralizedForces(context)
             )
-            vd = limit_accelerations(M, bias, wish, available)
+            available = robot.torque_range(v, torque_margin)
+            vd = limit_accelerations(M, bias, wish, *available)
             limited[i] = vd != wanted
             v_next = np.where(limited[i], v + vd * period, command[i + 1])
-            guard.check(i, wish, vd, M @ vd + bias + M.diagonal() * (wish - vd))
+            guard.check(i, wish, vd, M @ vd + bias + M.diagonal() * (wish - vd), available)
             q = q + (v + v_next) * (period / 2)
             i, v = i + 1, v_next
             speeds[i] = v
@@ -110,14 +116,17 @@ def _limited_speeds(
     return speeds, limited
 
 
-def limit_accelerations(M: Array, bias: Array, wanted: Array, available: Array) -> Array:
-    """Accelerations [rad/s²] towards `wanted` with |M vd + bias| <= `available` [N m].
+def limit_accelerations(
+    M: Array, bias: Array, wanted: Array, lowest: Array, highest: Array
+) -> Array:
+    """Accelerations [rad/s²] towards `wanted` with `lowest` <= M vd + bias <= `highest` [N m].
 
     Joint after joint from the tip to the base, each as near to its wish as the others leave it,
     until it is known which motors are at their limit; those joints' accelerations then follow
     from their torques. These sweeps are coordinate descent on
 
-        1/2 (vd - wanted)' M (vd - wanted) + (M wanted + bias)' vd + available' |vd - wanted|,
+        1/2 (vd - wanted)' M (vd - wanted) + (M wanted + bias)' vd
+            + highest' max(wanted - vd, 0) - lowest' max(vd - wanted, 0),
 
     which is strictly convex because M is positive definite: there is always one solution, in
     which each joint has its wish or its motor gives all it has, and the sweeps converge to it.
@@ -127,27 +136,29 @@ def limit_accelerations(M: Array, bias: Array, wanted: Array, available: Array) 
     for _ in range(_MAX_SWEEPS):
         for k in reversed(range(len(vd))):
             rest = M[k] @ vd - diagonal[k] * vd[k] + bias[k]
-            lowest = (-available[k] - rest) / diagonal[k]
-            highest = (available[k] - rest) / diagonal[k]
-            vd[k] = min(max(wanted[k], lowest), highest)
-        solution = _with_motors_at_limit(M, bias, wanted, available, vd)
+            least, most = (lowest[k] - rest) / diagonal[k], (highest[k] - rest) / diagonal[k]
+            vd[k] = min(max(wanted[k], least), most)
+        solution = _with_motors_at_limit(M, bias, wanted, (lowest, highest), vd)
         if solution is not None:
             return solution
     raise InputError(f"accelerations within the torque limits not found in {_MAX_SWEEPS} sweeps")
 
 
 def _with_motors_at_limit(
-    M: Array, bias: Array, wanted: Array, available: Array, estimate: Array
+    M: Array, bias: Array, wanted: Array, available: tuple[Array, Array], estimate: Array
 ) -> Array | None:
     """The solution, if `estimate` shows rightly which joints cannot have their wish."""
     limited = estimate != wanted
     if not limited.any():
         return estimate
     short = np.sign(wanted - estimate)[limited]  # direction in which the motor gives all it has
+    lowest, highest = available
+    gives = np.where(short > 0, highest[limited], lowest[limited])
     vd = wanted.copy()
     rest = bias[limited] + M[np.ix_(limited, ~limited)] @ wanted[~limited]
-    vd[limited] = np.linalg.solve(M[np.ix_(limited, limited)], short * available[limited] - rest)
-    excess = np.abs(M @ vd + bias) - available
+    vd[limited] = np.linalg.solve(M[np.ix_(limited, limited)], gives - rest)
+    torque = M @ vd + bias
+    excess = np.maximum(lowest - torque, torque - highest)
     holds = np.all(excess <= TORQUE_TOLERANCE / 2) and np.all(short * (wanted - vd)[limited] >= 0)
     return vd if holds else None
 
@@ -159,23 +170,27 @@ class _LostMotionGuard:
     it, with its motor at full torque, is overpowered; it slips.
     """
 
-    def __init__(self, robot: Robot, commanded: Motion, available: Array) -> None:
-        self._robot, self._commanded, self._available = robot, commanded, available
+    def __init__(self, robot: Robot, commanded: Motion) -> None:
+        self._robot, self._commanded = robot, commanded
         self._largest_slip = _SLIP * np.ptp(commanded.v, axis=0) + _SLIP_SPEED
         self._slip = np.zeros(robot.n)
         self._onset = np.full(robot.n, -1)
         self._needed = np.zeros(robot.n)
+        self._available = np.zeros((2, robot.n))
 
-    def check(self, i: int, wanted: Array, vd: Array, torque: Array) -> None:
+    def check(
+        self, i: int, wanted: Array, vd: Array, torque: Array, available: tuple[Array, Array]
+    ) -> None:
         """Refuse a joint that has slipped too far by the end of period i.
 
         `wanted` and `vd` [rad/s²] are what each joint wishes and gets; `torque` [N m] is what it
-        would need for its wish, beside what the others really do.
+        would need for its wish, beside what the others really do; `available` what there is.
         """
         limited, period = vd != wanted, self._commanded.period
         start = limited & (self._onset < 0)
         self._onset[start] = i
         self._needed[start] = torque[start]
+        self._available[:, start] = np.array(available)[:, start]
         self._onset[~limited] = -1
         away = limited & (vd * wanted <= 0)
         self._slip = np.where(limited, self._slip + away * np.abs(vd) * period, 0.0)
@@ -206,5 +221,10 @@ class _LostMotionGuard:
         raise InputError(
             f"motion refused: {self._robot.joint(k)} at "
             f"{self._onset[k] * self._commanded.period:.3f} s needs torque "
-            f"{self._needed[k]:.6g} N m, available ±{self._available[k]:.6g} N m; {outcome}"
+            f"{self._needed[k]:.6g} N m, available {_range(*self._available[:, k])} N m; {outcome}"
         )
+
+
+def _range(lowest: float, highest: float) -> str:
+    """For people: "±5", or "-5 to 3" where braking has more."""
+    return f"±{highest:.6g}" if highest == -lowest else f"{lowest:.6g} to {highest:.6g}"

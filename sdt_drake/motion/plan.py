@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, whole_periods
@@ -150,12 +150,13 @@ def checked_torque(robot: Robot, motion: Motion, *, torque_margin: float = 1.0) 
             acceleration or position limits: naming joint, time, what it needs and what there is.
     """
     torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
-    for quantity, values, limit, slack in (
-        ("torque [N m]", torque, torque_margin * robot.effort_limit, TORQUE_TOLERANCE),
-        ("speed [rad/s]", motion.v, robot.velocity_limit, SPEED_TOLERANCE),
-        ("acceleration [rad/s²]", motion.vd, robot.acceleration_limit, ACCELERATION_TOLERANCE),
-    ):
-        _refuse_beyond(robot, motion, quantity, values, (-limit, limit), slack)
+    check_speeds(robot, motion)
+    available = robot.torque_range(motion.v, torque_margin)
+    _refuse_beyond(robot, motion, "torque [N m]", torque, available, TORQUE_TOLERANCE)
+    most = robot.acceleration_limit
+    _refuse_beyond(
+        robot, motion, "acceleration [rad/s²]", motion.vd, (-most, most), ACCELERATION_TOLERANCE
+    )
     check_stops(robot, motion)
     return torque
 
@@ -177,6 +178,18 @@ def checked_plan(
     return Plan(motion, torque, free if limited is None else limited, torque_margin, commanded)
 
 
+def check_speeds(robot: Robot, motion: Motion) -> None:
+    """Raise InputError if a joint is too fast for its file or motor: naming joint, time, speed."""
+    limits = [(robot.velocity_limit, "")]
+    if robot.envelope is not None:
+        text = f", the no-load speed (n0) by {robot.envelope.source}"
+        limits.append((robot.envelope.n0 / robot.gear_ratio, text))
+    for most, why in limits:
+        _refuse_beyond(
+            robot, motion, "speed [rad/s]", motion.v, (-most, most), SPEED_TOLERANCE, why
+        )
+
+
 def check_stops(robot: Robot, motion: Motion) -> None:
     """Raise InputError if a joint leaves its position limits: naming joint, time and angle."""
     stops = robot.position_lower, robot.position_upper
@@ -190,14 +203,15 @@ def _refuse_beyond(
     values: Array,
     limits: tuple[Array, Array],
     slack: float,
+    why: str = "",
 ) -> None:
-    lower, upper = limits
+    lower, upper = (np.broadcast_to(limit, values.shape) for limit in limits)
     beyond = (values < lower - slack) | (values > upper + slack)
     for i, k in np.argwhere(beyond):
         name, unit = quantity.rstrip("]").split(" [")
         raise InputError(
             f"{_place(robot, motion, i, k)}: needs {name} {values[i, k]:.6g} {unit}, available "
-            f"{lower[k]:.6g} to {upper[k]:.6g} {unit}"
+            f"{lower[i, k]:.6g} to {upper[i, k]:.6g} {unit}{why}"
         )
 
 
@@ -284,46 +298,37 @@ class Margins:
         return max(map(self.tightest, range(len(self.rms_torque))), key=lambda place: place.share)
 
 
-def margins(
-    robot: Robot,
-    motion: Motion,
-    *,
-    n1: ArrayLike | None = None,
-    n0: ArrayLike | None = None,
-) -> Margins:
+def margins(robot: Robot, motion: Motion) -> Margins:
     """Hold a motion against torque, speed, acceleration and position limits.
+
+    Torque against the motion (braking) is not reduced by the torque-speed envelope of the motors.
 
     A position is measured from the middle between two stops; towards a single one from where the
     motion starts.
 
     Args:
-        robot: the robot.
+        robot: the robot, with the envelope of its motors, if any.
         motion: the motion; it may be beyond the limits.
-        n1, n0: motor speeds up to which the full torque is available, and at which none is left to
-            drive with [rad/s], **motor side**, shape (n,), 0 < n1 < n0; as of a scenario's drive.
-            Torque against the motion (braking) is not reduced. No envelope by default.
 
     Raises:
         InputError: for a motion of another number of joints.
     """
     torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
     limit = np.broadcast_to(robot.effort_limit, torque.shape)
-    lowest, highest = -limit, limit
+    lowest, highest = robot.torque_range(motion.v)
     share = {"torque": np.abs(torque) / limit}
-    if n1 is not None:
-        # What is left of each motor's torque to drive with at its speed.
-        motor_speed = robot.gear_ratio * np.abs(motion.v)
-        rated, no_load = np.asarray(n1), np.asarray(n0)
-        left = np.clip((no_load - motor_speed) / (no_load - rated), 0, 1)
-        lowest = np.where(motion.v < 0, left, 1) * lowest
-        highest = np.where(motion.v > 0, left, 1) * highest
+    if robot.envelope is not None and robot.envelope.limits:
+        asked = np.abs(torque)
         available = np.where(torque > 0, highest, -lowest)
         # At n0 nothing is left: what is asked for there is beyond any share.
         share["torque at speed"] = np.divide(
-            np.abs(torque), available, out=np.where(torque == 0, 0.0, np.inf), where=available > 0
+            asked,
+            available,
+            out=np.where(asked <= TORQUE_TOLERANCE, 0.0, np.inf),
+            where=available > 0,
         )
     for quantity, values, limit in (
-        ("speed", motion.v, robot.velocity_limit),
+        ("speed", motion.v, robot.top_speed),
         ("acceleration", motion.vd, robot.acceleration_limit),
     ):
         if np.isfinite(limit).any():

@@ -74,11 +74,11 @@ def retime(
     commanded = commanded_motion(robot, command, period)
     check_stops(robot, commanded)
     torque = torque_margin * robot.effort_limit
-    limits = available = np.array([torque, torque, robot.velocity_limit, robot.acceleration_limit])
-    if not _excess(robot, commanded, available).any():
+    limits = np.array([torque, torque, robot.top_speed, robot.acceleration_limit])
+    if not _excess(robot, commanded, torque_margin).any():
         return checked_plan(robot, commanded, commanded, torque_margin)
     _check_gravity(robot, commanded, torque)
-    path = _Path(robot, commanded)
+    path = _Path(robot, commanded, torque)
     # The path does not know what sampling adds between the points of its grid. So each pass allows
     # it less, by what the pass before was over. If that leaves too little to hold the links, the
     # last timing is slowed down: beyond holding, all it needs gets less then.
@@ -88,7 +88,7 @@ def retime(
         if s is None or s.end_time() / slower > longest:
             break
         motion, path_speed = path.sampled(s, slower)
-        excess = _excess(robot, motion, available)
+        excess = _excess(robot, motion, torque_margin)
         if not excess.any():
             held_back = np.repeat(path_speed[:, None] < _AS_COMMANDED, robot.n, axis=1)
             return checked_plan(robot, motion, commanded, torque_margin, held_back)
@@ -98,12 +98,20 @@ def retime(
     raise _refusal(robot, command.name, commanded, torque, longest)
 
 
-def _excess(robot: Robot, motion: Motion, limits: Array) -> Array:
+def _excess(robot: Robot, motion: Motion, torque_margin: float) -> Array:
     """By how much a motion is at most beyond each limit, (4, n); 0 where it is not."""
     torque = np.vstack(torque_of_periods(robot, motion))
+    lowest, highest = robot.torque_range(np.vstack([motion.v[:-1], motion.v[1:]]), torque_margin)
     speed, acceleration = (np.abs(x).max(axis=0) for x in (motion.v, motion.vd))
-    used = np.array([-torque.min(axis=0), torque.max(axis=0), speed, acceleration])
-    return np.subtract(used, limits, out=np.zeros_like(used), where=used > limits + _SLACK)
+    beyond = np.array(
+        [
+            (lowest - torque).max(axis=0),
+            (torque - highest).max(axis=0),
+            speed - robot.top_speed,
+            acceleration - robot.acceleration_limit,
+        ]
+    )
+    return np.where(beyond > _SLACK, beyond, 0.0)
 
 
 def torque_of_periods(robot: Robot, motion: Motion) -> tuple[Array, Array]:
@@ -125,9 +133,13 @@ class _Path:
     which goes with s'. It is told as x / s', with the s' of the timing before: so it is right where
     that stays the same, and none at rest. s'' is the same all along a cell of the grid, so x is
     linear in s there.
+
+    A torque-speed envelope is another torque with more friction b, which its falling line makes:
+    |torque| + b |q'| is at most what that line would give at rest.
     """
 
-    def __init__(self, robot: Robot, commanded: Motion) -> None:
+    def __init__(self, robot: Robot, commanded: Motion, torque: Array) -> None:
+        """Of a robot with this largest torque at low speed [N m]."""
         self._commanded = commanded
         # Exact: positions are quadratic between the samples.
         self._q = PiecewisePolynomial.CubicHermite(commanded.time, commanded.q.T, commanded.v.T)
@@ -139,12 +151,21 @@ class _Path:
         rest = np.zeros_like(q)
         gravity = inverse_dynamics(robot, q, rest, rest)
         inertia = inverse_dynamics(robot, q, rest, self._dq) - gravity
-        velocity = inverse_dynamics(robot, q, self._dq, ddq) - gravity - robot.damping * self._dq
-        self._of_s2, self._of_x, fixed = (
-            np.hstack(x) for x in ((inertia, self._dq), (velocity, ddq), (gravity, rest))
+        friction = robot.damping * self._dq
+        velocity = inverse_dynamics(robot, q, self._dq, ddq) - gravity - friction
+        of_s2, of_x, fixed, rubs = [inertia], [velocity], [gravity], [friction]
+        self._more = []  # torque at rest that the line of an envelope gives beyond the largest
+        if robot.envelope is not None and robot.envelope.limits:
+            lost = torque * robot.envelope.slope  # N m s/rad, by the speed of the motor
+            more = np.full(robot.n, np.inf)
+            self._more = [np.multiply(lost, robot.envelope.n1, out=more, where=lost > 0)]
+            of_s2, of_x, fixed = 2 * of_s2, 2 * of_x, 2 * fixed
+            rubs.append(friction + lost * robot.gear_ratio * self._dq)
+        self._of_s2, self._of_x, self._friction = (
+            np.hstack(x) for x in ([*of_s2, self._dq], [*of_x, ddq], [*rubs, rest])
         )
-        self._friction = np.hstack([robot.damping * self._dq, rest])
-        self._fixed = np.hstack([fixed[:-1], fixed[1:]])
+        ends = np.hstack([*fixed, rest])
+        self._fixed = np.hstack([ends[:-1], ends[1:]])
 
     def fastest(self, limits: Array) -> PiecewisePolynomial | None:
         """The fastest s(t) within the limits; None if there is none."""
@@ -192,19 +213,22 @@ class _Path:
         return np.sqrt(x)
 
     def _bounds(self, limits: Array, before: Array) -> tuple[Array, Array, Array, Array]:
-        """lowest <= s'' + ratio x <= highest in each cell, (cells, 4n + 1), and the largest x.
+        """lowest <= s'' + ratio x <= highest in each cell, (cells, rows + 1), and the largest x.
 
         The last column is for the x at the end of the cell, to be filled in. Where s'' has no
         share in a torque (a motor holds a link against what only others move; two points before a
         joint comes to rest evenly), it limits x alone: its s'' would be round-off by round-off.
         """
-        # Both ends of each cell (columns), by s'' and the x of its start: shape (cells, 4n).
+        # Both ends of each cell (columns), by s'' and the x of its start: (cells, rows).
         of_x = self._of_x + self._friction / np.maximum(before, _SLOWEST)[:, None]
         at_end = self._of_s2[1:] + 2 * self._cell[:, None] * of_x[1:]
         of_s2 = np.hstack([self._of_s2[:-1], at_end])
         of_x = np.hstack([of_x[:-1], of_x[1:]])
         down, up, speed, acceleration = limits
-        both = np.hstack([-down, -acceleration]), np.hstack([up, acceleration])
+        both = (
+            np.hstack([-down, *(-down - more for more in self._more), -acceleration]),
+            np.hstack([up, *(up + more for more in self._more), acceleration]),
+        )
         sides = np.array([np.tile(side, 2) - self._fixed for side in both])
         alone = np.abs(of_s2) < _NO_SHARE * np.abs(of_x)
         shared = ~alone & (of_s2 != 0)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import Problems, setting
+from sdt_drake.robot.envelope import Envelope
 
 # --- drives ----------------------------------------------------------------------------------
 
@@ -29,8 +30,9 @@ class Drive:
         torque_error: the motors give (1 + torque_error) of the torque they should.
         encoder_resolution: increments of each encoder per revolution **of the motor**; speed is
             then the difference of positions over `period`.
-        n1: motor speed up to which the full torque is available.
-        n0: motor speed at which none is left to accelerate any more.
+        n1: motor speed up to which the full torque is available; by default that of the motors of
+            the catalogue that the device has.
+        n0: motor speed at which none is left to accelerate any more; likewise.
         reference_delay: how late the reference and all that is computed from it arrives.
     """
 
@@ -43,6 +45,14 @@ class Drive:
     n1: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="rad/s", side="motor")
     n0: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="rad/s", side="motor")
     reference_delay: float = setting(0.0, minimum=0, unit="s")
+
+    @property
+    def envelope(self) -> Envelope | None:
+        """The envelope that n1 and n0 give; None without them."""
+        if self.n1 is None or self.n0 is None:
+            return None
+        n1, n0 = (np.array(speeds, dtype=float) for speeds in (self.n1, self.n0))
+        return Envelope(n1, n0, "drive.n1 and drive.n0")
 
     def problems(self) -> Problems:
         if self.encoder_resolution is not None and self.period is None:

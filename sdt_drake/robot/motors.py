@@ -3,7 +3,7 @@
 # Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, replace
-from math import pi
+from math import inf, pi
 from pathlib import Path
 from typing import Optional
 
@@ -13,6 +13,8 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.fields import Problems, setting, suggestion
 from sdt_drake.io.yaml_files import load_yaml
+from sdt_drake.robot.device import Drive
+from sdt_drake.robot.envelope import Envelope
 from sdt_drake.robot.robot import Robot, edited, parts_of
 from sdt_drake.robot.sdf import DRAKE, child, link_named, links_by_name, scale_link, set_inertia
 
@@ -34,8 +36,8 @@ class Motor:
         peak_torque: largest torque.
         rated_torque: torque that it can give for ever (S1), at a standstill or low speed.
         rotor_inertia: of motor and gearbox.
-        n1_rpm: speed up to which it gives its peak torque.
-        n0_rpm: speed at which none is left to drive with; linear between the two.
+        n1_rpm: speed up to which it gives its peak torque; any by default.
+        n0_rpm: speed at which none is left to drive with; linear between the two. None by default.
         mass: of motor and gearbox.
         gear_ratio: motor speed over joint speed; of a geared motor by default, unless a device
             chooses another.
@@ -48,8 +50,8 @@ class Motor:
     peak_torque: float = setting(above=0, unit="N m", side="motor")
     rated_torque: float = setting(above=0, unit="N m", side="motor")
     rotor_inertia: float = setting(above=0, unit="kg m²", side="motor")
-    n1_rpm: float = setting(above=0, unit="rpm", side="motor")
-    n0_rpm: float = setting(above=0, unit="rpm", side="motor")
+    n1_rpm: Optional[float] = setting(None, above=0, unit="rpm", side="motor")
+    n0_rpm: Optional[float] = setting(None, above=0, unit="rpm", side="motor")
     mass: float = setting(above=0, unit="kg")
     gear_ratio: float = setting(1.0, above=0, unit="-")
     thermal_time_constant: float = setting(above=0, unit="s")
@@ -57,13 +59,13 @@ class Motor:
 
     @property
     def n1(self) -> float:
-        """`n1_rpm` in rad/s."""
-        return self.n1_rpm * _RPM
+        """`n1_rpm` in rad/s; inf without."""
+        return inf if self.n1_rpm is None else self.n1_rpm * _RPM
 
     @property
     def n0(self) -> float:
-        """`n0_rpm` in rad/s."""
-        return self.n0_rpm * _RPM
+        """`n0_rpm` in rad/s; inf without."""
+        return inf if self.n0_rpm is None else self.n0_rpm * _RPM
 
     def problems(self) -> Problems:
         if self.rated_torque > self.peak_torque:
@@ -71,7 +73,11 @@ class Motor:
                 "rated_torque",
                 f"{self.rated_torque:g}, expected at most peak_torque, {self.peak_torque:g}",
             )
-        if self.n0_rpm <= self.n1_rpm:
+        if self.n1_rpm is None or self.n0_rpm is None:
+            if self.n1_rpm is not self.n0_rpm:
+                missing = "n1_rpm" if self.n1_rpm is None else "n0_rpm"
+                yield missing, "missing, expected n1_rpm and n0_rpm or neither"
+        elif self.n0_rpm <= self.n1_rpm:
             yield "n0_rpm", f"{self.n0_rpm:g}, expected more than n1_rpm, {self.n1_rpm:g}"
         if not self.takes_gear(self.gear_ratio):
             yield "gear_ratio", f"{self.gear_ratio:g}, but a torque motor drives directly: 1"
@@ -132,8 +138,9 @@ class DeviceChoice:
     """What the device has otherwise than the SDF; planner, controller and plant all know it.
 
     Lists have one value for each joint. What stays as in the SDF: kinematics, damping, and the
-    limits of position, speed and acceleration. The envelope n1, n0 of the chosen motors is not put
-    into a scenario's `drive`, and springs of `plant.elasticity` keep their stated frequencies.
+    limits of position, speed and acceleration. The torque-speed envelope is that of the motors,
+    chosen, or `fitted` and kept, unless a scenario's `drive` has n1 and n0. Springs of
+    `plant.elasticity` keep their stated frequencies.
 
     Attributes:
         motors: ids of the catalogue; "" keeps the motor of the SDF. All are kept by default.
@@ -193,14 +200,27 @@ def chosen_robot(robot: Robot, choice: DeviceChoice) -> Robot:
     if choice == DeviceChoice():
         return robot
     motors, fitted = _motors(choice, robot.n)  # also of a device that uses none: told at once
+    envelope = _envelope(motors, fitted)
     if choice.changes_nothing:
-        return robot
+        return robot if envelope is None else replace(robot, envelope=envelope)
     with within("device"):
         other = edited(robot, lambda root: _fit(root, robot, choice, motors))
         other = _with_stators(other, _added_masses(motors, fitted, choice.structure_scale))
     stiffness = choice.structure_scale**choice.stiffness_exponent
     factor = np.sqrt(stiffness * _first_inertia(robot) / _first_inertia(other))
-    return replace(other, frequency_factor=float(robot.frequency_factor * factor))
+    factor = float(robot.frequency_factor * factor)
+    return replace(other, frequency_factor=factor, envelope=envelope)
+
+
+def as_driven(robot: Robot, drive: Drive) -> Robot:
+    """The robot with the torque-speed envelope that is in force: that of the drive, or else its
+    motors'."""
+    own, motors = drive.envelope, robot.envelope
+    if own is None:
+        return robot
+    if motors is not None:
+        own = replace(own, source=f"{own.source}, instead of {motors.source}")
+    return replace(robot, envelope=own)
 
 
 def motors_in_use(choice: DeviceChoice, n: int) -> list[Motor]:
@@ -214,6 +234,19 @@ def motors_in_use(choice: DeviceChoice, n: int) -> list[Motor]:
         if motor is None:
             raise InputError(f"device: joint {k + 1} has no motor of the catalogue, expected one")
     return [motor for motor in in_use if motor is not None]
+
+
+def _envelope(chosen: list[Motor | None], fitted: list[Motor | None]) -> Envelope | None:
+    """The envelope of motors of a catalogue; None where no joint has one."""
+    motors = [motor or old for motor, old in zip(chosen, fitted, strict=True)]
+    if not any(motors):
+        return None
+    n1, n0 = (np.array([getattr(m, name) if m else inf for m in motors]) for name in ("n1", "n0"))
+    source = f"the motors of the catalogue ({', '.join(m.id if m else '-' for m in motors)})"
+    without = [str(k + 1) for k in np.flatnonzero(np.isinf(n0))]
+    if without:
+        source += f"; without any: joint {', '.join(without)}, no n1_rpm and n0_rpm"
+    return Envelope(n1, n0, source)
 
 
 def _motors(choice: DeviceChoice, n: int) -> tuple[list[Motor | None], list[Motor | None]]:

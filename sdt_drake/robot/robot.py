@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
@@ -28,6 +29,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, one_line
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.shown import Shown, Summary, joint_count, of_joints
+from sdt_drake.robot.envelope import Envelope
 from sdt_drake.robot.sdf import check_sdf, mass_and_inertia, parse_xml, read_robot_file
 
 _NO_STOP = 1e16  # rad
@@ -56,6 +58,7 @@ class Robot(Shown):
         damping: viscous friction of the joints, joint side [N m s/rad], shape (n,).
         sdf: text of the SDF that the plant was parsed from, without shapes; also of a URDF.
         frequency_factor: lowest natural frequency of the structure over that of the file [-].
+        envelope: torque of the motors over their speed; None where nothing is known of it.
     """
 
     name: str
@@ -72,6 +75,7 @@ class Robot(Shown):
     damping: Array
     sdf: str
     frequency_factor: float = 1.0
+    envelope: Envelope | None = None
 
     @property
     def n(self) -> int:
@@ -97,6 +101,25 @@ class Robot(Shown):
     def reflected_inertia(self) -> Array:
         """r² I_m: what the motors add to the diagonal of the mass matrix [kg m²], shape (n,)."""
         return self.gear_ratio**2 * self.rotor_inertia
+
+    @property
+    def top_speed(self) -> Array:
+        """Largest joint speed that the file allows and the motors reach [rad/s], shape (n,)."""
+        if self.envelope is None:
+            return self.velocity_limit
+        return np.minimum(self.velocity_limit, self.envelope.n0 / self.gear_ratio)
+
+    def torque_range(self, v: ArrayLike, share: float = 1.0) -> tuple[Array, Array]:
+        """Least and largest torque of the motors, joint side [N m], shape (..., n) each.
+
+        Args:
+            v: joint speeds [rad/s], shape (..., n).
+            share: of the motors' torque [-].
+        """
+        v, limit = np.asarray(v, dtype=float), share * self.effort_limit
+        if self.envelope is None:
+            return np.broadcast_to(-limit, v.shape), np.broadcast_to(limit, v.shape)
+        return self.envelope.range(limit, self.gear_ratio * v)
 
     def context_at_zero(self) -> Context:
         """A context of the plant with all joints at 0."""
@@ -162,7 +185,7 @@ def edited(robot: Robot, edit: Callable[[ET.Element], None]) -> Robot:
     root = parse_xml(robot.sdf, robot.path)
     edit(root)
     other = _checked_robot(robot.path, root)
-    return replace(other, frequency_factor=robot.frequency_factor)
+    return replace(other, frequency_factor=robot.frequency_factor, envelope=robot.envelope)
 
 
 def _checked_robot(file: Path, root: ET.Element) -> Robot:

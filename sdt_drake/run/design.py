@@ -24,7 +24,8 @@ from sdt_drake.robot.dynamics import (
     effective_inertia,
     torque_groups,
 )
-from sdt_drake.robot.motors import chosen_robot
+from sdt_drake.robot.envelope import Envelope
+from sdt_drake.robot.motors import as_driven, chosen_robot
 from sdt_drake.robot.robot import Robot, load_robot
 from sdt_drake.run.plant import check_poles, plant_along
 from sdt_drake.run.scenario import Scenario
@@ -102,6 +103,8 @@ class Design(Shown):
             "omega_n [rad/s]": (".4g", self.omega_n),
         }
         title = f"{self.scenario.summary().title}; {self.motion.in_time}; motor side"
+        if self.envelope is not None:
+            title += f"; torque-speed envelope of {self.envelope.source}"
         return of_joints(title, columns, self.robot.joint_names)
 
     def plot(self) -> Figure:
@@ -173,6 +176,11 @@ class Design(Shown):
         """Of the drives in an interpolation period."""
         period = self.scenario.drive.period
         return 1 if period is None else round(self.motion.period / period)
+
+    @property
+    def envelope(self) -> Envelope | None:
+        """The torque-speed envelope in force, motor side; None where nothing gives one."""
+        return as_driven(self.robot, self.scenario.drive).envelope
 
     def variant(self, scenario: Scenario) -> Design:
         """The design of another scenario with the same SDF and planned motion.
@@ -333,22 +341,19 @@ def _name(scenario: Scenario) -> str:
     return f"scenario '{scenario.name}'" if scenario.name else "scenario"
 
 
-# --- plan ------------------------------------------------------------------------------------
-
-
 def plan_of(scenario: Scenario, robot: Robot) -> Plan:
     """The plan of the motion that a scenario names.
 
     Args:
         scenario: with period, planner and margin.
-        robot: the chosen device.
+        robot: the chosen device, whose motors' envelope a drive with its own replaces.
 
     Raises:
         InputError: for a motion that cannot be used, or that the device cannot do.
     """
     return load_plan(
         scenario.motion,
-        robot,
+        as_driven(robot, scenario.drive),
         period=scenario.period,
         torque_margin=scenario.torque_margin,
         planner=scenario.planner,
@@ -359,7 +364,7 @@ def _learned(
     scenario: Scenario, robot: Robot, wanted: Motion, given: LearnedReference | None
 ) -> LearnedReference:
     """What flights have taught: as given, or else of the scenario's file, if any."""
-    margin = scenario.torque_margin
+    margin, robot = scenario.torque_margin, as_driven(robot, scenario.drive)
     if given is not None:
         given.check(wanted, robot, torque_margin=margin)
     elif scenario.learned:

@@ -96,8 +96,8 @@ class Loop(Wired):
         limits = DynamicSaturation(
             motor_torque_limit=robot.motor_torque_limit,
             gear_ratio=robot.gear_ratio,
-            n1=drive.n1,
-            n0=drive.n0,
+            n1=None if design.envelope is None else design.envelope.n1,
+            n0=None if design.envelope is None else design.envelope.n0,
             widened=widened,
         )
         self.add("dynamic_saturation", limits, tau="tau_limited", state="motor_state")

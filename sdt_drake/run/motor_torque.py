@@ -178,13 +178,10 @@ def torque_limits(design: Design, newest: Index, speed: Array) -> tuple[Array, A
 
 def envelope(design: Design, speed: Array) -> tuple[Array, Array]:
     """Least and largest torque of the motors alone, motor side [N m]; see `torque_limits`."""
-    limit, drive = design.robot.motor_torque_limit, design.drive
-    if drive.n1 is None or drive.n0 is None:
+    limit = design.robot.motor_torque_limit
+    if design.envelope is None:
         return -limit, limit
-    n1, n0 = np.array(drive.n1), np.array(drive.n0)
-    motor_speed = design.robot.gear_ratio * speed
-    down, up = (limit * np.clip((n0 - w) / (n0 - n1), 0, 1) for w in (-motor_speed, motor_speed))
-    return -down, up
+    return design.envelope.range(limit, design.robot.gear_ratio * speed)
 
 
 def _given(drive: Drive, limited: Array, before: Array, steps: Array) -> Array:

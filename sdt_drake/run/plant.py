@@ -22,6 +22,7 @@ from sdt_drake.robot.dynamics import (
     gravity_stiffness,
     where_largest,
 )
+from sdt_drake.robot.motors import as_driven
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems.gains import SpeedGains
@@ -126,9 +127,11 @@ def _check_device(scenario: Scenario, robot: Robot, i_eff: Array) -> None:
     if drive.torque_bandwidth is not None:
         lag = np.full(robot.n, 2 * np.pi * drive.torque_bandwidth)
         _check_pole(scenario, lag, "drive.torque_bandwidth gives")
-    if drive.n1 is not None and drive.n0 is not None:
-        slope = robot.motor_torque_limit / (np.array(drive.n0) - np.array(drive.n1))
-        _check_pole(scenario, slope / i_eff, "drive: n0 so close to n1 gives")
+    envelope = as_driven(robot, drive).envelope
+    if envelope is not None:
+        poles = robot.motor_torque_limit * envelope.slope / i_eff
+        where = "drive" if drive.n1 is not None else "device.motors"
+        _check_pole(scenario, poles, f"{where}: n0 so close to n1 gives")
 
 
 def _check_pole(scenario: Scenario, poles: Array, cause: str) -> None:

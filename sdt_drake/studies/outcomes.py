@@ -14,7 +14,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import margins
 from sdt_drake.robot.head import has_head
-from sdt_drake.robot.motors import Motor, motors_in_use
+from sdt_drake.robot.motors import Motor, as_driven, motors_in_use
 from sdt_drake.run.design import Design
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import Recording
@@ -85,7 +85,7 @@ def motor_loads(
     winding_temperature: highest temperature of the winding above that of its coolant, as a share
         of what the rated torque gives for ever [-], the run repeated for ever.
     torque_at_speed_share: of the planned motion, the largest torque over what the motor's envelope
-        leaves to drive with at that speed [-].
+        leaves to drive with at that speed [-]; that of `drive.n1` and `n0` where they are given.
     stretch: how much longer than commanded the motion lasts [-].
 
     Args:
@@ -96,20 +96,13 @@ def motor_loads(
 
     Raises:
         InputError: for a device with a motor of no catalogue.
-        InfeasibleError: if a motor is to drive at a speed at which it has no torque left.
     """
     robot, motion = design.robot, design.motion
     motors = motors_in_use(design.scenario.device, robot.n)
     mean_square = recording.tau_rms[1:] ** 2
     rated = _each(motors, "rated_torque")
-    limits = margins(robot, motion, n1=_each(motors, "n1"), n0=_each(motors, "n0"))
-    at_speed = limits.share["torque at speed"]
-    if np.isinf(at_speed).any():
-        i, k = np.argwhere(np.isinf(at_speed))[0]
-        raise InfeasibleError(
-            f"{robot.joint(k)} at {motion.time[i]:.3f} s: is to drive at {motion.v[i, k]:.4g} "
-            f"rad/s, joint side, where {motors[k].id} has no torque left"
-        )
+    share = margins(as_driven(robot, design.scenario.drive), motion).share
+    at_speed = share.get("torque at speed", share["torque"])
     by_joint = (
         motor_use(recording, robot).peak_share,
         np.sqrt(mean_square.mean(axis=0) * motion.duration / (motion.duration + pause)) / rated,

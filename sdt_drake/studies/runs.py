@@ -77,7 +77,8 @@ class Runner:
     def _planned(self, scenario: Scenario) -> _Planned:
         """From the cache, which forgets the oldest."""
         how = (scenario.period, scenario.torque_margin, scenario.planner)
-        key = (scenario.robot, str(scenario.device), scenario.motion, *how)
+        device = (str(scenario.device), str(scenario.drive.n1), str(scenario.drive.n0))
+        key = (scenario.robot, *device, scenario.motion, *how)
         if key not in self._plans:
             if len(self._plans) >= _CACHED:
                 del self._plans[next(iter(self._plans))]

@@ -29,8 +29,8 @@ class DynamicSaturation(SymbolicLaw):
     Args:
         motor_torque_limit: L, motor side [N m], shape (n,), > 0.
         gear_ratio: r [-], shape (n,), for the envelope.
-        n1, n0: motor speeds of the envelope [rad/s], shape (n,), 0 < n1 < n0; a constant limit
-            by default.
+        n1, n0: motor speeds of the envelope [rad/s], shape (n,), 0 < n1 < n0, or inf for a motor
+            with a constant limit; a constant limit by default.
         widened: whether there is an input `alleviating_torque`; else a = 0.
 
     .. pydrake_system::
@@ -54,7 +54,9 @@ class DynamicSaturation(SymbolicLaw):
         if (n1 is None) != (n0 is None):
             raise InputError("n1, n0: one is missing, expected both or neither")
         limit = checked_positive(motor_torque_limit, "motor_torque_limit")
-        n, has_envelope = len(limit), n1 is not None
+        n = len(limit)
+        rated, no_load = (np.broadcast_to(np.inf if w is None else w, n) for w in (n1, n0))
+        has_envelope = bool(np.isfinite(no_load).any())
         if not has_envelope and not widened:
             self.symbol = "saturation"
             Wired.__init__(self)  # Drake's own block is quicker than a law in symbols
@@ -62,12 +64,14 @@ class DynamicSaturation(SymbolicLaw):
             self.build("tau")
             return
 
-        rated, no_load = np.asarray(n1), np.asarray(n0)
         nothing, all_of_it = sym.Expression(0), sym.Expression(1)
 
         def within_envelope(motor_speed: Symbols) -> Symbols:
-            left = (no_load - motor_speed) / (no_load - rated)
-            return limit * np.array([sym.min(sym.max(share, nothing), all_of_it) for share in left])
+            left = [all_of_it] * n
+            for k in np.flatnonzero(np.isfinite(no_load)):
+                share = (no_load[k] - motor_speed[k]) / (no_load[k] - rated[k])
+                left[k] = sym.min(sym.max(share, nothing), all_of_it)
+            return limit * np.array(left)
 
         def law(tau_cmd: Symbols, *others: Symbols) -> list[sym.Expression]:
             lower: Array | Symbols = -limit

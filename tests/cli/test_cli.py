@@ -152,7 +152,7 @@ def test_wrong_usage(refuse, line, word):
         ("plan package://sdt/motions/nowhere.yaml", ["nowhere.yaml", "reference.yaml"]),
         ("plan ../given/arm.sdf", ["arm.sdf", ".yaml", ".csv"]),
         (f"plan {SHORT_MOTION} --robot {SHORT_MOTION}", ["short.yaml", ".sdf"]),
-        (f"plan {SHORT_MOTION} --envelope {RUN}", ["run.yaml: drive.n1 and drive.n0 missing"]),
+        (f"plan {SHORT_MOTION} --envelope {RUN}", ["run.yaml: no torque-speed envelope, expected"]),
         ("plan --robot ../given/arm.sdf", ["reference.yaml: joints: 4 value(s)", "2", "--robot"]),
         ("plan ../given/two.csv", ["2 joints, robot 'sdt' has 4; --robot names"]),
         ("tune ../given/arm.yaml", ["joints: 2 value(s), expected 4", "; --robot names"]),

@@ -62,16 +62,20 @@ def test_plan_of_the_reference_motion(good, given, robot):
     assert columns_of(out)["of limit [%]"] == ["0.0", "–", "0.0", "0.0"]  # joint 2 has none
 
 
-def test_plan_tells_first_that_a_motion_is_beyond_the_envelope(good, given):
+def test_plan_keeps_the_envelope_of_a_scenario(good, refuse, given):
     text = (
         "plant: {kind: coupled}\ncontroller: {kind: pi, omega_r: 66}\ndrive: {n1: [200, 0.5, 6, 6]"
     )
-    for no_load, beyond in ((2, True), (20, False)):
-        scenario = given("slow.yaml", f"{text}, n0: [314, {no_load}, 15, 15]}}\n")
-        first, *others = good("plan", "--envelope", scenario).out.splitlines()
-        assert first.endswith("feasible, but not within the torque-speed envelope") == beyond
-        assert any("beyond the torque-speed envelope: " in line for line in others) == beyond
-        assert any(re.match("smallest margin: -.* torque at speed", x) for x in others) == beyond
+    slow, quick = (
+        given(f"{no_load}.yaml", f"{text}, n0: [314, {no_load}, 15, 15]}}\n") for no_load in (2, 20)
+    )
+    for options, longer in ((("--envelope", quick), False), (("--envelope", slow), True)):
+        first, second, *_ = good("plan", *options, "--planner", "retiming").out.splitlines()
+        assert ("longer than commanded" in first) == longer and first.endswith("feasible")
+        assert second == "within the torque-speed envelope of drive.n1 and drive.n0"
+    refuse("plan", "--envelope", slow, saying=["joint 2 'roll' at ", "needs torque", "available -"])
+    robot = ("--robot", given("own.sdf", ""))
+    refuse("plan", "--envelope", slow, *robot, saying=["--robot: ", "2.yaml names the robot"])
 
 
 def test_plan_writes_a_motion_that_every_command_takes(good, desk, given):
@@ -328,8 +332,9 @@ def test_simulate_prints_and_writes_the_same_run(good, desk):
 
 
 def test_simulate_tells_saturation_in_percent(good, desk, given):
-    text = SCENARIO.replace("motion.yaml", "short.yaml")
-    drive = "drive: {n1: [1, 0.1, 1, 1], n0: [300, 0.52, 9, 9]}\n"  # joint 2 is too fast for it
+    friction = "kind: axis, friction: {coulomb: [0, 600, 0, 0]}"  # the planner does not know it
+    text = SCENARIO.replace("motion.yaml", "short.yaml").replace("kind: axis", friction)
+    drive = "drive: {n1: [1, 0.1, 1, 1], n0: [300, 0.58, 9, 9]}\n"
     out = good("simulate", given("weak.yaml", text + drive), "--out", "weak.csv").out
     share = read_table(desk / "weak.csv")[1]["saturated"][1:].mean(axis=0)
     assert share[1] > 0.05

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 
 import command_line
 import numpy as np
 import pytest
 
+from sdt_drake.io.resources import models_dir
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.studies.job import make_job
@@ -53,10 +55,13 @@ def test_what_is_commented_out_is_right_too(own):
     assert before.device.motors == [] and before.drive.period is None
 
 
-def test_editors_find_the_schemas(own):
+def test_editors_find_the_schemas_wherever_the_folder_is(own, tmp_path):
+    here = shutil.copytree(".", tmp_path / "elsewhere")
     for name in ("scenario", "motion", "motors", "study"):
-        line = Path(f"{name}.yaml").read_text(encoding="utf-8").splitlines()[0]
-        assert Path(line.split("$schema=")[1]).is_file()
+        line = (here / f"{name}.yaml").read_text(encoding="utf-8").splitlines()[0]
+        schema = Path(line.split("$schema=")[1])
+        assert (here / schema).read_text() == (models_dir() / schema).read_text()
+        assert not schema.is_absolute()
 
 
 def test_a_folder_that_is_in_use_is_refused(refuse, desk):

@@ -102,7 +102,7 @@ def test_plays_once_and_says_where(desk, good):
         (("run.yaml", "--rate", "1000.5"), "--rate: 1000.5, expected a number >= 0.01 and <= 1000"),
         (("run.yaml", "--record", "run.yaml/a.html"), "run.yaml: is a file, expected a folder"),
         (("run.yaml", "--port", "80"), "--port: 80, expected a whole number >= 1024 and <= 65535"),
-        (("run.yaml", "--robot", "other.sdf"), "--robot: the scenario names the robot"),
+        (("run.yaml", "--robot", "other.sdf"), "names the robot, expected --set robot=other.sdf"),
         (("run.yaml", "--record", "a.html", "--once"), "--once: has no effect with --record"),
         (("run.yaml", "--record", "a.html", "--port", "7100"), "--port: has no effect"),
         (("run.yaml", "--record", "a.html", "--rate", "2"), "--rate: has no effect"),

@@ -8,6 +8,8 @@ import numpy as np
 from test_robot import ARM
 
 from sdt_drake.motion import Command, Course, Motion, load_command
+from sdt_drake.robot.device import Drive
+from sdt_drake.robot.motors import as_driven
 from sdt_drake.robot.robot import Robot, load_robot
 
 PERIOD = 0.005
@@ -66,6 +68,12 @@ def write_robot(folder, text: str, *changes: tuple[str, str]) -> Robot:
     path = folder / "robot.sdf"
     path.write_text(text, encoding="utf-8")
     return load_robot(path)
+
+
+def falling(robot: Robot, n1: float, n0: float) -> Robot:
+    """The robot whose first motor loses its torque between two joint speeds [rad/s]."""
+    n1_, n0_ = ([67.2 * x, 90.0 + k, 90.0 + k, 90.0 + k] for k, x in enumerate((n1, n0)))
+    return as_driven(robot, Drive(n1=n1_, n0=n0_))
 
 
 def tough_swing(folder) -> tuple[Robot, Command]:

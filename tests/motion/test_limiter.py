@@ -11,6 +11,7 @@ from motions import (
     LIMITS,
     PERIOD,
     alone,
+    falling,
     faster,
     knots,
     reference,
@@ -102,6 +103,32 @@ def test_a_joint_that_cannot_accelerate_as_commanded_catches_up_later(robot):
     assert plan.angle_lost == pytest.approx([lost, 0, 0, 0], rel=1e-3)
 
 
+def test_torque_that_falls_with_speed_limits_driving_and_not_braking(robot):
+    """From n1 = 0.5 rad/s on v' = a (n0 - v) / (n0 - n1): an exponential towards n0 = 1.7."""
+    a, apart = 13655.04 / INERTIA_1, 1.7 - 0.5
+    slow = falling(robot, 0.5, 1.7)
+    plan = plan_motion(slow, alone(knots([0, 0], [1, 0], [3, 1.6], [10, 1.6], [13, 0])))
+    time, v = plan.motion.time, plan.motion.v[:, 0]
+    corner = 1 + 0.5 / a
+    along = np.where(
+        time < corner, a * (time - 1), 1.7 - apart * np.exp(-a * (time - corner) / apart)
+    )
+    np.testing.assert_allclose(v[time < 10], np.clip(along, 0, 1.6)[time < 10], atol=3e-3)
+    limited, torque = plan.limited[:, 0], plan.torque[:, 0]
+    left = 13655.04 * np.clip((1.7 - v) / apart, 0, 1)
+    np.testing.assert_allclose(torque[limited], left[limited], atol=1e-6)
+    brakes = np.searchsorted(time, 10.1)  # with nine times what is left to drive with
+    assert not limited[brakes:].any() and torque[brakes] < -5 * left[brakes]
+    same = plan_motion(falling(robot, 8.0, 9.0), spin_up([6, 1.6]))  # never so fast
+    np.testing.assert_array_equal(same.motion.v, plan_motion(robot, spin_up([6, 1.6])).motion.v)
+    for planned in (plan_motion, checked_torque):
+        what = spin_up([6, 1.6])
+        what = commanded_motion(robot, what, PERIOD) if planned is checked_torque else what
+        said = r"speed 1\.\S+ rad/s, .* 1\.5 rad/s, the no-load speed"
+        with pytest.raises(InputError, match=said):
+            planned(falling(robot, 0.5, 1.5), what)
+
+
 def test_the_limiter_counts_gravity_and_viscous_friction(tmp_path):
     arm, swing = tough_swing(tmp_path)
     plan = plan_motion(arm, swing)
@@ -125,7 +152,7 @@ def test_limited_accelerations_are_the_optimum(condition):
         bias = rng.normal(size=n) * np.sqrt(condition)
         wanted = rng.normal(size=n) * 5
         available = rng.uniform(0.5, 6, size=n) * np.sqrt(condition)
-        vd = limit_accelerations(M, bias, wanted.copy(), available)
+        vd = limit_accelerations(M, bias, wanted.copy(), -available, available)
         torque = M @ vd + bias
         assert np.all(np.abs(torque) <= available + 1e-6)
         pull = np.sign(wanted - vd)

@@ -10,6 +10,8 @@ from motions import reference, sampled
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion, margins
+from sdt_drake.robot.device import Drive
+from sdt_drake.robot.motors import as_driven
 
 
 @pytest.fixture(scope="module")
@@ -74,8 +76,8 @@ def test_an_envelope_takes_torque_from_driving_but_not_from_braking(robot):
     time = 0.005 * np.arange(1201)
     v[:, 0] = np.interp(time, [0, 2, 4, 6], [0, 1, 1, 0])
     motion = Motion.from_speeds(0.005, np.zeros(4), v)
-    n1, n0 = [33.6, 9, 9, 9], [100.8, 99, 99, 99]  # of joint 1: 0.5 and 1.5 rad/s, joint side
-    report = margins(robot, motion, n1=n1, n0=n0)
+    drive = Drive(n1=[33.6, 9, 9, 9], n0=[100.8, 99, 99, 99])  # joint 1: 0.5 and 1.5 rad/s
+    report = margins(as_driven(robot, drive), motion)
     left = np.clip((1.5 - v[:, 0]) / 1.0, 0, 1)
     np.testing.assert_allclose(report.highest[:, 0], 13655.04 * left)
     np.testing.assert_allclose(report.lowest[:, 0], -13655.04)

@@ -13,6 +13,7 @@ from motions import (
     SHORT,
     alone,
     command,
+    falling,
     faster,
     knots,
     tough_swing,
@@ -95,6 +96,23 @@ def test_a_feasible_command_comes_back_as_it_is(robot):
 
 
 # --- closed forms ----------------------------------------------------------------------------
+
+
+def test_torque_that_falls_with_speed_makes_the_fastest_timing_an_exponential(robot):
+    """Of a path from rest to rest: v' = a (n0 - v) / (n0 - n1) up, and braking with all of a."""
+    a, n1, n0 = 13655.04 / INERTIA_1, 0.5, 1.7
+    tau, angle, h = (n0 - n1) / a, 5.0, 1e-5
+    v, q, up = 0.0, 0.0, 0.0
+    while q + v**2 / (2 * a) < angle:
+        v += h * min(a, (n0 - v) / tau)
+        q, up = q + h * v, up + h
+    plan = retime(falling(robot, n1, n0), alone(knots([0, 0], [1, 2.5], [2, 2.5], [3, 0])))
+    assert plan.motion.q[-1, 0] == pytest.approx(angle, abs=1e-4)
+    assert up + v / a <= plan.motion.duration <= 1.005 * (up + v / a) + 3 * PERIOD
+    left = 13655.04 * np.clip((n0 - plan.motion.v[:, 0]) / (n0 - n1), 0, 1)
+    driving = plan.torque[:, 0] > 0
+    assert np.all((plan.torque[:, 0] <= left + 1e-6)[driving])
+    assert np.quantile((plan.torque[:, 0] / left)[driving], 0.1) > 0.99
 
 
 def test_a_single_joint_spins_up_with_all_its_motor_has_and_ends_at_speed(robot):

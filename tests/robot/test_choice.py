@@ -20,7 +20,8 @@ from sdt_drake.run.scenario import load_scenario
 
 FITTED = ["AC-203", "TM-3950", "TM-2150", "TM-2150"]
 LIGHTER = ["AC-150", "TM-2860", "TM-1430", "TM-716"]
-MASS = {motor.id: motor.mass for motor in load_catalogue().motors}
+MOTORS = load_catalogue()
+MASS = {motor.id: motor.mass for motor in MOTORS.motors}
 ADDED = np.array([MASS[new] - MASS[old] for new, old in zip(LIGHTER, FITTED, strict=True)])
 ARM, PAYLOAD = 2.6, 180.0  # m, kg
 Q = np.random.default_rng(5).uniform(-3, 3, size=(8, 4))  # rad
@@ -77,8 +78,12 @@ def test_limits_rotors_and_gears(robot, fields, torque, rotor_inertia, gear_rati
 
 
 def test_a_choice_of_nothing_is_the_robot_itself(robot):
-    for choice in (DeviceChoice(), DeviceChoice(motors=[""] * 4), DeviceChoice(fitted=FITTED)):
+    for choice in (DeviceChoice(), DeviceChoice(motors=[""] * 4)):
         assert chosen_robot(robot, choice) is robot
+    fitted = chosen_robot(robot, DeviceChoice(fitted=FITTED))  # but for what its motors are known
+    assert fitted.sdf is robot.sdf
+    rpm = [MOTORS.motor(id_, "").n0_rpm for id_ in FITTED]
+    np.testing.assert_allclose(fitted.envelope.n0, np.array(rpm) * np.pi / 30, rtol=1e-15)
 
 
 def test_masses_of_the_motors_stand_on_the_inboard_side(robot):

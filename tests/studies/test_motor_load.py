@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import dataclasses
+import copy
 
 import numpy as np
 import pytest
 from small_studies import MOTION
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.robot.motors import DeviceChoice, motors_in_use
+from sdt_drake.io.resources import models_dir
+from sdt_drake.robot.device import Drive
+from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import Scenario, load_scenario
 from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.outcomes import (
-    InfeasibleError,
     has_motor_loads,
     motor_load_names,
     motor_loads,
@@ -97,16 +98,52 @@ def test_a_weak_motor_stretches_the_motion(run):
     assert 0.9 < loads["used_torque_share_2"] <= 1
 
 
-def test_a_motor_that_would_drive_beyond_its_speed_makes_a_run_infeasible(run, monkeypatch):
-    """At n0 and beyond nothing is left of its torque; that says nothing of the run's numbers."""
-    own, recording, *_ = run("[0.25, 1], [0.5, 1]")
-    slow = {"n1_rpm": 0.5 * 30 / np.pi, "n0_rpm": 0.8 * 30 / np.pi}
-    motors = [*motors_in_use(own.scenario.device, 4)]
-    motors[1] = dataclasses.replace(motors[1], **slow)
-    monkeypatch.setattr("sdt_drake.studies.outcomes.motors_in_use", lambda *_: motors)
-    said = r"joint 2 'roll' at 0\.200 s: is to drive at 0\.8 rad/s, joint side, where TM-3950 has"
-    with pytest.raises(InfeasibleError, match=said):
-        motor_loads(own, recording, 0.5)
+SLOW = "{id: SLOW, kind: torque motor, peak_torque: 3950, rated_torque: 1780, rotor_inertia: 8.6"
+
+
+def slow_motors(desk, **speeds: float) -> DeviceChoice:
+    """The shipped motors, but one for joint 2 with other speeds [rpm]."""
+    told = "".join(f", {name}: {value!r}" for name, value in speeds.items())
+    own = f"  - {SLOW}{told}, mass: 560, thermal_time_constant: 900, source: made up}}\n"
+    (desk / "own.yaml").write_text((models_dir() / "motors.yaml").read_text() + own)
+    return DeviceChoice(["", "SLOW", "", ""], fitted=[*FITTED], catalogue="own.yaml")
+
+
+def test_chosen_motors_limit_planner_and_loop_as_the_same_numbers_of_the_drive_do(run, desk):
+    own, *_ = run("[0.25, 1], [0.5, 0]")
+    scenario, rpm = own.scenario, np.pi / 30
+    scenario.plant.friction.coulomb = [0, 600.0, 0, 0]  # the planner does not know it
+    scenario.device = slow_motors(desk, n1_rpm=0.25 / rpm, n0_rpm=1.02 / rpm)
+    chosen = make_design(scenario)
+    assert chosen.envelope.source == "the motors of the catalogue (AC-203, SLOW, TM-2150, TM-2150)"
+    first = simulate(chosen)
+    given, without = copy.deepcopy(scenario), slow_motors(desk)
+    given.device, n1, n0 = without, [*chosen.envelope.n1], [*chosen.envelope.n0]
+    given.drive = Drive(n1=n1, n0=n0)
+    second = make_design(given)
+    assert second.envelope.source.startswith("drive.n1 and drive.n0, instead of the motors of the")
+    assert first.saturated[:, 1].any() and first.v[:, 1].max() > 0.6
+    for name, values in vars(simulate(second)).items():
+        np.testing.assert_array_equal(values, getattr(first, name), err_msg=name)
+    loads = [motor_loads(x, first, 0.5) for x in (chosen, second)]
+    assert loads[0] == loads[1]
+    given.drive = Drive()
+    free = make_design(given)
+    assert "without any: joint 2, no n1_rpm and n0_rpm" in free.envelope.source
+    assert simulate(free).saturated[:, 1].max() == 0
+
+
+def test_a_motor_that_would_drive_beyond_its_speed_cannot_do_the_motion(run, desk):
+    own, recording, *_ = run("[0.25, 1], [0.5, 0]")
+    scenario = own.scenario
+    scenario.device = slow_motors(desk, n1_rpm=0.5 * 30 / np.pi, n0_rpm=0.8 * 30 / np.pi)
+    slower = make_design(scenario)  # by retiming
+    loads = dict(zip(motor_load_names(4), motor_loads(slower, recording, 0.5), strict=True))
+    assert 0.9 < loads["torque_at_speed_share_2"] <= 1 + 1e-6 and loads["stretch"] > 0.05
+    scenario.planner = "limiter"
+    said = r"joint 2 'roll' .* speed 0\.8\S* rad/s, available -0\.8 to 0\.8 .* \(AC-203, SLOW, "
+    with pytest.raises(InputError, match=said):
+        make_design(scenario)
 
 
 def test_motors_of_no_catalogue_are_refused(run):

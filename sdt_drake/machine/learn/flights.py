@@ -14,6 +14,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.machine.learn.filter import LearningFilter
 from sdt_drake.motion import LearnedReference, Motion
 from sdt_drake.robot.head import has_head
+from sdt_drake.robot.motors import as_driven
 from sdt_drake.run.design import Design
 from sdt_drake.run.simulate import simulate
 
@@ -140,13 +141,15 @@ def _beside(wanted: Motion, change: Array, filter_: LearningFilter) -> Motion:
 
 def _torque_step(design: Design, torque: Array) -> Step:
     """A torque [N m], motor side, cut off where a motor has no more."""
-    most = design.scenario.torque_margin * design.nominal.motor_torque_limit
-    within, limit = np.clip(torque, -most, most), ""
+    robot = as_driven(design.nominal, design.scenario.drive)
+    available = robot.torque_range(design.motion.v, design.scenario.torque_margin)
+    least, most = (limit / robot.gear_ratio for limit in available)
+    within, limit = np.clip(torque, least, most), ""
     if np.any(within != torque):
         i, k = np.argwhere(within != torque)[0]
         limit = (
             f"joint {k + 1} at {design.motion.time[i]:.3f} s: {torque[i, k]:.6g} N m, motor side, "
-            f"available {most[k]:.6g} N m"
+            f"available {least[i, k]:.6g} to {most[i, k]:.6g} N m"
         )
     return Step(LearnedReference(design.motion, within), 1.0, limit)
 

@@ -61,7 +61,7 @@ def _torque(ax: Axes, robot: Robot, planned: Plan, margins: Margins, k: int) -> 
 
 
 def _speed(ax: Axes, robot: Robot, planned: Plan, k: int) -> None:
-    motion, commanded, limit = planned.motion, planned.commanded, robot.velocity_limit[k]
+    motion, commanded, limit = planned.motion, planned.commanded, robot.top_speed[k]
     ax.plot(commanded.time, commanded.v[:, k], color=COMMANDED, lw=2.4, label="commanded")
     ax.plot(motion.time, motion.v[:, k], color=PLANNED, label="planned")
     fastest = max(np.abs(motion.v[:, k]).max(), np.abs(commanded.v[:, k]).max())

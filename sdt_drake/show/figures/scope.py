@@ -111,12 +111,13 @@ def limits_along(recording: Recording, design: Design) -> tuple[Array, Array]:
 def torque_over_speed(recording: Recording, design: Design, k: int) -> Panel:
     """Torque of the motor of joint k, from 0, over its speed, in the envelope of motor and drive.
 
-    Motor side. The envelope goes on to the speeds n1 and n0 of the drive, where there are any.
+    Motor side. The envelope goes on to the speeds n1 and n0, where there are any.
     """
     ratio, n = design.robot.gear_ratio[k], design.robot.n
     corners: list[float] = []
-    if design.drive.n1 is not None and design.drive.n0 is not None:
-        corners = [sign * w[k] for w in (design.drive.n1, design.drive.n0) for sign in (-1, 1)]
+    envelope_ = design.envelope
+    if envelope_ is not None and np.isfinite(envelope_.n0[k]):
+        corners = [sign * w[k] for w in (envelope_.n1, envelope_.n0) for sign in (-1, 1)]
     speed = np.concatenate([ratio * recording.v[:, k], corners])
     torque = np.concatenate([recording.tau[:, k], np.full(len(corners), np.nan)])
     order = np.argsort(speed, kind="stable")

@@ -215,13 +215,13 @@ def _plant(design: Design) -> str:
 
 
 def _drives(design: Design) -> str:
-    drive = design.scenario.drive
+    drive, envelope = design.scenario.drive, design.envelope
     parts = {
         f"speed loop every {1e3 * (drive.period or 0):g} ms": drive.period is not None,
         "encoders with increments": drive.encoder_resolution is not None,
         f"torque loop of {drive.torque_bandwidth or 0:g} Hz": drive.torque_bandwidth is not None,
         "wrong torques": drive.torque_error is not None,
-        "torque that falls with speed": drive.n1 is not None,
+        f"torque-speed envelope of {envelope.source if envelope else ''}": envelope is not None,
         f"reference {1e3 * drive.reference_delay:g} ms late": drive.reference_delay > 0,
     }
     return _listed(parts, "ideal")
