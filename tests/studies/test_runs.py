@@ -13,6 +13,7 @@ from sdt_drake.analysis.tracking import motor_use, track
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.resources import models_dir
 from sdt_drake.machine.learn.flights import fly
+from sdt_drake.robot.device import Drive
 from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import Scenario, load_scenario
@@ -88,6 +89,10 @@ def test_every_row_has_its_own_device_and_plan(files):
     assert light.outcomes[peak] < 0.9 * heavy.outcomes[peak]
     rows = run(base, of("torque_margin", List([1.0, 0.05])))
     assert [row.status for row in rows] == ["ok", "infeasible"]
+    base.drive = Drive(n1=[200.0, 0.01, 0.01, 0.01], n0=[300.0, 9.0, 9.0, 9.0])
+    rows = run(base, of("drive.n0[2]", List([9.0, 0.02])))
+    assert [row.status for row in rows] == ["ok", "infeasible"]
+    assert "the no-load speed (n0) by drive.n1 and drive.n0" in rows[1].reason
 
 
 def test_infeasible_rows(base, files):
