@@ -86,6 +86,7 @@ def _recording() -> Chapter:
     text = (
         "What `simulate --out run.csv` writes and `pilot` and `view` read: a row for each period. "
         "Column `name_k` is joint k, base to tip; of .parquet, too, and column k of `name` in .mat."
+        " Errors with a sign are achieved less wanted, here and wherever the package tells one."
     )
     rows = [("time", *told["time"]), *((f"{name}_k", *told[name]) for name in RECORDED_COLUMNS)]
     return Chapter("Recordings", [Sheet("", text, ("column", "unit", "meaning"), rows)])

@@ -122,7 +122,7 @@ class StepMetrics:
         overshoot_percent: how far the peak is beyond the final value, of the step [%].
         peak: value farthest from the start in the direction of the step [unit of y].
         peak_time: when [s].
-        steady_state_error: final value minus last sample [unit of y].
+        steady_state_error: last sample less `y_final` [unit of y].
     """
 
     rise_time: float
@@ -156,7 +156,7 @@ def step_metrics(
         overshoot_percent=100 * max(float(response[i_peak]) - 1, 0.0),
         peak=float(y[i_peak]),
         peak_time=float(t[i_peak] - t[0]),
-        steady_state_error=float(y_final - y[-1]),
+        steady_state_error=float(y[-1] - y_final),
     )
 
 

@@ -28,6 +28,7 @@ from sdt_drake.machine.learn.loops import (
 from sdt_drake.motion import LearnedReference, Motion, checked_torque
 from sdt_drake.run.design import make_design
 from sdt_drake.run.simulate import simulate
+from sdt_drake.show.figures.runs import scope
 from sdt_drake.show.reports import learning as report
 from sdt_drake.studies.devices import devices_of
 from sdt_drake.studies.study import load_study
@@ -111,7 +112,7 @@ def test_what_is_learned_shrinks_errors_as_the_check_says(cascade):
     for wanted, left in ((slow, 0.3**3), (fast, 1.0)):
         learned = np.zeros_like(wanted)
         for _ in range(3):
-            learned = filter_.next(learned, wanted - flown(learned))
+            learned = filter_.next(learned, flown(learned) - wanted)
         share = np.abs(wanted - flown(learned)).max() / np.abs(wanted).max()
         assert share == pytest.approx(left, rel=0.05)
 
@@ -211,8 +212,15 @@ def test_flights_of_a_wrong_model_get_better_without_more_torque(cascade):
 
 def test_what_encoders_see_is_learned_from_and_what_links_do_is_told(cascade):
     flight, run = fly(design := cascade("p_pi", SPRINGS), 1), simulate(design)
-    np.testing.assert_array_equal(flight.seen, design.wanted.q - run.q_measured)
-    np.testing.assert_array_equal(flight.error, design.wanted.q - run.q)
+    np.testing.assert_array_equal(flight.seen, run.q_measured - design.wanted.q)
+    np.testing.assert_array_equal(flight.error, run.position_error)
+    told = report.plot_errors("learn", run.time, [flight], design.robot.joint_names)
+    shown = np.reshape(scope("simulate", run, design).axes, (4, -1))[2]
+    for learned, simulated in zip(told.axes, shown, strict=False):  # of one sign, late is negative
+        lines = [*learned.get_lines(), *simulated.get_lines()]
+        flown, error = (x.get_ydata() for x in lines if x.get_label() in ("flight 1", "error"))
+        np.testing.assert_array_equal(flown, error)
+    assert np.mean(flight.error * np.sign(run.v_ref), axis=0).min() < 0
     assert np.abs(flight.seen - flight.error)[:, 1].max() > 1e-4
 
 

@@ -132,7 +132,7 @@ def test_closed_forms_by_interpolation():
     metrics = step_metrics(RAMP_TIME, exponential(RAMP_TIME), y0=0, y_final=1)
     assert metrics.rise_time == pytest.approx(np.log(9), abs=1e-4)
     assert metrics.settling_time == pytest.approx(np.log(50), abs=1e-4)
-    assert metrics.steady_state_error == pytest.approx(np.exp(-10))
+    assert metrics.steady_state_error == pytest.approx(-np.exp(-10))
     zeta, omega = 0.4, 3.0
     _, y = control.step_response(control.tf([omega**2], [1, 2 * zeta * omega, omega**2]), RAMP_TIME)
     metrics = step_metrics(RAMP_TIME, y, y0=0, y_final=1)
@@ -159,7 +159,7 @@ def test_direction_start_and_time_of_the_step_do_not_matter(y0, y_final):
     for name in ("rise_time", "settling_time", "overshoot_percent", "peak_time"):
         assert getattr(metrics, name) == pytest.approx(getattr(expected, name), rel=1e-9), name
     assert metrics.peak == pytest.approx(y0 + (y_final - y0) * expected.peak)
-    assert metrics.steady_state_error == pytest.approx(y_final - y[-1])
+    assert metrics.steady_state_error == pytest.approx(y[-1] - y_final)
 
 
 @pytest.mark.parametrize(
@@ -170,7 +170,7 @@ def test_nan_where_it_never_gets_there(reaches, rise_is_nan):
     assert np.isnan(metrics.rise_time) == rise_is_nan
     assert np.isnan(metrics.settling_time)
     assert metrics.overshoot_percent == 0
-    assert metrics.steady_state_error == pytest.approx(1 - reaches, abs=1e-4)
+    assert metrics.steady_state_error == pytest.approx(reaches - 1, abs=1e-4)
 
 
 def test_still_outside_at_the_end_has_not_settled():

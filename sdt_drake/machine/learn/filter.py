@@ -2,12 +2,12 @@
 
 After flight j, what is learned (u) becomes
 
-    u_(j+1) = Q (u_j + L e_j)
+    u_(j+1) = Q (u_j - L e_j)
 
-with e the position error that the encoders see, L the inverse of the loop's response G, and Q a
-zero-phase low-pass. So the error that repeats shrinks from flight to flight by Q (1 - L G), and
-what is above the bandwidth of Q is not learned. Bristow, Tharayil, Alleyne, "A survey of iterative
-learning control", IEEE Control Systems Magazine 26(3), 2006.
+with e the position error, achieved less wanted, that the encoders see, L the inverse of the loop's
+response G, and Q a zero-phase low-pass. So the error that repeats shrinks from flight to flight by
+Q (1 - L G), and what is above the bandwidth of Q is not learned. Bristow, Tharayil, Alleyne, "A
+survey of iterative learning control", IEEE Control Systems Magazine 26(3), 2006.
 """
 
 from __future__ import annotations
@@ -83,10 +83,10 @@ class LearningFilter:
 
         Args:
             learned: what this one had, [rad] or [N m].
-            error: wanted less achieved positions, as the encoders see them [rad].
+            error: achieved less wanted positions, as the encoders see them [rad].
         """
         robust = self._filtered(learned, np.ones_like(self.inverse))
-        return (robust + self._filtered(error, self.inverse)) * self.onset(len(error))
+        return (robust - self._filtered(error, self.inverse)) * self.onset(len(error))
 
     def onset(self, count: int) -> Array:
         """A weight from 0 at the first sample to 1 within a period of each joint's bandwidth,

@@ -30,7 +30,7 @@ class Flight:
     Attributes:
         number: from 1, which is of the planned motion.
         learned: what it was given.
-        error: wanted less achieved positions, of links, joint side [rad], shape (N + 1, n).
+        error: achieved less wanted positions, of links, joint side [rad], shape (N + 1, n).
         seen: the same as the encoders see it, which is what is learned from [rad].
         largest: |error| [rad], shape (n,).
         rms: of the error [rad], shape (n,).
@@ -58,13 +58,13 @@ class Flight:
 def fly(design: Design, number: int) -> Flight:
     """Run a design along its motion."""
     recording, wanted = simulate(design), design.wanted.q
-    error = wanted - recording.q
+    error = recording.q - wanted
     felt = track_head(recording, design.robot).felt.share if has_head(design.robot) else np.nan
     return Flight(
         number=number,
         learned=LearnedReference(design.motion, design.learned_torque),
         error=error,
-        seen=error if recording.q_measured is None else wanted - recording.q_measured,
+        seen=error if recording.q_measured is None else recording.q_measured - wanted,
         largest=np.abs(error).max(axis=0),
         rms=np.sqrt(np.mean(error**2, axis=0)),
         felt=felt,
@@ -100,7 +100,7 @@ def next_step(design: Design, filter_: LearningFilter, error: Array) -> Step:
     Args:
         design: of the flight.
         filter_: for its loop.
-        error: wanted less achieved positions, as the encoders see them [rad], shape (N + 1, n).
+        error: achieved less wanted positions, as the encoders see them [rad], shape (N + 1, n).
     """
     if filter_.of == "torque":
         before = np.zeros_like(error) if design.learned_torque is None else design.learned_torque

@@ -215,7 +215,7 @@ def teach(
     flight = _record(design.wanted.q, [one.q for one in found], number + 1)
     flight.shifts = [one.shift for one in found]
     _refuse_growth(flight, state, recordings[0].path)
-    error = design.wanted.q - np.mean([one.q for one in found], axis=0)
+    error = np.mean([one.q for one in found], axis=0) - design.wanted.q
     given = design if number == 0 else design.given(state.references[number])
     step = next_step(given, filter_, error)
     notes = _notes(flight, step, state)
@@ -232,7 +232,7 @@ def _record(wanted: Array, flown: Sequence[Array], reference: int) -> FlightReco
     """Separate what repeats from what does not: the spread of m recordings has m - 1 degrees of
     freedom, and 1/m of its square is left in their mean."""
     count = len(flown)
-    error = wanted - np.mean(flown, axis=0)
+    error = np.mean(flown, axis=0) - wanted
     square, floor = np.mean(error**2, axis=0), np.zeros(0)
     if count > 1:
         variance = np.mean(np.var(flown, axis=0, ddof=1), axis=0)
