@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from sdt_drake.analysis.comparison import Compared, compare
+from sdt_drake.analysis.stability import stability_sweep
 from sdt_drake.analysis.tracking import track
 from sdt_drake.cli import app as cli
 from sdt_drake.machine.learn.filter import design_filter
@@ -59,6 +60,64 @@ def test_table_of_controllers_is_what_compare_finds(scenario, first):
             np.array(row[first].split(), dtype=float), position, atol=5.1e-4, err_msg=row[0]
         )
         assert float(row[first + 1]) == pytest.approx(tracking.rms_speed_error[1], abs=5.1e-6)
+
+
+def said(pattern: str) -> list[float]:
+    """Numbers that a sentence tells."""
+    (found,) = re.findall(pattern, " ".join(FINDINGS.split()))
+    return [float(number) for number in found]
+
+
+def test_what_the_printed_sign_makes_of_joint_2():
+    worst, pi, ctc, steady = said(
+        r"joint 2 \((\S+) rad/s\) (\S+) times that of PI alone and (\S+) times that of PI \+ CTC "
+        r"with the right one, at constant speed (\S+) times"
+    )
+    found = {}
+    for name, sign in (("pi", "consistent"), ("pi_ctc", "consistent"), ("pi_ctc", "printed")):
+        design = make_design(load_scenario(f"coupled_{name}", {"algorithm": sign}))
+        tracking = track(simulate(design), design.motion)
+        found[name, sign] = tracking.max_abs_speed_error[1], tracking.constant_speed_error[1]
+    printed, ours = found["pi_ctc", "printed"], found["pi_ctc", "consistent"]
+    assert printed[0] == pytest.approx(worst, abs=5e-4)
+    assert printed[0] / found["pi", "consistent"][0] == pytest.approx(pi, abs=0.05)
+    assert printed[0] / ours[0] == pytest.approx(ctc, abs=0.05)
+    assert printed[1] / ours[1] == pytest.approx(steady, abs=0.5)
+
+
+def test_a_heavy_model_gives_the_same_ranking_but_by_position():
+    told = said(r"(0\.\d+) and (0\.\d+) deg with the light model, .*?: (0\.\d+) and (0\.\d+) deg")
+    found, by_speed, by_position = [], [], []
+    for mass in (-40.0, 40.0):
+        design = make_design(load_scenario("wrong_model", {"controller.model.payload_mass": mass}))
+        runs = compare(design, labels_of(rows_of_table("controller | position")))
+        speed = {run.label: run.tracking.rms_speed_error[1] for run in runs}
+        worst = {run.label: np.degrees(run.tracking.max_abs_position_error.max()) for run in runs}
+        found += [worst["pi_id"], worst["p_pi"]]
+        by_speed.append(sorted(speed, key=speed.get))
+        by_position.append(sorted(worst, key=worst.get))
+    assert found == pytest.approx(told, abs=6e-4)
+    assert by_speed[0] == by_speed[1]
+    swapped = {"pi_id": "p_pi", "p_pi": "pi_id"}
+    assert by_position[1] == [swapped.get(label, label) for label in by_position[0]]
+
+
+@pytest.mark.parametrize(
+    ("scenario", "period", "told"),
+    [
+        ("real_device", 0.001, {2: 0.27, 1: 0.47}),
+        ("real_device", 125e-6, {3: 0.09, 4: 0.29}),
+        ("coupled_pi", 0.001, {2: 0.27, 1: 0.48}),
+        ("coupled_pi", 125e-6, {3: 0.08, 4: 0.27}),
+    ],
+)
+def test_borders_of_sampled_drives_on_elastic_joints(designed, scenario, period, told):
+    design = designed(scenario, {"drive.period": period}, end=30)
+    drive = design.scenario.drive
+    sweep = stability_sweep(design, 65.991, encoder="motor", drive=drive, damping_ratio=0.01)
+    for joint, border in told.items():
+        assert sweep.border[joint - 1] == pytest.approx(border, abs=0.0051)
+        assert f"{border}" in FINDINGS
 
 
 def test_table_of_what_is_felt_is_what_compare_finds():

@@ -42,6 +42,7 @@ FED = "with the load that the model lacks"
 ALONE = "controller alone, on the recorded motion"
 
 ENOUGH = 0.99  # of a recording is explained: what is left has no cause worth a name
+ROUND_OFF = 1e-9  # of what was recorded; of a joint that was recorded as good as still
 _INSIDE = 0.95  # of what a motor has: less, and it gives what is asked
 _WINDOW = 0.1  # s; what is twice as fast is noise of encoders, which no model has
 
@@ -79,11 +80,15 @@ class Replay:
         """Share of the mean square of what was recorded that the simulation explains, shape (n,).
 
         1 - (RMS of the difference / RMS of the recording)²; below 0 where no simulation at all
-        would be nearer, NaN where nothing was recorded but zeros.
+        would be nearer, NaN where nothing was recorded but zeros, or round-off.
         """
-        recorded = self.recorded_rms(quantity)
-        recorded[recorded == 0] = np.nan
-        return 1 - (self.difference(quantity, case) / recorded) ** 2
+        return 1 - self.apart(quantity, case) ** 2
+
+    def apart(self, quantity: str, case: str = AS_IT_IS) -> Array:
+        """RMS of the difference over that of the recording [-], shape (n,); NaN as `explained`."""
+        recorded, off = self.recorded_rms(quantity), self.difference(quantity, case)
+        is_nothing = recorded <= ROUND_OFF * np.maximum(recorded.max(), off)
+        return off / np.where(is_nothing, np.nan, recorded)
 
     @property
     def due_to_model(self) -> Array | None:

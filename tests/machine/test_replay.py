@@ -60,8 +60,16 @@ def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(design
     assert tables(result)[0].rows[-1][0] == "of the difference, controller, drives, springs [%]"
     torques = {row[0]: row[1] for row in tables(result)[-1].rows}
     assert torques["difference as the scenario has it"] == ["0"] * 4  # and no round-off
-    result.measured["torque"][:, 2] = 0
+    result.measured["torque"][:, 2] = 1e-12  # round-off of a joint at rest
+    result.measured["torque"][:, 3] /= 1000  # 999 times as far off as what was recorded
     assert np.isnan(result.explained("torque")).tolist() == [False, False, True, False]
+    (said,) = (line for line in replay_findings(result) if line.startswith("Of the motor torque"))
+    assert said == (
+        "Of the motor torque the simulation explains 100.0 100.0 – – %; nothing of joint 4, where "
+        "it is 999 times as far off as all that was recorded (RMS); of joint 3 nothing was "
+        "recorded to explain."
+    )
+    assert ("motor torque", ["100.0", "100.0", "–", "–"]) in tables(result)[0].rows
     result.measured["position_error"][:, 2] = 0
     assert np.isnan(result.due_to_model).all()  # of a joint that was at rest, too
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from sdt_drake.analysis.metrics import Metric
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.file_sets import replacing_files
-from sdt_drake.machine.replay import ALONE, AS_IT_IS, ENOUGH, FED, QUANTITIES, Replay
+from sdt_drake.machine.replay import ALONE, AS_IT_IS, ENOUGH, FED, QUANTITIES, ROUND_OFF, Replay
 from sdt_drake.show import documents as doc
 from sdt_drake.show.panels import Panel, over_time, picture
 from sdt_drake.show.style import PALETTE, Look, pictures, save_both
@@ -24,7 +24,6 @@ FILES = (*pictures(FIGURE), TABLE, doc.MARKDOWN, doc.REPORT)
 """What `write_replay` writes."""
 
 _SHARE = Metric("explained", "%", 100, ".1f")
-_ROUND_OFF = 1e-9  # of what was recorded
 
 
 def replay_figure(replay: Replay) -> Figure:
@@ -48,7 +47,7 @@ def replay_title(replay: Replay) -> str:
 
 def tables(replay: Replay) -> list[doc.Table]:
     """What the simulation explains, and for each quantity how far it is off, by what is changed."""
-    rows = [(QUANTITIES[x].title, _texts(_SHARE, replay.explained(x))) for x in replay.measured]
+    rows = [(QUANTITIES[x].title, _explained(replay, x)) for x in replay.measured]
     due = replay.due_to_model
     if due is not None:
         rest = (
@@ -65,7 +64,7 @@ def tables(replay: Replay) -> list[doc.Table]:
         rows = [("recorded", _texts(metric, recorded))]
         for case in (case for case, course in replay.courses.items() if name in course):
             off = replay.difference(name, case)
-            shown = np.where(off < _ROUND_OFF * recorded, 0.0, off)
+            shown = np.where(off < ROUND_OFF * recorded, 0.0, off)
             rows.append((f"difference {case}", _texts(metric, shown)))
         made.append(doc.Table(("RMS", metric.label), rows))
     return made
@@ -97,8 +96,7 @@ def replay_findings(replay: Replay) -> list[str]:
             "is not the machine's."
         )
     for name in replay.measured:
-        shares = " ".join(_texts(_SHARE, replay.explained(name)))
-        said.append(f"Of the {QUANTITIES[name].title} the simulation explains {shares} %.")
+        said.append(_explained_in_words(replay, name))
     if ALONE in replay.courses:
         off = replay.difference("torque", ALONE) > replay.recorded_rms("torque")
         unexplained = replay.explained("torque") < ENOUGH  # nor of joints without a torque
@@ -110,6 +108,32 @@ def replay_findings(replay: Replay) -> list[str]:
                 "not those of the machine."
             )
     return said
+
+
+def _explained(replay: Replay, quantity: str) -> Sequence[str]:
+    """Shares that the simulation explains; a dash where it is worse than none, or there is nothing
+    to explain."""
+    share = replay.explained(quantity)
+    return _texts(_SHARE, np.where(share < 0, np.nan, share))
+
+
+def _explained_in_words(replay: Replay, quantity: str) -> str:
+    """The same in a sentence, and why there are dashes."""
+    title, apart = QUANTITIES[quantity].title, replay.apart(quantity)
+    shares = _explained(replay, quantity)
+    text = f"Of the {title} the simulation explains {' '.join(shares)} %"
+    worse, still = np.flatnonzero(apart > 1), np.flatnonzero(np.isnan(apart))
+    if worse.size:
+        times = ", ".join(f"{x:.4g}" for x in apart[worse])
+        text += f"; nothing of joint {_numbers(worse)}, where it is {times} times as far off"
+        text += " as all that was recorded (RMS)"
+    if still.size:
+        text += f"; of joint {_numbers(still)} nothing was recorded to explain"
+    return f"{text}."
+
+
+def _numbers(joints: Array) -> str:
+    return ", ".join(str(k + 1) for k in joints)
 
 
 def write_replay(replay: Replay, folder: Path) -> Path:
