@@ -84,10 +84,10 @@ def test_the_last_file_tells_that_the_others_are_there(folder, monkeypatch):
 
 
 COMMANDS = {
-    "identify sdt run.csv": (identified_files.FILES, "identification.procedure.identify"),
-    "replay run.csv coupled_pi": (replay_report.FILES, "analysis.replay.replay"),
-    "export --drive drives": (EXPORTED, "design.make_design"),
-    "learn wrong_model": (learning.ALL_FILES, "design.make_design"),
+    "identify sdt run.csv": (identified_files.FILES, "machine.identify.procedure.identify"),
+    "replay run.csv coupled_pi": (replay_report.FILES, "machine.replay.replay"),
+    "export --drive drives": (EXPORTED, "run.design.make_design"),
+    "learn wrong_model": (learning.ALL_FILES, "run.design.make_design"),
     "reproduce": (files.FILES, "analysis.reproduction.reproduce"),
     "size sizing": (("sizing.txt", "candidates.csv"), "studies.execute.run_study"),
 }
