@@ -248,7 +248,7 @@ def save_both(figure: Figure, path: Path) -> Path:
 
 
 def pictures(*names: str) -> list[str]:
-    """The names of the files that `save_both` writes."""
+    """List the names of the files that `save_both` writes."""
     return [f"{name}{suffix}" for name in names for suffix in (".png", ".svg")]
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -36,12 +36,17 @@ def claim(job: Job, folder: Path, resume: bool) -> None:
     """
     if holds_study(folder):
         state = _state(folder)
-        if state["fingerprint"] != job.fingerprint:
-            other = _in_words(_differences(_recorded(state), _recorded({"contents": _texts(job)})))
-            what = f"which differs in {other}" if other else "or this one with other shipped files"
-            raise InputError(f"{folder}: holds another study, {what}; expected another folder")
+        problems = []
         if other := other_versions(state["versions"], job.versions):
-            raise InputError(f"{folder}: begun with {other}; expected another folder")
+            problems.append(f"{folder}: begun with {other}; expected another folder")
+        if state["fingerprint"] != job.fingerprint:
+            files = (STUDY, BASE, *state["files"].values())
+            there = _recorded(state) or _read(folder, files)
+            other = _in_words(_differences(there, _recorded({"contents": _texts(job)})))
+            what = f"which differs in {other}" if other else "or this one with other shipped files"
+            problems.append(f"{folder}: holds another study, {what}; expected another folder")
+        if problems:
+            raise InputError(*problems)
         if not resume:
             raise InputError(f"{folder}: holds this study already; --resume goes on with it")
         return
@@ -88,7 +93,7 @@ def _places(job: Job) -> dict[str, str]:
 
 
 def _texts(job: Job) -> dict[str, str]:
-    """What the folder's files hold, by name: study and scenario whole, and hashes of the others."""
+    """Collect what the folder's files hold: YAML of study and scenario, hashes of the others."""
     study = dataclasses.replace(job.study, scenario=BASE)
     base = with_files(job.base, _places(job))
     return {
@@ -135,21 +140,25 @@ def load_runner(folder: Path) -> tuple[Runner, tuple[str, ...], str]:
 
 def _check_unchanged(folder: Path, recorded: Mapping[str, Any]) -> None:
     """Refuse files that are not as they were when the study was begun: its outcomes are of them."""
-    now = {
-        name: read_yaml(folder / name)
-        if name in (STUDY, BASE)
-        else _hash(checked_input(folder / name).read_bytes())
-        for name in recorded
-    }
-    if found := _differences(recorded, now):
+    if found := _differences(recorded, _read(folder, recorded)):
         raise InputError(
             f"{folder}: {_in_words(found)} changed since the study was begun, expected what its "
             "runs were made of; a changed study belongs into another folder"
         )
 
 
+def _read(folder: Path, names: Iterable[str]) -> dict[str, Any]:
+    """Read what files of a folder hold now: study and scenario as data, hashes of the others."""
+    return {
+        name: read_yaml(folder / name)
+        if name in (STUDY, BASE)
+        else _hash(checked_input(folder / name).read_bytes())
+        for name in names
+    }
+
+
 def _recorded(state: Mapping[str, Any]) -> dict[str, Any]:
-    """What the files of a folder held when its study was begun; nothing is known of old ones."""
+    """Collect what the files held when the study was begun; folders of 0.3 do not tell."""
     contents: Mapping[str, str] = state.get("contents", {})
     return {
         name: parse_yaml(text) if name in (STUDY, BASE) else text for name, text in contents.items()
@@ -157,9 +166,9 @@ def _recorded(state: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Files that are not the same in both, and the dotted names of the fields that are not.
+    """Find the files that are not the same in both, and the dotted names of their fields.
 
-    How long a run may take changes nothing in it.
+    The time that a run may take changes nothing in it.
     """
     fields = {name: list(_fields(old.get(name), new.get(name))) for name in {**old, **new}}
     wanted = {name: [x for x in found if x != "timeout"] for name, found in fields.items()}
@@ -178,7 +187,7 @@ def _fields(old: Any, new: Any, name: str = "") -> Iterator[str]:
 
 
 def _in_words(differences: Mapping[str, list[str]]) -> str:
-    """Files with their fields, as `_differences` finds them."""
+    """Write files with their fields, as `_differences` finds them, in a line."""
     told = []
     for name, fields in differences.items():
         more = ["..."] if len(fields) > _MOST_NAMES else []

@@ -190,12 +190,14 @@ def test_inputs_that_were_changed_do_not_go_with_old_outcomes(
     assert main(["report", "mc"]) == 0
 
 
-def test_a_folder_of_an_older_version_is_shown(copied, undrawn):
-    """It does not tell what its study was begun with."""
+def test_a_folder_of_an_older_version_is_shown_and_compared(refuse, desk, copied, undrawn):
+    """It does not tell what its study was begun with; its files do, if they are as they were."""
     state = json.loads((copied / "state.json").read_text())
     del state["contents"]
     (copied / "state.json").write_text(json.dumps(state))
     assert main(["study", "show", f"{copied}"]) == 0
+    said = refuse("many.yaml", "--out", f"{copied}", "--resume", "--set", "period=0.0025")
+    assert "another study, which differs in scenario.yaml (period); expected" in said
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from sdt_drake.run.simulate import simulate
 CSV, ST, CAM, TRAJECTORY = "set_points.csv", "set_points.st", "cam.csv", "trajectory.yaml"
 READ_BACK = "read_back.csv"
 FILES = (CSV, ST, CAM, TRAJECTORY, READ_BACK)
-"""What `export` and `write_read_back` write."""
+"""Files of an exported motion, with what a loop made of them."""
 
 
 @dataclass(frozen=True, eq=False)

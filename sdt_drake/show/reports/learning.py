@@ -47,7 +47,7 @@ ALL_FILES = (
     *pictures("convergence", "flights", "errors"),
     *(MARKDOWN, REPORT),
 )
-"""All that a learning writes."""
+"""Files of a learning, with those that it keeps until all flights are flown."""
 
 
 def check_table(checks: Sequence[Convergence], filter_: LearningFilter) -> Table:

@@ -24,7 +24,7 @@ from sdt_drake.show.texts import page_text
 
 RECORDING, SUMMARY = "device.html", "summary.json"
 FILES = ("table1.md", doc.MARKDOWN, doc.REPORT)
-"""What `write_report` writes, all or none."""
+"""Files of a report, all of them written or none."""
 
 _MOST_BYTES = 100_000_000  # of a file
 _OTHER_FORM = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError)

@@ -37,7 +37,7 @@ FILES = (
     RECORDING,
     *REPORT_FILES,
 )
-"""What `write_reproduction` writes."""
+"""Files of a reproduction; those of Graphviz only where it is installed."""
 
 
 def write_reproduction(results: Reproduction, folder: Path, watch: Stopwatch) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from sdt_drake.show.texts import page_text
 RECORDED, SIMULATED = Look(PALETTE[0]), Look(PALETTE[1], "--")
 FIGURE, TABLE = "replay", "replay.csv"
 FILES = (*pictures(FIGURE), TABLE, doc.MARKDOWN, doc.REPORT)
-"""What `write_replay` writes."""
+"""Files of a replay."""
 
 _SHARE = Metric("explained", "%", 100, ".1f")
 

@@ -180,7 +180,7 @@ def percentile_table(table: StudyTable, names: Sequence[str]) -> doc.Table:
 
 
 def outcome_tables(names: Sequence[str], outcomes: Sequence[float]) -> list[doc.Table]:
-    """Outcomes of a run: those of joints with a row for each family, then those of the whole run.
+    """Make tables of a run's outcomes: those of joints, a row for each family, then the others.
 
     Args:
         names: as `outcomes.outcome_names` has them.
@@ -266,7 +266,7 @@ def _percent(share: Share) -> str:
 
 
 def cell(value: float | str) -> str:
-    """A number or a text as tables show it; a dash for NaN."""
+    """Format a number or a text as tables show it; a dash for NaN."""
     if isinstance(value, int | float):
         return "–" if np.isnan(value) else f"{value:.4g}"
     return str(value)
