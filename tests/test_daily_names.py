@@ -16,7 +16,7 @@ from pydrake.systems.primitives import Adder
 import sdt_drake as sdt
 from sdt_drake.analysis.comparison import Compared, Comparison
 from sdt_drake.analysis.linear import LinearModel
-from sdt_drake.io.shown import aligned, formatted
+from sdt_drake.io.shown import aligned, formatted, rounded
 from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.simulate import simulate
 
@@ -94,6 +94,23 @@ def test_objects_show_themselves_shortly(robot, short, run):
 def test_numbers_for_people():
     numbers = {-0.04: "0.0", -0.06: "-0.1", np.nan: "–", -np.inf: "-∞"}
     assert [formatted(x, ".1f") for x in numbers] == [*numbers.values()]
+
+
+@pytest.mark.parametrize(
+    "value, std, told",
+    [
+        (1.426e-19, 0.00061, "0.0000"),
+        (-3e-7, 0.00061, "0.0000"),
+        (0.01439, 0.035, "0.01"),
+        (12.345, 0.0014, "12.3450"),
+        (299.6, 12.0, "300"),
+        (1234.5, 40.0, "1230"),
+        (5.4321, 0.0, "5.432"),
+        (5.4321, np.nan, "5.432"),
+    ],
+)
+def test_numbers_are_told_as_far_as_they_are_known(value, std, told):
+    assert rounded(value, std) == told
 
 
 def test_wide_tables_fit_and_lose_nothing():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 import re
 import shutil
 import textwrap
@@ -95,6 +96,16 @@ def formatted(value: Any, spec: str) -> str:
     """A number for people: a dash for NaN, ∞, and never -0.0."""
     text = format(value, spec).replace("nan", "–").replace("inf", "∞")
     return re.sub(r"^-(?=0[.0]*$)", "", text)
+
+
+def rounded(value: float, std: float) -> str:
+    """A number as far as its standard deviation lets one know it: one digit of that, two where the
+    first is 1."""
+    if not 0 < std < math.inf:
+        return formatted(value, ".4g")
+    place = -math.floor(math.log10(std))
+    place += round(std, place) < 2 * 10.0**-place
+    return formatted(round(value, place), f".{max(0, place)}f")
 
 
 def of_joints(

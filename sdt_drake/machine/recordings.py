@@ -305,7 +305,7 @@ def _found(
         raise InputError(f"{signal}: {len(names)} column(s), but the robot has {n} joint(s)")
     found = [place for place in places if place is not None]
     if len(found) == n:
-        twice = [name for name, place in zip(said, places, strict=False) if found.count(place) > 1]
+        twice = [name for name, place in zip(said, places, strict=False) if places.count(place) > 1]
         if twice:
             raise InputError(
                 f"{numbers.path}: {signal}: {listed(twice)} are one column, expected one for each "

@@ -40,7 +40,7 @@ from sdt_drake.machine.recordings import Recorded
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import inverse_dynamics, torque_groups
 from sdt_drake.robot.robot import load_robot
-from sdt_drake.show.reports.identification import undecided_laws
+from sdt_drake.show.reports.identification import friction_table, residuals_figure, undecided_laws
 
 
 @pytest.fixture(scope="module")
@@ -333,3 +333,26 @@ def test_draws_have_the_measured_covariance(found, tmp_path):
     assert np.median(drawn / measured) > 0.85
     with pytest.raises(InputError, match=r"along: 1 value\(s\), expected"):
         deviated(robot, Deviation(spread=str(file), along=[1.0]))
+
+
+def test_table_and_figure_tell_the_same_friction(robot):
+    """A device without friction: noise makes that of the fit drive, but not that of the table."""
+    recorded, v = recorded_of(true_robot(robot)), motion(robot)[2]
+    rubs = COULOMB_TRUE * np.sign(v) + VISCOUS_TRUE * v
+    found = identify(robot, [changed(recorded, tau=recorded.signals["tau"] - rubs)], cutoff=3.0)
+    files = plant_friction(found)
+    values = np.array([files.friction.coulomb, files.friction.viscous])
+    assert np.any(values == 0)
+    rows = friction_table(found, files).rows
+    for cells, exact, std in zip(rows, values.T, files.std.T, strict=True):
+        for cell, value, spread in zip(cells[2:4], exact, std, strict=True):
+            told, told_std = map(float, cell.split(" ± "))
+            assert abs(told - value) < 0.51 * told_std and abs(told_std - spread) < 0.34 * spread
+            assert "e" not in cell
+    lines = [line for axes in residuals_figure(found, files).axes for line in axes.lines]
+    drawn = [line.get_data() for line in lines if len(line.get_xdata()) == 400][::2]
+    for k, (speed, torque) in enumerate(drawn):
+        offset = files.friction.offset[k]
+        expected = values[0, k] * np.sign(speed) + values[1, k] * speed + offset
+        np.testing.assert_allclose(torque, expected, atol=1e-9)
+    assert len(drawn) == robot.n

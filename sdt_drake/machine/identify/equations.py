@@ -146,8 +146,10 @@ def _blocks(motion: Smooth, cutoff: float) -> Iterator[tuple[Smooth, Index]]:
     ):
         first = max(0, at[0] - margin) if len(at) else 0
         block = slice(first, at[-1] + 1 + margin if len(at) else count)
-        signals = (x[block] for x in (motion.time, motion.q, motion.v, motion.vd, motion.tau))
-        yield Smooth(*signals, motion.period), at - first
+        time, q, v, vd, tau = (
+            x[block] for x in (motion.time, motion.q, motion.v, motion.vd, motion.tau)
+        )
+        yield Smooth(time, q, v, vd, tau, motion.period), at - first
 
 
 def _rows(

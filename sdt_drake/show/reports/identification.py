@@ -14,11 +14,12 @@ from sdt_drake.analysis.metrics import PARAMETERS_IN_WORDS
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import replacing
 from sdt_drake.io.file_sets import replacing_files
-from sdt_drake.io.shown import formatted
+from sdt_drake.io.shown import formatted, rounded
 from sdt_drake.machine.identify import files as identified_files
 from sdt_drake.machine.identify.base_parameters import rigid_parameters
 from sdt_drake.machine.identify.model import PlantFriction
 from sdt_drake.machine.identify.procedure import Identified
+from sdt_drake.robot.device import friction_parameters, sliding_friction
 from sdt_drake.robot.dynamics import decouple, torque_groups
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.scenario import Scenario
@@ -78,14 +79,15 @@ def friction_table(found: Identified, files: PlantFriction) -> doc.Table:
         if not found.equations.moves[:, k].any():  # nothing is known of it, not that it is 0
             rows.append((f"{k + 1} {name}", *"––––––"))
             continue
+        std = files.std[:, k].tolist()
         rows.append(
             (
                 f"{k + 1} {name}",
                 found.estimate.laws[k].name,
-                f"{coulomb[k]:.4g} ± {files.std[0, k]:.2g}",
-                f"{viscous[k]:.4g} ± {files.std[1, k]:.2g}",
-                f"{friction.breakaway[k]:.4g}" if friction.breakaway else "–",
-                f"{offset[k]:.3g}",
+                f"{rounded(coulomb[k], std[0])} ± {rounded(std[0], std[0])}",
+                f"{rounded(viscous[k], std[1])} ± {rounded(std[1], std[1])}",
+                rounded(friction.breakaway[k], std[0]) if friction.breakaway else "–",
+                rounded(offset[k], std[0]),
                 f"{100 * files.left[k]:.1f}",
             )
         )
@@ -220,10 +222,12 @@ def torques_figure(found: Identified) -> Figure:
     return picture(f"{identification_title(found)}: torques, joint side", [torques, errors])
 
 
-def residuals_figure(found: Identified) -> Figure:
-    """What is left over the speed of each joint, and the friction that was found."""
+def residuals_figure(found: Identified, files: PlantFriction) -> Figure:
+    """What is left over the speed of each joint, and its friction: that of the fit, which noise may
+    make drive, and that of the table and the scenario, which never does."""
     eq, estimate = found.equations, found.estimate
     laws, errors = [], []
+    own, damping = friction_parameters(files.friction, eq.n), found.nominal.damping
     for k, name in enumerate(found.nominal.joint_names):
         order = np.argsort(eq.v[:, k])
         v = eq.v[order, k]
@@ -238,7 +242,11 @@ def residuals_figure(found: Identified) -> Figure:
             np.column_stack([term.at(grid, 1e-3) for term in terms])
             @ (found.friction[estimate.friction_of(k)])
         )
-        law = [Line("friction", PREDICTED, torque)]
+        in_files = sliding_friction(own, grid[:, None] * np.ones(eq.n)) + np.outer(grid, damping)
+        law = [
+            Line("friction in table and scenario", MEASURED, in_files[:, k]),
+            Line("friction of the fit", PREDICTED, torque),
+        ]
         laws.append(Panel("", "speed [rad/s]", "friction [N m]", grid, law))
     return picture(
         f"{identification_title(found)}: what is left, and friction, over speed", [errors, laws]
@@ -299,7 +307,7 @@ def write_identification_report(
 ) -> Path:
     """Write figures and report into a folder; the path of the page."""
     save_both(torques_figure(found), folder / "torques")
-    save_both(residuals_figure(found), folder / "residuals")
+    save_both(residuals_figure(found, files), folder / "residuals")
     notes = undecided_laws(found, files)
     undecided = [doc.Bullets(notes)] if notes else []
     blocks: dict[str, Sequence[doc.Block]] = {
