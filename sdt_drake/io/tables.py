@@ -139,11 +139,10 @@ def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str,
     """
     numbers = read_numbers(path) if Path(path).suffix not in BINARY else _read_binary(Path(path))
     path, names = numbers.path, numbers.names
-    if names[0] != "time" or "time" in names[1:]:
-        told = (
-            "two columns are 'time'" * (names[0] == "time") or f"the first column is '{names[0]}'"
-        )
-        raise InputError(f"{path}: {told}, expected 'time' first, and once")
+    if names[0] != "time":
+        raise InputError(f"{path}: the first column is '{names[0]}', expected 'time'")
+    if "time" in names[1:]:
+        raise InputError(f"{path}: two columns are 'time', expected one")
     groups = _groups(path, names)
     numbers.check_finite([0, *(c for group in groups.values() for c in group)])
     time = numbers.data[:, 0]

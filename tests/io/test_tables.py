@@ -58,7 +58,7 @@ def test_harmless_variants_of_a_table_are_read(tmp_path, text):
 
 BAD = [
     ("", ": fewer than two rows"),
-    (GOOD.replace("v_2", "time"), ": two columns are 'time', expected 'time' first, and once"),
+    (GOOD.replace("v_2", "time"), ": two columns are 'time', expected one"),
     (GOOD.replace("time", "t"), ": the first column is 't', expected 'time'"),
     ("time,v_1,v_2\n", "fewer than two rows"),
     ("time,v_1,v_2\n0,1,2\n", "fewer than two rows"),

@@ -134,10 +134,10 @@ def spread(found: Sequence[Stretch], seconds: float, cutoff: float) -> list[Stre
         cutoff: below which torques are compared [Hz]; windows have enough periods of it.
     """
     ends = np.cumsum([stretch.end - stretch.start for stretch in found])
-    if ends[-1] <= seconds:
-        return list(found)
     count = int(np.clip(seconds * cutoff / _PERIODS, 2, _WINDOWS))
-    lasts = min(max(seconds / count, _PERIODS / cutoff), float(ends[-1]))
+    lasts = max(seconds / count, _PERIODS / cutoff)
+    if count * lasts >= ends[-1]:
+        return list(found)
     windows = []
     for begin in np.linspace(0, ends[-1] - lasts, count):
         for stretch, end in zip(found, ends, strict=True):
@@ -150,7 +150,7 @@ def spread(found: Sequence[Stretch], seconds: float, cutoff: float) -> list[Stre
                 stretch.q[rows],
                 stretch.tau[rows],
             )
-            if (len(part.q) - 1) * part.period > 3 * _BEYOND / cutoff:
+            if (len(part.q) - 1) * part.period > 2 * _BEYOND / cutoff:  # or nothing is compared
                 windows.append(part)
     return windows
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -111,8 +111,7 @@ def identify(
 
     Raises:
         InputError: for recordings that say nothing: too short, no torque, nothing moves; for one
-            that is there twice, to fit or to judge by; for a payload that is no link; for a cut-off
-            frequency that samples know nothing of.
+            that is there twice, a payload that is no link, a cut-off that samples know nothing of.
     """
     path = recordings[0].path
     check_different([*recordings, *validate])
@@ -122,11 +121,6 @@ def identify(
     _check_cutoff(cutoff, parts)
     cutoff = cutoff or chosen_cutoff(robot, unknown, parts, path)
     few = _few(parts, cutoff)
-    if len(few) > len(parts):
-        lasts, whole = (sum(x.end - x.start for *_, x in every) for every in (few, parts))
-        notes.append(
-            f"long: compared are {lasts:.3g} s of {whole:.3g} s, in {len(few)} parts evenly over it"
-        )
     eq = equations(robot, unknown, few, cutoff)
     _check_rows(eq, cutoff, path)
     found = estimate(eq, prior)
@@ -139,9 +133,7 @@ def identify(
     predicted = predicted + found.friction_torque(eq, friction)
     before, after = (np.sqrt(np.diagonal(x)) for x in (np.linalg.inv(prior.precision), S[:r, :r]))
     warnings = [line for x in (*recordings, *validate) for line in suspicious_recording(robot, x)]
-    rubs = found.friction_torque(eq, found.friction)
-    warnings += suspicious_torques(robot, eq, found.torque(eq), rubs)
-    warnings += inconsistent(eq, found.torque(eq), predicted)
+    warnings += _suspicious_fit(robot, eq, found, predicted)
     warnings += weakly_excited(found.condition, before, after, unknown.base.words)
     return Identified(
         nominal=robot,
@@ -153,9 +145,18 @@ def identify(
         friction=friction,
         predicted=predicted,
         cutoff=cutoff,
-        notes=tuple(notes),
+        notes=(*notes, *_left_out(parts, few)),
         warnings=tuple(warnings),
     )
+
+
+def _suspicious_fit(
+    robot: Robot, eq: Equations, found: Estimate, predicted: Array
+) -> Iterator[str]:
+    """What looks wrong in torques; predicted: those of links that can be, shape (M, n)."""
+    least, rubs = found.torque(eq), found.friction_torque(eq, found.friction)
+    yield from suspicious_torques(robot, eq, least, rubs)
+    yield from inconsistent(eq, least, predicted)
 
 
 def _parts(
@@ -185,6 +186,14 @@ def _few(parts: Parts, cutoff: float) -> Parts:
         windows = spread([stretch for _, stretch in own], seconds, cutoff)
         few += [(source, own[0][0], window) for window in windows]
     return few
+
+
+def _left_out(parts: Parts, few: Parts) -> Iterator[str]:
+    """The sentence on what `_few` leaves out."""
+    lasts, whole = (sum(x.end - x.start for *_, x in every) for every in (few, parts))
+    if lasts < whole:
+        told = f"{lasts:.3g} s of {whole:.3g} s, in {len(few)} parts evenly over it"
+        yield f"long: compared are {told}"
 
 
 def _check_alive(recorded: Recorded) -> None:
