@@ -15,7 +15,7 @@ from sdt_drake.motion.plan import (
     SPEED_TOLERANCE,
     TORQUE_TOLERANCE,
     Plan,
-    check_speeds,
+    check_no_load_speed,
     checked_plan,
     commanded_motion,
 )
@@ -57,8 +57,7 @@ def plan_motion(
             done: naming joint, time, what it needs and what there is.
     """
     commanded = commanded_motion(robot, command, period)
-    if robot.envelope is not None:
-        check_speeds(robot, commanded)  # held back at its top speed, a joint would get lost
+    check_no_load_speed(robot, commanded)  # held back there, a joint would get lost
     v, limited = _limited_speeds(robot, commanded, torque_margin)
     motion = Motion.from_speeds(period, commanded.q[0], v)
     return checked_plan(robot, motion, commanded, torque_margin, limited)

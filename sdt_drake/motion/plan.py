@@ -150,13 +150,14 @@ def checked_torque(robot: Robot, motion: Motion, *, torque_margin: float = 1.0) 
             acceleration or position limits: naming joint, time, what it needs and what there is.
     """
     torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
-    check_speeds(robot, motion)
-    available = robot.torque_range(motion.v, torque_margin)
-    _refuse_beyond(robot, motion, "torque [N m]", torque, available, TORQUE_TOLERANCE)
-    most = robot.acceleration_limit
-    _refuse_beyond(
-        robot, motion, "acceleration [rad/s²]", motion.vd, (-most, most), ACCELERATION_TOLERANCE
-    )
+    check_no_load_speed(robot, motion)
+    fastest, quickest = robot.velocity_limit, robot.acceleration_limit
+    for quantity, values, limits, slack in (
+        ("torque [N m]", torque, robot.torque_range(motion.v, torque_margin), TORQUE_TOLERANCE),
+        ("speed [rad/s]", motion.v, (-fastest, fastest), SPEED_TOLERANCE),
+        ("acceleration [rad/s²]", motion.vd, (-quickest, quickest), ACCELERATION_TOLERANCE),
+    ):
+        _refuse_beyond(robot, motion, quantity, values, limits, slack)
     check_stops(robot, motion)
     return torque
 
@@ -178,13 +179,12 @@ def checked_plan(
     return Plan(motion, torque, free if limited is None else limited, torque_margin, commanded)
 
 
-def check_speeds(robot: Robot, motion: Motion) -> None:
-    """Raise InputError if a joint is too fast for its file or motor: naming joint, time, speed."""
-    limits = [(robot.velocity_limit, "")]
+def check_no_load_speed(robot: Robot, motion: Motion) -> None:
+    """Raise InputError where a motor has no torque left to drive with, whatever is asked of it:
+    naming joint, time and speed."""
     if robot.envelope is not None:
-        text = f", the no-load speed (n0) by {robot.envelope.source}"
-        limits.append((robot.envelope.n0 / robot.gear_ratio, text))
-    for most, why in limits:
+        most = robot.envelope.n0 / robot.gear_ratio
+        why = f", the no-load speed (n0) by {robot.envelope.source}"
         _refuse_beyond(
             robot, motion, "speed [rad/s]", motion.v, (-most, most), SPEED_TOLERANCE, why
         )

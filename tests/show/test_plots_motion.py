@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from sdt_drake.motion import load_command, margins, retime
+from sdt_drake.robot.device import Drive
+from sdt_drake.robot.motors import as_driven
 from sdt_drake.show import style
 from sdt_drake.show.figures import motions as plots_motion
 
 
 def test_the_figure_of_a_plan_shows_torques_speeds_limits_and_where_it_is_tightest(robot, tmp_path):
     plan = retime(robot, load_command("reference", robot), torque_margin=0.8)
-    report = margins(robot, plan.motion, n1=[80, 0.8, 1, 1], n0=[250, 3, 3, 3])
+    robot = as_driven(robot, Drive(n1=[80, 0.8, 1, 1], n0=[250, 3, 3, 3]))
+    report = margins(robot, plan.motion)
     figure = plots_motion.plan("a plan", robot, plan, report)
     assert len(figure.axes) == 2 * robot.n
     for k, (torque, speed) in enumerate(zip(figure.axes[::2], figure.axes[1::2], strict=True)):

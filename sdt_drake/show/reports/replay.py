@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from sdt_drake.analysis.metrics import Metric
 from sdt_drake.io.arrays import Array
@@ -132,7 +133,7 @@ def _explained_in_words(replay: Replay, quantity: str) -> str:
     return f"{text}."
 
 
-def _numbers(joints: Array) -> str:
+def _numbers(joints: NDArray[np.int_]) -> str:
     return ", ".join(str(k + 1) for k in joints)
 
 
