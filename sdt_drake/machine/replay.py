@@ -24,6 +24,7 @@ from sdt_drake.robot.device import Drive, Elasticity, Friction
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.design import Design, make_design
 from sdt_drake.run.loop import Loop, make_loop
+from sdt_drake.run.motor_torque import envelope
 from sdt_drake.run.scenario import Scenario, with_fields
 from sdt_drake.run.simulate import simulate
 from sdt_drake.systems import Wired, sample_source
@@ -233,11 +234,13 @@ def _alone(design: Design, at: Mapping[str, Array]) -> Signals:
     """
     widened = design.scenario.plant.kind == "axis"
     run = simulate(design, Loop(design, widened=widened, moved=(at["q"], at["v"])))
-    limit = np.maximum(design.robot.motor_torque_limit, np.abs(run.tau_limited))  # widened or not
-    inside = np.abs(at["tau"]) < _INSIDE * limit
+    lowest, highest = envelope(design, at["v"])
+    # Widened or not.
+    least, most = np.minimum(lowest, run.tau_limited), np.maximum(highest, run.tau_limited)
+    inside = (at["tau"] > _INSIDE * least) & (at["tau"] < _INSIDE * most)
     lacking = np.where(inside, at["tau"] - run.tau_cmd, 0.0)
     asked = run.tau_cmd + lacking.sum(axis=0) / np.maximum(1, inside.sum(axis=0))
-    return {"torque": np.clip(asked, -limit, limit)}
+    return {"torque": np.clip(asked, least, most)}
 
 
 def _smoothed(values: Array, period: float) -> Array:

@@ -12,8 +12,10 @@ from sdt_drake.analysis.linear import linearise
 from sdt_drake.analysis.state_space import StateSpace
 from sdt_drake.io.arrays import Array, Complex
 from sdt_drake.io.errors import InputError, within
+from sdt_drake.motion.plan import TORQUE_TOLERANCE
 from sdt_drake.robot.device import Friction, sliding_friction
 from sdt_drake.robot.dynamics import gravity_stiffness, inverse_dynamics
+from sdt_drake.robot.motors import as_driven
 from sdt_drake.run.design import Design
 
 LEARNED = ("reference", "torque")
@@ -65,15 +67,19 @@ def loop_set(name: str, designs: Sequence[Design], of: str) -> LoopSet:
 def demand(design: Design) -> Array:
     """Largest share of the motors' torque that the planned motion takes of what moves [-], (n,).
 
-    With sliding friction, and the disturbance at its worst. Where it is above 1 motors saturate,
-    whatever the reference: linear models end there, and with them learning.
+    Of what the torque-speed envelope leaves to drive with, if there is one. With sliding friction,
+    and the disturbance at its worst. Where it is above 1 motors saturate, whatever the reference:
+    linear models end there, and with them learning.
     """
     motion, robot = design.wanted, design.robot
     torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
     if design.friction is not None:
         torque = torque + sliding_friction(design.friction, motion.v)
     load = design.scenario.disturbance.amplitude * design.loads.load_torque * robot.gear_ratio
-    return np.asarray(np.max((np.abs(torque) + np.abs(load)) / robot.effort_limit, axis=0))
+    lowest, highest = as_driven(robot, design.scenario.drive).torque_range(motion.v)
+    asked, available = np.abs(torque) + np.abs(load), np.where(torque > 0, highest, -lowest)
+    nothing = np.where(asked <= TORQUE_TOLERANCE, 0.0, np.inf)
+    return np.asarray(np.divide(asked, available, out=nothing, where=available > 0).max(axis=0))
 
 
 def loops_of(
