@@ -13,14 +13,15 @@ planners), `systems` (Drake blocks), `run` (scenario, design, loop, simulation),
 of runs), `studies` (many runs), `machine` (the real one), `show` (figures, reports), `cli`.
 """
 
-import sys
-import types
+import sys as _sys
+import types as _types
 
 TYPE_CHECKING = False  # as `typing` has it, whose import would take half of ours
 if TYPE_CHECKING:
     from sdt_drake.analysis.comparison import compare
     from sdt_drake.analysis.linear import linear
     from sdt_drake.analysis.tracking import track
+    from sdt_drake.cli.daily import bode, export, identify, learn, replay, tune
     from sdt_drake.io.errors import InputError
     from sdt_drake.motion import Motion
     from sdt_drake.motion import load_plan as plan
@@ -46,6 +47,12 @@ _PLACES = {
     "design": "run.design:make_design",
     "loop": "run.loop:make_loop",
     "simulate": "run.simulate:simulate",
+    "tune": "cli.daily:tune",
+    "bode": "cli.daily:bode",
+    "identify": "cli.daily:identify",
+    "replay": "cli.daily:replay",
+    "learn": "cli.daily:learn",
+    "export": "cli.daily:export",
     "track": "analysis.tracking:track",
     "compare": "analysis.comparison:compare",
     "linear": "analysis.linear:linear",
@@ -60,9 +67,9 @@ _PLACES = {
     "InputError": "io.errors:InputError",
 }
 __all__ = [
-    "Controller", "InputError", "Motion", "Recording", "Scenario", "compare", "design", "linear",
-    "load", "load_robot", "loop", "plan", "plots", "plots_motion", "register_controller", "save",
-    "simulate", "track", "view",
+    "Controller", "InputError", "Motion", "Recording", "Scenario", "bode", "compare", "design",
+    "export", "identify", "learn", "linear", "load", "load_robot", "loop", "plan", "plots",
+    "plots_motion", "register_controller", "replay", "save", "simulate", "track", "tune", "view",
 ]  # fmt: skip
 
 
@@ -75,15 +82,15 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    return [*globals(), *_PLACES]
+    return [*_PLACES, *(name for name in globals() if name.startswith("__"))]
 
 
-class _Package(types.ModuleType):
+class _Package(_types.ModuleType):
     """`sdt_drake.run.simulate` is the function, whoever imports the module of that name."""
 
     def __setattr__(self, name: str, value: object) -> None:
-        if name not in _PLACES or not isinstance(value, types.ModuleType):
+        if name not in _PLACES or not isinstance(value, _types.ModuleType):
             super().__setattr__(name, value)
 
 
-sys.modules[__name__].__class__ = _Package
+_sys.modules[__name__].__class__ = _Package

@@ -43,6 +43,7 @@ def once(name, make):
 
 def simulate(design, diagram=None, **options):
     """As the package's, which is run where nobody had the same loop of the same design yet."""
+    design = designs.as_design(design)
     loop = make_loop(design) if diagram is None else diagram
     is_long = folder is not None and len(design.motion.v) >= LONG
     if not is_long or options or type(loop) is not Loop or loop.HasSubsystemNamed("drawing"):

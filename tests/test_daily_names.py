@@ -15,8 +15,12 @@ from pydrake.systems.primitives import Adder
 
 import sdt_drake as sdt
 from sdt_drake.analysis.comparison import Compared, Comparison
+from sdt_drake.analysis.frequency_response import frequency_response
 from sdt_drake.analysis.linear import LinearModel
 from sdt_drake.io.shown import aligned, formatted, rounded
+from sdt_drake.machine.drive_files import Fed
+from sdt_drake.machine.identify.model import plant_friction
+from sdt_drake.robot.device import Friction
 from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.simulate import simulate
 
@@ -42,7 +46,8 @@ def test_names_are_what_the_type_checker_takes_them_for():
             own = name.asname or name.name
             imported[own] = resolve_name(f"{line.module}.{name.name}")
     assert {name: getattr(sdt, name) for name in sdt.__all__} == imported
-    assert set(sdt.__all__) == set(sdt._PLACES) <= set(dir(sdt))
+    assert set(sdt.__all__) == set(sdt._PLACES)
+    assert [name for name in dir(sdt) if not name.startswith("__")] == sorted(sdt.__all__)
     with pytest.raises(AttributeError, match="no attribute 'simulat'"):
         sdt.simulat  # noqa: B018
 
@@ -139,6 +144,70 @@ def test_objects_plot_themselves(robot, short, run):
     assert titles[4].startswith("Comparison of 1 controllers on ")
 
 
+def test_what_commands_do_is_done_by_functions(short, run, tmp_path):
+    """With the numbers of the functions below them; the commands call the same."""
+    response = sdt.bode(short, time=0.25)
+    np.testing.assert_array_equal(
+        response.loop_gain, frequency_response(short, sample=50).loop_gain
+    )
+    assert isinstance(response.plot(short), Figure) and "phase margin [deg]" in str(response)
+    np.testing.assert_array_equal(sdt.tune(short)["i_eff_max"], short.inertia.maximum)
+
+    run.save(tmp_path / "run.csv")
+    replayed = sdt.replay(tmp_path / "run.csv", short.scenario)
+    assert replayed.explained("speed_error").min() > 0.999999
+    assert isinstance(replayed.plot(), Figure) and "speed error [%]" in str(replayed)
+
+    lessons = sdt.learn(short, flights=1)
+    np.testing.assert_array_equal(lessons.best.largest, np.abs(run.position_error).max(axis=0))
+    assert str(lessons).startswith("Lessons of 1 flight(s), best: 1, stopped: nobody feels")
+
+
+def test_identify_takes_names_and_files(designed, tmp_path):
+    """Friction of a robot whose links are as its file has them."""
+    friction = Friction(coulomb=[300.0, 60.0, 10.0, 20.0], viscous=[40.0, 10.0, 8.0, 2.0])
+    design = designed("coupled_pi_ctc", {"plant.friction": friction}, end=8.0)
+    simulate(design).save(tmp_path / "run.csv")
+    found = sdt.identify("sdt", tmp_path / "run.csv", only="friction")
+    coulomb = plant_friction(found).friction.coulomb
+    np.testing.assert_allclose(coulomb[2:], [10, 20], rtol=1e-3)  # that go both ways
+    assert found.nominal.name == "sdt" and "left by the file [%]" in str(found)
+
+
+def test_export_takes_a_motion_from_rest_to_rest(tmp_path, robot):
+    v = np.sin(np.pi * np.linspace(0, 1, 101))[:, None] ** 2 * [0.01, 0.02, 0.02, 0.05]
+    sdt.Motion.from_speeds(0.005, np.zeros(4), v).to_csv(tmp_path / "m.csv")
+    scenario = sdt.load("training", {"motion": str(tmp_path / "m.csv")})
+    fed = sdt.export(scenario, "drives", tmp_path / "out", cam_points=60)
+    assert {x.source for x in fed} == {p.name for p in (tmp_path / "out").iterdir()} - {
+        "read_back.csv"
+    } | {"motion", "motion, no torque"}
+    assert isinstance(fed[0], Fed) and np.all(fed[1].position_error < 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("use", "message"),
+    [
+        (lambda short: sdt.bode(short, time=0.6), r"time: 0\.6 s, the motion ends at 0\.5 s"),
+        (lambda short: sdt.bode(short, time="a"), "time: a, expected a finite number >= 0"),
+        (lambda short: sdt.identify(3, "run.csv"), "path: a int, expected a path"),
+        (lambda short: sdt.identify("sdt", []), "recordings: none given"),
+        (lambda short: sdt.identify("sdt", [short]), "recordings: a Design, expected a path"),
+        (lambda short: sdt.identify("sdt", "r", only="x"), "only: 'x', expected one of payload"),
+        (lambda short: sdt.identify("sdt", "r", held_out=1), "held_out: 1, expected less than 1"),
+        (lambda short: sdt.identify("sdt", "r", side="x"), "side: 'x', expected one of joint"),
+        (lambda short: sdt.replay("run.csv", short), "scenario: a Design, expected a Scenario"),
+        (lambda short: sdt.learn(short, flights=0), "flights: 0, expected a whole number >= 1"),
+        (lambda short: sdt.learn(short, of="x"), "of: 'x', expected one of reference, torque"),
+        (lambda short: sdt.export(short, 3, "out"), "drives: a int, expected a path"),
+        (lambda short: sdt.export(short, "drives", None), "folder: a NoneType, expected a path"),
+    ],
+)
+def test_arguments_that_are_none(short, use, message):
+    with pytest.raises(sdt.InputError, match=f"^{message}"):
+        use(short)
+
+
 def test_tables_of_pandas(short, run):
     pytest.importorskip("pandas")
     table = run.to_pandas()
@@ -205,10 +274,10 @@ def test_one_kind_for_another_is_one_line():
         sdt.design("coupled_pi")
     with pytest.raises(sdt.InputError, match=r"^robot: a str, expected a Robot, as .*load_robot"):
         sdt.plan("leans", "sdt")
-    scenario = sdt.load("coupled_pi")
-    for use in (sdt.loop, sdt.simulate, sdt.linear, sdt.view, lambda it: sdt.compare(it, ["pi"])):
-        with pytest.raises(sdt.InputError, match=r"^design: a Scenario, expected a Design, as "):
-            use(scenario)
+    uses = (sdt.loop, sdt.simulate, sdt.linear, sdt.view, lambda it: sdt.compare(it, ["pi"]))
+    for use in (*uses, sdt.bode, sdt.tune, sdt.learn, lambda it: sdt.export(it, "drives", "out")):
+        with pytest.raises(sdt.InputError, match=r"^design: a str, expected a Design, as "):
+            use("coupled_pi")
 
 
 def test_what_does_not_fit_is_one_line(robot, short, run):

@@ -23,11 +23,11 @@ from sdt_drake.analysis.tracking import (
     track_head,
 )
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_choice, checked_type, needing, replacing
+from sdt_drake.io.errors import InputError, checked_choice, needing, one_line, replacing
 from sdt_drake.io.progress import as_part, part
 from sdt_drake.io.shown import Shown, Summary, face
 from sdt_drake.robot.head import has_head
-from sdt_drake.run.design import Design
+from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.kinds import CONTROLLERS, OPTIONS
 from sdt_drake.run.loop import blocks_of, make_loop
 from sdt_drake.run.scenario import ControllerChoice, Scenario
@@ -122,19 +122,19 @@ class Comparison(list[Compared], Shown):
         return pd.concat(frames, names=["controller", "joint"])
 
 
-def compare(design: Design, labels: Sequence[str]) -> Comparison:
+def compare(design: Design | Scenario, labels: Sequence[str]) -> Comparison:
     """Run the scenario of a design with other controllers; everything else stays.
 
     Args:
-        design: gives scenario, robot and motion.
+        design: gives scenario, robot and motion; or the scenario, with its own.
         labels: kinds of controllers, with a feedforward where the kind leaves it open: "pi",
             "p_pi+id".
 
     Raises:
         InputError: for a label that is unknown or twice there, or a kind that the plant rules out.
     """
-    checked_type(design, Design, "design", "sdt_drake.design")
     check_labels(labels)
+    design = as_design(design)
     designs = [design_with(design, label) for label in labels]
     # One at a time where Python runs in the loop: two would wait for each other.
     online = design.scenario.inverse_dynamics == "online"
@@ -177,6 +177,8 @@ def check_labels(labels: Sequence[str], where: str = "controllers") -> None:
     """
     if isinstance(labels, str):
         raise InputError(f"{where}: '{labels}', expected a list of labels: ['{labels}']")
+    if labels and not (isinstance(labels, Sequence) and all(isinstance(x, str) for x in labels)):
+        raise InputError(f"{where}: {one_line(labels)}, expected a list of labels: ['pi', 'pi_id']")
     if not labels:
         raise InputError(f"{where}: none given, expected some of {', '.join(CONTROLLERS)}")
     seen = set()

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+import sdt_drake
 from sdt_drake.analysis.linear import linearise
 from sdt_drake.analysis.stability import least_damping
 from sdt_drake.io.arrays import Array, Complex
+from sdt_drake.io.shown import Shown, Summary, by_joint, joint_count
 from sdt_drake.io.tables import Results
 from sdt_drake.robot.dynamics import where_largest
 from sdt_drake.run.design import Design
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _AS_AT_REST = 0.1  # rad, and powers of omega; what a loop gain may still turn and change there
 
 
-@dataclass(frozen=True, eq=False)
-class FrequencyResponse:
+@dataclass(frozen=True, eq=False, repr=False)
+class FrequencyResponse(Shown):
     """Frequency responses of each joint's loop; arrays of shape (len(omega), n) or (n,).
 
     Attributes:
@@ -58,6 +63,17 @@ class FrequencyResponse:
     stable: NDArray[np.bool_]
     sample: NDArray[np.intp]
     at_positions: bool = False
+
+    def summary(self) -> Summary:
+        n = len(self.bandwidth)
+        title = f"of {joint_count(n)}: speed over its reference; loop, cut at the motor"
+        return Summary(title, *by_joint([""] * n, self.columns()))
+
+    def plot(self, design: Design | None = None) -> Figure:
+        """A figure of magnitude and phase; with a design, names of the joints."""
+        names = [""] * len(self.bandwidth) if design is None else design.robot.joint_names
+        title = "Frequency response" if design is None else design.scenario.summary().title
+        return sdt_drake.plots.bode(title, self, names)
 
     def results(self, title: str) -> Results:
         """The numbers to write: omega, and of each joint magnitude and phase of both responses."""

@@ -16,12 +16,13 @@ from pydrake.systems.primitives import FirstOrderTaylorApproximation
 
 from sdt_drake.analysis.state_space import StateSpace
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_type, needing
+from sdt_drake.io.errors import InputError, needing
 from sdt_drake.io.shown import Shown, Summary
 from sdt_drake.run.controllers import controller_class
-from sdt_drake.run.design import Design
+from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.device_diagram import make_process
 from sdt_drake.run.loop import blocks_of
+from sdt_drake.run.scenario import Scenario
 
 if TYPE_CHECKING:
     import control
@@ -132,7 +133,7 @@ class LinearModel(Shown, StateSpace):
         return control.ss(self.A, self.B, self.C, self.D, self.period, **names)
 
 
-def linear(design: Design, sample: int = 0) -> LinearModel:
+def linear(design: Design | Scenario, sample: int = 0) -> LinearModel:
     """The closed loop of a design around a sample of its motion, at rest there, with names.
 
     Inputs are q_ref, v_ref, vd_ref and tau_ff, a torque that is added to the feedback's; outputs
@@ -142,9 +143,10 @@ def linear(design: Design, sample: int = 0) -> LinearModel:
         InputError: for a sample that the motion does not have, or a controller that cannot be
             linearised.
     """
-    checked_type(design, Design, "design", "sdt_drake.design")
+    design = as_design(design)
     last = len(design.motion.v) - 1
-    if not (isinstance(sample, int | np.integer) and 0 <= sample <= last):
+    is_whole = isinstance(sample, int | np.integer) and not isinstance(sample, bool)
+    if not (is_whole and 0 <= sample <= last):
         raise InputError(f"sample: {sample!r}, expected a whole number from 0 to {last}")
     loop = linearise(design, sample).whole()
     n, kind = design.robot.n, design.scenario.controller.kind

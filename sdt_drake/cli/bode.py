@@ -7,7 +7,6 @@ import argparse
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import say
-from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import RESULT_TABLES
 
 EXAMPLE = "sdt-drake bode coupled_pi --out bode.png"
@@ -26,17 +25,11 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.analysis.frequency_response import frequency_response, left_out
+    from sdt_drake.analysis.frequency_response import left_out
 
     design = common.design_of(options)
-    sample = None
-    if options.time is not None:
-        if options.time > design.motion.duration:
-            raise InputError(
-                f"--time: {options.time:g} s, the motion ends at {design.motion.duration:g} s"
-            )
-        sample = round(options.time / design.motion.period)
-    response = frequency_response(design, sample=sample)
+    with common.naming_fields({"time": "--time"}):
+        response = sdt.bode(design, time=options.time)
     scenario = design.scenario
     title = f"{scenario.name}: {scenario.controller.label}"
     say(f"{title} on the {scenario.plant.kind} plant")
@@ -46,7 +39,7 @@ def run(options: argparse.Namespace) -> None:
         cut += f", sampled every {design.motion.period:g} s"
     say(f"speed of the link over its reference, without feedforward; {cut}")
     times = design.motion.time[response.sample]
-    if sample is None:
+    if options.time is None:
         joints = ", ".join(f"{t:.3f}" for t in times)
         say(f"linear at rest on the motion, where each joint's inertia is largest, at {joints} s")
     else:

@@ -6,9 +6,9 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.file_sets import replacing_files
 from sdt_drake.io.shown import numbered
 
 if TYPE_CHECKING:
@@ -49,15 +49,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.machine.drive_files import (
-        FILES,
-        READ_BACK,
-        cycles_in_a_period,
-        export,
-        load_drives,
-        read_back,
-        write_read_back,
-    )
+    from sdt_drake.machine.drive_files import FILES, cycles_in_a_period, load_drives
     from sdt_drake.run.design import make_design
     from sdt_drake.run.scenario import load_scenario
 
@@ -72,17 +64,9 @@ def run(options: argparse.Namespace) -> None:
         design = make_design(load_scenario(source, changes))
     scenario, robot = design.scenario, design.nominal
     drives = load_drives(options.drive, robot.n)
-    with replacing_files(options.out) as new:
-        export(
-            design,
-            drives,
-            new,
-            cam_points=options.cam_points,
-            title=options.motion,
-            source=options.drive,
-        )
-        fed = read_back(design, drives, new)
-        write_read_back(new / READ_BACK, fed)
+    fed = sdt.export(
+        design, options.drive, options.out, cam_points=options.cam_points, title=options.motion
+    )
     period, cycle = design.motion.period, drives.cycle_time
     common.say(
         f"{options.motion}: {design.motion.duration:g} s for drives with a cycle of "

@@ -46,23 +46,18 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.machine.identify.files import base_scenario
     from sdt_drake.machine.identify.model import identified_robot, plant_friction
-    from sdt_drake.machine.identify.procedure import identify
-    from sdt_drake.machine.recordings import load_columns, read_recording
     from sdt_drake.show.reports import identification as analysis
 
     folder: Path = options.out
     common.check_folder(folder, analysis.FILES)
     robot = sdt.load_robot(options.robot)
     scenario = base_scenario(robot, options.base)
-    columns = None if options.columns is None else load_columns(options.columns)
-    fitted, judged = (
-        [read_recording(path, robot, columns, side=options.side) for path in paths]
-        for paths in (options.recordings, options.validate)
-    )
-    found = identify(
+    found = sdt.identify(
         robot,
-        fitted,
-        validate=judged,
+        options.recordings,
+        validate=options.validate,
+        columns=options.columns,
+        side=options.side,
         only=options.only,
         payload=options.payload,
         cutoff=options.cutoff,

@@ -146,21 +146,17 @@ def _checked_filter(
     """
     import numpy as np
 
-    from sdt_drake.machine.learn.filter import convergence, design_filter, refuse_divergence
-    from sdt_drake.machine.learn.loops import loops_of
+    from sdt_drake.cli.daily import learning_filter
+    from sdt_drake.machine.learn.filter import refuse_divergence
     from sdt_drake.show.reports.learning import check_table
-    from sdt_drake.studies.devices import devices_of
-    from sdt_drake.studies.study import load_study
 
-    devices = {}
-    if options.study:
-        study, base = load_study(options.study)
-        drawn = devices_of(design, study, base, options.draws)
-        devices[f"the devices of {study.name}"] = drawn
-    loops = loops_of(design, options.of, devices=devices)
-    bandwidth = None if options.bandwidth is None else 2 * np.pi * options.bandwidth
-    filter_ = design_filter(design, loops, options.of, bandwidth=bandwidth)
-    checks = [convergence(filter_, group) for group in loops]
+    filter_, checks = learning_filter(
+        design,
+        options.of,
+        bandwidth=options.bandwidth,
+        study=options.study or None,
+        draws=options.draws,
+    )
     say(design.scenario.summary().title)
     for k, (omega, why) in enumerate(filter_.bandwidth):
         say(f"joint {k + 1}: errors are learned up to {omega / (2 * np.pi):.3g} Hz ({why})")

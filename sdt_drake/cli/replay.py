@@ -30,9 +30,6 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.machine.recordings import load_columns, read_recording
-    from sdt_drake.machine.replay import replay
-    from sdt_drake.run.design import load_device
     from sdt_drake.show.reports.replay import (
         FILES,
         replay_figure,
@@ -45,15 +42,14 @@ def run(options: argparse.Namespace) -> None:
         common.check_folder(options.out, FILES)
     with common.naming_changes(options):
         scenario = sdt.load(options.scenario, dict(options.changes))
-        robot = load_device(scenario)
-        columns = None if options.columns is None else load_columns(options.columns)
-        recorded = read_recording(options.recording, robot, columns, needs=(), side=options.side)
-        replayed = replay(scenario, recorded, robot)
+        replayed = sdt.replay(
+            options.recording, scenario, columns=options.columns, side=options.side
+        )
     for line in replay_findings(replayed):
         say(line.replace("`", ""))
     for table in tables(replayed):
         say()
-        common.print_document_table(table, robot.joint_names)
+        common.print_document_table(table, replayed.design.robot.joint_names)
     if options.out is not None and not options.out.suffix:
         say(f"\n{write_replay(replayed, options.out)} written")
         options.out = None

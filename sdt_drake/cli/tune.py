@@ -49,12 +49,11 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from sdt_drake.analysis.reproduction import tuning
     from sdt_drake.robot.dynamics import effective_inertia
 
     is_scenario = common.is_scenario(options.scenario)
     design = _of_scenario(options) if is_scenario else _of_motion(options)
-    numbers = tuning(design)
+    numbers = sdt.tune(design)
     _print_gains(design, numbers)
     for line in _notes(options, design, is_scenario):
         say(line)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from pydrake.systems.framework import Diagram
@@ -15,6 +15,7 @@ from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import as_part, part
+from sdt_drake.io.shown import Shown, Summary, of_joints
 from sdt_drake.io.tables import write_table
 from sdt_drake.machine.recordings import Recorded
 from sdt_drake.motion import Motion
@@ -28,6 +29,9 @@ from sdt_drake.run.motor_torque import envelope
 from sdt_drake.run.scenario import Scenario, with_fields
 from sdt_drake.run.simulate import simulate
 from sdt_drake.systems import Wired, sample_source
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 QUANTITIES = {
     "speed_error": Metric("speed error", "rad/s"),
@@ -51,8 +55,8 @@ Signals = Mapping[str, Array]
 """Some of QUANTITIES at the samples of the motion, each of shape (N + 1, n)."""
 
 
-@dataclass(frozen=True, eq=False)
-class Replay:
+@dataclass(frozen=True, eq=False, repr=False)
+class Replay(Shown):
     """A recording beside simulations of it.
 
     Attributes:
@@ -68,6 +72,20 @@ class Replay:
     measured: Signals
     start: Array
     courses: Mapping[str, Signals]
+
+    def summary(self) -> Summary:
+        columns = {
+            f"{QUANTITIES[name].title} [%]": (".1f", 100 * self.explained(name))
+            for name in self.measured
+        }
+        title = f"of {self.recorded.path.name}, explained by {self.design.scenario.summary().title}"
+        return of_joints(title, columns, self.design.robot.joint_names)
+
+    def plot(self) -> Figure:
+        """A figure of recorded and simulated errors and torques."""
+        from sdt_drake.show.reports.replay import replay_figure
+
+        return replay_figure(self)
 
     def recorded_rms(self, quantity: str) -> Array:
         """Root of the mean square of what was recorded, shape (n,)."""

@@ -7,7 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from sdt_drake.io.errors import InputError, checked_choice, checked_type, within
+from sdt_drake.io.arguments import a, a_path, positive, share, takes
+from sdt_drake.io.errors import InputError, checked_choice, within
 from sdt_drake.io.resources import find_file
 from sdt_drake.motion.command import Command, TimedSegment, load_command
 from sdt_drake.motion.limiter import plan_motion
@@ -79,6 +80,7 @@ PLANNERS = {"limiter": plan_motion, "retiming": retime}
 """Each `(robot, command, *, period, torque_margin) -> Plan`."""
 
 
+@takes(path=a_path, robot=a(Robot, "sdt_drake.load_robot"), period=positive, torque_margin=share)
 def load_plan(
     path: str | Path,
     robot: Robot | None = None,
@@ -96,15 +98,15 @@ def load_plan(
         path: of the file, or the name of a shipped motion.
         robot: that has to do it; the shipped one by default.
         period: of the samples [s].
-        torque_margin: share of the motors' torque that the motion may take [-].
+        torque_margin: share of the motors' torque that the motion may take, > 0 and at most 1 [-].
         planner: one of PLANNERS.
 
     Raises:
-        InputError: if there is no such file, or `robot` cannot do the motion.
+        InputError: if there is no such file, or `robot` cannot do the motion; naming an argument
+            that is none.
     """
     checked_choice(planner, tuple(PLANNERS), "planner")
     robot = load_robot() if robot is None else robot
-    checked_type(robot, Robot, "robot", "sdt_drake.load_robot")
     file = find_file(path, "motion")
     plan = partial(PLANNERS[planner], robot, period=period, torque_margin=torque_margin)
     with within(file):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sdt_drake.io.arguments import a, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, whole_periods
 from sdt_drake.io.shown import Shown, Summary, face, joint_count, of_joints
@@ -73,6 +74,7 @@ class Plan(Shown):
         }
         return of_joints(title, columns)
 
+    @takes(robot=a(Robot, "sdt_drake.load_robot"))
     def plot(self, robot: Robot) -> Figure:
         """Torques and speeds of its robot, with their limits.
 
@@ -102,17 +104,19 @@ def commanded_motion(robot: Robot, command: Command, period: float) -> Motion:
     count = whole_periods(command.duration, period, f"{where}duration")
     time = np.arange(count + 1.0) * period
     with np.errstate(over="ignore", invalid="ignore"):
-        motion = Motion.from_speeds(period, command.q0, command.speeds(time))
-        for values, most, unit in (
-            (motion.v, _ANY_SPEED, "rad/s"),
-            (motion.q, _ANY_ANGLE, "rad"),
-            (motion.vd, _ANY_ACCELERATION, "rad/s²"),
-        ):
+
+        def check(values: Array, most: float, unit: str) -> None:
             for i, k in np.argwhere(~(np.abs(values) <= most)):
                 raise InputError(
-                    f"{where}{_place(robot, motion, i, k)}: commanded {values[i, k]:.4g} {unit}, "
-                    f"expected at most {most:g} {unit}, as of any machine"
+                    f"{where}{robot.joint(k)} at {time[i]:.3f} s: commanded {values[i, k]:.4g} "
+                    f"{unit}, expected at most {most:g} {unit}, as of any machine"
                 )
+
+        v = command.speeds(time)
+        check(v, _ANY_SPEED, "rad/s")
+        motion = Motion.from_speeds(period, command.q0, v)
+        check(motion.q, _ANY_ANGLE, "rad")
+        check(motion.vd, _ANY_ACCELERATION, "rad/s²")
         _check_sampling(where, robot, command, motion)
     return motion
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
+from sdt_drake.io.arguments import a_path, finite, positive, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, whole_periods
 from sdt_drake.io.shown import Shown, Summary, face, joint_count, of_joints
@@ -42,22 +43,44 @@ class Motion(Shown):
     v: Array
     vd: Array
 
+    def __post_init__(self) -> None:
+        positive(self.period, "period")
+        for name in ("q", "v", "vd"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
+        shapes = [values.shape for values in (self.q, self.v, self.vd)]
+        if len(shapes[0]) != 2 or len(set(shapes)) > 1:
+            told = ", ".join(map(str, shapes))
+            raise InputError(f"q, v, vd: of shapes {told}, expected (N + 1, n) of each")
+
     @staticmethod
+    @takes(period=positive, q0=finite("(n,)"), v=finite("(N + 1, n)"))
     def from_speeds(period: float, q0: Array, v: Array) -> Motion:
-        """The motion through speeds of shape (N + 1, n), starting at `q0` [rad]."""
+        """The motion through speeds of shape (N + 1, n), starting at `q0` [rad].
+
+        Raises:
+            InputError: naming the argument that is no such array, or not finite.
+        """
+        if q0.shape != v.shape[1:]:
+            raise InputError(f"q0: of {len(q0)} joint(s), expected {v.shape[1]}, as v has")
         vd = np.vstack([np.diff(v, axis=0) / period, np.zeros_like(v[:1])])
         steps = (v[1:] + v[:-1]) * (period / 2)
         q = np.vstack([q0, q0 + np.cumsum(steps, axis=0)])
         return Motion(period, q, v, vd)
 
     @staticmethod
+    @takes(period=positive, q=finite("(N + 3, n)"))
     def from_positions(period: float, q: Array) -> Motion:
         """The motion by positions `q` at (i - 1) * period, i = 0..N + 2, shape (N + 3, n).
 
         Its speeds are central differences: v_i = (q_i+1 - q_i-1) / (2 h). So its positions are
         q_i + (q_i+1 - 2 q_i + q_i-1) / 4; they are off by a h² / 4 where the acceleration is a, and
         this does not add up.
+
+        Raises:
+            InputError: naming the argument that is no such array, or not finite.
         """
+        if len(q) < 3:
+            raise InputError(f"q: {len(q)} row(s), expected at least 3")
         v = (q[2:] - q[:-2]) / (2 * period)
         return Motion.from_speeds(period, (q[0] + 2 * q[1] + q[2]) / 4, v)
 
@@ -123,11 +146,13 @@ class Motion(Shown):
         """Positions, speeds and accelerations by the names that they have in tables."""
         return dict(zip(MOTION_COLUMNS, (self.q, self.v, self.vd), strict=True))
 
+    @takes(path=a_path)
     def to_csv(self, path: str | Path) -> None:
         """Write time, q_ref_k, v_ref_k, vd_ref_k, exactly."""
         write_table(path, self.time, self.columns)
 
     @staticmethod
+    @takes(path=a_path)
     def from_csv(path: str | Path) -> Motion:
         """Read what `to_csv` writes; further columns are ignored.
 

@@ -25,6 +25,7 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.framework import Context
 
+from sdt_drake.io.arguments import a_path, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, one_line
 from sdt_drake.io.resources import find_file
@@ -142,6 +143,7 @@ class Robot(Shown):
         return cast(MultibodyPlant, self.plant.Clone())
 
 
+@takes(path=a_path)
 def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
     """Load and validate a serial robot.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sdt_drake.io.arguments import a, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_type, within
 from sdt_drake.io.fields import check
@@ -27,7 +28,7 @@ from sdt_drake.robot.dynamics import (
 from sdt_drake.robot.envelope import Envelope
 from sdt_drake.robot.motors import as_driven, chosen_robot
 from sdt_drake.robot.robot import Robot, load_robot
-from sdt_drake.run.plant import check_poles, plant_along
+from sdt_drake.run.plant import check_poles, check_reference, plant_along
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.tuning import FeedforwardLaw, fed, feedforward_of, gains_of
 from sdt_drake.systems.gains import SpeedGains, natural_frequency
@@ -219,6 +220,11 @@ class Design(Shown):
         return replace(self, feedforward=None, tau_ff=tau_ff, steady_ff=tau_ff[0] - jump)
 
 
+@takes(
+    robot=a(Robot, "sdt_drake.load_robot"),
+    motion=a(Motion, "sdt_drake.plan, or a design,"),
+    learned=a(LearnedReference, "sdt_drake.learn"),
+)
 def make_design(
     scenario: Scenario,
     *,
@@ -246,6 +252,19 @@ def make_design(
     return _resolved(scenario, robots, wanted, known, learned)
 
 
+def as_design(design: Design | Scenario) -> Design:
+    """A design itself, or that of a scenario.
+
+    Raises:
+        InputError: for anything else, and for what `make_design` refuses.
+    """
+    if isinstance(design, Scenario):
+        return make_design(design)
+    made_by = "sdt_drake.run.design, or a Scenario, as sdt_drake.load"
+    checked_type(design, Design, "design", made_by)
+    return design
+
+
 def _resolved(
     scenario: Scenario,
     robots: tuple[Robot, Robot, Robot],
@@ -258,7 +277,7 @@ def _resolved(
     with within(_name(scenario)):
         taught = _learned(scenario, nominal, wanted, learned)
         motion, known = taught.motion, known if taught.motion is wanted else {}
-        _check_reference(scenario, motion)
+        check_reference(scenario, nominal, motion)
 
         def torques_of(robot: Robot) -> TorqueGroups:
             if robot.sdf not in known:
@@ -374,20 +393,6 @@ def _learned(
     if taught.torque is not None and scenario.inverse_dynamics != "table":
         raise InputError("inverse_dynamics: online, but a learned torque needs table")
     return taught
-
-
-def _check_reference(scenario: Scenario, motion: Motion) -> None:
-    """Refuse NaN, where Drake ends the process, and a reference that never arrives."""
-    for name in ("q", "v", "vd"):
-        for i, k in np.argwhere(~np.isfinite(getattr(motion, name))):
-            raise InputError(
-                f"motion: {name} of joint {k + 1} is not finite at {motion.time[i]:g} s"
-            )
-    delay = scenario.drive.reference_delay
-    if delay >= motion.duration:
-        raise InputError(
-            f"drive.reference_delay: {delay:g} s, but the motion ends at {motion.duration:g} s"
-        )
 
 
 def _along(robot: Robot, motion: Motion) -> TorqueGroups:

@@ -11,12 +11,14 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.primitives import ConstantVectorSource, VectorLogSink, ZeroOrderHold
 
+from sdt_drake.io.arguments import a, finite, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_type
 from sdt_drake.run.controllers import in_errors, make_controller
 from sdt_drake.run.controllers.base import LOOP_SIGNALS, add_table
-from sdt_drake.run.design import Design
+from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.device_diagram import add_device, add_loads, add_moved, at_rest
+from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems import (
     AxisProcess,
     DynamicSaturation,
@@ -49,7 +51,7 @@ class Loop(Wired):
     on), `tau_cmd`, `tau`, as `sdt_drake.systems` says. It logs what a `Recording` holds.
 
     Args:
-        design: a resolved scenario.
+        design: a resolved scenario, or one that is resolved here.
         controller: a system of one's own instead of the scenario's controller, see
             `sdt_drake.run.controllers.Controller` for its ports.
         meshcat: to watch the run in.
@@ -69,9 +71,10 @@ class Loop(Wired):
         logs: sinks by the name of the signal.
     """
 
+    @takes(meshcat=a(Meshcat, "pydrake.geometry.StartMeshcat"), widened=a(bool, "True or False"))
     def __init__(
         self,
-        design: Design,
+        design: Design | Scenario,
         *,
         controller: System | None = None,
         meshcat: Meshcat | None = None,
@@ -79,7 +82,7 @@ class Loop(Wired):
         moved: tuple[Array, Array] | None = None,
     ) -> None:
         super().__init__()
-        checked_type(design, Design, "design", "sdt_drake.design")
+        design = as_design(design)
         robot, drive, motion = design.robot, design.drive, design.reference
         self.design = design
         widened = design.scenario.plant.kind == "axis" if widened is None else widened
@@ -105,7 +108,7 @@ class Loop(Wired):
             add_device(self, design)
             add_loads(self, design)
         else:
-            add_moved(self, design, *moved)
+            add_moved(self, design, *_checked_moved(design, moved))
         _add_encoders(self, design, self.controller)
         if meshcat is not None:
             drawing = RobotDrawing(robot=robot, meshcat=meshcat, period=motion.period)
@@ -188,15 +191,21 @@ def _checked_controller(design: Design, controller: System) -> System:
             raise InputError(
                 f"{where}: an input '{name}', expected one of {', '.join(LOOP_SIGNALS)}"
             )
-        at_once = name == "tau_limited" and controller.HasDirectFeedthrough(
-            controller.GetInputPort(name).get_index(), 0
-        )
-        if at_once:
+        port = int(controller.GetInputPort(name).get_index())
+        if name == "tau_limited" and controller.HasDirectFeedthrough(port, 0):
             raise InputError(
                 f"{where}: tau_cmd depends on tau_limited at once, and that on tau_cmd: an "
                 "algebraic loop; expected prerequisites_of_calc of tau_cmd without tau_limited"
             )
     return controller
+
+
+def _checked_moved(design: Design, moved: tuple[Array, Array]) -> tuple[Array, Array]:
+    shape = design.motion.q.shape
+    arrays = cast(Array, finite("(2, N + 1, n)")(moved, "moved"))
+    if arrays.shape != (2, *shape):
+        raise InputError(f"moved: of shape {arrays.shape}, expected (2, {shape[0]}, {shape[1]})")
+    return arrays[0], arrays[1]
 
 
 def systems_in(system: System) -> Iterator[System]:

@@ -141,3 +141,24 @@ def _check_pole(scenario: Scenario, poles: Array, cause: str) -> None:
             f"{cause} joint {k + 1} a pole at {poles[k]:.3g} rad/s, expected less than "
             f"{_FASTEST / scenario.period:.3g}"
         )
+
+
+def check_reference(scenario: Scenario, robot: Robot, motion: Motion) -> None:
+    """Refuse a motion of other joints, NaN, where Drake ends the process, and a reference that
+    never arrives.
+
+    Raises:
+        InputError: naming joint and time, or the field.
+    """
+    if motion.n != robot.n:
+        raise InputError(f"motion: of {motion.n} joint(s), robot '{robot.name}' has {robot.n}")
+    for name in ("q", "v", "vd"):
+        for i, k in np.argwhere(~np.isfinite(getattr(motion, name))):
+            raise InputError(
+                f"motion: {name} of joint {k + 1} is not finite at {motion.time[i]:g} s"
+            )
+    delay = scenario.drive.reference_delay
+    if delay >= motion.duration:
+        raise InputError(
+            f"drive.reference_delay: {delay:g} s, but the motion ends at {motion.duration:g} s"
+        )

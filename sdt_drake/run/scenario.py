@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Optional
 
+from sdt_drake.io.arguments import a, a_path, takes
 from sdt_drake.io.errors import InputError, one_line, whole_periods
 from sdt_drake.io.fields import Problems, given, setting
 from sdt_drake.io.shown import Shown, Summary
@@ -232,6 +233,7 @@ class Scenario(Shown):
         return Summary(title, ("field", "value"), rows)
 
 
+@takes(path=a_path)
 def load_scenario(path: str | Path, changes: Optional[Mapping[str, Any]] = None) -> Scenario:
     """A scenario from YAML, or the shipped one of a name; relative paths in the file start from its
     folder, and become absolute.
@@ -263,6 +265,11 @@ def with_fields(scenario: Scenario, values: Mapping[str, object]) -> Scenario:
     return made
 
 
+@takes(scenario=a(Scenario, "sdt_drake.load"), path=a_path)
 def save_scenario(scenario: Scenario, path: str | Path) -> None:
-    """Write a scenario as YAML that `load_scenario` reads."""
+    """Write a scenario as YAML that `load_scenario` reads.
+
+    Raises:
+        InputError: if it is none, or the file cannot be written.
+    """
     write_yaml(path, scenario)

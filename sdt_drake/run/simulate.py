@@ -13,16 +13,18 @@ import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram
 
+from sdt_drake.io.arguments import a, a_path, takes
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_number, checked_type
+from sdt_drake.io.errors import InputError, checked_number
 from sdt_drake.io.fields import setting
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, face, joint_count, of_joints
 from sdt_drake.io.tables import check_columns, check_limits, data_frame, read_table, write_table
 from sdt_drake.run.controllers import in_errors, own_code
-from sdt_drake.run.design import Design
+from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.loop import Loop, make_loop, systems_in
 from sdt_drake.run.motor_torque import arrived, cuts, period_torque, tells_command
+from sdt_drake.run.scenario import Scenario
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -116,16 +118,17 @@ class Recording(Shown):
         title = f"of {joint_count(self.q.shape[1])}: {end:.9g} s in steps of {1000 * step:.6g} ms"
         return of_joints(title, columns)
 
-    def plot(self, design: Design | None = None, joint: int | None = None) -> Figure:
+    def plot(self, design: Design | Scenario | None = None, joint: int | None = None) -> Figure:
         """A scope: speed and its reference, errors, torque; with a design, names and limits.
 
         Args:
-            design: of the run.
+            design: of the run, or its scenario.
             joint: 1..n, to show that one alone.
 
         Raises:
             InputError: if there is no such joint, or the design has other joints.
         """
+        design = None if design is None else as_design(design)
         title = "Recording" if design is None else design.scenario.summary().title
         return face().plots.scope(title, self, design, joint)
 
@@ -141,6 +144,7 @@ class Recording(Shown):
     def _columns(self) -> dict[str, Array]:
         return {name: getattr(self, name) for name in RECORDED_COLUMNS}
 
+    @takes(path=a_path)
     def save(self, path: str | Path) -> None:
         """Write time and, for each joint, RECORDED_COLUMNS, exactly: as .csv, .mat or .parquet.
 
@@ -150,6 +154,7 @@ class Recording(Shown):
         write_table(path, self.time, self._columns)
 
     @staticmethod
+    @takes(path=a_path)
     def load(path: str | Path) -> Recording:
         """Read what `save` writes; further columns are ignored.
 
@@ -192,13 +197,14 @@ def make_simulator(
     return simulator
 
 
+@takes(diagram=a(Diagram, "sdt_drake.loop"))
 def simulate(
-    design: Design, diagram: Diagram | None = None, *, realtime_rate: float = 0.0
+    design: Design | Scenario, diagram: Diagram | None = None, *, realtime_rate: float = 0.0
 ) -> Recording:
     """Run a loop along its motion, starting on the reference, at the scenario's accuracy.
 
     Args:
-        design: a resolved scenario.
+        design: a resolved scenario, or one that is resolved here.
         diagram: its loop, or a diagram that has it within, however deep; built here by default.
         realtime_rate: how fast to go, 1 in real time, to watch a loop with a Meshcat; 0: as fast
             as it can.
@@ -207,7 +213,7 @@ def simulate(
         InputError: for a diagram without the design's loop; if the integrator makes no headway,
             with the time.
     """
-    checked_type(design, Design, "design", "sdt_drake.design")
+    design = as_design(design)
     checked_number(realtime_rate, "realtime_rate", minimum=0)
     diagram = make_loop(design) if diagram is None else diagram
     loop = _loop_in(design, diagram)
@@ -247,7 +253,7 @@ def _look(loop: Loop, own: Context) -> Array:
     return tau_cmd
 
 
-def _check_command(loop: Loop, tau_cmd: Array, time: Sequence[float]) -> None:
+def _check_command(loop: Loop, tau_cmd: Array, time: Array | Sequence[float]) -> None:
     """Refuse commands, shape (N, n), that are not finite, whatever becomes of them in the loop."""
     for i, k in np.argwhere(~np.isfinite(tau_cmd)):
         raise InputError(

@@ -10,10 +10,10 @@ from known_truth import HEAVIER, recorded_of
 
 from sdt_drake.io.tables import write_table
 from sdt_drake.machine.identify.base_parameters import Unknown
-from sdt_drake.show.reports.identification import FILES
 from sdt_drake.robot.deviation import deviated
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.run.scenario import load_scenario
+from sdt_drake.show.reports.identification import FILES
 from sdt_drake.studies.study import load_study
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
+from sdt_drake.io.shown import Shown, Summary, of_joints
 from sdt_drake.machine.identify.base_parameters import Unknown, rigid_parameters
 from sdt_drake.machine.identify.consistency import (
     Consistent,
@@ -46,8 +47,8 @@ _BELIEF = 1.0  # standard deviation of a parameter over its scale, before anythi
 Parts = list[tuple[int, float, Stretch]]
 
 
-@dataclass(frozen=True, eq=False)
-class Identified:
+@dataclass(frozen=True, eq=False, repr=False)
+class Identified(Shown):
     """What recordings say of a robot.
 
     Attributes:
@@ -75,6 +76,13 @@ class Identified:
     cutoff: float
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+
+    def summary(self) -> Summary:
+        left = {"left by the file [%]": self.equations.nominal, "identified [%]": self.predicted}
+        columns = {name: (".2f", 100 * self.left(tau, held_out=True)) for name, tau in left.items()}
+        files = ", ".join(recorded.path.name for recorded in self.recordings)
+        title = f"{self.nominal.name} from {files}: left of torques, held out"
+        return of_joints(title, columns, self.nominal.joint_names)
 
     def left(self, predicted: Array, *, held_out: bool) -> Array:
         """RMS of what a prediction leaves, over the RMS of the measured torque, shape (n,).

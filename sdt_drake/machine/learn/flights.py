@@ -11,6 +11,7 @@ import numpy as np
 from sdt_drake.analysis.tracking import motor_use, track_head
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
+from sdt_drake.io.shown import Shown, Summary, formatted
 from sdt_drake.machine.learn.filter import LearningFilter
 from sdt_drake.motion import LearnedReference, Motion
 from sdt_drake.robot.head import has_head
@@ -200,8 +201,8 @@ def reason_to_stop(flights: Sequence[Flight], steps: Sequence[Step]) -> str:
     return ""
 
 
-@dataclass(frozen=True, eq=False)
-class Lessons:
+@dataclass(frozen=True, eq=False, repr=False)
+class Lessons(Shown):
     """Flights one after the other, and what was learned.
 
     Attributes:
@@ -213,6 +214,20 @@ class Lessons:
     flights: tuple[Flight, ...]
     steps: tuple[Step, ...]
     reason: str
+
+    def summary(self) -> Summary:
+        rows = [
+            [
+                f"{flight.number}",
+                f"{np.degrees(flight.largest.max()):.4f}",
+                f"{np.degrees(flight.score):.5f}",
+                formatted(100 * flight.felt, ".1f"),
+            ]
+            for flight in self.flights
+        ]
+        header = ("flight", "largest error [deg]", "RMS error [deg]", "felt [% of time]")
+        end = f", stopped: {self.reason}" if self.reason else ""
+        return Summary(f"of {len(rows)} flight(s), best: {self.best.number}{end}", header, rows)
 
     @property
     def best(self) -> Flight:

@@ -105,9 +105,10 @@ def _declares_first(system: type) -> bool:
     Drake would write to memory that nobody has set up. The names in code stand in the order of
     their use.
     """
-    code = getattr(inspect.unwrap(system.__init__), "__code__", None)  # None: in C++
-    names = () if code is None else takewhile("__init__".__ne__, code.co_names)
-    return any(name.startswith(("Declare", "BuildInto")) for name in names)
+    own = inspect.unwrap(vars(system).get("__init__", object))
+    names = own.__code__.co_names if inspect.isfunction(own) else ()  # those of Drake are in C++
+    before = takewhile("__init__".__ne__, names)
+    return any(name.startswith(("Declare", "BuildInto")) for name in before)
 
 
 __all__ = [

@@ -13,13 +13,15 @@ from string import Template
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatParams
 
+from sdt_drake.io.arguments import a, a_path, takes
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_output, checked_suffix, checked_type, write_text
+from sdt_drake.io.errors import InputError, checked_output, checked_suffix, write_text
 from sdt_drake.io.shown import numbered
 from sdt_drake.motion import Story
 from sdt_drake.robot.head import check_head
 from sdt_drake.robot.robot import Robot
-from sdt_drake.run.design import Design
+from sdt_drake.run.design import Design, as_design
+from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import Recording
 from sdt_drake.show.texts import json_in_page, page_text
 from sdt_drake.show.view3d.scene import (
@@ -86,6 +88,7 @@ class Animation:
         style = "width:100%;height:420px;border:0"
         return f'<iframe title="{title}" style="{style}" srcdoc="{page}"></iframe>'
 
+    @takes(path=a_path)
     def save(self, path: str | Path) -> None:
         """Write the animation as a web page; see `record_html`.
 
@@ -95,18 +98,21 @@ class Animation:
         write_text(checked_suffix(Path(path), PAGES), self._page)
 
 
-def view(design: Design, recording: Recording | None = None, *, pilot: bool = False) -> Animation:
+@takes(recording=a(Recording, "sdt_drake.run.simulate"))
+def view(
+    design: Design | Scenario, recording: Recording | None = None, *, pilot: bool = False
+) -> Animation:
     """What a run does in 3D, or, without a recording of it, the motion that is asked for.
 
     Args:
-        design: of the run.
+        design: of the run, or its scenario.
         recording: of it.
         pilot: start with the pilot's own view.
 
     Raises:
         InputError: if there is no pilot, or the motion is too long.
     """
-    checked_type(design, Design, "design", "sdt_drake.design")
+    design = as_design(design)
     motion, title = design.motion, design.scenario.name
     time, q = (motion.time, motion.q) if recording is None else (recording.time, recording.q)
     return Animation(recorded_page(design.robot, time, q, title=title, pilot=pilot), title)

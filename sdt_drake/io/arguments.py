@@ -1,0 +1,86 @@
+"""Arguments of functions of daily use, checked once, where they come in."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import os
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+import numpy as np
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, checked_number, checked_type, one_line
+
+F = TypeVar("F", bound=Callable[..., Any])
+Kind = Callable[[Any, str], object]
+"""Takes a value and the name of its argument: what the function gets, or an InputError."""
+
+
+def takes(**kinds: Kind) -> Callable[[F], F]:
+    """Check arguments of a function, by their names; its defaults are taken as they are."""
+
+    def decorated(function: F) -> F:
+        signature = inspect.signature(function)
+
+        @functools.wraps(function)
+        def checked(*args: Any, **kwargs: Any) -> Any:
+            bound = signature.bind(*args, **kwargs)
+            for name in [name for name in bound.arguments if name in kinds]:
+                value = bound.arguments[name]
+                if value is not signature.parameters[name].default:
+                    bound.arguments[name] = kinds[name](value, name)
+            return function(*bound.args, **bound.kwargs)
+
+        return cast(F, checked)
+
+    return decorated
+
+
+def a(kind: type, made_by: str) -> Kind:
+    """An object of a kind, and what makes one."""
+
+    def checked(value: Any, name: str) -> object:
+        checked_type(value, kind, name, made_by)
+        return value
+
+    return checked
+
+
+def a_path(value: Any, name: str) -> str | os.PathLike[str]:
+    """The path of a file, or the name of what ships."""
+    if not isinstance(value, str | os.PathLike):
+        raise InputError(f"{name}: a {type(value).__name__}, expected a path, as a str or a Path")
+    return value
+
+
+def positive(value: Any, name: str) -> float:
+    """A finite number > 0."""
+    return checked_number(value, name, minimum=0, exclusive=True)
+
+
+def share(value: Any, name: str) -> float:
+    """A number > 0, at most 1."""
+    if positive(value, name) > 1:
+        raise InputError(f"{name}: {value}, expected at most 1")
+    return float(value)
+
+
+def finite(shape: str) -> Kind:
+    """An array of finite numbers, of a shape in words: "(N + 1, n)" has two dimensions."""
+
+    def checked(value: Any, name: str) -> Array:
+        try:
+            array = np.asarray(value, dtype=float)
+        except (TypeError, ValueError):
+            array = np.array(np.nan)
+        if array.ndim != shape.count(",") + (not shape.endswith(",)")) or not array.size:
+            told = f"of shape {array.shape}" if array.ndim else one_line(value)
+            raise InputError(f"{name}: {told}, expected numbers of shape {shape}")
+        for place in np.argwhere(~np.isfinite(array)):
+            where = ", ".join(map(str, place))
+            raise InputError(f"{name}[{where}]: {array[tuple(place)]}, expected finite numbers")
+        return array
+
+    return checked
