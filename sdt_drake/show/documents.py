@@ -1,7 +1,7 @@
 """Documents of headings, texts, tables and figures; as Markdown, and as a page in one HTML file.
 
 Texts may hold `code`, **bold** and *emphasis*. What is not our own, such as names of users, needs
-no care: the writer of pages escapes everything.
+no care: the writer of pages escapes everything, that of Markdown tags and links.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Text:
     look: str = ""
 
     def markdown(self) -> str:
-        return self.text
+        return _plain(self.text)
 
     def html(self, inline: Inline) -> str:
         return f"<p{_class(self.look)}>{inline(self.text)}</p>"
@@ -59,7 +59,7 @@ class Heading:
     text: str
 
     def markdown(self) -> str:
-        return f"### {self.text}"
+        return f"### {_plain(self.text)}"
 
     def html(self, inline: Inline) -> str:
         return f"<h3>{inline(self.text)}</h3>"
@@ -72,7 +72,7 @@ class Bullets:
     items: Sequence[str]
 
     def markdown(self) -> str:
-        return "\n".join(f"- {item}" for item in self.items)
+        return "\n".join(f"- {_plain(item)}" for item in self.items)
 
     def html(self, inline: Inline) -> str:
         items = "".join(f"<li>{inline(item)}</li>" for item in self.items)
@@ -115,8 +115,8 @@ class Table:
 
     def markdown(self) -> str:
         lines = [self.header, ["---"] * len(self.header), *self.rows]
-        table = "\n".join(f"| {' | '.join(map(_plain, cells))} |" for cells in lines)
-        return f"**{self.title}**\n\n{table}" if self.title else table
+        table = "\n".join(f"| {' | '.join(map(_cell, cells))} |" for cells in lines)
+        return f"**{_plain(self.title)}**\n\n{table}" if self.title else table
 
     def html(self, inline: Inline) -> str:
         title = f"<h3>{inline(self.title)}</h3>" if self.title else ""
@@ -158,9 +158,19 @@ def _row(cells: Sequence[Cell], inline: Inline, width: int) -> str:
     return f"<tr>{row}</tr>"
 
 
-def _plain(cell: Cell) -> str:
+def _cell(cell: Cell) -> str:
     """In Markdown."""
-    return (cell if isinstance(cell, str) else " ".join(cell)).replace("|", "\\|")
+    return _plain(cell if isinstance(cell, str) else " ".join(cell)).replace("|", "\\|")
+
+
+def _plain(text: str) -> str:
+    """A text in Markdown: tags and links, which are none of ours, are shown; code stays."""
+    return re.sub(r"(`[^`]*`)|(<(?=[A-Za-z/!?])|\[(?=[^][]*\]\())", _escaped, text)
+
+
+def _escaped(match: re.Match[str]) -> str:
+    code, begin = match.groups()
+    return code or f"\\{begin}"
 
 
 def _first(k: int) -> str:
@@ -187,7 +197,7 @@ class Figure:
     def markdown(self) -> str:
         png = self.svg.with_suffix(".png")
         path = (png if png.is_file() else self.svg).relative_to(self.folder)
-        return f"![{self.caption}]({path.as_posix()})"
+        return f"![{_plain(self.caption)}]({path.as_posix()})"
 
     def html(self, inline: Inline) -> str:
         data = base64.b64encode(read_svg(self.svg).encode()).decode()
@@ -207,7 +217,7 @@ class Details:
 
     def markdown(self) -> str:
         blocks = "\n\n".join(block.markdown() for block in self.blocks)
-        return f"<details><summary>{self.summary}</summary>\n\n{blocks}\n\n</details>"
+        return f"<details><summary>{html.escape(self.summary)}</summary>\n\n{blocks}\n\n</details>"
 
     def html(self, inline: Inline) -> str:
         blocks = "".join(block.html(inline) for block in self.blocks)
@@ -272,9 +282,12 @@ class Document:
 
     def markdown(self) -> str:
         """The text of a Markdown file."""
-        parts = [f"# {self.title}", self.lead]
+        parts = [f"# {_plain(self.title)}", _plain(self.lead)]
         for section in self._shown():
-            parts += [f"## {section.title}", *(block.markdown() for block in section.blocks)]
+            parts += [
+                f"## {_plain(section.title)}",
+                *(block.markdown() for block in section.blocks),
+            ]
         return "\n\n".join(filter(None, parts)) + "\n"
 
     def html(self) -> str:

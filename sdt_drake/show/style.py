@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import cycle
@@ -111,8 +112,12 @@ class Picture(Figure):
 
 @contextmanager
 def style() -> Iterator[None]:
-    """The look of all figures of this package."""
-    with matplotlib.rc_context(_STYLE):
+    """The look of all figures of this package.
+
+    Letters that no font of the machine has, as of users' names, are drawn as boxes, without a word.
+    """
+    with matplotlib.rc_context(_STYLE), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from", UserWarning)
         yield
 
 

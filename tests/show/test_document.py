@@ -127,6 +127,21 @@ def test_all_text_is_escaped(tmp_path):
     assert not [a for _, a in Tags(page).tags if "onload" in a]
 
 
+def test_names_of_users_are_no_tags_and_links_in_markdown(tmp_path):
+    name, shown = "<b>x</b> [a](http://b)", r"\<b>x\</b> \[a](http://b)"
+    blocks = [
+        doc.Text(name),
+        doc.Heading(name),
+        doc.Bullets([name]),
+        doc.Table([name], [[name]], title=name),
+        doc.Figure(name, tmp_path / "x.svg", tmp_path),
+    ]
+    page = doc.Document(name, name, [doc.Section(name, blocks)]).markdown()
+    assert page.count(shown) == 10 and page.replace(shown, "").count("b>") == 0
+    kept = "`<b>[a](b)` 1 < 2, tau [N m]"
+    assert doc.Text(kept).markdown() == kept
+
+
 def test_a_template_takes_blocks_and_numbers():
     parts = ["# T", "lead {x:.1f}", "## S", "a\nb {x:.2f}", "{table}", "### H", "![C](p.svg)"]
     parts += ["## E", "{no}"]

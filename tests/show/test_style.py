@@ -134,6 +134,13 @@ def test_the_same_figure_gives_the_same_svg(figure, tmp_path):
     assert one == two and b"<dc:date>" not in one
 
 
+def test_letters_that_no_font_has_are_no_warning(figure, tmp_path, recwarn):
+    with style.style():
+        style.finish(figure, "滚\U000105c0")
+    style.save(figure, tmp_path / "x.png")
+    assert [str(warning.message) for warning in recwarn] == []
+
+
 def test_a_legend_names_every_label_once_and_hides_the_others(figure):
     (ax,) = figure.axes
     ax.plot([0, 1], [0, 1], label="$x^{$")
