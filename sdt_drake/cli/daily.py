@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from sdt_drake.io.errors import (
 from sdt_drake.io.file_sets import replacing_files
 from sdt_drake.machine import drive_files
 from sdt_drake.machine import replay as replaying
-from sdt_drake.machine.identify import procedure
 from sdt_drake.machine.learn import flights as flying
 from sdt_drake.machine.learn.filter import (
     Convergence,
@@ -39,6 +38,9 @@ from sdt_drake.run.design import Design, as_design, load_device
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.studies.devices import devices_of
 from sdt_drake.studies.study import load_study
+
+if TYPE_CHECKING:
+    from sdt_drake.machine.identify.procedure import Identified
 
 SIDES = ("joint", "motor")
 FOUND = ("payload", "friction")
@@ -96,8 +98,8 @@ def identify(
     only: str | None = None,
     payload: str = "payload",
     cutoff: float | None = None,
-    held_out: float = procedure.HELD_OUT,
-) -> procedure.Identified:
+    held_out: float = 1 / 3,
+) -> Identified:
     """Identify a robot from recordings, as `sdt-drake identify`.
 
         found = sdt.identify("sdt", "run.csv")
@@ -124,6 +126,8 @@ def identify(
     Raises:
         InputError: naming the argument or the recording that cannot be used.
     """
+    from sdt_drake.machine.identify import procedure  # which needs an extra
+
     if only is not None:
         checked_choice(only, FOUND, "only")
     if cutoff is not None:
