@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-import sdt_drake
 from sdt_drake.analysis.linear import linearise
 from sdt_drake.analysis.stability import least_damping
 from sdt_drake.io.arrays import Array, Complex
-from sdt_drake.io.shown import Shown, Summary, by_joint, joint_count
+from sdt_drake.io.shown import Shown, Summary, by_joint, face, joint_count
 from sdt_drake.io.tables import Results
 from sdt_drake.robot.dynamics import where_largest
 from sdt_drake.run.design import Design
@@ -73,7 +72,7 @@ class FrequencyResponse(Shown):
         """A figure of magnitude and phase; with a design, names of the joints."""
         names = [""] * len(self.bandwidth) if design is None else design.robot.joint_names
         title = "Frequency response" if design is None else design.scenario.summary().title
-        return sdt_drake.plots.bode(title, self, names)
+        return face().plots.bode(title, self, names)
 
     def results(self, title: str) -> Results:
         """The numbers to write: omega, and of each joint magnitude and phase of both responses."""

@@ -15,7 +15,7 @@ from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import as_part, part
-from sdt_drake.io.shown import Shown, Summary, of_joints
+from sdt_drake.io.shown import Shown, Summary, face, of_joints
 from sdt_drake.io.tables import write_table
 from sdt_drake.machine.recordings import Recorded
 from sdt_drake.motion import Motion
@@ -83,9 +83,7 @@ class Replay(Shown):
 
     def plot(self) -> Figure:
         """A figure of recorded and simulated errors and torques."""
-        from sdt_drake.show.reports.replay import replay_figure
-
-        return replay_figure(self)
+        return face().plots.replay(self)
 
     def recorded_rms(self, quantity: str) -> Array:
         """Root of the mean square of what was recorded, shape (n,)."""

@@ -42,7 +42,7 @@ class Deviation:
         payload_mass: added to the link's mass; its inertia scales with the mass (the same body,
             evenly heavier).
         payload_offset: added to the position of the link's centre of mass, in the frame in which
-            <inertial> is written: that of the link.
+            `<inertial>` is written: that of the link.
         inertia_scale: factor on masses and inertias of all links, applied after the payload's
             change. So the links' part of the mass matrix, the velocity torques and the gravity
             torques all scale with it; what the rotors add to the mass matrix does not.

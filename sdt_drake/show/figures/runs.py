@@ -26,6 +26,7 @@ from sdt_drake.robot.dynamics import InertiaRange, Loads
 from sdt_drake.robot.head import has_head
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.simulate import Recording
+from sdt_drake.show.figures.replay import replay_figure as replay  # noqa: F401
 from sdt_drake.show.figures.scope import scope as scope
 from sdt_drake.show.panels import LIMIT, over_time, picture
 from sdt_drake.show.style import (

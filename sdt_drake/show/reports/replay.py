@@ -6,44 +6,23 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sdt_drake.analysis.metrics import Metric
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.file_sets import replacing_files
-from sdt_drake.machine.replay import ALONE, AS_IT_IS, ENOUGH, FED, QUANTITIES, ROUND_OFF, Replay
+from sdt_drake.machine.replay import ALONE, ENOUGH, FED, QUANTITIES, ROUND_OFF, Replay
 from sdt_drake.show import documents as doc
-from sdt_drake.show.panels import Panel, over_time, picture
-from sdt_drake.show.style import PALETTE, Look, pictures, save_both
+from sdt_drake.show.figures.replay import replay_figure, replay_title
+from sdt_drake.show.style import pictures, save_both
 from sdt_drake.show.template import from_template
 from sdt_drake.show.texts import page_text
 
-RECORDED, SIMULATED = Look(PALETTE[0]), Look(PALETTE[1], "--")
 FIGURE, TABLE = "replay", "replay.csv"
 FILES = (*pictures(FIGURE), TABLE, doc.MARKDOWN, doc.REPORT)
 """Files of a replay."""
 
 _SHARE = Metric("explained", "%", 100, ".1f")
-
-
-def replay_figure(replay: Replay) -> Figure:
-    """Recorded and simulated errors and torques, a row for each joint."""
-    time, names = replay.design.motion.time, replay.design.robot.joint_names
-    columns: list[list[Panel]] = []
-    for name, measured in replay.measured.items():
-        metric, simulated = QUANTITIES[name], replay.courses[AS_IT_IS][name]
-        lines = [
-            ("recorded", RECORDED, metric.factor * measured),
-            ("simulated", SIMULATED, metric.factor * simulated),
-        ]
-        columns.append(over_time(metric.label, time, lines, () if columns else names))
-    return picture(f"{replay_title(replay)}: recorded and simulated", columns)
-
-
-def replay_title(replay: Replay) -> str:
-    """The title of a report: what is replayed in what."""
-    return f"{replay.recorded.path.name} in {replay.design.scenario.name}"
 
 
 def tables(replay: Replay) -> list[doc.Table]:

@@ -1,0 +1,30 @@
+"""Figure of a recording beside its simulation."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from sdt_drake.machine.replay import AS_IT_IS, QUANTITIES, Replay
+from sdt_drake.show.panels import Panel, over_time, picture
+from sdt_drake.show.style import PALETTE, Look
+
+RECORDED, SIMULATED = Look(PALETTE[0]), Look(PALETTE[1], "--")
+
+
+def replay_figure(replay: Replay) -> Figure:
+    """Recorded and simulated errors and torques, a row for each joint."""
+    time, names = replay.design.motion.time, replay.design.robot.joint_names
+    columns: list[list[Panel]] = []
+    for name, measured in replay.measured.items():
+        metric, simulated = QUANTITIES[name], replay.courses[AS_IT_IS][name]
+        lines = [
+            ("recorded", RECORDED, metric.factor * measured),
+            ("simulated", SIMULATED, metric.factor * simulated),
+        ]
+        columns.append(over_time(metric.label, time, lines, () if columns else names))
+    return picture(f"{replay_title(replay)}: recorded and simulated", columns)
+
+
+def replay_title(replay: Replay) -> str:
+    """The title of a report: what is replayed in what."""
+    return f"{replay.recorded.path.name} in {replay.design.scenario.name}"
