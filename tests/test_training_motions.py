@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from figures import check_same_numbers, content_of
 
+from sdt_drake.analysis.perception import canals, felt_difference
 from sdt_drake.analysis.tracking import HeadTracking
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import PLANNERS, load_plan, shipped_motions, story_of
 from sdt_drake.robot.dynamics import torque_groups
-from sdt_drake.robot.head import canals, felt_difference, head_motion_of_samples
+from sdt_drake.robot.head import head_motion_of_samples
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import simulate

@@ -15,6 +15,7 @@ import numpy as np
 
 from sdt_drake.analysis import paper
 from sdt_drake.analysis.comparison import Compared, design_with, run_of
+from sdt_drake.analysis.step import StepMetrics, step_metrics
 from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_number
@@ -23,14 +24,7 @@ from sdt_drake.run.design import Design, make_design
 from sdt_drake.run.loop import make_step_loop
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import make_simulator
-from sdt_drake.systems.gains import (
-    StepMetrics,
-    damping_ratio,
-    natural_frequency,
-    oscillation_frequency,
-    step_metrics,
-    tune,
-)
+from sdt_drake.systems.gains import damping_ratio, natural_frequency, oscillation_frequency, tune
 
 Announce = Callable[[str], None]
 

@@ -83,7 +83,7 @@ def _recorded(options: argparse.Namespace) -> tuple[str, sdt.Recording, Robot, S
 
 def _motion_rows(head: HeadTracking, period: float) -> Rows:
     """Header and rows: largest quantities of the reference and of what was achieved."""
-    from sdt_drake.robot.head import (
+    from sdt_drake.analysis.perception import (
         UNPERCEIVED_RATE,
         canals,
         false_sensation_after_stop,
@@ -115,7 +115,7 @@ def _motion_rows(head: HeadTracking, period: float) -> Rows:
 
 def _felt_rows(head: HeadTracking, time: Array) -> Rows:
     """Header and rows: the error in multiples of what is just felt, by channel."""
-    from sdt_drake.robot.head import CHANNELS
+    from sdt_drake.analysis.perception import CHANNELS
 
     rows = [
         (
@@ -137,7 +137,7 @@ def _felt_rows(head: HeadTracking, time: Array) -> Rows:
 
 def _write(path: Path, time: Array, period: float, head: HeadTracking) -> None:
     """Columns name_k, k = 1, 2, 3 along x, y, z of the head; multiple_1..6 as in CHANNELS."""
-    from sdt_drake.robot.head import canals, felt_upright
+    from sdt_drake.analysis.perception import canals, felt_upright
 
     columns: dict[str, Array] = {}
     for suffix, motion in (("_ref", head.reference), ("", head.achieved)):

@@ -30,9 +30,9 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
+    from sdt_drake.show.figures.replay import replay_figure
     from sdt_drake.show.reports.replay import (
         FILES,
-        replay_figure,
         replay_findings,
         tables,
         write_replay,

@@ -17,12 +17,13 @@ from sdt_drake.analysis.comparison import (
     with_controller,
     write_comparison,
 )
+from sdt_drake.analysis.perception import CHANNELS, felt_difference
 from sdt_drake.analysis.tracking import motor_use, track
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import check
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Friction
-from sdt_drake.robot.head import CHANNELS, felt_difference, head_motion_of_samples
+from sdt_drake.robot.head import head_motion_of_samples
 from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.scenario import load_scenario

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from sdt_drake.robot.head import CHANNELS, FeltDifference, HeadMotion, felt_difference
+from sdt_drake.analysis.perception import CHANNELS, FeltDifference, felt_difference
+from sdt_drake.robot.head import HeadMotion
 
 H = 0.005
 T = H * np.arange(2001)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sdt_drake.robot.head import canals, false_sensation_after_stop, felt_upright, low_pass
+from sdt_drake.analysis.perception import canals, false_sensation_after_stop, felt_upright, low_pass
 
 H = 0.005
 TAU, TAU_A = 5.7, 80.0  # Rader, Oman & Merfeld 2009, Table T4

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sdt_drake.robot.head import DETECTORS
+from sdt_drake.analysis.perception import DETECTORS
 
 H = 0.005
 LONG, SHORT = DETECTORS

@@ -13,8 +13,8 @@ import time
 
 import numpy as np
 
+from sdt_drake.analysis.perception import canals, false_sensation_after_stop, felt_upright
 from sdt_drake.analysis.tracking import track_head
-from sdt_drake.robot.head import canals, false_sensation_after_stop, felt_upright
 from sdt_drake.robot.robot import Robot, load_robot
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario

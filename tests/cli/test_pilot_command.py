@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from command_line import ENDS, SDF, read_csv, refused
 
+from sdt_drake.analysis.perception import CHANNELS, DETECTORS, LINEAR, canals, felt_upright
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.io.tables import read_table
-from sdt_drake.robot.head import CHANNELS, DETECTORS, LINEAR, canals, felt_upright
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.run.simulate import Recording
 

@@ -13,10 +13,10 @@ from sdt_drake.analysis.budget import ErrorBudget
 from sdt_drake.analysis.frequency_response import FrequencyResponse
 from sdt_drake.analysis.reproduction import StepResponse
 from sdt_drake.analysis.stability import StabilitySweep
+from sdt_drake.analysis.step import step_metrics
 from sdt_drake.motion import Motion
 from sdt_drake.robot.dynamics import Loads
 from sdt_drake.show.figures import runs as plots
-from sdt_drake.systems.gains import step_metrics
 
 PERIOD = 0.01
 NAMES = ("base", "elbow", "wrist")

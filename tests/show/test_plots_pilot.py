@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from variants import recorded
 
+from sdt_drake.analysis.perception import CHANNELS, canals
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.motion import Motion, Story, TimedSegment
-from sdt_drake.robot.head import CHANNELS, GRAVITY, canals
+from sdt_drake.robot.head import GRAVITY
 from sdt_drake.show.figures import pilot as plots_pilot
 
 PERIOD = 0.005

@@ -11,10 +11,10 @@ import pytest
 
 import sdt_drake
 from sdt_drake.analysis import paper
+from sdt_drake.analysis.perception import felt_difference
 from sdt_drake.analysis.reproduction import Stopwatch
 from sdt_drake.io.tables import read_table
 from sdt_drake.motion import Motion
-from sdt_drake.robot.head import felt_difference
 from sdt_drake.show.graphviz import has_graphviz
 from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.show.reports.claims import Claims

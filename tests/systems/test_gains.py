@@ -4,13 +4,13 @@ import control
 import numpy as np
 import pytest
 
+from sdt_drake.analysis.step import step_metrics
 from sdt_drake.io.errors import InputError
 from sdt_drake.systems.gains import (
     SpeedGains,
     damping_ratio,
     natural_frequency,
     oscillation_frequency,
-    step_metrics,
     tune,
 )
 

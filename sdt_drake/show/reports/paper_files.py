@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from sdt_drake.analysis import paper
 from sdt_drake.analysis.claims import Claim, judge_claims
 from sdt_drake.analysis.comparison import Compared
+from sdt_drake.analysis.perception import CHANNELS, FeltDifference, felt_difference
 from sdt_drake.analysis.reproduction import Reproduction, Stopwatch, table1_rows
 from sdt_drake.io.errors import write_text
 from sdt_drake.io.file_sets import replacing_files
@@ -20,7 +21,6 @@ from sdt_drake.io.formats import in_json
 from sdt_drake.io.tables import write_table
 from sdt_drake.io.versions import versions
 from sdt_drake.robot.dynamics import effective_inertia
-from sdt_drake.robot.head import CHANNELS, FeltDifference, felt_difference
 from sdt_drake.show.figures import runs as plots
 from sdt_drake.show.paper_diagrams import DIAGRAMS, write_block_diagram
 from sdt_drake.show.reports.paper import FILES as REPORT_FILES

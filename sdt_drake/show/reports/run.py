@@ -14,13 +14,14 @@ from pydrake.common.yaml import yaml_dump_typed
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.frequency_response import FrequencyResponse, frequency_response, left_out
 from sdt_drake.analysis.metrics import COMPARED, METRICS, plain_number
+from sdt_drake.analysis.perception import CHANNELS
 from sdt_drake.analysis.tracking import stops_passed
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, write_text
 from sdt_drake.io.shown import by_joint, joint_count
 from sdt_drake.io.versions import versions
 from sdt_drake.motion import story_of
-from sdt_drake.robot.head import CHANNELS, has_head
+from sdt_drake.robot.head import has_head
 from sdt_drake.run.controllers import controller_class
 from sdt_drake.run.design import Design
 from sdt_drake.run.kinds import CONTROLLERS

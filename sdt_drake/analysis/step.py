@@ -1,0 +1,79 @@
+"""Metrics of a step response."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sdt_drake.io.arrays import Array
+
+
+@dataclass(frozen=True)
+class StepMetrics:
+    """What a step response is judged by; NaN where the response never gets there.
+
+    Attributes:
+        rise_time: from the first crossing of 10 % to the first of 90 % [s].
+        settling_time: from the step to the **last** entry into the band [s].
+        overshoot_percent: how far the peak is beyond the final value, of the step [%].
+        peak: value farthest from the start in the direction of the step [unit of y].
+        peak_time: when [s].
+        steady_state_error: last sample less `y_final` [unit of y].
+    """
+
+    rise_time: float
+    settling_time: float
+    overshoot_percent: float
+    peak: float
+    peak_time: float
+    steady_state_error: float
+
+
+def step_metrics(
+    t: ArrayLike, y: ArrayLike, *, y0: float, y_final: float, band: float = 0.02
+) -> StepMetrics:
+    """Metrics of a response `y` from `y0` towards `y_final`.
+
+    Crossings are interpolated between samples. The step may go up or down, and from or to zero.
+
+    Args:
+        t: time [s], growing, t[0] the time of the step; shape (N,).
+        y: response, shape (N,).
+        y0: value before the step.
+        y_final: value that the response should reach, not y0.
+        band: half width of the settling band, as a share of the step [-].
+    """
+    t, y = np.asarray(t, dtype=float), np.asarray(y, dtype=float)
+    response = (y - y0) / (y_final - y0)  # 0 before the step, 1 when done
+    i_peak = int(np.argmax(response))
+    return StepMetrics(
+        rise_time=_first_reach(t, response, 0.9) - _first_reach(t, response, 0.1),
+        settling_time=_settled(t, response - 1, band) - t[0],
+        overshoot_percent=100 * max(float(response[i_peak]) - 1, 0.0),
+        peak=float(y[i_peak]),
+        peak_time=float(t[i_peak] - t[0]),
+        steady_state_error=float(y[-1] - y_final),
+    )
+
+
+def _first_reach(t: Array, response: Array, level: float) -> float:
+    reached = np.flatnonzero(response >= level)
+    return _crossing(t, response - level, reached[0] if len(reached) else len(t))
+
+
+def _settled(t: Array, deviation: Array, band: float) -> float:
+    """When |deviation| exceeds the band for the last time; NaN if it still does at the end."""
+    outside = np.flatnonzero(np.abs(deviation) > band)
+    last = outside[-1] if len(outside) else -1
+    return _crossing(t, deviation - np.copysign(band, deviation[last]), last + 1)
+
+
+def _crossing(t: Array, f: Array, i: int) -> float:
+    """Where f crosses zero between samples i - 1 and i: at the first sample for 0, NaN after the
+    last one."""
+    if not 0 < i < len(t):
+        return float(t[0]) if i == 0 else float("nan")
+    share = f[i - 1] / (f[i - 1] - f[i])
+    return float(t[i - 1] + share * (t[i] - t[i - 1]))
