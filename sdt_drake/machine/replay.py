@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from pydrake.systems.framework import Diagram
+from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from sdt_drake.analysis.metrics import Metric
 from sdt_drake.analysis.threads import threads
@@ -28,7 +28,7 @@ from sdt_drake.run.loop import Loop, make_loop
 from sdt_drake.run.motor_torque import envelope
 from sdt_drake.run.scenario import Scenario, with_fields
 from sdt_drake.run.simulate import simulate
-from sdt_drake.systems import Wired, sample_source
+from sdt_drake.systems import sample_source
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -228,12 +228,11 @@ def _course(design: Design, of_links: bool, extra: Array | None = None) -> Signa
     """Of a simulation; extra: what loads the motors beside all else, motor side [N m]."""
     diagram: Diagram = make_loop(design)
     if extra is not None:
-        loaded = Wired()
-        loaded.add("loop", diagram)
-        source = sample_source(design.reference.time, extra)
-        loaded.add("extra_load", source, "extra_load_torque")
-        loaded.build()
-        diagram = loaded
+        builder = DiagramBuilder()
+        builder.AddNamedSystem("loop", diagram)
+        load = builder.AddNamedSystem("extra_load", sample_source(design.reference.time, extra))
+        builder.Connect(load.get_output_port(), diagram.GetInputPort("extra_load_torque"))
+        diagram = builder.Build()
     run, motion = simulate(design, diagram), design.motion
     q = run.q if of_links else cast(Array, run.q_measured)
     v = run.v if of_links else cast(Array, run.v_measured)

@@ -1,94 +1,132 @@
-"""What a controller drives: drives, joints, a plant, what loads it; and where a run starts."""
+"""The device as blocks: drives, joints, a plant and its loads; and the equilibrium at its start."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
 import numpy as np
-from pydrake.systems.framework import Diagram
+from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Adder, MatrixGain, PassThrough, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.robot.device import sliding_friction
 from sdt_drake.robot.dynamics import torque_groups
-from sdt_drake.run.controllers import Controller
 from sdt_drake.run.design import Design
 from sdt_drake.systems import (
     AxisProcess,
     Disturbance,
     ElasticJoints,
-    Encoder,
     JointFriction,
     RobotPlant,
     TorqueLoop,
-    Wired,
+    connect_by_name,
 )
+from sdt_drake.systems.wiring import Aliases
 
 
-def add_device(diagram: Wired, design: Design) -> None:
-    """Add torque loop, elastic joints and plant: from `tau_limited` and `true_load` to `state`,
-    `motor_state`, `measured` (what the encoders are on) and `tau`.
+@dataclass(frozen=True)
+class Device:
+    """Blocks between the limited torque and the state, and what their signals are called.
+
+    Two signals are one where no block stands between them.
+
+    Attributes:
+        plant: None for joints that are moved, whatever the torque.
+        elastic_joints, torque_loop: None where there are none.
+        tau, motor_state, measured: names of these signals.
+        aliases: signals of ports with other names.
+    """
+
+    plant: RobotPlant | AxisProcess | None = None
+    elastic_joints: ElasticJoints | None = None
+    torque_loop: TorqueLoop | None = None
+    tau: str = "tau_limited"
+    motor_state: str = "state"
+    measured: str = "state"
+    aliases: Aliases = field(default_factory=dict)
+
+
+def add_device(builder: DiagramBuilder, design: Design, *, torque: str = "tau_limited") -> Device:
+    """Add plant, elastic joints and torque loop: from a torque and `true_load` to `state`.
 
     The plant comes first: its state is the first in the diagram.
+
+    Args:
+        builder: gets the blocks.
+        design: a resolved scenario.
+        torque: name of the signal that the drives are given.
     """
     robot, drive, springs = design.robot, design.drive, design.springs
     apart = np.zeros(robot.n, dtype=bool) if springs is None else springs.elastic  # rotors
+    plant: RobotPlant | AxisProcess
     if design.scenario.plant.kind == "coupled":
-        plant = RobotPlant(robot=robot, without_rotor=apart)
-        diagram.add("multibody_plant", plant, tau="tau_link", load_torque="true_load")
+        name, plant = "multibody_plant", RobotPlant(robot=robot, without_rotor=apart)
     else:
         i_eff = design.i_eff - np.where(apart, robot.rotor_inertia, 0.0)
-        process = AxisProcess(i_eff=i_eff, gear_ratio=robot.gear_ratio)
-        diagram.add("axis_process", process, tau="tau_link", load_torque="true_load")
-    if springs is None:
-        diagram.same("tau_link", "tau")
-        diagram.same("motor_state", "state")
-    else:
+        name, plant = "axis_process", AxisProcess(i_eff=i_eff, gear_ratio=robot.gear_ratio)
+    builder.AddNamedSystem(name, plant)
+    joints = torque_loop = None
+    if springs is not None:
         joints = ElasticJoints(
             springs=springs, rotor_inertia=robot.rotor_inertia, gear_ratio=robot.gear_ratio
         )
-        diagram.add("elastic_joints", joints)
-    on_link = design.scenario.plant.elasticity.encoder == "link"
-    diagram.same("measured", "state" if on_link else "motor_state")
+        builder.AddNamedSystem("elastic_joints", joints)
     if drive.torque_bandwidth is not None or drive.torque_error is not None:
         torque_loop = TorqueLoop(
             motor_torque_limit=robot.motor_torque_limit,
             bandwidth=drive.torque_bandwidth,
             error=drive.torque_error,
         )
-        diagram.add("torque_loop", torque_loop)
-    else:
-        diagram.same("tau", "tau_limited")
+        builder.AddNamedSystem("torque_loop", torque_loop)
+    tau = torque if torque_loop is None else "tau"
+    motor_state = "state" if joints is None else "motor_state"
+    on_link = design.scenario.plant.elasticity.encoder == "link"
+    aliases = {
+        ("torque_loop", "tau_limited"): torque,
+        ("elastic_joints", "tau"): tau,
+        (name, "tau"): tau if joints is None else "tau_link",
+        (name, "load_torque"): "true_load",
+    }
+    measured = "state" if on_link else motor_state
+    return Device(plant, joints, torque_loop, tau, motor_state, measured, aliases)
 
 
-def add_moved(diagram: Wired, design: Design, q: Array, v: Array) -> None:
+def add_moved(builder: DiagramBuilder, design: Design, q: Array, v: Array) -> Device:
     """Add a device without a plant: links and motors do what they are said to, whatever the
     torque."""
     # A cubic between the samples: what integrates its speed gets its position.
     moved = PiecewisePolynomial.CubicHermite(design.reference.time, q.T, v.T)
-    diagram.add("moved_joints", TrajectorySource(moved, output_derivative_order=1), "state")
-    diagram.same("motor_state", "state")
-    diagram.same("measured", "state")
-    diagram.same("tau", "tau_limited")
+    builder.AddNamedSystem("moved_joints", TrajectorySource(moved, output_derivative_order=1))
+    return Device(aliases={("moved_joints", "y0"): "state"})
 
 
-def add_loads(diagram: Wired, design: Design) -> None:
+def add_loads(builder: DiagramBuilder, design: Design) -> tuple[JointFriction | None, Aliases]:
     """Add what the motors turn against, `true_load`: on the axis plant the load torque of the
-    reference; disturbance, friction, and `extra_load_torque` from outside, 0 by default."""
-    n, disturbance = design.robot.n, design.scenario.disturbance
+    reference; disturbance, friction, and `extra_load_torque` from outside, 0 by default.
+
+    Returns:
+        The friction, if there is one, and the signals of ports with other names.
+    """
+    n, disturbance, friction = design.robot.n, design.scenario.disturbance, None
     parts = ["load_torque"] if design.scenario.plant.kind == "axis" else []
     if disturbance.amplitude > 0:
         injected = Disturbance(n=n, amplitude=disturbance.amplitude, omega_d=disturbance.omega_d)
-        diagram.add("disturbance", injected)
+        builder.AddNamedSystem("disturbance", injected)
         parts.append("disturbance")
     if design.friction is not None:
         friction = JointFriction(friction=design.friction, gear_ratio=design.robot.gear_ratio)
-        diagram.add("friction", friction)
+        builder.AddNamedSystem("friction", friction)
         parts.append("friction")
-    diagram.add("extra_load_torque", PassThrough(np.zeros(n)), "extra_load_torque", "extra")
+    builder.AddNamedSystem("extra_load_torque", PassThrough(np.zeros(n)))
+    aliases = {("true_load", f"u{i}"): part for i, part in enumerate([*parts, "extra"])}
+    aliases["extra_load_torque", "u"] = "extra_load_torque"
+    aliases["extra_load_torque", "y"] = "extra" if parts else "true_load"
+    aliases["true_load", "sum"] = "true_load"
     if parts:
-        diagram.add("true_load", Adder(len(parts) + 1, n), *parts, "extra", "true_load")
-    else:
-        diagram.same("true_load", "extra")
+        builder.AddNamedSystem("true_load", Adder(len(parts) + 1, n))
+    return friction, aliases
 
 
 def make_process(design: Design) -> Diagram:
@@ -98,13 +136,16 @@ def make_process(design: Design) -> Diagram:
     not saturate, and of friction only the viscous part counts: the rest has no frequency response.
     The plant's state is the first in the diagram.
     """
-    process, n = Wired(), design.robot.n
-    add_device(process, design)
+    builder, n = DiagramBuilder(), design.robot.n
+    device = add_device(builder, design, torque="tau_cmd")
     viscous = np.zeros(n) if design.friction is None else design.friction.viscous
     load = np.hstack([np.zeros((n, n)), np.diag(viscous / design.robot.gear_ratio)])
-    process.add("viscous_friction", MatrixGain(load), "state", "true_load")
-    process.same("tau_limited", "tau_cmd")
-    process.build("measured", "state")
+    builder.AddNamedSystem("viscous_friction", MatrixGain(load))
+    friction = {("viscous_friction", "u0"): "state", ("viscous_friction", "y0"): "true_load"}
+    signals = connect_by_name(builder, {**device.aliases, **friction})
+    builder.ExportOutput(signals[device.measured], "measured")
+    builder.ExportOutput(signals["state"], "state")
+    process = builder.Build()
     process.set_name("process")
     return process
 
@@ -114,9 +155,28 @@ def make_process(design: Design) -> Diagram:
 _ITERATIONS = 10  # of the angle by which gravity turns a link away from its motor
 
 
-def at_rest(design: Design) -> dict[type, tuple[Array, ...]]:
-    """What `rest` of each kind of block takes, where joints have gone on at the first speed of the
-    motion for long, and what the encoders see is on its first sample."""
+class Equilibrium(NamedTuple):
+    """Where a run starts: joints have gone on at the first speed of the motion for long, and the
+    encoders see its first sample.
+
+    Attributes:
+        q, v: of the links, joint side [rad, rad/s], shape (n,).
+        q_motor: of the motors, joint side [rad]; their speed is v.
+        q_seen: of what the encoders are on, joint side [rad].
+        tau: torque of the motors, motor side [N m].
+        tau_cmd: torque asked of the drives, motor side [N m].
+    """
+
+    q: Array
+    v: Array
+    q_motor: Array
+    q_seen: Array
+    tau: Array
+    tau_cmd: Array
+
+
+def equilibrium(design: Design) -> Equilibrium:
+    """Return where a run of a design starts."""
     q = seen = design.motion.q[0]
     v, wound = design.motion.v[0], np.zeros(design.robot.n)
     if design.springs is not None:
@@ -127,15 +187,8 @@ def at_rest(design: Design) -> dict[type, tuple[Array, ...]]:
             q = seen if design.scenario.plant.elasticity.encoder == "link" else seen - wound
     tau = _holding_torque(design, q)
     error = design.drive.torque_error
-    return {
-        AxisProcess: (q, v),
-        RobotPlant: (q, v),
-        ElasticJoints: (q + wound, v),
-        JointFriction: (v,),
-        TorqueLoop: (tau,),
-        Encoder: (seen, v),
-        Controller: (tau if error is None else tau / (1 + np.array(error)),),
-    }
+    tau_cmd = tau if error is None else tau / (1 + np.array(error))
+    return Equilibrium(q, v, q + wound, seen, tau, tau_cmd)
 
 
 def _holding_torque(design: Design, q: Array) -> Array:

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import product
-from typing import Any, cast
 
 import numpy as np
 from pydrake.geometry import Meshcat
-from pydrake.systems.framework import Context, Diagram, System
-from pydrake.systems.primitives import ConstantVectorSource, VectorLogSink, ZeroOrderHold
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
+from pydrake.systems.primitives import ConstantVectorSource, VectorLogSink
 
 from sdt_drake.io.arguments import a, finite, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_type
 from sdt_drake.run.controllers import in_errors, make_controller
-from sdt_drake.run.controllers.base import LOOP_SIGNALS, add_table
+from sdt_drake.run.controllers.base import LOOP_SIGNALS, Controller, table_of
 from sdt_drake.run.design import Design, as_design
-from sdt_drake.run.device_diagram import add_device, add_loads, add_moved, at_rest
+from sdt_drake.run.device_diagram import add_device, add_loads, add_moved, equilibrium
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems import (
     AxisProcess,
@@ -27,13 +25,15 @@ from sdt_drake.systems import (
     PiSpeedController,
     ReferenceSource,
     RobotDrawing,
-    Wired,
+    SignalTable,
+    connect_by_name,
     hold_of,
 )
 from sdt_drake.systems.gains import SpeedGains
+from sdt_drake.systems.wiring import Aliases, add_logs
 
 
-class Loop(Wired):
+class Loop(Diagram):
     """A closed loop of a design, to simulate, to draw, or to build into a diagram of one's own.
 
     On the plant "axis", the paper's simulation models, all axes in one diagram (Figures 3, 5 and
@@ -85,39 +85,47 @@ class Loop(Wired):
         design = as_design(design)
         robot, drive, motion = design.robot, design.drive, design.reference
         self.design = design
-        widened = design.scenario.plant.kind == "axis" if widened is None else widened
-        self.controller = _checked_controller(
-            design, make_controller(design) if controller is None else controller
-        )
+        if widened is None:
+            widened = design.scenario.plant.kind == "axis"
+        if controller is None:
+            controller = make_controller(design)
+        self.controller = _checked_controller(design, controller)
+        builder = DiagramBuilder()
+        add = builder.AddNamedSystem
 
-        source = ReferenceSource(motion=motion, delay=drive.reference_delay)
-        self.add("reference_source", source, "planned")
-        hold = hold_of(motion, 3 * robot.n, delay=drive.reference_delay)
-        self.add("zero_order_hold", hold, "planned", "reference")
-        _add_load_torque(self, design, self.controller, widened)
-        self.add("controller", self.controller, state="drive_state")
-        limits = DynamicSaturation(
-            motor_torque_limit=robot.motor_torque_limit,
-            gear_ratio=robot.gear_ratio,
-            n1=None if design.envelope is None else design.envelope.n1,
-            n0=None if design.envelope is None else design.envelope.n0,
-            widened=widened,
-        )
-        self.add("dynamic_saturation", limits, tau="tau_limited", state="motor_state")
+        add("reference_source", ReferenceSource(motion=motion, delay=drive.reference_delay))
+        self._hold = hold_of(motion, 3 * robot.n, delay=drive.reference_delay)
+        add("zero_order_hold", self._hold)
+        self._table = _add_load_torque(builder, design, controller, widened)
+        add("controller", controller)
+        add("dynamic_saturation", _limits(design, widened))
         if moved is None:
-            add_device(self, design)
-            add_loads(self, design)
+            self._device = add_device(builder, design)
+            self._friction, loads = add_loads(builder, design)
         else:
-            add_moved(self, design, *_checked_moved(design, moved))
-        _add_encoders(self, design, self.controller)
+            self._device = add_moved(builder, design, *_checked_moved(design, moved))
+            self._friction, loads = None, {}
+        self._encoders = _add_encoders(builder, design, controller)
         if meshcat is not None:
-            drawing = RobotDrawing(robot=robot, meshcat=meshcat, period=motion.period)
-            self.add("drawing", drawing)
+            add("drawing", RobotDrawing(robot=robot, meshcat=meshcat, period=motion.period))
 
-        torques, states = ("tau_cmd", "tau_limited", "tau"), ("state", "measured")
-        self.logs = self.log(states, motion.period)
-        self.logs |= self.log(torques, drive.period or motion.period)
-        self.build("reference", *states, "tau_cmd", "tau")
+        measured = self._device.measured
+        aliases = {
+            ("controller", "state"): measured if drive.period is None else "drive_state",
+            ("dynamic_saturation", "state"): self._device.motor_state,
+            ("encoder", "state"): measured,
+            ("position_encoder", "state"): measured,
+        }
+        aliases |= {**_SIGNALS, **self._device.aliases, **loads}
+        signals = connect_by_name(builder, aliases)
+        signals |= {"measured": signals[measured], "tau": signals[self._device.tau]}
+        states, torques = ("state", "measured"), ("tau_cmd", "tau_limited", "tau")
+        self.logs = add_logs(builder, {x: signals[x] for x in states}, motion.period)
+        torque_period = drive.period or motion.period
+        self.logs |= add_logs(builder, {x: signals[x] for x in torques}, torque_period)
+        for name in ("reference", *states, "tau_cmd", "tau"):
+            builder.ExportOutput(signals[name], name)
+        builder.BuildInto(self)
         self.set_name(f"{design.scenario.plant.kind}_loop")
 
     def rest(self, context: Context) -> None:
@@ -131,15 +139,27 @@ class Loop(Wired):
         Args:
             context: of this diagram.
         """
-        start = at_rest(self.design)
-        for hold in blocks_of(self):  # of the reference and of tables; encoders have their own
-            if isinstance(hold, ZeroOrderHold):
-                seen = hold.get_input_port().Eval(self.GetSubsystemContext(hold, context))
-                self.set_state(context, hold, cast(Array, seen))
-        for block, (kind, state) in product(self.GetSystems(), start.items()):
-            if isinstance(block, kind):
-                own = self.GetMutableSubsystemContext(block, context)
-                cast(Any, block).rest(own, *state)
+        at, device, motion = equilibrium(self.design), self._device, self.design.reference
+
+        def own(block: System) -> Context:
+            return self.GetMutableSubsystemContext(block, context)
+
+        if device.plant is not None:
+            device.plant.rest(own(device.plant), at.q, at.v)
+        if device.elastic_joints is not None:
+            device.elastic_joints.rest(own(device.elastic_joints), at.q_motor, at.v)
+        if self._friction is not None:
+            self._friction.rest(own(self._friction), at.v)
+        if device.torque_loop is not None:
+            device.torque_loop.rest(own(device.torque_loop), at.tau)
+        for encoder in self._encoders:
+            encoder.rest(own(encoder), at.q_seen, at.v)
+        if isinstance(self.controller, Controller):
+            self.controller.rest(own(self.controller), at.tau_cmd)
+        first = np.concatenate([motion.q[0], motion.v[0], motion.vd[0]])
+        self._hold.SetVectorState(own(self._hold), first)
+        if self._table is not None:
+            self._table.rest(own(self._table))
 
     def recorded(self, context: Context) -> dict[str, Array]:
         """Logged signals by name, each of shape (samples, size); context: of this diagram."""
@@ -162,15 +182,20 @@ def make_step_loop(*, gains: SpeedGains, i_eff: float, structure: str) -> Diagra
         i_eff: inertia, motor side [kg m²].
         structure: "pi" or "p_in_feedback".
     """
-    loop = Wired()
-    step_reference = ConstantVectorSource(np.array([0.0, 1.0, 0.0]))  # q_ref, v_ref, vd_ref
-    loop.add("step_reference", step_reference, "reference")
+    builder = DiagramBuilder()
+    # q_ref, v_ref, vd_ref
+    step = builder.AddNamedSystem("step_reference", ConstantVectorSource(np.array([0.0, 1.0, 0.0])))
     pi = PiSpeedController(gains=gains, gear_ratio=[1.0], structure=structure)
-    loop.add("pi_speed_controller", pi)
-    loop.add("no_load", ConstantVectorSource(np.zeros(1)), "load_torque")
+    builder.AddNamedSystem("pi_speed_controller", pi)
+    no_load = builder.AddNamedSystem("no_load", ConstantVectorSource(np.zeros(1)))
     process = AxisProcess(i_eff=[i_eff], gear_ratio=[1.0])
-    loop.add("axis_process", process, tau="tau_fb")
-    loop.build("state")
+    builder.AddNamedSystem("axis_process", process)
+    builder.Connect(step.get_output_port(), pi.GetInputPort("reference"))
+    builder.Connect(process.get_output_port(), pi.GetInputPort("state"))
+    builder.Connect(pi.get_output_port(), process.GetInputPort("tau"))
+    builder.Connect(no_load.get_output_port(), process.GetInputPort("load_torque"))
+    builder.ExportOutput(process.get_output_port(), "state")
+    loop = builder.Build()
     loop.set_name("step_loop")
     return loop
 
@@ -221,33 +246,62 @@ def blocks_of(system: System) -> list[System]:
     return [s for s in systems_in(system) if not isinstance(s, Diagram | VectorLogSink)]
 
 
-def _add_load_torque(diagram: Wired, design: Design, controller: System, widened: bool) -> None:
-    """Load torque and alleviating torque of the reference, where the loop needs them: a table, or
-    on line."""
+_SIGNALS: Aliases = {
+    ("reference_source", "reference"): "planned",
+    ("zero_order_hold", "u"): "planned",
+    ("zero_order_hold", "y"): "reference",
+    ("dynamic_saturation", "tau"): "tau_limited",
+    ("encoder", "measured"): "drive_state",
+    ("position_encoder", "measured"): "sampled_state",
+}
+"""Signals of ports that are called otherwise, the same in every loop."""
+
+
+def _limits(design: Design, widened: bool) -> DynamicSaturation:
+    robot, envelope = design.robot, design.envelope
+    return DynamicSaturation(
+        motor_torque_limit=robot.motor_torque_limit,
+        gear_ratio=robot.gear_ratio,
+        n1=None if envelope is None else envelope.n1,
+        n0=None if envelope is None else envelope.n0,
+        widened=widened,
+    )
+
+
+def _add_load_torque(
+    builder: DiagramBuilder, design: Design, controller: System, widened: bool
+) -> SignalTable | None:
+    """Add load torque and alleviating torque of the reference, where the loop needs them: a table,
+    or on line. Returns the table."""
     scenario = design.scenario
     is_load = scenario.plant.kind == "axis" or scenario.disturbance.amplitude > 0
     names = ["load_torque"] if is_load or controller.HasInputPort("load_torque") else []
     names += ["alleviating_torque"] * widened
     if names and scenario.inverse_dynamics == "table":
-        signals = {name: getattr(design.loads, name) for name in names}
-        add_table(diagram, "load_torque", design, **signals)
-    elif names:
+        table = table_of(design, **{name: getattr(design.loads, name) for name in names})
+        builder.AddNamedSystem("load_torque", table)
+        return table
+    if names:
         block = LoadTorque(robot=design.loaded_robot, algorithm=scenario.algorithm)
-        diagram.add("load_torque", block)
+        builder.AddNamedSystem("load_torque", block)
+    return None
 
 
-def _add_encoders(diagram: Wired, design: Design, controller: System) -> None:
-    """Of the drives, if they sample, and at the instants of the reference, for who needs that."""
+def _add_encoders(builder: DiagramBuilder, design: Design, controller: System) -> list[Encoder]:
+    """Add encoders: of the drives, if they sample, and at the instants of the reference, if the
+    controller needs that."""
     drive, robot = design.drive, design.robot
-
-    def add(name: str, period: float, signal: str) -> None:
-        own = {"resolution": drive.encoder_resolution, "gear_ratio": robot.gear_ratio}
-        encoder = Encoder(n=robot.n, period=period, **own)
-        diagram.add(name, encoder, state="measured", measured=signal)
-
-    if drive.period is None:
-        diagram.same("drive_state", "measured")
-    else:
-        add("encoder", drive.period, "drive_state")
+    periods = {} if drive.period is None else {"encoder": drive.period}
     if controller.HasInputPort("sampled_state"):
-        add("position_encoder", design.reference.period, "sampled_state")
+        periods["position_encoder"] = design.reference.period
+    encoders = []
+    for name, period in periods.items():
+        encoder = Encoder(
+            n=robot.n,
+            period=period,
+            resolution=drive.encoder_resolution,
+            gear_ratio=robot.gear_ratio,
+        )
+        builder.AddNamedSystem(name, encoder)
+        encoders.append(encoder)
+    return encoders

@@ -11,7 +11,8 @@ from pathlib import Path
 from pydrake.systems.framework import Diagram
 
 from sdt_drake.io.errors import InputError, checked_choice, replacing
-from sdt_drake.show.diagrams import drawn, walk
+from sdt_drake.show.diagrams import Symbols, drawn, walk
+from sdt_drake.show.symbols import SYMBOLS
 
 FORMATS = ("dot", "svg", "png")
 NO_GRAPHVIZ = "Graphviz is not installed ('dot' not found): apt install graphviz"
@@ -21,7 +22,7 @@ _SUBSCRIPT = re.compile(rb'baseline-shift="sub" font-size="[\d.]+"')
 _EDGES = re.compile(r"(?:^\S+ -> .*\n)+", re.MULTILINE)
 
 
-def dot_text(diagram: Diagram, *, max_depth: int = 2) -> str:
+def dot_text(diagram: Diagram, *, max_depth: int = 2, symbols: Symbols | None = None) -> str:
     """The diagram as a control engineer draws it, in Graphviz' language.
 
     Equal diagrams give equal texts. See `sdt_drake.show.diagrams` for what it shows.
@@ -29,8 +30,10 @@ def dot_text(diagram: Diagram, *, max_depth: int = 2) -> str:
     Args:
         diagram: any.
         max_depth: levels of diagrams in it that are opened.
+        symbols: texts on blocks of one's own by the names of their classes; as in
+            `sdt_drake.show.diagrams.walk`.
     """
-    return drawn(walk(diagram, max_depth=max_depth))
+    return drawn(walk(diagram, max_depth=max_depth, symbols={**SYMBOLS, **(symbols or {})}))
 
 
 def drake_dot_text(diagram: Diagram, *, max_depth: int = 2) -> str:
@@ -58,16 +61,21 @@ def write_diagram(
     format_: str = "dot",
     max_depth: int = 2,
     drake: bool = False,
+    symbols: Symbols | None = None,
 ) -> Path:
     """Write a diagram to `path` as "dot", "svg" or "png", by `drake_dot_text` if `drake`.
 
-    An .svg says in a comment which .dot text it was made from.
+    Blocks of one's own have the `symbols` of `dot_text`. An .svg says in a comment which .dot text
+    it was made from.
 
     Raises:
         InputError: for another format, or if Graphviz is needed and missing.
     """
     checked_choice(format_, FORMATS, "format")
-    text = (drake_dot_text if drake else dot_text)(diagram, max_depth=max_depth)
+    if drake:
+        text = drake_dot_text(diagram, max_depth=max_depth)
+    else:
+        text = dot_text(diagram, max_depth=max_depth, symbols=symbols)
     return write_dot(text, Path(path), format_)
 
 

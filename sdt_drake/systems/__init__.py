@@ -42,11 +42,12 @@ from sdt_drake.systems.robot_plant import RobotPlant
 from sdt_drake.systems.saturation import DynamicSaturation
 from sdt_drake.systems.symbolic import SymbolicLaw
 from sdt_drake.systems.torque_loop import TorqueLoop
-from sdt_drake.systems.wiring import Wired
+from sdt_drake.systems.wiring import connect_by_name
 
 __all__ = [
     "AxisProcess", "CtcFeedforward", "Disturbance", "DynamicSaturation", "ElasticJoints", "Encoder",
     "GainSchedule", "InverseDynamicsController", "JointFriction", "LoadTorque", "PiSpeedController",
     "PositionLoop", "ReferenceSource", "ReferenceTorque", "RobotDrawing", "RobotPlant",
-    "SignalTable", "SymbolicLaw", "TorqueLoop", "Wired", "hold_of", "sample_source",
+    "SignalTable", "SymbolicLaw", "TorqueLoop", "connect_by_name", "hold_of",
+    "sample_source",
 ]  # fmt: skip

@@ -2,14 +2,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import LinearSystem, Multiplexer
 
 from sdt_drake.io.errors import checked_positive
-from sdt_drake.systems.wiring import Wired
 
 
-class AxisProcess(Wired):
+class AxisProcess(Diagram):
     """n motors with constant inertia, each on its own (Eq. 1).
 
         I_eff r dv/dt = tau - load_torque,    dq/dt = v
@@ -28,24 +27,28 @@ class AxisProcess(Wired):
         output_ports: [state]
     """
 
-    symbol = "1 / (I_eff s)"
-
     def __init__(self, *, i_eff: ArrayLike, gear_ratio: ArrayLike) -> None:
         super().__init__()
+        builder = DiagramBuilder()
         i_eff = checked_positive(i_eff, "i_eff")
         n = len(i_eff)
         zero, one = np.zeros((n, n)), np.eye(n)
         per_torque = np.diag(1 / (i_eff * checked_positive(gear_ratio, "gear_ratio", n)))
-        motors = LinearSystem(
+        self._motors = LinearSystem(
             A=np.block([[zero, one], [zero, zero]]),
             B=np.block([[zero, zero], [per_torque, -per_torque]]),
             C=np.eye(2 * n),
             D=np.zeros((2 * n, 2 * n)),
         )
-        self.add("inputs", Multiplexer([n, n]), "tau", "load_torque", "torques")
-        self._motors = self.add("motors", motors, "torques", "state")
-        self.build("state")
+        torques = builder.AddNamedSystem("inputs", Multiplexer([n, n]))
+        builder.AddNamedSystem("motors", self._motors)
+        builder.ExportInput(torques.get_input_port(0), "tau")
+        builder.ExportInput(torques.get_input_port(1), "load_torque")
+        builder.Connect(torques.get_output_port(), self._motors.get_input_port())
+        builder.ExportOutput(self._motors.get_output_port(), "state")
+        builder.BuildInto(self)
 
     def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
         """Start at q [rad] with v [rad/s], joint side."""
-        self.set_state(context, self._motors, np.concatenate([q, v]))
+        own = self.GetMutableSubsystemContext(self._motors, context)
+        own.SetContinuousState(np.concatenate([q, v]))

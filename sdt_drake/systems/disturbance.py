@@ -25,8 +25,6 @@ class Disturbance(SymbolicLaw):
         output_ports: [disturbance]
     """
 
-    symbol = "A sin(omega_D t)"
-
     def __init__(self, *, n: int, amplitude: float, omega_d: float) -> None:
         checked_count(n, "n")
         checked_number(amplitude, "amplitude", minimum=0)

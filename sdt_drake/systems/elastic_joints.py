@@ -2,15 +2,14 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import LinearSystem, MatrixGain, Multiplexer
 
 from sdt_drake.io.errors import checked_positive
 from sdt_drake.robot.device import Springs
-from sdt_drake.systems.wiring import Wired
 
 
-class ElasticJoints(Wired):
+class ElasticJoints(Diagram):
     """Springs and dampers between the motors and the links, where a joint is elastic.
 
         r I_m dw/dt = tau - tau_link,    dtheta/dt = w
@@ -32,12 +31,12 @@ class ElasticJoints(Wired):
         output_ports: [tau_link, motor_state]
     """
 
-    symbol = "elastic\njoints"
-
     def __init__(
         self, *, springs: Springs, rotor_inertia: ArrayLike, gear_ratio: ArrayLike
     ) -> None:
         super().__init__()
+        builder = DiagramBuilder()
+        add, connect = builder.AddNamedSystem, builder.Connect
         n = len(springs.stiffness)
         r = checked_positive(gear_ratio, "gear_ratio", n)
         self._axes = axes = np.flatnonzero(springs.elastic)
@@ -46,7 +45,7 @@ class ElasticJoints(Wired):
         both, back = np.kron(np.eye(2), pick), (pick / r).T  # of [q, v]; to the motors' side
         wound = np.hstack([np.diag(springs.stiffness[axes]), np.diag(springs.damping[axes])])
         # Inputs in the order tau, q, v; a state [theta, w] of the elastic joints alone.
-        motors = LinearSystem(
+        self._motors = LinearSystem(
             A=np.vstack([np.eye(2 * m)[m:], -reflected @ wound]),
             B=np.vstack([np.zeros((m, 3 * n)), reflected @ np.hstack([pick * r, wound @ both])]),
             C=np.eye(2 * m),
@@ -55,15 +54,28 @@ class ElasticJoints(Wired):
         to_links = np.hstack([rigid, -back @ wound @ both, back @ wound])
         of_motors = np.hstack([np.kron(np.eye(2), rigid), both.T])
 
-        self.add("inputs", Multiplexer([n, 2 * n]), "tau", "state", "inputs")
-        self._motors = self.add("motors", motors, "inputs", "motors")
-        self.add("with_motors", Multiplexer([3 * n, 2 * m]), "inputs", "motors", "with_motors")
-        self.add("tau_link", MatrixGain(to_links), "with_motors", "tau_link")
+        inputs = add("inputs", Multiplexer([n, 2 * n]))
+        motors = add("motors", self._motors)
+        with_motors = add("with_motors", Multiplexer([3 * n, 2 * m]))
+        tau_link = add("tau_link", MatrixGain(to_links))
         # The motors' state apart from tau, or Drake would take it for a function of tau.
-        self.add("states", Multiplexer([2 * n, 2 * m]), "state", "motors", "states")
-        self.add("motor_state", MatrixGain(of_motors), "states", "motor_state")
-        self.build("tau_link", "motor_state")
+        states = add("states", Multiplexer([2 * n, 2 * m]))
+        motor_state = add("motor_state", MatrixGain(of_motors))
+
+        builder.ExportInput(inputs.get_input_port(0), "tau")
+        builder.ExportInput(inputs.get_input_port(1), "state")
+        builder.ConnectInput("state", states.get_input_port(0))
+        connect(inputs.get_output_port(), motors.get_input_port())
+        connect(inputs.get_output_port(), with_motors.get_input_port(0))
+        connect(motors.get_output_port(), with_motors.get_input_port(1))
+        connect(motors.get_output_port(), states.get_input_port(1))
+        connect(with_motors.get_output_port(), tau_link.get_input_port())
+        connect(states.get_output_port(), motor_state.get_input_port())
+        builder.ExportOutput(tau_link.get_output_port(), "tau_link")
+        builder.ExportOutput(motor_state.get_output_port(), "motor_state")
+        builder.BuildInto(self)
 
     def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
         """Start with motors at q [rad] with v [rad/s], joint side, of all n joints."""
-        self.set_state(context, self._motors, np.array([q, v])[:, self._axes].ravel())
+        own = self.GetMutableSubsystemContext(self._motors, context)
+        own.SetContinuousState(np.array([q, v])[:, self._axes].ravel())

@@ -3,15 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pydrake.symbolic as sym
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, Multiplexer, ZeroOrderHold
 
 from sdt_drake.io.errors import InputError, checked_count, checked_number, checked_positive
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
-from sdt_drake.systems.wiring import Wired
 
 
-class Encoder(Wired):
+class Encoder(Diagram):
     """Samples the state every `period` [s], first at time 0, and holds it: [q, v], joint side.
 
     With a resolution, the positions are those of an incremental encoder on the motor's shaft, and
@@ -44,12 +43,16 @@ class Encoder(Wired):
         gear_ratio: ArrayLike | None = None,
     ) -> None:
         super().__init__()
+        builder = DiagramBuilder()
+        add, connect = builder.AddNamedSystem, builder.Connect
         checked_count(n, "n")
         self._period = checked_number(period, "period", minimum=0, exclusive=True)
         self._increment = None
-        self.symbol = f"encoder\n{1e3 * period:g} ms"
         if resolution is None:
-            self._now = self.add("now", ZeroOrderHold(period, 2 * n), "state", "measured")
+            self._now = ZeroOrderHold(period, 2 * n)
+            add("now", self._now)
+            builder.ExportInput(self._now.get_input_port(), "state")
+            builder.ExportOutput(self._now.get_output_port(), "measured")
         else:
             if gear_ratio is None:
                 raise InputError("gear_ratio: missing, expected with a resolution")
@@ -62,19 +65,28 @@ class Encoder(Wired):
 
             one, zero = np.eye(n), np.zeros((n, n))
             difference = np.block([[one, zero], [one / period, -one / period]])
-            self.add("count", SymbolicLaw(inputs={"state": 2 * n}, output="q", law=count))
-            self._now = self.add("now", ZeroOrderHold(period, n), "q", "now")
-            # Updated at the same instants as `now`, it sees what `now` held until then.
-            self._before = self.add("before", ZeroOrderHold(period, n), "now", "before")
-            self.add("samples", Multiplexer([n, n]), "now", "before", "samples")
-            self.add("difference", MatrixGain(difference), "samples", "measured")
-        self.build("measured")
+            counts = add("count", SymbolicLaw(inputs={"state": 2 * n}, output="q", law=count))
+            # Updated at the same instants as `now`, `before` sees what `now` held until then.
+            self._now, self._before = ZeroOrderHold(period, n), ZeroOrderHold(period, n)
+            now, before = add("now", self._now), add("before", self._before)
+            samples = add("samples", Multiplexer([n, n]))
+            measured = add("difference", MatrixGain(difference))
+            builder.ExportInput(counts.get_input_port(), "state")
+            connect(counts.get_output_port(), now.get_input_port())
+            connect(now.get_output_port(), before.get_input_port())
+            connect(now.get_output_port(), samples.get_input_port(0))
+            connect(before.get_output_port(), samples.get_input_port(1))
+            connect(samples.get_output_port(), measured.get_input_port())
+            builder.ExportOutput(measured.get_output_port(), "measured")
+        builder.BuildInto(self)
 
     def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
         """Start with samples taken at q [rad], moving with v [rad/s] for long; joint side."""
+        now = self.GetMutableSubsystemContext(self._now, context)
         if self._increment is None:
-            self.set_state(context, self._now, np.concatenate([q, v]))
+            self._now.SetVectorState(now, np.concatenate([q, v]))
             return
         count = np.floor(np.asarray(q) / self._increment) * self._increment
-        self.set_state(context, self._now, count)
-        self.set_state(context, self._before, count - self._period * np.asarray(v))
+        self._now.SetVectorState(now, count)
+        before = self.GetMutableSubsystemContext(self._before, context)
+        self._before.SetVectorState(before, count - self._period * np.asarray(v))

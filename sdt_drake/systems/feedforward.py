@@ -1,12 +1,12 @@
 from __future__ import annotations
 
+from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Adder
 
 from sdt_drake.io.errors import checked_count
-from sdt_drake.systems.wiring import Wired
 
 
-class CtcFeedforward(Wired):
+class CtcFeedforward(Diagram):
     """Computed torque compensation of the load (Section 3.4, Figure 6).
 
         tau_cmd = tau_fb + tau_ff        [N m], motor side
@@ -27,5 +27,9 @@ class CtcFeedforward(Wired):
     def __init__(self, *, n: int) -> None:
         super().__init__()
         checked_count(n, "n")
-        self.add("tau_cmd", Adder(2, n), "tau_fb", "tau_ff", "tau_cmd")
-        self.build("tau_cmd")
+        builder = DiagramBuilder()
+        total = builder.AddNamedSystem("tau_cmd", Adder(2, n))
+        builder.ExportInput(total.get_input_port(0), "tau_fb")
+        builder.ExportInput(total.get_input_port(1), "tau_ff")
+        builder.ExportOutput(total.get_output_port(), "tau_cmd")
+        builder.BuildInto(self)

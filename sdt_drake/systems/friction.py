@@ -46,8 +46,6 @@ class JointFriction(SymbolicLaw):
         output_ports: [friction]
     """
 
-    symbol = "friction"
-
     def __init__(self, *, friction: FrictionParameters, gear_ratio: ArrayLike) -> None:
         n = len(friction.coulomb)
         r = checked_positive(gear_ratio, "gear_ratio", n)

@@ -1,13 +1,14 @@
 from __future__ import annotations
 
 from pydrake.symbolic import Expression
+from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from sdt_drake.io.errors import checked_count
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
-from sdt_drake.systems.wiring import Wired
+from sdt_drake.systems.wiring import connect_by_name
 
 
-class GainSchedule(Wired):
+class GainSchedule(Diagram):
     """Speeds weighted with the inertia, for a PI speed controller that is tuned for the largest.
 
         v_ref, v  ->  s v_ref, s v        with s = I_eff / I_eff,max [-]
@@ -27,8 +28,6 @@ class GainSchedule(Wired):
         output_ports: [weighted_reference, weighted_state]
     """
 
-    symbol = "speeds x\nI_eff / I_eff,max"
-
     def __init__(self, *, n: int) -> None:
         super().__init__()
         checked_count(n, "n")
@@ -36,7 +35,11 @@ class GainSchedule(Wired):
         def law(signal: Symbols, share: Symbols) -> list[Expression]:
             return [*signal[:n], *(share * signal[n : 2 * n]), *signal[2 * n :]]
 
+        builder = DiagramBuilder()
         for name, size in (("reference", 3 * n), ("state", 2 * n)):
             inputs, output = {name: size, "inertia_share": n}, f"weighted_{name}"
-            self.add(output, SymbolicLaw(inputs=inputs, output=output, law=law))
-        self.build("weighted_reference", "weighted_state")
+            weighted = SymbolicLaw(inputs=inputs, output=output, law=law)
+            builder.AddNamedSystem(output, weighted)
+            builder.ExportOutput(weighted.get_output_port(), output)
+        connect_by_name(builder)
+        builder.BuildInto(self)

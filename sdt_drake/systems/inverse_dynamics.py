@@ -3,14 +3,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems import controllers
+from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Demultiplexer, Gain
 
 from sdt_drake.io.errors import checked_positive
 from sdt_drake.robot.robot import Robot
-from sdt_drake.systems.wiring import Wired
 
 
-class InverseDynamicsController(Wired):
+class InverseDynamicsController(Diagram):
     """Computed torque from the whole state: every joint becomes a double integrator.
 
         r tau_fb = M(q) (vd_ref + 2 zeta omega_n (v_ref - v) + omega_n² (q_ref - q)) + bias(q, v)
@@ -31,8 +31,6 @@ class InverseDynamicsController(Wired):
         output_ports: [tau_fb]
     """
 
-    symbol = "feedback\nlinearisation"
-
     def __init__(self, *, model: Robot, omega_n: ArrayLike, zeta: ArrayLike) -> None:
         super().__init__()
         # Drake's own ends the process where their lengths do not fit.
@@ -45,7 +43,14 @@ class InverseDynamicsController(Wired):
             kd=2 * zeta * omega_n,
             has_reference_acceleration=True,
         )
-        self.add("reference", Demultiplexer([2 * n, n]), "reference", "state_ref", "vd_ref")
-        self.add("law", law, "sampled_state", "state_ref", "vd_ref", "torque", "unused_vd")
-        self.add("gears", Gain(1 / model.gear_ratio), "torque", "tau_fb")
-        self.build("tau_fb")
+        builder = DiagramBuilder()
+        reference = builder.AddNamedSystem("reference", Demultiplexer([2 * n, n]))
+        builder.AddNamedSystem("law", law)
+        gears = builder.AddNamedSystem("gears", Gain(1 / model.gear_ratio))
+        builder.ExportInput(reference.get_input_port(), "reference")
+        builder.ExportInput(law.get_input_port_estimated_state(), "sampled_state")
+        builder.Connect(reference.get_output_port(0), law.get_input_port_desired_state())
+        builder.Connect(reference.get_output_port(1), law.get_input_port_desired_acceleration())
+        builder.Connect(law.get_output_port_control(), gears.get_input_port())
+        builder.ExportOutput(gears.get_output_port(), "tau_fb")
+        builder.BuildInto(self)

@@ -31,8 +31,6 @@ class ReferenceTorque(LeafSystem):
         output_ports: [(torques)]
     """
 
-    symbol = "inverse\ndynamics"
-
     def __init__(self, *, robot: Robot, outputs: Sequence[str], law: TorqueLaw) -> None:
         super().__init__()
         self._robot, self._law = robot, law

@@ -1,18 +1,15 @@
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Context, System
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import Adder, Gain, Integrator, LinearSystem, MatrixGain
 
 from sdt_drake.io.errors import checked_choice, checked_positive
 from sdt_drake.systems.gains import STRUCTURES, SpeedGains
-from sdt_drake.systems.wiring import Wired
 
 
-class PiSpeedController(Wired):
+class PiSpeedController(Diagram):
     """n independent PI speed controllers (Eq. 5, Figure 5), one for each motor.
 
     With the motor speeds r v and r v_ref, all motor side:
@@ -43,14 +40,6 @@ class PiSpeedController(Wired):
         output_ports: [tau_fb]
     """
 
-    symbols: ClassVar = {
-        "motor_speed_ref": "r",
-        "motor_speed": "r",
-        "integral": "1/s",
-        "given": "1/K_PS",
-        "asked": "1/K_PS",
-    }
-
     def __init__(
         self,
         *,
@@ -68,25 +57,41 @@ class PiSpeedController(Wired):
         integral: System = Integrator(n)
         if period is not None:
             integral = LinearSystem(A=one, B=period * one, C=one, D=zero, time_period=period)
-        self._ki = gains.ki
+        self._ki, self._integral = gains.ki, integral
 
-        speed_ref, speed = np.hstack([zero, r, zero]), np.hstack([zero, r])
-        self.add("motor_speed_ref", MatrixGain(speed_ref), "reference", "r v_ref")
-        self.add("motor_speed", MatrixGain(-speed), "state", "-r v")
-        self.add("speed_error", Adder(2, n), "r v_ref", "-r v", "error")
+        builder = DiagramBuilder()
+        add, connect = builder.AddNamedSystem, builder.Connect
+        v_ref = add("motor_speed_ref", MatrixGain(np.hstack([zero, r, zero])))
+        minus_v = add("motor_speed", MatrixGain(-np.hstack([zero, r])))
+        builder.ExportInput(v_ref.get_input_port(), "reference")
+        builder.ExportInput(minus_v.get_input_port(), "state")
+        error = to_integrate = add("speed_error", Adder(2, n))
+        connect(v_ref.get_output_port(), error.get_input_port(0))
+        connect(minus_v.get_output_port(), error.get_input_port(1))
         if anti_windup:
-            self.add("asked", Gain(-1 / kp), "tau_cmd", "asked")
-            self.add("given", Gain(1 / kp), "tau", "given")
-            self.add("shortened_error", Adder(3, n), "error", "given", "asked", "to_integrate")
-        else:
-            self.same("to_integrate", "error")
-        self._integral = self.add("integral", integral, "to_integrate", "integral")
-        self.add("K_IS", Gain(gains.ki), "integral", "integral_torque")
-        proportional_to = "error" if structure == "pi" else "-r v"
-        self.add("K_PS", Gain(kp), proportional_to, "proportional_torque")
-        self.add("tau_fb", Adder(2, n), "integral_torque", "proportional_torque", "tau_fb")
-        self.build("tau_fb")
+            asked, given = add("asked", Gain(-1 / kp)), add("given", Gain(1 / kp))
+            to_integrate = add("shortened_error", Adder(3, n))
+            builder.ExportInput(asked.get_input_port(), "tau_cmd")
+            builder.ExportInput(given.get_input_port(), "tau")
+            for index, part in enumerate((error, given, asked)):
+                connect(part.get_output_port(), to_integrate.get_input_port(index))
+        add("integral", integral)
+        k_is, k_ps = add("K_IS", Gain(gains.ki)), add("K_PS", Gain(kp))
+        tau_fb = add("tau_fb", Adder(2, n))
+        connect(to_integrate.get_output_port(), integral.get_input_port())
+        connect(integral.get_output_port(), k_is.get_input_port())
+        proportional_to = error if structure == "pi" else minus_v
+        connect(proportional_to.get_output_port(), k_ps.get_input_port())
+        connect(k_is.get_output_port(), tau_fb.get_input_port(0))
+        connect(k_ps.get_output_port(), tau_fb.get_input_port(1))
+        builder.ExportOutput(tau_fb.get_output_port(), "tau_fb")
+        builder.BuildInto(self)
 
     def rest(self, context: Context, tau_integral: ArrayLike) -> None:
         """Start with an integral that gives `tau_integral` [N m], motor side."""
-        self.set_state(context, self._integral, np.asarray(tau_integral) / self._ki)
+        integral = self.GetMutableSubsystemContext(self._integral, context)
+        start = np.asarray(tau_integral) / self._ki
+        if integral.num_continuous_states():
+            integral.SetContinuousState(start)
+        else:
+            integral.SetDiscreteState(start)

@@ -2,13 +2,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, Multiplexer
 
 from sdt_drake.io.errors import checked_positive
-from sdt_drake.systems.wiring import Wired
 
 
-class PositionLoop(Wired):
+class PositionLoop(Diagram):
     """The reference of a speed loop that also keeps the position.
 
         v_ref + K_V (q_ref - q)  takes the place of  v_ref        [rad/s], joint side
@@ -26,8 +26,6 @@ class PositionLoop(Wired):
         output_ports: [speed_reference]
     """
 
-    symbol = "v_ref +\nK_V (q_ref - q)"
-
     def __init__(self, *, position_gain: ArrayLike) -> None:
         super().__init__()
         position_gain = checked_positive(position_gain, "position_gain")
@@ -35,6 +33,11 @@ class PositionLoop(Wired):
         law = np.eye(3 * n, 5 * n)
         law[n : 2 * n, :n] = np.diag(position_gain)
         law[n : 2 * n, 3 * n : 4 * n] = -np.diag(position_gain)
-        self.add("inputs", Multiplexer([3 * n, 2 * n]), "reference", "sampled_state", "inputs")
-        self.add("law", MatrixGain(law), "inputs", "speed_reference")
-        self.build("speed_reference")
+        builder = DiagramBuilder()
+        inputs = builder.AddNamedSystem("inputs", Multiplexer([3 * n, 2 * n]))
+        gain = builder.AddNamedSystem("law", MatrixGain(law))
+        builder.ExportInput(inputs.get_input_port(0), "reference")
+        builder.ExportInput(inputs.get_input_port(1), "sampled_state")
+        builder.Connect(inputs.get_output_port(), gain.get_input_port())
+        builder.ExportOutput(gain.get_output_port(), "speed_reference")
+        builder.BuildInto(self)

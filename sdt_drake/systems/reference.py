@@ -6,15 +6,15 @@ from collections.abc import Mapping
 
 import numpy as np
 from pydrake.math import BsplineBasis
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource, ZeroOrderHold
 from pydrake.trajectories import BsplineTrajectory
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.motion import Motion
-from sdt_drake.systems.wiring import Wired
 
 
-class ReferenceSource(Wired):
+class ReferenceSource(Diagram):
     """The reference of the planner, [q_ref, v_ref, vd_ref], over continuous time; joint side.
 
     Exact at the samples t = i * period; between them linear in all three. It does not hold: only
@@ -26,17 +26,18 @@ class ReferenceSource(Wired):
         output_ports: [reference]
     """
 
-    symbol = "planner"
-
     def __init__(self, *, motion: Motion, delay: float = 0.0) -> None:
         """Of `motion`; with a `delay` [s] it rests on the first sample for that long."""
         super().__init__()
         samples = np.hstack([motion.q, motion.v, motion.vd])
-        self.add("samples", sample_source(motion.time + delay, samples), "reference")
-        self.build("reference")
+        builder = DiagramBuilder()
+        source = sample_source(motion.time + delay, samples)
+        builder.AddNamedSystem("samples", source)
+        builder.ExportOutput(source.get_output_port(), "reference")
+        builder.BuildInto(self)
 
 
-class SignalTable(Wired):
+class SignalTable(Diagram):
     """Signals along a motion, computed before the run: each sample is held from its instant on.
 
     It needs no input, and no Python while the simulation runs; it knows nothing of any other
@@ -48,16 +49,24 @@ class SignalTable(Wired):
         output_ports: [(signals)]
     """
 
-    symbol = "table"
-
     def __init__(self, *, motion: Motion, signals: Mapping[str, Array], delay: float = 0.0) -> None:
         """By name, samples of shape (N + 1, n) at the times of `motion`, late by `delay` [s]."""
         super().__init__()
+        builder = DiagramBuilder()
+        self._holds: list[tuple[ZeroOrderHold, Array]] = []
         for name, samples in signals.items():
             hold = hold_of(motion, samples.shape[1], delay=delay)
-            self.add(name, sample_source(motion.time + delay, samples), f"{name} of now")
-            self.add(f"{name}_hold", hold, f"{name} of now", name)
-        self.build(*signals)
+            source = builder.AddNamedSystem(name, sample_source(motion.time + delay, samples))
+            builder.AddNamedSystem(f"{name}_hold", hold)
+            builder.Connect(source.get_output_port(), hold.get_input_port())
+            builder.ExportOutput(hold.get_output_port(), name)
+            self._holds.append((hold, samples[0]))
+        builder.BuildInto(self)
+
+    def rest(self, context: Context) -> None:
+        """Start with the first samples."""
+        for hold, first in self._holds:
+            hold.SetVectorState(self.GetMutableSubsystemContext(hold, context), first)
 
 
 def hold_of(motion: Motion, size: int, *, delay: float = 0.0) -> ZeroOrderHold:

@@ -39,8 +39,6 @@ class RobotDrawing(Diagram):
         plant, scene_graph: what is drawn, and by what.
     """
 
-    symbol = "Meshcat"
-
     def __init__(self, *, robot: Robot, meshcat: Meshcat, period: float = 1 / 32) -> None:
         super().__init__()
         builder = DiagramBuilder()

@@ -30,8 +30,6 @@ class RobotPlant(Diagram):
         plant: Drake's.
     """
 
-    symbol = "Multibody\nPlant"
-
     def __init__(self, *, robot: Robot, without_rotor: NDArray[np.bool_] | None = None) -> None:
         super().__init__()
         builder = DiagramBuilder()

@@ -3,17 +3,18 @@ from __future__ import annotations
 import numpy as np
 import pydrake.symbolic as sym
 from numpy.typing import ArrayLike
+from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Saturation
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_positive
-from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
-from sdt_drake.systems.wiring import Wired
+from sdt_drake.systems.symbolic import Symbols, add_law
 
 _TINY = np.finfo(float).tiny
+_NOTHING, _ALL = sym.Expression(0), sym.Expression(1)
 
 
-class DynamicSaturation(SymbolicLaw):
+class DynamicSaturation(Diagram):
     """The motors' limits, widened by the help of the other motors (Section 3.2, Figure 3).
 
         tau = clip(tau_cmd, -L + min(a, 0), L + max(a, 0))      [N m], motor side
@@ -40,8 +41,6 @@ class DynamicSaturation(SymbolicLaw):
         output_ports: [tau]
     """
 
-    symbol = "dynamic\nsaturation"
-
     def __init__(
         self,
         *,
@@ -53,41 +52,52 @@ class DynamicSaturation(SymbolicLaw):
     ) -> None:
         if (n1 is None) != (n0 is None):
             raise InputError("n1, n0: one is missing, expected both or neither")
+        super().__init__()
+        builder = DiagramBuilder()
         limit = checked_positive(motor_torque_limit, "motor_torque_limit")
         n = len(limit)
         rated, no_load = (np.broadcast_to(np.inf if w is None else w, n) for w in (n1, n0))
-        has_envelope = bool(np.isfinite(no_load).any())
-        if not has_envelope and not widened:
-            self.symbol = "saturation"
-            Wired.__init__(self)  # Drake's own block is quicker than a law in symbols
-            self.add("law", Saturation(-limit, limit), "tau_cmd", "tau")
-            self.build("tau")
-            return
-
-        nothing, all_of_it = sym.Expression(0), sym.Expression(1)
-
-        def within_envelope(motor_speed: Symbols) -> Symbols:
-            left = [all_of_it] * n
-            for k in np.flatnonzero(np.isfinite(no_load)):
-                share = (no_load[k] - motor_speed[k]) / (no_load[k] - rated[k])
-                left[k] = sym.min(sym.max(share, nothing), all_of_it)
-            return limit * np.array(left)
-
-        def law(tau_cmd: Symbols, *others: Symbols) -> list[sym.Expression]:
-            lower: Array | Symbols = -limit
-            upper: Array | Symbols = limit
-            if has_envelope:
-                motor_speed = np.asarray(gear_ratio) * others[-1][n:]
-                lower, upper = -within_envelope(-motor_speed), within_envelope(motor_speed)
-            if widened:
-                # min(a, 0) and max(a, 0) with a derivative at a = 0 as well: Drake's are NaN there.
-                a = others[0]
-                lower = lower + [sym.if_then_else(help_ < -_TINY, help_, nothing) for help_ in a]
-                upper = upper + [sym.if_then_else(help_ > _TINY, help_, nothing) for help_ in a]
-            # In this order NaN becomes a limit: at a NaN in its state Drake integrates for ever.
-            return [sym.min(sym.max(lower[k], tau_cmd[k]), upper[k]) for k in range(n)]
-
         inputs = {"tau_cmd": n}
         inputs |= {"alleviating_torque": n} if widened else {}
-        inputs |= {"state": 2 * n} if has_envelope else {}
-        super().__init__(inputs=inputs, output="tau", law=law)
+        inputs |= {"state": 2 * n} if np.isfinite(no_load).any() else {}
+
+        def law(*arguments: Symbols) -> list[sym.Expression]:
+            signals = dict(zip(inputs, arguments, strict=True))
+            lower: Array | Symbols = -limit
+            upper: Array | Symbols = limit
+            if "state" in signals:
+                motor_speed = np.asarray(gear_ratio) * signals["state"][n:]
+                lower = -limit * _envelope(-motor_speed, rated, no_load)
+                upper = limit * _envelope(motor_speed, rated, no_load)
+            if "alleviating_torque" in signals:
+                lower, upper = _widened(lower, upper, signals["alleviating_torque"])
+            # In this order NaN becomes a limit: at a NaN in its state Drake integrates for ever.
+            tau_cmd = signals["tau_cmd"]
+            return [sym.min(sym.max(lower[k], tau_cmd[k]), upper[k]) for k in range(n)]
+
+        if len(inputs) > 1:
+            add_law(builder, inputs, "tau", law)
+        else:  # Drake's own block is quicker than a law in symbols
+            constant = builder.AddNamedSystem("law", Saturation(-limit, limit))
+            builder.ExportInput(constant.get_input_port(), "tau_cmd")
+            builder.ExportOutput(constant.get_output_port(), "tau")
+        builder.BuildInto(self)
+
+
+def _envelope(motor_speed: Symbols, rated: Array, no_load: Array) -> Symbols:
+    """Share of the largest torque in the direction of the speed: all up to n1, none from n0 on."""
+    share = [_ALL] * len(no_load)
+    for k in np.flatnonzero(np.isfinite(no_load)):
+        left = (no_load[k] - motor_speed[k]) / (no_load[k] - rated[k])
+        share[k] = sym.min(sym.max(left, _NOTHING), _ALL)
+    return np.array(share)
+
+
+def _widened(
+    lower: Array | Symbols, upper: Array | Symbols, help_: Symbols
+) -> tuple[Symbols, Symbols]:
+    """Limits moved apart by min(a, 0) and max(a, 0), of the alleviating torque a."""
+    # With a derivative at a = 0 as well: that of Drake's own min and max is NaN there.
+    down = [sym.if_then_else(a < -_TINY, a, _NOTHING) for a in help_]
+    up = [sym.if_then_else(a > _TINY, a, _NOTHING) for a in help_]
+    return lower + down, upper + up

@@ -2,14 +2,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import FirstOrderLowPassFilter, Gain
 
 from sdt_drake.io.errors import checked_positive
-from sdt_drake.systems.wiring import Wired
 
 
-class TorqueLoop(Wired):
+class TorqueLoop(Diagram):
     """What the motors make of the torque that they should give.
 
         T dtau/dt = (1 + error) tau_limited - tau,    T = 1 / (2 pi bandwidth)
@@ -31,8 +30,6 @@ class TorqueLoop(Wired):
         output_ports: [tau]
     """
 
-    symbol = "torque\nloop"
-
     def __init__(
         self,
         *,
@@ -41,6 +38,7 @@ class TorqueLoop(Wired):
         error: ArrayLike | None = None,
     ) -> None:
         super().__init__()
+        builder = DiagramBuilder()
         limit = checked_positive(motor_torque_limit, "motor_torque_limit")
         gain = np.ones(len(limit)) if error is None else 1 + np.asarray(error)
         self._lag = None
@@ -48,15 +46,20 @@ class TorqueLoop(Wired):
         # the torque is good to 1e-3 of the limit while it settles, the speeds to 1e-5.
         self._unit = 100 * limit
         if bandwidth is None:
-            self.add("gain", Gain(gain), "tau_limited", "tau")
+            first = last = builder.AddNamedSystem("gain", Gain(gain))
         else:
-            lag = FirstOrderLowPassFilter(1 / (2 * np.pi * bandwidth), len(limit))
-            self.add("share", Gain(gain / self._unit), "tau_limited", "share")
-            self._lag = self.add("lag", lag, "share", "lagging")
-            self.add("unit", Gain(self._unit), "lagging", "tau")
-        self.build("tau")
+            self._lag = FirstOrderLowPassFilter(1 / (2 * np.pi * bandwidth), len(limit))
+            first = builder.AddNamedSystem("share", Gain(gain / self._unit))
+            builder.AddNamedSystem("lag", self._lag)
+            last = builder.AddNamedSystem("unit", Gain(self._unit))
+            builder.Connect(first.get_output_port(), self._lag.get_input_port())
+            builder.Connect(self._lag.get_output_port(), last.get_input_port())
+        builder.ExportInput(first.get_input_port(), "tau_limited")
+        builder.ExportOutput(last.get_output_port(), "tau")
+        builder.BuildInto(self)
 
     def rest(self, context: Context, tau: ArrayLike) -> None:
         """Start with motors that give `tau` [N m], motor side, shape (n,)."""
         if self._lag is not None:
-            self.set_state(context, self._lag, np.asarray(tau) / self._unit)
+            lag = self.GetMutableSubsystemContext(self._lag, context)
+            lag.SetContinuousState(np.asarray(tau) / self._unit)

@@ -7,13 +7,19 @@ import dataclasses
 import numpy as np
 import pytest
 from by_hand import GEAR, ROTORS
-from pydrake.systems.framework import InputPortSelection, OutputPortSelection
+from pydrake.systems.framework import DiagramBuilder, InputPortSelection, OutputPortSelection
 from pydrake.systems.primitives import ConstantVectorSource, Linearize
 
 from sdt_drake.robot.device import Elasticity, FrictionParameters, Springs
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import make_simulator
-from sdt_drake.systems import AxisProcess, ElasticJoints, JointFriction, RobotPlant, Wired
+from sdt_drake.systems import (
+    AxisProcess,
+    ElasticJoints,
+    JointFriction,
+    RobotPlant,
+    connect_by_name,
+)
 
 HANGING = np.array([0.4, 0.15, 0.1, 0.7])  # rad; roll and pitch out of balance
 
@@ -33,13 +39,13 @@ class Free:
     """The plant with friction, without torque of the motors, at HANGING."""
 
     def __init__(self, robot, friction, *, v=(0, 0, 0, 0), accuracy=1e-4):
-        diagram = Wired()
-        self.block = diagram.add("plant", RobotPlant(robot=robot), load_torque="friction")
+        builder = DiagramBuilder()
+        self.block = builder.AddNamedSystem("plant", RobotPlant(robot=robot))
         joints = JointFriction(friction=friction, gear_ratio=GEAR)
-        self.joints = diagram.add("joints", joints)
-        diagram.add("no_torque", ConstantVectorSource(np.zeros(4)), "tau")
-        diagram.build()
-        self.simulator = make_simulator(diagram, period=0.001, accuracy=accuracy)
+        self.joints = builder.AddNamedSystem("joints", joints)
+        builder.AddNamedSystem("no_torque", ConstantVectorSource(np.zeros(4)))
+        connect_by_name(builder, {("plant", "load_torque"): "friction", ("no_torque", "y0"): "tau"})
+        self.simulator = make_simulator(builder.Build(), period=0.001, accuracy=accuracy)
         root = self.simulator.get_mutable_context()
         self.block.rest(self.block.GetMyMutableContextFromRoot(root), HANGING, v)
         self.plant = self.block.plant
@@ -127,12 +133,14 @@ class Elastic:
     """A process behind springs, without torque of the motors."""
 
     def __init__(self, process, springs):
-        self.diagram, zero = Wired(), ConstantVectorSource(np.zeros(4))
+        builder, zero = DiagramBuilder(), ConstantVectorSource(np.zeros(4))
         joints = ElasticJoints(springs=springs, rotor_inertia=ROTORS, gear_ratio=GEAR)
-        self.process = self.diagram.add("process", process, tau="tau_link", load_torque="none")
-        self.joints = self.diagram.add("joints", joints, tau="none")
-        self.diagram.add("no_torque", zero, "none")
-        self.diagram.build()
+        self.process = builder.AddNamedSystem("process", process)
+        self.joints = builder.AddNamedSystem("joints", joints)
+        builder.AddNamedSystem("no_torque", zero)
+        aliases = {("process", "tau"): "tau_link", ("process", "load_torque"): "none"}
+        connect_by_name(builder, aliases | {("joints", "tau"): "none", ("no_torque", "y0"): "none"})
+        self.diagram = builder.Build()
 
     def start(self, q, v, q_motor, v_motor, accuracy):
         simulator = make_simulator(self.diagram, period=0.001, accuracy=accuracy)

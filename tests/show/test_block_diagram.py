@@ -13,6 +13,7 @@ from pydrake.systems.primitives import (
     ConstantVectorSource,
     Gain,
     Integrator,
+    LogVectorOutput,
     MatrixGain,
     PassThrough,
     ZeroOrderHold,
@@ -21,13 +22,19 @@ from pydrake.systems.primitives import (
 from sdt_drake.robot.device import Friction
 from sdt_drake.run.loop import make_loop as closed_loop
 from sdt_drake.run.loop import make_step_loop
-from sdt_drake.show.diagrams import drawn, walk
+from sdt_drake.show.diagrams import drawn
+from sdt_drake.show.diagrams import walk as walked
 from sdt_drake.show.diagrams.layout import Layout
 from sdt_drake.show.diagrams.routing import routed
 from sdt_drake.show.diagrams.text import rich, text_size
 from sdt_drake.show.paper_diagrams import DIAGRAMS
-from sdt_drake.systems import Wired
+from sdt_drake.show.symbols import SYMBOLS
+from sdt_drake.systems import connect_by_name
 from sdt_drake.systems.gains import tune
+
+
+def walk(diagram, symbols=SYMBOLS, **arguments):
+    return walked(diagram, symbols=symbols, **arguments)
 
 
 def make_loop():
@@ -36,12 +43,22 @@ def make_loop():
     return make_step_loop(gains=gains, i_eff=1.0, structure="p_in_feedback")
 
 
-def wired(*blocks, outputs=(), name="diagram"):
-    """A diagram of blocks, each with its name and its signals; some are read from outside."""
-    diagram = Wired()
+def wired(*blocks, outputs=(), logged=(), name="diagram"):
+    """A diagram of blocks, each with its name and its signals, inputs first; some are read from
+    outside."""
+    builder, aliases = DiagramBuilder(), {}
     for block, system, signals in blocks:
-        diagram.add(block, system, *signals.split())
-    diagram.build(*outputs)
+        builder.AddNamedSystem(block, system)
+        ports = [system.get_input_port(i) for i in range(system.num_input_ports())]
+        ports += [system.get_output_port(i) for i in range(system.num_output_ports())]
+        own = ((block, port.get_name()) for port in ports)
+        aliases |= dict(zip(own, signals.split(), strict=True))
+    connected = connect_by_name(builder, aliases)
+    for signal in logged:
+        LogVectorOutput(connected[signal], builder).set_name(f"log.{signal}")
+    for signal in outputs:
+        builder.ExportOutput(connected[signal], signal)
+    diagram = builder.Build()
     diagram.set_name(name)
     return diagram
 
@@ -102,12 +119,9 @@ def test_pass_throughs_are_lines_and_what_comes_from_outside_and_goes_there_has_
     [(["one"], {"source", "one", "one (out)"}), ([], {"source", "one", "other"})],
 )
 def test_what_only_a_log_reads_is_not_drawn_unless_nothing_is_read(read, drawn_blocks):
-    diagram = Wired()
-    diagram.add("source", ConstantVectorSource([1.0]), "x")
-    for name in ("one", "other"):
-        diagram.add(name, Gain(2.0, 1), "x", name)
-    diagram.log(["one", "other"], 0.01)
-    diagram.build(*read)
+    gains = [(name, Gain(2.0, 1), f"x {name}") for name in ("one", "other")]
+    source = ("source", ConstantVectorSource([1.0]), "x")
+    diagram = wired(source, *gains, outputs=read, logged=["one", "other"])
 
     assert set(blocks_of(walk(diagram))) == drawn_blocks
 
@@ -121,13 +135,11 @@ def test_depth_says_how_many_levels_are_opened():
     assert [frame.title for frame in opened.frame.frames()] == ["step_loop", "pi_speed_controller"]
 
 
-def test_a_diagram_with_a_symbol_is_never_opened():
-    one, other = make_loop(), make_loop()
-    one.GetSubsystemByName("pi_speed_controller").symbol = "PI"
-    other.symbols = {"pi_speed_controller": "PI"}
-
-    for loop in (one, other):
-        assert blocks_of(walk(loop, max_depth=9))["pi_speed_controller"].text == "PI"
+@pytest.mark.parametrize("key", ["PiSpeedController", "Diagram.pi_speed_controller"])
+@pytest.mark.parametrize("symbol", ["PI", lambda system: f"{system.get_name()[:2].upper()}"])
+def test_a_diagram_with_a_symbol_is_never_opened(key, symbol):
+    blocks = blocks_of(walk(make_loop(), {key: symbol}, max_depth=9))
+    assert blocks["pi_speed_controller"].text == "PI" and "K_PS" not in blocks
 
 
 def test_a_line_downwards_leaves_a_sum_its_three_inputs():

@@ -24,6 +24,7 @@ from sdt_drake.show.graphviz import (
     write_diagram,
 )
 from sdt_drake.show.paper_diagrams import DIAGRAMS
+from sdt_drake.show.symbols import SYMBOLS
 from sdt_drake.systems.gains import tune
 
 needs_graphviz = pytest.mark.skipif(shutil.which("dot") is None, reason="needs Graphviz")
@@ -33,6 +34,7 @@ NAMES = tuple(DIAGRAMS)
 SCRIPT = """
 import json
 from sdt_drake.show.paper_diagrams import DIAGRAMS
+from sdt_drake.show.symbols import SYMBOLS
 from sdt_drake.run.design import make_design
 from sdt_drake.show.graphviz import dot_text, drake_dot_text
 from sdt_drake.run.scenario import load_scenario
@@ -103,7 +105,7 @@ def test_another_process_gives_the_same_text(texts):
 @pytest.mark.parametrize("name", NAMES)
 def test_blocks_and_connections_of_the_diagram_are_there(diagrams, name):
     text = dot_text(diagrams[name])
-    picture = walk(diagrams[name])
+    picture = walk(diagrams[name], symbols=SYMBOLS)
 
     assert nodes_of(text) == {"/".join(block.path) for block in picture.frame.blocks()}
     assert edges_of(text) == Counter(

@@ -45,7 +45,7 @@ RNG = np.random.default_rng(4)
 
 # --- ports and pictures ----------------------------------------------------------------------
 
-BLOCKS = [name for name in systems.__all__ if name[0].isupper() and name != "Wired"]
+BLOCKS = [name for name in systems.__all__ if name[0].isupper()]
 
 
 def picture(documented):

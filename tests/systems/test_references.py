@@ -1,12 +1,15 @@
-"""References, tables and holds, late or not, and logs."""
+"""References, tables and holds, late or not; wiring by name, and logs."""
 
 import numpy as np
 import pytest
 from alone import LOADS, MOTION, PERIOD, Alone, N, close, exact, made, outputs_of
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import Adder, ConstantVectorSource, Gain, PassThrough
 
-from sdt_drake.systems import Wired, hold_of
+from sdt_drake.io.errors import InputError
+from sdt_drake.systems import connect_by_name, hold_of
+from sdt_drake.systems.wiring import add_logs
 
 ROWS = np.hstack([MOTION.q, MOTION.v, MOTION.vd])
 
@@ -77,11 +80,13 @@ def test_delayed_table_is_in_force_from_its_arrival_on(delay, offset):
 @DELAYS
 def test_hold_samples_a_delayed_source_where_its_samples_arrive(delay, offset):
     """And that rests on its first sample until then. The hold starts with nothing."""
-    diagram = Wired()
-    diagram.add("source", made("ReferenceSource", delay=delay), "source")
-    hold = diagram.add("hold", hold_of(MOTION, 3 * N, delay=delay), "source", "reference")
-    diagram.build("source", "reference")
-    both = Alone(diagram)
+    builder = DiagramBuilder()
+    source = builder.AddNamedSystem("source", made("ReferenceSource", delay=delay))
+    hold = builder.AddNamedSystem("hold", hold_of(MOTION, 3 * N, delay=delay))
+    builder.Connect(source.get_output_port(), hold.get_input_port())
+    builder.ExportOutput(source.get_output_port(), "source")
+    builder.ExportOutput(hold.get_output_port(), "reference")
+    both = Alone(builder.Build())
     assert not hold.HasAnyDirectFeedthrough()
     exact(both.output("reference"), np.zeros(3 * N))
     for time, row in [(0.5 * delay, 0), (delay, 0), (1234 * PERIOD + delay, 1234)]:
@@ -90,12 +95,71 @@ def test_hold_samples_a_delayed_source_where_its_samples_arrive(delay, offset):
     is_in_force(both, "reference", ROWS, delay, offset)
 
 
+def test_a_table_starts_with_its_first_samples_however_late_it_is():
+    block = Alone("SignalTable", signals=SIGNALS, delay=0.0035)
+    block.system.rest(block.context)
+    for name, samples in SIGNALS.items():
+        exact(block.output(name), samples[0])
+
+
+# --- wiring by name --------------------------------------------------------------------------
+
+
+def with_parts(**parts):
+    builder = DiagramBuilder()
+    for name, system in parts.items():
+        builder.AddNamedSystem(name, system)
+    return builder
+
+
+def test_signals_go_to_all_inputs_of_their_name_and_what_no_output_has_comes_from_outside():
+    builder = with_parts(
+        one=Gain(2.0, 1), other=Gain(3.0, 1), sum=Adder(3, 1), wired=PassThrough(1)
+    )
+    one, wired = (builder.GetSubsystemByName(name) for name in ("one", "wired"))
+    builder.Connect(one.get_output_port(), wired.get_input_port())  # no input is connected twice
+    aliases = {("one", "y0"): "a", ("other", "y0"): "b", ("other", "u0"): "a"}
+    aliases |= {("one", "u0"): "x", ("sum", "u0"): "a", ("sum", "u1"): "b", ("sum", "u2"): "x"}
+    outputs = connect_by_name(builder, aliases)
+    assert outputs.keys() == {"a", "b", "sum", "y"}
+    builder.ExportOutput(outputs["sum"], "sum")
+    both = Alone(builder.Build())
+    both.give(x=[1.0])
+    exact(both.output("sum"), [2 + 6 + 1])
+
+
+@pytest.mark.parametrize(
+    ("parts", "aliases", "message"),
+    [
+        (
+            {"one": Gain(2.0, 1), "other": Gain(3.0, 1)},
+            {},
+            "signal 'y0': an output of one and of other, expected one",
+        ),
+        (
+            {"one": Gain(2.0, 1), "other": PassThrough(1)},
+            {("other", "y"): "y0"},
+            "signal 'y0': an output of one and of other, expected one",
+        ),
+        (
+            {"one": Gain(2.0, 1), "other": PassThrough(3)},
+            {("other", "u"): "y0"},
+            "other: input 'u' of length 3, expected 1",
+        ),
+    ],
+    ids=["same name", "same alias", "length"],
+)
+def test_signals_that_cannot_be_meant_are_refused(parts, aliases, message):
+    with pytest.raises(InputError) as error:
+        connect_by_name(with_parts(**parts), aliases)
+    assert str(error.value) == message
+
+
 def test_logs_have_the_names_and_periods_they_are_given():
-    diagram = Wired()
-    diagram.add("constant", ConstantVectorSource([1.0, 2.0]), "a")
-    diagram.same("b", "a")
-    sinks = diagram.log(("a", "b"), 0.25)
-    diagram.build()
+    builder = DiagramBuilder()
+    port = builder.AddNamedSystem("constant", ConstantVectorSource([1.0, 2.0])).get_output_port()
+    sinks = add_logs(builder, {"a": port, "b": port}, 0.25)
+    diagram = builder.Build()
     assert sinks["a"] is sinks["b"] is diagram.GetSubsystemByName("log.a")
     simulator = Simulator(diagram)
     simulator.AdvanceTo(1.0)

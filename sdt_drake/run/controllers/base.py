@@ -7,13 +7,14 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Context, System
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.io.errors import InputError
 from sdt_drake.run.design import Design
 from sdt_drake.run.kinds import CONTROLLERS, Kind
-from sdt_drake.systems import CtcFeedforward, ReferenceTorque, SignalTable, Wired
+from sdt_drake.systems import CtcFeedforward, ReferenceTorque, SignalTable
+from sdt_drake.systems.wiring import Aliases, connect_by_name
 
 
 class Controller:
@@ -94,26 +95,47 @@ LOOP_SIGNALS = ("reference", "state", "sampled_state", "load_torque", "tau_limit
 """What a controller can have of the loop, by the names of its inputs."""
 
 
-def add_feedforward(diagram: Wired, design: Design, at: int | None) -> None:
-    """Add the torque feedforward of a design, if it has one, from tau_fb to tau_cmd; none `at` a
-    sample, where it stands still."""
-    if design.tau_ff is None or at is not None:
-        diagram.same("tau_cmd", "tau_fb")
-        return
-    diagram.add("ctc_feedforward", CtcFeedforward(n=design.robot.n))
-    law = design.feedforward
-    if design.feeds_load_torque:
-        diagram.same("tau_ff", "load_torque")
-    elif law is None or design.scenario.inverse_dynamics == "table":
-        add_table(diagram, "feedforward_table", design, tau_ff=design.tau_ff)
-    else:
-        torque = ReferenceTorque(
-            robot=design.model, outputs=("tau_ff",), law=lambda *sample: [law(*sample)]
-        )
-        diagram.add("feedforward_torque", torque)
+class Shipped(Diagram, Controller):
+    """A controller that ships with the package: a law, the torque feedforward behind it, tables."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._tables: list[SignalTable] = []
+
+    def rest(self, context: Context, tau_cmd: ArrayLike) -> None:
+        for table in self._tables:
+            table.rest(self.GetMutableSubsystemContext(table, context))
+
+    def _add_table(
+        self, builder: DiagramBuilder, name: str, design: Design, **signals: Array
+    ) -> None:
+        self._tables.append(table_of(design, **signals))
+        builder.AddNamedSystem(name, self._tables[-1])
+
+    def _build(
+        self, builder: DiagramBuilder, design: Design, at: int | None, aliases: Aliases
+    ) -> None:
+        """Add the torque feedforward of a design, from tau_fb to tau_cmd, and connect all by name;
+        none `at` a sample, where it stands still."""
+        aliases, tau_cmd, law = dict(aliases), "tau_cmd", design.feedforward
+        if design.tau_ff is None or at is not None:
+            tau_cmd = aliases["pi_speed_controller", "tau_cmd"] = "tau_fb"
+        else:
+            builder.AddNamedSystem("ctc_feedforward", CtcFeedforward(n=design.robot.n))
+            if design.feeds_load_torque:
+                aliases["ctc_feedforward", "tau_ff"] = "load_torque"
+            elif law is None or design.scenario.inverse_dynamics == "table":
+                self._add_table(builder, "feedforward_table", design, tau_ff=design.tau_ff)
+            else:
+                torque = ReferenceTorque(
+                    robot=design.model, outputs=("tau_ff",), law=lambda *sample: [law(*sample)]
+                )
+                builder.AddNamedSystem("feedforward_torque", torque)
+        builder.ExportOutput(connect_by_name(builder, aliases)[tau_cmd], "tau_cmd")
+        builder.BuildInto(self)
 
 
-def add_table(diagram: Wired, name: str, design: Design, **signals: Array) -> None:
-    """Add signals along the motion that arrive with the reference."""
+def table_of(design: Design, **signals: Array) -> SignalTable:
+    """Signals along the motion that arrive with the reference."""
     delay = design.drive.reference_delay
-    diagram.add(name, SignalTable(motion=design.reference, signals=signals, delay=delay))
+    return SignalTable(motion=design.reference, signals=signals, delay=delay)

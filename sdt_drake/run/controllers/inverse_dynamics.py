@@ -1,14 +1,14 @@
 from __future__ import annotations
 
-from pydrake.systems.framework import System
+from pydrake.systems.framework import DiagramBuilder, System
 
-from sdt_drake.run.controllers.base import Controller, add_feedforward
+from sdt_drake.run.controllers.base import Shipped
 from sdt_drake.run.design import Design
-from sdt_drake.systems import InverseDynamicsController, Wired
+from sdt_drake.systems import InverseDynamicsController
 from sdt_drake.systems.gains import damping_ratio
 
 
-class InverseDynamics(Wired, Controller, kind="inverse_dynamics"):
+class InverseDynamics(Shipped, kind="inverse_dynamics"):
     """Computed torque from the state of all joints at the interpolation period, the law of
     `sdt_drake.systems.InverseDynamicsController`, with the poles of the speed loops.
 
@@ -29,9 +29,9 @@ class InverseDynamics(Wired, Controller, kind="inverse_dynamics"):
             omega_n=design.omega_n,
             zeta=damping_ratio(design.gains, design.gains.ki / design.omega_n**2),
         )
-        self.add("inverse_dynamics", law)
-        add_feedforward(self, design, at)
-        self.build("tau_cmd")
+        builder = DiagramBuilder()
+        builder.AddNamedSystem("inverse_dynamics", law)
+        self._build(builder, design, at, {})
 
     @classmethod
     def in_words(cls, design: Design) -> str:

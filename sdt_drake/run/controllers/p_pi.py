@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from pydrake.systems.framework import DiagramBuilder
+
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.run.controllers.pi import Pi
 from sdt_drake.run.design import Design
@@ -22,8 +24,9 @@ class PPi(Pi, kind="p_pi"):
         gain = "K_V = omega_n / 4" if k_v is None else f"K_V = {k_v} 1/s at every omega_n"
         return f"{super().in_words(design)} in position loops, {gain}"
 
-    def _add_ahead(self, at: int | None) -> dict[str, str]:
-        self.add("position_loop", PositionLoop(position_gain=self._design.position_gain))
+    def _add_ahead(self, builder: DiagramBuilder, at: int | None) -> dict[str, str]:
+        loop = PositionLoop(position_gain=self._design.position_gain)
+        builder.AddNamedSystem("position_loop", loop)
         return {"reference": "speed_reference"}
 
     def _asked(self, held: Index, sample: Index, q: Array) -> Array:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import Context, System
+from pydrake.systems.framework import Context, DiagramBuilder, System
 
 from sdt_drake.io.arrays import Array, Index
-from sdt_drake.run.controllers.base import Controller, add_feedforward
+from sdt_drake.run.controllers.base import Shipped
 from sdt_drake.run.design import Design
-from sdt_drake.systems import PiSpeedController, Wired
+from sdt_drake.systems import PiSpeedController
 from sdt_drake.systems.gains import SpeedGains
 
 
-class Pi(Wired, Controller, kind="pi"):
+class Pi(Shipped, kind="pi"):
     """A PI speed controller for each motor (Section 3.3), sampled where the drive is.
 
     With anti-windup it has one more input, `tau_limited`.
@@ -40,10 +40,11 @@ class Pi(Wired, Controller, kind="pi"):
             anti_windup=choice.anti_windup and at is None,  # nothing saturates there
             period=design.drive.period,
         )
-        ahead = self._add_ahead(at)
-        self.add("pi_speed_controller", self._pi, tau="tau_limited", **ahead)
-        add_feedforward(self, design, at)
-        self.build("tau_cmd")
+        builder = DiagramBuilder()
+        inputs = {"tau": "tau_limited"} | self._add_ahead(builder, at)
+        builder.AddNamedSystem("pi_speed_controller", self._pi)
+        aliases = {("pi_speed_controller", port): signal for port, signal in inputs.items()}
+        self._build(builder, design, at, aliases)
 
     @classmethod
     def in_words(cls, design: Design) -> str:
@@ -59,6 +60,7 @@ class Pi(Wired, Controller, kind="pi"):
         return self._design.drive.period is not None
 
     def rest(self, context: Context, tau_cmd: ArrayLike) -> None:
+        super().rest(context, tau_cmd)
         # Gone on at the first speed for long: no error of speed, whatever is held from now on.
         v_fed_back = 0.0 if self._is_on_error else self._design.motion.v[0]
         fed_back = self._share(0) * self._kp * v_fed_back
@@ -80,8 +82,9 @@ class Pi(Wired, Controller, kind="pi"):
 
     # --- what those below change ---------------------------------------------------------------
 
-    def _add_ahead(self, at: int | None) -> dict[str, str]:
-        """Blocks ahead of the PI controllers, and what these get instead of their own signals."""
+    def _add_ahead(self, builder: DiagramBuilder, at: int | None) -> dict[str, str]:
+        """Add the blocks ahead of the PI controllers; signals of these whose input has another
+        name, by that input."""
         return {}
 
     def _asked(self, held: Index, sample: Index, q: Array) -> Array:

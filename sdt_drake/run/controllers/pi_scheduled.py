@@ -1,7 +1,8 @@
 from __future__ import annotations
 
+from pydrake.systems.framework import DiagramBuilder
+
 from sdt_drake.io.arrays import Array, Index
-from sdt_drake.run.controllers.base import add_table
 from sdt_drake.run.controllers.pi import Pi
 from sdt_drake.run.design import Design
 from sdt_drake.systems import GainSchedule
@@ -21,11 +22,12 @@ class PiScheduled(Pi, kind="pi_scheduled"):
     def in_words(cls, design: Design) -> str:
         return f"{super().in_words(design)}, their gains those at the largest inertia"
 
-    def _add_ahead(self, at: int | None) -> dict[str, str]:
+    def _add_ahead(self, builder: DiagramBuilder, at: int | None) -> dict[str, str]:
         if at is not None:  # Drake linearises no schedule of a sampled controller
             return {}
-        add_table(self, "inertia_table", self._design, inertia_share=self._design.inertia_share)
-        self.add("gain_schedule", GainSchedule(n=self._design.robot.n))
+        share = self._design.inertia_share
+        self._add_table(builder, "inertia_table", self._design, inertia_share=share)
+        builder.AddNamedSystem("gain_schedule", GainSchedule(n=self._design.robot.n))
         return {"reference": "weighted_reference", "state": "weighted_state"}
 
     def _share(self, held: Index | int) -> Array:

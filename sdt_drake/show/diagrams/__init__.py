@@ -4,6 +4,6 @@
 """
 
 from sdt_drake.show.diagrams.drawing import drawn
-from sdt_drake.show.diagrams.walk import walk
+from sdt_drake.show.diagrams.walk import Symbols, walk
 
-__all__ = ["drawn", "walk"]
+__all__ = ["Symbols", "drawn", "walk"]

@@ -1,16 +1,16 @@
 """What a picture of a Drake diagram shows: its blocks, its signals, and the frames around them.
 
-Any diagram will do. A system says by class attributes how it is drawn, if its name is not enough:
-
-- `symbol: str`, the text on its block; a Diagram with one is drawn as one block, never opened;
-- `symbols: dict[str, str]` of a Diagram: symbols of its children by name. The name of such a child
-  is then the name of its output signal.
+Any diagram will do. Symbols say how systems are drawn whose names are not enough: texts on their
+blocks, by the name of their class or of one of its bases. "Class.name" is a single system in a
+Diagram of that class. A symbol may also be a function of the system. A Diagram with a symbol is
+drawn as one block, never opened. A system with a symbol gives its own name to an output that Drake
+has named.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -23,6 +23,7 @@ from sdt_drake.show.diagrams.text import wrapped
 Path = tuple[str, ...]  # names of systems, from the outermost one to the one that is meant
 Signal = tuple[Path, int]  # a block and the index of its output port
 _Port = tuple[Path, str, int]  # of a system, "in" or "out", its index
+Symbols = Mapping[str, "str | Callable[[System], str]"]
 
 _GENERIC = re.compile(r"[uy]\d*|sum|.*@.*")  # names of ports that Drake gives
 
@@ -109,18 +110,20 @@ class BlockDiagram:
     exported: set[Path]
 
 
-def walk(diagram: Diagram, *, max_depth: int = 2) -> BlockDiagram:
+def walk(diagram: Diagram, *, max_depth: int = 2, symbols: Symbols | None = None) -> BlockDiagram:
     """Blocks and signals of a diagram, down to `max_depth` levels of opened Diagrams.
 
-    Not drawn: logs and what nothing else reads. PassThroughs are lines.
+    Blocks have the `symbols` of the module's docstring. Not drawn: logs and what nothing else
+    reads. PassThroughs are lines.
     A Gain or MatrixGain without positive coefficients is drawn as the positive one where its
     minus sign can stand at the sums behind it.
     """
-    return _Walk(diagram, max_depth).result()
+    return _Walk(diagram, max_depth, symbols or {}).result()
 
 
 class _Walk:
-    def __init__(self, top: Diagram, max_depth: int) -> None:
+    def __init__(self, top: Diagram, max_depth: int, symbols: Symbols) -> None:
+        self.known = symbols
         self.systems: dict[Path, System] = {(): top}
         self.children: dict[Path, list[Path]] = {}  # of opened Diagrams
         self.leaves: list[Path] = []  # all others but PassThroughs and logs
@@ -131,14 +134,15 @@ class _Walk:
     def _open(self, path: Path, depth: int) -> None:
         diagram = cast(Diagram, self.systems[path])
         paths: dict[System, Path] = {}
-        symbols = getattr(diagram, "symbols", {})
         for index, system in enumerate(diagram.GetSystems()):
             name = system.get_name()
             if "@" in name or not name:  # Drake's, with an address of memory
-                name = f"{type(system).__name__.partition('_[')[0]}_{index}"
+                name = f"{_classes(system)[0]}_{index}"
             paths[system] = child = (*path, name)
             self.systems[child] = system
-            self.symbols[child] = symbols.get(name, getattr(system, "symbol", None))
+            keys = [*(f"{kind}.{name}" for kind in _classes(diagram)), *_classes(system)]
+            symbol = next((self.known[key] for key in keys if key in self.known), None)
+            self.symbols[child] = symbol(system) if callable(symbol) else symbol
         self.children[path] = list(paths.values())
         for (target, i), (source, o) in diagram.connection_map().items():
             self.before[paths[target], "in", int(i)] = paths[source], "out", int(o)
@@ -276,6 +280,11 @@ class _Walk:
                 if self._outputs(source) > 1 or name not in blocks[source].text.replace("\n", "_"):
                     labels.setdefault((source, output), name)
         return labels
+
+
+def _classes(system: System) -> list[str]:
+    """Names of a system's class and its bases."""
+    return [kind.__name__.partition("_[")[0] for kind in type(system).__mro__]
 
 
 def _gain_sign(system: System) -> int:
