@@ -38,6 +38,7 @@ def test_every_contract_holds():
     [
         ("io/errors.py", "from sdt_drake.show import style", "Each layer imports only those"),
         ("motion/plan.py", "import sdt_drake", "Nothing below the command line imports the face"),
+        ("show/diagrams/walk.py", "from sdt_drake.io import errors", "Block diagrams are drawn of"),
         ("studies/job.py", "from sdt_drake.machine import replay", "Each layer imports only those"),
     ],
 )
