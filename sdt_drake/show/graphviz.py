@@ -11,7 +11,7 @@ from pathlib import Path
 from pydrake.systems.framework import Diagram
 
 from sdt_drake.io.errors import InputError, checked_choice, replacing
-from sdt_drake.show.diagrams import Symbols, drawn, walk
+from sdt_drake.show.diagrams import NoWayError, Symbols, drawn, walk
 from sdt_drake.show.symbols import SYMBOLS
 
 FORMATS = ("dot", "svg", "png")
@@ -32,8 +32,15 @@ def dot_text(diagram: Diagram, *, max_depth: int = 2, symbols: Symbols | None = 
         max_depth: levels of diagrams in it that are opened.
         symbols: texts on blocks of one's own by the names of their classes; as in
             `sdt_drake.show.diagrams.walk`.
+
+    Raises:
+        InputError: for a diagram with more lines than can be drawn.
     """
-    return drawn(walk(diagram, max_depth=max_depth, symbols={**SYMBOLS, **(symbols or {})}))
+    picture = walk(diagram, max_depth=max_depth, symbols={**SYMBOLS, **(symbols or {})})
+    try:
+        return drawn(picture)
+    except NoWayError as error:
+        raise InputError(str(error)) from None
 
 
 def drake_dot_text(diagram: Diagram, *, max_depth: int = 2) -> str:

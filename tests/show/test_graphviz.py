@@ -15,7 +15,7 @@ import pytest
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.run.loop import make_step_loop
-from sdt_drake.show.diagrams import walk
+from sdt_drake.show.diagrams import routing, walk
 from sdt_drake.show.graphviz import (
     dot_text,
     drake_dot_text,
@@ -125,6 +125,17 @@ def test_figures_fit_a_page(diagrams, tmp_path, name):
     assert width / height <= 3.5
     assert 11 * min(1, 17 / 2.54 * 72 / width) >= 8
     assert "baseline-shift" not in svg
+
+
+def test_a_diagram_with_more_lines_than_can_be_drawn_is_refused(monkeypatch):
+    monkeypatch.setattr(routing, "GAP", 40)  # as if no space had been enough
+    with pytest.raises(InputError, match=r"^diagram step_loop: too many lines to draw, open fewer"):
+        dot_text(make_small())
+
+
+def test_symbols_of_ones_own_blocks_stand_beside_those_of_the_package():
+    text = dot_text(make_small(), symbols={"ConstantVectorSource": "step or load"})
+    assert "label=<step or load>" in text and "label=<1 / (I<SUB>eff</SUB> s)>" in text
 
 
 # --- files -----------------------------------------------------------------------------------

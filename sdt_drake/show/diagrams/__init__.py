@@ -4,6 +4,7 @@
 """
 
 from sdt_drake.show.diagrams.drawing import drawn
+from sdt_drake.show.diagrams.routing import NoWayError
 from sdt_drake.show.diagrams.walk import Symbols, walk
 
-__all__ = ["Symbols", "drawn", "walk"]
+__all__ = ["NoWayError", "Symbols", "drawn", "walk"]

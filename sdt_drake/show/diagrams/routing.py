@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from sdt_drake.io.errors import InputError
 from sdt_drake.show.diagrams.layout import GAP, Layout, Rect, bounds
 from sdt_drake.show.diagrams.walk import BlockDiagram, Signal, Wire
 
@@ -151,13 +150,13 @@ def routed(picture: BlockDiagram) -> Router:
     """Positions and lines, with as much space between the blocks as the lines need.
 
     Raises:
-        InputError: if there is never enough.
+        NoWayError: if there is never enough.
     """
     for gap in range(GAP, 40):
         try:
             return Router(picture, Layout(picture, gap=gap))
         except NoWayError:
             continue
-    raise InputError(
+    raise NoWayError(
         f"diagram {picture.frame.title}: too many lines to draw, open fewer levels of it"
     )
