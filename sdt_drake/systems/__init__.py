@@ -3,8 +3,8 @@
 A block is a LeafSystem, or a Diagram of Drake's own systems, with named ports and a keyword-only
 constructor; each works alone in any DiagramBuilder. It has no state but what it tells of;
 `rest(context, ...)` sets what that starts with, and `context` is its own. Sizes and
-numbers that do not fit are an `InputError`. Signals on the wires, all vectors of length n unless
-said otherwise:
+numbers that do not fit are an `InputError`. `connect_by_name` wires the blocks of a builder by the
+signals of their ports, all vectors of length n unless said otherwise:
 
     reference            [q_ref, v_ref, vd_ref], joint side [rad, rad/s, rad/s²], length 3n
     speed_reference      the same with the speed that a position loop asks for

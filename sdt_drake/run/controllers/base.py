@@ -69,7 +69,8 @@ class Controller:
         return False
 
     def rest(self, context: Context, tau_cmd: ArrayLike) -> None:
-        """Start with that command, on the reference; nothing to do for one without a memory."""
+        """Start with that command, on the reference; nothing to do for one without a memory. Holds
+        and tables are memory, too."""
 
     def memoryless(self, held: Index, sample: Index, q: Array, v: Array) -> Array | None:
         """The part of the command that does not come from an integral; motor side [N m], shape (M,
