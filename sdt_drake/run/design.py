@@ -260,7 +260,7 @@ def as_design(design: Design | Scenario) -> Design:
     """
     if isinstance(design, Scenario):
         return make_design(design)
-    made_by = "sdt_drake.run.design, or a Scenario, as sdt_drake.load"
+    made_by = "sdt_drake.design, or a Scenario, as sdt_drake.load"
     checked_type(design, Design, "design", made_by)
     return design
 

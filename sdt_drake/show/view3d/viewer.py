@@ -98,7 +98,7 @@ class Animation:
         write_text(checked_suffix(Path(path), PAGES), self._page)
 
 
-@takes(recording=a(Recording, "sdt_drake.run.simulate"))
+@takes(recording=a(Recording, "sdt_drake.simulate"))
 def view(
     design: Design | Scenario, recording: Recording | None = None, *, pilot: bool = False
 ) -> Animation:
