@@ -13,9 +13,6 @@ planners), `systems` (Drake blocks), `run` (scenario, design, loop, simulation),
 of runs), `studies` (many runs), `machine` (the real one), `show` (figures, reports), `cli`.
 """
 
-import sys as _sys
-import types as _types
-
 TYPE_CHECKING = False  # as `typing` has it, whose import would take half of ours
 if TYPE_CHECKING:
     from sdt_drake.analysis.comparison import compare
@@ -83,14 +80,3 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     return [*_PLACES, *(name for name in globals() if name.startswith("__"))]
-
-
-class _Package(_types.ModuleType):
-    """`sdt_drake.run.simulate` is the function, whoever imports the module of that name."""
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if name not in _PLACES or not isinstance(value, _types.ModuleType):
-            super().__setattr__(name, value)
-
-
-_sys.modules[__name__].__class__ = _Package
