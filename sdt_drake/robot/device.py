@@ -2,7 +2,7 @@
 
 # Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
 from dataclasses import dataclass
-from typing import Optional
+from typing import Any, Optional
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -216,16 +216,28 @@ def friction_parameters(friction: Friction, n: int) -> FrictionParameters:
     )
 
 
+def stribeck(s: NDArray[Any]) -> Array:
+    """Stribeck's term over its peak, at a speed over that of the peak: s exp((1 - s²) / 2)."""
+    return np.asarray(s * np.exp((1 - s * s) / 2))
+
+
+def speed_friction(friction: FrictionParameters, v: NDArray[Any]) -> Array:
+    """Friction of joints at v [rad/s] but for Coulomb's, joint side [N m]; numbers or symbols.
+
+    (F_b - F_c) (v / v_s) exp((1 - (v / v_s)²) / 2) + b v + F_0.
+    """
+    extra = friction.breakaway - friction.coulomb
+    steady = friction.viscous * v + friction.offset
+    return extra * stribeck(v / friction.stribeck_speed) + steady
+
+
 def sliding_friction(friction: FrictionParameters, v: ArrayLike) -> Array:
     """Friction of joints that slide steadily at v [rad/s], shape (n,) or (N, n); F_0 at rest [N m].
 
-    F_c sign(v) + (F_b - F_c) (v / v_s) exp((1 - (v / v_s)²) / 2) + b v + F_0, joint side. The
-    Stribeck term has its peak F_b - F_c at v_s.
+    F_c sign(v) and `speed_friction`, joint side. The Stribeck term has its peak F_b - F_c at v_s.
     """
     v = np.asarray(v, dtype=float)
-    s = v / friction.stribeck_speed
-    stribeck = (friction.breakaway - friction.coulomb) * s * np.exp((1 - s**2) / 2)
-    return friction.coulomb * np.sign(v) + stribeck + friction.viscous * v + friction.offset
+    return friction.coulomb * np.sign(v) + speed_friction(friction, v)
 
 
 def sliding_stretch(friction: FrictionParameters, v: ArrayLike) -> Array:

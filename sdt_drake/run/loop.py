@@ -8,12 +8,12 @@ from typing import cast
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
-from pydrake.systems.primitives import ConstantVectorSource, VectorLogSink
+from pydrake.systems.primitives import ConstantVectorSource
 
 from sdt_drake.io.arguments import a, finite, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_type
-from sdt_drake.run.controllers import in_errors, make_controller
+from sdt_drake.run.controllers import in_errors, make_controller, tells_updates
 from sdt_drake.run.controllers.base import LOOP_SIGNALS, Controller, table_of
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.device_diagram import add_device, add_loads, add_moved, equilibrium
@@ -27,6 +27,7 @@ from sdt_drake.systems import (
     ReferenceSource,
     RobotDrawing,
     SignalTable,
+    add_meter,
     connect_by_name,
     hold_of,
 )
@@ -69,6 +70,10 @@ class Loop(Diagram):
     Attributes:
         design: what it was made from.
         controller: the system that commands the torque.
+        updates: times within a period of the drives, or of the reference where they are
+            continuous, at which what the controller gets is updated, from 0 to the period [s].
+        is_told: whether the controller tells its command just after each update from what is
+            logged just before; else a run has to stop there.
         logs: sinks by the name of the signal.
     """
 
@@ -120,10 +125,22 @@ class Loop(Diagram):
         aliases |= {**_SIGNALS, **self._device.aliases, **loads}
         signals = connect_by_name(builder, aliases)
         signals |= {"measured": signals[measured], "tau": signals[self._device.tau]}
-        states, torques = ("state", "measured"), ("tau_cmd", "tau_limited", "tau")
-        self.logs = add_logs(builder, {x: signals[x] for x in states}, motion.period)
-        torque_period = drive.period or motion.period
-        self.logs |= add_logs(builder, {x: signals[x] for x in torques}, torque_period)
+        torques = {name: signals[name] for name in _TORQUES}
+        limit = robot.motor_torque_limit
+        torque, metered = add_meter(builder, motor_torque_limit=limit, **torques)
+        states = ("state", "measured")
+        logged = {x: signals[x] for x in states} | {"metered": metered}
+        self.logs = add_logs(builder, logged, motion.period)
+        self.logs |= add_logs(builder, {"torques": torque}, None)
+        if design.envelope is not None:
+            motors = {"motor_state": signals[self._device.motor_state]}
+            self.logs |= add_logs(builder, motors, drive.period or motion.period)
+        self.updates = _update_times(design)
+        self.is_told = (
+            widened == (design.scenario.plant.kind == "axis")
+            and len(self.updates) == 2
+            and tells_updates(controller)
+        )
         for name in ("reference", *states, "tau_cmd", "tau"):
             builder.ExportOutput(signals[name], name)
         builder.BuildInto(self)
@@ -163,11 +180,22 @@ class Loop(Diagram):
             self._table.rest(own(self._table))
 
     def recorded(self, context: Context) -> dict[str, Array]:
-        """Logged signals by name, each of shape (samples, size); context: of this diagram."""
-        return {
-            name: np.array(sink.GetLog(self.GetSubsystemContext(sink, context)).data().T)
+        """Logged signals by name, each of shape (samples, size); context: of this diagram.
+
+        Torques are those just before each update of the drives, or of the reference where they are
+        continuous; at the ends of the integrator's steps they are in "torques", side by side, at
+        the times of "step_time". There an update at which a run has stopped has two rows.
+        """
+        logs = {
+            name: sink.GetLog(self.GetSubsystemContext(sink, context))
             for name, sink in self.logs.items()
         }
+        signals = {name: np.array(log.data().T) for name, log in logs.items()}
+        times = signals["step_time"] = np.array(logs["torques"].sample_times())
+        period = self.updates[-1]
+        count = round(times[-1] / period) + 1
+        at = np.searchsorted(times, (np.arange(count) - 1e-6) * period)
+        return signals | dict(zip(_TORQUES, np.hsplit(signals["torques"][at], 3), strict=True))
 
 
 make_loop = Loop  # as it is called beside `make_process` and `make_step_loop`
@@ -244,8 +272,11 @@ def systems_in(system: System) -> Iterator[System]:
 
 def blocks_of(system: System) -> list[System]:
     """The systems that a loop or another system consists of in the end, without logs."""
-    return [s for s in systems_in(system) if not isinstance(s, Diagram | VectorLogSink)]
+    inner = [s for s in systems_in(system) if not isinstance(s, Diagram)]
+    return [s for s in inner if not s.get_name().startswith("log.")]
 
+
+_TORQUES = ("tau_cmd", "tau_limited", "tau")
 
 _SIGNALS: Aliases = {
     ("reference_source", "reference"): "planned",
@@ -256,6 +287,14 @@ _SIGNALS: Aliases = {
     ("position_encoder", "measured"): "sampled_state",
 }
 """Signals of ports that are called otherwise, the same in every loop."""
+
+
+def _update_times(design: Design) -> Array:
+    drive = design.drive
+    period = drive.period or design.reference.period
+    late = drive.reference_delay % period  # the reference arrives within
+    on_time = min(late, period - late) < 1e-6 * period
+    return np.array([0.0, period] if on_time else [0.0, late, period])
 
 
 def _limits(design: Design, widened: bool) -> DynamicSaturation:

@@ -23,7 +23,7 @@ from sdt_drake.io.tables import check_columns, check_limits, data_frame, read_ta
 from sdt_drake.run.controllers import in_errors, own_code
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.loop import Loop, make_loop, systems_in
-from sdt_drake.run.motor_torque import arrived, cuts, period_torque, tells_command
+from sdt_drake.run.motor_torque import arrived, period_torque
 from sdt_drake.run.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -57,6 +57,10 @@ class Recording(Shown):
     controller has its proportional gain on the error, the held reference makes torques fall within
     each period, by K_PS r times what the speed gains in it: `tau_mean` tells what moves the links,
     `tau` at the ends does not.
+
+    Beside the error of the simulation itself, peaks are good to 2e-3 of the motor's torque, RMS and
+    mean to 1.5e-3, whatever the controller. A period in which a motor begins or ceases to saturate
+    has its share to a third of one of the integrator's steps; over a run these errors cancel.
 
     Attributes:
         time: since the start.
@@ -230,7 +234,7 @@ def simulate(
         try:
             simulator.Initialize()
             _look(loop, own)  # at a NaN Drake's integrator may try for ever
-            seen = _run(simulator, loop)
+            _run(simulator, loop)
         except RuntimeError as error:
             if error.__traceback__ and extract_tb(error.__traceback__)[-1].filename != __file__:
                 raise  # of Python code in the loop
@@ -241,16 +245,15 @@ def simulate(
                 f"{context.get_time():.6g} s ({reason})"
             ) from None
         signals = loop.recorded(own)
-        times = loop.logs["tau_cmd"].GetLog(loop.GetSubsystemContext(loop.logs["tau_cmd"], own))
-        _check_command(loop, signals["tau_cmd"], times.sample_times())
-        return _recording(loop, signals, seen)
+        tau_cmd = signals["tau_cmd"]
+        _check_command(loop, tau_cmd, loop.updates[-1] * np.arange(len(tau_cmd)))
+        return _recording(loop, signals)
 
 
-def _look(loop: Loop, own: Context) -> Array:
-    """What the controller asks for now, motor side [N m], shape (n,); own: context of the loop."""
+def _look(loop: Loop, own: Context) -> None:
+    """Check what the controller asks for now; own: context of the loop."""
     tau_cmd = np.array(loop.GetOutputPort("tau_cmd").Eval(own))
     _check_command(loop, tau_cmd[None], [own.get_time()])
-    return tau_cmd
 
 
 def _check_command(loop: Loop, tau_cmd: Array, time: Array | Sequence[float]) -> None:
@@ -262,28 +265,25 @@ def _check_command(loop: Loop, tau_cmd: Array, time: Array | Sequence[float]) ->
         )
 
 
-def _run(simulator: Simulator, loop: Loop) -> Array | None:
-    """Advance over the motion, looking at what is commanded where `period_torque` needs that."""
+def _run(simulator: Simulator, loop: Loop) -> None:
+    """Advance over the motion; stop at each update where the log does not tell what follows it."""
     # Only the main thread hears Ctrl-C; in others, listening for it would take the interpreter's
     # lock at every step, and let no two runs go at the same time.
     hears = threading.current_thread() is threading.main_thread()
     samples, period = len(loop.design.motion.v) - 1, loop.design.reference.period
-    if tells_command(loop):
+    if loop.is_told:
         for end in with_progress(np.unique(np.linspace(0, samples, _SLICES + 1, dtype=int))[1:]):
             simulator.AdvanceTo(end * period, interruptible=hears)
-        return None
+        return
     own = loop.GetMyContextFromRoot(simulator.get_context())
-    looks, seen = cuts(loop), []
-    step = looks[-1]
-    rows = round(samples * period / step)
-    for i in with_progress(range(rows)):
-        for end in looks[1:]:
-            simulator.AdvancePendingEvents()
-            seen.append(_look(loop, own))
+    step = loop.updates[-1]
+    for i in with_progress(range(round(samples * period / step))):
+        for end in loop.updates[1:]:
+            simulator.AdvancePendingEvents()  # and so the torque just after the update is logged
+            _look(loop, own)
             until = (i + 1) * step if end == step else i * step + end
             simulator.AdvanceTo(until, interruptible=hears)
-            seen.append(_look(loop, own))
-    return np.reshape(seen, (rows, len(looks) - 1, 2, -1))
+            _look(loop, own)
 
 
 def _loop_in(design: Design, diagram: Diagram) -> Loop:
@@ -296,7 +296,7 @@ def _loop_in(design: Design, diagram: Diagram) -> Loop:
     return loops[0]
 
 
-def _recording(loop: Loop, signals: Mapping[str, Array], seen: Array | None) -> Recording:
+def _recording(loop: Loop, signals: Mapping[str, Array]) -> Recording:
     design = loop.design
     motion, load = design.wanted, design.loads.load_torque
     q, v = np.hsplit(signals["state"], 2)
@@ -314,7 +314,7 @@ def _recording(loop: Loop, signals: Mapping[str, Array], seen: Array | None) -> 
         q_measured=q_seen,
         v_measured=v_seen,
         **torques,
-        **period_torque(loop, signals, seen),
+        **period_torque(loop, signals),
     )
 
 

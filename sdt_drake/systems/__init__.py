@@ -22,6 +22,7 @@ signals of their ports, all vectors of length n unless said otherwise:
     tau_fb tau_ff tau_cmd tau_limited tau
                          torque of the motors, motor side [N m]: feedback, feedforward, their sum,
                          after saturation, as the drives really give it
+    metered              state of the meter (`add_meter`), length 3n
     tau_link             what an elastic joint passes on, motor side [N m]
 """
 
@@ -34,6 +35,7 @@ from sdt_drake.systems.friction import JointFriction
 from sdt_drake.systems.gain_schedule import GainSchedule
 from sdt_drake.systems.inverse_dynamics import InverseDynamicsController
 from sdt_drake.systems.load_torque import LoadTorque, ReferenceTorque
+from sdt_drake.systems.meter import add_meter, read_meter
 from sdt_drake.systems.pi import PiSpeedController
 from sdt_drake.systems.position_loop import PositionLoop
 from sdt_drake.systems.reference import ReferenceSource, SignalTable, hold_of, sample_source
@@ -48,6 +50,6 @@ __all__ = [
     "AxisProcess", "CtcFeedforward", "Disturbance", "DynamicSaturation", "ElasticJoints", "Encoder",
     "GainSchedule", "InverseDynamicsController", "JointFriction", "LoadTorque", "PiSpeedController",
     "PositionLoop", "ReferenceSource", "ReferenceTorque", "RobotDrawing", "RobotPlant",
-    "SignalTable", "SymbolicLaw", "TorqueLoop", "connect_by_name", "hold_of",
-    "sample_source",
+    "SignalTable", "SymbolicLaw", "TorqueLoop", "add_meter", "connect_by_name", "hold_of",
+    "read_meter", "sample_source",
 ]  # fmt: skip

@@ -10,6 +10,7 @@ from sdt_drake.robot.device import (
     PRESLIDING_DAMPING_TIME,
     FrictionParameters,
     sliding_stretch,
+    speed_friction,
 )
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 
@@ -49,8 +50,7 @@ class JointFriction(SymbolicLaw):
     def __init__(self, *, friction: FrictionParameters, gear_ratio: ArrayLike) -> None:
         n = len(friction.coulomb)
         r = checked_positive(gear_ratio, "gear_ratio", n)
-        v_s, z_c = friction.stribeck_speed, friction.presliding
-        extra = friction.breakaway - friction.coulomb
+        z_c = friction.presliding
         self._friction = friction
 
         def within(stretch: sym.Expression) -> sym.Expression:
@@ -63,15 +63,13 @@ class JointFriction(SymbolicLaw):
             return list((state[n:] / z_c - OVERFLOW_RATE * overflow) / _UNIT)
 
         def law(x: Symbols, state: Symbols) -> list[sym.Expression]:
-            forces = []
+            forces, with_speed = [], speed_friction(friction, state[n:])
             for k, v in enumerate(state[n:]):
-                stretch, s = _UNIT * x[k], v / v_s
+                stretch = _UNIT * x[k]
                 sticks = sym.max(1 - stretch * stretch, sym.Expression(0))
                 damping = PRESLIDING_DAMPING_TIME / z_c * sticks * v
                 bristles = friction.coulomb[k] * (within(stretch) + damping)
-                stribeck = extra[k] * s * sym.exp((1 - s * s) / 2)
-                steady = friction.viscous[k] * v + friction.offset[k]
-                forces.append((bristles + stribeck + steady) / r[k])
+                forces.append((bristles + with_speed[k]) / r[k])
             return forces
 
         super().__init__(inputs={"state": 2 * n}, output="friction", law=law, rates=rates, states=n)

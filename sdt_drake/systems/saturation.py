@@ -6,12 +6,10 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Saturation
 
-from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_positive
+from sdt_drake.robot.envelope import Envelope
+from sdt_drake.robot.envelope import widened as widened_by
 from sdt_drake.systems.symbolic import Symbols, add_law
-
-_TINY = np.finfo(float).tiny
-_NOTHING, _ALL = sym.Expression(0), sym.Expression(1)
 
 
 class DynamicSaturation(Diagram):
@@ -57,20 +55,19 @@ class DynamicSaturation(Diagram):
         limit = checked_positive(motor_torque_limit, "motor_torque_limit")
         n = len(limit)
         rated, no_load = (np.broadcast_to(np.inf if w is None else w, n) for w in (n1, n0))
+        envelope = Envelope(rated, no_load, "")
         inputs = {"tau_cmd": n}
         inputs |= {"alleviating_torque": n} if widened else {}
         inputs |= {"state": 2 * n} if np.isfinite(no_load).any() else {}
 
         def law(*arguments: Symbols) -> list[sym.Expression]:
             signals = dict(zip(inputs, arguments, strict=True))
-            lower: Array | Symbols = -limit
-            upper: Array | Symbols = limit
+            speed = np.zeros(n)
             if "state" in signals:
-                motor_speed = np.asarray(gear_ratio) * signals["state"][n:]
-                lower = -limit * _envelope(-motor_speed, rated, no_load)
-                upper = limit * _envelope(motor_speed, rated, no_load)
+                speed = np.asarray(gear_ratio) * signals["state"][n:]
+            lower, upper = envelope.range(limit, speed)
             if "alleviating_torque" in signals:
-                lower, upper = _widened(lower, upper, signals["alleviating_torque"])
+                lower, upper = widened_by(lower, upper, signals["alleviating_torque"])
             # In this order NaN becomes a limit: at a NaN in its state Drake integrates for ever.
             tau_cmd = signals["tau_cmd"]
             return [sym.min(sym.max(lower[k], tau_cmd[k]), upper[k]) for k in range(n)]
@@ -82,22 +79,3 @@ class DynamicSaturation(Diagram):
             builder.ExportInput(constant.get_input_port(), "tau_cmd")
             builder.ExportOutput(constant.get_output_port(), "tau")
         builder.BuildInto(self)
-
-
-def _envelope(motor_speed: Symbols, rated: Array, no_load: Array) -> Symbols:
-    """Share of the largest torque in the direction of the speed: all up to n1, none from n0 on."""
-    share = [_ALL] * len(no_load)
-    for k in np.flatnonzero(np.isfinite(no_load)):
-        left = (no_load[k] - motor_speed[k]) / (no_load[k] - rated[k])
-        share[k] = sym.min(sym.max(left, _NOTHING), _ALL)
-    return np.array(share)
-
-
-def _widened(
-    lower: Array | Symbols, upper: Array | Symbols, help_: Symbols
-) -> tuple[Symbols, Symbols]:
-    """Limits moved apart by min(a, 0) and max(a, 0), of the alleviating torque a."""
-    # With a derivative at a = 0 as well: that of Drake's own min and max is NaN there.
-    down = [sym.if_then_else(a < -_TINY, a, _NOTHING) for a in help_]
-    up = [sym.if_then_else(a > _TINY, a, _NOTHING) for a in help_]
-    return lower + down, upper + up

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort, TriggerType
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from sdt_drake.io.errors import InputError
@@ -59,9 +59,10 @@ def connect_by_name(
 
 
 def add_logs(
-    builder: DiagramBuilder, signals: Mapping[str, OutputPort], period: float
+    builder: DiagramBuilder, signals: Mapping[str, OutputPort], period: float | None
 ) -> dict[str, VectorLogSink]:
-    """Log each signal every `period` [s]: sinks by the names of signals, one for each port.
+    """Log each signal every `period` [s], or at the ends of the integrator's steps if it is None:
+    sinks by the names of signals, one for each port.
 
     A log at an instant sees the values from before the updates at that instant: continuous
     signals at t, held ones and what follows from them at t-.
@@ -69,7 +70,8 @@ def add_logs(
     sinks: dict[OutputPort, VectorLogSink] = {}  # each costs time at every instant of the log
     for name, port in signals.items():
         if port not in sinks:
-            sinks[port] = LogVectorOutput(port, builder, publish_period=period)
+            when = TriggerType.kPerStep if period is None else TriggerType.kPeriodic
+            sinks[port] = LogVectorOutput(port, builder, {when}, period or 0.0)
             sinks[port].set_name(f"log.{name}")
     return {name: sinks[port] for name, port in signals.items()}
 

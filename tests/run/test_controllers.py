@@ -20,6 +20,7 @@ from sdt_drake.run.controllers import (
     controller_class,
     make_controller,
     register_controller,
+    tells_updates,
 )
 from sdt_drake.run.kinds import CONTROLLERS, OPTIONS
 from sdt_drake.run.scenario import PLANTS
@@ -140,28 +141,21 @@ class Commanding(Alone):
 
 
 @pytest.mark.parametrize(("kind", "choices"), WIRED, ids=str)
-def test_memoryless_and_integral_are_those_of_the_system(designed, kind, choices):
+def test_command_after_updates_is_that_of_the_system(designed, kind, choices):
+    """From the command just before them, with the state and the speeds that it has there."""
     fields = {"controller.kind": kind} | {f"controller.{k}": v for k, v in choices.items()}
     design = designed("coupled_pi", fields, start=2.0, end=3.0)
     rng = np.random.default_rng(3)
-    for i in (0, 7, 199):
-        wired = Commanding(design, i)
-        states = wired.context.num_continuous_states()
-        q, v = design.motion.q[i] + rng.normal(size=4), rng.normal(size=4)
-        at, controller = np.array([i]), wired.system
-        assert not controller.is_sampled
-        command = wired.command(q, v, np.zeros(states))
-        measured = np.where(np.arange(len(design.motion.q))[:, None] == i, q, np.nan)
-        told = controller.memoryless(at, at, measured, v[None])[0]
-        np.testing.assert_allclose(command, told, rtol=1e-9, atol=1e-6)
-        # What the integral adds in a time is proportional to how much too slow the joint is.
-        faster, rates = 0.1 * rng.normal(size=4), []
-        for speed in (v, v + faster):
-            wired.command(q, speed)
-            rates.append(wired.system.EvalTimeDerivatives(wired.context).CopyToVector())
-        added = wired.command(q, v, rates[0] - rates[1]) - command
-        expected = controller.integral_gain(at) * faster
-        np.testing.assert_allclose(added, np.ravel(expected), rtol=1e-9, atol=1e-6)
+    measured = rng.normal(size=(4, 8)) + np.hstack([design.motion.q, design.motion.v])[97:101]
+    held = np.array([97, 98, 99])
+    before, after = [], []
+    for i, (q_v, q_before) in enumerate(zip(measured[:3], measured[[0, 0, 1], :4], strict=True)):
+        for commands, at, q in ((before, held[max(i - 1, 0)], q_before), (after, held[i], q_v[:4])):
+            wired = Commanding(design, at)
+            integral = np.ones(wired.context.num_continuous_states())
+            commands.append(wired.command(q, q_v[4:], integral))
+    told = wired.system.after_updates(np.array([*before, before[0]]), measured, held)
+    np.testing.assert_allclose(told, after, rtol=1e-9, atol=1e-6)
 
 
 @pytest.mark.parametrize(("kind", "choices"), WIRED, ids=str)
@@ -187,8 +181,11 @@ def test_mean_speeds_of_the_periods_are_held_where_asked_for(designed, kind, str
     assert np.abs(mean - motion.v[:-1]).max() > 1e-3
     wired = Commanding(design, i)
     command = wired.command(motion.q[i], motion.v[i], np.zeros(4))
-    told = wired.system.memoryless(np.array([i]), np.array([i]), motion.q, motion.v[[i]])[0]
-    np.testing.assert_allclose(command, told, rtol=1e-9, atol=1e-6)
+    error = held.v[i] - motion.v[i] if structure == "pi" or kind == "p_pi" else -motion.v[i]
+    if kind == "p_pi":
+        error += design.position_gain * (held.q[i] - motion.q[i])
+    expected = design.gains.kp * design.robot.gear_ratio * error
+    np.testing.assert_allclose(command, expected, rtol=1e-9, atol=1e-6)
     wired, tau_cmd = Commanding(design, 0), np.array([1.0, -2.0, 300.0, 0.5])
     wired.system.rest(wired.context, tau_cmd)
     wired.give(reference=[*motion.q[0], *motion.v[0], *np.zeros(4)])
@@ -204,15 +201,8 @@ def test_what_a_controller_need_not_tell(designed):
 
     design = designed("coupled_pi", end=0.1)
     bare = Bare()
-    at = np.zeros(1, dtype=int)
-    assert bare.memoryless(at, at, design.motion.q, design.motion.v[:1]) is None
-    assert not bare.integral_gain(at).any()
     bare.rest(bare.CreateDefaultContext(), np.zeros(4))
-    assert not bare.is_sampled and Bare.options == () and Bare.in_words(design) == "Bare"
-    sampled = {"coupled_pi": ["inverse_dynamics"], "real_device": ["pi", "p_pi", "pi_scheduled"]}
-    for name, kinds in sampled.items():  # at the reference's samples, and at the drive's
-        for kind in kinds:
-            assert make_controller(designed(name, {"controller.kind": kind}, end=0.1)).is_sampled
+    assert not tells_updates(bare) and Bare.options == () and Bare.in_words(design) == "Bare"
 
 
 def test_linear_gains_are_scheduled_with_the_inertia(designed):

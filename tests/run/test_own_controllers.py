@@ -117,7 +117,8 @@ def test_the_same_text_is_run_once(desk, tmp_path):
         ("self._gain * (", "np.inf + 0 * (", rf"{CLASS}: tau_cmd of joint 1 is inf at 0 s, "),
         (
             "    def _calc(self, context, output):\n",
-            "    is_sampled = True\n\n    def _calc(self, context, output):\n"
+            "    def after_updates(self, tau_cmd, measured, held):\n        return tau_cmd[1:]\n\n"
+            "    def _calc(self, context, output):\n"
             "        self._gain = self._gain if context.get_time() < 0.2 else np.inf\n",
             rf"{CLASS}: tau_cmd of joint 1 is -?inf at 0\.20",
         ),

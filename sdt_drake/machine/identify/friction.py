@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sdt_drake.io.arrays import Array
+from sdt_drake.robot.device import stribeck
 
 # Shares of the largest speed: widths of sigmoids, and of Stribeck's peak.
 _WIDTHS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
@@ -42,8 +43,7 @@ class Term:
         if self.kind == "offset":
             return np.ones_like(v)
         if self.kind == "stribeck":
-            s = v / self.width
-            return np.asarray(s * np.exp((1 - s**2) / 2))
+            return stribeck(v / self.width)
         if self.kind == "sigmoid":
             return np.tanh((v - self.middle) / self.width)
         sign = np.tanh(v / slowest)

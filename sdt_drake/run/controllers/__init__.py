@@ -49,6 +49,13 @@ def make_controller(design: Design) -> System:
         return cast("Callable[[Design], System]", controller)(design)
 
 
+def tells_updates(controller: System) -> bool:
+    """Whether a controller tells its command just after updates; a class of one's own that derives
+    from one that does may have another law, and tells nothing."""
+    own: type = type(controller)
+    return own in SHIPPED.values() or "after_updates" in vars(own)
+
+
 def in_errors(design: Design, controller: type) -> str:
     """The name of a controller of that class in errors: that of its kind, if it has one, and its
     class."""
@@ -114,5 +121,5 @@ def _declares_first(system: type) -> bool:
 __all__ = [
     "SHIPPED", "Controller", "InverseDynamics", "PPi", "Pi", "PiCtc", "PiId",
     "PiScheduled", "controller_class", "in_errors", "make_controller", "own_code",
-    "register_controller",
+    "register_controller", "tells_updates",
 ]  # fmt: skip

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import ClassVar
 
-import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
@@ -63,33 +62,23 @@ class Controller:
         kind = design.scenario.controller.kind
         raise InputError(f"controller.kind {kind}: has no linear feedback (Controller.linear)")
 
-    @property
-    def is_sampled(self) -> bool:
-        """Whether `tau_cmd` changes at samples alone."""
-        return False
-
     def rest(self, context: Context, tau_cmd: ArrayLike) -> None:
         """Start with that command, on the reference; nothing to do for one without a memory. Holds
         and tables are memory, too."""
 
-    def memoryless(self, held: Index, sample: Index, q: Array, v: Array) -> Array | None:
-        """The part of the command that does not come from an integral; motor side [N m], shape (M,
-        n).
+    def after_updates(self, tau_cmd: Array, measured: Array, held: Index) -> Array:
+        """Return the command just after each update, motor side [N m], shape (M, n).
 
-        None where that is not known: then a run looks at the command within each period.
+        Optional: a class that has it spares a run stopping at each update to look at the command.
+        The reference arrives with the updates here.
 
         Args:
-            held: samples of the reference in force, shape (M,).
-            sample: samples at which positions were last measured, shape (M,).
-            q: positions as measured at the samples, joint side [rad], shape (N + 1, n).
-            v: speeds, joint side [rad/s], shape (M, n).
+            tau_cmd: just before each of M + 1 updates [N m], shape (M + 1, n).
+            measured: q and v as measured at the samples of the reference, joint side [rad, rad/s],
+                shape (N + 1, 2 n); M = N where drives are continuous.
+            held: sample of the reference in force after each update, shape (M,).
         """
-        return None
-
-    def integral_gain(self, held: Index) -> Array:
-        """What an error of the joint speed adds to the command per time [N m/rad], (M, n); 0 for a
-        controller without an integral."""
-        return np.zeros((len(held), 1))
+        raise NotImplementedError
 
 
 LOOP_SIGNALS = ("reference", "state", "sampled_state", "load_torque", "tau_limited")

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from pydrake.systems.framework import DiagramBuilder, System
 
+from sdt_drake.io.arrays import Array, Index
 from sdt_drake.run.controllers.base import Shipped
 from sdt_drake.run.design import Design
 from sdt_drake.systems import InverseDynamicsController
@@ -41,6 +42,5 @@ class InverseDynamics(Shipped, kind="inverse_dynamics"):
     def linear(cls, design: Design, sample: int) -> System:
         return cls(design, at=sample)
 
-    @property
-    def is_sampled(self) -> bool:
-        return True
+    def after_updates(self, tau_cmd: Array, measured: Array, held: Index) -> Array:
+        return tau_cmd[1:]  # it is held until the next update

@@ -29,6 +29,6 @@ class PPi(Pi, kind="p_pi"):
         builder.AddNamedSystem("position_loop", loop)
         return {"reference": "speed_reference"}
 
-    def _asked(self, held: Index, sample: Index, q: Array) -> Array:
+    def _asked(self, held: Index, q: Array) -> Array:
         reference = self._design.reference
-        return reference.v[held] + self._design.position_gain * (reference.q[held] - q[sample])
+        return reference.v[held] + self._design.position_gain * (reference.q[held] - q)

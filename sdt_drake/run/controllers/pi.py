@@ -55,10 +55,6 @@ class Pi(Shipped, kind="pi"):
     def linear(cls, design: Design, sample: int) -> System:
         return cls(design, at=sample)
 
-    @property
-    def is_sampled(self) -> bool:
-        return self._design.drive.period is not None
-
     def rest(self, context: Context, tau_cmd: ArrayLike) -> None:
         super().rest(context, tau_cmd)
         # Gone on at the first speed for long: no error of speed, whatever is held from now on.
@@ -67,13 +63,19 @@ class Pi(Shipped, kind="pi"):
         integral = np.asarray(tau_cmd) + fed_back - self._design.steady_ff
         self._pi.rest(self.GetMutableSubsystemContext(self._pi, context), integral)
 
-    def memoryless(self, held: Index, sample: Index, q: Array, v: Array) -> Array:
-        asked = self._asked(held, sample, q) if self._is_on_error else 0.0
+    def after_updates(self, tau_cmd: Array, measured: Array, held: Index) -> Array:
+        if self._design.drive.period is not None:
+            return tau_cmd[1:]  # it is held until the next update
+        q, v = np.hsplit(measured[:-1], 2)
+        before = np.maximum(np.arange(len(held)) - 1, 0)
+        jump = self._at_once(held, q, v) - self._at_once(held[before], q[before], v)
+        return tau_cmd[:-1] + jump
+
+    def _at_once(self, held: Index, q: Array, v: Array) -> Array:
+        """The part of the command that jumps with the inputs that are held [N m]."""
+        asked = self._asked(held, q) if self._is_on_error else 0.0
         tau_ff = 0.0 if self._design.tau_ff is None else self._design.tau_ff[held]
         return self._share(held) * self._kp * (asked - v) + tau_ff
-
-    def integral_gain(self, held: Index) -> Array:
-        return self._share(held) * self._design.gains.ki * self._design.robot.gear_ratio
 
     @property
     def _is_on_error(self) -> bool:
@@ -87,8 +89,8 @@ class Pi(Shipped, kind="pi"):
         name, by that input."""
         return {}
 
-    def _asked(self, held: Index, sample: Index, q: Array) -> Array:
-        """Speed that is asked for, joint side [rad/s]."""
+    def _asked(self, held: Index, q: Array) -> Array:
+        """Speed that is asked for with positions q as last sampled, joint side [rad/s]."""
         return self._design.reference.v[held]
 
     def _share(self, held: Index | int) -> Array | float:
