@@ -58,9 +58,10 @@ class Recording(Shown):
     each period, by K_PS r times what the speed gains in it: `tau_mean` tells what moves the links,
     `tau` at the ends does not.
 
-    Beside the error of the simulation itself, peaks are good to 2e-3 of the motor's torque, RMS and
-    mean to 1.5e-3, whatever the controller. A period in which a motor begins or ceases to saturate
-    has its share to a third of one of the integrator's steps; over a run these errors cancel.
+    At the default accuracy, peaks are good to 3e-3 of the motor's torque and means to 1.5e-3. So is
+    the RMS of a period, but for one in which the torque changes its sign: 6e-3. A period in which a
+    motor begins or ceases to saturate has its share to a third of one of the integrator's steps;
+    over a run these errors cancel.
 
     Attributes:
         time: since the start.

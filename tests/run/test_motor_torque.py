@@ -71,7 +71,7 @@ ENVELOPE = {"n1": [20.0, 0.1, 5.0, 5.0], "n0": [300.0, 4.0, 30.0, 30.0]}
 CASES = {
     "pi": ("pi", "coupled", Drive()),
     "pi_id": ("pi_id", "coupled", Drive()),
-    "p_pi+id": ("p_pi+id", "coupled", Drive()),
+    "p_pi+id": ("p_pi+id", "coupled", Drive(torque_error=[0.1, -0.1, 0.0, 0.05])),
     "pi_scheduled+id": ("pi_scheduled+id", "coupled", Drive()),
     "inverse_dynamics": ("inverse_dynamics", "coupled", Drive()),
     "axis": ("pi_ctc", "axis", Drive()),
