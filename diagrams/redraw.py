@@ -3,9 +3,9 @@
     python diagrams/redraw.py [FOLDER] [--only NAME ...] [--record] [--studies FOLDER]
 
 Writes into FOLDER, by default the folder of this script, in some two minutes; --help lists the
-names. NAME_plot.png is a figure; the paper's loops are NAME.dot, too, and NAME.svg where Graphviz
-is installed; device.png is the device as its SDF draws it. With --record the training motions are
-also written as training_NAME.html, the device in 3D, which plays in any browser.
+names. NAME_plot.png is a figure; the paper's loops are NAME.dot and NAME.svg, too; device.png is
+the device as its SDF draws it. With --record the training motions are also written as
+training_NAME.html, the device in 3D, which plays in any browser.
 
 The figures of the two shipped studies, monte_carlo and sizing, are drawn from their rows in the
 folder --studies, by default those here. To run them again takes about a quarter of an hour each on

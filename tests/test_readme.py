@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shlex
-import shutil
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -48,15 +47,8 @@ def test_commands_run_in_their_order(short, coarse, tmp_path, monkeypatch, capsy
     coarse(0.5)
     monkeypatch.chdir(tmp_path)
     for line in COMMANDS:
-        if not line.startswith((*LONG, "diagram")):
+        if not line.startswith(LONG):
             write(line, capsys)
-
-
-@pytest.mark.skipif(shutil.which("dot") is None, reason="needs Graphviz")
-def test_the_block_diagram_is_drawn(short, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (line,) = (line for line in COMMANDS if line.startswith("diagram"))
-    write(line, capsys)
 
 
 def write(line, capsys):

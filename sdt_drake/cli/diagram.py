@@ -15,20 +15,22 @@ EXAMPLE = "sdt-drake diagram axis_pi_ctc --format svg --out loop.svg"
 
 def add(parser: argparse.ArgumentParser) -> None:
     common.add_scenario(parser)
-    parser.add_argument("--format", help="dot, svg or png (default: by --out, or dot)")
+    parser.add_argument("--format", help="dot, svg, png or pdf (default: by --out, or dot)")
     parser.add_argument(
         "--depth",
         type=common.number(int, minimum=0, maximum=100),
         default=2,
         help="levels of diagrams to open",
     )
-    parser.add_argument("--drake", action="store_true", help="Drake's own picture")
+    parser.add_argument(
+        "--drake", action="store_true", help="Drake's own graph; its pictures need Graphviz"
+    )
     common.add_out(parser, "file; by default the scenario's name")
 
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.run.loop import make_loop
-    from sdt_drake.show.graphviz import FORMATS, write_diagram
+    from sdt_drake.show.block_diagrams import FORMATS, write_diagram
 
     suffix = options.out.suffix.removeprefix(".") if options.out else ""
     format_ = options.format or (suffix if suffix in FORMATS else "dot")

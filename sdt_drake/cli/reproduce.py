@@ -20,7 +20,6 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.reproduction import Stopwatch, reproduce
     from sdt_drake.show.documents import REPORT
-    from sdt_drake.show.graphviz import NO_GRAPHVIZ, has_graphviz
     from sdt_drake.show.reports.claims import count_verdicts
     from sdt_drake.show.reports.paper import findings
     from sdt_drake.show.reports.paper_files import FILES, write_reproduction
@@ -35,7 +34,5 @@ def run(options: argparse.Namespace) -> None:
     say(f"\nOf {len(summary['claims'])} claims of the paper: {', '.join(counts)}")
     for finding in findings(summary):
         say_wrapped(re.sub(r"\*\*|`", "", finding), "- ")
-    if not has_graphviz():
-        say(f"\nNo .svg of the block diagrams: {NO_GRAPHVIZ}")
     seconds = time.perf_counter() - start
     say(f"\nOpen {folder / REPORT}; {seconds:.1f} s in all")

@@ -12,7 +12,7 @@ from sdt_drake.analysis import paper
 from sdt_drake.run.design import Design
 from sdt_drake.run.loop import make_loop, make_step_loop
 from sdt_drake.run.scenario import load_scenario
-from sdt_drake.show.graphviz import dot_text, has_graphviz, write_dot
+from sdt_drake.show.block_diagrams import page_of, write_page
 from sdt_drake.systems.gains import tune
 
 
@@ -41,13 +41,12 @@ DIAGRAMS: dict[str, Callable[[Design], Diagram]] = {
 
 
 def write_block_diagram(name: str, base: Design, folder: str | Path) -> list[Path]:
-    """Write one of DIAGRAMS as name.dot, and name.svg where Graphviz is installed.
+    """Write one of DIAGRAMS as name.dot and name.svg.
 
     Args:
         name: a key of DIAGRAMS.
         base: any design of the reference device and motion.
         folder: made if need be.
     """
-    text, path = dot_text(DIAGRAMS[name](base)), Path(folder) / name
-    formats = ("dot", "svg") if has_graphviz() else ("dot",)
-    return [write_dot(text, path.with_suffix(f".{x}"), x) for x in formats]
+    page, path = page_of(DIAGRAMS[name](base)), Path(folder) / name
+    return [write_page(page, path.with_suffix(f".{x}"), x) for x in ("dot", "svg")]

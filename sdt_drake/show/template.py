@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from sdt_drake.show import documents as doc
-from sdt_drake.show.graphviz import NO_GRAPHVIZ
 
 
 def from_template(
@@ -47,10 +46,6 @@ def from_template(
 
 
 def _figure(folder: Path, caption: str, name: str, look: str | None) -> doc.Block:
-    """A picture of the folder; of a block diagram without Graphviz there is its text alone."""
+    """A picture of the folder; a block diagram, which has a .dot beside it, is wide."""
     svg = folder / name
-    dot = svg.with_suffix(".dot")
-    if dot.exists() and not svg.exists():
-        place = dot.relative_to(folder).as_posix()
-        return doc.Text(f"{caption} `{place}`; no .svg: {NO_GRAPHVIZ}.")
-    return doc.Figure(caption, svg, folder, look or ("wide" if dot.exists() else ""))
+    return doc.Figure(caption, svg, folder, look or "wide" * svg.with_suffix(".dot").exists())

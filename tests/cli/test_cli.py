@@ -8,7 +8,6 @@ import os
 import re
 import resource
 import shlex
-import shutil
 import subprocess
 import sys
 import warnings
@@ -34,7 +33,6 @@ from sdt_drake.cli import app as cli
 from sdt_drake.cli.completion import add_names
 from sdt_drake.io.resources import SHIPPED, find_file
 
-needs_graphviz = pytest.mark.skipif(shutil.which("dot") is None, reason="needs Graphviz")
 needs_proc = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /proc")
 
 
@@ -304,12 +302,9 @@ def test_a_device_or_pipe_is_not_replaced_by_a_file(refuse, desk):
     assert (desk / "pipe.csv").is_fifo()
 
 
-@pytest.mark.parametrize(
-    "line",
-    ["step --out o.pdf", pytest.param(f"diagram {RUN} --out o.svg", marks=needs_graphviz)],
-)
+@pytest.mark.parametrize("line", ["step --out o.pdf", f"diagram {RUN} --out o.svg"])
 def test_a_disk_that_is_full_on_the_way(refuse, line, monkeypatch):
-    """Neither matplotlib nor Graphviz says so in a way that could be passed on."""
+    """matplotlib does not say so in a way that could be passed on."""
     monkeypatch.setattr(sys, "dont_write_bytecode", True)  # Python would keep what it could write
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2000, limits[1]))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 
 import numpy as np
 import pytest
@@ -31,7 +30,7 @@ from sdt_drake.motion import Motion
 from sdt_drake.run.design import make_design
 from sdt_drake.run.loop import make_loop
 from sdt_drake.run.scenario import load_scenario
-from sdt_drake.show.graphviz import dot_text
+from sdt_drake.show.block_diagrams import dot_text
 
 REAL = "package://sdt/scenarios/real_device.yaml"
 
@@ -367,16 +366,14 @@ def test_diagram(good, desk):
     assert (desk / "run.dot").read_text(encoding="utf-8").count("PORT=") > 10
 
 
-@pytest.mark.skipif(shutil.which("dot") is None, reason="needs Graphviz")
-def test_diagram_as_a_picture(good, desk):
+def test_diagram_as_a_picture_without_graphviz(call, good, desk, monkeypatch):
+    monkeypatch.setenv("PATH", str(desk))
+    refused(call("diagram", RUN, "--format", "svg", "--drake"), "Graphviz", "install")
+    assert list(desk.iterdir()) == []
     good("diagram", RUN, "--format", "svg")
     good("diagram", RUN, "--out", "loop.png")
-    assert (desk / "run.svg").read_bytes().startswith(FIGURE["svg"])
-    assert (desk / "loop.png").read_bytes().startswith(FIGURE["png"])
-
-
-def test_diagram_without_graphviz(call, good, desk, monkeypatch):
-    monkeypatch.setenv("PATH", str(desk))
-    refused(call("diagram", RUN, "--format", "svg"), "Graphviz", "install")
-    assert list(desk.iterdir()) == []
-    good("diagram", RUN)
+    good("diagram", RUN, "--out", "loop.pdf")
+    good("diagram", RUN, "--drake")
+    files = {path.name: path.read_bytes() for path in desk.iterdir()}
+    assert set(files) == {"run.svg", "loop.png", "loop.pdf", "run.dot"}
+    assert all(files[name].startswith(FIGURE[name[-3:]]) for name in files if name != "run.dot")

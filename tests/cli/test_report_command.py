@@ -20,7 +20,6 @@ from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import Recording
 from sdt_drake.show.documents import REPORT
 from sdt_drake.show.figures import runs as plots
-from sdt_drake.show.graphviz import has_graphviz
 from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.show.reports.paper import RECORDING, write_report
 from sdt_drake.show.reports.paper_files import FILES, write_reproduction
@@ -48,7 +47,7 @@ def quick(undrawn, monkeypatch):
     monkeypatch.setattr(write, lambda robot, time, q, path, **options: path.write_text("3D"))
 
 
-def test_files_are_replaced_foreign_ones_left_and_no_graphviz_is_told(
+def test_files_are_replaced_foreign_ones_left_with_python_alone(
     reproduction, reproduced, tmp_path, quick, monkeypatch
 ):
     monkeypatch.setenv("PATH", str(tmp_path))
@@ -61,13 +60,13 @@ def test_files_are_replaced_foreign_ones_left_and_no_graphviz_is_told(
     after, fresh = snapshot(used), snapshot(reproduced)
     assert after.pop("notes.txt") == after.pop("diagrams/mine.dot") == b"old"
     assert {"diagrams", *FILES} >= set(fresh)
-    assert set(after) == {name for name in fresh if not re.match(r"diagrams/.*svg", name)}
+    assert set(after) == set(fresh)
     for name in fresh:  # the same study gives the same bytes
-        if name.endswith((".csv", ".dot")):
+        if name.endswith((".csv", ".dot")) or name.startswith("diagrams/"):
             assert after[name] == fresh[name], name
     report = after["report.md"].decode()
     for name in DIAGRAMS:
-        assert re.search(rf"`diagrams/{name}\.dot`; no \.svg: .*Graphviz", report)
+        assert f"(diagrams/{name}.svg)" in report
     for link in re.findall(r"\]\(([^)]+)\)", report):
         assert (used / link).is_file(), link
 
@@ -108,18 +107,13 @@ def quick_study(monkeypatch):
     monkeypatch.setattr("sdt_drake.show.reports.paper_files.write_reproduction", write_reproduction)
 
 
-def test_reproduce(good, refuse, desk, quick_study, monkeypatch, tmp_path):
+def test_reproduce(good, refuse, desk, quick_study):
     out = good("reproduce").out
     assert (desk / "out" / "report.md").read_text() == "report"
     assert re.search(r"^\s+second\s+0\.\d\d s$", out, re.M)
     assert "Of 1 claims of the paper: 1 reproduced, 0 not reproduced, 0 not comparable" in out
     assert "\n- A finds b.\n" in out
     assert re.search(r"^Open out/report.html; \d+\.\d s in all$", out, re.M)
-    assert ("Graphviz" in out) == (shutil.which("dot") is None)
-
-    monkeypatch.setenv("PATH", str(tmp_path / "nothing"))
-    (line,) = [x for x in good("reproduce", "--out", "b").out.splitlines() if "Graphviz" in x]
-    assert ".svg" in line and "install" in line
     for place in ("out/report.md", "out/report.md/d"):
         refuse("reproduce", "--out", place, saying=["out/report.md: is a file, expected a folder"])
 
@@ -176,12 +170,10 @@ def change(folder, edit):
 
 
 def test_each_figure_of_the_template_is_on_the_page(folder):
-    """Block diagrams stand there as pictures where Graphviz draws them."""
     page = write_report(folder).read_text(encoding="utf-8")
     alts = list(map(html.unescape, re.findall(r'<img alt="([^"]*)"', page)))
     figures = re.findall(r"!\[(.*)\]\((\S+)\.svg\)", page_text("report.md"))
-    drawn = [alt for alt, path in figures if has_graphviz() or not path.startswith("diagrams/")]
-    assert len(figures) > len(DIAGRAMS) and alts == drawn
+    assert len(figures) > len(DIAGRAMS) and alts == [alt for alt, _ in figures]
 
 
 def test_no_text_of_the_summary_becomes_a_tag(folder):

@@ -22,11 +22,11 @@ from pydrake.systems.primitives import (
 from sdt_drake.robot.device import Friction
 from sdt_drake.run.loop import make_loop as closed_loop
 from sdt_drake.run.loop import make_step_loop
-from sdt_drake.show.diagrams import drawn
+from sdt_drake.show.diagrams import dot_text, laid_out
 from sdt_drake.show.diagrams import walk as walked
 from sdt_drake.show.diagrams.layout import Layout
 from sdt_drake.show.diagrams.routing import routed
-from sdt_drake.show.diagrams.text import rich, text_size
+from sdt_drake.show.diagrams.text import in_html, in_mathtext, text_size
 from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.show.symbols import SYMBOLS
 from sdt_drake.systems import connect_by_name
@@ -35,6 +35,10 @@ from sdt_drake.systems.gains import tune
 
 def walk(diagram, symbols=SYMBOLS, **arguments):
     return walked(diagram, symbols=symbols, **arguments)
+
+
+def drawn(picture):
+    return dot_text(laid_out(picture))
 
 
 def make_loop():
@@ -260,11 +264,13 @@ def test_a_saturation_is_called_dynamic_where_its_limits_move(_reference_design,
     assert blocks["dynamic_saturation"] == text
 
 
-def test_rich_text():
-    assert rich("tau_cmd") == "τ<SUB>cmd</SUB>"
-    assert rich("K_IS/s") == "K<SUB>IS</SUB>/s"
-    assert rich("load_torque") == "load torque"
-    assert rich("tau") == "τ" and rich("a<b\nc") == "a&lt;b<BR/>c"
+def test_greek_letters_and_subscripts():
+    assert in_html("tau_cmd") == "τ<SUB>cmd</SUB>"
+    assert in_html("K_IS/s") == "K<SUB>IS</SUB>/s"
+    assert in_html("load_torque") == "load torque"
+    assert in_html("tau") == "τ" and in_html("a<b\nc") == "a&lt;b<BR/>c"
+    assert in_mathtext("I_eff,max s") == r"I$_{\text{eff,max}}$ s"
+    assert in_mathtext("load_torque [$]") == r"load torque [\$]"
     assert text_size("tau_cmd")[0] < text_size("tau cmd")[0] < text_size("tau cmd, long")[0]
 
 

@@ -15,7 +15,6 @@ from sdt_drake.analysis.perception import felt_difference
 from sdt_drake.analysis.reproduction import Stopwatch
 from sdt_drake.io.tables import read_table
 from sdt_drake.motion import Motion
-from sdt_drake.show.graphviz import has_graphviz
 from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.show.reports.claims import Claims
 from sdt_drake.show.reports.paper_files import summary
@@ -298,9 +297,8 @@ def test_all_files_are_there_and_what_their_suffix_says(reproduced):
     expected = {"summary.json", "reference.csv", "table1.md", "report.md", "report.html"}
     expected |= {"device.html"} | {f"{name}.csv" for name in FILES}
     expected |= {f"{name}.{suffix}" for name in FIGURES for suffix in ("png", "svg")}
-    drawn = ("dot", "svg") if has_graphviz() else ("dot",)
     assert list(DIAGRAMS) == DRAWN
-    assert set(files) == expected | {f"diagrams/{n}.{s}" for n in DIAGRAMS for s in drawn}
+    assert set(files) == expected | {f"diagrams/{n}.{s}" for n in DIAGRAMS for s in ("dot", "svg")}
     for name, path in files.items():
         start = {".png": b"\x89PNG\r\n", ".dot": b"digraph", ".svg": b"<"}.get(path.suffix, b"")
         assert path.read_bytes().startswith(start), name

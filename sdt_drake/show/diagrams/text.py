@@ -6,24 +6,33 @@ import html
 import re
 import textwrap
 
-FACE = "Helvetica,Arial,sans-serif"
 SIZE = 11.0  # points
 LINE = 13.0  # points from one line to the next
 
 _GREEK = {"alpha": "α", "beta": "β", "zeta": "ζ", "tau": "τ", "theta": "θ", "omega": "ω"}
 _SYMBOL = re.compile(rf"\b(?:([A-Za-z])_|({'|'.join(_GREEK)})(?:_|\b))((?:\w|,(?=\w))*)")
+_SUB, _END = "\0", "\1"  # around a subscript
 _NARROW, _WIDE = set("iljtfrI.,:;'|()/ "), set("mwMW%")
 
 
-def rich(text: str) -> str:
+def in_html(text: str) -> str:
     """A text for Graphviz, with Greek letters and subscripts: tau_cmd, K_IS, load_torque."""
+    text = html.escape(_marked(text)).replace("\n", "<BR/>")
+    return text.replace(_SUB, "<SUB>").replace(_END, "</SUB>")
 
+
+def in_mathtext(line: str) -> str:
+    """A line for matplotlib, as `in_html`."""
+    line = _marked(line).replace("$", r"\$")
+    return line.replace(_SUB, r"$_{\text{").replace(_END, "}}$")
+
+
+def _marked(text: str) -> str:
     def symbol(match: re.Match[str]) -> str:
         head = match[1] or _GREEK[match[2]]
-        return f"{head}\0{match[3].replace('_', ' ')}\1" if match[3] else head
+        return f"{head}{_SUB}{match[3]}{_END}" if match[3] else head
 
-    text = html.escape(_SYMBOL.sub(symbol, text).replace("_", " "))
-    return text.replace("\0", "<SUB>").replace("\1", "</SUB>").replace("\n", "<BR/>")
+    return _SYMBOL.sub(symbol, text).replace("_", " ")
 
 
 def text_size(text: str) -> tuple[float, float]:

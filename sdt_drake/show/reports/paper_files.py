@@ -37,7 +37,7 @@ FILES = (
     RECORDING,
     *REPORT_FILES,
 )
-"""Files of a reproduction; those of Graphviz only where it is installed."""
+"""Files of a reproduction."""
 
 
 def write_reproduction(results: Reproduction, folder: Path, watch: Stopwatch) -> dict[str, Any]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 import os
 import re
 import shutil
@@ -11,18 +13,26 @@ import subprocess
 import sys
 from collections import Counter
 
+import matplotlib
+import numpy as np
 import pytest
+from command_line import FIGURE
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.run.loop import make_step_loop
-from sdt_drake.show.diagrams import routing, walk
-from sdt_drake.show.graphviz import (
+from sdt_drake.run.design import make_design
+from sdt_drake.run.loop import make_loop, make_step_loop
+from sdt_drake.run.scenario import load_scenario
+from sdt_drake.show.block_diagrams import (
     dot_text,
     drake_dot_text,
     fingerprint,
-    has_graphviz,
+    page_of,
     write_diagram,
 )
+from sdt_drake.show.diagrams import paint, routing, walk
 from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.show.symbols import SYMBOLS
 from sdt_drake.systems.gains import tune
@@ -36,7 +46,7 @@ import json
 from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.show.symbols import SYMBOLS
 from sdt_drake.run.design import make_design
-from sdt_drake.show.graphviz import dot_text, drake_dot_text
+from sdt_drake.show.block_diagrams import dot_text, drake_dot_text
 from sdt_drake.run.scenario import load_scenario
 junk = [make_design(load_scenario("package://sdt/scenarios/axis_pi.yaml"))]  # moves all numbers
 design = make_design(load_scenario("package://sdt/scenarios/coupled_pi.yaml"))
@@ -115,16 +125,65 @@ def test_blocks_and_connections_of_the_diagram_are_there(diagrams, name):
     assert {node for node in nodes_of(text) if not node.endswith("(out)")} == sources
 
 
-@needs_graphviz
 @pytest.mark.parametrize("name", NAMES)
-def test_figures_fit_a_page(diagrams, tmp_path, name):
-    path = write_diagram(diagrams[name], tmp_path / "figure.svg", format_="svg")
-    svg = path.read_text(encoding="utf-8")
-    width, height = map(float, re.search(r'<svg width="(\d+)pt" height="(\d+)pt"', svg).groups())
+def test_figures_fit_a_page(diagrams, name):
+    page = page_of(diagrams[name])
 
-    assert width / height <= 3.5
-    assert 11 * min(1, 17 / 2.54 * 72 / width) >= 8
-    assert "baseline-shift" not in svg
+    assert page.width / page.height <= 3.5
+    # Letters of 10 pt here are as high as those of Helvetica with 10.5 pt.
+    assert 10.5 * min(1, 17 / 2.54 * 72 / page.width) >= 7.7
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_words_cover_neither_wires_nor_boxes_and_lie_within_their_own(diagrams, name):
+    """As matplotlib's font has them; the layout only knows about how wide they are."""
+    page = page_of(diagrams[name])
+    boxes = [
+        Bbox.from_bounds(x - width / 2, y - height / 2, width, height)
+        for _, _, shape, x, y, width, height in page.items
+        if shape in ("box", "sum")
+    ]
+    segments = (pair for _, line in page.wires for pair in itertools.pairwise(line))
+    wires = [Bbox([np.min(pair, axis=0), np.max(pair, axis=0)]) for pair in segments]
+    words = list(words_on(page))
+    assert len(words) > len(boxes)
+    for word in words:
+        own = [box for box in boxes if box.contains(*np.mean(word.get_points(), axis=0))]
+        for box in own:
+            assert box.x0 + 3 < word.x0 and word.x1 < box.x1 - 3
+            assert box.y0 < word.y0 and word.y1 < box.y1
+        others = [box for box in boxes if box not in own]
+        assert not any(overlap(word, thing) for thing in [*others, *wires])
+
+
+def words_on(page):
+    """Places of all words but signs, in points of the page."""
+    with matplotlib.rc_context(paint._STYLE):
+        figure = paint.figure(page)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        for text in figure.findobj(Text):
+            if text.get_text() not in {"", "+", "−"}:
+                place = text.get_window_extent(canvas.get_renderer())
+                yield Bbox(place.get_points() * 72 / figure.dpi - paint._BORDER)
+
+
+def overlap(one, other):
+    apart = np.maximum(one.min, other.min) - np.minimum(one.max, other.max)
+    return (apart < 0).all()
+
+
+def test_a_sign_does_not_lie_on_its_wire():
+    """A wire that turns right before the sum."""
+    design = make_design(load_scenario("wrong_model"))
+    page = page_of(make_loop(design))
+    signs = [item for item in page.items if item.text in {"+", "−"}]
+    segments = [pair for _, line in page.wires for pair in itertools.pairwise(line)]
+    assert len(signs) == 6
+    for sign, ((ax, ay), (bx, by)) in itertools.product(signs, segments):
+        dx = max(min(ax, bx) - sign.x, sign.x - max(ax, bx), 0)
+        dy = max(min(ay, by) - sign.y, sign.y - max(ay, by), 0)
+        assert math.hypot(dx, dy) > 2.3  # points
 
 
 def test_a_diagram_with_more_lines_than_can_be_drawn_is_refused(monkeypatch):
@@ -152,36 +211,59 @@ def test_write_dot(tmp_path):
     assert path.read_text(encoding="utf-8") == drake_dot_text(diagram, max_depth=0)
 
 
-@needs_graphviz
-def test_write_svg(tmp_path):
-    diagram = make_small()
-    path = write_diagram(diagram, tmp_path / "loop.svg", format_="svg")
-    text = path.read_text(encoding="utf-8")
+@pytest.mark.parametrize("format_", ["svg", "png", "pdf"])
+def test_write_a_picture(tmp_path, fake_path, format_):
+    """Without any other program."""
+    path = write_diagram(make_small(), tmp_path / f"loop.{format_}", format_=format_)
 
-    assert "<svg" in text and "pi_speed_controller" in text
-    assert text.count(fingerprint(dot_text(diagram))) == 1
-    assert names_in(tmp_path) == ["loop.svg"]
     first = path.read_bytes()
-    write_diagram(make_small(), path, format_="svg")
+    assert first.startswith(FIGURE[format_])
+    assert names_in(tmp_path) == ["bin", path.name]
+    write_diagram(make_small(), path, format_=format_)
     assert path.read_bytes() == first
 
 
-@pytest.mark.parametrize("format_", ["pdf", "", "SVG", "dot "])
+def test_an_svg_has_its_texts_and_says_where_it_is_from(tmp_path):
+    diagram = make_small()
+    svg = write_diagram(diagram, tmp_path / "loop.svg", format_="svg").read_text(encoding="utf-8")
+
+    assert svg.count(fingerprint(dot_text(diagram))) == 1
+    assert {"pi_speed_controller/K_IS", "axis_process"} <= set(re.findall(r'<g id="([^"]*)"', svg))
+    assert {"reference", "pi speed controller", "1/s"} <= set(re.findall(r">([^<>]+)</text>", svg))
+    # A machine without matplotlib's font takes one without serifs, too.
+    assert set(re.findall(r"font-family: ([^;\"]*)", svg)) == {"'DejaVu Sans', Verdana, sans-serif"}
+
+
+def test_letters_of_users_names_are_drawn_as_they_are(tmp_path):
+    diagram = make_small()
+    diagram.GetSubsystemByName("no_load").set_name(r"a $x_{ <b> & \ 制")
+    path = write_diagram(diagram, tmp_path / "loop.svg", format_="svg")
+
+    assert "&lt;b&gt; &amp;" in path.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("format_", ["eps", "", "SVG", "dot "])
 def test_unknown_format_is_refused_with_the_choices(tmp_path, format_):
-    with pytest.raises(InputError, match="dot, svg, png"):
+    with pytest.raises(InputError, match="dot, svg, png, pdf"):
         write_diagram(make_small(), tmp_path / "loop.x", format_=format_)
 
     assert names_in(tmp_path) == []
 
 
-@pytest.mark.parametrize("format_", ["svg", "png"])
-def test_without_graphviz_a_picture_is_refused(tmp_path, fake_path, format_):
+@needs_graphviz
+@pytest.mark.parametrize("format_", ["svg", "png", "pdf"])
+def test_drakes_own_picture(tmp_path, format_):
+    path = write_diagram(make_small(), tmp_path / "loop", format_=format_, drake=True)
+    assert path.read_bytes().startswith(FIGURE[format_])
+
+
+@pytest.mark.parametrize("format_", ["svg", "png", "pdf"])
+def test_drakes_own_picture_needs_graphviz(tmp_path, fake_path, format_):
     path = tmp_path / f"loop.{format_}"
     path.write_bytes(b"old")
-    assert not has_graphviz()
 
     with pytest.raises(InputError, match="Graphviz") as caught:
-        write_diagram(make_small(), path, format_=format_)
+        write_diagram(make_small(), path, format_=format_, drake=True)
 
     assert "install" in str(caught.value) and "\n" not in str(caught.value)
     assert path.read_bytes() == b"old"
@@ -190,14 +272,13 @@ def test_without_graphviz_a_picture_is_refused(tmp_path, fake_path, format_):
 
 def test_graphviz_that_fails_is_told_in_one_line(tmp_path, fake_path):
     program = fake_path / "dot"
-    program.write_text("#!/bin/sh\necho 'half' > \"$3\"\necho 'bad\nluck' >&2\nexit 1\n")
+    program.write_text("#!/bin/sh\necho 'bad\nluck' >&2\nexit 1\n")
     program.chmod(program.stat().st_mode | stat.S_IXUSR)
     path = tmp_path / "loop.svg"
     path.write_bytes(b"old")
-    assert has_graphviz()
 
     with pytest.raises(InputError, match="bad luck"):
-        write_diagram(make_small(), path, format_="svg")
+        write_diagram(make_small(), path, format_="svg", drake=True)
 
     assert path.read_bytes() == b"old"
     assert names_in(tmp_path) == ["bin", "loop.svg"]

@@ -1,0 +1,122 @@
+"""Block diagrams as files: .dot as text, and pictures; of any Drake diagram."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+from pydrake.systems.framework import Diagram
+
+from sdt_drake.io.errors import InputError, checked_choice, replacing
+from sdt_drake.show import diagrams
+from sdt_drake.show.diagrams import NoWayError, Page, Symbols
+from sdt_drake.show.style import style
+from sdt_drake.show.symbols import SYMBOLS
+
+FORMATS = ("dot", *diagrams.PICTURES)
+NO_GRAPHVIZ = (
+    "Drake's own picture needs Graphviz, which is not installed ('dot' not found): "
+    "apt install graphviz, or write it as .dot"
+)
+
+_ID = re.compile(r"\b(clusters|cluster|s|_)(\d+)(?=\b|[a-z:])")
+_EDGES = re.compile(r"(?:^\S+ -> .*\n)+", re.MULTILINE)
+
+
+def page_of(diagram: Diagram, *, max_depth: int = 2, symbols: Symbols | None = None) -> Page:
+    """The diagram as a control engineer draws it; see `sdt_drake.show.diagrams`.
+
+    Args:
+        diagram: any.
+        max_depth: levels of diagrams in it that are opened.
+        symbols: texts on blocks of one's own by the names of their classes; as in
+            `sdt_drake.show.diagrams.walk`.
+
+    Raises:
+        InputError: for a diagram with more lines than can be drawn.
+    """
+    seen = diagrams.walk(diagram, max_depth=max_depth, symbols={**SYMBOLS, **(symbols or {})})
+    try:
+        return diagrams.laid_out(seen)
+    except NoWayError as error:
+        raise InputError(str(error)) from None
+
+
+def dot_text(diagram: Diagram, *, max_depth: int = 2, symbols: Symbols | None = None) -> str:
+    """The page of `page_of` in Graphviz' language; equal diagrams give equal texts."""
+    return diagrams.dot_text(page_of(diagram, max_depth=max_depth, symbols=symbols))
+
+
+def drake_dot_text(diagram: Diagram, *, max_depth: int = 2) -> str:
+    """The diagram by Drake's own export, in Graphviz' language; equal diagrams give equal texts."""
+    text = diagram.GetGraphvizString(max_depth=max_depth + 1)
+    numbers: dict[str, str] = {}
+
+    def renumbered(match: re.Match[str]) -> str:
+        # Drake numbers systems in the order in which the process made them.
+        number = numbers.setdefault(match[2], str(len(numbers) + 1))
+        return match[1] + number
+
+    return _EDGES.sub(_sorted_lines, _ID.sub(renumbered, text))
+
+
+def _sorted_lines(match: re.Match[str]) -> str:
+    # Drake lists connections in the order of memory addresses.
+    return "".join(sorted(match[0].splitlines(keepends=True)))
+
+
+def write_diagram(
+    diagram: Diagram,
+    path: str | Path,
+    *,
+    format_: str = "dot",
+    max_depth: int = 2,
+    drake: bool = False,
+    symbols: Symbols | None = None,
+) -> Path:
+    """Write a diagram to `path` as one of FORMATS, by `drake_dot_text` if `drake`.
+
+    Blocks of one's own have the `symbols` of `page_of`.
+
+    Raises:
+        InputError: for another format, or if Drake's own picture needs Graphviz and it is missing.
+    """
+    checked_choice(format_, FORMATS, "format")
+    if not drake:
+        page = page_of(diagram, max_depth=max_depth, symbols=symbols)
+        return write_page(page, Path(path), format_)
+    text = drake_dot_text(diagram, max_depth=max_depth).encode()
+    return _write(Path(path), text if format_ == "dot" else _by_graphviz(text, format_))
+
+
+def write_page(page: Page, path: Path, format_: str) -> Path:
+    """Write a page as one of FORMATS; an .svg says which .dot text it belongs to."""
+    text = diagrams.dot_text(page)
+    if format_ == "dot":
+        return _write(path, text.encode())
+    with style():
+        return _write(path, diagrams.painted(page, format_, about=fingerprint(text)))
+
+
+def fingerprint(text: str) -> str:
+    """A text of fixed length that tells one .dot text from another."""
+    return f"dot sha256 {hashlib.sha256(text.encode()).hexdigest()}"
+
+
+def _write(path: Path, content: bytes) -> Path:
+    with replacing(path) as partial:
+        partial.write_bytes(content)
+    return path
+
+
+def _by_graphviz(text: bytes, format_: str) -> bytes:
+    if shutil.which("dot") is None:
+        raise InputError(NO_GRAPHVIZ)
+    done = subprocess.run(["dot", f"-T{format_}"], input=text, capture_output=True)
+    if done.returncode != 0:
+        reason = " ".join(done.stderr.decode(errors="replace").split())
+        raise InputError(f"Graphviz failed: {reason}")
+    return done.stdout

@@ -1,0 +1,154 @@
+"""Boxes, wires and texts of a picture with their places on a page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import chain, pairwise
+from typing import NamedTuple
+
+from sdt_drake.show.diagrams.layout import CELL, Rect, bounds
+from sdt_drake.show.diagrams.routing import Point, routed
+from sdt_drake.show.diagrams.text import text_size, wrapped
+from sdt_drake.show.diagrams.walk import BlockDiagram, Wire
+
+Place = tuple[float, float]  # x to the right, y upwards [points]
+
+HEAD = 6.0  # length of an arrow head [points]
+TITLE_X, TITLE_Y = 0.75 * CELL, 1.1 * CELL  # of a frame's title, from its upper left corner
+
+
+class Item(NamedTuple):
+    """A thing with a middle, width and height [points].
+
+    Attributes:
+        name: path of a block or frame with slashes, or "dot N", or "note N".
+        text: lines on it; of a frame, in its upper left corner.
+        shape: "box", "sum", "dot" (where wires branch), "end" (a text alone) or "frame".
+    """
+
+    name: str
+    text: str
+    shape: str
+    x: float
+    y: float
+    width: float
+    height: float
+
+
+class Page(NamedTuple):
+    """A picture of this width and height [points]: frames, what is in them, corners of wires."""
+
+    title: str
+    width: float = 0
+    height: float = 0
+    frames: tuple[Item, ...] = ()
+    items: tuple[Item, ...] = ()
+    wires: tuple[tuple[Wire, list[Place]], ...] = ()
+
+
+def laid_out(picture: BlockDiagram) -> Page:
+    """The page of a block diagram.
+
+    Raises:
+        NoWayError: for a diagram with more lines than can be drawn.
+    """
+    if not any(picture.frame.blocks()):
+        return Page(picture.frame.title)
+    return _Drawing(picture).page()
+
+
+def shaft(line: list[Place]) -> list[Place]:
+    """A wire without its arrow head."""
+    *_, (u, v), (x, y) = line
+    length = abs(u - x) + abs(v - y)
+    return [*line[:-1], (x + (u - x) * HEAD / length, y + (v - y) * HEAD / length)]
+
+
+class _Drawing:
+    def __init__(self, picture: BlockDiagram) -> None:
+        self.picture = picture
+        self.router = routed(picture)
+        self.rects = self.router.rects
+        self.lines = {wire: _corners(line) for wire, line in self.router.lines.items()}
+        self.frames = [frame for frame in picture.frame.frames() if frame.path]
+        # What no text may cover.
+        self.taken = [self.rects[block.path] for block in picture.frame.blocks()]
+        for a, b in chain.from_iterable(map(pairwise, self.lines.values())):
+            self.taken.append(bounds([Rect(*a, *a), Rect(*b, *b)], 0.05))
+        for frame in self.frames:
+            r, (width, _) = self.rects[frame.path], text_size(frame.title)
+            self.taken.append(Rect(r.left, r.top, r.left + width / CELL + 1, r.top + 1.8))
+            self.taken += [Rect(x, r.top, x, r.bottom) for x in (r.left, r.right)]
+            self.taken += [Rect(r.left, y, r.right, y) for y in (r.top, r.bottom)]
+        self.right = bounds(self.taken).right
+        self.notes = [*self._signs(), *self._labels()]
+        self.bounds = bounds(self.taken)
+
+    def page(self) -> Page:
+        blocks = self.picture.frame.blocks()
+        items = [("/".join(b.path), b.text, b.shape, self.rects[b.path]) for b in blocks]
+        dots = (_around(x, y, 0.5, 0.5) for x, y in sorted(self.router.joints))
+        items += [(f"dot {n}", "", "dot", rect) for n, rect in enumerate(dots, 1)]
+        items += [(f"note {n}", text, "end", rect) for n, (rect, text) in enumerate(self.notes, 1)]
+        frames = [("/".join(f.path), f.title, "frame", self.rects[f.path]) for f in self.frames]
+        return Page(
+            self.picture.frame.title,
+            *self._at(self.bounds.right, self.bounds.top),
+            tuple(self._item(*frame) for frame in frames),
+            tuple(self._item(*item) for item in items),
+            tuple((w, [self._at(*p) for p in self.lines[w]]) for w in self.picture.wires),
+        )
+
+    def _item(self, name: str, text: str, shape: str, rect: Rect) -> Item:
+        middle = self._at((rect.left + rect.right) / 2, (rect.top + rect.bottom) / 2)
+        size = (rect.right - rect.left) * CELL, (rect.bottom - rect.top) * CELL
+        return Item(name, text, shape, *middle, *size)
+
+    def _at(self, x: float, y: float) -> Place:
+        return (x - self.bounds.left) * CELL, (self.bounds.bottom - y) * CELL
+
+    # --- texts beside lines --------------------------------------------------------------------
+
+    def _signs(self) -> Iterator[tuple[Rect, str]]:
+        for wire, (*_, (ax, ay), (x, y)) in self.router.lines.items():
+            if wire.sign:  # above or below, right or left of the arrow
+                level, along = ay == y, ay + (ay - y) * 0.2
+                first: Place = (ax - 0.3, y - 0.9) if level else (x + 0.8, along)
+                second: Place = (ax - 0.3, y + 0.9) if level else (x - 0.8, along)
+                at = min(first, second, key=lambda place: self._hits(_around(*place, 0.7, 0.7)))
+                self.taken.append(_around(*at, 0.7, 0.7))
+                yield _around(*at, 1.2, 2), wire.sign
+
+    def _labels(self) -> Iterator[tuple[Rect, str]]:
+        """The name of each signal where it covers least, near to its source."""
+        for signal, label in self.picture.labels.items():
+            lines = [ln for w, ln in self.router.lines.items() if (w.source, w.output) == signal]
+            texts = dict.fromkeys((wrapped(label, 99), wrapped(label, 8)))
+            places = [(r, t) for t in texts for p in chain(*lines) for r in _beside(*p, t)]
+            costs = [self._cost(rect, *lines[0][0]) for rect, _ in places]
+            place = places[costs.index(min(costs))]
+            self.taken.append(place[0])
+            yield place
+
+    def _cost(self, rect: Rect, x: int, y: int) -> float:
+        hits = self._hits(rect) + (rect.right > self.right)
+        return 40 * hits + abs(rect.left - x) + abs((rect.top + rect.bottom) / 2 - y)
+
+    def _hits(self, rect: Rect) -> int:
+        return sum(map(rect.overlaps, self.taken))
+
+
+def _beside(x: int, y: int, text: str) -> Iterator[Rect]:
+    """Places for a text beside a point of a line."""
+    w, h = (length / CELL for length in text_size(text))
+    corners = (0.3, -h - 0.15), (0.3, 0.15), (0.4, -h / 2), (-w - 0.4, -h / 2)
+    return (Rect(x + dx, y + dy, x + dx + w, y + dy + h) for dx, dy in corners)
+
+
+def _around(x: float, y: float, w: float, h: float) -> Rect:
+    return Rect(x - w / 2, y - h / 2, x + w / 2, y + h / 2)
+
+
+def _corners(line: list[Point]) -> list[Point]:
+    turns = (b for (a, b), (_, c) in pairwise(pairwise(line)) if (a[0] == b[0]) != (b[0] == c[0]))
+    return [line[0], *turns, line[-1]]
