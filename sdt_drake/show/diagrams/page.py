@@ -110,12 +110,15 @@ class _Drawing:
     # --- texts beside lines --------------------------------------------------------------------
 
     def _signs(self) -> Iterator[tuple[Rect, str]]:
-        for wire, (*_, (ax, ay), (x, y)) in self.router.lines.items():
-            if wire.sign:  # above or below, right or left of the arrow
-                level, along = ay == y, ay + (ay - y) * 0.2
-                first: Place = (ax - 0.3, y - 0.9) if level else (x + 0.8, along)
-                second: Place = (ax - 0.3, y + 0.9) if level else (x - 0.8, along)
-                at = min(first, second, key=lambda place: self._hits(_around(*place, 0.7, 0.7)))
+        """The sign of each wire above or right of its arrow, or where that covers less opposite."""
+        for wire, line in self.router.lines.items():
+            (u, v), (x, y) = line[-2:]
+            places = [(u - 0.3, y - 0.9), (u - 0.3, y + 0.9)]
+            if v != y:
+                places = [(x + dx, v + (v - y) * 0.2) for dx in (0.8, -0.8)]
+            if wire.sign:
+                hits = [self._hits(_around(a, b, 0.7, 0.7)) for a, b in places]
+                at = places[hits.index(min(hits))]
                 self.taken.append(_around(*at, 0.7, 0.7))
                 yield _around(*at, 1.2, 2), wire.sign
 

@@ -12,6 +12,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from graphlib import TopologicalSorter
+from itertools import chain
 from typing import cast
 
 import numpy as np
@@ -216,26 +218,25 @@ class _Walk:
 
     def _blocks(self, drawn: set[Path], wires: list[Wire]) -> tuple[dict[Path, Block], list[Wire]]:
         """Blocks and signed wires; the minus of a gain stands at the sums behind it, if it can."""
-        gains = {path: own for path in drawn if (own := _gain_sign(self.systems[path]))}
-        targets: dict[Path, list[Path]] = {}
+        leaving: dict[Path, list[Wire]] = {path: [] for path in drawn}
+        signs: dict[Wire, int] = {}  # at sums
         for wire in wires:
-            targets.setdefault(wire.source, []).append(wire.target)
-        sources = {wire.target: wire.source for wire in wires}
-
-        def is_sum(path: Path) -> bool:
-            return isinstance(self.systems[path], primitives.Adder)
-
-        def hands_on(path: Path) -> bool:
-            behind = targets.get(path, [])
-            return path in gains and bool(behind) and all(is_sum(t) or hands_on(t) for t in behind)
-
-        def sign(path: Path | None) -> int:
-            return gains[path] * sign(sources.get(path)) if path and hands_on(path) else 1
-
-        minus = {path: "−" for path in gains if gains[path] < 0 and not hands_on(path)}
-        blocks = {path: self._block(path, minus.get(path, "")) for path in drawn}
-        signs = ["+−"[sign(wire.source) < 0] if is_sum(wire.target) else "" for wire in wires]
-        return blocks, [replace(w, sign=s) for w, s in zip(wires, signs, strict=True)]
+            leaving.setdefault(wire.source, []).append(wire)
+            if isinstance(self.systems[wire.target], primitives.Adder):
+                signs[wire] = 1
+        gains = {path: sign for path in drawn if (sign := _gain_sign(self.systems[path]))}
+        behind = {path: {wire.target for wire in leaving[path]} & gains.keys() for path in gains}
+        minus = dict.fromkeys(drawn, "")
+        stands: dict[Path, list[Wire]] = {}  # by gain: the wires to sums where its sign can stand
+        for path in TopologicalSorter(behind).static_order():  # none before a gain behind it
+            ends = [[w] if w in signs else stands.get(w.target, []) for w in leaving[path]]
+            stands[path] = [*chain(*ends)] if all(ends) else []
+            for wire in stands[path]:
+                signs[wire] *= gains[path]
+            if gains[path] < 0 and not stands[path]:
+                minus[path] = "−"
+        signed = [replace(w, sign="+−"[signs[w] < 0] if w in signs else "") for w in wires]
+        return {path: self._block(path, minus[path]) for path in drawn}, signed
 
     def _block(self, path: Path, minus: str) -> Block:
         system, symbol = self.systems[path], self.symbols[path]
