@@ -99,8 +99,10 @@ def test_committed_svg_was_made_from_the_committed_dot(name):
 def test_committed_rows_are_those_of_today(name, row):
     (runner, *_), table = load_runner(ROWS / name), read_study_table(ROWS / name)
     outcomes, *_ = runner.repeat(row)
-    expected = [values[row] for values in table.outcomes.values()]
-    np.testing.assert_allclose(outcomes, expected, rtol=1e-3, atol=1e-5)
+    for (outcome, values), found in zip(table.outcomes.items(), outcomes, strict=True):
+        # The rows are older than the meter: both tell peaks to 2e-3 of the motor's torque.
+        atol = 2e-3 if outcome.startswith(("peak_torque", "used_torque")) else 1e-5
+        np.testing.assert_allclose(found, values[row], rtol=1e-3, atol=atol, err_msg=outcome)
 
 
 # --- the script ------------------------------------------------------------------------------
