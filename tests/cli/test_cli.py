@@ -139,7 +139,7 @@ def test_wrong_usage(refuse, line, word):
         ("step --zeta 1e9", ["zeta", "0.01 to 100"]),
         ("step --omega-r 1e-20", ["omega_r: 1e-20", ">= 1e-06"]),
         ("step --structure pid", ["--structure", "pid", "p_in_feedback"]),
-        (f"diagram {RUN} --format pdf", ["--format", "pdf", "svg"]),
+        (f"diagram {RUN} --format gif", ["--format", "pdf", "svg"]),
         (f"diagram {RUN} --depth 3000000000", ["--depth"]),
         (f"bode {AXIS} --time 0.51", ["--time: 0.51 s", "0.5"]),
         (f"stability {AXIS} --omega-r 0.05", ["--omega-r"]),
