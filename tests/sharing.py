@@ -8,6 +8,7 @@ import functools
 import hashlib
 import pickle
 from dataclasses import fields, is_dataclass, replace
+from functools import cached_property
 from importlib import import_module
 
 import numpy as np
@@ -23,8 +24,9 @@ LONG = 1000  # samples
 # The names in the package are functions.
 module, designs = import_module("sdt_drake.run.simulate"), import_module("sdt_drake.run.design")
 folder = None  # for the results; without one, every run is a new one
-_simulate, _along, _plan_of = module.simulate, designs._along, designs.plan_of
-_torques = {}  # by fingerprint of robot and motion
+_simulate, _load_device, _plan_of = module.simulate, designs.load_device, designs.plan_of
+_computed = [name for name, x in vars(designs.Design).items() if isinstance(x, cached_property)]
+_devices = {}  # that ship with the package, by what is asked for
 _plans = {}  # of motions that ship with the package, by fingerprint of what is asked for
 _parsed = functools.cache(yaml_files.parse_yaml)
 
@@ -51,12 +53,15 @@ def simulate(design, diagram=None, **options):
     return once(_fingerprint(design, loop), lambda: _simulate(design, loop))
 
 
-def along(robot, motion):
-    """As the package's, computed once in a process: designs that differ elsewhere ask for it."""
-    key = _hashed(robot.sdf, robot, motion)
-    if key not in _torques:
-        _torques[key] = _along(robot, motion)
-    return _torques[key]
+def load_device(scenario):
+    """As the package's, loaded once in a process if the robot is one that ships with it: torques of
+    the same robot along the same motion are computed once."""
+    if not scenario.robot.startswith(PACKAGE_PREFIX):
+        return _load_device(scenario)
+    key = scenario.robot, repr(scenario.device)
+    if key not in _devices:
+        _devices[key] = _load_device(scenario)
+    return _devices[key]
 
 
 def plan_of(scenario, robot):
@@ -81,7 +86,8 @@ def _fingerprint(design, loop):
     design."""
     blocks = [(type(loop.controller), block.get_name()) for block in blocks_of(loop)]
     scenario = replace(design.scenario, name="")
-    return _hashed(yaml_dump_typed(scenario, schema=Scenario) + repr(blocks), design)
+    numbers = [getattr(design, name) for name in _computed]
+    return _hashed(yaml_dump_typed(scenario, schema=Scenario) + repr(blocks), design, *numbers)
 
 
 def _hashed(said, *numbers):
@@ -100,5 +106,5 @@ def _numbers(value):
             yield from _numbers(part)
 
 
-module.simulate, designs._along, designs.plan_of = simulate, along, plan_of
+module.simulate, designs.load_device, designs.plan_of = simulate, load_device, plan_of
 yaml_files.parse_yaml = parse_yaml

@@ -16,9 +16,15 @@ def kind(label: str, **fields) -> dict:
 
 def weaker(design, share):
     """With a share of its torque."""
-    return replace(
-        design, robot=replace(design.robot, effort_limit=share * design.robot.effort_limit)
-    )
+    device = design.nominal
+    return replace(design, nominal=replace(device, effort_limit=share * device.effort_limit))
+
+
+def overruled(design, **parts):
+    """With computed parts that contradict the rest."""
+    other = replace(design)
+    vars(other).update(parts)
+    return other
 
 
 def recorded(motion, **signals):

@@ -86,7 +86,9 @@ def stability_sweep(
     ratios = np.atleast_1d(np.asarray(ratios, dtype=float))
     n = design.robot.n
     rigid = _slow_design(design, drive)
-    samples = np.zeros(n, dtype=int) if stands_alone(design) else where_largest(design.torques.d_kk)
+    # Alone, an axis has its largest gains.
+    alone, d_kk = stands_alone(design), design.torques.d_kk
+    samples = rigid.inertia_share.argmax(axis=0) if alone else where_largest(d_kk)
 
     @cache
     def feedback(omega_n: float, sample: int) -> StateSpace:
@@ -156,20 +158,13 @@ def _slow_design(design: Design, drive: Drive) -> Design:
     choice.kp, choice.ki = slow.kp.tolist(), slow.ki.tolist()
     choice.omega_r = choice.zeta = None
     choice.omega_ratio = 0.5  # its default: with kp and ki no other is allowed
-    slow_design = design.variant(scenario)
-    if stands_alone(design):  # where the inertia is largest, at every sample
-        return replace(slow_design, inertia_share=np.ones_like(slow_design.inertia_share))
-    return slow_design
+    return design.variant(scenario)
 
 
 def _tuned(slow: Design, omega_n: float) -> Design:
-    has_own_k_v = slow.scenario.controller.position_gain is not None
-    return replace(
-        slow,
-        gains=_scaled(slow.gains, omega_n),
-        omega_n=omega_n * slow.omega_n,
-        position_gain=(1.0 if has_own_k_v else omega_n) * slow.position_gain,
-    )
+    gains = _scaled(slow.gains, omega_n)
+    choice = replace(slow.scenario.controller, kp=gains.kp.tolist(), ki=gains.ki.tolist())
+    return replace(slow, scenario=replace(slow.scenario, controller=choice))
 
 
 def _elastic_process(rigid: Design, elasticity: Elasticity, sample: int) -> StateSpace:

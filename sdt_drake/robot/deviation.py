@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Optional
+from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
 
@@ -77,8 +78,11 @@ class Deviation:
         return self.payload_mass != 0 or any(x != 0 for x in self.payload_offset)
 
 
+_made: WeakKeyDictionary[Robot, WeakValueDictionary[str, Robot]] = WeakKeyDictionary()
+
+
 def deviated(robot: Robot, deviation: Deviation, where: str = "deviation") -> Robot:
-    """`robot` with a deviation; itself if there is none.
+    """`robot` with a deviation; itself if there is none, and the same one as long as it is in use.
 
     It is counted from `robot` as it is: deviations add up.
 
@@ -94,8 +98,13 @@ def deviated(robot: Robot, deviation: Deviation, where: str = "deviation") -> Ro
         link_named(parse_xml(robot.sdf, robot.path), deviation.payload, f"{where}.payload")
     if deviation.exact:
         return robot
-    with within(where):
-        return edited(robot, lambda root: _apply(deviation, robot, root, where))
+    known, key = _made.setdefault(robot, WeakValueDictionary()), repr(deviation)
+    made = known.get(key)
+    if made is None:
+        with within(where):
+            made = edited(robot, lambda root: _apply(deviation, robot, root, where))
+        known[key] = made
+    return made
 
 
 def _apply(deviation: Deviation, robot: Robot, root: ET.Element, where: str) -> None:

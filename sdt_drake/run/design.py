@@ -16,21 +16,26 @@ from sdt_drake.io.fields import check
 from sdt_drake.io.shown import Shown, Summary, face, of_joints
 from sdt_drake.motion import LearnedReference, Motion, Plan, load_learned, load_plan
 from sdt_drake.robot.deviation import deviated
-from sdt_drake.robot.device import Drive, FrictionParameters, Springs
+from sdt_drake.robot.device import Drive, FrictionParameters, Springs, friction_parameters
 from sdt_drake.robot.dynamics import (
     InertiaRange,
     Loads,
     TorqueGroups,
     decouple,
     effective_inertia,
-    torque_groups,
 )
 from sdt_drake.robot.envelope import Envelope
 from sdt_drake.robot.motors import as_driven, chosen_robot
 from sdt_drake.robot.robot import Robot, load_robot
-from sdt_drake.run.plant import check_poles, check_reference, plant_along
+from sdt_drake.run.plant import (
+    check_poles,
+    check_reference,
+    springs_along,
+    steady,
+    torques_along,
+)
 from sdt_drake.run.scenario import Scenario
-from sdt_drake.run.tuning import FeedforwardLaw, fed, feedforward_of, gains_of
+from sdt_drake.run.tuning import Feedforward, FeedforwardLaw, feedforward_of, gains_of, law_along
 from sdt_drake.systems.gains import SpeedGains, natural_frequency
 
 if TYPE_CHECKING:
@@ -43,58 +48,24 @@ _BITS = 31  # of a period: 2^22 multiples of it are exact, and it is off by 5e-1
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Design(Shown):
-    """A scenario, resolved: all that its loop is made of.
+    """A scenario, resolved: its loop follows from these inputs, each part computed on first use.
+
+    `dataclasses.replace` with another input gives a whole design of that; it is checked where its
+    loop is made.
 
     Attributes:
         scenario: what was asked for.
-        nominal: the robot as the SDF has it, of which planner and controller know.
-        robot: what moves: `nominal` with the deviation of the plant.
-        model: what the controller takes the robot for; `nominal` itself if it knows it exactly.
+        nominal: the chosen device without deviations, which planner and controller know.
         wanted: the planned motion, feasible for the nominal robot; errors are against it.
-        motion: the reference: `wanted` itself, or what flights of it have taught, feasible, too.
-        nominal_torques: inverse dynamics of the nominal links along the motion, joint side.
-        torques: those of `loaded_robot` along it, joint side.
-        model_torques: those of `model` along it, joint side.
-        loads: of each motor by Algorithm 1 with the scenario's sign, motor side.
-        inertia: range of the effective inertia along the motion, motor side.
-        i_eff: inertia of the axis process, motor side [kg m²], shape (n,).
-        springs: of the joints, None if all are rigid.
-        friction: of the joints, None if they have none.
-        gains: of the PI speed controllers, motor side; tuned on the controller's model.
-        omega_n: natural frequency of the speed loops at the model's largest inertia [rad/s], (n,).
-        inertia_share: I_eff along the motion over its largest, of the model [-], shape (N + 1, n).
-        position_gain: K_V of a position loop [1/s], shape (n,).
-        feedforward: torque feedforward of the controller; None where it has none, or one that was
-            recorded.
-        learned_torque: what flights have taught beside it, motor side [N m], shape (N + 1, n).
-        tau_ff: all of it along the motion, motor side [N m], shape (N + 1, n); None for none.
-        steady_load, steady_ff: load torque and torque feedforward of who has gone on at the first
-            speed for long, motor side [N m], shape (n,): where a run starts.
+        learned: the learned reference; by default that of the scenario's file, if there is one.
+        fed: a torque feedforward in place of the controller's own; by default its own.
     """
 
     scenario: Scenario
     nominal: Robot
-    robot: Robot
-    model: Robot
     wanted: Motion
-    motion: Motion
-    nominal_torques: TorqueGroups
-    torques: TorqueGroups
-    model_torques: TorqueGroups
-    loads: Loads
-    inertia: InertiaRange
-    i_eff: Array
-    springs: Springs | None
-    friction: FrictionParameters | None
-    gains: SpeedGains
-    omega_n: Array
-    inertia_share: Array
-    position_gain: Array
-    feedforward: FeedforwardLaw | None
-    learned_torque: Array | None
-    tau_ff: Array | None
-    steady_load: Array
-    steady_ff: Array | float
+    learned: LearnedReference | None = None
+    fed: Feedforward | None = None
 
     def summary(self) -> Summary:
         columns = {
@@ -118,6 +89,68 @@ class Design(Shown):
         """The closed loop around a sample of the motion, at rest there; see `sdt_drake.linear`."""
         return face().linear(self, sample)
 
+    # --- plant -------------------------------------------------------------------------------
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The simulated robot: `nominal` with the plant's deviation."""
+        return deviated(self.nominal, self.scenario.plant.deviation, "plant.deviation")
+
+    @property
+    def loaded_robot(self) -> Robot:
+        """The robot whose load torque is that of the loop: on the axis plant the simulated one; on
+        the coupled plant, whose load is physical, the nominal one."""
+        return self.robot if self.scenario.plant.kind == "axis" else self.nominal
+
+    @property
+    def torques(self) -> TorqueGroups:
+        """Inverse dynamics of the links of `loaded_robot` along the motion, joint side."""
+        return torques_along(self.loaded_robot, self.motion)
+
+    @cached_property
+    def loads(self) -> Loads:
+        """Loads of each motor by Algorithm 1 with the scenario's sign, motor side."""
+        return self._loads(self.torques)
+
+    @cached_property
+    def steady_load(self) -> Array:
+        """Load torque in steady motion at the first speed, where a run starts; motor side [N m],
+        shape (n,)."""
+        return self._loads(torques_along(self.loaded_robot, steady(self.motion))).load_torque[0]
+
+    def _loads(self, torques: TorqueGroups) -> Loads:
+        ratio, algorithm = self.nominal.gear_ratio, self.scenario.algorithm
+        return decouple(torques.inertial, torques.coupled, ratio, algorithm)
+
+    @cached_property
+    def inertia(self) -> InertiaRange:
+        """Range of the effective inertia along the motion, motor side."""
+        return InertiaRange.of(effective_inertia(self.loaded_robot, self.torques.d_kk))
+
+    @property
+    def i_eff(self) -> Array:
+        """Inertia of the axis process, motor side [kg m²], shape (n,)."""
+        own = self.scenario.plant.i_eff
+        return self.inertia.maximum if own is None else np.array(own)
+
+    @cached_property
+    def springs(self) -> Springs | None:
+        """Springs of the joints; None if all are rigid."""
+        return springs_along(self.scenario, self.nominal, self.motion)
+
+    @cached_property
+    def friction(self) -> FrictionParameters | None:
+        """Friction of the joints; None if they have none."""
+        friction = self.scenario.plant.friction
+        return None if friction.is_none else friction_parameters(friction, self.nominal.n)
+
+    @property
+    def envelope(self) -> Envelope | None:
+        """The torque-speed envelope in force, motor side; None where nothing gives one."""
+        return as_driven(self.robot, self.scenario.drive).envelope
+
+    # --- controller ----------------------------------------------------------------------------
+
     @property
     def omega_r(self) -> float | None:
         """Lowest natural frequency of the structure of the device [rad/s]; None where the scenario
@@ -125,11 +158,69 @@ class Design(Shown):
         omega_r = self.scenario.controller.omega_r
         return None if omega_r is None else omega_r * self.nominal.frequency_factor
 
+    @cached_property
+    def model(self) -> Robot:
+        """The controller's model of the robot; `nominal` itself if the model is exact."""
+        return deviated(self.nominal, self.scenario.controller.model, "controller.model")
+
+    @cached_property
+    def _modelled_torques(self) -> TorqueGroups:
+        """Inverse dynamics of the links of `model` along the motion, joint side."""
+        return torques_along(self.model, self.motion)
+
+    @cached_property
+    def _largest_inertia(self) -> Array:
+        """Largest effective inertia of the model along the motion, motor side [kg m²], (n,)."""
+        return effective_inertia(self.model, self._modelled_torques.d_kk.max(axis=0))
+
+    @cached_property
+    def gains(self) -> SpeedGains:
+        """Gains of the PI speed controllers, motor side; tuned to the model's largest inertia."""
+        return gains_of(self.scenario, self._largest_inertia, self.nominal)
+
+    @cached_property
+    def omega_n(self) -> Array:
+        """Natural frequency of the speed loops at the model's largest inertia [rad/s], (n,)."""
+        return natural_frequency(self.gains, self._largest_inertia)
+
+    @cached_property
+    def inertia_share(self) -> Array:
+        """I_eff of the model along the motion over its largest [-], shape (N + 1, n)."""
+        i_eff = effective_inertia(self.model, self._modelled_torques.d_kk)
+        return i_eff / self._largest_inertia
+
     @property
-    def loaded_robot(self) -> Robot:
-        """The robot whose load torque is that of the loop: on the axis plant what moves, as it
-        loads the motors there; on the coupled plant, which has its own, the nominal robot."""
-        return self.robot if self.scenario.plant.kind == "axis" else self.nominal
+    def position_gain(self) -> Array:
+        """K_V of a position loop [1/s], shape (n,)."""
+        k_v = self.scenario.controller.position_gain
+        return self.omega_n / 4 if k_v is None else np.array(k_v)
+
+    @property
+    def feedforward(self) -> FeedforwardLaw | None:
+        """Law of the controller's own torque feedforward; None without one."""
+        return None if self.fed is not None else feedforward_of(self.scenario, self.model)
+
+    @cached_property
+    def tau_ff(self) -> Array | None:
+        """All torque feedforward along the motion, motor side [N m], (N + 1, n); None for none."""
+        if self.fed is not None:
+            return self.fed.along
+        law, torque = self.feedforward, self.learned_torque
+        if law is None:
+            return torque
+        own = law_along(law, self._modelled_torques, self.motion)
+        return own if torque is None else torque + own
+
+    @cached_property
+    def steady_ff(self) -> Array | float:
+        """Torque feedforward in steady motion at the first speed, without the learned torque;
+        motor side [N m], shape (n,). 0 for none."""
+        if self.fed is not None:
+            return self.fed.steady
+        if self.feedforward is None:
+            return 0.0
+        motion = steady(self.motion)
+        return law_along(self.feedforward, torques_along(self.model, motion), motion)[0]
 
     @property
     def feeds_load_torque(self) -> bool:
@@ -140,6 +231,36 @@ class Design(Shown):
         is_ctc = choice.feedforward_in_use == "ctc"
         is_exact = self.feedforward is not None and self.model is self.loaded_robot
         return is_ctc and has_no_more and is_exact
+
+    # --- reference -----------------------------------------------------------------------------
+
+    @cached_property
+    def _taught(self) -> LearnedReference:
+        """The learned reference in force; the planned motion where nothing was learned.
+
+        Raises:
+            InputError: for what was learned of another motion, or is beyond a limit.
+        """
+        robot = as_driven(self.nominal, self.scenario.drive)
+        margin = self.scenario.torque_margin
+        if self.learned is not None:
+            self.learned.check(self.wanted, robot, torque_margin=margin)
+            return self.learned
+        if not self.scenario.learned:
+            return LearnedReference(self.wanted)
+        with within("learned"):
+            return load_learned(self.scenario.learned, self.wanted, robot, torque_margin=margin)
+
+    @property
+    def motion(self) -> Motion:
+        """The reference: `wanted` itself, or the learned motion, feasible, too."""
+        return self._taught.motion
+
+    @property
+    def learned_torque(self) -> Array | None:
+        """The learned torque, which is fed forward beside the controller's own; motor side [N m],
+        shape (N + 1, n)."""
+        return self._taught.torque
 
     @cached_property
     def reference(self) -> Motion:
@@ -178,23 +299,32 @@ class Design(Shown):
         period = self.scenario.drive.period
         return 1 if period is None else round(self.motion.period / period)
 
-    @property
-    def envelope(self) -> Envelope | None:
-        """The torque-speed envelope in force, motor side; None where nothing gives one."""
-        return as_driven(self.robot, self.scenario.drive).envelope
+    # --- other inputs --------------------------------------------------------------------------
+
+    def checked(self) -> Design:
+        """Return the design itself.
+
+        Raises:
+            InputError: for inputs that do not fit each other.
+        """
+        scenario = self.scenario
+        check(scenario, _name(scenario), self.nominal.n)
+        with within(_name(scenario)):
+            robot, _ = self.robot, self.model
+            if self.learned_torque is not None and scenario.inverse_dynamics != "table":
+                raise InputError("inverse_dynamics: online, but a learned torque needs table")
+            check_reference(scenario, self.nominal, self.motion)
+            slowest = self.i_eff if scenario.plant.kind == "axis" else self.inertia.minimum
+            check_poles(scenario, robot, self.gains, slowest, self.springs)
+        return self
 
     def variant(self, scenario: Scenario) -> Design:
-        """The design of another scenario with the same SDF and planned motion.
+        """The design of another scenario with the same device and planned motion.
 
         Raises:
             InputError: for what does not fit them.
         """
-        known: dict[str, TorqueGroups] = {}
-        if self.motion is self.wanted:
-            known[self.nominal.sdf] = self.nominal_torques
-            known[self.loaded_robot.sdf] = self.torques
-            known[self.model.sdf] = self.model_torques
-        return _resolved(scenario, _robots(scenario, self.nominal), self.wanted, known)
+        return Design(scenario, self.nominal, self.wanted).checked()
 
     def given(self, learned: LearnedReference) -> Design:
         """The same design with what flights have taught.
@@ -202,7 +332,7 @@ class Design(Shown):
         Raises:
             InputError: for what was learned of another motion, or is beyond a limit.
         """
-        return make_design(self.scenario, robot=self.nominal, motion=self.wanted, learned=learned)
+        return Design(self.scenario, self.nominal, self.wanted, learned).checked()
 
     def with_feedforward(self, tau_ff: Array) -> Design:
         """The same design with this torque feedforward instead of the controller's own, motor side
@@ -214,10 +344,10 @@ class Design(Shown):
         if self.tau_ff is not None:
             jump = self.tau_ff[0] - self.steady_ff
         else:
-            links = self.nominal_torques.inertial[0] + self.nominal_torques.reaction[0]
-            motors = self.nominal.reflected_inertia * self.motion.vd[0]
-            jump = (links + motors) / self.nominal.gear_ratio
-        return replace(self, feedforward=None, tau_ff=tau_ff, steady_ff=tau_ff[0] - jump)
+            links, nominal = torques_along(self.nominal, self.motion), self.nominal
+            motors = nominal.reflected_inertia * self.motion.vd[0]
+            jump = (links.inertial[0] + links.reaction[0] + motors) / nominal.gear_ratio
+        return replace(self, fed=Feedforward(tau_ff, tau_ff[0] - jump))
 
 
 @takes(
@@ -230,26 +360,29 @@ def make_design(
     *,
     robot: Robot | None = None,
     motion: Motion | None = None,
-    torques: TorqueGroups | None = None,
     learned: LearnedReference | None = None,
 ) -> Design:
     """Load, plan and tune what a scenario names: device, plan, model, gains, feedforward.
 
     Args:
         scenario: checked here once more: it may be made or changed in Python.
-        robot, motion, torques: of the SDF without any deviation; used instead of loading, planning
-            and computing the scenario's own, to save time where many scenarios share them. `robot`
-            is the chosen device: `scenario.device` is not applied to it once more. `torques` are
-            those along the planned motion, and of no use with a learned reference.
+        robot, motion: of the SDF without any deviation; used instead of loading and planning the
+            scenario's own, to save time where many scenarios share them. `robot` is the chosen
+            device: `scenario.device` is not applied to it once more.
         learned: in place of that of the scenario.
 
     Raises:
         InputError: for any bad input on the way.
     """
-    robots = _robots(scenario, robot)
-    wanted = plan_of(scenario, robots[0]).motion if motion is None else motion
-    known = {} if torques is None else {robots[0].sdf: torques}
-    return _resolved(scenario, robots, wanted, known, learned)
+    checked_type(scenario, Scenario, "scenario", "sdt_drake.load")
+    robot = robot or load_device(scenario)
+    check(scenario, _name(scenario), robot.n)
+    if motion is None:
+        with within(_name(scenario)):  # before a motion is planned in vain
+            deviated(robot, scenario.plant.deviation, "plant.deviation")
+            deviated(robot, scenario.controller.model, "controller.model")
+        motion = plan_of(scenario, robot).motion
+    return Design(scenario, robot, motion, learned).checked()
 
 
 def as_design(design: Design | Scenario) -> Design:
@@ -262,85 +395,10 @@ def as_design(design: Design | Scenario) -> Design:
         return make_design(design)
     made_by = "sdt_drake.design, or a Scenario, as sdt_drake.load"
     checked_type(design, Design, "design", made_by)
-    return design
-
-
-def _resolved(
-    scenario: Scenario,
-    robots: tuple[Robot, Robot, Robot],
-    wanted: Motion,
-    known: dict[str, TorqueGroups],
-    learned: LearnedReference | None = None,
-) -> Design:
-    """The design of these robots, torques along the planned motion known by SDF of the robot."""
-    nominal, robot, model = robots
-    with within(_name(scenario)):
-        taught = _learned(scenario, nominal, wanted, learned)
-        motion, known = taught.motion, known if taught.motion is wanted else {}
-        check_reference(scenario, nominal, motion)
-
-        def torques_of(robot: Robot) -> TorqueGroups:
-            if robot.sdf not in known:
-                known[robot.sdf] = _along(robot, motion)
-            return known[robot.sdf]
-
-        loaded = robot if scenario.plant.kind == "axis" else nominal
-        torques, modelled = torques_of(loaded), torques_of(model)
-        inertia, i_eff, springs, friction = plant_along(
-            scenario, motion, (loaded, torques), (nominal, torques_of(nominal))
-        )
-        i_eff_modelled = effective_inertia(model, modelled.d_kk)
-        largest = i_eff_modelled.max(axis=0)
-        gains = gains_of(scenario, largest, nominal)
-        slowest = i_eff if scenario.plant.kind == "axis" else inertia.minimum
-        check_poles(scenario, robot, gains, slowest, springs)
-    feedforward = feedforward_of(scenario, model)
-    tau_ff = None if feedforward is None else fed(feedforward, modelled, motion)
-    if taught.torque is not None:
-        tau_ff = taught.torque + (0.0 if tau_ff is None else tau_ff)
-    omega_n, k_v = natural_frequency(gains, largest), scenario.controller.position_gain
-    steady = Motion(motion.period, motion.q[:1], motion.v[:1], np.zeros_like(motion.v[:1]))
-    return Design(
-        scenario=scenario,
-        nominal=nominal,
-        robot=robot,
-        model=model,
-        wanted=wanted,
-        motion=motion,
-        nominal_torques=torques_of(nominal),
-        torques=torques,
-        model_torques=modelled,
-        loads=_loads(scenario, robot, torques),
-        inertia=inertia,
-        i_eff=i_eff,
-        springs=springs,
-        friction=friction,
-        gains=gains,
-        omega_n=omega_n,
-        inertia_share=i_eff_modelled / largest,
-        position_gain=omega_n / 4 if k_v is None else np.array(k_v),
-        feedforward=feedforward,
-        learned_torque=taught.torque,
-        tau_ff=tau_ff,
-        steady_load=_loads(scenario, robot, _along(loaded, steady)).load_torque[0],
-        steady_ff=0 if feedforward is None else fed(feedforward, _along(model, steady), steady)[0],
-    )
+    return design.checked()
 
 
 # --- device ----------------------------------------------------------------------------------
-
-
-def _robots(scenario: Scenario, nominal: Robot | None) -> tuple[Robot, Robot, Robot]:
-    """The nominal robot, what moves, and what the controller takes it for."""
-    checked_type(scenario, Scenario, "scenario", "sdt_drake.load")
-    nominal = nominal or load_device(scenario)
-    check(scenario, _name(scenario), nominal.n)
-    with within(_name(scenario)):
-        return (
-            nominal,
-            deviated(nominal, scenario.plant.deviation, "plant.deviation"),
-            deviated(nominal, scenario.controller.model, "controller.model"),
-        )
 
 
 def load_device(scenario: Scenario) -> Robot:
@@ -377,27 +435,3 @@ def plan_of(scenario: Scenario, robot: Robot) -> Plan:
         torque_margin=scenario.torque_margin,
         planner=scenario.planner,
     )
-
-
-def _learned(
-    scenario: Scenario, robot: Robot, wanted: Motion, given: LearnedReference | None
-) -> LearnedReference:
-    """What flights have taught: as given, or else of the scenario's file, if any."""
-    margin, robot = scenario.torque_margin, as_driven(robot, scenario.drive)
-    if given is not None:
-        given.check(wanted, robot, torque_margin=margin)
-    elif scenario.learned:
-        with within("learned"):
-            given = load_learned(scenario.learned, wanted, robot, torque_margin=margin)
-    taught = given or LearnedReference(wanted)
-    if taught.torque is not None and scenario.inverse_dynamics != "table":
-        raise InputError("inverse_dynamics: online, but a learned torque needs table")
-    return taught
-
-
-def _along(robot: Robot, motion: Motion) -> TorqueGroups:
-    return torque_groups(robot, motion.q, motion.v, motion.vd)
-
-
-def _loads(scenario: Scenario, robot: Robot, torques: TorqueGroups) -> Loads:
-    return decouple(torques.inertial, torques.coupled, robot.gear_ratio, scenario.algorithm)

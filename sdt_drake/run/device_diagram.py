@@ -102,15 +102,18 @@ def add_moved(builder: DiagramBuilder, design: Design, q: Array, v: Array) -> De
     return Device(aliases={("moved_joints", "y0"): "state"})
 
 
-def add_loads(builder: DiagramBuilder, design: Design) -> tuple[JointFriction | None, Aliases]:
+def add_loads(
+    builder: DiagramBuilder, design: Design, loaded: bool = True
+) -> tuple[JointFriction | None, Aliases]:
     """Add what the motors turn against, `true_load`: on the axis plant the load torque of the
-    reference; disturbance, friction, and `extra_load_torque` from outside, 0 by default.
+    reference, if it is loaded; disturbance, friction, and `extra_load_torque` from outside, 0 by
+    default.
 
     Returns:
         The friction, if there is one, and the signals of ports with other names.
     """
     n, disturbance, friction = design.robot.n, design.scenario.disturbance, None
-    parts = ["load_torque"] if design.scenario.plant.kind == "axis" else []
+    parts = ["load_torque"] if loaded and design.scenario.plant.kind == "axis" else []
     if disturbance.amplitude > 0:
         injected = Disturbance(n=n, amplitude=disturbance.amplitude, omega_d=disturbance.omega_d)
         builder.AddNamedSystem("disturbance", injected)
@@ -175,27 +178,27 @@ class Equilibrium(NamedTuple):
     tau_cmd: Array
 
 
-def equilibrium(design: Design) -> Equilibrium:
-    """Return where a run of a design starts."""
+def equilibrium(design: Design, loaded: bool = True) -> Equilibrium:
+    """Return where a run of a design starts; loaded: whether axes have their load torque."""
     q = seen = design.motion.q[0]
     v, wound = design.motion.v[0], np.zeros(design.robot.n)
     if design.springs is not None:
         axes = design.springs.elastic
         for _ in range(_ITERATIONS):
-            torque = design.robot.gear_ratio * _holding_torque(design, q)
+            torque = design.robot.gear_ratio * _holding_torque(design, q, loaded)
             wound[axes] = torque[axes] / design.springs.stiffness[axes]
             q = seen if design.scenario.plant.elasticity.encoder == "link" else seen - wound
-    tau = _holding_torque(design, q)
+    tau = _holding_torque(design, q, loaded)
     error = design.drive.torque_error
     tau_cmd = tau if error is None else tau / (1 + np.array(error))
     return Equilibrium(q, v, q + wound, seen, tau, tau_cmd)
 
 
-def _holding_torque(design: Design, q: Array) -> Array:
+def _holding_torque(design: Design, q: Array, loaded: bool) -> Array:
     """What moves the joints on at the first speed, motor side [N m], shape (n,)."""
     robot, v = design.robot, design.motion.v[0]
     if design.scenario.plant.kind == "axis":  # which has its load from the reference alone
-        load = design.steady_load
+        load = design.steady_load if loaded else np.zeros(robot.n)
     else:
         load = torque_groups(robot, q, v, np.zeros(robot.n)).total / robot.gear_ratio
     if design.friction is None:

@@ -59,6 +59,9 @@ class Loop(Diagram):
         meshcat: to watch the run in.
         widened: whether the alleviating torque widens the motors' limits; as the plant has it by
             default.
+        limited: whether the motors have limits. Without, the use of the motors in a `Recording`
+            means nothing.
+        loaded: whether the load torque of the reference loads the motors of the axis plant.
         moved: q [rad] and v [rad/s] at the samples of the motion, joint side, shape (N + 1, n):
             what the joints do instead of what the motors make them do. So it is no loop, but shows
             what the controller asks for then. None by default.
@@ -77,7 +80,12 @@ class Loop(Diagram):
         logs: sinks by the name of the signal.
     """
 
-    @takes(meshcat=a(Meshcat, "pydrake.geometry.StartMeshcat"), widened=a(bool, "True or False"))
+    @takes(
+        meshcat=a(Meshcat, "pydrake.geometry.StartMeshcat"),
+        widened=a(bool, "True or False"),
+        limited=a(bool, "True or False"),
+        loaded=a(bool, "True or False"),
+    )
     def __init__(
         self,
         design: Design | Scenario,
@@ -85,12 +93,14 @@ class Loop(Diagram):
         controller: System | None = None,
         meshcat: Meshcat | None = None,
         widened: bool | None = None,
+        limited: bool = True,
+        loaded: bool = True,
         moved: tuple[Array, Array] | None = None,
     ) -> None:
         super().__init__()
         design = as_design(design)
         robot, drive, motion = design.robot, design.drive, design.reference
-        self.design = design
+        self.design, self._loaded = design, loaded
         if widened is None:
             widened = design.scenario.plant.kind == "axis"
         if controller is None:
@@ -104,10 +114,10 @@ class Loop(Diagram):
         add("zero_order_hold", self._hold)
         self._table = _add_load_torque(builder, design, controller, widened)
         add("controller", controller)
-        add("dynamic_saturation", _limits(design, widened))
+        add("dynamic_saturation", _limits(design, widened, limited))
         if moved is None:
             self._device = add_device(builder, design)
-            self._friction, loads = add_loads(builder, design)
+            self._friction, loads = add_loads(builder, design, loaded)
         else:
             self._device = add_moved(builder, design, *_checked_moved(design, moved))
             self._friction, loads = None, {}
@@ -157,7 +167,8 @@ class Loop(Diagram):
         Args:
             context: of this diagram.
         """
-        at, device, motion = equilibrium(self.design), self._device, self.design.reference
+        at = equilibrium(self.design, self._loaded)
+        device, motion = self._device, self.design.reference
 
         def own(block: System) -> Context:
             return self.GetMutableSubsystemContext(block, context)
@@ -297,10 +308,13 @@ def _update_times(design: Design) -> Array:
     return np.array([0.0, period] if on_time else [0.0, late, period])
 
 
-def _limits(design: Design, widened: bool) -> DynamicSaturation:
-    robot, envelope = design.robot, design.envelope
+_NO_LIMIT = 1e9  # times the motors' torque
+
+
+def _limits(design: Design, widened: bool, limited: bool) -> DynamicSaturation:
+    robot, envelope = design.robot, design.envelope if limited else None
     return DynamicSaturation(
-        motor_torque_limit=robot.motor_torque_limit,
+        motor_torque_limit=(1.0 if limited else _NO_LIMIT) * robot.motor_torque_limit,
         gear_ratio=robot.gear_ratio,
         n1=None if envelope is None else envelope.n1,
         n0=None if envelope is None else envelope.n0,

@@ -1,7 +1,9 @@
-"""What of a plant follows from its motion: inertia of the axes, springs of the joints; and loops so
-stiff that their simulation would not end, refused beforehand."""
+"""Plant data that depends on the motion (torques, springs), and checks that refuse a reference that
+does not fit and loops too stiff to simulate."""
 
 from __future__ import annotations
+
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -10,16 +12,14 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import (
     PRESLIDING_DAMPING_TIME,
-    FrictionParameters,
     Springs,
     friction_parameters,
     springs_of,
 )
 from sdt_drake.robot.dynamics import (
-    InertiaRange,
     TorqueGroups,
-    effective_inertia,
     gravity_stiffness,
+    torque_groups,
     where_largest,
 )
 from sdt_drake.robot.motors import as_driven
@@ -27,39 +27,45 @@ from sdt_drake.robot.robot import Robot
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems.gains import SpeedGains
 
+_along: WeakKeyDictionary[Motion, WeakKeyDictionary[Robot, TorqueGroups]] = WeakKeyDictionary()
 
-def plant_along(
-    scenario: Scenario,
-    motion: Motion,
-    loaded: tuple[Robot, TorqueGroups],
-    nominal: tuple[Robot, TorqueGroups],
-) -> tuple[InertiaRange, Array, Springs | None, FrictionParameters | None]:
-    """Inertia along the motion, that of the axis process, springs and friction of the joints.
 
-    Springs are those of the nominal robot, whatever deviates: another payload does not change them,
-    but the frequency.
+def torques_along(robot: Robot, motion: Motion) -> TorqueGroups:
+    """Inverse dynamics of the links of a robot along a motion, joint side.
+
+    They are computed once, and kept as long as both are.
     """
-    robot, torques = loaded
-    plant = scenario.plant
-    inertia = InertiaRange.of(effective_inertia(robot, torques.d_kk))
-    i_eff = inertia.maximum if plant.i_eff is None else np.array(plant.i_eff)
-    springs = _springs(scenario, motion, *nominal)
-    friction = None if plant.friction.is_none else friction_parameters(plant.friction, robot.n)
-    return inertia, i_eff, springs, friction
+    known = _along.setdefault(motion, WeakKeyDictionary())
+    if robot not in known:
+        known[robot] = torque_groups(robot, motion.q, motion.v, motion.vd)
+    return known[robot]
 
 
-def _springs(
-    scenario: Scenario, motion: Motion, robot: Robot, torques: TorqueGroups
-) -> Springs | None:
-    """The springs, from the inertia that each sees where it is largest along the motion."""
+def steady(motion: Motion) -> Motion:
+    """Return the first sample of a motion, without its acceleration."""
+    return Motion(motion.period, motion.q[:1], motion.v[:1], np.zeros_like(motion.v[:1]))
+
+
+def springs_along(scenario: Scenario, robot: Robot, motion: Motion) -> Springs | None:
+    """The springs, from the inertia that each sees where it is largest along the motion.
+
+    Args:
+        scenario: gives frequency and damping.
+        robot: the nominal one: another payload does not change the springs, but the frequency.
+        motion: the reference.
+
+    Raises:
+        InputError: for an elastic joint without rotor or link inertia.
+    """
     elasticity, i_eff = scenario.plant.elasticity, scenario.plant.i_eff
     if elasticity.is_rigid:
         return None
-    links, k_g = torques.d_kk.max(axis=0), np.zeros(robot.n)
+    d_kk = torques_along(robot, motion).d_kk
+    links, k_g = d_kk.max(axis=0), np.zeros(robot.n)
     if i_eff is not None:
         links = robot.gear_ratio**2 * (np.array(i_eff) - robot.rotor_inertia)
     if scenario.plant.kind == "coupled":
-        at = motion.q[where_largest(torques.d_kk)]  # a row for each joint
+        at = motion.q[where_largest(d_kk)]  # a row for each joint
         k_g = np.array([gravity_stiffness(robot, at[k])[k, k] for k in range(robot.n)])
     elastic = np.array(elasticity.natural_frequency) > 0
     for k in np.flatnonzero(elastic):

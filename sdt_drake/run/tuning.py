@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,18 @@ from sdt_drake.systems.gains import SpeedGains, feedforward_torque, tune
 
 FeedforwardLaw = Callable[[Sequence[Array], Array, Array], Array]
 """Torque of the motors, motor side [N m], from torque groups of a model, v_ref and vd_ref."""
+
+
+class Feedforward(NamedTuple):
+    """A torque feedforward, motor side; by default none.
+
+    Attributes:
+        along: at the samples of the motion [N m], shape (N + 1, n); None for none.
+        steady: in steady motion at the first speed, where a run starts [N m], shape (n,).
+    """
+
+    along: Array | None = None
+    steady: Array | float = 0.0
 
 
 def gains_of(scenario: Scenario, i_eff_max: Array, robot: Robot) -> SpeedGains:
@@ -46,7 +59,7 @@ def feedforward_of(scenario: Scenario, model: Robot) -> FeedforwardLaw | None:
     return law
 
 
-def fed(law: FeedforwardLaw, torques: TorqueGroups, motion: Motion) -> Array:
-    """What a law feeds forward along a motion with these torques, motor side [N m], (N + 1, n)."""
+def law_along(law: FeedforwardLaw, torques: TorqueGroups, motion: Motion) -> Array:
+    """Feedforward of a law along a motion with these torques, motor side [N m], (N + 1, n)."""
     groups = (torques.inertial, torques.reaction, torques.velocity, torques.gravity)
     return law(groups, motion.v, motion.vd)

@@ -13,7 +13,6 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import check
 from sdt_drake.io.resources import PACKAGE_PREFIX, models_dir
 from sdt_drake.motion import Plan, load_commanded
-from sdt_drake.robot.dynamics import TorqueGroups, torque_groups
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.design import Design, load_device, make_design, plan_of
 from sdt_drake.run.kinds import load_controllers
@@ -26,7 +25,7 @@ from sdt_drake.studies.study import Study
 
 _CACHED = 16  # planned motions, with their robots, that a process keeps
 
-_Planned = tuple[Robot, Plan, TorqueGroups]
+_Planned = tuple[Robot, Plan]
 
 FILE_FIELDS = tuple(field for field in map(find_field, field_names()) if field.file)
 """Fields of a scenario that name a file."""
@@ -71,8 +70,8 @@ class Runner:
             InputError: for any other bad input.
         """
         check(scenario)  # before planning, which would call bad numbers infeasible
-        robot, plan, torques = self._planned(scenario)
-        return make_design(scenario, robot=robot, motion=plan.motion, torques=torques), plan
+        robot, plan = self._planned(scenario)
+        return make_design(scenario, robot=robot, motion=plan.motion), plan
 
     def _planned(self, scenario: Scenario) -> _Planned:
         """From the cache, which forgets the oldest."""
@@ -130,9 +129,7 @@ class Runner:
 def _plan(scenario: Scenario) -> _Planned | InfeasibleError:
     robot = load_device(scenario)
     try:
-        plan = plan_of(scenario, robot)
+        return robot, plan_of(scenario, robot)
     except InputError as error:
         load_commanded(scenario.motion, robot, scenario.period)  # not the device's fault: raised
         return InfeasibleError(*error.args)
-    motion = plan.motion
-    return robot, plan, torque_groups(robot, motion.q, motion.v, motion.vd)

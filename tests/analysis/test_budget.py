@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from by_hand import rk4
@@ -12,8 +14,10 @@ from sdt_drake.analysis.budget import PARTS, error_budget
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive, Elasticity, Friction
-from sdt_drake.run.scenario import DisturbanceChoice
+from sdt_drake.run.loop import Loop
+from sdt_drake.run.scenario import DisturbanceChoice, with_fields
 from sdt_drake.run.simulate import simulate
+from sdt_drake.run.tuning import Feedforward
 
 PERIOD = 0.005
 ACCELERATION = np.array([0.2, 0.5, 0.05, 0.1])  # rad/s², for 0.8 s
@@ -162,6 +166,37 @@ def test_friction_lands_in_the_remainder(budgets, fields, compensated):
         same(budget.parts[name], without.parts[name], 1e-6)
     same(budget.remainder, budget.whole - without.whole, 1e-5)
     assert largest(budget.remainder).max() > 1e-3
+
+
+def test_increments_of_encoders_land_in_the_remainder(budgets):
+    """A speed is a difference of positions either way: the finer encoders leave nothing over."""
+    coarse, fine = (
+        budgets("axis_pi_ctc", CTC | {"drive": Drive(period=0.001, encoder_resolution=[x] * 4)})[1]
+        for x in (1e6, 1e9)
+    )
+    for name in PARTS:
+        same(coarse.parts[name], fine.parts[name], 1e-6)
+    assert largest(coarse.remainder).max() > 30 * largest(fine.remainder).max()
+    same(coarse.remainder, coarse.whole - fine.whole, 1e-5)
+
+
+def test_parts_are_what_the_loop_loses_without_its_blocks(budgets):
+    design, budget = budgets("axis_pi_ctc", CTC)
+    exact = replace(design, scenario=replace(design.scenario, accuracy=2e-6))
+    calm = replace(exact, scenario=with_fields(exact.scenario, {"disturbance.amplitude": 0.0}))
+    bare = replace(calm, fed=Feedforward())  # CTC answers the load alone
+    free, undisturbed, unloaded = (
+        simulate(d, Loop(d, limited=False, loaded=loaded)).speed_error
+        for d, loaded in ((exact, True), (calm, True), (bare, False))
+    )
+    same(budget.parts["saturation"], budget.whole - free, 1e-15)
+    same(budget.parts["disturbance"], free - undisturbed, 1e-15)
+    same(budget.parts["load"], undisturbed - unloaded, 1e-15)
+    same(budget.parts["reference lag"], unloaded, 1e-15)
+    # Without limits nothing saturates, without a load nothing is carried at the start.
+    start = simulate(bare, Loop(bare, limited=False, loaded=False))
+    same(start.tau_cmd[0], 0, 1e-9)
+    assert np.abs(simulate(calm).tau_cmd[0]).max() > 100
 
 
 def test_saturation_is_a_part(designed):

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from variants import overruled
 
 from sdt_drake.analysis import paper
 from sdt_drake.analysis.claims import VERDICTS, agrees_as_printed, judge_claims
@@ -80,7 +81,7 @@ def with_design(study, part, name, joints):
     """With other numbers of some joints in the inertia or the gains of the design."""
     before = getattr(study.design, part)
     after = replace(before, **{name: changed(getattr(before, name), joints)})
-    return replace(study, design=replace(study.design, **{part: after}))
+    return replace(study, design=overruled(study.design, **{part: after}))
 
 
 def with_inertia(study, name, joints):
@@ -120,7 +121,7 @@ def steady(study, key, joints):
 
 
 def with_loads(study, loads):
-    return with_run(study, AXIS_PI, design=replace(study.runs[AXIS_PI].design, loads=loads))
+    return with_run(study, AXIS_PI, design=overruled(study.runs[AXIS_PI].design, loads=loads))
 
 
 def with_peak_and_jump(study, peak, jump_at, size):

@@ -171,6 +171,13 @@ def test_the_structure_is_that_of_the_kind(designed, design):
     np.testing.assert_allclose(sweep.overshoot_percent[2], 37, atol=0.5)  # at 0.5
 
 
+def test_scheduled_gains_are_swept_where_they_are_largest(designed, design):
+    """There they are those of PI controllers that are tuned to the largest inertia."""
+    scheduled = stability_sweep(designed("coupled_pi", kind("pi_scheduled")), OMEGA_R, ratios=SOME)
+    plain = stability_sweep(design, OMEGA_R, ratios=SOME)
+    np.testing.assert_allclose(scheduled.damping, plain.damping, rtol=1e-9)
+
+
 @pytest.mark.parametrize("drive", [Drive(), Drive(period=0.001)], ids=["ideal", "1 ms"])
 @pytest.mark.parametrize("position_gain", [None, [3.0, 5.0, 7.0, 20.0]])
 @pytest.mark.parametrize("encoder", ENCODERS)
@@ -283,4 +290,4 @@ def test_resting_modes_do_not_count():
 def test_a_robot_without_rotors_is_refused(design):
     robot = dataclasses.replace(design.robot, rotor_inertia=np.zeros(4))
     with pytest.raises(InputError, match="joint 1 has the rotor inertia 0"):
-        stability_sweep(dataclasses.replace(design, robot=robot, nominal=robot), OMEGA_R)
+        stability_sweep(dataclasses.replace(design, nominal=robot), OMEGA_R)

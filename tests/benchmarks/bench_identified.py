@@ -29,7 +29,7 @@ from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Friction
 from sdt_drake.robot.robot import Robot, load_robot
 from sdt_drake.run.design import Design, make_design
-from sdt_drake.run.scenario import Scenario, load_scenario
+from sdt_drake.run.scenario import Scenario, load_scenario, with_fields
 from sdt_drake.run.simulate import Recording, simulate
 
 ROOT = Path(__file__).parents[2]
@@ -119,11 +119,12 @@ def tracked(found: Identified, kind: str) -> None:
         truth("reference", kind, Deviation()), robot=exact.robot, motion=exact.wanted
     )
     model = make_design(exact.scenario, robot=identified_robot(found), motion=exact.wanted)
-    own = replace(
-        exact.with_feedforward(cast(Array, model.tau_ff)),
-        gains=model.gains,
-        position_gain=model.position_gain,
+    gains = {"kp": model.gains.kp.tolist(), "ki": model.gains.ki.tolist()}
+    gains |= {"position_gain": model.position_gain.tolist(), "omega_r": None, "zeta": None}
+    own = exact.variant(
+        with_fields(exact.scenario, {f"controller.{k}": x for k, x in gains.items()})
     )
+    own = own.with_feedforward(cast(Array, model.tau_ff))
     errors = [np.abs(simulate(x).position_error).max(axis=0) for x in (own, exact)]
     told(f"{kind}, error over that of the exact model", errors[0] / errors[1] - 1)
 

@@ -173,7 +173,7 @@ def test_what_a_motion_takes_of_a_device_is_what_it_needs_there(cascade):
     w = falling.wanted.v * falling.robot.gear_ratio
     n1, n0 = (np.array(x) for x in speeds.values())
     left = np.clip((n0 - np.abs(w)) / (n0 - n1), 0, 1)
-    torque = falling.nominal_torques.total + falling.robot.reflected_inertia * falling.wanted.vd
+    torque = falling.torques.total + falling.robot.reflected_inertia * falling.wanted.vd
     share = np.abs(torque) / falling.robot.effort_limit / np.where(torque * w > 0, left, 1)
     np.testing.assert_allclose(demand(falling), share.max(axis=0), rtol=1e-9, atol=1e-12)
     assert np.any(demand(falling) > 1.01 * demand(calm))

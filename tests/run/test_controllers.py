@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from alone import Alone
 from pydrake.systems.framework import LeafSystem
+from variants import overruled
 
 from sdt_drake.analysis.comparison import compare, with_controller
 from sdt_drake.analysis.linear import linear_feedback
@@ -209,7 +209,7 @@ def test_linear_gains_are_scheduled_with_the_inertia(designed):
     plain = designed("coupled_pi", end=0.1)
     share = np.array([0.5, 0.6, 0.7, 0.8])
     design = designed("coupled_pi", {"controller.kind": "pi_scheduled"}, end=0.1)
-    design = replace(design, inertia_share=np.tile(share, (len(design.motion.q), 1)))
+    design = overruled(design, inertia_share=np.tile(share, (len(design.motion.q), 1)))
     own, fixed = linear_feedback(design, 3), linear_feedback(plain, 3)
     np.testing.assert_allclose(own.C, share[:, None] * fixed.C, rtol=1e-12)
     np.testing.assert_allclose(own.D, share[:, None] * fixed.D, rtol=1e-12)

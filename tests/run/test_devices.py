@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from by_hand import GEAR, LIMIT
-from variants import kind
+from variants import kind, overruled
 
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive, Elasticity, Friction
@@ -33,7 +33,7 @@ def test_inverse_dynamics_gives_every_joint_its_frequency_and_damping(designed):
     zeta, omega = np.array([0.3, 0.5, 0.7, 1.0]), 65.991 / 2
     design = designed("coupled_pi", kind("inverse_dynamics", zeta=zeta.tolist()))
     still = Motion.from_speeds(PERIOD, HANGING, np.zeros((101, 4)))
-    design = dataclasses.replace(design, motion=still, loads=Loads(still.v, still.v))
+    design = dataclasses.replace(design, wanted=still)
     diagram = make_loop(design)
     simulator = make_simulator(diagram, period=PERIOD, accuracy=1e-9)
     context = simulator.get_mutable_context()
@@ -65,7 +65,7 @@ def test_anti_windup_is_back_in_less_than_half_the_time(designed, structure):
         design = designed("axis_pi", CONSISTENT | fields, end=0.1)
         motion = Motion.from_speeds(PERIOD, np.zeros(4), v)
         design = make_design(design.scenario, robot=design.robot, motion=motion)
-        runs.append(simulate(dataclasses.replace(design, loads=Loads(load, np.zeros_like(v)))))
+        runs.append(simulate(overruled(design, loads=Loads(load, np.zeros_like(v)))))
     times = []
     for recording in runs:
         rows = (recording.time > 0.8) & (recording.time <= 2.5)

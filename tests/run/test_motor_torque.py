@@ -1,11 +1,9 @@
 """What motors give within the periods, against a walk through the loop in small steps."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from pydrake.systems.framework import LeafSystem
-from variants import kind, weaker
+from variants import kind, overruled, weaker
 
 from sdt_drake.motion import Motion
 from sdt_drake.robot.device import Drive, Elasticity
@@ -163,7 +161,7 @@ def test_motors_behind_springs_are_taken_as_their_encoders_see_them(design_of):
 def test_limits_of_an_axis_are_widened_on_the_side_on_which_the_others_help(design_of):
     help_ = np.array([[3.0, -2, 0, 1], [-1, 5, 2, 0], [0, 0, 0, 0]])
     axis = design_of("pi", "axis", Drive())
-    axis = replace(axis, loads=axis.loads._replace(alleviating_torque=help_))
+    axis = overruled(axis, loads=axis.loads._replace(alleviating_torque=help_))
     lower, upper = torque_limits(axis, np.arange(2), np.zeros((2, 4)))
     limit = axis.robot.motor_torque_limit
     np.testing.assert_allclose(upper - limit, [[3, 0, 0, 1], [0, 5, 2, 0]], atol=1e-9)

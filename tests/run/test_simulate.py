@@ -255,5 +255,5 @@ def test_how_far_a_joint_is_beyond_its_stop(designs):
     for plant, expected in (("coupled", [0, 0.5, 0.25, 0]), ("axis", [0, 0, 0, 0])):
         robot = designs[plant].robot
         robot = replace(robot, position_lower=np.full(4, -1.0), position_upper=np.full(4, 2.0))
-        design = replace(designs[plant], robot=robot)
+        design = replace(designs[plant], nominal=robot)
         np.testing.assert_array_equal(_beyond_stop(design, q), [expected])

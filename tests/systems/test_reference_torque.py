@@ -185,7 +185,7 @@ def test_outlives_what_it_was_made_from(robot, designed):
 
     def simulator():
         online = designed("coupled_pi_ctc", {"inverse_dynamics": "online"}, end=0.2)
-        design = dataclasses.replace(online, robot=load_robot())
+        design = dataclasses.replace(online, nominal=load_robot())
         return make_simulator(make_loop(design), period=design.motion.period, accuracy=1e-4)
 
     found = []

@@ -19,6 +19,7 @@ from sdt_drake.machine.drive_files.set_points import Samples, samples_from, samp
 from sdt_drake.motion import Motion
 from sdt_drake.run.design import Design, make_design
 from sdt_drake.run.simulate import simulate
+from sdt_drake.run.tuning import Feedforward
 
 CSV, ST, CAM, TRAJECTORY = "set_points.csv", "set_points.st", "cam.csv", "trajectory.yaml"
 READ_BACK = "read_back.csv"
@@ -168,7 +169,7 @@ def _fed_with(design: Design, samples: Samples) -> Design:
     scenario = replace(design.scenario, learned="")
     made = make_design(scenario, robot=design.nominal, motion=Motion(period, samples.q, v, vd))
     if not np.any(samples.tau) or not design.scenario.controller.takes_feedforward:
-        return replace(made, feedforward=None, tau_ff=None, steady_ff=0.0)
+        return replace(made, fed=Feedforward())
     return made.with_feedforward(samples.tau / design.robot.gear_ratio)
 
 

@@ -108,7 +108,7 @@ class Shipped(Diagram, Controller):
         """Add the torque feedforward of a design, from tau_fb to tau_cmd, and connect all by name;
         none `at` a sample, where it stands still."""
         aliases, tau_cmd, law = dict(aliases), "tau_cmd", design.feedforward
-        if design.tau_ff is None or at is not None:
+        if at is not None or design.tau_ff is None:
             tau_cmd = aliases["pi_speed_controller", "tau_cmd"] = "tau_fb"
         else:
             builder.AddNamedSystem("ctc_feedforward", CtcFeedforward(n=design.robot.n))
