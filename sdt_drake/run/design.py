@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -14,7 +13,7 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_type, within
 from sdt_drake.io.fields import check
 from sdt_drake.io.shown import Shown, Summary, face, of_joints
-from sdt_drake.motion import LearnedReference, Motion, Plan, load_learned, load_plan
+from sdt_drake.motion import LearnedReference, Motion, Plan, load_plan
 from sdt_drake.robot.deviation import deviated
 from sdt_drake.robot.device import Drive, FrictionParameters, Springs, friction_parameters
 from sdt_drake.robot.dynamics import (
@@ -34,6 +33,7 @@ from sdt_drake.run.plant import (
     steady,
     torques_along,
 )
+from sdt_drake.run.reference import drive_on_clock, held_reference, taught_reference
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.tuning import Feedforward, FeedforwardLaw, feedforward_of, gains_of, law_along
 from sdt_drake.systems.gains import SpeedGains, natural_frequency
@@ -42,8 +42,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from sdt_drake.analysis.linear import LinearModel
-
-_BITS = 31  # of a period: 2^22 multiples of it are exact, and it is off by 5e-10 of itself at most
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -236,20 +234,8 @@ class Design(Shown):
 
     @cached_property
     def _taught(self) -> LearnedReference:
-        """The learned reference in force; the planned motion where nothing was learned.
-
-        Raises:
-            InputError: for what was learned of another motion, or is beyond a limit.
-        """
-        robot = as_driven(self.nominal, self.scenario.drive)
-        margin = self.scenario.torque_margin
-        if self.learned is not None:
-            self.learned.check(self.wanted, robot, torque_margin=margin)
-            return self.learned
-        if not self.scenario.learned:
-            return LearnedReference(self.wanted)
-        with within("learned"):
-            return load_learned(self.scenario.learned, self.wanted, robot, torque_margin=margin)
+        """The learned reference in force; the planned motion where nothing was learned."""
+        return taught_reference(self.scenario, self.nominal, self.wanted, self.learned)
 
     @property
     def motion(self) -> Motion:
@@ -264,40 +250,13 @@ class Design(Shown):
 
     @cached_property
     def reference(self) -> Motion:
-        """What the loop holds: the motion, with the speeds that the scenario says, on the clock of
-        the loop, whose period is that of the motion to 1e-9 of it.
-
-        What samples at multiples of different periods has to meet, to the last bit: of two updates
-        at one instant neither sees the other, and one that comes a bit later does. So where the
-        drives sample several times per interpolation period, their period is rounded to so few
-        bits that all multiples of both are exact.
-        """
-        motion = self.motion
-        if self.scenario.held_speed == "mean":
-            mean = np.diff(motion.q, axis=0) / motion.period
-            motion = replace(motion, v=np.vstack([mean, motion.v[-1:]]))
-        if self._samples == 1:
-            return motion
-        mantissa, exponent = math.frexp(motion.period / self._samples)
-        exact = math.ldexp(round(math.ldexp(mantissa, _BITS)), exponent - _BITS)
-        return replace(motion, period=self._samples * exact)
+        """What the loop holds: the motion, with the speeds that the scenario says, on its clock."""
+        return held_reference(self.scenario, self.motion)
 
     @cached_property
     def drive(self) -> Drive:
         """The drive of the scenario, on the clock of the loop."""
-        drive = self.scenario.drive
-        if drive.period is None:
-            return drive
-        period, delay = self.reference.period / self._samples, drive.reference_delay
-        if abs(delay / period - round(delay / period)) < 1e-6:
-            delay = round(delay / period) * period
-        return replace(drive, period=period, reference_delay=delay)
-
-    @property
-    def _samples(self) -> int:
-        """Of the drives in an interpolation period."""
-        period = self.scenario.drive.period
-        return 1 if period is None else round(self.motion.period / period)
+        return drive_on_clock(self.scenario.drive, self.reference)
 
     # --- other inputs --------------------------------------------------------------------------
 
