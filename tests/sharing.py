@@ -54,9 +54,10 @@ def simulate(design, diagram=None, **options):
 
 
 def load_device(scenario):
-    """As the package's, loaded once in a process if the robot is one that ships with it: torques of
-    the same robot along the same motion are computed once."""
-    if not scenario.robot.startswith(PACKAGE_PREFIX):
+    """As the package's, loaded once in a process if robot and motors ship with it: torques of the
+    same robot along the same motion are computed once."""
+    files = scenario.robot, scenario.device.catalogue
+    if not all(file.startswith(PACKAGE_PREFIX) for file in files):
         return _load_device(scenario)
     key = scenario.robot, repr(scenario.device)
     if key not in _devices:
