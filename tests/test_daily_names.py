@@ -16,13 +16,13 @@ from pydrake.systems.primitives import Adder
 import sdt_drake as sdt
 from sdt_drake.analysis.comparison import Compared, Comparison
 from sdt_drake.analysis.frequency_response import frequency_response
-from sdt_drake.analysis.linear import LinearModel
 from sdt_drake.io.shown import aligned, formatted, rounded
 from sdt_drake.machine.drive_files import Fed
 from sdt_drake.machine.identify.model import plant_friction
 from sdt_drake.robot.device import Friction
 from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.simulate import simulate
+from sdt_drake.systems.state_space import LinearModel
 
 SOURCE = Path(sdt.__file__)
 

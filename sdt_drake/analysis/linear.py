@@ -7,25 +7,20 @@ own period: what is slower sees the zero-order-hold map of all that is faster.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.primitives import FirstOrderTaylorApproximation
 
-from sdt_drake.analysis.state_space import StateSpace
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, needing
-from sdt_drake.io.shown import Shown, Summary
+from sdt_drake.io.errors import InputError
 from sdt_drake.run.controllers import controller_class
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.device_diagram import make_process
 from sdt_drake.run.loop import blocks_of
 from sdt_drake.run.scenario import Scenario
-
-if TYPE_CHECKING:
-    import control
+from sdt_drake.systems.state_space import LinearModel, StateSpace
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,40 +92,6 @@ class LinearLoop:
         B = np.vstack([v_ref, np.full((1, 1), loop.period or 1.0)])
         C = np.append(loop.C[[3 * n + k]], [[0.0]], axis=1)
         return StateSpace(A, B, C, np.zeros((1, 1)), loop.period).between()
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class LinearModel(Shown, StateSpace):
-    """A closed loop in state space, with names; speeds, angles and their references joint side,
-    torques motor side.
-
-    Attributes:
-        states, inputs, outputs: names, `name_k` for joint k.
-    """
-
-    states: tuple[str, ...] = ()
-    inputs: tuple[str, ...] = ()
-    outputs: tuple[str, ...] = ()
-
-    def summary(self) -> Summary:
-        kind = f"sampled every {1000 * self.period:.6g} ms" if self.period else "continuous"
-        rows = []
-        for part in ("states", "inputs", "outputs"):
-            names = getattr(self, part)
-            stems = dict.fromkeys(f"{name.rpartition('_')[0]}_k" for name in names)
-            rows.append((part, f"{len(names)}", ", ".join(stems)))
-        return Summary(kind, ("", "number", "names"), rows)
-
-    def to_control(self) -> control.StateSpace:
-        """The model as a StateSpace of python-control, with the same names.
-
-        Raises:
-            InputError: where that is not installed.
-        """
-        with needing("to_control needs python-control", "sdt_drake[exchange]"):
-            import control
-        names = {name: list(getattr(self, name)) for name in ("states", "inputs", "outputs")}
-        return control.ss(self.A, self.B, self.C, self.D, self.period, **names)
 
 
 def linear(design: Design | Scenario, sample: int = 0) -> LinearModel:

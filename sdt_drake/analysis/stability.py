@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.linear import close, linear_feedback, linear_process
-from sdt_drake.analysis.state_space import StateSpace
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.progress import as_part, part, with_progress
 from sdt_drake.robot.device import Drive, Elasticity
@@ -30,6 +29,7 @@ from sdt_drake.robot.dynamics import where_largest
 from sdt_drake.run.design import Design
 from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.systems.gains import SpeedGains, natural_frequency
+from sdt_drake.systems.state_space import StateSpace
 
 SLOWEST = 0.1
 """Least omega_r of a sweep [rad/s]: slower than that is round-off of a sampled loop."""

@@ -37,11 +37,10 @@ from sdt_drake.run.reference import drive_on_clock, held_reference, taught_refer
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.tuning import Feedforward, FeedforwardLaw, feedforward_of, gains_of, law_along
 from sdt_drake.systems.gains import SpeedGains, natural_frequency
+from sdt_drake.systems.state_space import LinearModel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from sdt_drake.analysis.linear import LinearModel
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -8,9 +8,9 @@ from pydrake.systems.framework import DiagramBuilder
 from variants import kind
 
 from sdt_drake.analysis.linear import linear_feedback, linear_process, linearise
-from sdt_drake.analysis.state_space import StateSpace
 from sdt_drake.robot.device import Drive, Elasticity
 from sdt_drake.run.controllers import Pi
+from sdt_drake.systems.state_space import StateSpace
 
 OMEGA_R = 65.991
 OMEGA = np.geomspace(0.1, 2000, 60)

@@ -20,10 +20,10 @@ from test_linear import (
 from variants import kind
 
 from sdt_drake.analysis.stability import RATIOS, least_damping, stability_sweep
-from sdt_drake.analysis.state_space import StateSpace
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.device import Drive
 from sdt_drake.run.scenario import load_scenario
+from sdt_drake.systems.state_space import StateSpace
 
 ZETA = np.array([0.95, 0.98, 0.99, 0.95])
 ENCODERS = ("motor", "link")

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from sdt_drake.analysis.linear import linearise
-from sdt_drake.analysis.state_space import StateSpace
 from sdt_drake.io.arrays import Array, Complex
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.motion.plan import TORQUE_TOLERANCE
@@ -17,6 +16,7 @@ from sdt_drake.robot.device import Friction, sliding_friction
 from sdt_drake.robot.dynamics import gravity_stiffness, inverse_dynamics
 from sdt_drake.robot.motors import as_driven
 from sdt_drake.run.design import Design
+from sdt_drake.systems.state_space import StateSpace
 
 LEARNED = ("reference", "torque")
 """What can be learned: a change of the reference's positions [rad], joint side, or of the torque

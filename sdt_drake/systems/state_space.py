@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,11 @@ from pydrake.systems.analysis import DiscreteTimeApproximation
 from pydrake.systems.primitives import AffineSystem, LinearSystem
 
 from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import needing
+from sdt_drake.io.shown import Shown, Summary
+
+if TYPE_CHECKING:
+    import control
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,3 +119,37 @@ class StateSpace:
             onwards = onwards @ onwards
         y = np.hstack([system.C, system.D]) @ x_u[:, : count + 1]
         return np.arange(count + 1, dtype=float) * every * system.period, y.T
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LinearModel(Shown, StateSpace):
+    """A closed loop in state space, with names; speeds, angles and their references joint side,
+    torques motor side.
+
+    Attributes:
+        states, inputs, outputs: names, `name_k` for joint k.
+    """
+
+    states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+
+    def summary(self) -> Summary:
+        kind = f"sampled every {1000 * self.period:.6g} ms" if self.period else "continuous"
+        rows = []
+        for part in ("states", "inputs", "outputs"):
+            names = getattr(self, part)
+            stems = dict.fromkeys(f"{name.rpartition('_')[0]}_k" for name in names)
+            rows.append((part, f"{len(names)}", ", ".join(stems)))
+        return Summary(kind, ("", "number", "names"), rows)
+
+    def to_control(self) -> control.StateSpace:
+        """The model as a StateSpace of python-control, with the same names.
+
+        Raises:
+            InputError: where that is not installed.
+        """
+        with needing("to_control needs python-control", "sdt_drake[exchange]"):
+            import control
+        names = {name: list(getattr(self, name)) for name in ("states", "inputs", "outputs")}
+        return control.ss(self.A, self.B, self.C, self.D, self.period, **names)
