@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import gc
-from functools import cached_property
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -18,8 +15,7 @@ from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.device import Drive, Elasticity, Friction
 from sdt_drake.robot.dynamics import decouple, torque_groups
 from sdt_drake.robot.robot import edited, load_robot
-from sdt_drake.run.design import Design, make_design
-from sdt_drake.run.loop import make_loop
+from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import ControllerChoice, with_fields
 from sdt_drake.systems.gains import tune
 
@@ -74,79 +70,6 @@ def sliding(v):
     f_c, b, f_b = (np.array(x) for x in (FRICTION.coulomb, FRICTION.viscous, FRICTION.breakaway))
     s = v / 0.03
     return f_c * np.sign(v) + (f_b - f_c) * s * np.exp(0.5 - s**2 / 2) + b * v
-
-
-# --- inputs and what follows from them ---------------------------------------------------------
-
-FIELDS = {
-    "plant.deviation": LIGHT,
-    "plant.friction": FRICTION,
-    "plant.elasticity": Elasticity(OMEGA.tolist()),
-    "controller.model": Deviation(inertia_scale=1.1),
-    "algorithm": "printed",
-    "held_speed": "mean",
-} | kind("pi_id", friction_compensation=True)
-COMPUTED = [n for n, x in vars(Design).items() if isinstance(x, property | cached_property)]
-
-
-def numbers(value):
-    if isinstance(value, np.ndarray):
-        return [value]
-    if dataclasses.is_dataclass(value):
-        value = tuple(getattr(value, field.name) for field in dataclasses.fields(value))
-    return [x for part in value for x in numbers(part)] if isinstance(value, tuple) else []
-
-
-@pytest.mark.parametrize("name", ["axis_pi", "coupled_pi"])
-def test_a_replaced_scenario_gives_a_whole_design(designed, name):
-    before = designed(name)
-    old = {x: getattr(before, x) for x in COMPUTED}  # computed before anything is replaced
-    scenario = with_fields(before.scenario, FIELDS)
-    whole = make_design(scenario, robot=before.nominal, motion=before.wanted)
-    replaced = dataclasses.replace(before, scenario=scenario)
-    changed = set()
-    for part in COMPUTED:
-        new, expected = numbers(getattr(replaced, part)), numbers(getattr(whole, part))
-        for x, y in zip(new, expected, strict=True):
-            np.testing.assert_array_equal(x, y, err_msg=part)
-        was = numbers(old[part])
-        if len(was) != len(new) or not all(map(np.array_equal, was, new)):
-            changed.add(part)
-    assert {"_largest_inertia", "loads", "springs", "friction", "tau_ff", "reference"} <= changed
-
-
-def test_a_replaced_scenario_that_does_not_fit_makes_no_loop(design):
-    stiff = with_fields(design.scenario, {SPRINGS: Elasticity([0.0, 0.0, 1e6, 0.0])})
-    with pytest.raises(InputError, match=rf"^scenario '\w+': {FREQUENCY} gives joint 3 a pole"):
-        make_loop(dataclasses.replace(design, scenario=stiff))
-
-
-def test_torques_are_computed_once_for_a_robot_and_a_motion(designed, robot, monkeypatch):
-    plant, asked = import_module("sdt_drake.run.plant"), []
-
-    def counted(robot, q, v, vd):
-        if len(q) > 1:  # not of a steady state
-            asked.append(robot)
-        return torque_groups(robot, q, v, vd)
-
-    monkeypatch.setattr(plant, "torque_groups", counted)
-    scenario = with_fields(designed("axis_pi").scenario, {"controller.model": LIGHT})
-    kept = len(plant._along)
-    motion = Motion.from_speeds(0.005, np.zeros(4), np.zeros((11, 4)))
-    base = make_design(scenario, robot=robot, motion=motion)
-    for label in ("pi", "pi_ctc", "pi_id", "p_pi", "pi_scheduled"):
-        other = base.variant(with_fields(scenario, kind(label)))
-        for part in COMPUTED:
-            getattr(other, part)
-        other.with_feedforward(np.zeros((11, 4)))
-    assert asked == [base.model, robot]
-    heavier = base.variant(with_fields(scenario, {"plant.deviation": LIGHT}))
-    assert heavier.robot is base.model
-    assert heavier.torques is base._modelled_torques
-    assert len(asked) == 2
-    del base, other, heavier, motion
-    gc.collect()
-    assert len(plant._along) == kept
 
 
 # --- torque feedforward ----------------------------------------------------------------------
