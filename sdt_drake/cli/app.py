@@ -19,7 +19,8 @@ from sdt_drake.cli import COMMANDS
 from sdt_drake.cli.bar import bar
 from sdt_drake.cli.common import check_out, stop_printing
 from sdt_drake.cli.completion import HOW, complete
-from sdt_drake.io.errors import InputError, keeping_inputs
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import keeping_inputs
 from sdt_drake.io.progress import watching
 
 BAD_INPUT, FAULT, INTERRUPTED = 2, 70, 130
@@ -61,6 +62,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         code, lines = BAD_INPUT, [f"{error.filename or 'output'}: {error.strerror or error}"]
     except Exception as error:
+        if isinstance(error.__context__, KeyboardInterrupt):
+            return INTERRUPTED
         if "--traceback" in arguments:
             traceback.print_exc()
         fault = f"fault of the program, {type(error).__name__} ({error})"

@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from sdt_drake.cli.bar import bar
-from sdt_drake.io.errors import InputError, checked_name, checked_output, checked_suffix, rewording
+from sdt_drake.io.errors import InputError, rewording
 from sdt_drake.io.fields import Rule
+from sdt_drake.io.files import checked_name, checked_output, checked_suffix
 from sdt_drake.io.formats import BINARY, check_binary
 from sdt_drake.io.shown import aligned, by_joint, numbered
 

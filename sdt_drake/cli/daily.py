@@ -17,10 +17,9 @@ from sdt_drake.io.errors import (
     checked_choice,
     checked_count,
     checked_number,
-    checked_output,
     checked_type,
 )
-from sdt_drake.io.file_sets import replacing_files
+from sdt_drake.io.files import checked_output, replacing_files
 from sdt_drake.machine import drive_files
 from sdt_drake.machine import replay as replaying
 from sdt_drake.machine.learn import flights as flying

@@ -7,8 +7,8 @@ import shlex
 from pathlib import Path
 
 from sdt_drake.cli.common import check_folder, say, some_path
-from sdt_drake.io.errors import InputError, write_text
-from sdt_drake.io.file_sets import replacing_files
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import replacing_files, write_text
 from sdt_drake.io.resources import models_dir
 
 EXAMPLE = "sdt-drake init my_trainer"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from sdt_drake.cli import common
 from sdt_drake.cli.common import say
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.file_sets import replacing_files
+from sdt_drake.io.files import replacing_files
 
 if TYPE_CHECKING:
     from sdt_drake.machine.learn.filter import Convergence, LearningFilter

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sdt_drake.cli.common import add_out, check_file, check_folder, say, say_wrapped
-from sdt_drake.io.errors import InputError, checked_choice, write_text
+from sdt_drake.io.errors import InputError, checked_choice
+from sdt_drake.io.files import write_text
 
 if TYPE_CHECKING:
     from sdt_drake.show.reference import Chapter, Sheet

@@ -8,7 +8,7 @@ import shutil
 import textwrap
 
 from sdt_drake.cli.common import say
-from sdt_drake.io.errors import read_text
+from sdt_drake.io.files import read_text
 from sdt_drake.io.resources import SHIPPED, find_file, models_dir, shipped
 
 EXAMPLE = "sdt-drake scenarios coupled_pi_ctc"

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from sdt_drake.cli.common import check_folder, naming_changes, say
 from sdt_drake.cli.study import FAILED, add_running, run_into
-from sdt_drake.io.errors import write_text
-from sdt_drake.io.file_sets import replacing_files
+from sdt_drake.io.files import replacing_files, write_text
 
 EXAMPLE = "sdt-drake size sizing --workers 2 --out sizing"
 

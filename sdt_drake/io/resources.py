@@ -8,7 +8,8 @@ import os
 from itertools import islice
 from pathlib import Path
 
-from sdt_drake.io.errors import InputError, checked_input, checked_name
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import checked_input, checked_name
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 PACKAGE_PREFIX = "package://sdt/"

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_input, checked_suffix, needing, replacing
+from sdt_drake.io.errors import InputError, needing
+from sdt_drake.io.files import checked_input, checked_suffix, replacing
 from sdt_drake.io.formats import BINARY, check_binary, flat, in_json, read_binary, write_binary
 
 if TYPE_CHECKING:

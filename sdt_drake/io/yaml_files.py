@@ -10,15 +10,9 @@ from typing import Any, TypeVar
 import yaml  # of Drake itself
 from pydrake.common.yaml import yaml_dump_typed
 
-from sdt_drake.io.errors import (
-    InputError,
-    has_control_characters,
-    one_line,
-    read_text,
-    within,
-    write_text,
-)
+from sdt_drake.io.errors import InputError, one_line, within
 from sdt_drake.io.fields import made
+from sdt_drake.io.files import has_control_characters, read_text, write_text
 from sdt_drake.io.resources import a_kind, find_file
 
 T = TypeVar("T")

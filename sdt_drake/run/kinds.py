@@ -6,7 +6,8 @@ import traceback
 from dataclasses import dataclass
 from pathlib import Path
 
-from sdt_drake.io.errors import InputError, one_line, read_text
+from sdt_drake.io.errors import InputError, one_line
+from sdt_drake.io.files import read_text
 
 OPTIONS = ("anti_windup", "feedforward", "position_gain")
 """Fields of a scenario's `controller` that some kinds take and others do not."""

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from pydrake.systems.framework import Diagram
 
-from sdt_drake.io.errors import InputError, checked_choice, replacing
+from sdt_drake.io.errors import InputError, checked_choice
+from sdt_drake.io.files import replacing
 from sdt_drake.show import diagrams
 from sdt_drake.show.diagrams import NoWayError, Page, Symbols
 from sdt_drake.show.style import style

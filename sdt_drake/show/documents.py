@@ -17,7 +17,8 @@ from string import Template
 from typing import Protocol
 from xml.etree import ElementTree
 
-from sdt_drake.io.errors import InputError, read_text, write_text
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import read_text, write_text
 from sdt_drake.show.texts import json_in_page, page_text
 
 REPORT, MARKDOWN = "report.html", "report.md"

@@ -11,7 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from sdt_drake.io.errors import InputError, write_text
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import write_text
 from sdt_drake.io.schema import Part, entry_of, json_schema, parts
 from sdt_drake.io.yaml_files import parse_yaml
 from sdt_drake.machine.drive_files import Drives

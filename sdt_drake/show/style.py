@@ -22,7 +22,8 @@ from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, NullFormatter, ScalarFormatter
 from numpy.typing import NDArray
 
-from sdt_drake.io.errors import InputError, replacing
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import replacing
 from sdt_drake.io.shown import formatted
 
 # Okabe and Ito, "Color universal design", 2008: colours that colour-blind people can tell apart.

@@ -14,7 +14,8 @@ from typing import Any
 
 from pydrake.common.yaml import yaml_dump_typed
 
-from sdt_drake.io.errors import InputError, checked_input, write_text
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import checked_input, write_text
 from sdt_drake.io.versions import other_versions, versions
 from sdt_drake.io.yaml_files import parse_yaml, read_yaml
 from sdt_drake.run.scenario import Scenario

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from pydrake.common.yaml import yaml_dump_typed
 
-from sdt_drake.io.errors import InputError, replacing
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import replacing
 from sdt_drake.io.resources import PACKAGE_PREFIX, find_file, named
 from sdt_drake.io.versions import versions
 from sdt_drake.motion import load_commanded

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sdt_drake.io.errors import InputError, needing, replacing
+from sdt_drake.io.errors import InputError, needing
 from sdt_drake.io.fields import is_within
+from sdt_drake.io.files import replacing
 from sdt_drake.studies.distributions import Random
 from sdt_drake.studies.folder import load_folder
 from sdt_drake.studies.job import Job

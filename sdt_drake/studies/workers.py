@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from pebble import ProcessPool
 
-from sdt_drake.io.errors import InputError, temporaries
+from sdt_drake.io.errors import InputError
 from sdt_drake.studies.journal import Row
 
 if TYPE_CHECKING:
@@ -40,7 +40,6 @@ class Worker:
         self._job = job
         self._stopping = Future() if stopping is None else stopping
         self._folder = tempfile.TemporaryDirectory(prefix="sdt-drake-")
-        temporaries.add(Path(self._folder.name))
         self._pool: ProcessPool | None = None
         self._rows = 0  # that the process has begun
         self.close = util.Finalize(None, self._close, exitpriority=1)  # at exit, or earlier
@@ -119,7 +118,6 @@ class Worker:
     def _close(self) -> None:
         self._end()
         self._folder.cleanup()
-        temporaries.discard(Path(self._folder.name))
 
 
 class Workers:

@@ -15,7 +15,8 @@ from command_line import AXIS, snapshot
 
 from sdt_drake.analysis.reproduction import Stopwatch
 from sdt_drake.cli.app import main
-from sdt_drake.io.errors import InputError, write_text
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import write_text
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import Recording
 from sdt_drake.show.documents import REPORT

@@ -8,15 +8,8 @@ import re
 import pytest
 
 from sdt_drake.io import errors
-from sdt_drake.io.errors import (
-    InputError,
-    checked_input,
-    checked_number,
-    checked_output,
-    keeping_inputs,
-    read_text,
-    replacing,
-)
+from sdt_drake.io.errors import InputError, checked_number
+from sdt_drake.io.files import checked_input, checked_output, keeping_inputs, read_text, replacing
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.tables import read_table
 
@@ -68,12 +61,11 @@ def test_a_link_stays_one(path):
     assert link.is_symlink() and path.read_text() == "new"
 
 
-@pytest.mark.parametrize("alias", ["file.csv", "folder/../file.csv", "link", "hard"])
+@pytest.mark.parametrize("alias", ["file.csv", "folder/../file.csv", "link"])
 @pytest.mark.parametrize("order", ["read first", "write first"])
 def test_what_is_read_is_not_replaced(path, alias, order):
     (path.parent / "folder").mkdir()
     (path.parent / "link").symlink_to(path.name)
-    os.link(path, path.parent / "hard")
     steps = [lambda: checked_input(path), lambda: checked_output(path.parent / alias)]
     first, second = steps if order == "read first" else reversed(steps)
     with keeping_inputs():

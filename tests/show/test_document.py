@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from sdt_drake.analysis.claims import VERDICTS
-from sdt_drake.io.errors import InputError, write_text
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import write_text
 from sdt_drake.show import documents as doc
 from sdt_drake.show.reports.paper import write_report
 from sdt_drake.show.template import from_template

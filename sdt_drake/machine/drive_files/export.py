@@ -11,7 +11,7 @@ import numpy as np
 from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import MOST_PERIODS, InputError, within
-from sdt_drake.io.file_sets import replacing_files
+from sdt_drake.io.files import replacing_files
 from sdt_drake.io.tables import Results
 from sdt_drake.machine.drive_files import formats
 from sdt_drake.machine.drive_files.drives import Drives

@@ -13,7 +13,8 @@ import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, read_text, replacing, write_text
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import read_text, replacing, write_text
 from sdt_drake.io.tables import write_table
 from sdt_drake.machine.drive_files.drives import OBJECTS, TORQUE, Drives
 from sdt_drake.machine.drive_files.set_points import Integers, Samples, SetPoints

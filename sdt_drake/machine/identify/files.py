@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sdt_drake.io.errors import InputError, write_text
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import write_text
 from sdt_drake.io.tables import write_table
 from sdt_drake.io.yaml_files import write_yaml
 from sdt_drake.machine.identify.filtering import smooth, stretches

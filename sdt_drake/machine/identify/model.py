@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import needing, write_text
+from sdt_drake.io.errors import needing
+from sdt_drake.io.files import write_text
 from sdt_drake.machine.identify.consistency import SPREAD, effect_of, links_of
 from sdt_drake.machine.identify.friction import Term
 from sdt_drake.machine.identify.procedure import Identified

@@ -21,7 +21,7 @@ import numpy as np
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import check, setting
-from sdt_drake.io.file_sets import replacing_files
+from sdt_drake.io.files import replacing_files
 from sdt_drake.io.yaml_files import load_yaml, write_yaml
 from sdt_drake.machine.learn.filter import LearningFilter
 from sdt_drake.machine.learn.flights import Step, next_step

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 
 from sdt_drake.analysis.metrics import PARAMETERS_IN_WORDS
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import replacing
-from sdt_drake.io.file_sets import replacing_files
+from sdt_drake.io.files import replacing, replacing_files
 from sdt_drake.io.shown import formatted, rounded
 from sdt_drake.machine.identify import files as identified_files
 from sdt_drake.machine.identify.base_parameters import rigid_parameters

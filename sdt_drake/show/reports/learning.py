@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.file_sets import replacing_files
+from sdt_drake.io.files import replacing_files
 from sdt_drake.io.tables import write_table
 from sdt_drake.machine.learn.filter import Convergence, LearningFilter
 from sdt_drake.machine.learn.flights import Flight, Lessons

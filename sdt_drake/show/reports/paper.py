@@ -15,8 +15,8 @@ import numpy as np
 
 from sdt_drake.analysis import paper
 from sdt_drake.analysis.metrics import METRICS
-from sdt_drake.io.errors import InputError, read_text, write_text
-from sdt_drake.io.file_sets import replacing_files
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import read_text, replacing_files, write_text
 from sdt_drake.show import documents as doc
 from sdt_drake.show.reports.claims import LOOKS, Claims, Json, count_verdicts
 from sdt_drake.show.template import from_template

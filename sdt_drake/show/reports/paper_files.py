@@ -15,8 +15,7 @@ from sdt_drake.analysis.claims import Claim, judge_claims
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.perception import CHANNELS, FeltDifference, felt_difference
 from sdt_drake.analysis.reproduction import Reproduction, Stopwatch, table1_rows
-from sdt_drake.io.errors import write_text
-from sdt_drake.io.file_sets import replacing_files
+from sdt_drake.io.files import replacing_files, write_text
 from sdt_drake.io.formats import in_json
 from sdt_drake.io.tables import write_table
 from sdt_drake.io.versions import versions

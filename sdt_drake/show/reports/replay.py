@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sdt_drake.analysis.metrics import Metric
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.file_sets import replacing_files
+from sdt_drake.io.files import replacing_files
 from sdt_drake.machine.replay import ALONE, ENOUGH, FED, QUANTITIES, ROUND_OFF, Replay
 from sdt_drake.show import documents as doc
 from sdt_drake.show.figures.replay import replay_figure, replay_title

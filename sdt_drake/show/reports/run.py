@@ -17,7 +17,8 @@ from sdt_drake.analysis.metrics import COMPARED, METRICS, plain_number
 from sdt_drake.analysis.perception import CHANNELS
 from sdt_drake.analysis.tracking import stops_passed
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, write_text
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import write_text
 from sdt_drake.io.shown import by_joint, joint_count
 from sdt_drake.io.versions import versions
 from sdt_drake.motion import story_of

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sdt_drake.analysis.metrics import family_of, metric_of
-from sdt_drake.io.errors import write_text
+from sdt_drake.io.files import write_text
 from sdt_drake.io.shown import listed
 from sdt_drake.show import documents as doc
 from sdt_drake.show.figures import fronts as plots_front

@@ -15,7 +15,8 @@ from pydrake.geometry import Meshcat, MeshcatParams
 
 from sdt_drake.io.arguments import a, a_path, takes
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_output, checked_suffix, write_text
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import checked_output, checked_suffix, write_text
 from sdt_drake.io.shown import numbered
 from sdt_drake.motion import Story
 from sdt_drake.robot.head import check_head
