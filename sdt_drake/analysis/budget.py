@@ -10,7 +10,7 @@ import numpy as np
 from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.progress import as_part, part
+from sdt_drake.io.progress import with_progress
 from sdt_drake.robot.device import Friction
 from sdt_drake.run.design import Design
 from sdt_drake.run.loop import Loop
@@ -81,9 +81,9 @@ def error_budget(design: Design) -> ErrorBudget:
     unloaded = exact(calm, _own_feedforward(design))
     loops.append(Loop(unloaded, limited=False, loaded=False))
     distinct = list(dict.fromkeys(loops))
-    with part(), threads(2) as pool:
-        run = as_part(lambda loop: simulate(loop.design, loop).speed_error, 1 / len(distinct))
-        errors = dict(zip(distinct, pool.map(run, distinct), strict=True))
+    with threads(2) as pool:
+        ran = pool.map(lambda loop: simulate(loop.design, loop).speed_error, distinct)
+        errors = dict(zip(distinct, with_progress(ran, len(distinct)), strict=True))
     whole, free, linear, undisturbed, reference = (errors[loop] for loop in loops)
     differences = (reference, undisturbed - reference, linear - undisturbed, whole - free)
     parts = dict(zip(PARTS, differences, strict=True))

@@ -23,8 +23,9 @@ from sdt_drake.analysis.tracking import (
     track_head,
 )
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_choice, needing, one_line, replacing
-from sdt_drake.io.progress import as_part, part
+from sdt_drake.io.errors import InputError, checked_choice, needing, one_line
+from sdt_drake.io.files import replacing
+from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, face
 from sdt_drake.robot.head import has_head
 from sdt_drake.run.design import Design, as_design
@@ -138,8 +139,8 @@ def compare(design: Design | Scenario, labels: Sequence[str]) -> Comparison:
     designs = [design_with(design, label) for label in labels]
     # One at a time where Python runs in the loop: two would wait for each other.
     online = design.scenario.inverse_dynamics == "online"
-    with part(), threads(1 if online else 2) as pool:
-        return Comparison(pool.map(as_part(run_of, 1 / len(labels)), labels, designs))
+    with threads(1 if online else 2) as pool:
+        return Comparison(with_progress(pool.map(run_of, labels, designs), len(labels)))
 
 
 def design_with(design: Design, label: str) -> Design:

@@ -19,7 +19,7 @@ from sdt_drake.analysis.step import StepMetrics, step_metrics
 from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_number
-from sdt_drake.io.progress import as_part, part
+from sdt_drake.io.progress import with_progress
 from sdt_drake.run.design import Design, make_design
 from sdt_drake.run.loop import make_step_loop
 from sdt_drake.run.scenario import load_scenario
@@ -101,10 +101,6 @@ class Reproduction:
         return [self.coupled("pi"), self.coupled("pi_ctc"), *more]
 
 
-_SHARES = {"simulations": 0.5, "CSV files": 0.12, "figures": 0.2, "block diagrams": 0.06}
-"""Of the wall time, about."""
-
-
 class Stopwatch:
     """Wall time of each stage of a computation, told as it goes."""
 
@@ -115,8 +111,7 @@ class Stopwatch:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         start = time.perf_counter()
-        with part(_SHARES.get(name, 0.02)):
-            yield
+        yield
         self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
         self._tell(f"  {name:28s} {self.seconds[name]:6.2f} s")
 
@@ -133,11 +128,10 @@ def reproduce(watch: Stopwatch) -> Reproduction:
         }
     # No Python runs inside these loops.
     with watch.stage("simulations"), threads(2) as pool:
-        own, other = (as_part(f, 1 / len([*_CASES, *_BEYOND])) for f in (_run, run_of))
-        runs = pool.map(own, repeat(design), _CASES)
+        runs = pool.map(_run, repeat(design), _CASES)
         # These may run while files are written.
-        more = [pool.submit(other, label, design_with(design, label)) for label in _BEYOND]
-        by_case = dict(zip(_CASES, runs, strict=True))
+        more = [pool.submit(run_of, label, design_with(design, label)) for label in _BEYOND]
+        by_case = dict(zip(_CASES, with_progress(runs, len(_CASES)), strict=True))
     return Reproduction(design, steps, by_case, more, watch.seconds)
 
 

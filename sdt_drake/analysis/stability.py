@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.linear import close, linear_feedback, linear_process
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.progress import as_part, part, with_progress
+from sdt_drake.io.progress import with_progress
 from sdt_drake.robot.device import Drive, Elasticity
 from sdt_drake.robot.dynamics import where_largest
 from sdt_drake.run.design import Design
@@ -107,7 +107,7 @@ def stability_sweep(
         def damping_at(ratio: float) -> float:
             return least_damping(loop(ratio), ratio * omega_r)
 
-        for i, ratio in enumerate(with_progress(ratios.tolist())):
+        for i, ratio in enumerate(ratios.tolist()):
             closed = loop(ratio)
             damping[i, k] = least_damping(closed, ratio * omega_r)
             if damping[i, k] > 0:
@@ -115,9 +115,8 @@ def stability_sweep(
                 overshoot[i, k] = 100 * max(speed.max() - 1, 0.0)
         border[k] = _border(damping_at, ratios, damping[:, k])
 
-    with part():
-        for k, sample in enumerate(samples.tolist()):
-            as_part(sweep_joint, 1 / n)(k, sample)
+    for k, sample in enumerate(with_progress(samples.tolist())):
+        sweep_joint(k, sample)
     return StabilitySweep(ratios, damping, overshoot, border)
 
 

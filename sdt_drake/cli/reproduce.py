@@ -8,7 +8,6 @@ import time
 from pathlib import Path
 
 from sdt_drake.cli.common import add_out, check_folder, say, say_wrapped
-from sdt_drake.io.progress import part
 
 EXAMPLE = "sdt-drake reproduce --out out"
 
@@ -28,8 +27,7 @@ def run(options: argparse.Namespace) -> None:
     folder: Path = options.out
     check_folder(folder, FILES)
     watch = Stopwatch(say)
-    with part():
-        summary = write_reproduction(reproduce(watch), folder, watch)
+    summary = write_reproduction(reproduce(watch), folder, watch)
     counts = (f"{n} {verdict}" for verdict, n in count_verdicts(summary["claims"]).items())
     say(f"\nOf {len(summary['claims'])} claims of the paper: {', '.join(counts)}")
     for finding in findings(summary):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import say
 from sdt_drake.io.errors import InputError, checked_number
-from sdt_drake.io.progress import as_part, part
+from sdt_drake.io.progress import with_progress
 from sdt_drake.io.tables import RESULT_TABLES, Results
 
 if TYPE_CHECKING:
@@ -60,15 +61,12 @@ def run(options: argparse.Namespace) -> None:
     drives = {"ideal drive": IDEAL}
     if scenario.drive != IDEAL:
         drives["the scenario's drive"] = scenario.drive
-    swept = as_part(stability_sweep, 1 / len(ENCODERS) / len(drives))
-    with common.naming_fields(_OPTIONS), part():
-        sweeps = {
-            encoder: {
-                label: swept(design, omega_r, encoder=encoder, drive=drive, damping_ratio=damping)
-                for label, drive in drives.items()
-            }
-            for encoder in ENCODERS
-        }
+    sweeps: dict[str, dict[str, StabilitySweep]] = {encoder: {} for encoder in ENCODERS}
+    with common.naming_fields(_OPTIONS):
+        for encoder, label in with_progress([*product(ENCODERS, drives)]):
+            sweeps[encoder][label] = stability_sweep(
+                design, omega_r, encoder=encoder, drive=drives[label], damping_ratio=damping
+            )
     say(f"{scenario.name}: {choice.label}, {controller_class(choice.kind).in_words(design)}")
     say(f"elastic joints of omega_r = {omega_r:g} rad/s ({source}), damping ratio {damping:g}")
     say()

@@ -1,21 +1,16 @@
 """How far long work is, told to whoever watches it: the command line does.
 
-with part():  # all of it
-    for design in designs:
-        with part(1 / len(designs)) as tell:
-            tell(0.5)  # half of this one is done
+for design in with_progress(designs):
+    ...  # what tells its progress elsewhere is silent here
 """
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import wraps
-from typing import ParamSpec, TypeVar
+from typing import TypeVar
 
-P = ParamSpec("P")
 T = TypeVar("T")
 
 Tell = Callable[[float], None]
@@ -24,9 +19,11 @@ Tell = Callable[[float], None]
 _LOOKS = 200  # of a loop, at least that many times it is told how far it is
 
 
-_lock = threading.RLock()
-_watch: ContextVar[Tell | None] = ContextVar("watch", default=None)
-_add: ContextVar[Tell | None] = ContextVar("add", default=None)  # takes what more is done
+def _nobody(done: float) -> None:
+    """Watch nothing."""
+
+
+_watch: ContextVar[Tell] = ContextVar("watch", default=_nobody)  # of this thread alone
 
 
 @contextmanager
@@ -40,64 +37,21 @@ def watching(tell: Tell) -> Iterator[None]:
 
 
 @contextmanager
-def part(share: float = 1.0) -> Iterator[Tell]:
-    """Work that is this share of what is around it; gives what takes how much of it is done."""
-    around, done = _add.get() or _beginning(), 0.0
-
-    def add(more: float) -> None:
-        nonlocal done
-        more = min(more, 1.0 - done)
-        done += more
-        around(share * more)
-
-    def tell(by_now: float) -> None:
-        with _lock:
-            add(by_now - done)
-
-    token = _add.set(add)
-    try:
+def work() -> Iterator[Tell]:
+    """Work that tells how far it is; nothing within it does, nor do other threads."""
+    tell = _watch.get()
+    with watching(_nobody):
+        tell(0.0)
         yield tell
-    finally:
-        _add.reset(token)
-    tell(1.0)
+        tell(1.0)
 
 
-def _beginning() -> Tell:
-    """What is around work that is no share of any other: who watches sees it begin."""
-    watch, done = _watch.get(), 0.0
-
-    def add(more: float) -> None:
-        nonlocal done
-        done = min(done + more, 1.0)
-        if watch is not None:
-            watch(done)
-
-    add(0.0)
-    return add
-
-
-def with_progress(items: Collection[T]) -> Iterator[T]:
-    """The items of a loop, all like much work that tells nothing itself."""
-    every = max(1, len(items) // _LOOKS)
-    with part() as tell:
+def with_progress(items: Iterable[T], count: int | None = None) -> Iterator[T]:
+    """The items of a loop, all like much work; `count` of them, if they have no length."""
+    count = len(items) if isinstance(items, Collection) else count or 1
+    every = max(1, count // _LOOKS)
+    with work() as tell:
         for i, item in enumerate(items):
             if i % every == 0:
-                tell(i / len(items))
+                tell(i / count)
             yield item
-
-
-def with_outermost_progress(items: Collection[T]) -> Iterator[T]:
-    """The items of a loop that tells how far it is only where nothing around it does: for loops
-    within many others."""
-    return with_progress(items) if _add.get() is None else iter(items)
-
-
-def as_part(function: Callable[P, T], share: float) -> Callable[P, T]:
-    """The function, whose progress counts as this share of what is around its call."""
-
-    @wraps(function)
-    def within(*args: P.args, **kwargs: P.kwargs) -> T:
-        with part(share):
-            return function(*args, **kwargs)
-
-    return within

@@ -14,7 +14,7 @@ from sdt_drake.analysis.metrics import Metric
 from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.progress import as_part, part
+from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, face, of_joints
 from sdt_drake.io.tables import write_table
 from sdt_drake.machine.recordings import Recorded
@@ -162,10 +162,9 @@ def replay(scenario: Scenario, recorded: Recorded, robot: Robot) -> Replay:
     at = _samples(recorded, plain)
     cases = _cases(plain, at.get("tau_ff") if plain.scenario.controller.takes_feedforward else None)
     design, of_links = cases[AS_IT_IS], recorded.of_links
-    with part(), threads(2) as pool:
-        run = as_part(_course, 1 / len(cases))
-        ran = pool.map(lambda case: run(case, of_links), cases.values())
-        courses = dict(zip(cases, ran, strict=True))
+    with threads(2) as pool:
+        ran = pool.map(lambda case: _course(case, of_links), cases.values())
+        courses = dict(zip(cases, with_progress(ran, len(cases)), strict=True))
     measured, start = _measured(motion, at)
     if "torque" in measured:
         lacking = measured["torque"] - courses[AS_IT_IS]["torque"]

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.progress import part
+from sdt_drake.io.progress import work
 from sdt_drake.motion.command import Command
 from sdt_drake.motion.plan import (
     ACCELERATION_TOLERANCE,
@@ -75,7 +75,7 @@ def _limited_speeds(
     speeds = command.copy()
     q, v = commanded.q[0], command[0]
     i, look, last = 0, _SHORTEST_LOOK, len(command) - 1
-    with part() as tell:
+    with work() as tell:
         while i < last:
             tell(i / last)
             # Most of a motion is its command. Following it is much faster than deciding on it.

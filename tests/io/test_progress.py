@@ -1,4 +1,4 @@
-"""How far long work is: shares of shares add up, and the line on the terminal."""
+"""How far long work is: the outermost work tells, on a line of the terminal."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from sdt_drake.analysis.threads import threads
 from sdt_drake.cli import bar as module
 from sdt_drake.cli.bar import Bar
-from sdt_drake.io.progress import as_part, part, watching, with_outermost_progress, with_progress
+from sdt_drake.io.progress import watching, with_progress, work
 
 
 @pytest.fixture
@@ -22,33 +22,24 @@ def seen():
         yield seen
 
 
-def test_shares_of_shares_add_up(seen):
-    with part():
-        with part(0.5) as tell:
-            tell(0.5)
-        with part(0.5):
-            for _ in with_progress("ab"):
-                assert list(with_outermost_progress("ab")) == [
-                    "a",
-                    "b",
-                ]  # within other work it tells nothing
-    assert seen == [0, 0.25, 0.5, 0.5, 0.75, 1, 1, 1]
+def test_what_is_within_other_work_is_silent(seen):
+    for _ in with_progress("abcd"):
+        assert list(with_progress("ab")) == ["a", "b"]
+        with threads(1) as pool:
+            assert list(pool.map(lambda k: list(with_progress(range(k))), [2])) == [[0, 1]]
+    assert seen == [0, 0, 0.25, 0.5, 0.75, 1]
     seen.clear()
-    list(with_outermost_progress(range(2)))  # other work begins anew
-    assert seen == [0, 0, 0.5, 1]
-
-
-def test_threads_work_on_parts_of_what_is_around_them(seen):
-    with part(), threads(2) as pool:
-        list(pool.map(as_part(lambda k: list(with_progress(range(k))), 1 / 3), [1, 2, 4]))
-    assert seen[-1] == pytest.approx(1) and seen == sorted(seen)
-    assert {round(12 * x, 9) for x in seen} > {0, 4, 8, 12}
+    assert list(with_progress(iter("abc"), 3)) == ["a", "b", "c"]  # other work begins anew
+    assert seen == pytest.approx([0, 0, 1 / 3, 2 / 3, 1])
+    seen.clear()
+    list(with_progress(range(10_000)))
+    assert 200 <= len(seen) <= 203
 
 
 def test_nobody_watches():
-    with part() as tell:
+    with work() as tell:
         tell(0.5)
-    assert list(with_outermost_progress([1, 2])) == [1, 2]
+    assert list(with_progress([1, 2])) == [1, 2]
 
 
 def test_the_bar_comes_late_and_tells_what_is_left(monkeypatch):

@@ -17,8 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, needing, write_text
-from sdt_drake.io.progress import part
+from sdt_drake.io.errors import InputError, needing
+from sdt_drake.io.files import write_text
+from sdt_drake.io.progress import work
 from sdt_drake.machine.identify.targets import ANY_SPEED, Target
 from sdt_drake.motion.profile import MotionProfile
 from sdt_drake.motion.segments import Fourier
@@ -214,18 +215,17 @@ def excite(
     limits = Limits.of(robot, margin, gently)
 
     def better(problem: _Problem, x: Array, rounds: int) -> tuple[float, _Problem, Array]:
-        value, options, round_ = problem.value_and_slope, {"maxiter": rounds}, count(1)
-        with part(rounds / all_rounds) as tell:
-            found = minimize(
-                value, x, jac=True, method="L-BFGS-B", options=options,
-                callback=lambda _: tell(next(round_) / rounds),
-            )  # fmt: skip
+        value, options = problem.value_and_slope, {"maxiter": rounds}
+        found = minimize(
+            value, x, jac=True, method="L-BFGS-B", options=options,
+            callback=lambda _: tell(next(round_) / all_rounds),
+        )  # fmt: skip
         return found.fun, problem, found.x
 
-    tried = []
+    tried, round_ = [], count(1)
     starts, last_rounds, finer = _SEARCH[robot.n <= 4]
     all_rounds = len(_BASE_PERIODS) * starts * _FIRST_ROUNDS + last_rounds
-    with part():
+    with work() as tell:
         for about in _BASE_PERIODS:
             series = Series(robot.n, duration / max(1, round(duration / about)))
             problem = _Problem(target, series, limits)
