@@ -60,13 +60,14 @@ def error_budget(design: Design) -> ErrorBudget:
     scenario = design.scenario
     if scenario.plant.kind != "axis":
         raise InputError(
-            "plant.kind: coupled, but an error budget adds responses up, which only the axis "
-            "plant allows; expected axis"
+            "coupled, but an error budget adds responses up, which only the axis "
+            "plant allows; expected axis",
+            place="plant.kind",
         )
     if scenario.learned:
-        raise InputError("learned: has no part in an error budget; remove")
+        raise InputError("has no part in an error budget; remove", place="learned")
     if scenario.inverse_dynamics != "table":
-        raise InputError("inverse_dynamics: online, but an error budget needs table")
+        raise InputError("online, but an error budget needs table", place="inverse_dynamics")
     smooth = with_fields(scenario, _SMOOTH)
     if (increments := scenario.drive.encoder_resolution) is not None:
         smooth.drive.encoder_resolution = [_FINER * x for x in increments]

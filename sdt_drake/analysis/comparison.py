@@ -177,16 +177,18 @@ def check_labels(labels: Sequence[str], where: str = "controllers") -> None:
         InputError: naming `where` and what would be right.
     """
     if isinstance(labels, str):
-        raise InputError(f"{where}: '{labels}', expected a list of labels: ['{labels}']")
+        raise InputError(f"'{labels}', expected a list of labels: ['{labels}']", place=where)
     if labels and not (isinstance(labels, Sequence) and all(isinstance(x, str) for x in labels)):
-        raise InputError(f"{where}: {one_line(labels)}, expected a list of labels: ['pi', 'pi_id']")
+        raise InputError(
+            f"{one_line(labels)}, expected a list of labels: ['pi', 'pi_id']", place=where
+        )
     if not labels:
-        raise InputError(f"{where}: none given, expected some of {', '.join(CONTROLLERS)}")
+        raise InputError(f"none given, expected some of {', '.join(CONTROLLERS)}", place=where)
     seen = set()
     for label in labels:
         kind, feedforward = _parsed(label, where)
         if (kind, feedforward or "none") in seen:
-            raise InputError(f"{where}: '{label}' is given twice")
+            raise InputError(f"'{label}' is given twice", place=where)
         seen.add((kind, feedforward or "none"))
 
 
@@ -197,7 +199,7 @@ def _parsed(label: str, where: str) -> tuple[str, str | None]:
     if not plus:
         return kind, None
     if "feedforward" not in CONTROLLERS[kind].options:
-        raise InputError(f"{where}: '{label}', but {kind} has its own feedforward")
+        raise InputError(f"'{label}', but {kind} has its own feedforward", place=where)
     return kind, checked_choice(feedforward, FEEDFORWARDS, f"{where}: feedforward of {kind}")
 
 

@@ -108,7 +108,7 @@ def linear(design: Design | Scenario, sample: int = 0) -> LinearModel:
     last = len(design.motion.v) - 1
     is_whole = isinstance(sample, int | np.integer) and not isinstance(sample, bool)
     if not (is_whole and 0 <= sample <= last):
-        raise InputError(f"sample: {sample!r}, expected a whole number from 0 to {last}")
+        raise InputError(f"{sample!r}, expected a whole number from 0 to {last}", place="sample")
     loop = linearise(design, sample).whole()
     n, kind = design.robot.n, design.scenario.controller.kind
     torque = np.hstack([np.zeros((n, 3 * n)), np.eye(n)])  # that is added to the feedback's

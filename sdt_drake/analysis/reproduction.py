@@ -149,7 +149,7 @@ def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> 
         InputError: for values out of range.
     """
     if not 0.01 <= zeta <= 100:
-        raise InputError(f"zeta: {zeta:g}, expected 0.01 to 100")
+        raise InputError(f"{zeta:g}, expected 0.01 to 100", place="zeta")
     checked_number(omega_r, "omega_r", minimum=_SLOWEST)
     gains = tune([i_eff], omega_r, [zeta])
     # The slowest pole decays like zeta omega_n (zeta < 1) or omega_n / (2 zeta).

@@ -57,7 +57,7 @@ def track(recording: Recording, motion: Motion) -> Tracking:
     checked_type(motion, Motion, "motion", "sdt_drake.plan, or a design,")
     run, asked = recording.summary().title, motion.summary().title
     if run != asked:
-        raise InputError(f"motion: {asked}, expected that of the recording, {run}")
+        raise InputError(f"{asked}, expected that of the recording, {run}", place="motion")
     error = recording.speed_error
     steady = constant_speed_segments(motion)
     in_segments = np.where(steady, np.abs(error), -np.inf).max(axis=0)

@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         code = INTERRUPTED
     except InputError as error:
-        code, lines = BAD_INPUT, error.args
+        code, lines = BAD_INPUT, error.lines
     except BrokenPipeError:
         pass  # whoever reads us has enough
     except OSError as error:

@@ -51,7 +51,9 @@ def a(kind: type, made_by: str) -> Kind:
 def a_path(value: Any, name: str) -> str | os.PathLike[str]:
     """The path of a file, or the name of what ships."""
     if not isinstance(value, str | os.PathLike):
-        raise InputError(f"{name}: a {type(value).__name__}, expected a path, as a str or a Path")
+        raise InputError(
+            f"a {type(value).__name__}, expected a path, as a str or a Path", place=name
+        )
     return value
 
 
@@ -63,7 +65,7 @@ def positive(value: Any, name: str) -> float:
 def share(value: Any, name: str) -> float:
     """A number > 0, at most 1."""
     if positive(value, name) > 1:
-        raise InputError(f"{name}: {value}, expected at most 1")
+        raise InputError(f"{value}, expected at most 1", place=name)
     return float(value)
 
 
@@ -77,10 +79,12 @@ def finite(shape: str) -> Kind:
             array = np.array(np.nan)
         if array.ndim != shape.count(",") + (not shape.endswith(",)")) or not array.size:
             told = f"of shape {array.shape}" if array.ndim else one_line(value)
-            raise InputError(f"{name}: {told}, expected numbers of shape {shape}")
+            raise InputError(f"{told}, expected numbers of shape {shape}", place=name)
         for place in np.argwhere(~np.isfinite(array)):
             where = ", ".join(map(str, place))
-            raise InputError(f"{name}[{where}]: {array[tuple(place)]}, expected finite numbers")
+            raise InputError(
+                f"{array[tuple(place)]}, expected finite numbers", place=f"{name}[{where}]"
+            )
         return array
 
     return checked

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from numbers import Real
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,25 +18,111 @@ MOST_PERIODS = 1_000_000
 """Of a motion: what is planned in a minute, and memory holds; 83 min of 5 ms."""
 
 
-class InputError(ValueError):
-    """Input that cannot be used: a line for each problem, where, what, and what would be right."""
+_MOST_PROBLEMS = 20  # that are told
+
+
+class Problem(NamedTuple):
+    """Something wrong with an input, as data; its text is one line: "where: place: found, expected
+    accepted".
+
+    Attributes:
+        found: what is wrong; the whole sentence where the parts below are empty.
+        accepted: what would be right.
+        place: dotted name of a field, entries counted from 1: "controller.kp[2]".
+        where: the file or the object that has the field.
+        near: names like one that there is none of.
+        kind: "joints" where the input is of another robot, with other joints.
+    """
+
+    found: str
+    accepted: str = ""
+    place: str = ""
+    where: str = ""
+    near: tuple[str, ...] = ()
+    kind: str = ""
+
+    @property
+    def text(self) -> str:
+        """What was found, and what would be right."""
+        if self.near:
+            return f"{self.found}, did you mean {' or '.join(map(repr, self.near))}?"
+        return f"{self.found}, expected {self.accepted}" if self.accepted else self.found
 
     def __str__(self) -> str:
-        return "\n".join(self.args)
+        return ": ".join(filter(None, (self.where, self.place, self.text)))
+
+
+class InputError(ValueError):
+    """Input that cannot be used: a `Problem` for each thing that is wrong, a line for each of the
+    first ones.
+
+    Args:
+        problems: their data, or texts.
+        place, kind: of problems that are texts, see `Problem`.
+    """
+
+    def __init__(self, *problems: Problem | str, place: str = "", kind: str = "") -> None:
+        super().__init__(
+            *(
+                Problem(one, place=place, kind=kind) if isinstance(one, str) else one
+                for one in problems
+            )
+        )
+
+    @property
+    def problems(self) -> tuple[Problem, ...]:
+        """All that is wrong, in the order in which it was found."""
+        return self.args
+
+    @property
+    def lines(self) -> list[str]:
+        """The first problems for people, and how many more there are."""
+        lines = [f"{problem}" for problem in self.problems]
+        if len(lines) > _MOST_PROBLEMS:
+            more = f"{len(lines) - _MOST_PROBLEMS} more"
+            lines[_MOST_PROBLEMS:] = [f"{Problem(more, where=self.problems[0].where)}"]
+        return lines
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines)
 
 
 @contextlib.contextmanager
-def rewording(line: Callable[[str], str]) -> Iterator[None]:
-    """Say the lines of an `InputError` in other words."""
+def retelling(change: Callable[[Problem], Problem]) -> Iterator[None]:
+    """Change the problems of an `InputError`."""
     try:
         yield
     except InputError as error:
-        raise type(error)(*map(line, error.args)) from None
+        raise type(error)(*map(change, error.problems)) from None
+
+
+def rewording(line: Callable[[str], str]) -> AbstractContextManager[None]:
+    """Say the lines of an `InputError` in other words."""
+    return retelling(lambda problem: Problem(line(f"{problem}"), kind=problem.kind))
 
 
 def within(where: str | Path) -> AbstractContextManager[None]:
-    """Start the lines of an `InputError` with `where`, if they do not yet."""
-    return rewording(lambda x: x if x.startswith(f"{where}") else f"{where}: {x}")
+    """Name the file or object that the problems of an `InputError` are in, if none is named."""
+
+    def named(problem: Problem) -> Problem:
+        is_named = f"{problem}".startswith(f"{where}")
+        return problem if is_named else problem._replace(where=_joined(f"{where}", problem.where))
+
+    return retelling(named)
+
+
+def at(place: str) -> AbstractContextManager[None]:
+    """Name the field that the problems of an `InputError` are in; their own places are in it."""
+    return retelling(lambda problem: problem._replace(place=dotted(place, problem.place)))
+
+
+def dotted(place: str, name: str) -> str:
+    """The place of a field, or of an entry "[2]", in a place."""
+    return f"{place}{name}" if name.startswith("[") else f"{place}.{name}".strip(".")
+
+
+def _joined(where: str, inner: str) -> str:
+    return ": ".join(filter(None, (where, inner)))
 
 
 def one_line(error: object) -> str:
@@ -55,7 +142,7 @@ def checked_number(
     is_number = isinstance(value, Real) and np.isfinite(value)
     if not is_number or value < minimum or (exclusive and value == minimum):
         bound = f" {'>' if exclusive else '>='} {minimum:g}" if np.isfinite(minimum) else ""
-        raise InputError(f"{where}: {one_line(value)}, expected a finite number{bound}")
+        raise InputError(f"{one_line(value)}, expected a finite number{bound}", place=where)
     return float(value)
 
 
@@ -66,7 +153,7 @@ def checked_count(value: int, where: str) -> int:
         InputError: naming `where`.
     """
     if not isinstance(value, int | np.integer) or value < 1:
-        raise InputError(f"{where}: {value!r}, expected a whole number >= 1")
+        raise InputError(f"{value!r}, expected a whole number >= 1", place=where)
     return int(value)
 
 
@@ -84,8 +171,8 @@ def checked_positive(values: ArrayLike, where: str, n: int | None = None) -> Arr
     if not is_list or not (np.isfinite(array) & (array > 0)).all():
         count = "" if n is None else f"{n} "
         raise InputError(
-            f"{where}: {one_line(values)}, expected a list of {count}finite numbers > 0, one for "
-            "each joint"
+            f"{one_line(values)}, expected a list of {count}finite numbers > 0, one for each joint",
+            place=where,
         )
     return array
 
@@ -100,7 +187,7 @@ def checked_type(value: object, kind: type, where: str, made_by: str) -> None:
         told = f"a {type(value).__name__}"
         if isinstance(value, type):
             told = f"the class {value.__name__}"
-        raise InputError(f"{where}: {told}, expected a {kind.__name__}, as {made_by} makes it")
+        raise InputError(f"{told}, expected a {kind.__name__}, as {made_by} makes it", place=where)
 
 
 def checked_choice(value: str, choices: tuple[str, ...], where: str) -> str:
@@ -110,7 +197,7 @@ def checked_choice(value: str, choices: tuple[str, ...], where: str) -> str:
         InputError: naming `where` and the choices.
     """
     if value not in choices:
-        raise InputError(f"{where}: '{value}', expected one of {', '.join(choices)}")
+        raise InputError(f"'{value}', expected one of {', '.join(choices)}", place=where)
     return value
 
 
@@ -122,12 +209,13 @@ def whole_periods(duration: float, period: float, where: str) -> int:
     """
     if not duration / MOST_PERIODS <= period:
         raise InputError(
-            f"{where}: period {period:g} s, expected at least a {MOST_PERIODS}th of {duration:g} s"
+            f"period {period:g} s, expected at least a {MOST_PERIODS}th of {duration:g} s",
+            place=where,
         )
     count = round(duration / period)
     if count < 1 or abs(count * period - duration) > 1e-9 * max(1.0, duration):
         raise InputError(
-            f"{where}: {duration:g} s is not a whole multiple of the period {period:g} s"
+            f"{duration:g} s is not a whole multiple of the period {period:g} s", place=where
         )
     return count
 

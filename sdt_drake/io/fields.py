@@ -38,7 +38,7 @@ from typing import Any, Optional, TypeVar, cast
 
 import numpy as np
 
-from sdt_drake.io.errors import InputError
+from sdt_drake.io.errors import InputError, Problem, dotted
 from sdt_drake.io.resources import beside
 
 T = TypeVar("T")
@@ -46,7 +46,6 @@ T = TypeVar("T")
 Problems = Iterator[tuple[str, str]]
 """What is wrong between fields of an object: the dotted name of one, and what would be right."""
 
-_MOST_PROBLEMS = 20  # that are told
 _LONGEST = 60  # letters of a value that is told
 
 
@@ -159,6 +158,12 @@ def is_within(name: str, field: str) -> bool:
     return re.match(rf"{re.escape(field)}(?![^.[])", name) is not None
 
 
+def unknown(place: str, name: str, known: Collection[str]) -> Problem:
+    """The problem of a name that no field has."""
+    near = tuple(difflib.get_close_matches(name, known, n=3))
+    return Problem("no such field", f"one of {', '.join(known)}", place, near=near)
+
+
 def suggestion(name: str, known: Iterable[str], otherwise: str = "") -> str:
     """The known name that is like a wrong one, for people: "did you mean 'kind'?"; or else
     `otherwise`, by default all that is known."""
@@ -174,20 +179,17 @@ class _Walk:
 
     def __init__(self, n: int | None, folder: Path | None, changed: Collection[str] = ()):
         self.n, self.folder, self.changed = n, folder, changed
-        self.wrong: list[str] = []
+        self.wrong: list[Problem] = []
 
     def end(self, where: str) -> None:
-        lines = [f"{where}: {line}" if where else line for line in self.wrong]
-        if len(lines) > _MOST_PROBLEMS:
-            lines[_MOST_PROBLEMS:] = [f"{where}: {len(lines) - _MOST_PROBLEMS} more".lstrip(": ")]
-        if lines:
-            raise InputError(*lines)
+        if self.wrong:
+            raise InputError(*(problem._replace(where=where) for problem in self.wrong))
 
     def refuse(self, name: str, value: Any, expected: str) -> None:
-        self.say(name, f"{_told(value)}, expected {expected}")
+        self.wrong.append(Problem(_told(value), expected, place=name))
 
     def say(self, name: str, text: str) -> None:
-        self.wrong.append(f"{name}: {text}" if name else text)
+        self.wrong.append(Problem(text, place=name))
 
     def part(self, options: list[type], given: Any, name: str) -> Any:
         """One of several dataclasses, from its fields by name; the first one without a tag."""
@@ -203,15 +205,15 @@ class _Walk:
         before = len(self.wrong)
         for key in data:
             if key not in known and key != "_tag":
-                self.say(f"{name}.{key}".lstrip("."), f"no such field, {suggestion(key, known)}")
+                self.wrong.append(unknown(dotted(name, key), key, known))
         values = {}
         for key, field in known.items():
-            dotted = f"{name}.{key}".lstrip(".")
+            inner = dotted(name, key)
             if key in data:
-                values[key] = self.field(hints_of(schema)[key], field, data[key], dotted)
+                values[key] = self.field(hints_of(schema)[key], field, data[key], inner)
             elif default_of(field) is MISSING:
                 self.say(
-                    dotted, f"missing, expected {expected(hints_of(schema)[key], rule_of(field))}"
+                    inner, f"missing, expected {expected(hints_of(schema)[key], rule_of(field))}"
                 )
         if len(self.wrong) > before:
             return None
@@ -223,10 +225,9 @@ class _Walk:
         """For the rules between fields."""
         try:
             for field, text in getattr(thing, "problems", tuple)():
-                self.say(f"{name}.{field}".strip("."), text)
+                self.say(dotted(name, field), text)
         except InputError as error:
-            for text in error.args:
-                self.say(name, text)
+            self.wrong += [x._replace(place=dotted(name, x.place)) for x in error.problems]
 
     def tagged(self, options: list[type], data: Any, name: str) -> type | None:
         """The dataclass that the YAML tag (`!Name`) chooses."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError
+from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.fields import check
 from sdt_drake.io.resources import find_file
 from sdt_drake.motion.profile import MotionProfile, Resultant, Track, load_profile
@@ -145,8 +145,13 @@ def command_of(profile: MotionProfile, robot: Robot, where: str | None = None) -
             of spin that is not vertical, or one that cannot align.
     """
     where = where or f"motion '{profile.name}'"
-    check(profile, where, robot.n)
-    tracks, q0 = _placed_tracks(profile, robot, where), _start(profile, robot)
+    with within(where):
+        check(profile, n=robot.n)
+        return _command(profile, robot)
+
+
+def _command(profile: MotionProfile, robot: Robot) -> Command:
+    tracks, q0 = _placed_tracks(profile, robot), _start(profile, robot)
     joints = [Course.linear([0.0, profile.duration], [0.0, 0.0])] * robot.n
     alignment, timeline = None, []
     for place, track, places in tracks:
@@ -167,17 +172,15 @@ def _start(profile: MotionProfile, robot: Robot) -> Array:
     return np.zeros(robot.n) if profile.q0 is None else np.array(profile.q0)
 
 
-def _placed_tracks(
-    profile: MotionProfile, robot: Robot, where: str
-) -> list[tuple[str, Track, list[str]]]:
+def _placed_tracks(profile: MotionProfile, robot: Robot) -> list[tuple[str, Track, list[str]]]:
     """Each track with its place in the file, and those of its segments."""
     placed = []
     for i, track in enumerate(profile.tracks):
-        place = f"{where}: tracks[{i + 1}]"
+        place = f"tracks[{i + 1}]"
         segments = [f"{place}.segments[{j + 1}]" for j in range(len(track.segments))]
         placed.append((place, track, segments))
     for k, segment in enumerate(profile.joints):
-        place = f"{where}: joints[{k + 1}]"
+        place = f"joints[{k + 1}]"
         placed.append((place, Track(joint=robot.joint_names[k], segments=[segment]), [place]))
     moved: dict[str, str] = {}
     for place, track, _ in placed:
@@ -187,13 +190,14 @@ def _placed_tracks(
         for key, name in names.items():
             if name is not None and name not in robot.joint_names:
                 raise InputError(
-                    f"{place}.{key}: '{name}', expected a joint of '{robot.name}': "
-                    f"{', '.join(robot.joint_names)}"
+                    f"'{name}', expected a joint of '{robot.name}': {', '.join(robot.joint_names)}",
+                    place=f"{place}.{key}",
+                    kind="joints",
                 )
         own = track.joints[0]
         if own in moved:
-            raise InputError(f"{place}: joint '{own}' is moved by {moved[own]} already")
-        moved[own] = place.removeprefix(f"{where}: ")
+            raise InputError(f"joint '{own}' is moved by {moved[own]} already", place=place)
+        moved[own] = place
     return placed
 
 
@@ -205,8 +209,9 @@ def _spin(resultant: Resultant, profile: MotionProfile, robot: Robot, where: str
         name = robot.joint_names[k]
         if name != resultant.spin and (name in moved or q0[k] != 0):
             raise InputError(
-                f"{where}: joint '{name}', which carries '{joint}', moves or starts turned; "
-                "expected it to stay at 0"
+                f"joint '{name}', which carries '{joint}', moves or starts turned; "
+                "expected it to stay at 0",
+                place=where,
             )
     return spin_geometry(robot, resultant.spin, resultant.align, where)
 
@@ -228,8 +233,8 @@ def _course(
         at = times[-1] if segment.at is None else segment.at
         if at < times[-1] - _SAME_TIME:
             raise InputError(
-                f"{place}.at: overlap, {at:.6g} s is before the segment before ends, at "
-                f"{times[-1]:.6g} s"
+                f"overlap, {at:.6g} s is before the segment before ends, at {times[-1]:.6g} s",
+                place=f"{place}.at",
             )
         if at > times[-1] + _SAME_TIME:
             go_on(at, speeds[-1])
@@ -239,7 +244,7 @@ def _course(
         _check_fit(segment, geometry, speeds[-1], place)
         steps = segment.steps(speeds[-1], angle, geometry)
         if steps[-1][0] <= _SAME_TIME:
-            raise InputError(f"{place}: nothing changes, expected another target or a !Hold")
+            raise InputError("nothing changes, expected another target or a !Hold", place=place)
         for time, speed in steps:
             go_on(start + time, speed, along_cosine=segment.blend == "cosine")
         if isinstance(segment, Swing):
@@ -249,13 +254,15 @@ def _course(
     left, given = duration - times[-1], isinstance(segment, Given)
     if left < -_SAME_TIME or (given and left > _SAME_TIME):
         raise InputError(
-            f"{place}: ends at {times[-1]:.9g} s, expected {'at' if given else 'by'} the end of "
-            f"the motion, duration {duration:g} s"
+            f"ends at {times[-1]:.9g} s, expected {'at' if given else 'by'} the end of "
+            f"the motion, duration {duration:g} s",
+            place=place,
         )
     if speeds[-1] != 0 and not given:
         raise InputError(
-            f"{place}: '{track.joints[0]}' ends at {np.degrees(speeds[-1]):.6g} deg/s, expected "
-            "rest at the end"
+            f"'{track.joints[0]}' ends at {np.degrees(speeds[-1]):.6g} deg/s, expected "
+            "rest at the end",
+            place=place,
         )
     if left > _SAME_TIME:
         go_on(duration, 0.0)
@@ -267,12 +274,14 @@ def _check_fit(segment: Segment, geometry: SpinGeometry | None, speed: float, wh
     expected = 0.0 if isinstance(segment, (Turn, Swing)) else segment.start_speed(speed)
     if speed != expected:
         raise InputError(
-            f"{where}: !{type(segment).__name__} at a speed of {np.degrees(speed):g} deg/s, "
-            + (f"expected {np.degrees(expected):g} deg/s" if expected else "expected rest")
+            f"!{type(segment).__name__} at a speed of {np.degrees(speed):g} deg/s, "
+            + (f"expected {np.degrees(expected):g} deg/s" if expected else "expected rest"),
+            place=where,
         )
     to_g = (segment.to_g or 0.0) if isinstance(segment, Ramp) else 0.0
     if geometry is not None and to_g > geometry.largest_g:
         raise InputError(
-            f"{where}.to_g: {to_g:g} G, expected at most {geometry.largest_g:.3f} G, the "
-            "speed limit of the spin joint"
+            f"{to_g:g} G, expected at most {geometry.largest_g:.3f} G, the "
+            "speed limit of the spin joint",
+            place=f"{where}.to_g",
         )

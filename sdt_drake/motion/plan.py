@@ -99,7 +99,8 @@ def commanded_motion(robot: Robot, command: Command, period: float) -> Motion:
     where = f"motion '{command.name}': "
     if len(command.q0) != robot.n:
         raise InputError(
-            f"{where}{joint_count(len(command.q0))}, robot '{robot.name}' has {robot.n}"
+            f"{where}{joint_count(len(command.q0))}, robot '{robot.name}' has {robot.n}",
+            kind="joints",
         )
     count = whole_periods(command.duration, period, f"{where}duration")
     time = np.arange(count + 1.0) * period

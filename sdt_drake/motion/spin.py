@@ -69,13 +69,13 @@ def spin_geometry(robot: Robot, spin: str, align: str | None, where: str) -> Spi
     gravity = robot.plant.gravity_field().gravity_vector()
     g = float(np.linalg.norm(gravity))
     if g == 0:
-        raise InputError(f"{where}: no gravity in '{robot.name}', expected some")
+        raise InputError(f"no gravity in '{robot.name}', expected some", place=where)
     up = -gravity / g
     spin_axis, centre = robot.joint_at_zero(spin)
     if np.linalg.norm(np.cross(spin_axis, up)) > _PARALLEL:
         raise InputError(
-            f"{where}.spin: the axis of '{spin}' is not vertical, "
-            "expected a joint with a vertical axis"
+            f"the axis of '{spin}' is not vertical, expected a joint with a vertical axis",
+            place=f"{where}.spin",
         )
     carried = align or robot.joint_names[-1]
     axis, origin = robot.joint_at_zero(carried)
@@ -86,7 +86,8 @@ def spin_geometry(robot: Robot, spin: str, align: str | None, where: str) -> Spi
     if not inboard or radius < _PARALLEL:
         key = "align" if align else "spin"
         raise InputError(
-            f"{where}.{key}: '{spin}' does not carry '{carried}' around, expected a joint on an arm"
+            f"'{spin}' does not carry '{carried}' around, expected a joint on an arm",
+            place=f"{where}.{key}",
         )
     sign = 0.0
     if align is not None:
@@ -94,8 +95,9 @@ def spin_geometry(robot: Robot, spin: str, align: str | None, where: str) -> Spi
         towards_centre = np.cross(axis, up) @ (-arm / radius)
         if 1 - abs(towards_centre) > _PARALLEL:
             raise InputError(
-                f"{where}.align: the axis of '{align}' is not along the path of the arm, "
-                "expected one that turns 'up' towards the axis of spin"
+                f"the axis of '{align}' is not along the path of the arm, "
+                "expected one that turns 'up' towards the axis of spin",
+                place=f"{where}.align",
             )
         sign = float(np.sign(towards_centre))
     fastest = float(robot.velocity_limit[robot.joint_names.index(spin)])

@@ -50,7 +50,7 @@ class Motion(Shown):
         shapes = [values.shape for values in (self.q, self.v, self.vd)]
         if len(shapes[0]) != 2 or len(set(shapes)) > 1:
             told = ", ".join(map(str, shapes))
-            raise InputError(f"q, v, vd: of shapes {told}, expected (N + 1, n) of each")
+            raise InputError(f"of shapes {told}, expected (N + 1, n) of each", place="q, v, vd")
 
     @staticmethod
     @takes(period=positive, q0=finite("(n,)"), v=finite("(N + 1, n)"))
@@ -61,7 +61,7 @@ class Motion(Shown):
             InputError: naming the argument that is no such array, or not finite.
         """
         if q0.shape != v.shape[1:]:
-            raise InputError(f"q0: of {len(q0)} joint(s), expected {v.shape[1]}, as v has")
+            raise InputError(f"of {len(q0)} joint(s), expected {v.shape[1]}, as v has", place="q0")
         vd = np.vstack([np.diff(v, axis=0) / period, np.zeros_like(v[:1])])
         steps = (v[1:] + v[:-1]) * (period / 2)
         q = np.vstack([q0, q0 + np.cumsum(steps, axis=0)])
@@ -80,7 +80,7 @@ class Motion(Shown):
             InputError: naming the argument that is no such array, or not finite.
         """
         if len(q) < 3:
-            raise InputError(f"q: {len(q)} row(s), expected at least 3")
+            raise InputError(f"{len(q)} row(s), expected at least 3", place="q")
         v = (q[2:] - q[:-2]) / (2 * period)
         return Motion.from_speeds(period, (q[0] + 2 * q[1] + q[2]) / 4, v)
 
@@ -130,7 +130,7 @@ class Motion(Shown):
         """
         names = joint_names or [f"{k + 1}" for k in range(self.n)]
         if len(names) != self.n:
-            raise InputError(f"joint_names: {len(names)} name(s), expected {self.n}")
+            raise InputError(f"{len(names)} name(s), expected {self.n}", place="joint_names")
         return face().plots.trajectories("Motion", self, names)
 
     def to_pandas(self) -> pd.DataFrame:

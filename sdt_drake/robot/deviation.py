@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
 
-from sdt_drake.io.errors import InputError, within
+from sdt_drake.io.errors import InputError, at
 from sdt_drake.io.fields import Problems, setting
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.tables import read_numbers
@@ -95,36 +95,37 @@ def deviated(robot: Robot, deviation: Deviation, where: str = "deviation") -> Ro
         InputError: if the payload is no link, or a body is left that cannot be.
     """
     if deviation.payload != _PAYLOAD:  # whatever changes, a name that is given is one
-        link_named(parse_xml(robot.sdf, robot.path), deviation.payload, f"{where}.payload")
+        with at(where):
+            link_named(parse_xml(robot.sdf, robot.path), deviation.payload, "payload")
     if deviation.exact:
         return robot
     known, key = _made.setdefault(robot, WeakValueDictionary()), repr(deviation)
     made = known.get(key)
     if made is None:
-        with within(where):
-            made = edited(robot, lambda root: _apply(deviation, robot, root, where))
+        with at(where):
+            made = edited(robot, lambda root: _apply(deviation, robot, root))
         known[key] = made
     return made
 
 
-def _apply(deviation: Deviation, robot: Robot, root: ET.Element, where: str) -> None:
+def _apply(deviation: Deviation, robot: Robot, root: ET.Element) -> None:
     """Put it into the XML of the robot's SDF."""
     if deviation.along:
-        _spread(robot, root, find_file(deviation.spread), deviation.along, f"{where}.along")
+        _spread(robot, root, find_file(deviation.spread), deviation.along)
     if deviation._changes_payload:
-        payload = link_named(root, deviation.payload, f"{where}.payload")
-        _add_mass(payload, deviation.payload_mass, f"{where}.payload_mass")
+        payload = link_named(root, deviation.payload, "payload")
+        _add_mass(payload, deviation.payload_mass)
         shift_link(payload, deviation.payload_offset)
     links = links_by_name(root)
     scales = deviation.link_scales or [1.0] * len(links)
     if len(scales) != len(links):
         each = f"{len(links)}, one for each of {', '.join(links)}"
-        raise InputError(f"{where}.link_scales: {len(scales)} value(s), expected {each}")
+        raise InputError(f"{len(scales)} value(s), expected {each}", place="link_scales")
     for link, own in zip(links.values(), scales, strict=True):
         scale_link(link, deviation.inertia_scale * own)
 
 
-def _spread(robot: Robot, root: ET.Element, file: Path, along: Sequence[float], where: str) -> None:
+def _spread(robot: Robot, root: ET.Element, file: Path, along: Sequence[float]) -> None:
     """Go along directions of a file: ten numbers for each link, in the order of the robot's
     file."""
     directions = read_numbers(file, least=1).data[:, 1:]
@@ -136,8 +137,8 @@ def _spread(robot: Robot, root: ET.Element, file: Path, along: Sequence[float], 
         )
     if len(along) != len(directions):
         raise InputError(
-            f"{where}: {len(along)} value(s), expected {len(directions)}, one for each row of "
-            f"{file}"
+            f"{len(along)} value(s), expected {len(directions)}, one for each row of {file}",
+            place="along",
         )
     changes = (np.array(along) @ directions).reshape(-1, 10)
     for (name, link), change in zip(links.items(), changes, strict=True):
@@ -146,14 +147,17 @@ def _spread(robot: Robot, root: ET.Element, file: Path, along: Sequence[float], 
             set_inertia(link, *body_of(stretched(pseudo, change)))
 
 
-def _add_mass(link: ET.Element, added: float, where: str) -> None:
+def _add_mass(link: ET.Element, added: float) -> None:
     """Add mass [kg] to a link, and inertia in proportion."""
     mass, name = float(link.findtext("inertial/mass", "nan")), link.get("name")
     if mass == 0:
-        raise InputError(f"{where}: link '{name}' has no mass to be scaled, expected another link")
+        raise InputError(
+            f"link '{name}' has no mass to be scaled, expected another link", place="payload_mass"
+        )
     if mass + added <= 0:
         raise InputError(
-            f"{where}: {added:g} kg would leave {mass + added:g} kg of link '{name}', "
-            f"expected more than {-mass:g}"
+            f"{added:g} kg would leave {mass + added:g} kg of link '{name}', "
+            f"expected more than {-mass:g}",
+            place="payload_mass",
         )
     scale_link(link, (mass + added) / mass)

@@ -126,13 +126,15 @@ def springs_of(elasticity: Elasticity, inertia: Array, gravity_stiffness: Array)
     for j in np.flatnonzero(elastic & (k <= 0)):
         alone = np.sqrt(gravity_stiffness[j] / inertia[j])
         raise InputError(
-            f"plant.elasticity.natural_frequency: {omega[j]:g} rad/s, but gravity alone makes "
-            f"joint {j + 1} swing with {alone:.4g}; expected more"
+            f"{omega[j]:g} rad/s, but gravity alone makes "
+            f"joint {j + 1} swing with {alone:.4g}; expected more",
+            place="plant.elasticity.natural_frequency",
         )
     for j in np.flatnonzero(~(np.isfinite(k) & np.isfinite(c))):
         raise InputError(
-            f"plant.elasticity: natural_frequency {omega[j]:g} rad/s and damping_ratio "
-            f"{elasticity.damping_ratio:g} are too large for joint {j + 1}"
+            f"natural_frequency {omega[j]:g} rad/s and damping_ratio "
+            f"{elasticity.damping_ratio:g} are too large for joint {j + 1}",
+            place="plant.elasticity",
         )
     return Springs(elastic, k, c)
 

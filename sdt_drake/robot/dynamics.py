@@ -84,7 +84,11 @@ def inverse_dynamics(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
         InputError: for a motion of another number of joints.
     """
     if q.shape[1] != robot.n:  # Drake would end the process
-        raise InputError(f"motion: {joint_count(q.shape[1])}, robot '{robot.name}' has {robot.n}")
+        raise InputError(
+            f"{joint_count(q.shape[1])}, robot '{robot.name}' has {robot.n}",
+            place="motion",
+            kind="joints",
+        )
     plant = robot.plant
     context, forces = plant.CreateDefaultContext(), MultibodyForces(plant)
     torque = np.empty(q.shape)

@@ -10,7 +10,7 @@ from typing import Optional
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, within
+from sdt_drake.io.errors import InputError, at
 from sdt_drake.io.fields import Problems, setting, suggestion
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.robot.device import Drive
@@ -113,7 +113,9 @@ class Catalogue:
         for motor in self.motors:
             if motor.id == id_:
                 return motor
-        raise InputError(f"{where}: no motor '{id_}' in the catalogue, {suggestion(id_, self.ids)}")
+        raise InputError(
+            f"no motor '{id_}' in the catalogue, {suggestion(id_, self.ids)}", place=where
+        )
 
     def problems(self) -> Problems:
         for i, id_ in enumerate(self.ids):
@@ -203,7 +205,7 @@ def chosen_robot(robot: Robot, choice: DeviceChoice) -> Robot:
     envelope = _envelope(motors, fitted)
     if choice.changes_nothing:
         return robot if envelope is None else replace(robot, envelope=envelope)
-    with within("device"):
+    with at("device"):
         other = edited(robot, lambda root: _fit(root, robot, choice, motors))
         other = _with_stators(other, _added_masses(motors, fitted, choice.structure_scale))
     stiffness = choice.structure_scale**choice.stiffness_exponent
@@ -232,7 +234,9 @@ def motors_in_use(choice: DeviceChoice, n: int) -> list[Motor]:
     in_use = [motor or old for motor, old in zip(*_motors(choice, n), strict=True)]
     for k, motor in enumerate(in_use):
         if motor is None:
-            raise InputError(f"device: joint {k + 1} has no motor of the catalogue, expected one")
+            raise InputError(
+                f"joint {k + 1} has no motor of the catalogue, expected one", place="device"
+            )
     return [motor for motor in in_use if motor is not None]
 
 
@@ -273,7 +277,8 @@ def _fit(root: ET.Element, robot: Robot, choice: DeviceChoice, motors: list[Moto
             continue
         if motor and not motor.takes_gear(ratio):
             raise InputError(
-                f"device.gear_ratio[{k + 1}]: {ratio:g}, but {motor.id} drives directly, expected 1"
+                f"{ratio:g}, but {motor.id} drives directly, expected 1",
+                place=f"gear_ratio[{k + 1}]",
             )
         peak = motor.peak_torque if motor else robot.motor_torque_limit[k]
         inertia = motor.rotor_inertia if motor else robot.rotor_inertia[k]
@@ -281,7 +286,7 @@ def _fit(root: ET.Element, robot: Robot, choice: DeviceChoice, motors: list[Moto
         _set(joints[name], f"{DRAKE}rotor_inertia", inertia)
         _set(joints[name], f"{DRAKE}gear_ratio", ratio)
     if choice.structure_scale != 1:
-        payload = link_named(root, choice.payload, "device.payload") if choice.payload else None
+        payload = link_named(root, choice.payload, "payload") if choice.payload else None
         for link in links_by_name(root).values():
             if link is not payload:
                 scale_link(link, choice.structure_scale)

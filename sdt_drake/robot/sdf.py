@@ -242,7 +242,7 @@ def link_named(root: ET.Element, name: str, where: str) -> ET.Element:
     """
     links = links_by_name(root)
     if name not in links:
-        raise InputError(f"{where}: no link '{name}', expected one of {', '.join(links)}")
+        raise InputError(f"no link '{name}', expected one of {', '.join(links)}", place=where)
     return links[name]
 
 

@@ -270,7 +270,9 @@ class Design(Shown):
         with within(_name(scenario)):
             robot, _ = self.robot, self.model
             if self.learned_torque is not None and scenario.inverse_dynamics != "table":
-                raise InputError("inverse_dynamics: online, but a learned torque needs table")
+                raise InputError(
+                    "online, but a learned torque needs table", place="inverse_dynamics"
+                )
             check_reference(scenario, self.nominal, self.motion)
             slowest = self.i_eff if scenario.plant.kind == "axis" else self.inertia.minimum
             check_poles(scenario, robot, self.gains, slowest, self.springs)

@@ -269,7 +269,9 @@ def _checked_moved(design: Design, moved: tuple[Array, Array]) -> tuple[Array, A
     shape = design.motion.q.shape
     arrays = cast(Array, finite("(2, N + 1, n)")(moved, "moved"))
     if arrays.shape != (2, *shape):
-        raise InputError(f"moved: of shape {arrays.shape}, expected (2, {shape[0]}, {shape[1]})")
+        raise InputError(
+            f"of shape {arrays.shape}, expected (2, {shape[0]}, {shape[1]})", place="moved"
+        )
     return arrays[0], arrays[1]
 
 

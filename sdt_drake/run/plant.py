@@ -71,9 +71,10 @@ def springs_along(scenario: Scenario, robot: Robot, motion: Motion) -> Springs |
     for k in np.flatnonzero(elastic):
         if robot.rotor_inertia[k] <= 0 or links[k] <= 0:
             raise InputError(
-                f"plant.elasticity: joint {k + 1} has the rotor inertia {robot.rotor_inertia[k]:g} "
+                f"joint {k + 1} has the rotor inertia {robot.rotor_inertia[k]:g} "
                 f"kg m² (motor side) and the link inertia {links[k]:g} kg m² (joint side); an "
-                "elastic joint needs both > 0"
+                "elastic joint needs both > 0",
+                place="plant.elasticity",
             )
     return springs_of(elasticity, links, k_g)
 
@@ -108,10 +109,12 @@ def check_poles(
                 ("damping_ratio", springs.damping / robot.reflected_inertia),
             ):
                 poles = np.where(springs.elastic, poles, 0.0)
-                _check_pole(scenario, poles, f"plant.elasticity.{name} gives")
+                _check_pole(scenario, poles, f"plant.elasticity.{name}")
         fastest = np.maximum(gains.kp / at_motor, np.sqrt(gains.ki / at_motor))
     model = "" if scenario.controller.model.exact else ", for the inertia of controller.model,"
-    _check_pole(scenario, fastest, f"gains (kp, ki, or omega_r, zeta){model} against inertia give")
+    _check_pole(
+        scenario, fastest, "", f"gains (kp, ki, or omega_r, zeta){model} against inertia give"
+    )
     _check_device(scenario, robot, i_eff)
 
 
@@ -128,24 +131,25 @@ def _check_device(scenario: Scenario, robot: Robot, i_eff: Array) -> None:
             ("breakaway over stribeck_speed", 2 * extra / friction.stribeck_speed / inertia),
             ("viscous", friction.viscous / inertia),
         ):
-            _check_pole(scenario, poles, f"plant.friction: {name} gives")
+            _check_pole(scenario, poles, "plant.friction", f"{name} gives")
     drive = scenario.drive
     if drive.torque_bandwidth is not None:
         lag = np.full(robot.n, 2 * np.pi * drive.torque_bandwidth)
-        _check_pole(scenario, lag, "drive.torque_bandwidth gives")
+        _check_pole(scenario, lag, "drive.torque_bandwidth")
     envelope = as_driven(robot, drive).envelope
     if envelope is not None:
         poles = robot.motor_torque_limit * envelope.slope / i_eff
         where = "drive" if drive.n1 is not None else "device.motors"
-        _check_pole(scenario, poles, f"{where}: n0 so close to n1 gives")
+        _check_pole(scenario, poles, where, "n0 so close to n1 gives")
 
 
-def _check_pole(scenario: Scenario, poles: Array, cause: str) -> None:
+def _check_pole(scenario: Scenario, poles: Array, place: str, cause: str = "gives") -> None:
     if np.any(poles * scenario.period > _FASTEST):
         k = int(np.argmax(poles))
         raise InputError(
             f"{cause} joint {k + 1} a pole at {poles[k]:.3g} rad/s, expected less than "
-            f"{_FASTEST / scenario.period:.3g}"
+            f"{_FASTEST / scenario.period:.3g}",
+            place=place,
         )
 
 
@@ -157,14 +161,17 @@ def check_reference(scenario: Scenario, robot: Robot, motion: Motion) -> None:
         InputError: naming joint and time, or the field.
     """
     if motion.n != robot.n:
-        raise InputError(f"motion: of {motion.n} joint(s), robot '{robot.name}' has {robot.n}")
+        raise InputError(
+            f"of {motion.n} joint(s), robot '{robot.name}' has {robot.n}", place="motion"
+        )
     for name in ("q", "v", "vd"):
         for i, k in np.argwhere(~np.isfinite(getattr(motion, name))):
             raise InputError(
-                f"motion: {name} of joint {k + 1} is not finite at {motion.time[i]:g} s"
+                f"{name} of joint {k + 1} is not finite at {motion.time[i]:g} s", place="motion"
             )
     delay = scenario.drive.reference_delay
     if delay >= motion.duration:
         raise InputError(
-            f"drive.reference_delay: {delay:g} s, but the motion ends at {motion.duration:g} s"
+            f"{delay:g} s, but the motion ends at {motion.duration:g} s",
+            place="drive.reference_delay",
         )

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sdt_drake.io.errors import within
+from sdt_drake.io.errors import at
 from sdt_drake.motion import LearnedReference, Motion, load_learned
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.motors import as_driven
@@ -32,7 +32,7 @@ def taught_reference(
         return given
     if not scenario.learned:
         return LearnedReference(wanted)
-    with within("learned"):
+    with at("learned"):
         return load_learned(scenario.learned, wanted, robot, torque_margin=margin)
 
 

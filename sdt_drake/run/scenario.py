@@ -250,7 +250,7 @@ def load_scenario(path: str | Path, changes: Optional[Mapping[str, Any]] = None)
     changes = {} if changes is None else changes
     if not isinstance(changes, Mapping) or not all(isinstance(name, str) for name in changes):
         text = "expected values by dotted names, {'controller.kind': 'p_pi'}"
-        raise InputError(f"changes: {one_line(changes)}, {text}")
+        raise InputError(f"{one_line(changes)}, {text}", place="changes")
     scenario, file = load_yaml(Scenario, path, "scenario", changes)
     scenario.name = scenario.name or file.stem
     return scenario

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.comparison import check_labels
-from sdt_drake.io.errors import InputError, within
+from sdt_drake.io.errors import InputError, at, within
 from sdt_drake.io.fields import Problems, check, setting
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.yaml_files import load_yaml
@@ -122,7 +122,8 @@ class Sizing:
                 yield f"requirements.{name}", text
         if any(self.device.motors) or self.device.structure_scale != 1:
             yield "device", "motors and structure_scale are those of the candidates; remove"
-        check(self.device, "device", self.n)
+        with at("device"):
+            check(self.device, n=self.n)
         catalogue = self.catalogue
         for k, ids in enumerate(self.motors):
             fitted = self.device.fitted[k] if self.device.fitted else ""

@@ -55,7 +55,7 @@ class Encoder(Diagram):
             builder.ExportOutput(self._now.get_output_port(), "measured")
         else:
             if gear_ratio is None:
-                raise InputError("gear_ratio: missing, expected with a resolution")
+                raise InputError("missing, expected with a resolution", place="gear_ratio")
             shaft = checked_positive(gear_ratio, "gear_ratio", n)
             increment = 2 * np.pi / (checked_positive(resolution, "resolution", n) * shaft)
             self._increment = increment

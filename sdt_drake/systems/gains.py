@@ -58,7 +58,7 @@ def tune(
         )
     if np.any(kp <= 0) or np.any(ki <= 0):
         raise InputError(
-            f"omega_r: {omega_r:g} rad/s gives gains too small for a number, expected more"
+            f"{omega_r:g} rad/s gives gains too small for a number, expected more", place="omega_r"
         )
     return SpeedGains(kp=kp, ki=ki)
 

@@ -49,7 +49,7 @@ class DynamicSaturation(Diagram):
         widened: bool = True,
     ) -> None:
         if (n1 is None) != (n0 is None):
-            raise InputError("n1, n0: one is missing, expected both or neither")
+            raise InputError("one is missing, expected both or neither", place="n1, n0")
         super().__init__()
         builder = DiagramBuilder()
         limit = checked_positive(motor_torque_limit, "motor_torque_limit")

@@ -58,7 +58,7 @@ class Drawing:
 def refused(make, *lines):
     with pytest.raises(InputError) as error:
         make()
-    assert list(error.value.args) == list(lines)
+    assert error.value.lines == list(lines)
 
 
 def test_a_file_becomes_an_object():
@@ -149,7 +149,7 @@ def test_bad_values_of_an_object_of_python(values, line):
         setattr(drawing, name, value)
     with pytest.raises(InputError) as error:
         check(drawing, "drawing", n=4)
-    (told,) = error.value.args
+    (told,) = error.value.lines
     assert told.startswith(f"drawing: {line}")
     assert told.endswith(line) or "Drive(" in line
 
@@ -170,7 +170,9 @@ def test_rules_between_fields_may_raise_and_wait_for_the_fields():
 def test_very_many_problems_are_cut():
     with pytest.raises(InputError) as error:
         made(Drawing, {"points": [["a"] * 30]}, FILE)
-    assert len(error.value.args) == 21 and error.value.args[-1] == "/runs/file.yaml: 10 more"
+    assert len(error.value.problems) == 30 and error.value.lines[20:] == [
+        "/runs/file.yaml: 10 more"
+    ]
 
 
 def test_fields_that_there_are_none_of_cannot_be_set():
@@ -251,7 +253,7 @@ AXIS = [
 def test_a_bad_field_of_a_scenario(fields, line):
     with pytest.raises(InputError, match=f"^run: {re.escape(line)}.*$") as error:
         check(axis(**fields), "run", n=4)
-    assert len(error.value.args) == 1
+    assert len(error.value.problems) == 1
 
 
 OPEN = ("p_pi", "pi_scheduled")  # kinds that leave the feedforward to the scenario

@@ -74,7 +74,7 @@ def test_a_bad_motor_is_refused_with_file_and_field(load, tmp_path, old, new, me
     assert old in MOTOR
     with pytest.raises(InputError) as error:
         load("motors:" + MOTOR.replace(old, new))
-    (line,) = error.value.args
+    (line,) = error.value.lines
     assert line.startswith(f"{tmp_path / 'motors.yaml'}: {message}")
 
 

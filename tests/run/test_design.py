@@ -266,7 +266,7 @@ FREQUENCY = r"plant\.elasticity\.natural_frequency"
     [
         *(
             (name, {SPRINGS: Elasticity([0.0, 0.0, 1e6, 0.0])},
-             rf"{FREQUENCY} gives joint 3 a pole at \S+ rad/s, expected less than 2e\+05$")
+             rf"{FREQUENCY}: gives joint 3 a pole at \S+ rad/s, expected less than 2e\+05$")
             for name in ("axis_pi", "coupled_pi")
         ),
         *(
@@ -282,7 +282,7 @@ FREQUENCY = r"plant\.elasticity\.natural_frequency"
         ("axis_pi", {"plant.i_eff": [4.3, 1.73, 796, 250], SPRINGS: Elasticity([0, 90.0, 0, 0])},
          r".*joint 2 has .*link inertia 0 kg m²"),
         ("coupled_pi", {SPRINGS: Elasticity([0.0, 66.0, 0.0, 0.0], 1e6)},
-         r"plant\.elasticity\.damping_ratio gives joint 2 a pole"),
+         r"plant\.elasticity\.damping_ratio: gives joint 2 a pole"),
         ("coupled_pi", {"plant.friction": Friction(coulomb=[1.0] * 3)},
          r"plant\.friction\.coulomb: 3 va"),
         ("coupled_pi", {"plant.friction": Friction(coulomb=[1e9] * 4)},
@@ -292,7 +292,7 @@ FREQUENCY = r"plant\.elasticity\.natural_frequency"
         ("coupled_pi", {"plant.friction": Friction(breakaway=[0.0, 0.0, 1e9, 0.0])},
          r"plant\.friction: breakaway over stribeck_speed gives joint 3 a pole"),
         ("coupled_pi", {"drive": Drive(torque_bandwidth=4e4)},
-         r"drive\.torque_bandwidth gives joint 1 a pole"),
+         r"drive\.torque_bandwidth: gives joint 1 a pole"),
         ("coupled_pi", {"drive": Drive(n1=[1.0] * 4, n0=[1.0 + 1e-12] * 4)},
          r"drive: n0 so close to n1 gives joint \d a pole"),
         *(

@@ -63,7 +63,7 @@ def test_a_replaced_scenario_gives_a_whole_design(designed, name):
 
 def test_a_replaced_scenario_that_does_not_fit_makes_no_loop(design):
     stiff = with_fields(design.scenario, {"plant.elasticity": Elasticity([0.0, 0.0, 1e6, 0.0])})
-    said = r"^scenario '\w+': plant\.elasticity\.natural_frequency gives joint 3 a pole"
+    said = r"^scenario '\w+': plant\.elasticity\.natural_frequency: gives joint 3 a pole"
     with pytest.raises(InputError, match=said):
         make_loop(dataclasses.replace(design, scenario=stiff))
 

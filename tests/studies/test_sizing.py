@@ -109,7 +109,7 @@ BAD = [
     ("  fitted:", "  structure_scale: 2\n  fitted:", "device: motors and structure_scale are"),
     ("  fitted: [AC-203, TM-3950, TM-2150, TM-2150]", "  payload: payload", "device.fitted: mis"),
     ("[0.8, 1.0]", "[1.0, 1.00000000001]", "structure_scales: ['1', '1'] has a value twice"),
-    ("fitted: [AC-203, TM-3950, ", "fitted: [AC-203, ", "device: fitted: 3 value(s), expected 4"),
+    ("fitted: [AC-203, TM-3950, ", "fitted: [AC-203, ", "device.fitted: 3 value(s), expected 4"),
     ("fitted: [AC-203", "fitted: [AC-204", "device.fitted[1]: no motor 'AC-204' in the catalogue"),
     ("- [AC-150, AC-203, AC-270]", "- ['']", "motors[1]: '' has no numbers to judge, expected 'A"),
     ("inversion, post", "inversoin, post", "motions[3]: inversoin: no such motion, did you"),

@@ -349,4 +349,4 @@ def test_bad_files(desk, old, new, message):
     (desk / "few.yaml").write_text(text.replace(old, new))
     with pytest.raises(InputError, match=message) as raised:
         load_study("few.yaml")
-    assert all("yaml: " in line for line in raised.value.args)
+    assert all("yaml: " in line for line in raised.value.lines)
