@@ -17,6 +17,7 @@ TYPE_CHECKING = False  # as `typing` has it, whose import would take half of our
 if TYPE_CHECKING:
     from sdt_drake.analysis.comparison import compare
     from sdt_drake.analysis.linear import linear
+    from sdt_drake.analysis.orientation import perceive
     from sdt_drake.analysis.tracking import track
     from sdt_drake.cli.daily import bode, export, identify, learn, replay, tune
     from sdt_drake.io.errors import InputError
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from sdt_drake.run.scenario import save_scenario as save
     from sdt_drake.run.simulate import Recording, simulate
     from sdt_drake.show.figures import motions as plots_motion
+    from sdt_drake.show.figures import pilot as plots_pilot
     from sdt_drake.show.figures import runs as plots
     from sdt_drake.show.view3d.viewer import view
 
@@ -53,9 +55,11 @@ _PLACES = {
     "track": "analysis.tracking:track",
     "compare": "analysis.comparison:compare",
     "linear": "analysis.linear:linear",
+    "perceive": "analysis.orientation:perceive",
     "view": "show.view3d.viewer:view",
     "plots": "show.figures.runs:",
     "plots_motion": "show.figures.motions:",
+    "plots_pilot": "show.figures.pilot:",
     "Scenario": "run.scenario:Scenario",
     "Motion": "motion:Motion",
     "Recording": "run.simulate:Recording",
@@ -65,8 +69,9 @@ _PLACES = {
 }
 __all__ = [
     "Controller", "InputError", "Motion", "Recording", "Scenario", "bode", "compare", "design",
-    "export", "identify", "learn", "linear", "load", "load_robot", "loop", "plan", "plots",
-    "plots_motion", "register_controller", "replay", "save", "simulate", "track", "tune", "view",
+    "export", "identify", "learn", "linear", "load", "load_robot", "loop", "perceive", "plan",
+    "plots", "plots_motion", "plots_pilot", "register_controller", "replay", "save", "simulate",
+    "track", "tune", "view",
 ]  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from sdt_drake.motion import Motion
 from sdt_drake.robot.device import FrictionParameters, Springs
 from sdt_drake.robot.dynamics import Loads
 from sdt_drake.systems.gains import SpeedGains
+from sdt_drake.systems.orientation import PerceptionModel
 
 PERIOD = 0.005  # s
 GEAR = np.array([67.2, 1.0, 3.5])
@@ -35,6 +36,16 @@ I_EFF = np.array([2.0, 5.0, 9.0])  # kg m²
 OMEGA_N, ZETA = np.array([9.0, 10.0, 11.0, 12.0]), np.array([1.0, 0.9, 0.8, 0.7])
 RESOLVED = {"resolution": [50.0, 60.0, 70.0], "gear_ratio": GEAR}
 ERROR = np.array([0.05, -0.1, 0.0])
+FEELING = PerceptionModel(
+    source="of no one",
+    k_w=[2.0, 3.0, 8.0],
+    k_fw=[1.0, 0.0, 5.0],
+    k_fg=[4.0, 2.0, 3.0],
+    k_a=[-4.0, -2.0, 0.0],
+    tau=[6.7, 7.3, 5.7],
+    tau_a=[60.0, 70.0, 80.0],
+    cutoff=1.5,
+)
 
 # Speeds that jump from sample to sample: any sample but the right one is far off.
 _RNG = np.random.default_rng(4)
@@ -50,9 +61,11 @@ ARGUMENTS = {
     "ElasticJoints": {"springs": SPRINGS, "rotor_inertia": ROTORS, "gear_ratio": GEAR},
     "Encoder": {"n": N, "period": PERIOD},
     "GainSchedule": {"n": N},
+    "InternalModel": {"model": FEELING},
     "InverseDynamicsController": {"model": None, "omega_n": OMEGA_N, "zeta": ZETA},
     "JointFriction": {"friction": FRICTION, "gear_ratio": GEAR},
     "LoadTorque": {"robot": None},
+    "OrientationObserver": {"model": FEELING},
     "PiSpeedController": {"gains": GAINS, "gear_ratio": GEAR},
     "PositionLoop": {"position_gain": [2.0, 3.0, 5.0]},
     "ReferenceSource": {"motion": MOTION},

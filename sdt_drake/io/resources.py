@@ -21,6 +21,7 @@ SHIPPED = {
     "robot": "*.sdf",
     "motors": "motors*.yaml",
     "drives": "drives*.yaml",
+    "perception model": "perception/*.yaml",
 }
 """By kind, the files below `models/` that ship with the package; their short names are unique."""
 

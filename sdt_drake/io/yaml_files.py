@@ -62,6 +62,7 @@ _KEYS = {
     "study": {"variables", "requirements"},
     "motors": {"motors"},
     "drives": {"axes"},
+    "perception model": {"k_w", "k_fw", "k_fg", "k_a"},
 }
 """What only a file of a kind has, of those that may be mistaken for others."""
 

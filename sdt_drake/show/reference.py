@@ -27,12 +27,14 @@ from sdt_drake.show.documents import Block, Heading, Table, Text
 from sdt_drake.show.texts import page_text
 from sdt_drake.studies.sizing import Sizing
 from sdt_drake.studies.study import Study
+from sdt_drake.systems.orientation import PerceptionModel
 
 FILES: Mapping[str, type] = {
     "scenario": Scenario,
     "motion": MotionProfile,
     "motors": Catalogue,
     "drives": Drives,
+    "perception": PerceptionModel,
     "study": Study,
     "sizing": Sizing,
     "columns": Columns,
@@ -126,6 +128,7 @@ TOPICS: Mapping[str, Callable[[], Chapter]] = {
     "robot": partial(_written, "robot"),
     "motors": partial(_fields, "motors", "Motors"),
     "drives": partial(_fields, "drives", "Drives"),
+    "perception": partial(_fields, "perception", "Perception models"),
     "study": partial(_fields, "study", "Studies"),
     "sizing": partial(_fields, "sizing", "Sizings"),
     "columns": partial(_fields, "columns", "Columns of recordings of others"),

@@ -24,6 +24,10 @@ signals of their ports, all vectors of length n unless said otherwise:
                          after saturation, as the drives really give it
     metered              state of the meter (`add_meter`), length 3n
     tau_link             what an elastic joint passes on, motor side [N m]
+
+The observer of the pilot's orientation stands beside the loop, with ports of length 3 in axes of
+the head: specific_force [m/s²] and angular_rate [rad/s], which it feels as gravity [G], rate
+[rad/s] and acceleration [m/s²].
 """
 
 from sdt_drake.systems.axis_process import AxisProcess
@@ -36,6 +40,7 @@ from sdt_drake.systems.gain_schedule import GainSchedule
 from sdt_drake.systems.inverse_dynamics import InverseDynamicsController
 from sdt_drake.systems.load_torque import LoadTorque, ReferenceTorque
 from sdt_drake.systems.meter import add_meter, read_meter
+from sdt_drake.systems.orientation import InternalModel, OrientationObserver, load_perception
 from sdt_drake.systems.pi import PiSpeedController
 from sdt_drake.systems.position_loop import PositionLoop
 from sdt_drake.systems.reference import ReferenceSource, SignalTable, hold_of, sample_source
@@ -48,8 +53,8 @@ from sdt_drake.systems.wiring import connect_by_name
 
 __all__ = [
     "AxisProcess", "CtcFeedforward", "Disturbance", "DynamicSaturation", "ElasticJoints", "Encoder",
-    "GainSchedule", "InverseDynamicsController", "JointFriction", "LoadTorque", "PiSpeedController",
-    "PositionLoop", "ReferenceSource", "ReferenceTorque", "RobotDrawing", "RobotPlant",
-    "SignalTable", "SymbolicLaw", "TorqueLoop", "add_meter", "connect_by_name", "hold_of",
-    "read_meter", "sample_source",
+    "GainSchedule", "InternalModel", "InverseDynamicsController", "JointFriction", "LoadTorque",
+    "OrientationObserver", "PiSpeedController", "PositionLoop", "ReferenceSource",
+    "ReferenceTorque", "RobotDrawing", "RobotPlant", "SignalTable", "SymbolicLaw", "TorqueLoop",
+    "add_meter", "connect_by_name", "hold_of", "load_perception", "read_meter", "sample_source",
 ]  # fmt: skip

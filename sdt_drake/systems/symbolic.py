@@ -9,7 +9,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import Multiplexer, SymbolicVectorSystem
 
 Symbols = NDArray[np.object_]
-Law = Callable[..., Sequence[Expression]]
+Law = Callable[..., Sequence[Expression] | Symbols]
 TIME = Variable("t")
 
 

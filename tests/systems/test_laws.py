@@ -10,6 +10,7 @@ import pytest
 from alone import (
     ENVELOPE,
     ERROR,
+    FEELING,
     FRICTION,
     GAINS,
     GEAR,
@@ -296,6 +297,45 @@ def tries(diagram, scales, count):
                 for name, port in inputs_of(diagram).items()
             },
         )
+
+
+K_W, K_FW, K_FG, K_A, TAU, TAU_A = (
+    np.array(getattr(FEELING, name)) for name in ("k_w", "k_fw", "k_fg", "k_a", "tau", "tau_a")
+)
+LAG = 2 * np.pi * 1.5
+
+
+@case("InternalModel")
+def internal_model(x, otoliths, canals):
+    expected, unused, gravity, low_pass, cupula = np.split(x, [3, 4, 7, 10])
+    axis = np.cross(otoliths, expected)
+    size = np.sqrt(np.sum(axis**2))
+    angle = np.arccos(otoliths @ expected / np.sqrt(np.sum(otoliths**2) * np.sum(expected**2)))
+    error = angle * axis / size
+    felt = K_A * (otoliths - expected)
+    w_r = K_FW * error + K_W * (canals - (low_pass - cupula))
+    rate = (K_W + 1) / K_W * w_r
+    change = [
+        LAG * (gravity - felt - expected),
+        0 * unused,
+        -np.cross(K_FG * error + rate, gravity) + (1 - np.sum(gravity**2)) * gravity,
+        LAG * (w_r - low_pass),
+        (low_pass - cupula) / TAU,
+    ]
+    return {"gravity": gravity, "rate": rate, "acceleration": 9.81 * felt}, np.concatenate(change)
+
+
+@case("OrientationObserver", scales={"specific_force": 9.81})
+def orientation_observer(x, specific_force, angular_rate):
+    otoliths, low_pass, cupula, nerve, inside = np.split(x, [3, 6, 9, 12])
+    outputs, change = internal_model(inside, otoliths, low_pass - cupula - nerve)
+    senses = [
+        LAG * (-specific_force / 9.81 - otoliths),
+        LAG * (angular_rate - low_pass),
+        (low_pass - cupula) / TAU,
+        (low_pass - cupula - nerve) / TAU_A,
+    ]
+    return outputs, np.concatenate([*senses, change])
 
 
 OF_EACH = pytest.mark.parametrize("case", CASES, ids=lambda case: case.title)

@@ -10,16 +10,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from sdt_drake.analysis.orientation import CAUTION, Percept
 from sdt_drake.analysis.perception import CHANNELS, canals
 from sdt_drake.analysis.tracking import HeadTracking
 from sdt_drake.io.arrays import Array
 from sdt_drake.motion import Story, TimedSegment
 from sdt_drake.robot.head import GRAVITY, HeadMotion
 from sdt_drake.show.figures.scope import ACHIEVED
-from sdt_drake.show.panels import Line, Panel, draw
+from sdt_drake.show.panels import Line, Panel, draw, picture
 from sdt_drake.show.style import LOOKS, PALETTE, Look, finish, grid, plain_numbers, style
 
 _CHANNEL_COLOURS = (*PALETTE[3:6], "#882255", "#999933", "#332288")
+
+_COLOURS = _CHANNEL_COLOURS[3:]
 
 _SPAN = 500  # of the logarithmic scale of the error at most [-]
 _SOMETHING = 0.05  # of the largest change of its kind; less is nothing to look at
@@ -74,6 +77,27 @@ def pilot(title: str, time: Array, head: HeadTracking, story: Story | None = Non
             _name_segments(figure, axes[:, 0], story.segments, tracks, above)
         finish(figure, "\n".join(lines))
     return figure
+
+
+def percept(title: str, felt: Percept) -> Figure:
+    """A figure of felt attitude, and of felt beside true rotation and specific force."""
+    attitude = [
+        Line("felt roll, + right", Look(PALETTE[3]), np.degrees(felt.roll)),
+        Line("felt pitch, + nose up", Look(PALETTE[4]), np.degrees(felt.pitch)),
+    ]
+    panels = [Panel("attitude", "time [s]", "angle [deg]", felt.time, attitude, note=CAUTION)]
+    for k, name in enumerate(_ROTATIONS):
+        both = (
+            Line("of the head", LOOKS["reference"], np.degrees(felt.angular_rate[:, k])),
+            Line("felt", Look(PALETTE[2]), np.degrees(felt.rate[:, k])),
+        )
+        panels.append(Panel(name, "time [s]", "rate [deg/s]", felt.time, both))
+    acceleration = [
+        Line(f"felt, {axis}", Look(colour), felt.acceleration[:, k] / GRAVITY)
+        for k, (axis, colour) in enumerate(zip(("forward", "left", "up"), _COLOURS, strict=True))
+    ]
+    panels.append(Panel("acceleration", "time [s]", "a [G]", felt.time, acceleration))
+    return picture(title, [panels])
 
 
 def head_panels(time: Array, head: HeadTracking, axis: int) -> tuple[Panel, Panel]:

@@ -1,0 +1,183 @@
+"""Orientation that a pilot feels over a recorded motion of the head, by the observer.
+
+`sdt_drake.analysis.reported` holds the predictions against what people reported.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import Demultiplexer, LogVectorOutput, Multiplexer
+
+from sdt_drake.io.arguments import finite, takes
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.shown import Shown, Summary, face, formatted
+from sdt_drake.io.tables import data_frame
+from sdt_drake.robot.head import GRAVITY
+from sdt_drake.run.simulate import make_simulator
+from sdt_drake.systems.orientation import OrientationObserver, PerceptionModel, load_perception
+from sdt_drake.systems.reference import sample_source
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+CAUTION = (
+    "Predicted by a model of attentive people in the dark; people differ widely, and it is no "
+    "medical statement."
+)
+"""What a prediction is and is not, for wherever one is shown."""
+
+SHORTEST, LONGEST = 0.01, 0.1
+"""Time between samples: the observer is not sampled more often than each SHORTEST [s], its senses
+have 2 Hz; beyond LONGEST [s] a recording does not hold what they follow."""
+
+WEIGHTLESS = 0.01 * GRAVITY
+"""Specific force that has no direction to feel [m/s²]."""
+
+ACCURACY = 1e-4
+"""Of the integrator; felt angles are good to 0.01 deg, felt rates to 0.1 deg/s."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Percept(Shown):
+    """Orientation that a pilot is predicted to feel, at N samples, in axes of the head.
+
+    Attributes:
+        model: of the observer, with the source of its gains.
+        time: [s], shape (N,).
+        specific_force, angular_rate: of the head [m/s²], [rad/s], shape (N, 3).
+        gravity: felt [G], shape (N, 3), of length 1; points down.
+        rate: felt [rad/s], shape (N, 3).
+        acceleration: felt [m/s²], shape (N, 3).
+    """
+
+    model: PerceptionModel
+    time: Array
+    specific_force: Array
+    angular_rate: Array
+    gravity: Array
+    rate: Array
+    acceleration: Array
+
+    @property
+    def roll(self) -> Array:
+        """Felt roll [rad], positive to the right, shape (N,)."""
+        return np.arctan2(-self.gravity[:, 1], -self.gravity[:, 2])
+
+    @property
+    def pitch(self) -> Array:
+        """Felt pitch [rad], positive nose up, shape (N,)."""
+        return np.arctan2(-self.gravity[:, 0], np.hypot(self.gravity[:, 1], self.gravity[:, 2]))
+
+    def summary(self) -> Summary:
+        felt = (
+            ("felt roll [deg]", np.degrees(self.roll)),
+            ("felt pitch [deg]", np.degrees(self.pitch)),
+            *(
+                (f"felt {axis} rate [deg/s]", np.degrees(self.rate[:, k]))
+                for k, axis in enumerate(("roll", "pitch", "yaw"))
+            ),
+        )
+        rows = [
+            (name, *(formatted(x, ".1f") for x in (values.min(), values.max(), values[-1])))
+            for name, values in felt
+        ]
+        title = f"{np.ptp(self.time):g} s, {len(self.time)} samples; {self.model.source}"
+        return Summary(title, ("", "smallest", "largest", "at the end"), rows)
+
+    def plot(self) -> Figure:
+        """A figure of felt attitude, and of felt beside true rates."""
+        return face().plots_pilot.percept("Felt orientation", self)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A table of gravity, rate and acceleration along x, y, z (1, 2, 3), its index the time.
+
+        Raises:
+            InputError: where pandas is not installed.
+        """
+        return data_frame(self.time, self.columns)
+
+    @property
+    def columns(self) -> dict[str, Array]:
+        """What is felt, by name, as tables hold it."""
+        return {name: getattr(self, name) for name in ("gravity", "rate", "acceleration")}
+
+
+@takes(time=finite("(N,)"), specific_force=finite("(N, 3)"), angular_rate=finite("(N, 3)"))
+def perceive(
+    time: Array,
+    specific_force: Array,
+    angular_rate: Array,
+    model: str | PerceptionModel = "clark2019",
+) -> Percept:
+    """Predict what a pilot feels of a motion of the head, which has been for long as at its start.
+
+        felt = sdt.perceive(time, specific_force, angular_rate, model="slow_yaw")
+        print(felt)
+        felt.plot().savefig("felt.png")
+
+    Args:
+        time: [s], rising, shape (N,).
+        specific_force: a - g [m/s²], (0, 0, +9.81) at rest; x forward, y left, z up, shape (N, 3).
+        angular_rate: of the head, in its axes [rad/s], shape (N, 3).
+        model: gains and time constants, by the name of a set that ships, or a YAML file.
+
+    Raises:
+        InputError: for arrays that do not fit, samples too far apart, or weightlessness.
+    """
+    _check(time, specific_force, angular_rate)
+    chosen = model if isinstance(model, PerceptionModel) else load_perception(model)
+    count = max(round(np.ptp(time) / max(float(np.diff(time).mean()), SHORTEST)), 1)
+    period = float(np.ptp(time)) / count
+
+    builder = DiagramBuilder()
+    samples = np.hstack([specific_force, angular_rate])
+    source = builder.AddNamedSystem("head", sample_source(time - time[0], samples))
+    split = builder.AddNamedSystem("force_and_rate", Demultiplexer([3, 3]))
+    observer = OrientationObserver(model=chosen)
+    builder.AddNamedSystem("observer", observer)
+    felt = builder.AddNamedSystem("felt", Multiplexer([3, 3, 3]))
+    builder.Connect(source.get_output_port(), split.get_input_port())
+    for k in range(2):
+        builder.Connect(split.get_output_port(k), observer.get_input_port(k))
+    for k in range(3):
+        builder.Connect(observer.get_output_port(k), felt.get_input_port(k))
+    log = LogVectorOutput(felt.get_output_port(), builder, period)
+    simulator = make_simulator(builder.Build(), period=period, accuracy=ACCURACY)
+    context = simulator.get_mutable_context()
+    observer.rest(observer.GetMyMutableContextFromRoot(context), specific_force[0], angular_rate[0])
+    simulator.Initialize()
+    simulator.AdvanceTo((count + 0.5) * period)  # so that the last sample is logged for sure
+
+    at = time[0] + period * np.arange(count + 1)
+    logged = log.FindLog(context).data()[:, : count + 1]
+    at_samples = np.array([np.interp(time, at, row) for row in logged]).T
+    return Percept(chosen, time, specific_force, angular_rate, *np.hsplit(at_samples, 3))
+
+
+def _check(time: Array, specific_force: Array, angular_rate: Array) -> None:
+    """Refuse samples that the observer cannot be run over."""
+    for name, array in (("specific_force", specific_force), ("angular_rate", angular_rate)):
+        if array.shape != (len(time), 3):
+            raise InputError(f"{name}: of shape {array.shape}, expected ({len(time)}, 3)")
+    steps = np.diff(time)
+    if not len(steps) or steps.min() <= 0:
+        raise InputError("time: expected at least 2 samples, each later than the one before")
+    too_long = steps > LONGEST * (1 + 1e-9)
+    if too_long.any():
+        first = too_long.argmax()
+        raise InputError(
+            f"time: {steps[first]:g} s between samples at {time[first]:g} s, expected at most "
+            f"{LONGEST:g} s"
+        )
+    size = np.linalg.norm(specific_force, axis=1)
+    if size.min() < WEIGHTLESS:
+        raise InputError(
+            f"specific_force: {size.min():.3g} m/s² at {time[size.argmin()]:g} s, expected at "
+            f"least {WEIGHTLESS:.2g} m/s²: the model feels nothing weightless"
+        )

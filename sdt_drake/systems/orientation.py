@@ -1,0 +1,206 @@
+"""Orientation as a pilot feels it: canals, otoliths, and the brain's model of both."""
+
+# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+import pydrake.symbolic as sym
+from numpy.typing import ArrayLike, NDArray
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.primitives import Demultiplexer, LinearSystem, MatrixGain, Multiplexer
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.fields import setting
+from sdt_drake.io.yaml_files import load_yaml
+from sdt_drake.robot.head import GRAVITY
+from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
+
+PERCEPTION = "perception model"
+"""Kind of the files that describe one, of `sdt_drake.io.resources.SHIPPED`."""
+
+_I, _0 = np.eye(3), np.zeros((3, 3))
+
+
+@dataclass(kw_only=True, slots=True)
+class PerceptionModel:
+    """Gains and time constants of a pilot's sense of orientation, along or about x, y, z of the
+    head: roll, pitch, yaw.
+
+    Attributes:
+        source: who published the numbers, and from what.
+        k_w: gain of the difference of canals and expected canals on the felt rate.
+        k_fw: gain of the tilt error on the felt rate.
+        k_fg: gain of the tilt error on the felt gravity.
+        k_a: gain of the difference of otoliths and expected otoliths on the felt acceleration.
+        tau: time constant with which the cupula swings back.
+        tau_a: time constant with which the canals' nerve adapts.
+        cutoff: of all senses, and of what the brain expects of them.
+    """
+
+    source: str
+    k_w: list[float] = setting(above=0, count=3, unit="-")
+    k_fw: list[float] = setting(minimum=0, count=3, unit="1/s")
+    k_fg: list[float] = setting(minimum=0, count=3, unit="1/s")
+    k_a: list[float] = setting(maximum=0, count=3, unit="-")
+    tau: list[float] = setting([5.7] * 3, above=0, count=3, unit="s")
+    tau_a: list[float] = setting([80.0] * 3, above=0, count=3, unit="s")
+    cutoff: float = setting(2.0, above=0, maximum=100, unit="Hz")
+
+
+def load_perception(name: str) -> PerceptionModel:
+    """Read the model of a file, or of a name that ships, such as "clark2019".
+
+    Raises:
+        InputError: with a line for each problem.
+    """
+    return load_yaml(PerceptionModel, name, PERCEPTION)[0]
+
+
+class OrientationObserver(Diagram):
+    """Gravity, rotation and acceleration as a pilot in the dark feels them (Merfeld 1993).
+
+    In axes of the head, with f = -specific_force / g [G], LP = 1 / (s / omega_c + 1), and a hat on
+    what the brain's internal model expects:
+
+        y   = LP f                                                   otoliths
+        y_w = tau s / (tau s + 1) tau_a s / (tau_a s + 1) LP omega   canals
+        y^  = LP (g^ - a^),               a^ = k_a (y - y^)          felt acceleration [G]
+        y^_w = tau s / (tau s + 1) LP w^r
+        e   = rotation vector from y to y^                           tilt error [rad]
+        w^r = k_fw e + k_w (y_w - y^_w),  w^ = (k_w + 1) / k_w w^r   felt rate [rad/s]
+        dg^/dt = -(k_fg e + w^) x g^                                 felt gravity [G]
+
+    Ports: specific force [m/s²], +9.81 along z at rest, and angular rate [rad/s] of the head in;
+    felt gravity [G], which points down, felt rate [rad/s] and felt acceleration [m/s²] out. It
+    knows no vision, no seat of the pants and no expectation but that of rest.
+
+    .. pydrake_system::
+
+        name: OrientationObserver
+        input_ports: [specific_force, angular_rate]
+        output_ports: [gravity, rate, acceleration]
+    """
+
+    def __init__(self, *, model: PerceptionModel) -> None:
+        super().__init__()
+        builder = DiagramBuilder()
+        self._otoliths, self._canals = _otoliths(model), _canals(model)
+        self._model = InternalModel(model=model)
+        builder.AddNamedSystem("otoliths", self._otoliths)
+        builder.AddNamedSystem("canals", self._canals)
+        builder.AddNamedSystem("internal_model", self._model)
+        for block, name in ((self._otoliths, "specific_force"), (self._canals, "angular_rate")):
+            builder.ExportInput(block.get_input_port(), name)
+            builder.Connect(block.get_output_port(), self._model.GetInputPort(block.get_name()))
+        for name in ("gravity", "rate", "acceleration"):
+            builder.ExportOutput(self._model.GetOutputPort(name), name)
+        builder.BuildInto(self)
+
+    def rest(self, context: Context, specific_force: ArrayLike, angular_rate: ArrayLike) -> None:
+        """Start as after long at this specific force [m/s²] and angular rate [rad/s]: upright by
+        the force, the rotation no more felt."""
+        own = self.GetMutableSubsystemContext
+        f, omega = -np.asarray(specific_force) / GRAVITY, np.asarray(angular_rate)
+        own(self._otoliths, context).SetContinuousState(f)
+        turning = np.concatenate([omega, omega, np.zeros(3)])
+        own(self._canals, context).SetContinuousState(turning)
+        self._model.rest(own(self._model, context), f)
+
+
+class InternalModel(Diagram):
+    """The brain's model of head and senses, corrected by what the senses tell; the equations are
+    those of `OrientationObserver`.
+
+    .. pydrake_system::
+
+        name: InternalModel
+        input_ports: [otoliths, canals]
+        output_ports: [gravity, rate, acceleration]
+    """
+
+    def __init__(self, *, model: PerceptionModel) -> None:
+        super().__init__()
+        lag, tau = 2 * pi * model.cutoff, np.array(model.tau)
+        k_w, k_fw, k_fg, k_a = map(np.array, (model.k_w, model.k_fw, model.k_fg, model.k_a))
+        K_a = np.diag(k_a)
+
+        def tilt_error(otoliths: Symbols, expected: Symbols) -> Symbols:
+            normal = _cross(otoliths, expected)
+            # Without a branch: where both are parallel, the normal is zero, and so is the error.
+            sine = sym.sqrt(normal @ normal + 1e-30)
+            return normal * (sym.atan2(sine, otoliths @ expected) / sine)
+
+        def felt(x: Symbols, error: Symbols, canals: Symbols) -> Symbols:
+            gravity, low_pass, cupula = np.split(x, 3)
+            w_r = k_fw * error + k_w * (canals - (low_pass - cupula))
+            return np.concatenate([1 * gravity, (k_w + 1) / k_w * w_r])
+
+        def rates(x: Symbols, error: Symbols, canals: Symbols) -> Symbols:
+            gravity, low_pass, cupula = np.split(x, 3)
+            rate = felt(x, error, canals)[3:]
+            # The last term keeps |g^| = 1 and is zero there.
+            turning = _cross(gravity, k_fg * error + rate) + (1 - gravity @ gravity) * gravity
+            w_r = k_w / (k_w + 1) * rate
+            return np.concatenate([turning, lag * (w_r - low_pass), (low_pass - cupula) / tau])
+
+        builder = DiagramBuilder()
+        add, connect = builder.AddNamedSystem, builder.Connect
+        # y^' = omega_c (g^ - k_a (y - y^) - y^), of [g^, y].
+        self._expected = add("internal_otoliths", LinearSystem(
+            A=lag * (K_a - _I), B=lag * np.hstack([_I, -K_a]), C=_I, D=np.zeros((3, 6))
+        ))  # fmt: skip
+        error = add("tilt_error", SymbolicLaw(
+            inputs={"otoliths": 3, "expected": 3}, output="error", law=tilt_error
+        ))  # fmt: skip
+        self._felt = add("felt", SymbolicLaw(
+            inputs={"error": 3, "canals": 3}, output="felt", law=felt, rates=rates, states=9
+        ))  # fmt: skip
+        split = add("gravity_and_rate", Demultiplexer([3, 3]))
+        model_inputs = add("gravity_and_otoliths", Multiplexer([3, 3]))
+        differing = add("otoliths_and_expected", Multiplexer([3, 3]))
+        acceleration = add("acceleration", MatrixGain(GRAVITY * np.hstack([K_a, -K_a])))
+
+        otoliths = builder.ExportInput(error.GetInputPort("otoliths"), "otoliths")
+        builder.ConnectInput(otoliths, model_inputs.get_input_port(1))
+        builder.ConnectInput(otoliths, differing.get_input_port(0))
+        builder.ExportInput(self._felt.GetInputPort("canals"), "canals")
+        for port in (error.GetInputPort("expected"), differing.get_input_port(1)):
+            connect(self._expected.get_output_port(), port)
+        connect(error.get_output_port(), self._felt.GetInputPort("error"))
+        connect(self._felt.get_output_port(), split.get_input_port())
+        connect(split.get_output_port(0), model_inputs.get_input_port(0))
+        connect(model_inputs.get_output_port(), self._expected.get_input_port())
+        connect(differing.get_output_port(), acceleration.get_input_port())
+        builder.ExportOutput(split.get_output_port(0), "gravity")
+        builder.ExportOutput(split.get_output_port(1), "rate")
+        builder.ExportOutput(acceleration.get_output_port(), "acceleration")
+        builder.BuildInto(self)
+
+    def rest(self, context: Context, f: Array) -> None:
+        """Start with otoliths that have shown f [G] for long, which is taken for gravity."""
+        own = self.GetMutableSubsystemContext
+        own(self._expected, context).SetContinuousState(f)
+        felt = np.concatenate([f / np.linalg.norm(f), np.zeros(6)])
+        own(self._felt, context).SetContinuousState(felt)
+
+
+def _otoliths(model: PerceptionModel) -> LinearSystem:
+    """From specific force [m/s²] to y [G]."""
+    lag = 2 * pi * model.cutoff
+    return LinearSystem(A=-lag * _I, B=-lag / GRAVITY * _I, C=_I, D=_0)
+
+
+def _canals(model: PerceptionModel) -> LinearSystem:
+    """From omega to y_w [rad/s]; states: omega behind the low pass, then what the cupula and the
+    nerve take off."""
+    lag = 2 * pi * model.cutoff
+    cupula, nerve = np.diag(1 / np.array(model.tau)), np.diag(1 / np.array(model.tau_a))
+    A = np.block([[-lag * _I, _0, _0], [cupula, -cupula, _0], [nerve, -nerve, -nerve]])
+    B = np.vstack([lag * _I, _0, _0])
+    return LinearSystem(A=A, B=B, C=np.hstack([_I, -_I, -_I]), D=_0)
+
+
+def _cross(a: NDArray[np.object_], b: NDArray[np.object_]) -> Symbols:
+    """The vector product; numpy's takes no symbols in all of its versions."""
+    return np.roll(a, -1) * np.roll(b, -2) - np.roll(a, -2) * np.roll(b, -1)
