@@ -1,0 +1,214 @@
+"""Predictions of the observer held against what people reported, with verdicts from the numbers.
+
+The motions, what people reported of them and the sources stand in reported.yaml.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sdt_drake.analysis.orientation import Percept, perceive
+from sdt_drake.analysis.threads import threads
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.resources import shipped
+from sdt_drake.io.shown import formatted, listed
+from sdt_drake.io.yaml_files import read_yaml
+from sdt_drake.robot.head import GRAVITY
+from sdt_drake.systems.orientation import PERCEPTION
+
+GROUPS = ("yaw decay", "gondola turns")
+"""Groups of motions that a gain set should pass both."""
+
+_PERIOD = 0.02  # of the motions [s]
+_ARM = 7.25  # of the centrifuge whose gondola turns were reported [m]
+
+Head = tuple[Array, Array, Array]
+"""A motion of the head: time [s] (N,), specific force [m/s²] and angular rate [rad/s] (N, 3)."""
+
+Feel = Callable[[Array, Array, Array], Percept]
+Numbers = Iterator[tuple[str, float]]
+"""What a gain set predicts of a motion, by the ids of reported.yaml."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What people reported of a motion, beside what gain sets predict.
+
+    Attributes:
+        id: short name.
+        stimulus: the motion.
+        quantity: what was reported, with its unit.
+        mean: of what people reported, or the middle of a range; NaN if there is no number.
+        spread: its standard deviation, or half of the range; NaN where none is known.
+        is_range: whether it is that.
+        source: of what was reported, and of whom.
+        group: what a set has to pass as a whole.
+        predicted: by gain set.
+    """
+
+    id: str
+    stimulus: str
+    quantity: str
+    mean: float
+    spread: float
+    is_range: bool
+    source: str
+    group: str
+    predicted: Mapping[str, float]
+
+    @property
+    def reported(self) -> str:
+        """What people reported, in words."""
+        if self.is_range:
+            return f"{self.mean - self.spread:g} to {self.mean + self.spread:g}"
+        spread = "" if np.isnan(self.spread) else f" ± {self.spread:g}"
+        return f"{formatted(self.mean, 'g')}{spread}"
+
+    def deviations(self, name: str) -> float:
+        """How many spreads the prediction of a set lies above what was reported [-]; NaN where
+        there is no spread."""
+        return (self.predicted[name] - self.mean) / self.spread
+
+    def passes(self, name: str) -> bool:
+        """Whether a prediction lies within one standard deviation, or within the range."""
+        return abs(self.deviations(name)) <= 1
+
+    def verdict(self, name: str) -> str:
+        """What the numbers say of the prediction of a set."""
+        deviations = self.deviations(name)
+        if np.isnan(deviations):
+            return "not judged, no spread is known"
+        within = "the range" if self.is_range else "one standard deviation"
+        if abs(deviations) <= 1:
+            return f"within {within}"
+        high_or_low = "large" if deviations > 0 else "small"
+        by = "" if self.is_range else f" by {abs(deviations):.1f} standard deviations"
+        return f"too {high_or_low}{by}"
+
+
+def validate(models: Sequence[str] = ()) -> list[Judged]:
+    """Predict each motion of reported.yaml with gain sets, by default all that ship."""
+    models = models or tuple(shipped(PERCEPTION))
+    pairs = [(motion, model) for motion in _MOTIONS for model in models]
+    predicted: dict[str, dict[str, float]] = {}
+    with threads(2) as pool:  # Drake steps without the interpreter's lock
+        results = pool.map(lambda pair: list(pair[0](partial(perceive, model=pair[1]))), pairs)
+        for (_, model), numbers in zip(pairs, results, strict=True):
+            for id_, value in numbers:
+                predicted.setdefault(id_, {})[model] = value
+    return [_judged(text, predicted[text["id"]]) for text in _texts()]
+
+
+def verdict_of_all(rows: Sequence[Judged]) -> str:
+    """Which sets pass all of each of GROUPS, in a sentence."""
+    models = list(rows[0].predicted)
+    passing = {
+        group: [m for m in models if all(row.passes(m) for row in rows if row.group == group)]
+        for group in GROUPS
+    }
+    both = [m for m in models if all(m in passing[group] for group in GROUPS)]
+    told = " and ".join(
+        f"{group} by {listed(names) if names else 'none'}" for group, names in passing.items()
+    )
+    start = f"{listed(both)} pass" if both else "No gain set passes"
+    return f"{start} both: of what people reported, {told}."
+
+
+def _judged(text: Mapping[str, Any], predicted: Mapping[str, float]) -> Judged:
+    low, high = text.get("range", (np.nan, np.nan))
+    return Judged(
+        **{name: text[name] for name in ("id", "stimulus", "quantity", "source", "group")},
+        mean=text.get("mean", (low + high) / 2),
+        spread=text.get("deviation", (high - low) / 2),
+        is_range="range" in text,
+        predicted=predicted,
+    )
+
+
+@cache
+def _texts() -> Any:
+    return read_yaml(Path(__file__).with_name("reported.yaml"))
+
+
+# --- the motions, and what is read off them --------------------------------------------------
+
+
+def _yaw(feel: Feel) -> Numbers:
+    time, force, rate = _samples(242)
+    rate[:, 2] = np.radians(np.interp(time, [0, 1, 121, 122], [0, 60, 60, 0]))
+    felt = feel(time, force, rate)
+    yield "yaw_start", _fading(time, felt.rate[:, 2], 1, 121)
+    yield "yaw_stop", _fading(time, felt.rate[:, 2], 122)
+
+
+def _forward(feel: Feel) -> Numbers:
+    time, force, rate = _samples(60)
+    force[1:, 0] = 0.3 * GRAVITY
+    yield "forward", float(np.degrees(feel(time, force, rate).pitch[-1]))
+
+
+def _turn_156(feel: Feel) -> Numbers:
+    felt = feel(*_gondola(50, rise=7, hold=300))
+    inwards = -np.degrees(felt.roll)
+    yield "turn_1.56_start", float(np.interp(7, felt.time, inwards))
+    yield "turn_1.56_fading", _fading(felt.time, inwards, 7)
+    yield "turn_1.56_end", float(inwards[-1])
+
+
+def _turn_2(feel: Feel) -> Numbers:
+    inwards = -float(np.degrees(feel(*_gondola(60, rise=10, hold=0)).roll[-1]))
+    yield "turn_2_start", inwards
+    yield "turn_2_start_pilots", inwards
+    time, force, rate = _gondola(60, rise=10, hold=0)
+    half_turn = [-1, -1, 1]
+    felt = feel(time, force * half_turn, rate * half_turn)
+    yield "turn_2_backward", float(np.degrees(felt.roll[-1]))
+
+
+def _coriolis(feel: Feel) -> Numbers:
+    time, force, rate = _samples(69.5)
+    spin = np.radians(np.interp(time, [0, 9], [0, 90]))
+    roll = np.radians(np.interp(time, [68, 69.5], [0, 30]))
+    rate[:, 0] = np.where(time > 68, np.radians(30 / 1.5), 0)
+    rate[:, 1], rate[:, 2] = spin * np.sin(roll), spin * np.cos(roll)
+    force[:, 1], force[:, 2] = GRAVITY * np.sin(roll), GRAVITY * np.cos(roll)
+    yield "coriolis", float(abs(np.degrees(feel(time, force, rate).rate[-1, 1])))
+
+
+_MOTIONS = (_yaw, _forward, _turn_156, _turn_2, _coriolis)
+
+
+def _samples(duration: float) -> Head:
+    """Upright and at rest."""
+    time = _PERIOD * np.arange(round(duration / _PERIOD) + 1, dtype=float)
+    force, rate = np.zeros((2, len(time), 3))
+    force[:, 2] = GRAVITY
+    return time, force, rate
+
+
+def _gondola(angle_deg: float, rise: float, hold: float) -> Head:
+    """A turn to the left on the arm, facing forward; the gondola rolls along the resultant, but for
+    the tangential force, which stays along x. The arm's acceleration is constant while it rises."""
+    time, force, rate = _samples(rise + hold)
+    largest = np.sqrt(GRAVITY * np.tan(np.radians(angle_deg)) / _ARM)
+    rising, omega = time < rise, largest * np.minimum(time / rise, 1)
+    tangent = omega**2 * _ARM / GRAVITY
+    angle, rate_of_tangent = np.arctan(tangent), 2 * omega * largest / rise * _ARM / GRAVITY
+    rate[:, 0] = np.where(rising, -rate_of_tangent / (1 + tangent**2), 0)
+    rate[:, 1], rate[:, 2] = -omega * np.sin(angle), omega * np.cos(angle)
+    force[:, 0] = np.where(rising, largest / rise * _ARM, 0)
+    force[:, 2] = GRAVITY / np.cos(angle)
+    return time, force, rate
+
+
+def _fading(time: Array, values: Array, start: float, end: float = np.inf) -> float:
+    """How long after `start` values are first down to 37 % of those at it [s]; NaN if never."""
+    since = (time >= start - 1e-9) & (time <= end)
+    below = np.abs(values[since]) <= 0.37 * abs(values[since][0])
+    return float(time[since][below.argmax()] - start) if below.any() else np.nan
