@@ -73,6 +73,7 @@ class Loop(Diagram):
     Attributes:
         design: what it was made from.
         controller: the system that commands the torque.
+        widened: whether the alleviating torque widens the motors' limits.
         updates: times within a period of the drives, or of the reference where they are
             continuous, at which what the controller gets is updated, from 0 to the period [s].
         is_told: whether the controller tells its command just after each update from what is
@@ -100,9 +101,9 @@ class Loop(Diagram):
         super().__init__()
         design = as_design(design)
         robot, drive, motion = design.robot, design.drive, design.reference
-        self.design, self._loaded = design, loaded
         if widened is None:
             widened = design.scenario.plant.kind == "axis"
+        self.design, self.widened, self._loaded = design, widened, loaded
         if controller is None:
             controller = make_controller(design)
         self.controller = _checked_controller(design, controller)
@@ -137,20 +138,14 @@ class Loop(Diagram):
         signals |= {"measured": signals[measured], "tau": signals[self._device.tau]}
         torques = {name: signals[name] for name in _TORQUES}
         limit = robot.motor_torque_limit
-        torque, metered = add_meter(builder, motor_torque_limit=limit, **torques)
-        states = ("state", "measured")
-        logged = {x: signals[x] for x in states} | {"metered": metered}
-        self.logs = add_logs(builder, logged, motion.period)
-        self.logs |= add_logs(builder, {"torques": torque}, None)
+        each_step = {"torques": add_meter(builder, motor_torque_limit=limit, **torques)}
         if design.envelope is not None:
-            motors = {"motor_state": signals[self._device.motor_state]}
-            self.logs |= add_logs(builder, motors, drive.period or motion.period)
+            each_step["motor_state"] = signals[self._device.motor_state]
+        states = ("state", "measured")
+        self.logs = add_logs(builder, {x: signals[x] for x in states}, motion.period)
+        self.logs |= add_logs(builder, each_step, None)
         self.updates = _update_times(design)
-        self.is_told = (
-            widened == (design.scenario.plant.kind == "axis")
-            and len(self.updates) == 2
-            and tells_updates(controller)
-        )
+        self.is_told = len(self.updates) == 2 and tells_updates(controller)
         for name in ("reference", *states, "tau_cmd", "tau"):
             builder.ExportOutput(signals[name], name)
         builder.BuildInto(self)
@@ -206,7 +201,8 @@ class Loop(Diagram):
         period = self.updates[-1]
         count = round(times[-1] / period) + 1
         at = np.searchsorted(times, (np.arange(count) - 1e-6) * period)
-        return signals | dict(zip(_TORQUES, np.hsplit(signals["torques"][at], 3), strict=True))
+        torques = np.hsplit(signals["torques"][at], 4)[:3]
+        return signals | dict(zip(_TORQUES, torques, strict=True))
 
 
 make_loop = Loop  # as it is called beside `make_process` and `make_step_loop`

@@ -310,7 +310,7 @@ def _recording(loop: Loop, signals: Mapping[str, Array]) -> Recording:
         v_ref=motion.v,
         q=q,
         v=v,
-        load_torque=load[arrived(design, len(load))],  # as a hold has it just before each update
+        load_torque=load[arrived(design, motion.time)],  # as a hold has it just before each update
         beyond_stop=_beyond_stop(design, q),
         q_measured=q_seen,
         v_measured=v_seen,

@@ -22,7 +22,7 @@ signals of their ports, all vectors of length n unless said otherwise:
     tau_fb tau_ff tau_cmd tau_limited tau
                          torque of the motors, motor side [N m]: feedback, feedforward, their sum,
                          after saturation, as the drives really give it
-    metered              state of the meter (`add_meter`), length 3n
+    metered              integral of the motors' torque (`add_meter`), over 1e12 limits [s]
     tau_link             what an elastic joint passes on, motor side [N m]
 
 The observer of the pilot's orientation stands beside the loop, with ports of length 3 in axes of
@@ -39,7 +39,7 @@ from sdt_drake.systems.friction import JointFriction
 from sdt_drake.systems.gain_schedule import GainSchedule
 from sdt_drake.systems.inverse_dynamics import InverseDynamicsController
 from sdt_drake.systems.load_torque import LoadTorque, ReferenceTorque
-from sdt_drake.systems.meter import add_meter, read_meter
+from sdt_drake.systems.meter import add_meter, mean_torque
 from sdt_drake.systems.orientation import InternalModel, OrientationObserver, load_perception
 from sdt_drake.systems.pi import PiSpeedController
 from sdt_drake.systems.position_loop import PositionLoop
@@ -56,5 +56,5 @@ __all__ = [
     "GainSchedule", "InternalModel", "InverseDynamicsController", "JointFriction", "LoadTorque",
     "OrientationObserver", "PiSpeedController", "PositionLoop", "ReferenceSource",
     "ReferenceTorque", "RobotDrawing", "RobotPlant", "SignalTable", "SymbolicLaw", "TorqueLoop",
-    "add_meter", "connect_by_name", "hold_of", "load_perception", "read_meter", "sample_source",
+    "add_meter", "connect_by_name", "hold_of", "load_perception", "mean_torque", "sample_source",
 ]  # fmt: skip

@@ -103,7 +103,7 @@ def limits_along(recording: Recording, design: Design) -> tuple[Array, Array]:
 
     With elastic joints the speed of a motor is taken for that of its link times the gear ratio.
     """
-    newest = arrived(design, len(recording.time))
+    newest = arrived(design, recording.time)
     lower, upper = torque_limits(design, newest, recording.v)
     return np.broadcast_to(lower, recording.v.shape), np.broadcast_to(upper, recording.v.shape)
 
