@@ -77,6 +77,7 @@ CASES = {
     "late": ("p_pi+id", "coupled", Drive(reference_delay=0.0072)),
     "lag": ("pi_id", "coupled", Drive(torque_bandwidth=200.0, torque_error=[0.1, -0.1, 0, 0.05])),
     "sampled": ("pi_id", "coupled", Drive(period=0.001, **ENVELOPE)),
+    "sampled, late": ("p_pi+id", "coupled", Drive(period=0.001, reference_delay=0.007)),
     "sampled, late, lag": (
         "p_pi+id",
         "coupled",
@@ -155,36 +156,35 @@ def test_torque_of_a_controller_of_ones_own(design_of, drive):
 
 
 class Given(LeafSystem, Controller):
-    """tau_cmd = a + b t, in limits of the motors, whatever the robot does."""
+    """tau_cmd = a + b t + c t², in limits of the motors, whatever the robot does."""
 
-    LIMITS = np.zeros((2, 4))  # a, b
+    LIMITS = np.zeros((3, 4))  # a, b, c
 
     def __init__(self, design):
         super().__init__()
         limit = design.robot.motor_torque_limit
 
         def command(context, output):
-            a, b = self.LIMITS
-            output.SetFromVector(limit * (a + b * context.get_time()))
+            output.SetFromVector(limit * (context.get_time() ** np.arange(3) @ self.LIMITS))
 
         self.DeclareVectorOutputPort("tau_cmd", len(limit), command, {self.time_ticket()})
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_mean_rms_and_saturation_of_torques_known_by_hand(design_of, monkeypatch, sign):
-    """At the limit, just beyond it, through zero, and through the limit within the first period."""
+    """At the limit, just beyond it, on a parabola, and through the limit within a period."""
     register_controller("given", Given)
-    beyond = 1 + 1e-15
-    monkeypatch.setattr(Given, "LIMITS", sign * np.array([[1, beyond, -0.2, 0.9], [0, 0, 80, 80]]))
+    x = np.array([[1, 1 + 1e-15, 0, 0.9], [0, 0, 0.8, 0.4], [0, 0, -0.8, 0]])  # of t / period
+    monkeypatch.setattr(Given, "LIMITS", sign * x / 0.005 ** np.arange(3)[:, None])
     own = design_of("given", "coupled", Drive())
     run = simulate(own)
     limit = own.robot.motor_torque_limit
     np.testing.assert_allclose(run.saturated[1], [0, 1, 0, 1 - 0.1 / 0.4], rtol=1e-9)
     assert not run.saturated[:, 0].any()
-    third = np.s_[1, :3]
-    mean, rms = run.tau_mean[third] / limit[:3], run.tau_rms[third] / limit[:3]
-    np.testing.assert_allclose(mean, sign * np.array([1, 1, 0]), atol=1e-9)
-    np.testing.assert_allclose(rms, [1, 1, 0.2 / 3**0.5], rtol=1e-9)
+    known = np.s_[1, :3]
+    mean, rms = run.tau_mean[known] / limit[:3], run.tau_rms[known] / limit[:3]
+    np.testing.assert_allclose(mean, sign * np.array([1, 1, 0.8 / 6]), rtol=1e-9)
+    np.testing.assert_allclose(rms, [1, 1, 0.8 / 30**0.5], rtol=1e-9)
 
 
 def test_motors_behind_springs_are_taken_as_their_encoders_see_them(design_of):
@@ -211,8 +211,9 @@ def test_wider_limits_of_an_axis_arrive_with_the_reference(design_of, period):
     drive = Drive(period=period, reference_delay=0.007)
     strong = design_of("pi_ctc", "axis", drive)
     own = weaker(strong, 0.1)
-    run, (peak, _, mean, _) = simulate(own), walked(own)
+    run, (peak, _, mean, saturated) = simulate(own), walked(own)
     assert run.saturated.any() and own.loads.alleviating_torque.any()
     for found, expected in ((run.tau_peak, peak), (run.tau_mean, mean)):
         off = (found[1:] - expected) / strong.robot.motor_torque_limit
         np.testing.assert_allclose(off, 0, atol=2e-2)
+    np.testing.assert_allclose(run.saturated[1:], saturated, rtol=0, atol=0.5 / STEPS + 2e-3)
