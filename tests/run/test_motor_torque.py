@@ -77,7 +77,7 @@ CASES = {
     "late": ("p_pi+id", "coupled", Drive(reference_delay=0.0072)),
     "lag": ("pi_id", "coupled", Drive(torque_bandwidth=200.0, torque_error=[0.1, -0.1, 0, 0.05])),
     "sampled": ("pi_id", "coupled", Drive(period=0.001, **ENVELOPE)),
-    "sampled, late": ("p_pi+id", "coupled", Drive(period=0.001, reference_delay=0.007)),
+    "late by two samples": ("p_pi+id", "coupled", Drive(reference_delay=0.01)),
     "sampled, late, lag": (
         "p_pi+id",
         "coupled",
