@@ -98,7 +98,8 @@ def test_committed_svg_was_made_from_the_committed_dot(name):
 @pytest.mark.parametrize(("name", "row"), [("monte_carlo", 0), ("sizing", 0)])
 def test_committed_rows_are_those_of_today(name, row):
     (runner, *_), table = load_runner(ROWS / name), read_study_table(ROWS / name)
-    outcomes, *_ = runner.repeat(row)
+    inputs = {key: values[row].item() for key, values in table.inputs.items()}
+    outcomes, *_ = runner.repeat(row, inputs)
     for (outcome, values), found in zip(table.outcomes.items(), outcomes, strict=True):
         # The rows are older than the meter: both tell peaks to 2e-3 of the motor's torque.
         atol = 2e-3 if outcome.startswith(("peak_torque", "used_torque")) else 1e-5

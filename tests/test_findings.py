@@ -231,7 +231,7 @@ def test_row_47_runs_away_without_anti_windup():
     errors = [table.outcomes[f"max_abs_position_error_{k}"][47] for k in (1, 2, 3, 4)]
     assert np.degrees(np.max(errors)) > 360
     runner = Runner(*load_study("monte_carlo"))
-    scenario = runner.scenario(47)
+    scenario = runner.scenario(47, {key: x[47].item() for key, x in table.inputs.items()})
     scenario.controller.anti_windup = True
     scenario.accuracy = COARSE
     made, _ = runner.design(scenario)

@@ -74,17 +74,17 @@ def add_running(parser: argparse.ArgumentParser) -> None:
 def run_file(path: str, options: argparse.Namespace) -> None:
     import numpy as np
 
-    from sdt_drake.studies.results import RESULTS_FILE, read_study_table
+    from sdt_drake.studies.results import read_study_table
     from sdt_drake.studies.study import load_study
     from sdt_drake.studies.table import ANSWERS
 
     with common.naming_changes(options):
         study, base = load_study(path, dict(options.changes))
     folder = options.out or Path(study.name)
-    run_into(folder, study, base, options)
+    results = run_into(folder, study, base, options)
     table = read_study_table(folder)
     say_failures(table)
-    say(f"{folder / RESULTS_FILE} written; sdt-drake study show {shlex.quote(str(folder))}")
+    say(f"{results} written; sdt-drake study show {shlex.quote(str(folder))}")
     if not np.isin(table.status, ANSWERS).any():
         raise SystemExit(FAILED)
 
@@ -98,15 +98,16 @@ def say_failures(table: StudyTable) -> str:
     return failed
 
 
-def run_into(folder: Path, study: Study, base: Scenario, options: argparse.Namespace) -> None:
-    """Run what a study's folder does not have yet, as the options of `add_running` say."""
+def run_into(folder: Path, study: Study, base: Scenario, options: argparse.Namespace) -> Path:
+    """Run what a study's folder does not have yet, as the options of `add_running` say; returns the
+    file of results."""
     from sdt_drake.studies.execute import run_study
     from sdt_drake.studies.folder import holds_study
     from sdt_drake.studies.job import make_job
 
     common.check_folder(folder)
     try:
-        run_study(
+        return run_study(
             make_job(study, base),
             folder,
             workers=1 if options.workers is None else options.workers,

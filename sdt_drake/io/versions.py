@@ -9,11 +9,12 @@ import numpy as np
 
 
 def versions() -> dict[str, str]:
-    """Versions of the package, Drake, numpy and Python."""
+    """Versions of the package, Drake, numpy, scipy and Python."""
     return {
         "package": metadata.version("sdt_drake"),
         "drake": metadata.version("drake"),
         "numpy": np.__version__,
+        "scipy": metadata.version("scipy"),
         "python": platform.python_version(),
     }
 

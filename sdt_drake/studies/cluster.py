@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Sequence
-from itertools import islice
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from sdt_drake.io.errors import InputError, needing, one_line
 from sdt_drake.io.versions import other_versions, versions
-from sdt_drake.studies.journal import Row
-from sdt_drake.studies.workers import Worker
+from sdt_drake.studies.fields import Value
+from sdt_drake.studies.pool import Pool
+from sdt_drake.studies.table import Row
+
+with needing("--cluster needs Dask", "sdt_drake[cluster]"):
+    from distributed import Client, TimeoutError
+    from distributed.comm.addressing import get_address_host_port
 
 if TYPE_CHECKING:
-    from distributed import Future
-
     from sdt_drake.studies.job import Job
 
 _CONNECT = 10.0  # s
@@ -27,24 +31,22 @@ _AHEAD = 4  # rows that are sent for each thread of the cluster: it never waits 
 class Cluster:
     """Threads of a Dask cluster, each with a process of its own as on one machine.
 
-    So a run that hangs is ended there, and the thread goes on with the next one. What a worker of
-    the cluster had when it died, Dask gives to another.
+    Dask ends a task only with its worker, whose other threads lose theirs, and tries a task four
+    times before it gives it up. What a worker had when it died, Dask gives to another.
     """
 
-    def __init__(self, job: Job, address: str) -> None:
-        """Connect, in a thread that gets no signals, which would break off the waiting of Dask.
+    def __init__(self, job: Job, address: str, put: Callable[[Exception], None]) -> None:
+        """Connect to a cluster.
 
         Args:
             job: to run rows of.
             address: of the scheduler.
+            put: takes the error if the cluster has had no workers for long.
 
         Raises:
-            InputError: if distributed is not installed, the cluster cannot be reached, or it has no
-                workers, or such with other versions.
+            InputError: if the cluster cannot be reached, or it has no workers, or such with other
+                versions.
         """
-        with needing("--cluster needs Dask", "sdt_drake[cluster]"):
-            from distributed import Client
-            from distributed.comm.addressing import get_address_host_port
         for name in [*logging.root.manager.loggerDict]:
             if name.split(".")[0] in ("distributed", "tornado"):  # our own errors say it
                 logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -56,44 +58,30 @@ class Cluster:
                 f"--cluster {address}: cannot be reached ({_line(error)}), expected the address of "
                 "a Dask scheduler, tcp://HOST:8786"
             ) from None
-        self._job, self._closed = job, threading.Event()
+        self._closed = threading.Event()
         try:
-            self._threads = sum(self._client.nthreads().values())
-            if not self._threads:
+            threads = sum(self._client.nthreads().values())
+            if not threads:
                 raise InputError("--cluster: has no workers, start some: dask worker ADDRESS")
             for worker, other in self._client.run(_other_versions, job).items():
                 if other:
                     raise InputError(f"--cluster: worker {worker} {other}")
+            # A task, not data: if the workers that have it die, Dask makes it anew.
+            self._job = self._client.submit(_itself, job, pure=False)
         except Exception as error:
             self.close()
             raise _told(error) from None
-
-    def start(self, numbers: Sequence[int], put: Callable[[object], None]) -> None:
-        """Begin to run rows; `put` takes what becomes of each, or the error that ends it all."""
-        coming = iter(numbers)
-        # A task, not data: if the workers that have it die, Dask makes it anew.
-        job = self._client.submit(_itself, self._job, pure=False)
-
-        def submit(count: int) -> None:
-            for number in islice(coming, count):
-                future = self._client.submit(run_row, job, number, pure=False)
-                future.add_done_callback(done)
-
-        def done(future: Future[Row]) -> None:  # in a thread of Dask
-            if self._closed.is_set():
-                return
-            try:
-                put(future.result())
-                submit(1)
-            except Exception as error:
-                put(_told(error))
-
-        submit(_AHEAD * self._threads)
+        self.ahead = _AHEAD * threads
         threading.Thread(target=self._watch, args=(put,), daemon=True).start()
 
-    def _watch(self, put: Callable[[object], None]) -> None:
-        from distributed import TimeoutError
+    def submit(self, number: int, inputs: Mapping[str, Value]) -> Future[Row]:
+        """Run a row on one of the workers; it is an InputError if the cluster is lost."""
+        row: Future[Row] = Future()
+        running = self._client.submit(run_row, self._job, number, inputs, pure=False)
+        running.add_done_callback(partial(_hand_over, row))
+        return row
 
+    def _watch(self, put: Callable[[Exception], None]) -> None:
         while not self._closed.wait(_LOOK):
             try:
                 self._client.wait_for_workers(1, _ALONE)
@@ -106,6 +94,14 @@ class Cluster:
         """Leave the cluster; rows that run there are not wanted any more."""
         self._closed.set()
         self._client.close()
+
+
+def _hand_over(row: Future[Row], running: Any) -> None:
+    """Give a row the result of its future of Dask."""
+    try:
+        row.set_result(running.result())
+    except Exception as error:
+        row.set_exception(_told(error))
 
 
 def _told(error: Exception) -> InputError:
@@ -124,7 +120,7 @@ def _line(error: Exception) -> str:
 _here = threading.local()
 
 
-def run_row(job: Job, number: int) -> Row:
+def run_row(job: Job, number: int, inputs: Mapping[str, Value]) -> Row:
     """Run a row in the process of this thread, which stays for the next one.
 
     Raises:
@@ -133,10 +129,10 @@ def run_row(job: Job, number: int) -> Row:
     if getattr(_here, "fingerprint", None) != job.fingerprint:
         if other := _other_versions(job):
             raise InputError(f"--cluster: a worker that joined {other}")
-        if hasattr(_here, "worker"):
-            _here.worker.close()
-        _here.worker, _here.fingerprint = Worker(job), job.fingerprint
-    return _here.worker.run(number)
+        if hasattr(_here, "pool"):
+            _here.pool.close()
+        _here.pool, _here.fingerprint = Pool(job), job.fingerprint
+    return _here.pool.submit(number, inputs).result()
 
 
 def _other_versions(job: Job) -> str:

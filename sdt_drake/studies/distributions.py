@@ -38,7 +38,9 @@ class Uniform:
         yield from _width_problems(self.low, self.high)
 
     def quantile(self, share: Array) -> Array:
-        return self.low + (self.high - self.low) * share
+        from scipy import stats
+
+        return stats.uniform(self.low, self.high - self.low).ppf(share)
 
 
 @dataclass(slots=True)
@@ -57,7 +59,9 @@ class LogUniform:
         yield from _width_problems(self.low, self.high)
 
     def quantile(self, share: Array) -> Array:
-        return self.low ** (1 - share) * self.high**share
+        from scipy import stats
+
+        return stats.loguniform(self.low, self.high).ppf(share)
 
 
 @dataclass(slots=True)
@@ -77,9 +81,10 @@ class Normal:
     high: Optional[float] = setting(None, unit=_ITS_OWN)
 
     def problems(self) -> Problems:
-        yield from _width_problems(*self._range)
-        first, last = self._shares
-        if not last - first > 1e-6:
+        low, high = self._range
+        yield from _width_problems(low, high)
+        normal = NormalDist(self.mean, self.std)
+        if not normal.cdf(high) - normal.cdf(low) > 1e-6:
             yield "", "nothing of it is between low and high"
 
     @property
@@ -87,17 +92,11 @@ class Normal:
         low = -math.inf if self.low is None else self.low
         return low, math.inf if self.high is None else self.high
 
-    @property
-    def _shares(self) -> tuple[float, float]:
-        normal, (low, high) = NormalDist(self.mean, self.std), self._range
-        return normal.cdf(low), normal.cdf(high)
-
     def quantile(self, share: Array) -> Array:
-        normal, (first, last) = NormalDist(self.mean, self.std), self._shares
-        shares = first + (last - first) * share
-        inside = np.clip(shares, 1e-300, 1 - 1e-16)
-        values = np.fromiter(map(normal.inv_cdf, inside), float, len(inside))
-        return np.clip(values, *self._range)
+        from scipy import stats
+
+        low, high = ((bound - self.mean) / self.std for bound in self._range)
+        return stats.truncnorm(low, high, self.mean, self.std).ppf(share)
 
 
 @dataclass(slots=True)

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import json
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,68 +21,66 @@ from sdt_drake.io.yaml_files import parse_yaml, read_yaml
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.studies.job import Job, places_of
 from sdt_drake.studies.runs import Runner, with_files
+from sdt_drake.studies.store import DATABASE, OF_0_3, Store, alone_in, create
 from sdt_drake.studies.study import Study, load_study
 
-STUDY, BASE, STATE, FILES = "study.yaml", "scenario.yaml", "state.json", "files"
+STUDY, BASE, FILES = "study.yaml", "scenario.yaml", "files"
 
 _MOST_NAMES = 5  # of fields that are told
 
 
-def claim(job: Job, folder: Path, resume: bool) -> None:
-    """Make the folder that of this study, or see that it is.
+@contextmanager
+def opened(job: Job, folder: Path, resume: bool) -> Iterator[Store]:
+    """Begin a study in its folder, or go on with it, in this process alone.
 
     Raises:
-        InputError: if it holds another study; this one, and `resume` is not set; none, and it is;
-            anything else, as nothing is overwritten; or if it cannot be written.
+        InputError: if the folder holds another study; this one, and `resume` is not set; none, and
+            it is; anything else, as nothing is overwritten; or if it cannot be written.
     """
-    if holds_study(folder):
-        state = _state(folder)
-        problems = []
-        if other := other_versions(state["versions"], job.versions):
-            problems.append(f"{folder}: begun with {other}; expected another folder")
-        if state["fingerprint"] != job.fingerprint:
-            files = (STUDY, BASE, *state["files"].values())
-            there = _recorded(state) or _read(folder, files)
-            other = _in_words(_differences(there, _recorded({"contents": _texts(job)})))
-            what = f"which differs in {other}" if other else "or this one with other shipped files"
-            problems.append(f"{folder}: holds another study, {what}; expected another folder")
-        if problems:
-            raise InputError(*problems)
-        if not resume:
-            raise InputError(f"{folder}: holds this study already; --resume goes on with it")
-        return
-    if resume:
+    if resume and not holds_study(folder):
         raise InputError(f"{folder}: holds no study to resume")
-    state = {
-        "fingerprint": job.fingerprint,
+    with alone_in(folder):
+        if not holds_study(folder):
+            _begin(job, folder)
+            resume = True
+        with Store(folder) as store:
+            _check_same(job, store.about, folder)
+            if not resume:
+                raise InputError(f"{folder}: holds this study already; --resume goes on with it")
+            _save_files(job, folder)
+            yield store
+
+
+def _begin(job: Job, folder: Path) -> None:
+    if any(not path.name.startswith(".") for path in folder.iterdir()):
+        raise InputError(f"{folder}: holds something else, expected an empty folder or a new one")
+    about = {
+        "study": job.study.name,
+        "inputs": [variable.name for variable in job.study.variables],
         "outcomes": list(job.outcomes),
-        "files": _places(job),
+        "fingerprint": job.fingerprint,
         "versions": job.versions,
+        "files": _places(job),
         "contents": _texts(job),
     }
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if any(not path.name.startswith(".") for path in folder.iterdir()):
-            raise InputError(
-                f"{folder}: holds something else, expected an empty folder or a new one"
-            )
-        with (folder / STATE).open("x", encoding="utf-8") as file:  # of two processes, one does
-            try:
-                json.dump(state, file, indent=1)
-                file.flush()
-            except OSError:  # half of it would be in the way of the next attempt
-                (folder / STATE).unlink()
-                raise
-    except OSError as error:
-        raise InputError(f"{folder}: no study can be begun there ({error.strerror})") from None
+    create(folder, about, {x.name: x.takes_texts for x in job.study.variables})
 
 
-def save_study(job: Job, folder: Path) -> None:
-    """Write study, base scenario and files into their folder, which is `claim`ed.
+def _check_same(job: Job, about: Mapping[str, Any], folder: Path) -> None:
+    """Refuse a study that is not what a folder is about."""
+    problems = []
+    if other := other_versions(about["versions"], job.versions):
+        problems.append(f"{folder}: begun with {other}; expected another folder")
+    if about["fingerprint"] != job.fingerprint:
+        other = _in_words(_differences(_contents(about["contents"]), _contents(_texts(job))))
+        what = f"which differs in {other}" if other else "or this one with other shipped files"
+        problems.append(f"{folder}: holds another study, {what}; expected another folder")
+    if problems:
+        raise InputError(*problems)
 
-    Raises:
-        InputError: if it cannot be written.
-    """
+
+def _save_files(job: Job, folder: Path) -> None:
+    """Write study, base scenario and files into their folder."""
     job.save_files(folder / FILES)
     for name in (BASE, STUDY):
         write_text(folder / name, _texts(job)[name])
@@ -109,8 +107,8 @@ def _hash(content: bytes) -> str:
 
 
 def holds_study(folder: Path) -> bool:
-    """Whether a study was begun in a folder."""
-    return (folder / STATE).is_file()
+    """Whether a study was begun in a folder, by this version or by one before it."""
+    return any((folder / name).is_file() for name in (DATABASE, OF_0_3))
 
 
 def load_folder(folder: Path) -> tuple[Study, Scenario, tuple[str, ...]]:
@@ -120,10 +118,8 @@ def load_folder(folder: Path) -> tuple[Study, Scenario, tuple[str, ...]]:
         InputError: if it holds no study, or a file of it cannot be used, or has been changed since
             its runs.
     """
-    state = _state(folder)
-    study, base = load_study(folder / STUDY)
-    _check_unchanged(folder, _recorded(state))
-    return study, base, tuple(state["outcomes"])
+    runner, outcomes, _ = load_runner(folder)
+    return runner.study, runner.base, outcomes
 
 
 def load_runner(folder: Path) -> tuple[Runner, tuple[str, ...], str]:
@@ -131,21 +127,21 @@ def load_runner(folder: Path) -> tuple[Runner, tuple[str, ...], str]:
     that is different here.
 
     Raises:
-        InputError: if it holds no study, or a file of it cannot be used.
+        InputError: if it holds no study, or a file of it cannot be used, or has been changed since
+            its runs.
     """
-    state = _state(folder)
-    study, base, outcomes = load_folder(folder)
-    places = {name: str(folder / place) for name, place in state["files"].items()}
-    return Runner(study, base, places), outcomes, other_versions(state["versions"], versions())
-
-
-def _check_unchanged(folder: Path, recorded: Mapping[str, Any]) -> None:
-    """Refuse files that are not as they were when the study was begun: its outcomes are of them."""
+    with Store(folder) as store:
+        about = store.about
+    study, base = load_study(folder / STUDY)
+    recorded = _contents(about["contents"])
     if found := _differences(recorded, _read(folder, recorded)):
         raise InputError(
             f"{folder}: {_in_words(found)} changed since the study was begun, expected what its "
             "runs were made of; a changed study belongs into another folder"
         )
+    places = {name: str(folder / place) for name, place in about["files"].items()}
+    other = other_versions(about["versions"], versions())
+    return Runner(study, base, places), tuple(about["outcomes"]), other
 
 
 def _read(folder: Path, names: Iterable[str]) -> dict[str, Any]:
@@ -158,11 +154,10 @@ def _read(folder: Path, names: Iterable[str]) -> dict[str, Any]:
     }
 
 
-def _recorded(state: Mapping[str, Any]) -> dict[str, Any]:
-    """Collect what the files held when the study was begun; folders of 0.3 do not tell."""
-    contents: Mapping[str, str] = state.get("contents", {})
+def _contents(texts: Mapping[str, str]) -> dict[str, Any]:
+    """Read the texts of a folder's files: study and scenario as data, hashes as they are."""
     return {
-        name: parse_yaml(text) if name in (STUDY, BASE) else text for name, text in contents.items()
+        name: parse_yaml(text) if name in (STUDY, BASE) else text for name, text in texts.items()
     }
 
 
@@ -195,20 +190,3 @@ def _in_words(differences: Mapping[str, list[str]]) -> str:
         inner = ", ".join([*filter(None, fields[:_MOST_NAMES]), *more])
         told.append(f"{name} ({inner})" if inner else name)
     return ", ".join(told)
-
-
-def _state(folder: Path) -> Mapping[str, Any]:
-    path = folder / STATE
-    if not path.is_file():
-        raise InputError(f"{folder}: holds no study, expected the folder of `sdt-drake study`")
-    try:
-        state = json.loads(path.read_text(encoding="utf-8"))
-        texts = [state["fingerprint"], *state["outcomes"]]
-        texts += [*state["files"].values(), *state["versions"].values()]
-        texts += state.get("contents", {}).values()
-        "".join(texts)  # a TypeError, if one is none
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise InputError(
-            f"{path}: cannot be used; expected the file that `sdt-drake study` wrote"
-        ) from None
-    return state

@@ -1,84 +1,54 @@
-"""The rows of a study as one Parquet file."""
+"""The rows of a study as a table, and as a file for other programs."""
 
 from __future__ import annotations
 
+import csv
 import json
-from collections.abc import Iterable, Sequence
-from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import NDArray
 
-from sdt_drake.io.errors import InputError, needing
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import is_within
 from sdt_drake.io.files import replacing
 from sdt_drake.studies.distributions import Random
 from sdt_drake.studies.folder import load_folder
-from sdt_drake.studies.job import Job
-from sdt_drake.studies.journal import Row, read_rows
+from sdt_drake.studies.store import Store
 from sdt_drake.studies.study import Study
 from sdt_drake.studies.table import RUN_COLUMNS, StudyTable
 
-RESULTS_FILE = "results.parquet"
 _ABOUT = "sdt_drake"  # key of the metadata
 _MET = ("motion", "plant", "disturbance", "drive.torque_error", "controller.model")
 """Parts of a scenario that designs have to stand."""
 
-_GROUP = 4096  # rows that are in memory together
 
-
-def require_packages() -> None:
-    """Raise InputError if a package that studies need is not there, or cannot be loaded."""
-    with needing("studies need pebble and pyarrow", "sdt_drake[study]"):
-        import pebble
-        import pyarrow.parquet
-
-
-def write_results(job: Job, rows: Iterable[Row], folder: Path) -> Path:
-    """Write rows, in their order, as results.parquet; memory is that of a few thousand.
+def write_results(store: Store, folder: Path) -> Path:
+    """Write the rows as results.parquet, or as results.csv where pyarrow is not installed.
 
     Raises:
         InputError: if the file cannot be written.
     """
-    import pyarrow
-    from pyarrow import parquet
-
-    study, rows = job.study, iter(rows)
-    text, number = pyarrow.string(), pyarrow.float64()
-    kinds = {"row": pyarrow.int64()}
-    kinds |= {v.name: text if v.takes_texts else number for v in study.variables}
-    kinds |= {"status": text, "reason": text, "duration": number}
-    kinds |= dict.fromkeys(job.outcomes, number)
-    about = {
-        "study": study.name,
-        "inputs": [variable.name for variable in study.variables],
-        "outcomes": list(job.outcomes),
-        "fingerprint": job.fingerprint,
-        "versions": job.versions,
-    }
-    schema = pyarrow.schema(list(kinds.items()), {_ABOUT: json.dumps(about)})
-    path = folder / RESULTS_FILE
-    with replacing(path) as partial, parquet.ParquetWriter(partial, schema) as writer:
-        while group := list(islice(rows, _GROUP)):
-            columns = [
-                pyarrow.array(values, from_pandas=True)  # NaN is null
-                for values in _columns(study, group, job.outcomes).values()
-            ]
-            writer.write_table(pyarrow.table(columns, schema=schema))
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        path = folder / "results.csv"
+        with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(store.kinds)
+            for columns in store.groups():
+                writer.writerows(zip(*columns, strict=True))
+        return path
+    types = {int: pyarrow.int64(), float: pyarrow.float64(), str: pyarrow.string()}
+    fields = [(name, types[kind]) for name, kind in store.kinds.items()]
+    schema = pyarrow.schema(fields, {_ABOUT: json.dumps(store.about)})
+    path = folder / "results.parquet"
+    with replacing(path) as partial, parquet.ParquetWriter(partial, schema) as file:
+        for columns in store.groups():
+            file.write_table(pyarrow.table([*map(pyarrow.array, columns)], schema=schema))
     return path
-
-
-def _columns(study: Study, rows: list[Row], outcomes: Sequence[str]) -> dict[str, ArrayLike]:
-    inputs = [study.inputs(row.number) for row in rows]
-    nothing = (np.nan,) * len(outcomes)
-    values = np.array([row.outcomes or nothing for row in rows])
-    return {
-        "row": [row.number for row in rows],
-        **{name: [given[name] for given in inputs] for name in inputs[0]},
-        **{name: [getattr(row, name) for row in rows] for name in ("status", "reason", "duration")},
-        **dict(zip(outcomes, values.T, strict=True)),
-    }
 
 
 def read_study_table(folder: Path) -> StudyTable:
@@ -88,14 +58,15 @@ def read_study_table(folder: Path) -> StudyTable:
         InputError: if the folder holds no study, or a file of it cannot be used.
     """
     study, _, outcomes = load_folder(folder)
-    rows = read_rows(folder, len(study), len(outcomes))
-    groups = []
-    while group := list(islice(rows, _GROUP)):  # an array needs a fifth of the numbers' memory
-        columns = _columns(study, group, outcomes)
-        groups.append({name: np.asarray(values) for name, values in columns.items()})
+    with Store(folder) as store:
+        kinds = store.kinds
+        groups: list[list[NDArray[Any]]] = [  # an array needs a fifth of the numbers' memory
+            [np.array(values, kind) for values, kind in zip(columns, kinds.values(), strict=True)]
+            for columns in store.groups()
+        ]
     if not groups:
         raise InputError(f"{folder}: no run of the study is done yet")
-    arrays = {name: np.concatenate([group[name] for group in groups]) for name in groups[0]}
+    arrays = dict(zip(kinds, map(np.concatenate, zip(*groups, strict=True)), strict=True))
     return StudyTable(
         name=study.name,
         inputs={v.name: arrays[v.name] for v in study.variables},

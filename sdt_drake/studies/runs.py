@@ -18,12 +18,15 @@ from sdt_drake.run.design import Design, load_device, make_design, plan_of
 from sdt_drake.run.kinds import load_controllers
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import Recording, simulate
-from sdt_drake.studies.fields import field_names, find_field
-from sdt_drake.studies.journal import Row
+from sdt_drake.studies.fields import Value, field_names, find_field
 from sdt_drake.studies.outcomes import InfeasibleError, outcomes_of
 from sdt_drake.studies.study import Study
+from sdt_drake.studies.table import Row
 
 _CACHED = 16  # planned motions, with their robots, that a process keeps
+
+Inputs = Mapping[str, Value]
+"""Value of each variable of a row, by its name."""
 
 _Planned = tuple[Robot, Plan]
 
@@ -47,18 +50,18 @@ class Runner:
         self, study: Study, base: Scenario, places: Mapping[str, str] | None = None
     ) -> None:
         """Of a study and its base scenario; places: where files are that go by other names."""
-        self.study, self._base, self._places = study, base, dict(places or {})
+        self.study, self.base, self._places = study, base, dict(places or {})
         self._plans: dict[tuple[str | float, ...], _Planned | InfeasibleError] = {}
 
-    def scenario(self, number: int) -> Scenario:
-        """The scenario of a row.
+    def scenario(self, number: int, inputs: Inputs | None = None) -> Scenario:
+        """The scenario of a row, with its inputs as the study draws them by default.
 
         Raises:
             InputError: for values that their fields do not take.
         """
-        if file := self._base.controller.file:  # the row may name what that registers
+        if file := self.base.controller.file:  # the row may name what that registers
             load_controllers(self._places.get(file, file))
-        scenario = self.study.scenario_of(self._base, self.study.inputs(number))
+        scenario = self.study.scenario_of(self.base, inputs or self.study.inputs(number))
         scenario.name = f"{self.study.name}, row {number}"
         return with_files(scenario, self._places)
 
@@ -87,11 +90,11 @@ class Runner:
             raise InfeasibleError(*planned.args)
         return planned
 
-    def run(self, number: int) -> Row:
+    def run(self, number: int, inputs: Inputs | None = None) -> Row:
         """Run a row: what becomes of it."""
         start = time.perf_counter()
         try:
-            outcomes, _, wrong = self.repeat(number)
+            outcomes, _, wrong = self.repeat(number, inputs)
         except Exception as error:  # whatever it is, the study goes on
             return self._failed(number, error, time.perf_counter() - start)
         duration = time.perf_counter() - start
@@ -99,16 +102,18 @@ class Runner:
             return Row(number, "failed", wrong, duration, ())
         return Row(number, "ok", "", duration, outcomes)
 
-    def repeat(self, number: int) -> tuple[tuple[float, ...], Recording, str]:
+    def repeat(
+        self, number: int, inputs: Inputs | None = None
+    ) -> tuple[tuple[float, ...], Recording, str]:
         """Outcomes and recording of a row; and why it has failed all the same, "" if it has not.
 
         Raises:
             InputError: if it cannot be run.
         """
-        design, plan = self.design(self.scenario(number))
+        design, plan = self.design(self.scenario(number, inputs))
         recording = simulate(design)
         commanded, pause = plan.commanded.duration, self.study.pause
-        outcomes = outcomes_of(self._base, design, recording, commanded, pause)
+        outcomes = outcomes_of(self.base, design, recording, commanded, pause)
         wrong = stops_passed(recording, design.robot.joint_names)
         if np.isinf(outcomes).any() or np.isnan(outcomes[: design.robot.n]).any():
             wrong = ["the speeds are not finite"]

@@ -222,10 +222,11 @@ class Study:
 
     def _shares(self, name: str) -> Array:
         generator = np.random.default_rng([self.seed, zlib.crc32(name.encode())])
-        share = generator.random(self.draws)
-        if self.sampling == "latin_hypercube":
-            share = (generator.permutation(self.draws) + share) / self.draws
-        return share
+        if self.sampling == "random":
+            return generator.random(self.draws)
+        from scipy.stats import qmc  # it takes a second
+
+        return qmc.LatinHypercube(1, rng=generator).random(self.draws)[:, 0]
 
     def inputs(self, row: int) -> dict[str, Value]:
         """Value of each variable in a run, numbered from 0: level by level, then draw by draw."""
@@ -237,7 +238,7 @@ class Study:
             for v in self.variables
         }
 
-    def scenario_of(self, base: Scenario, inputs: dict[str, Value]) -> Scenario:
+    def scenario_of(self, base: Scenario, inputs: Mapping[str, Value]) -> Scenario:
         """The base scenario with the inputs of a run in it.
 
         Raises:

@@ -22,6 +22,26 @@ RUN_COLUMNS = ("row", "status", "reason", "duration")
 
 ALL_RUNS = "all runs"
 
+
+@dataclass(frozen=True)
+class Row:
+    """What became of a run.
+
+    Attributes:
+        number: from 0.
+        status: one of STATUSES.
+        reason: one line; "" where it is ok.
+        duration: of the computation [s].
+        outcomes: in the order of `outcomes.outcome_names`; empty where it is not ok.
+    """
+
+    number: int
+    status: str
+    reason: str
+    duration: float
+    outcomes: tuple[float, ...]
+
+
 _CONTROLLER = ("controller", "controller.kind")  # inputs whose levels speak for themselves
 _MOST_GROUPS = 8  # that figures can tell apart
 

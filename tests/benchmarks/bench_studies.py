@@ -30,9 +30,9 @@ from sdt_drake.studies.cluster import Cluster
 from sdt_drake.studies.distributions import Uniform
 from sdt_drake.studies.execute import run_study
 from sdt_drake.studies.job import Job, make_job
+from sdt_drake.studies.pool import Pool
 from sdt_drake.studies.runs import Runner
 from sdt_drake.studies.study import Study, Variable, load_study
-from sdt_drake.studies.workers import Workers
 
 STUDY = "package://sdt/studies/monte_carlo.yaml"
 _FIRST = 4  # rows that are not timed
@@ -86,10 +86,12 @@ def overhead(rows: int) -> None:
     )
 
 
-def timed_rows(backend, numbers) -> float:
+def timed_rows(job, backend, numbers) -> float:
     """From the first row to the last one: processes start and plan before that."""
     inbox = SimpleQueue()
-    backend.start(numbers, inbox.put)
+    for number in numbers:
+        row = backend.submit(number, job.study.inputs(number))
+        row.add_done_callback(inbox.put)
     for _ in range(_FIRST):
         inbox.get()
     start = time.perf_counter()
@@ -102,10 +104,10 @@ def workers(rows: int) -> None:
     job = job_of(rows)
     numbers, ratios = range(len(job.study)), []
     for _ in range(3):
-        with closing(Workers(job, 1)) as one:
-            alone = timed_rows(one, numbers)
-        with closing(Workers(job, 2)) as two:
-            ratios.append(alone / timed_rows(two, numbers))
+        with closing(Pool(job, 1)) as one:
+            alone = timed_rows(job, one, numbers)
+        with closing(Pool(job, 2)) as two:
+            ratios.append(alone / timed_rows(job, two, numbers))
     texts = ", ".join(f"{ratio:.2f}" for ratio in ratios)
     print(f"workers: two are {statistics.median(ratios):.2f} times one ({texts}), target 1.8")
 
@@ -124,10 +126,10 @@ def cluster(rows: int) -> None:
     ratios = []
     with local_cluster() as address:
         for _ in range(3):
-            with closing(Workers(job, 2)) as pool:
-                here = timed_rows(pool, numbers)
-            with closing(Cluster(job, address)) as dask:
-                ratios.append(timed_rows(dask, numbers) / here)
+            with closing(Pool(job, 2)) as pool:
+                here = timed_rows(job, pool, numbers)
+            with closing(Cluster(job, address, print)) as dask:
+                ratios.append(timed_rows(job, dask, numbers) / here)
     texts = ", ".join(f"{ratio:.3f}" for ratio in ratios)
     median = statistics.median(ratios)
     print(f"cluster: {median:.3f} times the time of the pool ({texts}), target 1.15")

@@ -21,13 +21,13 @@ import signal
 import sys
 import tempfile
 import time
+import tomllib
 from pathlib import Path
 
 import matplotlib
 import pydrake.multibody.parsing
 import pydrake.systems.analysis  # noqa: F401  (Drake is loaded once and not for every fault)
 import pytest
-import tomllib
 
 HERE = Path(__file__).resolve().parent
 MISSED = "-"

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 from sdt_drake.io.versions import versions
-from sdt_drake.studies.journal import Row
+from sdt_drake.studies.table import Row
 
 
 @dataclass
@@ -38,7 +38,7 @@ class OddJob:
         _act(self.start, Path(self.folder))
         return self
 
-    def run(self, number: int) -> Row:
+    def run(self, number: int, inputs: dict) -> Row:
         """A row whose outcomes are its number and that of the process."""
         _act(self.acts.get(number, ""), Path(self.folder))
         return Row(number, "ok", "", 0.5, (float(number), float(os.getpid())))

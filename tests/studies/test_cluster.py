@@ -77,8 +77,8 @@ def connect(dask):
     """Makes backends that are closed at the end."""
     made = []
 
-    def make(job, address=dask.address) -> Cluster:
-        made.append(Cluster(job, address))
+    def make(job, address=dask.address, put=None) -> Cluster:
+        made.append(Cluster(job, address, put))
         return made[-1]
 
     yield make
@@ -123,13 +123,14 @@ def test_interrupted(dask, desk, undisturbed):
     np.testing.assert_array_equal(done.outcome("felt_share"), whole.outcome("felt_share")[done.row])
 
 
-def test_a_row_that_hangs(connect, tmp_path):
-    """The process of a thread stays for the next row."""
-    inbox = SimpleQueue()
-    connect(OddJob(str(tmp_path), {0: "hang"}, timeout=1.0)).start(range(40), inbox.put)
-    found = {row.number: row for row in (inbox.get() for _ in range(40))}
-    assert sorted(found) == list(range(40)) and found[0].status == "timed_out"
-    assert len({process_of(found[number]) for number in range(1, 40)}) <= 3
+def test_rows_that_hang_or_end_their_process(connect, tmp_path):
+    """They cost themselves alone; the process of a thread stays for the next row."""
+    cluster = connect(OddJob(str(tmp_path), {0: "hang", 9: "abort"}, timeout=1.0))
+    rows = [future.result() for future in [cluster.submit(number, {}) for number in range(40)]]
+    assert [row.number for row in rows] == [*range(40)]
+    others = [row for row in rows if row.number not in (0, 9)]
+    assert (rows[0].status, rows[9].status) == ("timed_out", "crashed")
+    assert {row.status for row in others} == {"ok"} and len(set(map(process_of, others))) <= 5
 
 
 def test_workers_with_other_versions(connect, tmp_path):
@@ -139,7 +140,7 @@ def test_workers_with_other_versions(connect, tmp_path):
     with pytest.raises(InputError, match=rf"worker tcp.* has drake {drake} \(here: 1.0\); expect"):
         connect(other)
     with pytest.raises(InputError, match="that joined has drake"):
-        run_row(other, 0)
+        run_row(other, 0, {})
 
 
 def test_a_thread_ends_its_process_for_another_study(tmp_path):
@@ -147,9 +148,9 @@ def test_a_thread_ends_its_process_for_another_study(tmp_path):
 
     def act() -> None:
         for fingerprint in ("a", "a", "b"):
-            row = run_row(dataclasses.replace(job, fingerprint=fingerprint), 0)
+            row = run_row(dataclasses.replace(job, fingerprint=fingerprint), 0, {})
             found.append(process_of(row))
-        module._here.worker.close()
+        module._here.pool.close()
 
     thread = threading.Thread(target=act)
     thread.start()
@@ -172,24 +173,19 @@ def test_workers_that_are_gone_for_good(connect, tmp_path, monkeypatch):
         dashboard_address=":0",
         silence_logs=50,
     ) as cluster:
-        connect(OddJob(str(tmp_path)), cluster.scheduler_address).start(range(10_000), inbox.put)
-        inbox.get()
+        lost = connect(OddJob(str(tmp_path)), cluster.scheduler_address, inbox.put)
+        lost.submit(0, {}).result()
         cluster.scale(0)
-        error = inbox.get()
-        while not isinstance(error, Exception):
-            error = inbox.get()
-        assert str(error) == "--cluster: has had no workers for 0.3 s; --resume goes on"
+        assert str(inbox.get()) == "--cluster: has had no workers for 0.3 s; --resume goes on"
         with pytest.raises(InputError, match="has no workers, start some: dask worker ADDRESS"):
             connect(OddJob(str(tmp_path)), cluster.scheduler_address)
 
 
 def test_a_scheduler_that_dies_on_the_way(dask, connect, tmp_path):
     """The last test: there is no cluster any more."""
-    inbox = SimpleQueue()
-    connect(OddJob(str(tmp_path))).start(range(10_000), inbox.put)
-    inbox.get()
+    cluster = connect(OddJob(str(tmp_path), {1: "hang"}), put=lambda error: None)
+    cluster.submit(0, {}).result()
+    running = cluster.submit(1, {})
     dask.process.kill()
     with pytest.raises(InputError, match=r"--cluster: lost \(.*\); --resume goes on"):
-        while True:
-            if isinstance(message := inbox.get(), Exception):
-                raise message
+        running.result()

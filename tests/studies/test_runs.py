@@ -20,10 +20,10 @@ from sdt_drake.run.scenario import Scenario, load_scenario
 from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.distributions import Choice, Grid, List, Uniform
 from sdt_drake.studies.job import make_job
-from sdt_drake.studies.journal import Row
 from sdt_drake.studies.outcomes import outcome_names
 from sdt_drake.studies.runs import Runner
 from sdt_drake.studies.study import Study, Variable
+from sdt_drake.studies.table import Row
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import itertools
-import json
+import sqlite3
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ import pytest
 from sdt_drake.cli.app import main
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.sizing import Requirements
+from sdt_drake.studies.store import DATABASE
 
 SIZING = """\
 scenario: coupled.yaml
@@ -64,14 +65,12 @@ def test_from_a_file_to_a_recommendation(size, desk, undrawn):
     assert all(np.isfinite(table.outcome(name)).all() for name in names)
 
     # A run that failed comes first, and is no success.
-    journal = folder / "rows.jsonl"
-    first, *others = journal.read_text().splitlines(keepends=True)
-    failed = {"status": "failed", "reason": "no link 'payload'", "outcomes": []}
-    journal.write_text("".join([json.dumps(json.loads(first) | failed) + "\n", *others]))
+    with sqlite3.connect(folder / DATABASE) as database:
+        failed = "no link 'payload'"
+        database.execute("UPDATE rows SET status='failed', reason=? WHERE row=2", [failed])
     assert size(SIZING, "--resume")[0] == 1
     lines = (folder / "sizing.txt").read_text().splitlines()
-    number = json.loads(first)["row"]
-    assert lines[0] == f"1 of 4 runs failed: no link 'payload' (row {number})"
+    assert lines[0] == "1 of 4 runs failed: no link 'payload' (row 2)"
     assert "1 of 2 candidates cannot be judged, their runs failed" in "\n".join(lines)
 
 

@@ -8,7 +8,6 @@ import math
 from statistics import NormalDist
 
 import numpy as np
-import pyarrow.parquet
 import pytest
 from pydrake.common.yaml import yaml_dump_typed
 
@@ -17,10 +16,9 @@ from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.run.scenario import Scenario, load_scenario
 from sdt_drake.studies.distributions import Choice, Grid, List, LogUniform, Normal, Uniform
+from sdt_drake.studies.folder import opened
 from sdt_drake.studies.job import make_job
-from sdt_drake.studies.journal import Row
 from sdt_drake.studies.outcomes import outcome_names
-from sdt_drake.studies.results import write_results
 from sdt_drake.studies.study import Study, Variable, load_study
 
 SHARES = np.array([0.0, 0.025, 0.25, 0.5, 0.75, 0.975])
@@ -177,8 +175,8 @@ def test_columns_of_the_results_are_no_names_of_inputs(files, tmp_path):
     """Whatever columns there are."""
     study, base = load_study(files / "few.yaml")
     own = [variable.name for variable in study.variables]
-    file = write_results(make_job(study, base), [Row(0, "failed", "", 0.5, ())], tmp_path)
-    columns = pyarrow.parquet.read_schema(file).names
+    with opened(make_job(study, base), tmp_path, resume=False) as store:
+        columns = [*store.kinds]
     base.plant.kind, base.device = "coupled", DeviceChoice(fitted=["AC-203"] * 4)
     assert {"row", "felt_share", *own} < set(columns)
     for name in {*columns, *outcome_names(base, 7)} - {*own}:
@@ -244,9 +242,15 @@ def test_seed():
 
 
 def test_draws_stay_the_same_for_ever():
-    """What a study gave last year it gives today: these are numbers of PCG64."""
+    """What a study gave last year it gives today: these are numbers of PCG64 and of scipy's qmc."""
     study = Study(draws=2, seed=7, variables=[variable(Uniform(0, 1), name="x")])
     expected = np.random.default_rng([7, 0x8CDC1683]).random(2)  # CRC-32 of "x"
+    assert [study.inputs(row)["x"] for row in range(2)] == expected.tolist()
+    study = Study("", "", 2, 7, "latin_hypercube", variables=study.variables)
+    (jitter,) = np.random.default_rng([7, 0x8CDC1683]).spawn(1)
+    order = np.array([1, 2])
+    jitter, _ = jitter.uniform(size=2), jitter.shuffle(order)
+    expected = (order - jitter) / 2
     assert [study.inputs(row)["x"] for row in range(2)] == expected.tolist()
 
 

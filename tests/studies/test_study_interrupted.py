@@ -15,6 +15,8 @@ from small_studies import RUNS, rows
 from test_main import DRIVER
 
 from sdt_drake.cli.app import main
+from sdt_drake.studies.folder import holds_study
+from sdt_drake.studies.store import Store
 
 pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /proc")
 
@@ -23,7 +25,7 @@ class Running:
     """`sdt-drake study many.yaml` in a process of its own."""
 
     def __init__(self, folder: Path, *arguments: str) -> None:
-        self.journal, self.temporary = folder / "many" / "rows.jsonl", folder / "temporary"
+        self.folder, self.temporary = folder / "many", folder / "temporary"
         self.temporary.mkdir(exist_ok=True)
         self.process = subprocess.Popen(
             [sys.executable, *arguments],
@@ -37,7 +39,10 @@ class Running:
 
     @property
     def rows(self) -> int:
-        return self.journal.read_bytes().count(b"\n") if self.journal.exists() else 0
+        if not holds_study(self.folder):
+            return 0
+        with Store(self.folder) as store:
+            return len(store.done())
 
     def wait_for(self, rows: int) -> None:
         while self.rows < rows:
@@ -96,7 +101,7 @@ def test_ended_again_and_again(desk, undisturbed, capfd):
     ("event", "word"),
     [
         ("import", "sdt_drake.studies.execute"),
-        ("open", "rows.jsonl"),
+        ("sqlite3.connect", "study.sqlite"),
         ("import", "multiprocessing.popen_spawn_posix"),
     ],
 )

@@ -11,16 +11,15 @@ import tempfile
 import time
 from multiprocessing import resource_tracker
 from pathlib import Path
-from queue import SimpleQueue
 from types import SimpleNamespace
 
 import pytest
 from odd_job import OddJob, process_of
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.studies import workers as module
-from sdt_drake.studies.journal import Row
-from sdt_drake.studies.workers import Worker, Workers
+from sdt_drake.studies import pool as module
+from sdt_drake.studies.pool import Pool
+from sdt_drake.studies.table import Row
 
 pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /proc")
 
@@ -35,17 +34,21 @@ def temporary(tmp_path, monkeypatch) -> Path:
 
 
 @pytest.fixture
-def worker(tmp_path):
-    """Makes a worker that is closed at the end."""
+def pool(tmp_path):
+    """Makes a pool that is closed at the end."""
     made = []
 
-    def make(*acts, **options) -> Worker:
-        made.append(Worker(OddJob(str(tmp_path), *acts, **options)))
+    def make(*acts, count=1, **options) -> Pool:
+        made.append(Pool(OddJob(str(tmp_path), *acts, **options), count))
         return made[-1]
 
     yield make
     for each in made:
         each.close()
+
+
+def run(pool: Pool, number: int) -> Row:
+    return pool.submit(number, {}).result()
 
 
 def is_running(process: int) -> bool:
@@ -67,10 +70,10 @@ def descriptors() -> int:
     return len(os.listdir("/proc/self/fd"))
 
 
-def test_a_process_is_replaced_after_50_rows(worker, temporary):
+def test_a_process_is_replaced_after_50_rows(pool, temporary):
     """Drake frees no diagram of Python classes. A timeout may be longer than the system waits."""
-    one = worker(timeout=1e300)
-    rows = [one.run(number) for number in range(101)]
+    one = pool(timeout=1e300)
+    rows = [run(one, number) for number in range(101)]
     assert [(row.number, row.status) for row in rows] == [(n, "ok") for n in range(101)]
     processes = {p: len([*group]) for p, group in itertools.groupby(map(process_of, rows))}
     assert list(processes.values()) == [50, 50, 1]
@@ -80,27 +83,26 @@ def test_a_process_is_replaced_after_50_rows(worker, temporary):
     assert not any(map(is_running, processes)) and list(temporary.iterdir()) == []
 
 
-def test_ctrl_c_in_the_terminal_is_not_for_a_process_but_a_death_is_survived(worker):
-    one = worker()
-    first = process_of(one.run(0))
+def test_ctrl_c_in_the_terminal_is_not_for_a_process_but_a_death_is_survived(pool):
+    one = pool()
+    first = process_of(run(one, 0))
     os.kill(first, signal.SIGINT)
-    assert process_of(one.run(1)) == first
+    assert process_of(run(one, 1)) == first
     os.kill(first, signal.SIGKILL)  # between two rows
-    assert one.run(2).status == "ok"
+    assert run(one, 2).status == "ok"
 
 
-def test_rows_that_end_their_process_or_hang(tmp_path, temporary, capfd):
+def test_rows_that_end_their_process_or_hang(pool, temporary, capfd):
     """The others go on meanwhile."""
     acts = {0: "hang", 1: "abort", 2: "kill", 3: "leave", 4: "kill once"}
     resource_tracker.ensure_running()  # of multiprocessing, which keeps a descriptor
-    inbox, before = SimpleQueue(), descriptors()
-    workers = Workers(OddJob(str(tmp_path), acts, timeout=1.5), 2)
-    workers.start(range(8), inbox.put)
-    rows = {row.number: row for row in (inbox.get() for _ in range(8))}
-    workers.close()
+    before = descriptors()
+    two = pool(acts, timeout=1.5, count=2)
+    rows = [future.result() for future in [two.submit(number, {}) for number in range(8)]]
+    two.close()
 
     status = ["timed_out", "crashed", "crashed", "crashed", *["ok"] * 4]
-    assert [rows[number].status for number in range(8)] == status
+    assert [row.status for row in rows] == status
     assert rows[0] == Row(0, "timed_out", "not done after 1.5 s", 1.5, ())
     assert rows[1].reason.startswith("the process that ran it ended 2 times (")
     assert "abort: matrix is singular" in rows[1].reason or "Aborted" in rows[1].reason
@@ -111,63 +113,55 @@ def test_rows_that_end_their_process_or_hang(tmp_path, temporary, capfd):
 
 
 @pytest.mark.parametrize("hangs", [True, False])
-def test_closing_ends_all_at_once(tmp_path, temporary, hangs):
-    inbox = SimpleQueue()
-    workers = Workers(OddJob(str(tmp_path), {0: "hang"}), 2)
-    workers.start(range(10_000), inbox.put)
+def test_closing_ends_all_at_once(pool, tmp_path, temporary, hangs):
+    two = pool({0: "hang"}, count=2)
+    futures = [two.submit(number, {}) for number in range(1000)]
     if hangs:
-        process = process_of(inbox.get())
+        process = process_of(futures[1].result())
         wait_until((tmp_path / "hangs").exists)
-    workers.close()
+    two.close()
     assert list(temporary.iterdir()) == []
     assert not hangs or not is_running(process)
 
 
-def test_a_process_that_does_not_start(tmp_path, temporary, capfd):
-    """Every thread tells it."""
-    inbox = SimpleQueue()
-    workers = Workers(OddJob(str(tmp_path), start="raise"), 2)
-    workers.start(range(10), inbox.put)
-    with pytest.raises(InputError, match=r"did not start \(RuntimeError: no start\)"):
-        raise inbox.get()
-    workers.close()
+def test_processes_that_do_not_start(pool, temporary, capfd):
+    """Every row tells it."""
+    two = pool(start="raise", count=2)
+    for future in [two.submit(number, {}) for number in range(10)]:
+        with pytest.raises(InputError, match=r"did not start \(RuntimeError: no start\)"):
+            future.result()
+    two.close()
     assert capfd.readouterr() == ("", "") and list(temporary.iterdir()) == []
-
-
-def test_a_process_that_takes_too_long_to_start(worker, monkeypatch):
-    monkeypatch.setattr(module, "_START", 0.0)
-    with pytest.raises(InputError, match="did not start"):
-        worker(timeout=0.01).run(0)
 
 
 def test_a_process_without_rows_ends_by_an_alarm(monkeypatch):
     """It is off in a row."""
 
-    def run(number):
-        return number, signal.alarm(0)
+    def run(number, inputs):
+        return number, inputs, signal.alarm(0)
 
     monkeypatch.setattr(module, "_runner", SimpleNamespace(run=run), raising=False)
     signal.alarm(1000)
-    assert module._run(3) == (3, 0)
+    assert module._run(3, {"a": 1.0}) == (3, {"a": 1.0}, 0)
     assert signal.alarm(0) == 60
 
 
 @pytest.mark.parametrize("count", [0, 1000 * os.cpu_count()])
 def test_numbers_of_processes(tmp_path, count):
     with pytest.raises(InputError, match=f"--workers: {count}, expected"):
-        Workers(OddJob(str(tmp_path)), count)
+        Pool(OddJob(str(tmp_path)), count)
 
 
 MAIN = """
 import sys, threading
 from odd_job import OddJob, process_of
-from sdt_drake.studies.workers import Worker
+from sdt_drake.studies.pool import Pool
 
 if __name__ == "__main__":
-    worker = Worker(OddJob(sys.argv[1], {1: "hang"}, start="tidy slowly"))
-    print(process_of(worker.run(0)), flush=True)
+    pool = Pool(OddJob(sys.argv[1], {1: "hang"}, start="tidy slowly"))
+    print(process_of(pool.submit(0, {}).result()), flush=True)
     if int(sys.argv[2]) == 2:
-        worker.run(1)
+        pool.submit(1, {})
     threading.Event().wait()
 """
 

@@ -1,0 +1,155 @@
+"""The database of a study: what it is of, and its rows as they finish, whole whatever happens."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import Any
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import replacing
+from sdt_drake.studies.fields import Value
+from sdt_drake.studies.table import Row
+
+DATABASE = "study.sqlite"
+OF_0_3 = "rows.jsonl"
+"""Rows of a study that version 0.3 or an older one ran."""
+
+_KINDS = {"INTEGER": int, "TEXT": str, "REAL": float}
+_PATIENCE = 60.0  # s; for another process that reads or writes a row
+_GROUP = 4096  # rows that are in memory together
+
+
+class Store(AbstractContextManager["Store"]):
+    """The database of a study folder, open.
+
+    Attributes:
+        path: of the file.
+        about: what the study is of, as `create` got it.
+        kinds: int, float or str, by name of the column: "row", inputs, "status", "reason",
+            "duration", outcomes.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Open the database of a folder.
+
+        Raises:
+            InputError: if there is none, or it cannot be used.
+        """
+        self.path = folder / DATABASE
+        if (folder / OF_0_3).is_file():
+            raise InputError(
+                f"{folder}: holds a study that version 0.3 or an older one ran ({OF_0_3}), "
+                "expected one of this version; run it anew into another folder"
+            )
+        if not self.path.is_file():
+            raise InputError(f"{folder}: holds no study, expected the folder of `sdt-drake study`")
+        with self._reading():
+            self._database = sqlite3.connect(
+                f"{self.path.resolve().as_uri()}?mode=rw",
+                uri=True,
+                isolation_level=None,
+                timeout=_PATIENCE,
+            )
+            ((text,),) = self._database.execute("SELECT about FROM study")
+            columns = self._database.execute("SELECT name, type FROM pragma_table_info('rows')")
+            self.kinds = {name: _KINDS[kind] for name, kind in columns}
+        self.about: dict[str, Any] = json.loads(text)
+
+    def __exit__(self, *_: object) -> None:
+        self._database.close()
+
+    def done(self) -> set[int]:
+        """Numbers of the rows that are there."""
+        with self._reading():
+            return {number for (number,) in self._database.execute("SELECT row FROM rows")}
+
+    def append(self, row: Row, inputs: Mapping[str, Value]) -> None:
+        """Write a row and wait until the disk has it.
+
+        Raises:
+            InputError: if that fails; what was there before stays.
+        """
+        outcomes = row.outcomes or (None,) * len(self.about["outcomes"])
+        values = (row.number, *inputs.values(), row.status, row.reason, row.duration, *outcomes)
+        marks = ",".join("?" * len(values))  # SQLite takes NaN for NULL
+        try:
+            self._database.execute(f"INSERT INTO rows VALUES ({marks})", values)
+        except sqlite3.Error as error:
+            raise InputError(
+                f"{self.path}: cannot be written ({error}); {len(self.done())} runs are kept, "
+                "--resume goes on from there"
+            ) from None
+
+    def groups(self) -> Iterator[list[tuple[Any, ...]]]:
+        """Some thousand rows at a time, in their order: the values of each column."""
+        with self._reading():
+            cursor = self._database.execute("SELECT * FROM rows ORDER BY row")
+            while group := cursor.fetchmany(_GROUP):
+                yield [*zip(*group, strict=True)]
+
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        try:
+            yield
+        except (sqlite3.Error, ValueError) as error:
+            raise InputError(
+                f"{self.path}: cannot be used ({error}), expected the file that `sdt-drake study` "
+                "wrote"
+            ) from None
+
+
+def create(folder: Path, about: Mapping[str, Any], texts: Mapping[str, bool]) -> None:
+    """Write a database without rows.
+
+    Args:
+        folder: of the study.
+        about: what it is of, as JSON takes it: "outcomes" are its outcomes.
+        texts: for each input whether it is one of texts, not of numbers.
+
+    Raises:
+        InputError: if it cannot be written, or two inputs differ in capital letters alone.
+    """
+    columns = {"row": "INTEGER PRIMARY KEY"}
+    columns |= {name: "TEXT" if is_text else "REAL" for name, is_text in texts.items()}
+    columns |= {"status": "TEXT", "reason": "TEXT", "duration": "REAL"}
+    columns |= dict.fromkeys(about["outcomes"], "REAL")
+    quoted = (f'"{name.replace(chr(34), 2 * chr(34))}" {kind}' for name, kind in columns.items())
+    with replacing(folder / DATABASE) as partial:
+        database = sqlite3.connect(partial)
+        try:
+            database.execute("CREATE TABLE study (about TEXT)")
+            database.execute("INSERT INTO study VALUES (?)", (json.dumps(about),))
+            database.execute(f"CREATE TABLE rows ({', '.join(quoted)})")
+            database.commit()
+        except sqlite3.Error as error:
+            raise InputError(f"{folder}: no study can be begun there ({error})") from None
+        finally:
+            database.close()
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Keep other processes from running the study of a folder, which is made if it is not there.
+
+    Raises:
+        InputError: if another process runs it, or the folder cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = os.open(folder, os.O_RDONLY)
+    except OSError as error:
+        raise InputError(f"{folder}: no study can be begun there ({error.strerror})") from None
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(f"{folder}: another process runs this study") from None
+        yield
+    finally:
+        os.close(lock)

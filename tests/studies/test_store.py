@@ -1,0 +1,179 @@
+"""Rows on disk: nothing that was written is lost, whatever ends the process."""
+
+from __future__ import annotations
+
+import math
+import os
+import resource
+import signal
+import sqlite3
+import subprocess
+import sys
+from contextlib import contextmanager
+
+import pytest
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.run.scenario import Scenario
+from sdt_drake.studies.folder import holds_study, opened
+from sdt_drake.studies.job import Job
+from sdt_drake.studies.store import DATABASE, Store, alone_in, create
+from sdt_drake.studies.study import Study
+from sdt_drake.studies.table import Row
+
+INPUTS = {"a": 0.1, 'b "c"': "text"}
+ROWS = [
+    Row(2, "ok", "", 0.1, (1 / 3, math.nan)),
+    Row(0, "failed", "ünexpected \u2028 \\ '", 0.2, ()),
+    Row(3, "ok", "", 1e-7, (1e300, 5e-324)),
+]
+
+
+@pytest.fixture
+def written(tmp_path):
+    create(tmp_path, {"outcomes": ["x", "y"]}, {"a": False, 'b "c"': True})
+    with Store(tmp_path) as store:
+        for row in ROWS:
+            store.append(row, INPUTS)
+    return tmp_path
+
+
+def test_rows_come_back_exactly_and_in_order(written):
+    with Store(written) as store:
+        (columns,) = store.groups()
+        found = dict(zip(store.kinds, columns, strict=True))
+        assert store.done() == {0, 2, 3} and store.about == {"outcomes": ["x", "y"]}
+    assert repr(found) == repr(
+        {
+            "row": (0, 2, 3),
+            "a": (0.1, 0.1, 0.1),
+            'b "c"': ("text", "text", "text"),
+            "status": ("failed", "ok", "ok"),
+            "reason": (ROWS[1].reason, "", ""),
+            "duration": (0.2, 0.1, 1e-7),
+            "x": (None, 1 / 3, 1e300),
+            "y": (None, None, 5e-324),  # what was not measured
+        }
+    )
+
+
+def test_a_row_is_there_once(written):
+    with Store(written) as store, pytest.raises(InputError, match=r"UNIQUE .*3 runs are kept"):
+        store.append(ROWS[0], INPUTS)
+
+
+@pytest.mark.parametrize("content", [b"", b"nonsense" * 1000, b"SQLite format 3\0" + bytes(100)])
+def test_garbage_is_refused_and_kept(tmp_path, content):
+    (tmp_path / DATABASE).write_bytes(content)
+    with pytest.raises(InputError, match=r"study\.sqlite: cannot be used \(.*\), expected the fi"):
+        Store(tmp_path)
+    assert (tmp_path / DATABASE).read_bytes() == content
+
+
+def test_a_cut_off_file_is_refused(written):
+    file = written / DATABASE
+    file.write_bytes(file.read_bytes()[:-4096])
+    with pytest.raises(InputError, match=r"study\.sqlite: cannot be used"), Store(written) as store:
+        list(store.groups())
+
+
+def test_a_database_of_something_else_is_refused(tmp_path):
+    with sqlite3.connect(tmp_path / DATABASE) as database:
+        database.execute("CREATE TABLE other (x)")
+    with pytest.raises(InputError, match=r"study\.sqlite: cannot be used \(no such table: study"):
+        Store(tmp_path)
+
+
+def test_one_process_at_a_time(tmp_path):
+    with (
+        alone_in(tmp_path),
+        pytest.raises(InputError, match="another process runs this study"),
+        alone_in(tmp_path),
+    ):
+        pass
+    with alone_in(tmp_path):
+        pass
+
+
+def test_other_rows_may_be_read_meanwhile(written):
+    with Store(written) as store, Store(written) as reader:
+        store.append(Row(1, "ok", "", 0.5, (1.0, 2.0)), INPUTS)
+        assert reader.done() == {0, 1, 2, 3}
+
+
+def test_inputs_that_differ_in_capital_letters_alone_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"no study can be begun .*duplicate column name: A"):
+        create(tmp_path, {"outcomes": []}, {"a": False, "A": False})
+    assert not any(tmp_path.iterdir())
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from sdt_drake.studies.store import Store
+from sdt_drake.studies.table import Row
+
+with Store(Path(sys.argv[1])) as store:
+    for number in range(4, 10**6):
+        store.append(Row(number, "ok", "", 0.5, (float(number), 2.0)), {"a": 1.0, "b": "b"})
+        print(number, flush=True)
+"""
+
+
+def test_rows_are_whole_after_kill_9(written):
+    """All that were said to be there, and at most the one that was being written."""
+    command = [sys.executable, "-c", WRITER, written]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        for _ in range(20):
+            process.stdout.readline()
+        process.kill()
+        said = [int(line) for line in process.stdout.read().split()]
+    last = said[-1] if said else 23
+    with Store(written) as store:
+        assert store.done() - {0, 2, 3} in ({*range(4, last + 1)}, {*range(4, last + 2)})
+        (columns,) = store.groups()
+        assert columns[0][3:] == columns[[*store.kinds].index("x")][3:]
+
+
+@contextmanager
+def disk_of(size: int):
+    """Files get no larger than that [bytes]."""
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
+
+
+def test_full_disk(written):
+    size = os.path.getsize(written / DATABASE)
+    with Store(written) as store:
+        with disk_of(size), pytest.raises(InputError) as raised:
+            for number in range(4, 1000):
+                store.append(Row(number, "ok", "", 0.5, (1.0, 2.0)), INPUTS)
+        kept = store.done()
+    assert kept == {0, 2, *range(3, max(kept) + 1)} and 3 < max(kept) < 999
+    told = f"study.sqlite: cannot be written (disk I/O error); {len(kept)} runs are kept, --resume"
+    assert told in str(raised.value)
+
+
+def test_a_disk_that_is_full_from_the_start_leaves_a_folder_that_can_be_used(tmp_path):
+    job = Job(Study(), Scenario(), {}, ("y",), "x", {})
+    with (
+        disk_of(10),
+        pytest.raises(InputError, match=r"no study can be begun .*disk"),
+        opened(job, tmp_path, resume=False),
+    ):
+        pass
+    with opened(job, tmp_path, resume=False):
+        assert holds_study(tmp_path)
+
+
+def test_a_study_of_an_older_version_is_refused(tmp_path):
+    (tmp_path / "rows.jsonl").write_text("")
+    assert holds_study(tmp_path)
+    with pytest.raises(InputError, match=r"holds a study that version 0\.3 or an older one ran"):
+        Store(tmp_path)
