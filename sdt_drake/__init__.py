@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from sdt_drake.show.figures import runs as plots
     from sdt_drake.show.view3d.viewer import view
 
-__version__ = "0.3.0"
+__version__ = "0.4.0"
 
 _PLACES = {
     "load": "run.scenario:load_scenario",
