@@ -254,7 +254,7 @@ def export(
     cam_points: int = 1000,
     title: str = "",
 ) -> list[drive_files.Fed]:
-    """Write a motion as drives, PLCs and ROS 2 read it, and read it back, as `sdt-drake export`.
+    """Write a motion as drives, PLCs and ROS 2 read it, as `sdt-drake export`.
 
         fed = sdt.export(sdt.load("training"), "drives", "exported")
         print(fed[1].source, fed[1].position_error)  # [rad], joint side
@@ -267,7 +267,7 @@ def export(
         title: of the motion; that of the scenario by default.
 
     Returns:
-        Of the motion and of each file, what the loop of the design makes of it.
+        What the loop of the design makes of the motion, and of what each file holds.
 
     Raises:
         InputError: naming the argument or the file that cannot be used; for a motion that does not
@@ -282,8 +282,10 @@ def export(
     checked_output(folder / drive_files.READ_BACK)
     title = title or design.scenario.name
     with replacing_files(folder) as new:
-        drive_files.export(design, drives, new, cam_points=cam_points, title=title, source=source)
-        fed = drive_files.read_back(design, drives, new)
+        exported = drive_files.export(
+            design, drives, new, cam_points=cam_points, title=title, source=source
+        )
+        fed = drive_files.feed(design, drives, exported)
         drive_files.write_read_back(new / drive_files.READ_BACK, fed)
     return fed
 

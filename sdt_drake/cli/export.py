@@ -36,8 +36,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scenario",
         metavar="SCENARIO",
-        help="of a motion: its robot, its planner, and the loop that is fed from the files read "
-        "back (default: training: the shipped device, position loops, torque feedforward)",
+        help="of a motion: its robot, its planner, and the loop that is fed with what the files "
+        "hold (default: training: the shipped device, position loops, torque feedforward)",
     )
     common.add_changes(parser)
     parser.add_argument(
@@ -80,8 +80,8 @@ def run(options: argparse.Namespace) -> None:
         )
     if not design.scenario.controller.takes_feedforward:
         common.say(
-            f"note: {scenario.controller.label} has no place for a torque feedforward: read back, "
-            "it is fed without the torques of the files"
+            f"note: {scenario.controller.label} has no place for a torque feedforward: its "
+            "loop is fed without the torques of the files"
         )
     _print_read_back(design, fed, options.cam_points)
 
@@ -91,8 +91,8 @@ def _print_read_back(design: Design, fed: Sequence[Fed], cam_points: int) -> Non
 
     scenario, joints = design.scenario, numbered(design.nominal.joint_names)
     common.say(
-        f"read back, and fed to {scenario.controller.label} on the {scenario.plant.kind} plant: "
-        "largest error from the planned motion"
+        f"what the files hold, fed to {scenario.controller.label} on the {scenario.plant.kind} "
+        "plant: largest error from the planned motion"
     )
     common.print_table(
         ("from", *(f"{joint} [deg]" for joint in joints)),

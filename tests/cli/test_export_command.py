@@ -8,10 +8,11 @@ import re
 import command_line
 import numpy as np
 import pytest
+from drive_readers import read_csv
 from test_drive_files import AXIS, RATED, drives_with, short_motion
 
 from sdt_drake.cli.app import main
-from sdt_drake.machine.drive_files import export, formats, read_back
+from sdt_drake.machine.drive_files import export, feed
 from sdt_drake.motion import LearnedReference, Motion
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import ControllerChoice, Scenario
@@ -71,8 +72,8 @@ def test_a_loop_gets_the_torque_of_the_file_and_no_other(
     scenario = Scenario(controller=choice, inverse_dynamics=inverse_dynamics)
     design = make_design(scenario, robot=robot, motion=motion)
     drives = drives_with(cycle=0.004)
-    export(design, drives, tmp_path, cam_points=50, title="x")
-    error = {x.source: x.position_error for x in read_back(design, drives, tmp_path)}
+    exported = export(design, drives, tmp_path, cam_points=50, title="x")
+    error = {x.source: x.position_error for x in feed(design, drives, exported)}
     with_it, without = error["set_points.csv"], error["motion, no torque"]
     assert with_it[1] < (0.6 if feedforward else 0.95) * without[1]
     np.testing.assert_allclose(error["cam.csv"], without, rtol=0.2)
@@ -123,13 +124,13 @@ def test_what_was_learned_is_exported_as_it_flew(tmp_path, robot, motion, kind, 
     beside = Motion.from_speeds(motion.period, motion.q[0], beside)
     design = design.given(LearnedReference(beside, torque if has_torque else None))
     drives = drives_with(cycle=0.005)
-    export(design, drives, tmp_path, cam_points=50, title="x")
+    exported = export(design, drives, tmp_path, cam_points=50, title="x")
     fed = np.zeros_like(torque) if design.tau_ff is None else design.tau_ff
     np.testing.assert_array_equal(fed, torque * has_torque if kind == "p_pi" else fed)
-    told = formats.read_csv(tmp_path / "set_points.csv", drives).torque
+    told = read_csv(tmp_path / "set_points.csv", drives).torque
     np.testing.assert_allclose(told, 1000 * fed / RATED, atol=0.51)
     flown = np.abs(simulate(design).position_error).max(axis=0)
-    errors = {x.source: x.position_error for x in read_back(design, drives, tmp_path)}
+    errors = {x.source: x.position_error for x in feed(design, drives, exported)}
     np.testing.assert_allclose(errors["motion"], flown, rtol=5e-3, atol=1e-9)
     np.testing.assert_allclose(errors["trajectory.yaml"], flown, rtol=5e-3, atol=1e-9)
 

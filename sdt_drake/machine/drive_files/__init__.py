@@ -7,7 +7,7 @@ from sdt_drake.machine.drive_files.export import (
     Fed,
     cycles_in_a_period,
     export,
-    read_back,
+    feed,
     write_read_back,
 )
 from sdt_drake.machine.drive_files.formats import write_drive_table
@@ -29,8 +29,8 @@ __all__ = [
     "SetPoints",
     "cycles_in_a_period",
     "export",
+    "feed",
     "load_drives",
-    "read_back",
     "samples_from",
     "samples_of",
     "set_points",

@@ -1,4 +1,4 @@
-"""Exporting a motion in all formats, and what a loop makes of each, read back."""
+"""Exporting a motion in all formats, and what a loop makes of each."""
 
 from __future__ import annotations
 
@@ -15,7 +15,14 @@ from sdt_drake.io.files import replacing_files
 from sdt_drake.io.tables import Results
 from sdt_drake.machine.drive_files import formats
 from sdt_drake.machine.drive_files.drives import Drives
-from sdt_drake.machine.drive_files.set_points import Samples, samples_from, samples_of, set_points
+from sdt_drake.machine.drive_files.set_points import (
+    Integers,
+    Samples,
+    SetPoints,
+    samples_from,
+    samples_of,
+    set_points,
+)
 from sdt_drake.motion import Motion
 from sdt_drake.run.design import Design, make_design
 from sdt_drake.run.simulate import simulate
@@ -25,6 +32,23 @@ CSV, ST, CAM, TRAJECTORY = "set_points.csv", "set_points.st", "cam.csv", "trajec
 READ_BACK = "read_back.csv"
 FILES = (CSV, ST, CAM, TRAJECTORY, READ_BACK)
 """Files of an exported motion, with what a loop made of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Exported:
+    """What the files of an exported motion hold.
+
+    Attributes:
+        samples: of the motion, in each cycle of the drives.
+        points: integers of CSV and ST.
+        cam: integers of CAM, see `formats.cam_table`.
+        own: samples of TRAJECTORY.
+    """
+
+    samples: Samples
+    points: SetPoints
+    cam: Integers
+    own: Samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +79,7 @@ def export(
     cam_points: int,
     title: str,
     source: str = "drives",
-) -> None:
+) -> Exported:
     """Write the motion of a design for its drives: CSV, ST, CAM and TRAJECTORY; all or none.
 
     Args:
@@ -66,6 +90,9 @@ def export(
         cam_points: the most points of the cam table.
         title: of the motion: that of the function block, and for errors.
         source: of the drives, for errors.
+
+    Returns:
+        What the files hold.
 
     Raises:
         InputError: for a motion from or to motion, a cycle that is a million times in it, or
@@ -84,11 +111,13 @@ def export(
     with within(source):
         points = set_points(robot, drives, samples)
         rest = set_points(robot, drives, still)
+    cam = formats.cam_table(robot, drives, samples, cam_points)
     with replacing_files(folder) as new:
         formats.write_csv(new / CSV, drives, points)
         formats.write_st(new / ST, drives, points, rest, title)
-        formats.write_cam(new / CAM, robot, drives, samples, cam_points)
+        formats.write_cam(new / CAM, cam)
         formats.write_trajectory(new / TRAJECTORY, robot, own, motion.vd)
+    return Exported(samples, points, cam, own)
 
 
 def _commanded(design: Design, period: float, *, still: bool = False) -> Samples:
@@ -111,42 +140,31 @@ def cycles_in_a_period(design: Design, drives: Drives) -> int:
     return max(1, round(design.motion.period / drives.cycle_time))
 
 
-def read_back(design: Design, drives: Drives, folder: Path) -> list[Fed]:
-    """Feed the scenario's loop from the motion and from each file that `export` wrote.
+def feed(design: Design, drives: Drives, exported: Exported) -> list[Fed]:
+    """Feed the scenario's loop from the motion and from what each file of `export` holds.
 
     The loop runs at the multiple of the drives' cycle that is nearest to the scenario's period,
     with the mean of the speeds in between; from TRAJECTORY at the period of the motion.
-
-    Raises:
-        InputError: for a file that cannot be used, or has another number of rows.
     """
-    robot, motion = design.nominal, design.motion
+    robot, whole = design.nominal, exported.samples
     m = cycles_in_a_period(design, drives)
-    whole, own = _commanded(design, drives.cycle_time), _commanded(design, motion.period)
     exact = _commanded(design, m * drives.cycle_time)
-    points = [formats.read_csv(folder / CSV, drives), formats.read_st(folder / ST, drives)]
-    csv, st = (samples_from(robot, drives, x, whole.q[0]) for x in points)
-    cam = formats.read_cam(folder / CAM, robot, drives)
-    trajectory = formats.read_trajectory(folder / TRAJECTORY, robot)
-    off = {"motion": np.zeros(robot.n), "motion, no torque": np.zeros(robot.n)}
-    for name, samples, like in (
-        (CSV, csv, whole), (ST, st, whole), (CAM, cam, whole), (TRAJECTORY, trajectory, own),
-    ):  # fmt: skip
-        if len(samples.q) != len(like.q):
-            raise InputError(
-                f"{folder / name}: {len(samples.q)} rows, the motion has {len(like.q)}"
-            )
-        off[name] = np.abs(samples.q - like.q).max(axis=0)
+    points = samples_from(robot, drives, exported.points, whole.q[0])
+    cam = formats.samples_from_cam(robot, drives, exported.cam)
+    nothing = np.zeros(robot.n)
+    off = {x: np.abs(y.q - whole.q).max(axis=0) for x, y in ((CSV, points), (CAM, cam))}
     sources = {
         "motion": exact,
-        CSV: csv.every(m),
-        ST: st.every(m),
-        TRAJECTORY: trajectory,
+        CSV: points.every(m),
+        TRAJECTORY: exported.own,
         "motion, no torque": replace(exact, tau=np.zeros_like(exact.tau)),
         CAM: cam.every(m),
     }
     with threads(2) as pool:
-        return list(pool.map(lambda name: _fed(design, name, sources[name], off[name]), sources))
+        motion, csv, *others = pool.map(
+            lambda name: _fed(design, name, sources[name], off.get(name, nothing)), sources
+        )
+    return [motion, csv, replace(csv, source=ST), *others]  # these two hold the same integers
 
 
 def _fed(design: Design, source: str, samples: Samples, position_off: Array) -> Fed:
@@ -174,7 +192,7 @@ def _fed_with(design: Design, samples: Samples) -> Design:
 
 
 def write_read_back(path: Path, fed: Sequence[Fed]) -> None:
-    """Write what `read_back` found as CSV: a row for each source and joint, joint side, exactly."""
+    """Write what `feed` found as CSV: a row for each source and joint, joint side, exactly."""
     n = len(fed[0].position_off)
     columns = {
         "source": np.repeat([x.source for x in fed], n),

@@ -1,4 +1,4 @@
-"""Files for drives and controllers, each written and read back."""
+"""Files for drives and controllers."""
 
 from __future__ import annotations
 
@@ -13,14 +13,12 @@ import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError
-from sdt_drake.io.files import read_text, replacing, write_text
+from sdt_drake.io.files import replacing, write_text
 from sdt_drake.io.tables import write_table
 from sdt_drake.machine.drive_files.drives import OBJECTS, TORQUE, Drives
 from sdt_drake.machine.drive_files.set_points import Integers, Samples, SetPoints
 from sdt_drake.robot.robot import Robot
 
-_MOST_BYTES = 1_000_000_000
 _IN_A_LINE = 16  # values of an array
 
 
@@ -32,15 +30,6 @@ def _columns(drives: Drives) -> list[tuple[str, int]]:
         for k, axis in enumerate(drives.axes)
         if index in axis.objects
     ]
-
-
-def _points(drives: Drives, columns: Sequence[Integers]) -> SetPoints:
-    """Of the columns in the order of `_columns`; 0 for what no drive reads."""
-    shape = len(columns[0]), len(drives.axes)
-    points = SetPoints(*(np.zeros(shape, dtype=np.int64) for _ in range(3)))
-    for (index, k), column in zip(_columns(drives), columns, strict=True):
-        points.of_object(index)[:, k] = column
-    return points
 
 
 # --- SI units --------------------------------------------------------------------------------
@@ -67,26 +56,8 @@ def write_csv(path: Path, drives: Drives, points: SetPoints) -> None:
     columns = _columns(drives)
     table = [points.of_object(index)[:, k] for index, k in columns]
     table.insert(0, np.arange(len(points.position)))
-    _write_integers(path, _header(drives), np.stack(table, axis=1))
-
-
-def _header(drives: Drives) -> list[str]:
-    return ["cycle", *(f"{index}_{k + 1}" for index, k in _columns(drives))]
-
-
-def read_csv(path: Path, drives: Drives) -> SetPoints:
-    """Read what `write_csv` wrote.
-
-    Raises:
-        InputError: naming the file: not for these drives, a cycle missing, no integers.
-    """
-    table = _read_integers(path, _header(drives))
-    wrong = np.flatnonzero(table[:, 0] != np.arange(len(table)))
-    if len(wrong):
-        raise InputError(
-            f"{path}, line {wrong[0] + 2}: cycle {table[wrong[0], 0]}, expected {wrong[0]}"
-        )
-    return _points(drives, list(table[:, 1:].T))
+    header = ["cycle", *(f"{index}_{k + 1}" for index, k in columns)]
+    _write_integers(path, header, np.stack(table, axis=1))
 
 
 # --- Structured Text -------------------------------------------------------------------------
@@ -129,32 +100,6 @@ def _type_of(index: str) -> str:
     return "INT" if OBJECTS[index][1] == TORQUE else "DINT"
 
 
-def read_st(path: Path, drives: Drives) -> SetPoints:
-    """Read the arrays of what `write_st` wrote.
-
-    Raises:
-        InputError: naming the file: not for these drives, an array missing or cut off.
-    """
-    arrays = {
-        name: (int(last), values)
-        for name, last, values in re.findall(
-            r"(\w+_\d+) : ARRAY\[0\.\.(\d+)\] OF D?INT := \[([-\d,\s]*)\];",
-            read_text(path, _MOST_BYTES),
-        )
-    }
-    columns: list[Integers] = []
-    for index, k in _columns(drives):
-        name = f"{OBJECTS[index][0]}_{k + 1}"
-        if name not in arrays:
-            raise InputError(f"{path}: no whole array {name}, expected one for each axis")
-        last, values = arrays[name]
-        column = np.array(values.split(","), dtype=np.int64)
-        if len(column) != last + 1 or (columns and len(column) != len(columns[0])):
-            raise InputError(f"{path}: {name} has {len(column)} values, expected {last + 1}")
-        columns.append(column)
-    return _points(drives, columns)
-
-
 # --- cam tables ------------------------------------------------------------------------------
 
 
@@ -180,36 +125,32 @@ def cam_rows(samples: Samples, most: int) -> list[int]:
     return sorted(rows)
 
 
-def write_cam(path: Path, robot: Robot, drives: Drives, samples: Samples, most: int) -> None:
-    """At most `most` points of a table for cubics: cycle (the master), and for each axis position
-    [increments] and speed [increments/s]; no torques."""
+def cam_table(robot: Robot, drives: Drives, samples: Samples, most: int) -> Integers:
+    """At most `most` points for cubics: cycle (the master), and for each axis position [increments]
+    and speed [increments/s]; no torques."""
     rows, per_rad = cam_rows(samples, most), drives.increments_per_rad(robot)
     position = np.round(drives.zeros() + samples.q[rows] * per_rad)
     table = np.hstack([np.array(rows)[:, None], position, np.round(samples.v[rows] * per_rad)])
-    _write_integers(path, _cam_header(drives), table.astype(np.int64))
+    return table.astype(np.int64)
 
 
-def _cam_header(drives: Drives) -> list[str]:
-    axes = range(1, len(drives.axes) + 1)
-    return ["cycle", *(f"{what}_{k}" for what in ("position", "speed") for k in axes)]
-
-
-def read_cam(path: Path, robot: Robot, drives: Drives) -> Samples:
-    """Read what cubics between the points of `write_cam` command in each cycle, without a torque.
-
-    Raises:
-        InputError: naming the file: not for these drives, no growing cycles, no integers.
-    """
-    per_rad, table = drives.increments_per_rad(robot), _read_integers(path, _cam_header(drives))
-    cycles, (position, speed) = table[:, 0], np.hsplit(table[:, 1:], 2)
-    if cycles[0] != 0 or np.any(np.diff(cycles) <= 0):
-        raise InputError(f"{path}: cycles do not grow from 0")
+def samples_from_cam(robot: Robot, drives: Drives, table: Integers) -> Samples:
+    """What cubics between the points of a `cam_table` command in each cycle, without a torque."""
+    per_rad, cycles = drives.increments_per_rad(robot), table[:, 0]
+    position, speed = np.hsplit(table[:, 1:], 2)
     cubics = PiecewisePolynomial.CubicHermite(
         cycles * drives.cycle_time, ((position - drives.zeros()) / per_rad).T, (speed / per_rad).T
     )
     t = np.arange(cycles[-1] + 1) * drives.cycle_time
     q, v = cubics.vector_values(t).T, cubics.derivative().vector_values(t).T
     return Samples(drives.cycle_time, q, v, np.zeros_like(q))
+
+
+def write_cam(path: Path, table: Integers) -> None:
+    """Write a `cam_table`."""
+    axes = range(1, (table.shape[1] + 1) // 2)
+    header = [f"{what}_{k}" for what in ("position", "speed") for k in axes]
+    _write_integers(path, ["cycle", *header], table)
 
 
 # --- ROS 2 -----------------------------------------------------------------------------------
@@ -240,31 +181,6 @@ _FIELDS = ("positions", "velocities", "accelerations", "effort")
 _NO_POINT = re.compile(r"(?<![.\d])(\d)e")
 
 
-def read_trajectory(path: Path, robot: Robot) -> Samples:
-    """Read what `write_trajectory` wrote.
-
-    Raises:
-        InputError: naming the file: other joints, times that do not grow evenly, no points.
-    """
-    lines = read_text(path, _MOST_BYTES).splitlines()
-    if not lines or lines[0] != f"joint_names: {json.dumps(list(robot.joint_names))}":
-        raise InputError(f"{path}, line 1: other joints, expected {', '.join(robot.joint_names)}")
-    try:
-        points = [json.loads(line[2:]) for line in lines[2:]]
-        since = [point["time_from_start"] for point in points]
-        time = np.array([x["sec"] + 1e-9 * x["nanosec"] for x in since])
-        q, v, _, tau = (np.array([x[name] for x in points], dtype=float) for name in _FIELDS)
-    except (ValueError, KeyError, TypeError):
-        raise InputError(f"{path}: cannot be read, expected a point in each line") from None
-    if (
-        len(time) < 2
-        or np.ptp(np.diff(time)) > 2e-9
-        or {q.shape, v.shape, tau.shape} != {(len(time), robot.n)}
-    ):
-        raise InputError(f"{path}: expected points at even times, with a value for each joint")
-    return Samples(float(time[-1] / (len(time) - 1)), q, v, tau)
-
-
 # --- integers --------------------------------------------------------------------------------
 
 
@@ -272,16 +188,3 @@ def _write_integers(path: Path, header: Sequence[str], table: Integers) -> None:
     with replacing(path) as partial, partial.open("w", encoding="ascii") as file:
         file.write(",".join(header) + "\n")
         file.writelines(",".join(map(str, row)) + "\n" for row in table.tolist())
-
-
-def _read_integers(path: Path, header: Sequence[str]) -> Integers:
-    lines = read_text(path, _MOST_BYTES).splitlines()
-    if not lines or lines[0].split(",") != list(header):
-        raise InputError(f"{path}, line 1: is not for these drives, expected {','.join(header)}")
-    try:
-        table = np.loadtxt(lines[1:], dtype=np.int64, delimiter=",", ndmin=2)
-        if table.shape[1:] != (len(header),) or len(table) < 2:
-            raise ValueError
-    except (ValueError, OverflowError):
-        raise InputError(f"{path}: expected {len(header)} integers in each row") from None
-    return table
