@@ -67,12 +67,12 @@ class Percept(Shown):
     @property
     def roll(self) -> Array:
         """Felt roll [rad], positive to the right, shape (N,)."""
-        return np.arctan2(-self.gravity[:, 1], -self.gravity[:, 2])
+        return attitude(self.gravity)[0]
 
     @property
     def pitch(self) -> Array:
         """Felt pitch [rad], positive nose up, shape (N,)."""
-        return np.arctan2(-self.gravity[:, 0], np.hypot(self.gravity[:, 1], self.gravity[:, 2]))
+        return attitude(self.gravity)[1]
 
     def summary(self) -> Summary:
         felt = (
@@ -106,6 +106,12 @@ class Percept(Shown):
     def columns(self) -> dict[str, Array]:
         """What is felt, by name, as tables hold it."""
         return {name: getattr(self, name) for name in ("gravity", "rate", "acceleration")}
+
+
+def attitude(down: Array) -> tuple[Array, Array]:
+    """Roll and pitch [rad] of a head with this direction down in its axes, shape (N, 3)."""
+    x, y, z = down.T
+    return np.arctan2(-y, -z), np.arctan2(-x, np.hypot(y, z))
 
 
 @takes(time=finite("(N,)"), specific_force=finite("(N, 3)"), angular_rate=finite("(N, 3)"))

@@ -25,6 +25,11 @@ from sdt_drake.systems.orientation import PERCEPTION
 GROUPS = ("yaw decay", "gondola turns")
 """Groups of motions that a gain set should pass both."""
 
+LEGEND = (
+    "✓ within one standard deviation, or the range, of what people reported; else by how many of "
+    "them, or halves of the range, the prediction is off; – no spread is known."
+)
+
 _PERIOD = 0.02  # of the motions [s]
 _ARM = 7.25  # of the centrifuge whose gondola turns were reported [m]
 
@@ -90,6 +95,12 @@ class Judged:
         high_or_low = "large" if deviations > 0 else "small"
         by = "" if self.is_range else f" by {abs(deviations):.1f} standard deviations"
         return f"too {high_or_low}{by}"
+
+    def told(self, name: str) -> str:
+        """The prediction of a set with its verdict as a sign; see LEGEND."""
+        deviations = self.deviations(name)
+        sign = "–" if np.isnan(deviations) else "✓" if self.passes(name) else f"{deviations:+.1f}"
+        return f"{self.predicted[name]:.1f} {sign}"
 
 
 def validate(models: Sequence[str] = ()) -> list[Judged]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from sdt_drake.analysis import paper
 from sdt_drake.analysis.comparison import Compared, design_with, run_of
+from sdt_drake.analysis.reported import Judged, validate
 from sdt_drake.analysis.step import StepMetrics, step_metrics
 from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
@@ -75,6 +76,7 @@ class Reproduction:
         steps: responses of axis 1 by structure (Figure 4).
         runs: tracking runs in the order of the report.
         more_runs: of the coupled plant under more controllers than the paper has; they may go on.
+        reported: what people reported of motions beside what the pilot's model predicts, likewise.
         wall_time_s: by stage [s].
     """
 
@@ -82,6 +84,7 @@ class Reproduction:
     steps: dict[str, StepResponse]
     runs: dict[Case, Compared]
     more_runs: list[Future[Compared]]
+    reported: Future[list[Judged]]
     wall_time_s: dict[str, float] = field(default_factory=dict)
 
     def axis(
@@ -131,8 +134,9 @@ def reproduce(watch: Stopwatch) -> Reproduction:
         runs = pool.map(_run, repeat(design), _CASES)
         # These may run while files are written.
         more = [pool.submit(run_of, label, design_with(design, label)) for label in _BEYOND]
+        reported = pool.submit(validate)
         by_case = dict(zip(_CASES, with_progress(runs, len(_CASES)), strict=True))
-    return Reproduction(design, steps, by_case, more, watch.seconds)
+    return Reproduction(design, steps, by_case, more, reported, watch.seconds)
 
 
 def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> StepResponse:

@@ -29,7 +29,9 @@ EXAMPLE = "sdt-drake pilot coupled_pi --out pilot.png"
 
 def add(parser: argparse.ArgumentParser) -> None:
     text = "what to run, or what `simulate` wrote (.csv, .mat, .parquet)"
-    common.add_scenario(parser, text, "SCENARIO|RECORDING")
+    common.add_scenario(parser, text, "SCENARIO|RECORDING", nargs="?")
+    text = "hold the model of the pilot against what people reported, and tell what it predicts"
+    parser.add_argument("--validate", action="store_true", help=f"{text} of the training motions")
     text = "SDF or URDF file of a recording's robot (default: the shipped device)"
     common.add_robot(parser, text, None)
     text = "CSV file for what is felt over time, or a figure of it (.png, .svg, .pdf)"
@@ -40,6 +42,8 @@ def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.tracking import track_head
     from sdt_drake.show.figures import pilot as plots_pilot
 
+    if options.validate or options.scenario is None:
+        return _validate(options)
     name, recording, robot, story = _recorded(options)
     if recording.q.shape[1] != robot.n:
         raise InputError(
@@ -62,6 +66,36 @@ def run(options: argparse.Namespace) -> None:
         lambda: plots_pilot.pilot(f"{name}: what the pilot feels", recording.time, head, story),
         lambda path: _write(path, recording.time, period, head),
     )
+
+
+def _validate(options: argparse.Namespace) -> None:
+    """Print what gain sets predict beside what people reported."""
+    if options.scenario is not None or not options.validate:
+        raise InputError("expected a scenario, a recording or --validate, one of them")
+    common.refuse_options(options, "not with --validate", "out", "show", "changes")
+    from sdt_drake.analysis.illusions import intended_illusions
+    from sdt_drake.analysis.orientation import CAUTION
+    from sdt_drake.analysis.reported import LEGEND, validate, verdict_of_all
+    from sdt_drake.robot.head import check_head
+    from sdt_drake.show.reports.perception import intended_table, reported_table
+
+    robot = sdt.load_robot(options.robot or common.ROBOT)
+    check_head(robot)
+    rows = validate()
+    common.say_wrapped(verdict_of_all(rows), "")
+    say()
+    common.print_document_table(reported_table(rows, short=True))
+    common.say_wrapped(LEGEND, "")
+    say()
+    for row in rows:
+        common.say_wrapped(f"{row.id}: {row.stimulus}: {row.quantity}; {row.source}", "  ")
+    say()
+    say(
+        "The illusion of each training motion, felt less true [deg] or [deg/s]; ✗ too small to feel"
+    )
+    common.print_document_table(intended_table(intended_illusions(robot)))
+    say()
+    common.say_wrapped(CAUTION, "")
 
 
 def _recorded(options: argparse.Namespace) -> tuple[str, sdt.Recording, Robot, Story]:

@@ -165,3 +165,31 @@ def test_a_recording_of_another_number_of_joints_is_refused(call, desk, recordin
 def test_bad_input_is_refused(call, desk, options, parts):
     refused(call("pilot", *options), *parts)
     assert list(desk.iterdir()) == []
+
+
+# --- the model of the pilot itself --------------------------------------------------------------
+
+
+def test_validate_tells_what_people_reported_first(good, desk):
+    out = good("pilot", "--validate").out
+    assert out.startswith(
+        "No gain set passes both: of what people reported, yaw decay by irmak2023"
+    )
+    rows = rows_of(out)
+    assert rows["turn_2_start"][0] == "17.2 ± 6.4" and rows["turn_2_start"][1] == "57.5 +6.3"
+    assert rows["yaw_start"] == ["13 to 20", "27.2 +3.1", "14.0 ✓", "16.1 ✓", "14.0 ✓"]
+    assert rows["leans"][:2] == ["roll", "-0.3 ✗"] and rows["graveyard_spin"][1] == "-77.7 ✓"
+    assert "no medical statement" in " ".join(out.split())
+    assert list(desk.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "part"),
+    [
+        ((), "expected a scenario, a recording or --validate, one of them"),
+        (("coupled_pi", "--validate"), "expected a scenario, a recording or --validate, one of"),
+        (("--validate", "--out", "x.png"), "--out: not with --validate"),
+    ],
+)
+def test_validate_stands_alone(call, desk, options, part):
+    refused(call("pilot", *options), part)

@@ -110,8 +110,8 @@ def entry_of(content, key):
 
 def test_keys_of_the_summary(content):
     assert list(content) == [
-        "table1", "step_response", "tracking", "claims", "beyond", "pi_or_pi_ctc", "versions",
-        "wall_time_s",
+        "table1", "step_response", "tracking", "claims", "beyond", "pi_or_pi_ctc", "reported",
+        "versions", "wall_time_s",
     ]  # fmt: skip
     assert content["versions"]["package"] == sdt_drake.__version__
     assert set(content["versions"]) == {"package", "drake", "numpy", "python"}

@@ -15,10 +15,13 @@ import numpy as np
 
 from sdt_drake.analysis import paper
 from sdt_drake.analysis.metrics import METRICS
+from sdt_drake.analysis.orientation import CAUTION
+from sdt_drake.analysis.reported import LEGEND, Judged, verdict_of_all
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import read_text, replacing_files, write_text
 from sdt_drake.show import documents as doc
 from sdt_drake.show.reports.claims import LOOKS, Claims, Json, count_verdicts
+from sdt_drake.show.reports.perception import reported_table
 from sdt_drake.show.template import from_template
 from sdt_drake.show.texts import page_text
 
@@ -124,11 +127,18 @@ def _numbers(summary: Json) -> dict[str, object]:
         "apart_rotation": _worst(apart, slice(0, 3)),
         "apart_force": _worst(apart, slice(3, 6)),
     }
+    numbers |= {"both": verdict_of_all(_reported(summary)), "legend": LEGEND, "caution": CAUTION}
     for label, entry in of.items():
         name = label.replace("+", "_")
         numbers[f"felt_{name}"] = 100 * entry["felt"]["share"]
         numbers[f"angles_{name}"] = 100 * entry["felt"]["share_from_angles"]
     return numbers
+
+
+def _reported(summary: Json) -> list[Judged]:
+    """What people reported of motions; a number that does not exist is null in the summary."""
+    entries = summary["reported"]
+    return [Judged(**{k: math.nan if v is None else v for k, v in e.items()}) for e in entries]
 
 
 def findings(summary: Json) -> list[str]:
@@ -166,6 +176,7 @@ def _blocks(summary: Json, folder: Path) -> dict[str, Sequence[doc.Block]]:
         "beyond_speeds": [_by_joint(["controller"], map(_label, beyond), beyond, speeds)],
         "beyond_torques": [_by_joint(["controller"], map(_label, beyond), beyond, torques)],
         "felt": [_felt(beyond)],
+        "reported": [reported_table(_reported(summary))],
         "needs": [
             doc.Table(
                 ["controller", "blocks", "needs to know"],

@@ -131,6 +131,7 @@ def summary(results: Reproduction, claims: Sequence[Claim]) -> dict[str, Any]:
         "claims": [asdict(claim) for claim in claims],
         "beyond": [_beyond_entry(compared) for compared in results.beyond],
         "pi_or_pi_ctc": _felt_entry(apart),
+        "reported": [asdict(row) for row in results.reported.result()],
         "versions": versions(),
         "wall_time_s": dict(results.wall_time_s),
     }
