@@ -77,18 +77,18 @@ def _validate(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.orientation import CAUTION
     from sdt_drake.analysis.reported import LEGEND, validate, verdict_of_all
     from sdt_drake.robot.head import check_head
-    from sdt_drake.show.reports.perception import intended_table, reported_table
+    from sdt_drake.show.reports.perception import intended_table, reported_notes, reported_table
 
     robot = sdt.load_robot(options.robot or common.ROBOT)
     check_head(robot)
     rows = validate()
     common.say_wrapped(verdict_of_all(rows), "")
     say()
-    common.print_document_table(reported_table(rows, short=True))
+    common.print_document_table(reported_table(rows))
     common.say_wrapped(LEGEND, "")
     say()
-    for row in rows:
-        common.say_wrapped(f"{row.id}: {row.stimulus}: {row.quantity}; {row.source}", "  ")
+    for note in reported_notes(rows):
+        common.say_wrapped(note, "- ")
     say()
     say(
         "The illusion of each training motion, felt less true [deg] or [deg/s]; ✗ too small to feel"

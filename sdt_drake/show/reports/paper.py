@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import read_text, replacing_files, write_text
 from sdt_drake.show import documents as doc
 from sdt_drake.show.reports.claims import LOOKS, Claims, Json, count_verdicts
-from sdt_drake.show.reports.perception import reported_table
+from sdt_drake.show.reports.perception import reported_notes, reported_table
 from sdt_drake.show.template import from_template
 from sdt_drake.show.texts import page_text
 
@@ -137,8 +138,11 @@ def _numbers(summary: Json) -> dict[str, object]:
 
 def _reported(summary: Json) -> list[Judged]:
     """What people reported of motions; a number that does not exist is null in the summary."""
-    entries = summary["reported"]
-    return [Judged(**{k: math.nan if v is None else v for k, v in e.items()}) for e in entries]
+
+    def read(entry: dict[str, Any]) -> Any:
+        return {name: math.nan if value is None else value for name, value in entry.items()}
+
+    return [Judged(**read(entry)) for entry in summary["reported"]]
 
 
 def findings(summary: Json) -> list[str]:
@@ -158,7 +162,7 @@ def _blocks(summary: Json, folder: Path) -> dict[str, Sequence[doc.Block]]:
         {**e, "rms_torque_share": e["rms_share"], "peak_torque_share": e["peak_share"]}
         for e in summary["beyond"]
     ]
-    runs, claims = summary["tracking"], summary["claims"]
+    runs, claims, reported = summary["tracking"], summary["claims"], _reported(summary)
     tiles = [(n, verdict, LOOKS[verdict][0]) for verdict, n in count_verdicts(claims).items()]
     speeds = ("max_abs_speed_error", "rms_speed_error", "constant_speed_error")
     position = "max_abs_position_error"
@@ -176,7 +180,7 @@ def _blocks(summary: Json, folder: Path) -> dict[str, Sequence[doc.Block]]:
         "beyond_speeds": [_by_joint(["controller"], map(_label, beyond), beyond, speeds)],
         "beyond_torques": [_by_joint(["controller"], map(_label, beyond), beyond, torques)],
         "felt": [_felt(beyond)],
-        "reported": [reported_table(_reported(summary))],
+        "reported": [reported_table(reported), doc.Bullets(reported_notes(reported))],
         "needs": [
             doc.Table(
                 ["controller", "blocks", "needs to know"],

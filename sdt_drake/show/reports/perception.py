@@ -9,20 +9,16 @@ from sdt_drake.analysis.reported import Judged
 from sdt_drake.show.documents import Table
 
 
-def reported_table(rows: Sequence[Judged], *, short: bool = False) -> Table:
-    """What people reported, and what each set predicts with its verdict; `short` has ids in place
-    of motions and sources."""
+def reported_table(rows: Sequence[Judged]) -> Table:
+    """What people reported, and what each set predicts with its verdict; see `reported_notes`."""
     models = list(rows[0].predicted)
-    cells = [
-        [
-            row.id if short else f"{row.stimulus}: {row.quantity}",
-            row.reported,
-            *map(row.told, models),
-            *([] if short else [row.source]),
-        ]
-        for row in rows
-    ]
-    return Table(["motion", "people", *models, *([] if short else ["source"])], cells)
+    cells = [[row.id, row.reported, *map(row.told, models)] for row in rows]
+    return Table(["motion", "people", *models], cells)
+
+
+def reported_notes(rows: Sequence[Judged]) -> list[str]:
+    """What was done and reported, by the ids of the table, with its source."""
+    return [f"{row.id}: {row.stimulus}: {row.quantity}; {row.source}." for row in rows]
 
 
 def intended_table(rows: Sequence[Intended]) -> Table:
