@@ -18,7 +18,7 @@ from sdt_drake.io.errors import InputError, rewording
 from sdt_drake.io.fields import Rule
 from sdt_drake.io.files import checked_name, checked_output, checked_suffix
 from sdt_drake.io.formats import BINARY, check_binary
-from sdt_drake.io.shown import aligned, by_joint, numbered
+from sdt_drake.io.shown import aligned, by_joint
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -357,14 +357,9 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], keys: int 
         say(line)
 
 
-def print_document_table(table: Table, joint_names: Sequence[str] = ()) -> None:
-    """Print a table of a document; one whose rows are a name and a text for each joint has its
-    whole header above the names."""
-    header, rows = table.header, [list(map(str, row)) for row in table.rows]
-    if joint_names:
-        header = [", ".join(filter(None, header)), *numbered(joint_names)]
-        rows = [[f"{name}", *cells] for name, cells in table.rows]
-    print_table(header, rows)
+def print_document_table(table: Table) -> None:
+    """Print a table of a report."""
+    print_table(table.header, table.rows)
 
 
 def print_joints(names: Sequence[str], columns: Sequence[tuple[str, str, Iterable[Any]]]) -> None:

@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> None:
     for line in found.warnings:
         say(f"warning: {line}")
     say()
-    common.print_document_table(analysis.errors_table(found, better), robot.joint_names)
+    common.print_document_table(analysis.errors_table(found, better))
     say()
     common.print_document_table(analysis.friction_table(found, files))
     for line in analysis.undecided_laws(found, files):

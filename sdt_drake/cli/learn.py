@@ -115,9 +115,9 @@ def _simulated(options: argparse.Namespace) -> None:
 
     def tell(lessons: Lessons) -> None:
         report.write_learned(kept, design, lessons)
-        table = report.flight_table(lessons.flights[-1:])
-        cells = (cell if isinstance(cell, str) else " ".join(cell) for cell in table.rows[0])
-        say(", ".join(f"{name} {cell}" for name, cell in zip(table.header, cells, strict=True)))
+        numbers = report.flight_numbers(lessons.flights[-1])
+        told = (x if isinstance(x, str) else " ".join(x) for x in numbers.values())
+        say(", ".join(map(" ".join, zip(numbers, told, strict=True))))
 
     try:
         lessons = learn(design, filter_, count, stops=not options.all, report=tell)

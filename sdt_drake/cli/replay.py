@@ -30,6 +30,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
+    from sdt_drake.show.documents import plain
     from sdt_drake.show.figures.replay import replay_figure
     from sdt_drake.show.reports.replay import (
         FILES,
@@ -46,10 +47,10 @@ def run(options: argparse.Namespace) -> None:
             options.recording, scenario, columns=options.columns, side=options.side
         )
     for line in replay_findings(replayed):
-        say(line.replace("`", ""))
+        say(plain(line))
     for table in tables(replayed):
         say()
-        common.print_document_table(table, replayed.design.robot.joint_names)
+        common.print_document_table(table)
     if options.out is not None and not options.out.suffix:
         say(f"\n{write_replay(replayed, options.out)} written")
         options.out = None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
 import time
 from pathlib import Path
 
@@ -18,9 +17,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     from sdt_drake.analysis.reproduction import Stopwatch, reproduce
-    from sdt_drake.show.documents import REPORT
-    from sdt_drake.show.reports.claims import count_verdicts
-    from sdt_drake.show.reports.paper import findings
+    from sdt_drake.show.documents import REPORT, plain
+    from sdt_drake.show.reports.paper import count_verdicts, findings
     from sdt_drake.show.reports.paper_files import FILES, write_reproduction
 
     start = time.perf_counter()
@@ -31,6 +29,6 @@ def run(options: argparse.Namespace) -> None:
     counts = (f"{n} {verdict}" for verdict, n in count_verdicts(summary["claims"]).items())
     say(f"\nOf {len(summary['claims'])} claims of the paper: {', '.join(counts)}")
     for finding in findings(summary):
-        say_wrapped(re.sub(r"\*\*|`", "", finding), "- ")
+        say_wrapped(plain(finding), "- ")
     seconds = time.perf_counter() - start
     say(f"\nOpen {folder / REPORT}; {seconds:.1f} s in all")

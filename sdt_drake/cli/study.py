@@ -176,7 +176,6 @@ def repeat(folder: Path, row: int | None, out: Path | None) -> None:
 
 
 def show(folder: Path, out: Path | None) -> None:
-    from sdt_drake.show.documents import Table
     from sdt_drake.show.reports.study import write_study_report
     from sdt_drake.studies.results import read_study_table
 
@@ -184,11 +183,10 @@ def show(folder: Path, out: Path | None) -> None:
         common.check_folder(out)
     if say_failures(read_study_table(folder)):
         say()
-    page, report = write_study_report(folder, out)
-    for block in (block for section in report.sections for block in section.blocks):
-        if isinstance(block, Table):
-            say(block.title)
-            common.print_document_table(block)
-            say()
+    page, tables = write_study_report(folder, out)
+    for table in tables:
+        say(table.title)
+        common.print_document_table(table)
+        say()
     say(f"a run once more, exactly: sdt-drake study repeat {shlex.quote(str(folder))} --row N")
     say(f"{page} written")

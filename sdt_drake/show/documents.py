@@ -1,7 +1,7 @@
-"""Documents of headings, texts, tables and figures; as Markdown, and as a page in one HTML file.
+"""Reports: a template of Markdown each, rendered to Markdown, and that to a page without a network.
 
-Texts may hold `code`, **bold** and *emphasis*. What is not our own, such as names of users, needs
-no care: the writer of pages escapes everything, that of Markdown tags and links.
+What a template prints passes `escaped`, all but `Marked` texts, which are our own. HTML in Markdown
+is off on pages, but for the tags of `_OWN_TAG`: no escaped text has one.
 """
 
 from __future__ import annotations
@@ -9,330 +9,282 @@ from __future__ import annotations
 import base64
 import html
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache
+from itertools import pairwise
 from pathlib import Path
-from string import Template
-from typing import Protocol
+from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
 from xml.etree import ElementTree
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import read_text, write_text
-from sdt_drake.show.texts import json_in_page, page_text
+from sdt_drake.io.shown import formatted
+
+if TYPE_CHECKING:  # only commands that write a report need these
+    from jinja2 import Environment
+    from markdown_it import MarkdownIt
+    from markdown_it.token import Token
+
+    from sdt_drake.show.panels import Plots
 
 REPORT, MARKDOWN = "report.html", "report.md"
+TEMPLATES = Path(__file__).with_name("templates")
 
 _MOST_BYTES = 100_000_000  # of a file
-
-Inline = Callable[[str], str]
-"""Text to HTML: escaped, with its marks."""
-
-
-class Block(Protocol):
-    """A part of a document."""
-
-    def markdown(self) -> str:
-        """The block in Markdown, without a line break at the end."""
-
-    def html(self, inline: Inline) -> str:
-        """The block in HTML, with its texts passed through `inline`."""
-
-
-@dataclass(frozen=True)
-class Text:
-    """A paragraph; `look` is a class of page.css."""
-
-    text: str
-    look: str = ""
-
-    def markdown(self) -> str:
-        return _plain(self.text)
-
-    def html(self, inline: Inline) -> str:
-        return f"<p{_class(self.look)}>{inline(self.text)}</p>"
-
-
-@dataclass(frozen=True)
-class Heading:
-    """A heading within a section."""
-
-    text: str
-
-    def markdown(self) -> str:
-        return f"### {_plain(self.text)}"
-
-    def html(self, inline: Inline) -> str:
-        return f"<h3>{inline(self.text)}</h3>"
-
-
-@dataclass(frozen=True)
-class Bullets:
-    """A list of texts."""
-
-    items: Sequence[str]
-
-    def markdown(self) -> str:
-        return "\n".join(f"- {_plain(item)}" for item in self.items)
-
-    def html(self, inline: Inline) -> str:
-        items = "".join(f"<li>{inline(item)}</li>" for item in self.items)
-        return f'<ul class="findings">{items}</ul>'
-
-
-@dataclass(frozen=True)
-class Tiles:
-    """Counts that stand out: number, what of, and a class of page.css."""
-
-    tiles: Sequence[tuple[int, str, str]]
-
-    def markdown(self) -> str:
-        return ", ".join(f"**{count}** {text}" for count, text, _ in self.tiles) + "."
-
-    def html(self, inline: Inline) -> str:
-        tiles = "".join(
-            f'<li class="{look}"><strong>{count}</strong> {inline(text)}</li>'
-            for count, text, look in self.tiles
-        )
-        return f'<ul class="tiles">{tiles}</ul>'
-
-
-Cell = str | Sequence[str]
-"""A text, or one for each joint."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """Cells of texts; the first of each row names it.
-
-    A cell of a text for each joint spans as many columns on a page; the last cell of a row that is
-    shorter than the header spans the rest. `look` is a class of page.css.
-    """
+    """Cells of texts, as many in each row as in the header; the first of a row names it."""
 
     header: Sequence[str]
-    rows: Sequence[Sequence[Cell]]
+    rows: Sequence[Sequence[str]]
     title: str = ""
-    look: str = ""
 
-    def markdown(self) -> str:
-        lines = [self.header, ["---"] * len(self.header), *self.rows]
-        table = "\n".join(f"| {' | '.join(map(_cell, cells))} |" for cells in lines)
-        return f"**{_plain(self.title)}**\n\n{table}" if self.title else table
-
-    def html(self, inline: Inline) -> str:
-        title = f"<h3>{inline(self.title)}</h3>" if self.title else ""
-        first = self.rows[0] if self.rows else self.header
-        spans = [0 if isinstance(cell, str) else len(cell) for cell in first]
-        joints = max(spans, default=0)
-        names, numbers = "", ""
-        spans += [0] * (len(self.header) - len(spans))
-        for text, span in zip(self.header, spans, strict=False):
-            if span:
-                names += f'<th class="first" colspan="{span}">{inline(text)}, joint</th>'
-                numbers += "".join(f"<th{_first(k)}>{k + 1}</th>" for k in range(span))
-            elif text:
-                below = ' rowspan="2"' if joints else ""
-                names += f'<th scope="col"{below}>{inline(text)}</th>'
-            else:
-                names += "<td></td>"
-        head = f"<tr>{names}</tr>" if names else ""
-        head += f"<tr>{numbers}</tr>" if joints else ""
-        body = "".join(_row(cells, inline, len(self.header)) for cells in self.rows)
-        look = _class("joints" if joints else self.look)
-        return (
-            f'{title}<div class="scroll" tabindex="0"><table{look}><thead>{head}</thead>'
-            f"<tbody>{body}</tbody></table></div>"
-        )
+    def is_numeric(self) -> list[bool]:
+        """Whether all cells of a column are numbers or dashes."""
+        columns = zip(*self.rows, strict=True) if self.rows else ([] for _ in self.header)
+        return [all(map(_NUMBER.fullmatch, cells)) for cells in columns]
 
 
-def _row(cells: Sequence[Cell], inline: Inline, width: int) -> str:
-    name, *others = cells
-    row = f'<th scope="row">{inline(str(name))}</th>'
-    among_joints = any(not isinstance(cell, str) for cell in others)
-    for cell in others:
-        if isinstance(cell, str) and cell is cells[-1] and len(cells) < width:
-            row += f'<td class="whole" colspan="{width - len(cells) + 1}">{inline(cell)}</td>'
-        elif isinstance(cell, str):
-            row += f"<td{_class('word' if among_joints else '')}>{inline(cell)}</td>"
-        else:
-            row += "".join(f"<td{_first(k)}>{inline(text)}</td>" for k, text in enumerate(cell))
-    return f"<tr>{row}</tr>"
+_NUMBER = re.compile(r"[-+−–±∞\d., e%]*")
 
 
-def _cell(cell: Cell) -> str:
-    """In Markdown."""
-    return _plain(cell if isinstance(cell, str) else " ".join(cell)).replace("|", "\\|")
-
-
-def _plain(text: str) -> str:
-    """A text in Markdown: tags and links, which are none of ours, are shown; code stays."""
-    return re.sub(r"(`[^`]*`)|(<(?=[A-Za-z/!?])|\[(?=[^][]*\]\())", _escaped, text)
-
-
-def _escaped(match: re.Match[str]) -> str:
-    code, begin = match.groups()
-    return code or f"\\{begin}"
-
-
-def _first(k: int) -> str:
-    """The first joint begins a group of columns."""
-    return "" if k else ' class="first"'
+def spread(
+    header: Sequence[str], rows: Sequence[Sequence[str | Sequence[str]]], title: str = ""
+) -> Table:
+    """A table of cells with a text, or one for each joint: these get a column each."""
+    counts = [0 if isinstance(cell, str) else len(cell) for cell in rows[0]]
+    names = [
+        name
+        for text, count in zip(header, counts, strict=True)
+        for name in [f"{text}, joint 1" if count else text, *map(str, range(2, count + 1))]
+    ]
+    cells = [
+        [x for cell in row for x in ([cell] if isinstance(cell, str) else cell)] for row in rows
+    ]
+    return Table(names, cells, title)
 
 
 @dataclass(frozen=True)
-class Figure:
-    """A picture with its caption, which is its text for those who do not see it, too.
+class Report:
+    """A rendered report.
 
     Attributes:
-        caption: in words.
-        svg: file of the picture; Markdown names the PNG beside it, where there is one.
-        folder: of the document.
-        look: a class of page.css: "wide" for pictures that a phone should not shrink.
-    """
-
-    caption: str
-    svg: Path
-    folder: Path
-    look: str = ""
-
-    def markdown(self) -> str:
-        png = self.svg.with_suffix(".png")
-        path = (png if png.is_file() else self.svg).relative_to(self.folder)
-        return f"![{_plain(self.caption)}]({path.as_posix()})"
-
-    def html(self, inline: Inline) -> str:
-        data = base64.b64encode(read_svg(self.svg).encode()).decode()
-        return (
-            f'<figure><div class="canvas scroll {self.look}" tabindex="0">'
-            f'<img alt="{html.escape(self.caption)}" src="data:image/svg+xml;base64,{data}"></div>'
-            f"<figcaption>{inline(self.caption)}</figcaption></figure>"
-        )
-
-
-@dataclass(frozen=True)
-class Details:
-    """Blocks that the reader unfolds."""
-
-    summary: str
-    blocks: Sequence[Block]
-
-    def markdown(self) -> str:
-        blocks = "\n\n".join(block.markdown() for block in self.blocks)
-        return f"<details><summary>{html.escape(self.summary)}</summary>\n\n{blocks}\n\n</details>"
-
-    def html(self, inline: Inline) -> str:
-        blocks = "".join(block.html(inline) for block in self.blocks)
-        return f"<details><summary>{inline(self.summary)}</summary>{blocks}</details>"
-
-
-@dataclass(frozen=True)
-class Code:
-    """A text shown as it is, in a typewriter's letters."""
-
-    text: str
-
-    def markdown(self) -> str:
-        return f"```\n{self.text}\n```"
-
-    def html(self, inline: Inline) -> str:
-        return f"<pre>{html.escape(self.text)}</pre>"
-
-
-@dataclass(frozen=True)
-class EmbeddedPage:
-    """A whole page, opened within this one when it is wanted; read from its file without `text`."""
-
-    button: str
-    path: Path
-    text: str | None = None
-
-    def markdown(self) -> str:
-        return f"[{self.button}]({self.path.name})"
-
-    def html(self, inline: Inline) -> str:
-        text = read_text(self.path, _MOST_BYTES) if self.text is None else self.text
-        return (
-            f'<div class="recording"><button type="button" hidden>{inline(self.button)} '
-            f"({len(text.encode()) / 1e6:.1f} MB, within this page)</button>"
-            "<noscript>It needs JavaScript.</noscript></div>"
-            f'<script type="application/json" id="recording-page">{json_in_page(text)}</script>'
-        )
-
-
-@dataclass
-class Section:
-    """A chapter, with a link at the top of the page; one without blocks is left out."""
-
-    title: str
-    blocks: list[Block] = field(default_factory=list)
-
-
-@dataclass
-class Document:
-    """A title, a line below it, and sections.
-
-    Attributes:
+        markdown: its text.
+        folder: it stands in, with its pictures.
+        attached: files that are made for it, by name: plots, whose picture Markdown shows, and the
+            text of pages.
         symbols: whether pages show K_PS and tau_LD as in equations; not where inputs of users have
             such names.
     """
 
-    title: str
-    lead: str = ""
-    sections: list[Section] = field(default_factory=list)
+    markdown: str
+    folder: Path
+    attached: Mapping[str, Plots | str] = field(default_factory=dict)
     symbols: bool = False
 
-    def markdown(self) -> str:
-        """The text of a Markdown file."""
-        parts = [f"# {_plain(self.title)}", _plain(self.lead)]
-        for section in self._shown():
-            parts += [
-                f"## {_plain(section.title)}",
-                *(block.markdown() for block in section.blocks),
-            ]
-        return "\n\n".join(filter(None, parts)) + "\n"
-
-    def html(self) -> str:
+    def page(self) -> str:
         """A page that needs no other file and no network.
 
         Raises:
             InputError: naming a picture that is missing or is none.
         """
-        inline = partial(_inline, symbols=self.symbols)
-        body, links = "", ""
-        for number, section in enumerate(self._shown(), start=1):
-            title = inline(section.title)
-            blocks = "".join(block.html(inline) for block in section.blocks)
-            body += f'<section id="section-{number}"><h2>{title}</h2>{blocks}</section>'
-            links += f'<a href="#section-{number}">{title}</a>'
-        has_plots = '<div class="plots">' in body
-        return Template(page_text("page.html")).substitute(
-            title=html.escape(self.title),
-            lead=f"<p>{inline(self.lead)}</p>" if self.lead else "",
-            links=links,
-            css=page_text("page.css") + has_plots * page_text("uplot/uPlot.min.css"),
-            js=page_text("page.js") + has_plots * _plots_js(),
-            body=body,
-        )
+        return _Page(self).html()
 
-    def write(self, folder: Path) -> Path:
-        """Write the document into a folder, as report.md and as a page; the path of the page.
+    def write(self) -> Path:
+        """Write the report into its folder, as report.md and as a page; the path of the page.
 
         Raises:
-            InputError: naming a picture that is missing or is none, or a file that cannot be
-                written.
+            InputError: as `page`, or for a file that cannot be written.
         """
-        page = self.html()
-        write_text(folder / MARKDOWN, self.markdown())
-        return write_text(folder / REPORT, page)
-
-    def _shown(self) -> list[Section]:
-        return [section for section in self.sections if section.blocks]
+        page = self.page()
+        write_text(self.folder / MARKDOWN, self.markdown)
+        return write_text(self.folder / REPORT, page)
 
 
-def _plots_js() -> str:
-    """What draws plots, with its licence."""
-    own = map(page_text, ("uplot/LICENSE", "uplot/uPlot.iife.min.js", "plots.js"))
-    return "/*! {} */\n{}\n{}".format(*own)
+# --- templates -------------------------------------------------------------------------------
+
+
+class Marked(str):
+    """Markdown, or on a page HTML, of our own, which is not escaped."""
+
+    def __html__(self) -> str:
+        return self
+
+
+def render(template: str, **values: object) -> str:
+    """Render a template of Markdown."""
+    return _environment(_printed).get_template(template).render(values) + "\n"
+
+
+def bullets(template: str, **values: object) -> list[str]:
+    """Render a template of a list; its items."""
+    return [Marked(line[2:]) for line in render(template, **values).splitlines() if line]
+
+
+def plain(text: str) -> str:
+    """Markdown of a line as one reads it."""
+    return re.sub(r"\*\*|`|\\(?=[^\w\s])", "", text)
+
+
+def render_html(template: str, **values: object) -> str:
+    """Render a template of HTML."""
+    return _environment(None).get_template(template).render(values)
+
+
+def _printed(value: object) -> object:
+    return value if hasattr(value, "__html__") else Marked(escaped(value))
+
+
+def escaped(value: object) -> str:
+    """Markdown that shows a text, of one line, as it is."""
+    text = re.sub(r"\s*[\r\n]\s*", " ", str(value).strip())
+    return _SPECIAL.sub(lambda m: m["unit"] or f"{m['number'] or ''}\\{m['mark'] or ''}", text)
+
+
+_SPECIAL = re.compile(
+    r"(?P<unit>\[[\w/²³°%., -]{1,40}\](?![\[(:]))|^(?P<number>\d{1,9})(?=[.)](?:\s|$))"
+    r"|(?P<mark>[\\`*|~$\[\]]|(?<![^\W_])_|_(?![^\W_])|<(?=[A-Za-z/!?])|&(?=[#A-Za-z])|(?<!\S)#"
+    r"|^>|^[-+=](?=[-+=\s]|$))"
+)
+
+
+def code(value: object) -> Marked:
+    """Markdown of a text in a typewriter's letters, where Markdown has it so."""
+    text = str(value)
+    return Marked(f"`{text}`" if re.fullmatch(r"[^`|\r\n]+", text) else escaped(text))
+
+
+def _fenced(value: object) -> Marked:
+    """Markdown of lines in a typewriter's letters."""
+    fence = max(["```", *(f"{run}`" for run in re.findall("`{3,}", str(value)))], key=len)
+    return Marked(f"{fence}\n{value}\n{fence}")
+
+
+def _summary(value: object) -> Marked:
+    """The line that one unfolds, in HTML also within Markdown."""
+    return Marked(html.escape(" ".join(str(value).split())))
+
+
+@cache
+def _environment(finalize: Callable[[object], object] | None) -> Environment:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        undefined=StrictUndefined,
+        autoescape=True,
+        finalize=finalize,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"f": formatted, "code": code, "fenced": _fenced, "summary": _summary}
+    environment.globals["text"] = lambda name: Marked((TEMPLATES / name).read_text("utf-8"))
+    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
+    return environment
+
+
+# --- pages -----------------------------------------------------------------------------------
+
+_OWN_TAG = re.compile(
+    r"<details><summary>[^<>]*</summary>|</details>"
+    r'|</?(?:div|article)(?: (?:class|data-verdict)="[a-z ]*")*>'
+)
+_GREEK = {"omega": "ω", "zeta": "ζ", "tau": "τ"}
+_SYMBOL = re.compile(
+    r"(?<![A-Za-z_])(?:(omega|zeta|tau|I|K|d)_([A-Za-z0-9]+(?:,(?:max|min|\d)(?![\w]))?)"
+    r"|(omega|zeta|tau)(?![A-Za-z_]))"
+)
+
+
+class _Page:
+    """A page in the making."""
+
+    def __init__(self, report: Report) -> None:
+        from markdown_it import MarkdownIt
+
+        self.report = report
+        self.parser: MarkdownIt = MarkdownIt("commonmark", {"html": False}).enable("table")
+        for name, rule in {
+            "table_open": lambda *_: '<div class="scroll" tabindex="0"><table>',
+            "table_close": lambda *_: "</table></div>",
+            "text": lambda _, tokens, i, *__: self._text(tokens[i].content),
+        }.items():
+            self.parser.add_render_rule(name, rule)
+
+    def html(self) -> str:
+        tokens = self.parser.parse(self.report.markdown)
+        for i, (before, token) in enumerate(pairwise(tokens), start=1):
+            if before.type == "paragraph_open" and (block := self._block(token)):
+                before.hidden = tokens[i + 1].hidden = True
+                token.type, token.content = "html_block", block
+            if before.type == "tr_open" and token.type == "td_open":
+                token.tag, token.attrs["scope"] = "th", "row"
+                tokens[i + 2].tag = "th"  # its end, after what is in it
+        chapters = [i for i, x in enumerate(tokens) if (x.type, x.tag) == ("heading_open", "h2")]
+        head, *sections = (
+            self._html(tokens[i:k]) for i, k in pairwise([0, *chapters, len(tokens)])
+        )
+        return render_html(
+            "page.html.j2",
+            title=_words(tokens[1]),
+            head=head,
+            titles=[self._html([tokens[i + 1]]) for i in chapters],
+            sections=sections,
+            has_plots=any(not isinstance(file, str) for file in self.report.attached.values()),
+        )
+
+    def _html(self, tokens: Sequence[Token]) -> Marked:
+        return Marked(self.parser.renderer.render(tokens, self.parser.options, {}))
+
+    def _block(self, token: Token) -> str:
+        """The HTML of a paragraph that is one of our tags, a picture or a page alone; or ""."""
+        if _OWN_TAG.fullmatch(token.content):
+            return token.content
+        match [(child.type, child) for child in token.children or []]:
+            case [("image", image)]:
+                return self._figure(image, str(image.attrs["src"]))
+            case [("link_open", link), ("text", words), ("link_close", _)]:
+                text = self._page_text(unquote(str(link.attrs["href"])))
+                return _part("embedded", button=words.content, text=text)
+        return ""
+
+    def _figure(self, image: Token, name: str) -> str:
+        name, caption = unquote(name), self._html(image.children or [])
+        plots = self.report.attached.get(name)
+        if plots is not None and not isinstance(plots, str):
+            return _part("plots", caption=caption, data=plots.data())
+        svg = read_svg((self.report.folder / name).with_suffix(".svg"))
+        data = base64.b64encode(svg.encode()).decode()
+        return _part("figure", caption=caption, alt=_words(image), data=data)
+
+    def _page_text(self, name: str) -> object:
+        text = self.report.attached.get(name)
+        return read_text(self.report.folder / name, _MOST_BYTES) if text is None else text
+
+    def _text(self, words: str) -> str:
+        text = re.sub(r"\[.{,9}\]", lambda unit: unit[0].replace(" ", "\u00a0"), html.escape(words))
+        return _SYMBOL.sub(_symbol, text) if self.report.symbols else text
+
+
+def _words(token: Token) -> str:
+    """The text alone."""
+    return "".join(child.content for child in token.children or [])
+
+
+def _part(name: str, **values: Any) -> str:
+    return str(getattr(_environment(None).get_template("parts.html.j2").module, name)(**values))
+
+
+def _symbol(match: re.Match[str]) -> str:
+    """As it is printed in an equation."""
+    letter, index, alone = match.groups()
+    if alone:
+        return _GREEK[alone]
+    return f"{_GREEK.get(letter, letter)}<sub>{index}</sub>"
 
 
 def read_svg(path: Path) -> str:
@@ -351,39 +303,3 @@ def read_svg(path: Path) -> str:
     if not is_svg:
         raise InputError(f"{path}: is not an SVG picture")
     return text
-
-
-def _class(look: str) -> str:
-    return f' class="{look}"' if look else ""
-
-
-# --- marks in texts ---------------------------------------------------------------------------
-
-_GREEK = {"omega": "ω", "zeta": "ζ", "tau": "τ"}
-_SYMBOL = re.compile(
-    r"(?<![A-Za-z_])(?:(omega|zeta|tau|I|K|d)_([A-Za-z0-9]+(?:,(?:max|min|\d)(?![\w]))?)"
-    r"|(omega|zeta|tau)(?![A-Za-z_]))"
-)
-
-
-def _inline(text: str, *, symbols: bool) -> str:
-    """HTML of a text; code is taken as it is."""
-    words, *rest = re.split(r"`([^`]*)`", html.escape(text))
-    result = _marked(words, symbols)
-    for code, words in zip(rest[::2], rest[1::2], strict=True):
-        result += f"<code>{code}</code>{_marked(words, symbols)}"
-    return result
-
-
-def _marked(text: str, symbols: bool) -> str:
-    text = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", text)
-    text = re.sub(r"\*(\S[^*]*)\*", r"<i>\1</i>", text)
-    return _SYMBOL.sub(_symbol, text) if symbols else text
-
-
-def _symbol(match: re.Match[str]) -> str:
-    """As it is printed in an equation."""
-    letter, index, alone = match.groups()
-    if alone:
-        return _GREEK[alone]
-    return f"{_GREEK.get(letter, letter)}<sub>{index}</sub>"

@@ -14,9 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sdt_drake.io.arrays import Array, Index
-from sdt_drake.show import documents as doc
 from sdt_drake.show.style import Look, finish, grid, joint_title, save, style
-from sdt_drake.show.texts import json_in_page
 
 MOST = 10_000
 """Samples of a panel on a page."""
@@ -161,26 +159,17 @@ def shade(ax: Axes, x: Array, where: NDArray[np.bool_], label: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Plots:
-    """A block of a document: panels to zoom and read off; in Markdown their picture.
+    """Columns of as many panels each: on a page to zoom and read off, in this order and as wide as
+    there is room; in Markdown their picture."""
 
-    Attributes:
-        caption: in words.
-        columns: of as many panels each; pages show them in this order, as wide as there is room.
-        png: file of the picture, beside the document; see `save_picture`.
-    """
-
-    caption: str
     columns: Sequence[Sequence[Panel]]
-    png: Path
 
-    def save_picture(self) -> None:
+    def save_picture(self, png: Path) -> None:
         """Write the picture that stands for the panels in Markdown."""
-        save(picture("", self.columns), self.png)
+        save(picture("", self.columns), png)
 
-    def markdown(self) -> str:
-        return f"![{self.caption}]({self.png.name})"
-
-    def html(self, inline: doc.Inline) -> str:
+    def data(self) -> dict[str, object]:
+        """What plots.js draws."""
         arrays: dict[str, int] = {}  # each is sent once, however many panels show it
 
         def number(values: Array) -> int:
@@ -210,9 +199,4 @@ class Plots:
                     "marked": panel.spans(),
                 }
             )
-        data = json_in_page({"arrays": list(arrays), "panels": panels})
-        return (
-            f'<figure><div class="plots"><script type="application/json">{data}</script>'
-            "<noscript>Plots need JavaScript.</noscript></div>"
-            f"<figcaption>{inline(self.caption)}</figcaption></figure>"
-        )
+        return {"arrays": list(arrays), "panels": panels}

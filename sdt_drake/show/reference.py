@@ -23,8 +23,7 @@ from sdt_drake.run.controllers import controller_class
 from sdt_drake.run.kinds import CONTROLLERS, OPTIONS
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import RECORDED_COLUMNS, Recording
-from sdt_drake.show.documents import Block, Heading, Table, Text
-from sdt_drake.show.texts import page_text
+from sdt_drake.show.documents import TEMPLATES, render
 from sdt_drake.studies.sizing import Sizing
 from sdt_drake.studies.study import Study
 from sdt_drake.systems.orientation import PerceptionModel
@@ -67,12 +66,7 @@ class Chapter:
 
     def markdown(self) -> str:
         """The chapter as a section of a page."""
-        blocks: list[Block] = []
-        for title, text, header, rows in self.sheets:
-            named = [[f"`{name}`", *cells] for name, *cells in rows]
-            blocks += [Heading(f"`{title}`")] * bool(title)
-            blocks += [Text(text), Table(header, named)]
-        return "\n\n".join([f"## {self.title}", *(block.markdown() for block in blocks)])
+        return render("reference.md.j2", chapter=self).strip()
 
 
 def _fields(topic: str, title: str, note: str = "") -> Chapter:
@@ -97,7 +91,7 @@ def _recording() -> Chapter:
 
 def _written(topic: str) -> Chapter:
     """A chapter that stands in pages/reference.yaml."""
-    chapter = parse_yaml(page_text("reference.yaml"))[topic]
+    chapter = parse_yaml((TEMPLATES / "reference.yaml").read_text("utf-8"))[topic]
     return Chapter(chapter["title"], [Sheet(**sheet) for sheet in chapter["sheets"]])
 
 

@@ -19,12 +19,11 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import write_text
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import Recording
-from sdt_drake.show.documents import REPORT
+from sdt_drake.show.documents import REPORT, TEMPLATES
 from sdt_drake.show.figures import runs as plots
 from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.show.reports.paper import RECORDING, write_report
 from sdt_drake.show.reports.paper_files import FILES, write_reproduction
-from sdt_drake.show.texts import page_text
 from sdt_drake.studies.distributions import Uniform
 from sdt_drake.studies.execute import run_study
 from sdt_drake.studies.job import make_job
@@ -151,7 +150,7 @@ def test_studies_in_the_folder_become_chapters(folder, desk, undrawn):
     assert "## Study own" in (folder / "report.md").read_text(encoding="utf-8")
     page = (folder / REPORT).read_text(encoding="utf-8")
     chapter = re.search(r'<section id="(\S+)"><h2>Study own</h2>.*?</section>', page, re.S)
-    assert f'<a href="#{chapter[1]}">Study own</a></nav>' in page
+    assert f'<a href="#{chapter[1]}">Study own</a>\n</nav>' in page
     assert "4 runs" in chapter[0] and chapter[0].count("<figure><") >= 2
 
 
@@ -173,8 +172,9 @@ def change(folder, edit):
 def test_each_figure_of_the_template_is_on_the_page(folder):
     page = write_report(folder).read_text(encoding="utf-8")
     alts = list(map(html.unescape, re.findall(r'<img alt="([^"]*)"', page)))
-    figures = re.findall(r"!\[(.*)\]\((\S+)\.svg\)", page_text("report.md"))
-    assert len(figures) > len(DIAGRAMS) and alts == [alt for alt, _ in figures]
+    template = (TEMPLATES / "paper.md.j2").read_text(encoding="utf-8")
+    figures = re.findall(r"!\[(.*)\]\(\S+\.(?:png|svg)\)", template)
+    assert len(figures) > len(DIAGRAMS) and alts == figures
 
 
 def test_no_text_of_the_summary_becomes_a_tag(folder):

@@ -58,7 +58,7 @@ def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(design
     assert "with the nominal links" not in result.courses and UNFED not in result.courses
     assert np.isnan(result.due_to_model).all()
     assert tables(result)[0].rows[-1][0] == "of the difference, controller, drives, springs [%]"
-    torques = {row[0]: row[1] for row in tables(result)[-1].rows}
+    torques = {name: texts for name, *texts in tables(result)[-1].rows}
     assert torques["difference as the scenario has it"] == ["0"] * 4  # and no round-off
     result.measured["torque"][:, 2] = 1e-12  # round-off of a joint at rest
     result.measured["torque"][:, 3] /= 1000  # 999 times as far off as what was recorded
@@ -69,7 +69,7 @@ def test_a_run_in_its_own_scenario_is_itself_and_each_part_left_out_shows(design
         "it is 999 times as far off as all that was recorded (RMS); of joint 3 nothing was "
         "recorded to explain."
     )
-    assert ("motor torque", ["100.0", "100.0", "–", "–"]) in tables(result)[0].rows
+    assert ("motor torque", "100.0", "100.0", "–", "–") in tables(result)[0].rows
     result.measured["position_error"][:, 2] = 0
     assert np.isnan(result.due_to_model).all()  # of a joint that was at rest, too
 

@@ -15,10 +15,10 @@ from sdt_drake.analysis.perception import felt_difference
 from sdt_drake.analysis.reproduction import Stopwatch
 from sdt_drake.io.tables import read_table
 from sdt_drake.motion import Motion
+from sdt_drake.show.documents import TEMPLATES, escaped
 from sdt_drake.show.paper_diagrams import DIAGRAMS
-from sdt_drake.show.reports.claims import Claims
+from sdt_drake.show.reports.paper import value_table
 from sdt_drake.show.reports.paper_files import summary
-from sdt_drake.show.texts import page_text
 
 GEAR = np.array([67.2, 1, 1, 1])  # published
 ROTOR = np.array([0.1291, 1.73, 0.531, 0.531])  # published
@@ -72,7 +72,8 @@ REFERENCE_COLUMNS = (
     "load_torque alleviating_torque i_eff"
 )
 # Captions by file, and block diagrams, as the report's text has them.
-PICTURES = re.findall(r"!\[(.*)\]\((.*)\.svg\)", page_text("report.md"))
+TEMPLATE = (TEMPLATES / "paper.md.j2").read_text(encoding="utf-8")
+PICTURES = re.findall(r"!\[(.*)\]\((.*)\.(?:png|svg)\)", TEMPLATE)
 FIGURES = {name: caption for caption, name in PICTURES if "/" not in name}
 DRAWN = [name.removeprefix("diagrams/") for _, name in PICTURES if "/" in name]
 
@@ -114,7 +115,7 @@ def test_keys_of_the_summary(content):
         "versions", "wall_time_s",
     ]  # fmt: skip
     assert content["versions"]["package"] == sdt_drake.__version__
-    assert set(content["versions"]) == {"package", "drake", "numpy", "python"}
+    assert set(content["versions"]) == {"package", "drake", "numpy", "scipy", "python"}
     assert len(content["wall_time_s"]) >= 5
     # Joint 3 swings: it has no constant speed, and JSON has no NaN.
     for entry in content["tracking"]:
@@ -305,15 +306,15 @@ def test_all_files_are_there_and_what_their_suffix_says(reproduced):
 
 
 def test_report_has_every_claim_run_version_and_the_provenance(report, content):
-    rows = {line.split(" | ")[0].lstrip("| "): line for line in report.splitlines()}
-    for claim in content["claims"]:
-        row = rows[claim["id"]]
-        assert f"**{claim['verdict']}**" in row and claim["why"] in row
+    cards = re.findall(r"<article .*?</article>", report, re.DOTALL)
+    for claim, card in zip(content["claims"], cards, strict=True):
+        assert f"**{claim['verdict']}** `{claim['id']}`" in card
+        assert escaped(claim["statement"]) in card and escaped(claim["why"]) in card
     verdicts = [claim["verdict"] for claim in content["claims"]]
     for verdict in set(verdicts):
         assert f"**{verdicts.count(verdict)}** {verdict}" in report
     for entry in content["tracking"]:
-        assert " ".join(f"{value:.4f}" for value in entry["max_abs_speed_error"]) in report
+        assert " | ".join(f"{value:.4f}" for value in entry["max_abs_speed_error"]) in report
     for version in content["versions"].values():
         assert version in report
     assert "calibrated" in report and "assumed" in report
@@ -369,18 +370,31 @@ def test_table1_markdown(reproduced):
     assert "calibrated" in text
 
 
+def values(published, computed):
+    made = value_table({"published": published, "computed": computed})
+    return made.header, made.rows
+
+
 def test_values_of_claims_stand_in_a_table():
-    text = "K_PS = omega_r² I_eff,max"
-    claim = {"id": "a", "statement": text, "published": [4640.0, None], "computed": [4.5e-13, True],
-             "verdict": "reproduced", "why": "so"}  # fmt: skip
-    assert "| 4640, – | 4.5e-13, yes | **reproduced** |" in Claims([claim], 2).markdown()
-    page = Claims([claim], 2).html(str)
-    assert "joint 2" in page and "<td>4640</td><td>–</td>" in page and ">all 1<" in page
-    one = Claims([claim | {"published": 0.5, "computed": [250.28, 52016.4]}], 2).html(str)
-    assert '<td class="whole" colspan="2">0.5</td>' in one  # of no joint alone
-    assert "<td>250.28</td><td>52016</td>" in one
-    both = Claims([claim | {"published": {"a_b": 1}, "computed": {"a_b": 2.0}}], 2).html(str)
-    assert 'scope="col">a b</th>' in both and "<td>2</td>" in both
+    assert values([4640.0, None], [4.5e-13, True]) == (
+        ["", "joint 1", "joint 2"],
+        [["published", "4640", "–"], ["computed", "4.5e-13", "yes"]],
+    )
+    assert values(0.5, [250.28, 52016.4]) == (  # of no joint alone
+        ["", "joint 1", "joint 2", "all"],
+        [["published", "", "", "0.5"], ["computed", "250.28", "52016", ""]],
+    )
+    assert values({"a_b": 1}, {"a_b": 2.0}) == (
+        ["", "a b"],
+        [["published", "1"], ["computed", "2"]],
+    )
+    parts = {"x_y": [1.0, 2.0], "z": {"joint 2": 3.0}}
+    assert values("small", parts)[1] == [
+        ["published", "", "", "small"],
+        ["computed, x y", "1", "2", ""],
+        ["computed, z, joint 2", "", "", "3"],
+    ]
+    assert values(True, False) == (["", ""], [["published", "yes"], ["computed", "no"]])
 
 
 def test_stages_are_told_as_they_pass():

@@ -34,7 +34,7 @@ def run(designed):
 
 def test_the_answer_comes_first_and_is_that_of_the_recording(run, tmp_path):
     design, recording = run
-    text = run_report(design, recording, Path("x.html"), range(4)).markdown()
+    text = run_report(design, recording, Path("x.html"), range(4)).markdown
     answer = text[text.index("## In short") : text.index("## What was run")]
     speed = np.abs(recording.v - recording.v_ref)
     lost = np.degrees(np.abs(recording.q - recording.q_ref))
@@ -57,7 +57,7 @@ def test_what_is_always_saturated_and_the_nearest_border_are_told(designed):
     design = designed("coupled_pi", kind("p_pi"), end=0.2)
     recording = simulate(design)
     recording.saturated[:, 1], recording.saturated[:, 2] = 1, 2e-5
-    text = run_report(design, recording, Path("x.html"), range(4)).markdown()
+    text = run_report(design, recording, Path("x.html"), range(4)).markdown
     assert "joint 2 for 100.00 % of the time, joint 3 for 0.002 % of the time." in text
     rise, fall = frequency_response(design).gain_margins_db  # less gain does no harm
     assert f"gain margin: joint {rise.argmin() + 1}, {rise.min():.1f} dB" in text
@@ -77,7 +77,7 @@ def test_all_that_is_fed_forward_and_elastic_joints_are_told(designed, fields, t
     fields |= {"plant.elasticity.natural_frequency": [300.0, 0.0, 0.0, 0.0]}
     design = designed("coupled_pi", fields, end=0.1)
     recording = simulate(design)
-    text = run_report(design, recording, Path("x.html"), range(4)).markdown()
+    text = run_report(design, recording, Path("x.html"), range(4)).markdown
     assert "Of elastic joints, the speed is that of the link" in text
     assert f"| torque feedforward | {told}friction at the speed of the reference |" in text
     assert Compared("", design, recording).needs[-1] == "joints' friction"

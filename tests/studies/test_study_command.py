@@ -19,7 +19,6 @@ from small_studies import RUNS, rows
 
 from sdt_drake.cli.app import main
 from sdt_drake.run.simulate import Recording
-from sdt_drake.show.documents import Document
 from sdt_drake.show.reports import study as report
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.store import DATABASE, Store
@@ -323,7 +322,7 @@ def test_failed_runs_are_said_first(copied, files, capfd, monkeypatch, kept, cod
 
     assert main(["study", str(files / "many.yaml"), "--out", str(copied), "--resume"]) == code
     assert capfd.readouterr().out.splitlines()[1] == said
-    monkeypatch.setattr(report, "write_study_report", lambda _, out: (out / "it", Document("")))
+    monkeypatch.setattr(report, "write_study_report", lambda _, out: (out / "it", []))
     assert main(["study", "show", str(copied), "--out", "page"]) == 0
     out = capfd.readouterr().out
     assert out.startswith(said + "\n") and out.endswith("\npage/it written\n")

@@ -12,7 +12,7 @@ import pytest
 import sharing
 from synthetic import CONTROLLERS, make_table, small_table
 
-from sdt_drake.show.documents import Details, Section, Table
+from sdt_drake.show.documents import render
 from sdt_drake.show.reports import study as report
 
 
@@ -27,27 +27,30 @@ def folder(_shared_runs):
 
 
 @pytest.fixture(scope="module")
-def document(table, folder):
-    """Its figures are in the folder; do not change it."""
+def made(table, folder):
+    """Report and tables; the figures are in the folder; do not change it."""
     return sharing.once("study_report", lambda: report.make_study_report(table, folder))
 
 
 def text_of(document):
     parser, texts = HTMLParser(), []
     parser.handle_data = texts.append
-    parser.feed(document.html())
+    parser.feed(document.page())
     return re.sub(r"\s+", " ", " ".join(texts))
 
 
-def tables_of(document):
-    return [b for s in document.sections for b in s.blocks if isinstance(b, Table)]
+def finding(table, family):
+    """The sentence on a family of outcomes."""
+    study = report.study_summary(table) | {"findings": [report.finding(table, family)]}
+    (said,) = re.findall("^- (.*)$", render("study_summary.md.j2", study=study), re.MULTILINE)
+    return said
 
 
 # --- tables ----------------------------------------------------------------------------------
 
 
-def test_tables_are_rectangular_and_of_texts(document):
-    tables = tables_of(document)
+def test_tables_are_rectangular_and_of_texts(made):
+    _, tables = made
     assert [t.title for t in tables] == [
         "Runs by status",
         "Percentiles: largest speed error [rad/s]",
@@ -60,9 +63,9 @@ def test_tables_are_rectangular_and_of_texts(document):
         "Worst runs: error that can be felt",
         *(f"Variance explained by each input alone [%], {c}" for c in CONTROLLERS),
     ]
-    for made in tables:
-        assert made.rows and {len(row) for row in made.rows} == {len(made.header)}
-        assert all(isinstance(cell, str) for row in (made.header, *made.rows) for cell in row)
+    for one in tables:
+        assert one.rows and {len(row) for row in one.rows} == {len(one.header)}
+        assert all(isinstance(cell, str) for row in (one.header, *one.rows) for cell in row)
 
 
 def test_status_table(table):
@@ -108,7 +111,7 @@ def test_sensitivity_table(table):
     assert np.all((errors > 0) & (errors < 25))
     one = small_table(np.arange(20.0) ** 2, x=np.arange(20.0), c=["a", "b"] * 10)
     assert report.sensitivity_tables(one, ["y"]) == []  # there is nothing to apportion
-    assert "varies most" not in report.finding(one, "y")
+    assert "varies most" not in finding(one, "y")
 
 
 @pytest.mark.parametrize(
@@ -132,13 +135,11 @@ def test_levels_that_do_not_speak_for_themselves_are_said_of_what(table):
         [*range(0, 10, 2)],
         [*range(1, 10, 2)],
     ]
-    assert "with `structure pi` and 9 with `structure p_in_feedback`" in report.finding(
-        structures, "y"
-    )
+    assert "with `structure pi` and 9 with `structure p_in_feedback`" in finding(structures, "y")
 
 
 def test_a_finding_names_the_limit_and_the_cause(table):
-    text = report.finding(table, "max_abs_position_error")
+    text = finding(table, "max_abs_position_error")
     pi = table.groups["pi"]
     values = np.sort(np.degrees(pi.outcome("max_abs_position_error")[pi.ok]))
     limit = values[math.ceil(0.95 * len(values)) - 1]
@@ -148,16 +149,17 @@ def test_a_finding_names_the_limit_and_the_cause(table):
     )
     assert text.startswith(f"{start}{limit:.3g} with `pi`")
     assert re.search(r"It varies most with `omega_r` \(\d+ ± \d+ % with `pi`", text)
-    alone = report.finding(small_table(np.arange(20.0)), "y")
+    alone = finding(small_table(np.arange(20.0)), "y")
     assert alone == "**Y:** 95 % of the runs stay at or below 18."
 
 
 # --- page ------------------------------------------------------------------------------------
 
 
-def test_page_and_figures(document, folder):
+def test_page_and_figures(made, folder):
+    document, _ = made
     assert {path.name for path in folder.iterdir()} == {
-        f"{name}.{suffix}" for name in report.CAPTIONS for suffix in ("png", "svg")
+        f"{name}.{suffix}" for name in report.FIGURES for suffix in ("png", "svg")
     }
     for path in folder.glob("*.svg"):
         assert path.stat().st_size < 3e6
@@ -165,27 +167,27 @@ def test_page_and_figures(document, folder):
     assert "180 runs, which differ in omega_r" in text and "90.0 s of computation" in text
     assert "176 ok 4 infeasible" in text
     assert f"sdt-drake study repeat '{folder}' --row N" in text
-    for caption in report.CAPTIONS.values():
+    captions = re.findall(r"!\[(.*)\]\((\w+)\.png\)", document.markdown)
+    assert {name for _, name in captions} == set(report.FIGURES)
+    for caption, _ in captions:
         assert caption in text
-    details = [b for s in document.sections for b in s.blocks if isinstance(b, Details)]
-    (one,) = [d for d in details if d.summary == "Saturation" and len(d.blocks) == 1]
-    assert [row[0] for row in one.blocks[0].rows[:3]] == [
-        "pi, worst joint", "pi, joint 1", "pi, joint 2",
-    ]  # fmt: skip
+    _, saturation = document.markdown.split("<summary>Saturation</summary>\n\n")[:2]
+    named = re.findall(r"^\| ([^|]*) \|", saturation.split("\n\n</details>")[0], re.MULTILINE)
+    assert named[2:5] == ["pi, worst joint", "pi, joint 1", "pi, joint 2"]
 
 
 def test_the_page_is_the_same_each_time(tmp_path):
     y = np.arange(30.0)
     table = small_table(y, x=y, c=["a", "b"] * 15)
-    one, two = (report.make_study_report(table, tmp_path).html() for _ in range(2))
+    one, two = (report.make_study_report(table, tmp_path)[0].page() for _ in range(2))
     assert one == two
 
 
 @pytest.mark.parametrize("status", ["ok", "failed"])
 def test_a_study_with_little_to_show(tmp_path, status):
     table = small_table(np.full(3, np.nan), status=[status] * 3, x=np.arange(3.0))
-    document = report.make_study_report(table, tmp_path)
-    assert list(tmp_path.iterdir()) == [] and len(tables_of(document)) == 1
+    document, tables = report.make_study_report(table, tmp_path)
+    assert list(tmp_path.iterdir()) == [] and len(tables) == 1
     text = text_of(document)
     assert "3 runs" in text and f"3 {status}" in text and "What we found" not in text
     assert ("3 of 3 runs failed" in text) == (status == "failed")
@@ -202,7 +204,7 @@ def test_a_study_that_is_not_done_has_no_pareto_front(tmp_path, undrawn):
 
 def test_nothing_varies_and_all_is_known(tmp_path, undrawn):
     study = tmp_path / "study"
-    document = report.make_study_report(small_table(np.arange(3.0)), study, tmp_path)
+    document, _ = report.make_study_report(small_table(np.arange(3.0)), study, tmp_path)
     assert not study.exists() and f"study repeat {study} --row N" in text_of(document)
     assert (tmp_path / "distributions.svg").exists() and not (tmp_path / "tornado.svg").exists()
     assert "95 % of the runs stay at or below 2." in text_of(document)
@@ -210,14 +212,16 @@ def test_nothing_varies_and_all_is_known(tmp_path, undrawn):
 
 def test_a_chapter_has_what_matters_most(copied, undrawn):
     chapter = report.study_chapter(copied)
-    assert isinstance(chapter, Section) and chapter.title == "Study many"
-    assert [t.title for t in chapter.blocks if isinstance(t, Table)] == ["Runs by status"]
-    assert " runs, which" in chapter.blocks[0].text and (copied / "tornado.svg").exists()
+    text = render("study_chapter.md.j2", study=chapter)
+    assert text.startswith("## Study many\n") and text.count("\n| --- |") == 1
+    assert " runs, which" in text and (copied / "tornado.svg").exists()
+    for name in re.findall(r"\]\((.*)\.png\)", text):  # as seen from the folder above
+        assert (copied.parent / f"{name}.svg").is_file()
 
 
-def test_in_a_browser(open_page, document, tmp_path):
+def test_in_a_browser(open_page, made, tmp_path):
     path = tmp_path / "report.html"
-    path.write_text(document.html(), encoding="utf-8")
+    path.write_text(made[0].page(), encoding="utf-8")
     with open_page(path, width=390) as (tab, errors, requests):
         assert tab.evaluate("document.documentElement.scrollWidth") == 390
         assert tab.locator("figure img").count() == 4

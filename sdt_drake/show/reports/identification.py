@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from sdt_drake.analysis.metrics import PARAMETERS_IN_WORDS
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.files import replacing, replacing_files
-from sdt_drake.io.shown import formatted, rounded
+from sdt_drake.io.shown import formatted, numbered, rounded
 from sdt_drake.machine.identify import files as identified_files
 from sdt_drake.machine.identify.base_parameters import rigid_parameters
 from sdt_drake.machine.identify.model import PlantFriction
@@ -25,8 +25,6 @@ from sdt_drake.run.scenario import Scenario
 from sdt_drake.show import documents as doc
 from sdt_drake.show.panels import Line, Panel, over_time, picture
 from sdt_drake.show.style import PALETTE, Look, joint_title, pictures, save_both
-from sdt_drake.show.template import from_template
-from sdt_drake.show.texts import page_text
 
 MEASURED, PREDICTED, NOMINAL = Look(PALETTE[0]), Look(PALETTE[1], "--"), Look(PALETTE[7], ":")
 _MOST = 0.5  # of a variance
@@ -65,8 +63,9 @@ def errors_table(found: Identified, robot: Robot) -> doc.Table:
         "consistent, held out": found.left(found.predicted, held_out=True),
         "A of the load torque, held out": unmeasured_share(found, robot),
     }
-    rows = [(name, [formatted(100 * x, ".2f") for x in values]) for name, values in left.items()]
-    return doc.Table(("prediction", "left of the torque [%]"), rows)
+    rows = [(name, *(formatted(100 * x, ".2f") for x in values)) for name, values in left.items()]
+    header = ("prediction, left of the torque [%]", *numbered(robot.joint_names))
+    return doc.Table(header, rows)
 
 
 def friction_table(found: Identified, files: PlantFriction) -> doc.Table:
@@ -307,21 +306,25 @@ def write_identification_report(
     """Write figures and report into a folder; the path of the page."""
     save_both(torques_figure(found), folder / "torques")
     save_both(residuals_figure(found, files), folder / "residuals")
-    notes = undecided_laws(found, files)
-    undecided = [doc.Bullets(notes)] if notes else []
-    blocks: dict[str, Sequence[doc.Block]] = {
-        "in_short": [doc.Bullets(in_short(found)), errors_table(found, robot)],
-        "warnings": [doc.Bullets(found.warnings) if found.warnings else doc.Text("None.")],
-        "friction": [friction_table(found, files), *undecided],
-        "links": [links_table(found), *_details(parameters(found, robot))],
-    }
-    files_read = ", ".join(recorded.path.name for recorded in found.recordings)
-    words = {"robot": found.nominal.name, "recordings": files_read}
-    return from_template(page_text("identified.md"), blocks, words, folder).write(folder)
+    base, links = _details(parameters(found, robot))
+    text = doc.render(
+        "identified.md.j2",
+        robot=found.nominal.name,
+        recordings=[recorded.path.name for recorded in found.recordings],
+        in_short=in_short(found),
+        errors=errors_table(found, robot),
+        warnings=found.warnings,
+        friction=friction_table(found, files),
+        undecided=undecided_laws(found, files),
+        links=links_table(found),
+        base_parameters=base,
+        link_parameters=links,
+    )
+    return doc.Report(text, folder).write()
 
 
-def _details(found: Sequence[Parameter]) -> list[doc.Details]:
-    """The parameters of links and motors, to unfold."""
+def _details(found: Sequence[Parameter]) -> tuple[doc.Table, doc.Table]:
+    """Base parameters, and those of links and motors."""
 
     def numbers(*values: float | None) -> list[str]:
         return ["–" if x is None else f"{x:.5g}" for x in values]
@@ -334,14 +337,7 @@ def _details(found: Sequence[Parameter]) -> list[doc.Details]:
         for p in found
         if p.kind == "link"
     ]
-    header = ("parameter", "value", "in the file", "unit", "identifiable")
-    return [
-        doc.Details(
-            "Base parameters: what was measured",
-            [doc.Table(("sum", "value", "std", "in the file", "unit"), base)],
-        ),
-        doc.Details(
-            "Parameters of the links and motors, about the joints' frames",
-            [doc.Table(header, link)],
-        ),
-    ]
+    return (
+        doc.Table(("sum", "value", "std", "in the file", "unit"), base),
+        doc.Table(("parameter", "value", "in the file", "unit", "identifiable"), link),
+    )

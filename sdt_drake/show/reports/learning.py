@@ -12,12 +12,13 @@ from matplotlib.figure import Figure
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.files import replacing_files
+from sdt_drake.io.shown import formatted
 from sdt_drake.io.tables import write_table
 from sdt_drake.machine.learn.filter import Convergence, LearningFilter
 from sdt_drake.machine.learn.flights import Flight, Lessons
 from sdt_drake.run.design import Design
 from sdt_drake.run.scenario import save_scenario
-from sdt_drake.show.documents import MARKDOWN, REPORT, Table
+from sdt_drake.show.documents import MARKDOWN, REPORT, Report, Table, render, spread
 from sdt_drake.show.panels import over_time, picture
 from sdt_drake.show.style import (
     PALETTE,
@@ -31,8 +32,6 @@ from sdt_drake.show.style import (
     save_both,
     style,
 )
-from sdt_drake.show.template import from_template
-from sdt_drake.show.texts import page_text
 
 LEARNED, SCENARIO, FLIGHTS = "learned.csv", "scenario.yaml", "flights.csv"
 FILES = (LEARNED, SCENARIO, FLIGHTS)
@@ -69,22 +68,15 @@ def check_table(checks: Sequence[Convergence], filter_: LearningFilter) -> Table
     return Table(header, rows)
 
 
-def flight_table(flights: Sequence[Flight]) -> Table:
-    """Errors by flight; cells have a text for each joint."""
-    header = [
-        "flight", "largest error [deg]", "RMS error [deg]", "felt [% of time]", "peak torque [%]",
-    ]  # fmt: skip
-    rows = [
-        [
-            f"{flight.number}",
-            [f"{x:.4f}" for x in np.degrees(flight.largest)],
-            [f"{x:.5f}" for x in np.degrees(flight.rms)],
-            f"{100 * flight.felt:.1f}".replace("nan", "–"),
-            [f"{x:.1f}" for x in 100 * flight.peak],
-        ]
-        for flight in flights
-    ]
-    return Table(header, rows)
+def flight_numbers(flight: Flight) -> dict[str, str | list[str]]:
+    """A flight by its numbers: a text, or one for each joint."""
+    return {
+        "flight": f"{flight.number}",
+        "largest error [deg]": [f"{x:.4f}" for x in np.degrees(flight.largest)],
+        "RMS error [deg]": [f"{x:.5f}" for x in np.degrees(flight.rms)],
+        "felt [% of time]": formatted(100 * flight.felt, ".1f"),
+        "peak torque [%]": [f"{x:.1f}" for x in 100 * flight.peak],
+    }
 
 
 def learning_summary(lessons: Lessons) -> list[str]:
@@ -158,13 +150,16 @@ def write_learning_report(
     }
     for name, figure in figures.items():
         save_both(figure, folder / name)
-    blocks = {
-        "errors_by_flight": [flight_table(lessons.flights)],
-        "checks": [check_table(checks, filter_)],
-    }
-    words = {"title": title, "learned": filter_.of}
-    words["summary"] = " ".join(f"{x}." for x in learning_summary(lessons))
-    return from_template(page_text("learned.md"), blocks, words, folder).write(folder)
+    rows = [flight_numbers(flight) for flight in lessons.flights]
+    text = render(
+        "learned.md.j2",
+        title=title,
+        summary=learning_summary(lessons),
+        learned=filter_.of,
+        flights=spread(list(rows[0]), [list(row.values()) for row in rows]),
+        checks=check_table(checks, filter_),
+    )
+    return Report(text, folder).write()
 
 
 def _write_flights(path: Path, flights: Sequence[Flight]) -> None:

@@ -1,7 +1,4 @@
-"""The report on the paper recomputed, made of summary.json and of the figures beside it.
-
-Its text stands in pages/report.md.
-"""
+"""The report on the paper recomputed, made of summary.json and of the figures beside it."""
 
 from __future__ import annotations
 
@@ -15,16 +12,14 @@ from typing import Any
 import numpy as np
 
 from sdt_drake.analysis import paper
-from sdt_drake.analysis.metrics import METRICS
+from sdt_drake.analysis.claims import NOT_COMPARABLE, NOT_REPRODUCED, REPRODUCED, VERDICTS
+from sdt_drake.analysis.metrics import METRICS, plain_number
 from sdt_drake.analysis.orientation import CAUTION
 from sdt_drake.analysis.reported import LEGEND, Judged, verdict_of_all
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import read_text, replacing_files, write_text
 from sdt_drake.show import documents as doc
-from sdt_drake.show.reports.claims import LOOKS, Claims, Json, count_verdicts
 from sdt_drake.show.reports.perception import reported_notes, reported_table
-from sdt_drake.show.template import from_template
-from sdt_drake.show.texts import page_text
 
 RECORDING, SUMMARY = "device.html", "summary.json"
 FILES = ("table1.md", doc.MARKDOWN, doc.REPORT)
@@ -34,13 +29,28 @@ _MOST_BYTES = 100_000_000  # of a file
 _OTHER_FORM = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
 """What comes of a summary that does not hold what the report shows."""
 
+Json = Mapping[str, Any]
+"""A part of summary.json."""
 
-def write_report(folder: Path, chapters: Sequence[doc.Section] = ()) -> Path:
+LOOKS = {
+    REPRODUCED: ("good", "✓"),
+    NOT_REPRODUCED: ("bad", "✗"),
+    NOT_COMPARABLE: ("open", "–"),
+}
+"""Class of page.css and sign of each verdict: colour is never the only difference."""
+
+
+def count_verdicts(claims: Sequence[Json]) -> dict[str, int]:
+    """How many claims of summary.json have each of VERDICTS."""
+    return {verdict: sum(c["verdict"] == verdict for c in claims) for verdict in VERDICTS}
+
+
+def write_report(folder: Path, studies: Sequence[Mapping[str, object]] = ()) -> Path:
     """Write report.html, report.md and table1.md into a folder that `reproduce` has filled.
 
     Args:
         folder: with summary.json and the figures.
-        chapters: to put at the end.
+        studies: chapters at the end, as `study_chapter` makes them.
 
     Returns:
         The path of the page.
@@ -49,14 +59,14 @@ def write_report(folder: Path, chapters: Sequence[doc.Section] = ()) -> Path:
         InputError: naming the file that is missing or cannot be used; nothing is written.
     """
     with _advice(folder):
-        report = make_report(_read_summary(folder / SUMMARY), folder)
-        report.sections += chapters
-        page = report.html()
-    of_table1 = [s for s in report.sections if s.title in ("Table 1", "Provenance")]
-    table1 = doc.Document("Table 1, from the SDF and the reference motion", sections=of_table1)
+        values = _values(_read_summary(folder / SUMMARY))
+        has_device = (folder / RECORDING).exists()
+        text = doc.render("paper.md.j2", **values, has_device=has_device, studies=studies)
+        table1 = doc.render("table1.md.j2", **values)
+        page = doc.Report(text, folder, symbols=True).page()
     with replacing_files(folder) as new:
-        for name, text in zip(FILES, (table1.markdown(), report.markdown(), page), strict=True):
-            write_text(new / name, text)
+        for name, content in zip(FILES, (table1, text, page), strict=True):
+            write_text(new / name, content)
     return folder / doc.REPORT
 
 
@@ -88,14 +98,6 @@ def _read_summary(path: Path) -> Json:
         raise InputError(f"{path}: is not JSON") from None
 
 
-def make_report(summary: Json, folder: Path) -> doc.Document:
-    """The report on what is in a folder; see `write_report`."""
-    blocks = _blocks(summary, folder)
-    report = from_template(page_text("report.md"), blocks, _numbers(summary), folder)
-    report.symbols = True
-    return report
-
-
 def _numbers(summary: Json) -> dict[str, object]:
     """Those in the sentences of the report."""
     runs = {
@@ -113,8 +115,6 @@ def _numbers(summary: Json) -> dict[str, object]:
     )
     apart = summary["pi_or_pi_ctc"]
     numbers = {
-        **summary["versions"],
-        "claims_count": len(summary["claims"]),
         "pi_error": pi[largest][1],
         "ctc_error": ctc[largest][1],
         "ctc_gain": pi[largest][1] / ctc[largest][1],
@@ -128,7 +128,6 @@ def _numbers(summary: Json) -> dict[str, object]:
         "apart_rotation": _worst(apart, slice(0, 3)),
         "apart_force": _worst(apart, slice(3, 6)),
     }
-    numbers |= {"both": verdict_of_all(_reported(summary)), "legend": LEGEND, "caution": CAUTION}
     for label, entry in of.items():
         name = label.replace("+", "_")
         numbers[f"felt_{name}"] = 100 * entry["felt"]["share"]
@@ -147,8 +146,7 @@ def _reported(summary: Json) -> list[Judged]:
 
 def findings(summary: Json) -> list[str]:
     """The sentences that matter most, of summary.json."""
-    parts = page_text("findings.md").strip().split("\n\n")
-    return [part.format_map(_numbers(summary)) for part in parts]
+    return doc.bullets("findings.md.j2", **_numbers(summary))
 
 
 def _worst(felt: Json, channels: slice) -> str:
@@ -156,41 +154,88 @@ def _worst(felt: Json, channels: slice) -> str:
     return f"{multiple:.2f} ({name})"
 
 
-def _blocks(summary: Json, folder: Path) -> dict[str, Sequence[doc.Block]]:
-    """The tables of the report, and more, by their names in pages/report.md."""
+def _values(summary: Json) -> dict[str, object]:
+    """What paper.md.j2 shows."""
     beyond = [
         {**e, "rms_torque_share": e["rms_share"], "peak_torque_share": e["peak_share"]}
         for e in summary["beyond"]
     ]
-    runs, claims, reported = summary["tracking"], summary["claims"], _reported(summary)
-    tiles = [(n, verdict, LOOKS[verdict][0]) for verdict, n in count_verdicts(claims).items()]
+    reported = _reported(summary)
+    runs, claims, seconds = summary["tracking"], summary["claims"], summary["wall_time_s"]
+    counts = count_verdicts(claims).items()
     speeds = ("max_abs_speed_error", "rms_speed_error", "constant_speed_error")
     position = "max_abs_position_error"
     torques = (position, "rms_torque_share", "peak_torque_share")
+    times = {**seconds, "sum of the stages": sum(seconds.values())}
     return {
-        "tiles": [doc.Tiles(tiles)],
-        "findings": [doc.Bullets(findings(summary))],
-        "claims": [Claims(claims, len(summary["table1"]))],
-        "table1": [_table1(summary["table1"])],
-        "steps": [_steps(summary["step_response"])],
-        "runs_speeds": [_by_joint(_RUN, map(_run, runs), runs, speeds)],
-        "runs_positions": [
-            _by_joint(_RUN, map(_run, runs), runs, (position, "saturated_fraction"))
+        **_numbers(summary),
+        "versions": summary["versions"],
+        "verdicts": [(count, verdict, LOOKS[verdict][0]) for verdict, count in counts],
+        "claims": [
+            {**claim, "sign": LOOKS[claim["verdict"]][1], "numbers": value_table(claim)}
+            for claim in claims
         ],
-        "beyond_speeds": [_by_joint(["controller"], map(_label, beyond), beyond, speeds)],
-        "beyond_torques": [_by_joint(["controller"], map(_label, beyond), beyond, torques)],
-        "felt": [_felt(beyond)],
-        "reported": [reported_table(reported), doc.Bullets(reported_notes(reported))],
-        "needs": [
-            doc.Table(
-                ["controller", "blocks", "needs to know"],
-                [[*_label(e), str(e["blocks"]), ", ".join(e["needs"])] for e in beyond],
-                look="words",
-            )
-        ],
-        "device": _device(folder / RECORDING),
-        "provenance": _provenance(summary),
+        "table1": _table1(summary["table1"]),
+        "steps": _steps(summary["step_response"]),
+        "runs_speeds": _by_joint(_RUN, map(_run, runs), runs, speeds),
+        "runs_positions": _by_joint(_RUN, map(_run, runs), runs, (position, "saturated_fraction")),
+        "beyond_speeds": _by_joint(["controller"], map(_label, beyond), beyond, speeds),
+        "beyond_torques": _by_joint(["controller"], map(_label, beyond), beyond, torques),
+        "felt": _felt(beyond),
+        "both": verdict_of_all(reported),
+        "caution": CAUTION,
+        "reported": reported_table(reported),
+        "reported_notes": reported_notes(reported),
+        "legend": LEGEND,
+        "needs": doc.Table(
+            ["controller", "blocks", "needs to know"],
+            [[*_label(e), str(e["blocks"]), ", ".join(e["needs"])] for e in beyond],
+        ),
+        "version_table": doc.Table(["", "version"], list(summary["versions"].items())),
+        "times": doc.Table(["", "wall time [s]"], [[k, f"{v:.2f}"] for k, v in times.items()]),
     }
+
+
+def value_table(claim: Json) -> doc.Table:
+    """What the paper has of a claim above what is computed; a column for each joint, if there are
+    values of each, and one for others."""
+    published, computed = claim["published"], claim["computed"]
+    if isinstance(published, dict):
+        header = ["", *(key.replace("_", " ") for key in published)]
+        of = {"published": published, "computed": computed}
+        return doc.Table(header, [[name, *map(_listed, x.values())] for name, x in of.items()])
+    rows = [*_value_rows("published", published), *_value_rows("computed", computed)]
+    n = max(len(values) for _, values in rows)
+    if n == 1:
+        return doc.Table(["", ""], [[name, *values] for name, values in rows])
+    whole = [values if len(values) == n else [""] * n + values for _, values in rows]
+    width = max(map(len, whole))
+    header = ["", *(f"joint {k + 1}" for k in range(n)), *["all"] * (width - n)]
+    cells = [[*values, *[""] * (width - len(values))] for values in whole]
+    return doc.Table(header, [[name, *x] for (name, _), x in zip(rows, cells, strict=True)])
+
+
+def _value_rows(name: str, value: object) -> list[tuple[str, list[str]]]:
+    if isinstance(value, dict):
+        return [
+            row
+            for key, item in value.items()
+            for row in _value_rows(f"{name}, {key.replace('_', ' ')}", item)
+        ]
+    return [(name, [_listed(x) for x in (value if isinstance(value, list) else [value])])]
+
+
+def _listed(value: object) -> str:
+    """A value of the summary in words."""
+    if isinstance(value, dict):
+        return "; ".join(f"{key.replace('_', ' ')} {_listed(v)}" for key, v in value.items())
+    if isinstance(value, list):
+        return ", ".join(map(_listed, value))
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return plain_number(value) if isinstance(value, float) else str(value)
 
 
 def _by_joint(
@@ -204,7 +249,7 @@ def _by_joint(
         [*own, *([METRICS[m].text(value) for value in entry[m]] for m in metrics)]
         for own, entry in zip(names, entries, strict=True)
     ]
-    return doc.Table([*labels, *(METRICS[m].column for m in metrics)], rows)
+    return doc.spread([*labels, *(METRICS[m].column for m in metrics)], rows)
 
 
 _RUN = ("plant", "process", "Algorithm 1", "controller", "A")
@@ -212,11 +257,11 @@ _RUN = ("plant", "process", "Algorithm 1", "controller", "A")
 
 def _run(run: Json) -> list[str]:
     amplitude = f"{run['disturbance_amplitude']:g}"
-    return [run["plant"], run["process"], run["algorithm"], f"`{run['controller']}`", amplitude]
+    return [run["plant"], run["process"], run["algorithm"], doc.code(run["controller"]), amplitude]
 
 
 def _label(entry: Json) -> list[str]:
-    return [f"`{entry['controller']}`"]
+    return [doc.code(entry["controller"])]
 
 
 def _table1(rows: Sequence[Json]) -> doc.Table:
@@ -260,8 +305,8 @@ def _pairs(
     rows = []
     for name, values, printed in zip(names, computed, published, strict=True):
         rows.append([name, *(format(values[key], spec) for key, (_, spec) in columns.items())])
-        rows.append(["*published*", *printed])
-    return doc.Table(["", *(title for title, _ in columns.values())], rows, look="pairs")
+        rows.append([doc.Marked("*published*"), *printed])
+    return doc.Table(["", *(title for title, _ in columns.values())], rows)
 
 
 def _felt(beyond: Sequence[Json]) -> doc.Table:
@@ -275,19 +320,3 @@ def _felt(beyond: Sequence[Json]) -> doc.Table:
     ]
     header = ["controller", METRICS["felt_share"].column, *beyond[0]["felt"]["channels"]]
     return doc.Table(header, rows)
-
-
-def _device(path: Path) -> list[doc.Block]:
-    if not path.exists():
-        return []
-    text = doc.Text("The reference motion in 3D; drag to look from elsewhere.")
-    return [text, doc.EmbeddedPage("Load the 3D recording", path)]
-
-
-def _provenance(summary: Json) -> list[doc.Block]:
-    seconds = summary["wall_time_s"]
-    times = {**seconds, "sum of the stages": sum(seconds.values())}
-    return [
-        doc.Table(["", "version"], [[k, v] for k, v in summary["versions"].items()]),
-        doc.Table(["", "wall time [s]"], [[k, f"{v:.2f}"] for k, v in times.items()]),
-    ]

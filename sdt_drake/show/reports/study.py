@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 
 from sdt_drake.analysis.metrics import family_of, metric_of
 from sdt_drake.io.files import write_text
-from sdt_drake.io.shown import listed
-from sdt_drake.show import documents as doc
+from sdt_drake.show.documents import REPORT, Report, Table, render
 from sdt_drake.show.figures import fronts as plots_front
 from sdt_drake.show.figures import studies as plots
 from sdt_drake.show.style import save_both
@@ -35,16 +34,8 @@ from sdt_drake.studies.table import StudyTable
 COST, ERROR = "peak_torque_share", "max_abs_speed_error"
 """Of the Pareto front."""
 
-CAPTIONS = {
-    "distributions": "Share of the runs that do not exceed a value; marked: half of them, 95 % and "
-    "99 %.",
-    "tornado": "Mean over the runs in which an input is in its lowest or in its highest fifth; of "
-    "texts, the level with the lowest and the one with the highest mean.",
-    "scatter": "A point for each run, at most 2000 of them.",
-    "pareto": "Designs that can do all runs, by the worst of them; in grey: another beats it, with "
-    "no more of either, and less of one.",
-}
-"""Of the figures."""
+FIGURES = ("distributions", "tornado", "scatter", "pareto")
+"""Names of the figures that there may be."""
 
 _HEADLINES = (
     "max_abs_speed_error", "max_abs_position_error", "peak_torque_share", "winding_temperature",
@@ -53,10 +44,9 @@ _HEADLINES = (
 _LOOKS = {"ok": "good", "infeasible": "open"}  # of statuses; others are bad
 _NOTHING = Share(np.nan, np.nan)
 _NEAR_NOTHING = 0.05  # of the variance: not worth a sentence
-_BRACKETS = "In brackets: share of the variance that the input explains alone, and standard error."
 
 
-def write_study_report(folder: Path, out: Path | None = None) -> tuple[Path, doc.Document]:
+def write_study_report(folder: Path, out: Path | None = None) -> tuple[Path, list[Table]]:
     """Write the figures and report.html of a study; each file replaced whole.
 
     Args:
@@ -64,49 +54,54 @@ def write_study_report(folder: Path, out: Path | None = None) -> tuple[Path, doc
         out: folder for the files; that of the study if None.
 
     Returns:
-        The path of the page, and what it shows.
+        The path of the page, and its tables, but for those of each joint.
 
     Raises:
         InputError: if the folder holds no study with a run, or a file cannot be written.
     """
-    document = make_study_report(read_study_table(folder), folder, out)
-    return write_text((out or folder) / doc.REPORT, document.html()), document
+    report, tables = make_study_report(read_study_table(folder), folder, out)
+    return write_text(report.folder / REPORT, report.page()), tables
 
 
-def study_chapter(folder: Path) -> doc.Section:
-    """What matters most of a study, for a larger report; its figures are written.
-
-    Raises:
-        InputError: as `write_study_report`.
-    """
-    table = read_study_table(folder)
-    figures = _figures(table, folder, ("distributions", "tornado", "pareto"))
-    blocks = [*_summary(table), status_table(table), *chain(*figures.values())]
-    return doc.Section(f"Study {table.name}", blocks)
-
-
-def make_study_report(table: StudyTable, folder: Path, out: Path | None = None) -> doc.Document:
-    """The report on a study; its figures are written.
+def make_study_report(
+    table: StudyTable, folder: Path, out: Path | None = None
+) -> tuple[Report, list[Table]]:
+    """The report on a study, and its tables, but for those of each joint; its figures are written.
 
     Args:
         table: of the study.
         folder: it is in; named in the command that repeats a run.
         out: folder for the figures; that of the study if None.
     """
-    figures = _figures(table, out or folder)
-    sections = [
-        doc.Section("Summary", _summary(table)),
-        doc.Section("Status", [status_table(table)]),
-    ]
-    if headlines(table):
-        sections += [
-            doc.Section("Distributions", [*figures["distributions"], *_percentiles(table)]),
-            doc.Section("Worst runs", _worst(table, folder)),
-            doc.Section("What matters", _matters(table, figures.get("tornado", []))),
-            doc.Section("All runs", figures.get("scatter", [])),
-            doc.Section("Pareto front", figures.get("pareto", [])),
-        ]
-    return doc.Document(f"Study {table.name}", sections=sections)
+    study, families = study_summary(table), headlines(table)
+    percentile_tables = [percentile_table(table, [family]) for family in families]
+    worst = [worst_table(table, family) for family in families]
+    sensitivities = sensitivity_tables(table, families) if families else []
+    study |= {
+        "place": "",
+        "figures": _figures(table, out or folder),
+        "has_numbers": bool(families),
+        "percentiles": percentile_tables,
+        "percentiles_by_joint": _by_joint(table, lambda names: [percentile_table(table, names)]),
+        "worst": worst,
+        "command": f"sdt-drake study repeat {shlex.quote(str(folder))} --row N",
+        "sensitivity": sensitivities,
+        "sensitivity_by_joint": _by_joint(table, partial(sensitivity_tables, table)),
+    }
+    report = Report(render("study.md.j2", study=study), out or folder)
+    return report, [status_table(table), *percentile_tables, *worst, *sensitivities]
+
+
+def study_chapter(folder: Path) -> dict[str, object]:
+    """What matters most of a study, for a larger report in the folder above; its figures are
+    written.
+
+    Raises:
+        InputError: as `write_study_report`.
+    """
+    table = read_study_table(folder)
+    figures = _figures(table, folder, ("distributions", "tornado", "pareto"))
+    return {**study_summary(table), "place": f"{folder.name}/", "figures": figures}
 
 
 def families_there(table: StudyTable) -> list[str]:
@@ -120,10 +115,8 @@ def headlines(table: StudyTable) -> list[str]:
     return [family for family in _HEADLINES if family in there] or there[: len(_HEADLINES)]
 
 
-def _figures(
-    table: StudyTable, folder: Path, wanted: Collection[str] = CAPTIONS
-) -> dict[str, list[doc.Block]]:
-    """Those wanted that there is something to draw for, by name, written into the folder."""
+def _figures(table: StudyTable, folder: Path, wanted: Sequence[str] = FIGURES) -> list[str]:
+    """Names of those wanted that there is something to draw for, written into the folder."""
     names, count = headlines(table), int(table.ok.sum())
     moved = [family for family in names if plots.influential(table, [family])]
     drawn: dict[str, Callable[[], Figure]] = {}
@@ -142,27 +135,25 @@ def _figures(
     if is_front and len(table.designs(COST, ERROR)[0]):
         title = f"{table.name}: {metric_of(ERROR).title} over {metric_of(COST).title}"
         drawn["pareto"] = partial(plots_front.pareto_figure, title, table, COST, ERROR)
-    files = {name: save_both(drawn[name](), folder / name) for name in drawn if name in wanted}
-    looks = {"pareto": ""}  # it has one panel, the others have many
-    return {
-        name: [doc.Figure(CAPTIONS[name], file, folder, looks.get(name, "wide"))]
-        for name, file in files.items()
-    }
+    chosen = [name for name in drawn if name in wanted]
+    for name in chosen:
+        save_both(drawn[name](), folder / name)
+    return chosen
 
 
 # --- tables ----------------------------------------------------------------------------------
 
 
-def status_table(table: StudyTable) -> doc.Table:
+def status_table(table: StudyTable) -> Table:
     """How many runs ended in which way; below each, the most frequent reasons."""
     rows = []
     for status, runs, reasons in count_statuses(table):
         rows.append([status, str(runs), f"{100 * runs / len(table):.1f}", "", ""])
         rows += [["", str(n), "", str(row), text] for text, n, row in reasons]
-    return doc.Table(["status", "runs", "%", "first row", "reason"], rows, "Runs by status")
+    return Table(["status", "runs", "%", "first row", "reason"], rows, "Runs by status")
 
 
-def percentile_table(table: StudyTable, names: Sequence[str]) -> doc.Table:
+def percentile_table(table: StudyTable, names: Sequence[str]) -> Table:
     """Percentiles of outcomes: a row for each, and for each group.
 
     Args:
@@ -176,10 +167,10 @@ def percentile_table(table: StudyTable, names: Sequence[str]) -> doc.Table:
             place = ", ".join(filter(None, [level, table.place(name)]))
             rows.append([place, *map(cell, metric.factor * percentiles(part, name))])
     header = [table.by or "", *(f"{percent} %" for percent in PERCENTS[:-1]), "largest"]
-    return doc.Table(header, rows, f"Percentiles: {metric.label}")
+    return Table(header, rows, f"Percentiles: {metric.label}")
 
 
-def outcome_tables(names: Sequence[str], outcomes: Sequence[float]) -> list[doc.Table]:
+def outcome_tables(names: Sequence[str], outcomes: Sequence[float]) -> list[Table]:
     """Make tables of a run's outcomes: those of joints, a row for each family, then the others.
 
     Args:
@@ -193,13 +184,13 @@ def outcome_tables(names: Sequence[str], outcomes: Sequence[float]) -> list[doc.
     by_joint, whole = (list(some.values()) for some in rows.values())
     n = max(map(len, by_joint), default=1) - 1
     tables = [
-        doc.Table(["outcome", *(f"joint {k + 1}" for k in range(n))], by_joint),
-        doc.Table(["outcome", "of the run"], whole),
+        Table(["outcome", *(f"joint {k + 1}" for k in range(n))], by_joint),
+        Table(["outcome", "of the run"], whole),
     ]
     return [table for table in tables if table.rows]
 
 
-def worst_table(table: StudyTable, outcome: str, count: int = 3) -> doc.Table:
+def worst_table(table: StudyTable, outcome: str, count: int = 3) -> Table:
     """The worst runs of an outcome, for each group: row, value, joint, inputs.
 
     Args:
@@ -219,10 +210,10 @@ def worst_table(table: StudyTable, outcome: str, count: int = 3) -> doc.Table:
         columns += [map(cell, runs.inputs[name].tolist()) for name in inputs]
         rows += [list(map(str, cells)) for cells in zip(*columns, strict=True)]
     header = ["row", *(["joint"] if has_joints else []), metric.unit or "value", *inputs]
-    return doc.Table(header, rows, f"Worst runs: {metric.title}")
+    return Table(header, rows, f"Worst runs: {metric.title}")
 
 
-def sensitivity_tables(table: StudyTable, names: Sequence[str]) -> list[doc.Table]:
+def sensitivity_tables(table: StudyTable, names: Sequence[str]) -> list[Table]:
     """Share of the variance that each input explains alone [%], with its standard error; a table
     for each group in which more than one input varies.
 
@@ -243,7 +234,7 @@ def sensitivity_tables(table: StudyTable, names: Sequence[str]) -> list[doc.Tabl
             rows.append(["sum", *("–" if np.isnan(x) else f"{100 * x:.0f}" for x in sums)])
             header = ["input", *(_column(table, name, names) for name in names)]
             title = f"Variance explained by each input alone [%], {level}"
-            tables.append(doc.Table(header, rows, title))
+            tables.append(Table(header, rows, title))
     return tables
 
 
@@ -272,103 +263,61 @@ def cell(value: float | str) -> str:
     return str(value)
 
 
-# --- sections --------------------------------------------------------------------------------
+# --- in short --------------------------------------------------------------------------------
 
 
-def _summary(table: StudyTable) -> list[doc.Block]:
-    failed = failures(table)
-    names = ", ".join(f"`{name}`" for name in varied(table))
-    what = f"which differ in {names}" if names else "whose inputs are all the same"
-    seconds = float(np.nansum(table.duration))
-    tiles = [
-        (runs, status.replace("_", " "), _LOOKS.get(status, "bad"))
-        for status, runs, _ in count_statuses(table)
-    ]
-    blocks: list[doc.Block] = [
-        *([doc.Text(f"{_capital(failed)}.", "bad")] if failed else []),
-        doc.Text(f"{len(table)} runs, {what}; {_time(seconds)} of computation in all."),
-        doc.Tiles(tiles),
-    ]
-    if found := [finding(table, family) for family in headlines(table)]:
-        blocks += [
-            doc.Heading("What we found"),
-            doc.Bullets(found),
-            *([doc.Text(_BRACKETS, "soft")] if any(" ± " in text for text in found) else []),
-        ]
-    return blocks
+def study_summary(table: StudyTable) -> dict[str, object]:
+    """What study_summary.md.j2 shows, and the table of statuses."""
+    return {
+        "name": table.name,
+        "failed": _capital(failures(table)),
+        "runs": len(table),
+        "varied": list(varied(table)),
+        "time": _time(float(np.nansum(table.duration))),
+        "tiles": [
+            (runs, status.replace("_", " "), _LOOKS.get(status, "bad"))
+            for status, runs, _ in count_statuses(table)
+        ],
+        "findings": [finding(table, family) for family in headlines(table)],
+        "status": status_table(table),
+    }
 
 
-def finding(table: StudyTable, family: str) -> str:
-    """How large an outcome gets, and what it comes of, in words.
+def finding(table: StudyTable, family: str) -> dict[str, object]:
+    """How large an outcome gets, and what it comes of: limits and shares, each with its level.
 
     Args:
         table: of the study.
         family: of the outcome.
     """
-    label = ", ".join(filter(None, [metric_of(family).label, table.place(family)]))
-    limits: list[str] = []
-    causes: dict[str, list[str]] = {}
+    limits: list[tuple[str, str | None]] = []
+    causes: dict[str, list[tuple[str, str | None]]] = {}
     for level, part in table.groups.items():
         (value,) = metric_of(family).factor * percentiles(part, family, (95,))
         if np.isnan(value):
             continue
-        where = f" with `{level}`" if table.by else ""
-        limits.append(f"{value:.3g}{where}")
+        where = level if table.by else None
+        limits.append((f"{value:.3g}", where))
         shares = sensitivity(part, family)
         name, share = next(iter(shares.items()), ("", Share(0, 0)))
         if len(shares) > 1 and share.value > max(_NEAR_NOTHING, 2 * share.error):
-            causes.setdefault(name, []).append(f"{_percent(share)} %{where}")
-    runs = "the runs" if usable(table, family).all() else "the runs that have a number"
-    text = f"**{_capital(label)}:** 95 % of {runs} stay at or below {listed(limits)}."
-    if not causes:
-        return text
-    most = [f"`{name}` ({', '.join(shares)})" for name, shares in causes.items()]
-    return f"{text} It varies most with {listed(most)}."
-
-
-def _percentiles(table: StudyTable) -> list[doc.Block]:
-    about = "Over the runs that are ok; joint side, torques as shares of the motor's largest."
-    return [
-        doc.Text(about),
-        *(percentile_table(table, [family]) for family in headlines(table)),
-        *_by_joint(table, lambda names: [percentile_table(table, names)]),
-    ]
-
-
-def _worst(table: StudyTable, folder: Path) -> list[doc.Block]:
-    command = f"sdt-drake study repeat {shlex.quote(str(folder))} --row N"
-    return [
-        *(worst_table(table, family) for family in headlines(table)),
-        doc.Text(f"A run once more, exactly: `{command}`"),
-    ]
-
-
-def _matters(table: StudyTable, figure: list[doc.Block]) -> list[doc.Block]:
-    overview = sensitivity_tables(table, headlines(table))
-    if not overview:
-        return figure
-    about = (
-        "Share of the variance of an outcome that each input explains alone (first-order index, as "
-        "the correlation ratio less what chance gives; worst joint of each run), and its standard "
-        "error. What a sum lacks to 100 %, beyond these errors, comes of inputs acting together, "
-        "or is too fine for the bins of so many runs."
-    )
-    by_joint = _by_joint(table, lambda names: sensitivity_tables(table, names))
-    return [doc.Text(about), *overview, *figure, *by_joint]
+            causes.setdefault(name, []).append((f"{_percent(share)} %", where))
+    label = ", ".join(filter(None, [metric_of(family).label, table.place(family)]))
+    all_known = bool(usable(table, family).all())
+    return {"label": _capital(label), "all_known": all_known, "limits": limits, "causes": causes}
 
 
 def _by_joint(
-    table: StudyTable, tables: Callable[[list[str]], Sequence[doc.Table]]
-) -> list[doc.Block]:
-    """Each family with the tables of its worst joint and of each joint, to unfold."""
-    details: list[doc.Block] = [
-        doc.Details(
+    table: StudyTable, tables: Callable[[list[str]], list[Table]]
+) -> list[tuple[str, list[Table]]]:
+    """Title of each family, and tables of its worst joint and of each joint."""
+    return [
+        (
             _capital(metric_of(family).title),
             tables([family, *(f"{family}_{k}" for k in table.joints(family))]),
         )
         for family in families_there(table)
     ]
-    return [doc.Heading("Everything, by joint"), *details] if details else []
 
 
 def _capital(text: str) -> str:

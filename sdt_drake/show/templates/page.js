@@ -15,18 +15,27 @@ systemDark.addEventListener("change", nameTheme);
 nameTheme();
 
 // Claims by verdict, where there are any.
-const filter = document.querySelector(".filter");
-if (filter) {
-  const claims = [...document.querySelectorAll(".claim")];
-  const buttons = [...filter.querySelectorAll("button")];
-  filter.hidden = false;
-  for (const button of buttons) {
+const claims = [...document.querySelectorAll(".claim")];
+if (claims.length) {
+  const filter = document.createElement("div");
+  const told = document.createElement("p");
+  filter.className = "filter";
+  filter.setAttribute("role", "group");
+  filter.setAttribute("aria-label", "Claims shown");
+  told.className = "shown";
+  told.setAttribute("role", "status");
+  claims[0].before(filter, told);
+  for (const verdict of ["", ...new Set(claims.map((claim) => claim.dataset.verdict))]) {
+    const chosen = claims.filter((claim) => !verdict || claim.dataset.verdict === verdict);
+    const button = filter.appendChild(document.createElement("button"));
+    button.type = "button";
+    button.textContent = `${verdict || "all"} ${chosen.length}`;
+    button.dataset.verdict = verdict;
+    button.setAttribute("aria-pressed", String(!verdict));
     button.addEventListener("click", () => {
-      const verdict = button.dataset.verdict;
-      for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));
-      for (const claim of claims) claim.hidden = Boolean(verdict) && claim.dataset.verdict !== verdict;
-      const shown = claims.filter((claim) => !claim.hidden).length;
-      document.querySelector(".shown").textContent = `${shown} of ${claims.length} claims shown`;
+      for (const other of filter.children) other.setAttribute("aria-pressed", String(other === button));
+      for (const claim of claims) claim.hidden = !chosen.includes(claim);
+      told.textContent = `${chosen.length} of ${claims.length} claims shown`;
     });
   }
 }

@@ -8,7 +8,6 @@ import time as clock
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from string import Template
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatParams
@@ -24,7 +23,7 @@ from sdt_drake.robot.robot import Robot
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import Recording
-from sdt_drake.show.texts import json_in_page, page_text
+from sdt_drake.show.documents import render_html
 from sdt_drake.show.view3d.scene import (
     ARROW,
     FIELD_OF_VIEW,
@@ -154,44 +153,39 @@ def recorded_page(
         scene.show(k, record=True)
     meshcat.StopRecording()
     meshcat.PublishRecording()
-    title = html.escape(story.title or title or robot.name)
-    page = meshcat.StaticHtml().replace("<title>Drake MeshCat</title>", f"<title>{title}</title>")
+    title = story.title or title or robot.name
+    named = f"<title>{html.escape(title)}</title>"
+    page = meshcat.StaticHtml().replace("<title>Drake MeshCat</title>", named)
     body, end, rest = page.rpartition("</body>")
-    told = _told(robot, frames, story)
-    return body + _overlay(scene, title, html.escape(story.feels), told, pilot) + end + rest
+    overlay = render_html(
+        "viewer.html.j2",
+        title=title,
+        feels=story.feels,
+        told=_told(robot, frames, story),
+        pilot=pilot,
+        has_head=frames.head is not None,
+        metres=METRES_PER_G,
+        arrow=_css(ARROW),
+        trace=_css(TRACE),
+        eye=_in_browser(scene.eye),
+        target=_in_browser(scene.target),
+        outside=FIELD_OF_VIEW,
+        width=WIDTH,
+        field=PILOT_FIELD,
+        near=PILOT_NEAR,
+    )
+    return body + overlay + end + rest
 
 
-def _told(robot: Robot, frames: Frames, story: Story) -> str:
-    """What the page tells, as JSON: angles [deg] and G at the head of each picture; segments."""
-    told = {
+def _told(robot: Robot, frames: Frames, story: Story) -> dict[str, object]:
+    """What the page tells: angles [deg] and G at the head of each picture; segments."""
+    return {
         "rate": FRAME_RATE,
         "names": numbered(robot.joint_names),
         "angles": np.degrees(frames.q).round(1).tolist(),
         "g": [] if frames.head is None else frames.head.resultant_g.round(2).tolist(),
         "segments": story.segments,
     }
-    return json_in_page(told)
-
-
-def _overlay(scene: Scene, title: str, feels: str, told: str, pilot: bool) -> str:
-    """Title, legend, what is told, and player of the page."""
-    return Template(page_text("viewer.html")).substitute(
-        METRES=f"{METRES_PER_G:g}",
-        ARROW=_css(ARROW),
-        TRACE=_css(TRACE),
-        NO_HEAD="" if scene.frames.head is not None else "hidden",
-        EYE=_in_browser(scene.eye),
-        TARGET=_in_browser(scene.target),
-        OUTSIDE=f"{FIELD_OF_VIEW:g}",
-        WIDTH=f"{WIDTH:g}",
-        FIELD=f"{PILOT_FIELD:g}",
-        NEAR=f"{PILOT_NEAR:g}",
-        PILOT=str(pilot).lower(),
-        TITLE=title,
-        FEELS=feels,
-        NO_FEELS="" if feels else "hidden",
-        TOLD=told,
-    )
 
 
 def _in_browser(place: Array) -> str:
