@@ -68,19 +68,6 @@ def test_functions_stay_whoever_imports_the_modules_of_their_names():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_only_identify_needs_its_extra():
-    """As the commands: the others do without scipy."""
-    code = (
-        "import sys; sys.modules['scipy'] = None\n"
-        "import sdt_drake as sdt\n"
-        "sdt.tune, sdt.bode, sdt.replay, sdt.learn, sdt.export\n"
-        "try: sdt.identify('sdt', 'run.csv')\n"
-        "except sdt.InputError as error: assert 'sdt_drake[identify]' in str(error)\n"
-        "else: assert False\n"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
 def test_objects_show_themselves_shortly(robot, short, run):
     shown = {
         "Scenario": short.scenario,

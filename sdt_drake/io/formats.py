@@ -12,21 +12,18 @@ import numpy as np
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, needing, one_line
 
-_PACKAGES = {".mat": "scipy", ".parquet": "pyarrow"}
-BINARY = tuple(_PACKAGES)
+BINARY = (".mat", ".parquet")
 
 
 def check_binary(path: Path) -> None:
-    """Refuse a file that cannot be read or written as the packages for it are not there.
+    """Refuse a file of Parquet where pyarrow is not installed.
 
     Raises:
         InputError: naming the package.
     """
-    needs = f"{path.suffix} files need {_PACKAGES[path.suffix]}, which is not installed"
-    with needing(f"{path}: {needs}", "sdt_drake[exchange]"):
-        if path.suffix == ".mat":
-            import scipy.io  # noqa: F401
-        else:
+    needs = f"{path}: .parquet files need pyarrow, which is not installed"
+    if path.suffix == ".parquet":
+        with needing(needs, "sdt_drake[exchange]"):
             import pyarrow.parquet  # noqa: F401
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, needing
+from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import write_text
 from sdt_drake.io.progress import work
 from sdt_drake.machine.identify.targets import ANY_SPEED, Target
@@ -209,8 +209,8 @@ def excite(
     Raises:
         InputError: if no motion is within the limits.
     """
-    with needing("exciting motions need scipy", "sdt_drake[identify]"):
-        from scipy.optimize import minimize
+    from scipy.optimize import minimize
+
     robot = target.robot
     limits = Limits.of(robot, margin, gently)
 

@@ -11,15 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
+from scipy.signal import butter, sosfiltfilt
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, needing
+from sdt_drake.io.errors import InputError
 from sdt_drake.machine.recordings import Recorded
 from sdt_drake.motion.trajectory import interpolated
-
-with needing("identification needs scipy", "sdt_drake[identify]"):
-    from scipy.interpolate import make_interp_spline
-    from scipy.signal import butter, sosfiltfilt
 
 HIGHEST = 0.35
 """Cut-off over the rate of samples, from which on a filter would do nothing but ring."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import nnls
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import needing
 from sdt_drake.io.files import write_text
 from sdt_drake.machine.identify.consistency import SPREAD, effect_of, links_of
 from sdt_drake.machine.identify.friction import Term
@@ -18,9 +18,6 @@ from sdt_drake.machine.identify.procedure import Identified
 from sdt_drake.robot.device import PRESLIDING_DAMPING_TIME, Friction
 from sdt_drake.robot.robot import Robot, edited
 from sdt_drake.robot.sdf import DRAKE, SYMMETRIC, links_by_name, parse_xml, set_inertia
-
-with needing("identification needs scipy", "sdt_drake[identify]"):
-    from scipy.optimize import nnls
 
 _PEAKS = (0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s, of Stribeck friction
 _WORTH = 0.5  # of what is left, for a peak to be believed: it trades with the other two
