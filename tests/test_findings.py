@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from sdt_drake.analysis.comparison import Compared, compare
+from sdt_drake.analysis.illusions import feel, felt_apart
 from sdt_drake.analysis.stability import stability_sweep
 from sdt_drake.analysis.tracking import track
 from sdt_drake.cli import app as cli
@@ -124,7 +125,10 @@ def test_table_of_what_is_felt_is_what_compare_finds():
     for row, found in compared_in(rows_of_table("controller | share of time"), "coupled_pi"):
         head = found.head
         shares = 100 * head.felt.share, 100 * head.felt_from_angles.share
-        assert [float(cell) for cell in row[1:]] == pytest.approx(shares, abs=0.051)
+        assert [float(cell) for cell in row[1:3]] == pytest.approx(shares, abs=0.051)
+        felt = (feel(motion, 0.005, "clark2019") for motion in (head.reference, head.achieved))
+        changes = np.degrees(felt_apart(*felt))
+        assert [float(cell) for cell in row[3:]] == pytest.approx(changes, abs=0.0051)
 
 
 # --- studies, from the rows that are committed ---------------------------------------------------

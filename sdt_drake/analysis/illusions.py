@@ -106,6 +106,13 @@ def illusions(felt: Percept, head: HeadMotion) -> list[Illusion]:
     return found
 
 
+def felt_apart(first: Percept, second: Percept) -> tuple[float, float]:
+    """The largest angle between two felt verticals [rad] and difference of felt rates [rad/s]."""
+    apart = np.linalg.norm(second.gravity - first.gravity, axis=1)
+    rates = np.linalg.norm(second.rate - first.rate, axis=1)
+    return float(2 * np.arcsin(np.minimum(apart / 2, 1)).max()), float(rates.max())
+
+
 @dataclass(frozen=True)
 class Intended:
     """The illusion that a training motion is meant to give, and what gain sets predict of it.

@@ -2,7 +2,8 @@
 
 Canals and otoliths are first-order models from the literature, linear and without the brain behind
 them: no velocity storage (which makes felt rotation last 15-20 s instead of the cupula's 5.7 s), no
-vision, no expectation. The otoliths tell the specific force as it is (unity).
+vision, no expectation; `sdt_drake.analysis.orientation` has those. The otoliths tell the specific
+force as it is (unity).
 
 Limits of validity of the thresholds. They are absolute ones, measured on attentive subjects, in
 silence and darkness, at 1 G, with nothing else going on; vibration, noise and inattention raise
@@ -30,10 +31,6 @@ CANAL = 5.7
 
 ADAPTATION = 80.0
 """tau_a: the nerve gets used to it [s] (same source)."""
-
-UPRIGHT = 5.0
-"""Of the subjective vertical [s]. Weak source: a student's script (GitHub
-marcoscabanas/ahms-subjective-vertical), no primary one found."""
 
 UNPERCEIVED_RATE = 2.5
 """Steady rotation slower than this is not perceived [deg/s] (Army Aviation AV0593)."""
@@ -82,21 +79,6 @@ def canals(omega: Array, period: float) -> Array:
         - ADAPTATION / apart * low_pass(omega, CANAL, period)
         + CANAL / apart * low_pass(omega, ADAPTATION, period)
     )
-
-
-def felt_upright(specific_force: Array, period: float) -> Array:
-    """Direction that the pilot takes for up, in the head's axes [-], shape (N, 3).
-
-    Low pass of the specific force. It knows nothing of the canals: when the head turns fast, this
-    follows UPRIGHT seconds late, where a pilot in fact would feel the turn.
-
-    Args:
-        specific_force: [m/s²], shape (N, 3).
-        period: [s].
-    """
-    smooth = low_pass(specific_force, UPRIGHT, period)
-    size = np.linalg.norm(smooth, axis=1, keepdims=True)
-    return np.divide(smooth, size, out=np.zeros_like(smooth), where=size > 0)
 
 
 def false_sensation_after_stop(omega: Array, period: float) -> Array:

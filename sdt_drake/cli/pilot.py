@@ -17,6 +17,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import TABLES, write_table
 
 if TYPE_CHECKING:
+    from sdt_drake.analysis.orientation import Percept
     from sdt_drake.analysis.tracking import HeadTracking
     from sdt_drake.motion import Story
     from sdt_drake.robot.head import HeadMotion
@@ -34,11 +35,15 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--validate", action="store_true", help=f"{text} of the training motions")
     text = "SDF or URDF file of a recording's robot (default: the shipped device)"
     common.add_robot(parser, text, None)
+    text = "gains of the pilot's model: a name that ships, or a YAML file"
+    parser.add_argument("--model", default="clark2019", help=f"{text} (default: clark2019)")
     text = "CSV file for what is felt over time, or a figure of it (.png, .svg, .pdf)"
     common.add_figure(parser, text, [".csv"])
 
 
 def run(options: argparse.Namespace) -> None:
+    from sdt_drake.analysis.illusions import feel, felt_apart, illusions
+    from sdt_drake.analysis.orientation import CAUTION
     from sdt_drake.analysis.tracking import track_head
     from sdt_drake.show.figures import pilot as plots_pilot
 
@@ -52,8 +57,14 @@ def run(options: argparse.Namespace) -> None:
         )
     head = track_head(recording, robot)
     period = float(recording.time[1] - recording.time[0])
+    felt = [feel(motion, period, options.model) for motion in (head.reference, head.achieved)]
     say(f"{name}: what the pilot feels; x forward, y left, z up, in the head's axes")
-    print_table(*_motion_rows(head, period))
+    print_table(*_motion_rows(head, felt, period))
+    say()
+    say(f"Felt wrongly of what was achieved, by {options.model}:")
+    for illusion in illusions(felt[1], head.achieved):
+        say(f"  {illusion}")
+    say(CAUTION)
     say()
     print_table(*_felt_rows(head, recording.time))
     say("multiples of what is just felt; alone: if only the joint angles were off, not the speeds")
@@ -61,10 +72,12 @@ def run(options: argparse.Namespace) -> None:
         f"The error could be felt {100 * head.felt.share:.1f} % of the time, "
         f"by the joint angles alone {100 * head.felt_from_angles.share:.1f} %."
     )
+    angle, rate = (np.degrees(x) for x in felt_apart(*felt))
+    say(f"It changes the felt vertical by at most {angle:.2f} deg, felt rotation {rate:.2f} deg/s.")
     common.deliver(
         options,
         lambda: plots_pilot.pilot(f"{name}: what the pilot feels", recording.time, head, story),
-        lambda path: _write(path, recording.time, period, head),
+        lambda path: _write(path, recording.time, period, head, felt),
     )
 
 
@@ -115,18 +128,12 @@ def _recorded(options: argparse.Namespace) -> tuple[str, sdt.Recording, Robot, S
     return design.scenario.name, sdt.simulate(design), design.robot, story
 
 
-def _motion_rows(head: HeadTracking, period: float) -> Rows:
+def _motion_rows(head: HeadTracking, felt: Sequence[Percept], period: float) -> Rows:
     """Header and rows: largest quantities of the reference and of what was achieved."""
-    from sdt_drake.analysis.perception import (
-        UNPERCEIVED_RATE,
-        canals,
-        false_sensation_after_stop,
-        felt_upright,
-    )
+    from sdt_drake.analysis.perception import UNPERCEIVED_RATE, canals, false_sensation_after_stop
 
-    def values(motion: HeadMotion) -> list[str]:
+    def values(motion: HeadMotion, felt: Percept) -> list[str]:
         omega = motion.angular_velocity
-        up = felt_upright(motion.specific_force, period)[:, 2]
         after = false_sensation_after_stop(omega, period)
         return [
             f"{motion.resultant_g.max():.3f}",
@@ -134,7 +141,7 @@ def _motion_rows(head: HeadTracking, period: float) -> Rows:
             *(f"{w:.1f}" for w in np.degrees(np.abs(omega).max(axis=0))),
             *(f"{w:.1f}" for w in np.degrees(np.abs(canals(omega, period)).max(axis=0))),
             *(f"{t:.1f}".replace("nan", "–") for t in after),
-            f"{np.degrees(np.arccos(np.clip(up, -1, 1))).max():.1f}",
+            *(f"{a:.1f}" for a in np.degrees([np.abs(felt.roll).max(), np.abs(felt.pitch).max()])),
         ]
 
     axes = ("roll", "pitch", "yaw")
@@ -142,8 +149,8 @@ def _motion_rows(head: HeadTracking, period: float) -> Rows:
     labels += [f"{axis} rate that the canals tell, largest [deg/s]" for axis in axes]
     after = f"told after the stop, above {UNPERCEIVED_RATE:g} deg/s, for [s]"
     labels += [f"{axis} {after}" for axis in axes]
-    labels += ["felt upright, farthest from the head's z [deg]"]
-    columns = (labels, values(head.reference), values(head.achieved))
+    labels += ["felt roll from the vertical, largest [deg]", "felt pitch, largest [deg]"]
+    columns = (labels, values(head.reference, felt[0]), values(head.achieved, felt[1]))
     return ("", "reference", "achieved"), list(zip(*columns, strict=True))
 
 
@@ -169,17 +176,20 @@ def _felt_rows(head: HeadTracking, time: Array) -> Rows:
     return header, rows
 
 
-def _write(path: Path, time: Array, period: float, head: HeadTracking) -> None:
+def _write(
+    path: Path, time: Array, period: float, head: HeadTracking, felt: Sequence[Percept]
+) -> None:
     """Columns name_k, k = 1, 2, 3 along x, y, z of the head; multiple_1..6 as in CHANNELS."""
-    from sdt_drake.analysis.perception import canals, felt_upright
+    from sdt_drake.analysis.perception import canals
 
     columns: dict[str, Array] = {}
-    for suffix, motion in (("_ref", head.reference), ("", head.achieved)):
+    motions = (head.reference, head.achieved)
+    for suffix, motion, own in zip(("_ref", ""), motions, felt, strict=True):
         columns |= {
             f"specific_force{suffix}": motion.specific_force,
             f"angular_velocity{suffix}": motion.angular_velocity,
             f"angular_acceleration{suffix}": motion.angular_acceleration,
             f"canals{suffix}": canals(motion.angular_velocity, period),
-            f"felt_upright{suffix}": felt_upright(motion.specific_force, period),
         }
+        columns |= {f"felt_{name}{suffix}": values for name, values in own.columns.items()}
     write_table(path, time, {**columns, "multiple": head.felt.multiples})

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sdt_drake.analysis.perception import canals, false_sensation_after_stop, felt_upright, low_pass
+from sdt_drake.analysis.perception import canals, false_sensation_after_stop, low_pass
 
 H = 0.005
 TAU, TAU_A = 5.7, 80.0  # Rader, Oman & Merfeld 2009, Table T4
@@ -100,20 +100,3 @@ def test_without_a_stop_there_is_no_time_after_it():
     turning = np.ones((100, 3))
     for omega in (turning, 0 * turning, turning * np.radians(2.4) / np.sqrt(3)):
         assert np.isnan(false_sensation_after_stop(omega, H)).all()
-
-
-# --- otoliths -----------------------------------------------------------------------------------
-
-
-def test_upright_follows_the_specific_force_with_five_seconds():
-    force = np.zeros((4001, 3))
-    force[:, 2] = 9.81
-    force[1:, 0] = 3.0
-    t = H * np.arange(4001)
-    up = felt_upright(force, H)
-    np.testing.assert_allclose(np.linalg.norm(up, axis=1), 1)
-    np.testing.assert_allclose(up[:, 0] / up[:, 2], 3 / 9.81 * (1 - np.exp(-t / 5)), atol=2e-4)
-
-
-def test_weightless_has_no_upright():
-    np.testing.assert_array_equal(felt_upright(np.zeros((5, 3)), H), np.zeros((5, 3)))

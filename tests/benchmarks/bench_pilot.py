@@ -2,8 +2,8 @@
 
     python tests/benchmarks/bench_pilot.py [--rounds N]
 
-The motion of the head for the reference and for what was achieved, canals and upright of both,
-the false sensation after the stop, and the felt difference, also by the joint angles alone.
+The motion of the head for the reference and for what was achieved, canals and felt orientation of
+both, the false sensation after the stop, and the felt difference, also by the joint angles alone.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ import time
 
 import numpy as np
 
-from sdt_drake.analysis.perception import canals, false_sensation_after_stop, felt_upright
+from sdt_drake.analysis.illusions import feel
+from sdt_drake.analysis.perception import canals, false_sensation_after_stop
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.robot.robot import Robot, load_robot
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import Recording, simulate
 
-TARGET = 0.2
+TARGET = 0.8
 
 
 def everything(recording: Recording, robot: Robot) -> None:
@@ -30,7 +31,7 @@ def everything(recording: Recording, robot: Robot) -> None:
     for motion in (head.reference, head.achieved):
         _ = motion.resultant_g
         canals(motion.angular_velocity, period)
-        felt_upright(motion.specific_force, period)
+        feel(motion, period, "clark2019")
         false_sensation_after_stop(motion.angular_velocity, period)
     for felt in (head.felt, head.felt_from_angles):
         _ = felt.share, felt.channel_share, felt.largest

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from command_line import ENDS, SDF, read_csv, refused
 
-from sdt_drake.analysis.perception import CHANNELS, DETECTORS, LINEAR, canals, felt_upright
+from sdt_drake.analysis.illusions import feel, illusions
+from sdt_drake.analysis.orientation import CAUTION, perceive
+from sdt_drake.analysis.perception import CHANNELS, DETECTORS, LINEAR, canals
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.io.tables import read_table
 from sdt_drake.robot.robot import load_robot
@@ -23,7 +25,9 @@ CSV_COLUMNS = [
         "angular_velocity",
         "angular_acceleration",
         "canals",
-        "felt_upright",
+        "felt_gravity",
+        "felt_rate",
+        "felt_acceleration",
     )
     for k in (1, 2, 3)
 ]
@@ -63,10 +67,11 @@ def test_prints_what_the_head_does(good, recording, robot):
             assert float(rows[f"{axis} rate, largest [deg/s]"][column]) == pytest.approx(
                 rate, abs=0.051
             )
-        up = felt_upright(motion.specific_force, 0.005)[:, 2]
-        leans = np.degrees(np.arccos(up.min()))
-        (label,) = (label for label in rows if "upright" in label)
-        assert float(rows[label][column]) == pytest.approx(leans, abs=0.051)
+        felt = perceive(recording.time, motion.specific_force, motion.angular_velocity)
+        for label, angle in (("felt roll", felt.roll), ("felt pitch", felt.pitch)):
+            (label,) = (row for row in rows if row.startswith(label))
+            largest = np.degrees(np.abs(angle).max())
+            assert float(rows[label][column]) == pytest.approx(largest, abs=0.051)
     for k, channel in enumerate(CHANNELS):
         largest, at, share, alone, alone_share = map(float, rows[channel])
         assert largest == pytest.approx(head.felt.largest[k], abs=0.0051)
@@ -75,6 +80,26 @@ def test_prints_what_the_head_does(good, recording, robot):
         assert alone == pytest.approx(head.felt_from_angles.largest[k], abs=0.0051)
         assert alone_share == pytest.approx(100 * head.felt_from_angles.channel_share[k], abs=0.051)
     assert f"could be felt {100 * head.felt.share:.1f} % of the time" in done.out
+    first, second = (
+        perceive(recording.time, motion.specific_force, motion.angular_velocity)
+        for motion in (head.reference, head.achieved)
+    )
+    cosine = np.sum(first.gravity * second.gravity, axis=1)
+    sizes = np.linalg.norm(first.gravity, axis=1) * np.linalg.norm(second.gravity, axis=1)
+    angle = np.degrees(np.arccos(np.minimum(cosine / sizes, 1)).max())
+    rate = np.degrees(np.linalg.norm(second.rate - first.rate, axis=1).max())
+    told = re.search(r"felt vertical by at most (\S+) deg, felt rotation (\S+) deg/s", done.out)
+    assert [float(x) for x in told.groups()] == pytest.approx([angle, rate], abs=0.0051)
+    for illusion in illusions(second, head.achieved):
+        assert f"  {illusion}\n" in done.out
+    assert CAUTION in done.out
+
+
+def test_another_model_of_the_pilot(good, call, recording):
+    usual, other = (good("pilot", "run.csv", *more).out for more in ((), ("--model", "slow_yaw")))
+    row = "felt roll from the vertical, largest [deg]"
+    assert rows_of(usual)[row] != rows_of(other)[row] and "by slow_yaw:" in other
+    refused(call("pilot", "run.csv", "--model", "slow"), "slow: no such perception model")
 
 
 def test_a_scenario_is_run_as_simulate_runs_it(good, recording):
@@ -100,7 +125,10 @@ def test_csv_holds_it_over_time(good, desk, recording, robot):
             ("angular_velocity", omega),
             ("angular_acceleration", motion.angular_acceleration),
             ("canals", canals(omega, 0.005)),
-            ("felt_upright", felt_upright(force, 0.005)),
+            *(
+                (f"felt_{n}", values)
+                for n, values in feel(motion, 0.005, "clark2019").columns.items()
+            ),
         ):
             np.testing.assert_array_equal(columns[name + suffix], values)
     np.testing.assert_array_equal(columns["multiple"], head.felt.multiples)
