@@ -18,6 +18,7 @@ from sdt_drake.show.block_diagrams import fingerprint
 from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.studies.folder import load_runner
 from sdt_drake.studies.results import read_study_table
+from sdt_drake.studies.store import Store
 
 FOLDER = Path(__file__).resolve().parents[1] / "diagrams"
 ROWS = FOLDER / "studies"
@@ -98,8 +99,8 @@ def test_committed_svg_was_made_from_the_committed_dot(name):
 @pytest.mark.parametrize(("name", "row"), [("monte_carlo", 0), ("sizing", 0)])
 def test_committed_rows_are_those_of_today(name, row):
     (runner, *_), table = load_runner(ROWS / name), read_study_table(ROWS / name)
-    inputs = {key: values[row].item() for key, values in table.inputs.items()}
-    outcomes, *_ = runner.repeat(row, inputs)
+    with Store(ROWS / name) as store:
+        outcomes, *_ = runner.repeat(row, store.inputs(row))
     for (outcome, values), found in zip(table.outcomes.items(), outcomes, strict=True):
         # The rows are older than the meter: both tell peaks to 2e-3 of the motor's torque.
         atol = 2e-3 if outcome.startswith(("peak_torque", "used_torque")) else 1e-5

@@ -153,6 +153,7 @@ class Progress:
 def repeat(folder: Path, row: int | None, out: Path | None) -> None:
     from sdt_drake.show.reports.study import cell, outcome_tables
     from sdt_drake.studies.folder import load_runner
+    from sdt_drake.studies.store import Store
 
     runner, names, other = load_runner(folder)
     study = runner.study
@@ -160,11 +161,13 @@ def repeat(folder: Path, row: int | None, out: Path | None) -> None:
         raise InputError(f"study repeat: --row {row}, expected 0 to {len(study) - 1}")
     if out is not None:
         common.check_file(out, [".csv"])
-    outcomes, recording, wrong = runner.repeat(row)
+    with Store(folder) as store:
+        inputs = store.inputs(row) or study.inputs(row)
+    outcomes, recording, wrong = runner.repeat(row, inputs)
     if wrong:
         say(f"run failed: {wrong}")
         say()
-    print_table(("input", "value"), [(k, cell(v)) for k, v in study.inputs(row).items()])
+    print_table(("input", "value"), [(k, cell(v)) for k, v in inputs.items()])
     for table in outcome_tables(names, outcomes):
         say()
         common.print_document_table(table)

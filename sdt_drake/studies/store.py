@@ -7,11 +7,11 @@ import json
 import os
 import sqlite3
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-from sdt_drake.io.errors import InputError
+from sdt_drake.io.errors import InputError, needing
 from sdt_drake.io.files import replacing
 from sdt_drake.studies.fields import Value
 from sdt_drake.studies.table import Row
@@ -20,6 +20,7 @@ DATABASE = "study.sqlite"
 OF_0_3 = "rows.jsonl"
 """Rows of a study that version 0.3 or an older one ran."""
 
+_OLD_RESULTS = "results.parquet"
 _KINDS = {"INTEGER": int, "TEXT": str, "REAL": float}
 _PATIENCE = 60.0  # s; for another process that reads or writes a row
 _GROUP = 4096  # rows that are in memory together
@@ -41,21 +42,17 @@ class Store(AbstractContextManager["Store"]):
         Raises:
             InputError: if there is none, or it cannot be used.
         """
-        self.path = folder / DATABASE
-        if (folder / OF_0_3).is_file():
-            raise InputError(
-                f"{folder}: holds a study that version 0.3 or an older one ran ({OF_0_3}), "
-                "expected one of this version; run it anew into another folder"
-            )
+        is_old = (folder / OF_0_3).is_file()
+        self.path = folder / (_OLD_RESULTS if is_old else DATABASE)
         if not self.path.is_file():
-            raise InputError(f"{folder}: holds no study, expected the folder of `sdt-drake study`")
-        with self._reading():
-            self._database = sqlite3.connect(
-                f"{self.path.resolve().as_uri()}?mode=rw",
-                uri=True,
-                isolation_level=None,
-                timeout=_PATIENCE,
+            raise InputError(
+                f"{folder}: holds an unfinished study of version 0.3 or an older one ({OF_0_3}), "
+                "expected one of this version; run it anew into another folder"
+                if is_old
+                else f"{folder}: holds no study, expected the folder of `sdt-drake study`"
             )
+        with self._reading():
+            self._database = _imported(folder) if is_old else _connected(self.path)
             ((text,),) = self._database.execute("SELECT about FROM study")
             columns = self._database.execute("SELECT name, type FROM pragma_table_info('rows')")
             self.kinds = {name: _KINDS[kind] for name, kind in columns}
@@ -68,6 +65,13 @@ class Store(AbstractContextManager["Store"]):
         """Numbers of the rows that are there."""
         with self._reading():
             return {number for (number,) in self._database.execute("SELECT row FROM rows")}
+
+    def inputs(self, number: int) -> dict[str, Value]:
+        """Inputs of a row; none of one that is not there."""
+        with self._reading():
+            found = self._database.execute("SELECT * FROM rows WHERE row = ?", (number,)).fetchone()
+        columns = zip(self.kinds, found or (), strict=False)
+        return {name: value for name, value in columns if name in self.about["inputs"]}
 
     def append(self, row: Row, inputs: Mapping[str, Value]) -> None:
         """Write a row and wait until the disk has it.
@@ -115,22 +119,46 @@ def create(folder: Path, about: Mapping[str, Any], texts: Mapping[str, bool]) ->
     Raises:
         InputError: if it cannot be written, or two inputs differ in capital letters alone.
     """
+    with replacing(folder / DATABASE) as partial, closing(sqlite3.connect(partial)) as database:
+        try:
+            _fill(database, about, texts)
+            database.commit()
+        except sqlite3.Error as error:
+            raise InputError(f"{folder}: no study can be begun there ({error})") from None
+
+
+def _fill(
+    database: sqlite3.Connection, about: Mapping[str, Any], texts: Mapping[str, bool]
+) -> None:
     columns = {"row": "INTEGER PRIMARY KEY"}
     columns |= {name: "TEXT" if is_text else "REAL" for name, is_text in texts.items()}
     columns |= {"status": "TEXT", "reason": "TEXT", "duration": "REAL"}
     columns |= dict.fromkeys(about["outcomes"], "REAL")
     quoted = (f'"{name.replace(chr(34), 2 * chr(34))}" {kind}' for name, kind in columns.items())
-    with replacing(folder / DATABASE) as partial:
-        database = sqlite3.connect(partial)
-        try:
-            database.execute("CREATE TABLE study (about TEXT)")
-            database.execute("INSERT INTO study VALUES (?)", (json.dumps(about),))
-            database.execute(f"CREATE TABLE rows ({', '.join(quoted)})")
-            database.commit()
-        except sqlite3.Error as error:
-            raise InputError(f"{folder}: no study can be begun there ({error})") from None
-        finally:
-            database.close()
+    database.execute("CREATE TABLE study (about TEXT)")
+    database.execute("INSERT INTO study VALUES (?)", (json.dumps(about),))
+    database.execute(f"CREATE TABLE rows ({', '.join(quoted)})")
+
+
+def _connected(path: Path) -> sqlite3.Connection:
+    uri = f"{path.resolve().as_uri()}?mode=rw"
+    return sqlite3.connect(uri, uri=True, isolation_level=None, timeout=_PATIENCE)
+
+
+def _imported(folder: Path) -> sqlite3.Connection:
+    """Read a finished study of version 0.3 into a database in memory."""
+    with needing(f"{folder}: results of version 0.3 need pyarrow", "sdt_drake[study]"):
+        from pyarrow import parquet
+    table = parquet.read_table(folder / _OLD_RESULTS)
+    about = json.loads(table.schema.metadata[b"sdt_drake"])
+    about |= json.loads((folder / "state.json").read_text(encoding="utf-8"))
+    database = sqlite3.connect(":memory:")
+    texts = {name: f"{table[name].type}" == "string" for name in about["inputs"]}
+    _fill(database, {"contents": {}, **about}, texts)
+    marks = ",".join("?" * table.num_columns)
+    values = zip(*(column.to_pylist() for column in table.columns), strict=True)
+    database.executemany(f"INSERT INTO rows VALUES ({marks})", values)
+    return database
 
 
 @contextmanager

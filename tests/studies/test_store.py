@@ -22,6 +22,7 @@ from sdt_drake.studies.study import Study
 from sdt_drake.studies.table import Row
 
 INPUTS = {"a": 0.1, 'b "c"': "text"}
+ABOUT = {"inputs": [*INPUTS], "outcomes": ["x", "y"]}
 ROWS = [
     Row(2, "ok", "", 0.1, (1 / 3, math.nan)),
     Row(0, "failed", "ünexpected \u2028 \\ '", 0.2, ()),
@@ -31,7 +32,7 @@ ROWS = [
 
 @pytest.fixture
 def written(tmp_path):
-    create(tmp_path, {"outcomes": ["x", "y"]}, {"a": False, 'b "c"': True})
+    create(tmp_path, ABOUT, {"a": False, 'b "c"': True})
     with Store(tmp_path) as store:
         for row in ROWS:
             store.append(row, INPUTS)
@@ -42,7 +43,8 @@ def test_rows_come_back_exactly_and_in_order(written):
     with Store(written) as store:
         (columns,) = store.groups()
         found = dict(zip(store.kinds, columns, strict=True))
-        assert store.done() == {0, 2, 3} and store.about == {"outcomes": ["x", "y"]}
+        assert store.done() == {0, 2, 3} and store.about == ABOUT
+        assert store.inputs(2) == INPUTS and store.inputs(1) == {}
     assert repr(found) == repr(
         {
             "row": (0, 2, 3),
@@ -172,8 +174,8 @@ def test_a_disk_that_is_full_from_the_start_leaves_a_folder_that_can_be_used(tmp
         assert holds_study(tmp_path)
 
 
-def test_a_study_of_an_older_version_is_refused(tmp_path):
+def test_an_unfinished_study_of_an_older_version_is_refused(tmp_path):
     (tmp_path / "rows.jsonl").write_text("")
     assert holds_study(tmp_path)
-    with pytest.raises(InputError, match=r"holds a study that version 0\.3 or an older one ran"):
+    with pytest.raises(InputError, match=r"an unfinished study of version 0\.3 or an older one"):
         Store(tmp_path)

@@ -158,7 +158,6 @@ def test_folder_of_a_study(refuse, desk, undisturbed):
         ("study.yaml", "", "study.yaml: empty"),
         ("study.yaml", "[", "study.yaml: not valid YAML"),
         ("scenario.yaml", "5", "scenario.yaml: 5"),
-        ("rows.jsonl", "", "mc: holds a study that version 0.3 or an older one ran (rows.jsonl)"),
     ],
 )
 def test_nonsense_in_a_folder(refuse, desk, undisturbed, file, text, message):
@@ -194,14 +193,28 @@ def test_inputs_that_were_changed_do_not_go_with_old_outcomes(
     assert main(["report", "mc"]) == 0
 
 
-def test_a_folder_of_an_older_version_is_refused(refuse, desk):
+def test_an_unfinished_study_of_an_older_version_is_refused(refuse, desk):
     (desk / "few").mkdir()
     (desk / "few" / "rows.jsonl").write_text("{}")
-    line = "few: holds a study that version 0.3 or an older one ran (rows.jsonl), expected one of"
+    line = "few: holds an unfinished study of version 0.3 or an older one (rows.jsonl), expected"
     for command in (["show", "few"], ["few.yaml"], ["few.yaml", "--resume"]):
         assert line in refuse(*command)
     assert main(["report", "few"]) == 2
     assert [path.name for path in (desk / "few").iterdir()] == ["rows.jsonl"]
+
+
+def test_a_finished_study_of_an_older_version_is_shown_and_repeated(copied, undisturbed, capfd):
+    """Its rows and inputs come from results.parquet."""
+    with Store(copied) as store:
+        names = ("fingerprint", "outcomes", "files", "versions")
+        state = {name: store.about[name] for name in names}
+    state["versions"]["package"] = "0.1.0"
+    (copied / "state.json").write_text(json.dumps(state))
+    (copied / DATABASE).rename(copied / "rows.jsonl")
+    found, whole = map(read_study_table, (copied, undisturbed))
+    np.testing.assert_equal(vars(found), vars(whole))
+    assert main(["study", "repeat", f"{copied}", "--row", "5"]) == 0
+    assert "The study was begun with package 0.1.0" in capfd.readouterr().out
 
 
 @pytest.mark.parametrize(
