@@ -17,6 +17,7 @@ two cores:
 
 import argparse
 import copy
+import json
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
@@ -24,6 +25,8 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.text import Text
+from numpy.typing import NDArray
 from pydrake.geometry import (
     ClippingRange,
     ColorRenderCamera,
@@ -60,7 +63,7 @@ from sdt_drake.show.figures.fronts import sizing_front
 from sdt_drake.show.figures.studies import distributions
 from sdt_drake.show.panels import over_time, picture
 from sdt_drake.show.paper_diagrams import DIAGRAMS, write_block_diagram
-from sdt_drake.show.style import PALETTE, Look, save
+from sdt_drake.show.style import PALETTE, Look, style
 from sdt_drake.show.view3d.viewer import record_html
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.sizing import load_sizing
@@ -278,6 +281,52 @@ def figures(studies: Path) -> dict[str, Callable[[], Figure]]:
         "sizing": partial(sizing, studies),
         **{f"training_{motion}": partial(training, motion) for motion in shipped_motions()},
     }
+
+
+# --- files -----------------------------------------------------------------------------------
+
+
+def drawn_numbers(figure: Figure) -> list[list[float]]:
+    """What a figure shows: x and y of every line, set of points or areas, and bar, in their order.
+
+    Of each at most 50 points, evenly among them, to 4 digits.
+    """
+    shown = []
+    for axes in figure.axes:
+        shown += [line.get_xydata() for line in axes.lines]
+        for points in axes.collections:
+            shown.append(
+                np.vstack([points.get_offsets(), *(p.vertices for p in points.get_paths())])
+            )
+        for patch in axes.patches:
+            shown.append(patch.get_patch_transform().transform(patch.get_path().vertices))
+    return [_thinned(np.asarray(points, dtype=float)) for points in shown]
+
+
+def texts(figure: Figure) -> list[str]:
+    """What a figure says: its title, titles and labels of its axes, words in them, and legends."""
+    said: list[str | Text] = [figure.get_suptitle()]
+    for axes in figure.axes:
+        said += [axes.get_title(loc) for loc in ("left", "center", "right")]
+        said += [axes.get_xlabel(), axes.get_ylabel(), *axes.texts]
+    for legend in (*figure.legends, *(axes.get_legend() for axes in figure.axes)):
+        said += legend.get_texts() if legend else []
+    words = (one if isinstance(one, str) else one.get_text() for one in said)
+    return [text for text in words if text]
+
+
+def _thinned(points: NDArray[np.float64]) -> list[float]:
+    few = points[np.linspace(0, len(points) - 1, min(len(points), 50)).round().astype(int)]
+    return [float(f"{value:.4g}") for value in few.ravel()]
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a PNG with its numbers and texts, by which two are compared: pixels depend on versions
+    and fonts."""
+    content = {"numbers": drawn_numbers(figure), "texts": texts(figure)}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with style():
+        figure.savefig(path, metadata={"Comment": json.dumps(content)})
 
 
 NAMES = ("device", *figures(HERE))

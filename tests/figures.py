@@ -9,12 +9,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from sdt_drake.show.style import CONTENT
-
 
 def content_of(png: Path) -> dict:
-    """Its `drawn_numbers` and `texts`."""
-    return json.loads(Image.open(png).text[CONTENT])
+    """Its numbers and texts, as diagrams/redraw.py writes them into it."""
+    return json.loads(Image.open(png).text["Comment"])
 
 
 def check_same(drawn: Path, committed: Path) -> None:

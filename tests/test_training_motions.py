@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,10 +19,10 @@ from sdt_drake.robot.head import head_motion_of_samples
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import simulate
-from sdt_drake.show import style
 from sdt_drake.show.figures import pilot as plots_pilot
 
 FIGURES = Path(__file__).resolve().parents[1] / "diagrams"
+REDRAW = runpy.run_path(str(FIGURES / "redraw.py"))
 PERIOD = 0.005
 
 
@@ -72,8 +73,8 @@ def test_committed_figures_show_the_motions_of_today(robot, name):
     *panels, error, band = figure.axes
     count = sum(len(ax.lines) for ax in panels)
     committed = content_of(FIGURES / f"training_{name}_plot.png")
-    check_same_numbers(style.drawn_numbers(figure)[:count], committed["numbers"][:count], name)
-    own = [text for text in style.texts(figure) if text != error.get_title(loc="right")]
+    check_same_numbers(REDRAW["drawn_numbers"](figure)[:count], committed["numbers"][:count], name)
+    own = [text for text in REDRAW["texts"](figure) if text != error.get_title(loc="right")]
     assert set(own) <= set(committed["texts"]) and len(band.texts) == len(story.segments)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import math
 import warnings
 from collections.abc import Iterator, Sequence
@@ -18,7 +17,6 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, NullFormatter, ScalarFormatter
 from numpy.typing import NDArray
 
@@ -30,9 +28,6 @@ from sdt_drake.io.shown import formatted
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
 
 FIGURES = (".png", ".svg", ".pdf")
-CONTENT = "Comment"
-"""Key of the text in a PNG that has its `drawn_numbers` and `texts`, as JSON: by them two pictures
-are compared, as pixels depend on versions and fonts."""
 
 _STYLE: dict[Any, Any] = {
     "font.size": 9,
@@ -237,11 +232,10 @@ def save(figure: Figure, path: str | Path) -> Path:
     path = Path(path)
     if path.suffix not in FIGURES:
         raise InputError(f"{path}: unknown kind of figure, expected {', '.join(FIGURES)}")
-    content = {"numbers": drawn_numbers(figure), "texts": texts(figure)}
-    metadata = {".svg": {"Date": None}, ".png": {CONTENT: json.dumps(content)}}
+    metadata = {"Date": None} if path.suffix == ".svg" else None
     whole = io.BytesIO()  # on a full disk matplotlib stumbles over what it could not write
     with style():
-        figure.savefig(whole, format=path.suffix[1:], metadata=metadata.get(path.suffix))
+        figure.savefig(whole, format=path.suffix[1:], metadata=metadata)
     with replacing(path) as partial:
         partial.write_bytes(whole.getvalue())
     return path
@@ -256,40 +250,6 @@ def save_both(figure: Figure, path: Path) -> Path:
 def pictures(*names: str) -> list[str]:
     """List the names of the files that `save_both` writes."""
     return [f"{name}{suffix}" for name in names for suffix in (".png", ".svg")]
-
-
-def drawn_numbers(figure: Figure) -> list[list[float]]:
-    """What a figure shows: x and y of every line, set of points or areas, and bar, in their order.
-
-    Of each at most 50 points, evenly among them, to 4 digits.
-    """
-    shown = []
-    for axes in figure.axes:
-        shown += [line.get_xydata() for line in axes.lines]
-        for points in axes.collections:
-            shown.append(
-                np.vstack([points.get_offsets(), *(p.vertices for p in points.get_paths())])
-            )
-        for patch in axes.patches:
-            shown.append(patch.get_patch_transform().transform(patch.get_path().vertices))
-    return [_thinned(np.asarray(points, dtype=float)) for points in shown]
-
-
-def texts(figure: Figure) -> list[str]:
-    """What a figure says: its title, titles and labels of its axes, words in them, and legends."""
-    said: list[str | Text] = [figure.get_suptitle()]
-    for axes in figure.axes:
-        said += [axes.get_title(loc) for loc in ("left", "center", "right")]
-        said += [axes.get_xlabel(), axes.get_ylabel(), *axes.texts]
-    for legend in (*figure.legends, *(axes.get_legend() for axes in figure.axes)):
-        said += legend.get_texts() if legend else []
-    words = (one if isinstance(one, str) else one.get_text() for one in said)
-    return [text for text in words if text]
-
-
-def _thinned(points: NDArray[np.float64]) -> list[float]:
-    few = points[np.linspace(0, len(points) - 1, min(len(points), 50)).round().astype(int)]
-    return [float(f"{value:.4g}") for value in few.ravel()]
 
 
 def check_screen(where: str) -> None:
