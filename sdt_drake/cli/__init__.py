@@ -1,6 +1,6 @@
 """The commands of `sdt-drake`, each a module.
 
-Its docstring says what it does, EXAMPLE shows it; `add` declares its options, `run` does the work.
+The docstring of its `run` is its help, with an example; the parameters are its options.
 """
 
 COMMANDS = (

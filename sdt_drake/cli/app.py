@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
-import importlib
 import logging
 import os
 import shlex
@@ -12,30 +10,53 @@ import sys
 import traceback
 import warnings
 from collections.abc import Sequence
-from typing import NoReturn
+
+from cyclopts import App, CycloptsError, Parameter
 
 import sdt_drake
 from sdt_drake.cli import COMMANDS
-from sdt_drake.cli.bar import bar
-from sdt_drake.cli.common import check_out, stop_printing
-from sdt_drake.cli.completion import HOW, complete
+from sdt_drake.cli.printing import bar, console, stop_printing
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import keeping_inputs
 from sdt_drake.io.progress import watching
 
 BAD_INPUT, FAULT, INTERRUPTED = 2, 70, 130
 
-_ORDER = """What a command works on stands alone: a SCENARIO, MOTION, RECORDING or ROBOT; what it
-needs beside that follows the name of an option: --scenario, --robot, --drive, --study."""
+_HELP = """Motion control of spatial disorientation trainers, in Drake.
+
+What a command works on stands alone: a SCENARIO, MOTION, RECORDING or ROBOT; what it needs beside
+that follows the name of an option: --scenario, --robot, --drive, --study. With --traceback any
+command shows where a fault of the program is.
+
+example: sdt-drake reproduce --out out
+"""
 
 _LONGEST = 1000  # letters of a line about an error
 
 
-class _Parser(argparse.ArgumentParser):
-    """Errors as one line, like those of the program itself."""
+def commands(name: str = "") -> App:
+    """The commands with their options; all are imported now if the named one is none of them."""
+    from cyclopts.help import DefaultFormatter, PanelSpec
+    from rich.box import ROUNDED, SIMPLE
 
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message} (see {self.prog} --help)")
+    box = ROUNDED if console.is_terminal else SIMPLE
+    app = App(
+        name="sdt-drake",
+        help=_HELP,
+        version=f"sdt-drake {sdt_drake.__version__}",
+        help_format="markdown",
+        console=console,
+        help_formatter=DefaultFormatter(panel_spec=PanelSpec(box=box)),
+        default_parameter=Parameter(negative=()),
+        exit_on_error=False,
+        print_error=False,
+    )
+    for k, command in enumerate(COMMANDS):
+        app.command(f"sdt_drake.cli.{command}:run", name=command, sort_key=k)
+        if name not in COMMANDS:
+            app[command]  # now, for its help
+    app.register_install_completion_command(help="Let Tab complete commands, options and names.")
+    return app
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -51,18 +72,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     lines: Sequence[str] = ()
     bar.begin()
     try:
-        with watching(bar.tell) if bar.has_terminal else contextlib.nullcontext():
-            code = _run(arguments)
+        with watching(bar.tell):
+            code = _run([text for text in arguments if text != "--traceback"])
     except KeyboardInterrupt:
         code = INTERRUPTED
+    except CycloptsError as error:
+        prog = " ".join(["sdt-drake", *(name for name in arguments[:1] if name in COMMANDS)])
+        told = f"{error}"
+        told = told if told.endswith("...") else told.removesuffix(".")
+        code, lines = BAD_INPUT, [f"{told} (see {prog} --help)"]
     except InputError as error:
         code, lines = BAD_INPUT, error.lines
-    except BrokenPipeError:
+    except (BrokenPipeError, SystemExit):  # as rich ends then
         pass  # whoever reads us has enough
     except OSError as error:
         code, lines = BAD_INPUT, [f"{error.filename or 'output'}: {error.strerror or error}"]
     except Exception as error:
-        if isinstance(error.__context__, KeyboardInterrupt):
+        if isinstance(error.__context__, KeyboardInterrupt):  # an import makes that of it
             return INTERRUPTED
         if "--traceback" in arguments:
             traceback.print_exc()
@@ -81,30 +107,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str]) -> int:
-    code = 0
+    if not arguments:
+        raise CycloptsError("COMMAND: missing")
     with keeping_inputs(), warnings.catch_warnings(record=True) as caught:
-        try:
-            parser = _parser([name for name in COMMANDS if name in arguments[:1]] or COMMANDS)
-            complete(parser)
-            options, unknown = parser.parse_known_args(arguments)
-            if unknown:
-                options.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
-            _check_surroundings(options)
-            if "kinds" in options:
-                check_out(options)
-            options.command(options)
-        except SystemExit as end:  # of --help with 0, of a study that failed with 1
-            code = int(end.code or 0)
+        command, bound, _ = commands(arguments[0]).parse_args(arguments)
+        _check_surroundings(bool(bound.arguments.get("show")))
+        code: int | None = command(*bound.args, **bound.kwargs)
         sys.stdout.flush()
     for warning in caught:  # of libraries; where something went wrong, the error says it better
         _print_error(f"warning: {warning.message}")
-    return code
+    return code or 0
 
 
-def _check_surroundings(options: argparse.Namespace) -> None:
+def _check_surroundings(is_shown: bool) -> None:
     try:
         os.getcwd()
-        if getattr(options, "show", False):
+        if is_shown:
             import matplotlib
         else:
             os.environ["MPLBACKEND"] = "agg"  # whatever a notebook has set: no screen is needed
@@ -132,30 +150,3 @@ def _print_error(message: str) -> None:
     with contextlib.suppress(OSError):  # a full disk, for one; the exit code tells
         bar.end()
         print(f"sdt-drake: {''.join(letters)}", file=sys.stderr)
-
-
-def _parser(names: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
-    """Of these commands: what others take need not be known to run one."""
-    parser = _Parser(
-        prog="sdt-drake",
-        description="Motion control of spatial disorientation trainers, in Drake.",
-        epilog=f"{_ORDER}\n\nexample: sdt-drake reproduce --out out\n\n{HOW}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--version", action="version", version=f"sdt-drake {sdt_drake.__version__}")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
-    for name in names:
-        module = importlib.import_module(f"sdt_drake.cli.{name}")
-        does = " ".join((module.__doc__ or "").split())
-        command = commands.add_parser(
-            name,
-            help=f"{does[0].lower()}{does[1:].removesuffix('.')}",
-            description=does,
-            epilog=f"example: {module.EXAMPLE}",
-        )
-        command.set_defaults(command=module.run, parser=command)
-        command.add_argument(
-            "--traceback", action="store_true", help="show where a fault of the program is"
-        )
-        module.add(command)
-    return parser

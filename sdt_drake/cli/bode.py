@@ -1,45 +1,50 @@
-"""Tell the frequency response of each joint's loop: bandwidth, margins, peak."""
+"""The command `bode`."""
 
 from __future__ import annotations
 
-import argparse
+from typing import Annotated
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import say
+from sdt_drake.cli.common import Changes, Out, Scenario, Show, number
+from sdt_drake.cli.printing import print_joints, say
 from sdt_drake.io.tables import RESULT_TABLES
 
-EXAMPLE = "sdt-drake bode coupled_pi --out bode.png"
 
+def run(
+    scenario: Scenario,
+    /,
+    *,
+    time: Annotated[float | None, number(gte=0)] = None,
+    out: Out = None,
+    show: Show = False,
+    changes: Changes = (),
+) -> None:
+    """Tell the frequency response of each joint's loop: bandwidth, margins, peak.
 
-def add(parser: argparse.ArgumentParser) -> None:
-    common.add_scenario(parser)
-    parser.add_argument(
-        "--time",
-        type=common.number(minimum=0),
-        help="linearise where the motion is at that time [s] (default: for each joint where its "
-        "inertia is largest for the first time)",
-    )
-    text = "the responses (.csv, .json), or a figure of them (.png, .svg, .pdf)"
-    common.add_figure(parser, text, RESULT_TABLES)
+    example: sdt-drake bode coupled_pi --out bode.png
 
-
-def run(options: argparse.Namespace) -> None:
+    Args:
+        time: linearise where the motion is at that time [s] (default: for each joint where its
+            inertia is largest for the first time)
+        out: the responses (.csv, .json), or a figure of them (.png, .svg, .pdf)
+    """
     from sdt_drake.analysis.frequency_response import left_out
 
-    design = common.design_of(options)
+    common.check_out(out, show, RESULT_TABLES)
+    design = common.design_of(scenario, changes)
     with common.naming_fields({"time": "--time"}):
-        response = sdt.bode(design, time=options.time)
-    scenario = design.scenario
-    title = f"{scenario.name}: {scenario.controller.label}"
-    say(f"{title} on the {scenario.plant.kind} plant")
-    common.print_joints(design.robot.joint_names, response.columns())
+        response = sdt.bode(design, time=time)
+    chosen = design.scenario
+    title = f"{chosen.name}: {chosen.controller.label}"
+    say(f"{title} on the {chosen.plant.kind} plant")
+    print_joints(design.robot.joint_names, response.columns())
     cut = f"the loop cut at {response.cut}"
     if response.at_positions:
         cut += f", sampled every {design.motion.period:g} s"
     say(f"speed of the link over its reference, without feedforward; {cut}")
     times = design.motion.time[response.sample]
-    if options.time is None:
+    if time is None:
         joints = ", ".join(f"{t:.3f}" for t in times)
         say(f"linear at rest on the motion, where each joint's inertia is largest, at {joints} s")
     else:
@@ -47,7 +52,8 @@ def run(options: argparse.Namespace) -> None:
     for clause in left_out(design, response):
         say(f"note: {clause}")
     common.deliver(
-        options,
+        out,
+        show,
         lambda: sdt.plots.bode(title, response, design.robot.joint_names),
         response.results(title).write,
     )

@@ -1,32 +1,33 @@
-"""Split the speed error of an axis scenario into its causes."""
+"""The command `budget`."""
 
 from __future__ import annotations
-
-import argparse
 
 import numpy as np
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import say
+from sdt_drake.cli.common import Changes, Out, Scenario, Show
+from sdt_drake.cli.printing import print_table, say
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.shown import numbered
 from sdt_drake.io.tables import RESULT_TABLES, Results
 
-EXAMPLE = "sdt-drake budget axis_pi_ctc --out budget.png"
 
+def run(
+    scenario: Scenario, /, *, out: Out = None, show: Show = False, changes: Changes = ()
+) -> None:
+    """Split the speed error of an axis scenario into its causes.
 
-def add(parser: argparse.ArgumentParser) -> None:
-    common.add_scenario(parser)
-    text = "the parts (.csv, .json), or a figure of them (.png, .svg, .pdf)"
-    common.add_figure(parser, text, RESULT_TABLES)
+    example: sdt-drake budget axis_pi_ctc --out budget.png
 
-
-def run(options: argparse.Namespace) -> None:
+    Args:
+        out: the parts (.csv, .json), or a figure of them (.png, .svg, .pdf)
+    """
     from sdt_drake.analysis.budget import error_budget
 
-    design = common.design_of(options)
-    with common.naming(options.scenario):
+    common.check_out(out, show, RESULT_TABLES)
+    design = common.design_of(scenario, changes)
+    with common.naming(scenario):
         budget = error_budget(design)
     signals = {"whole": budget.whole, **budget.parts, "remainder": budget.remainder}
     names = design.robot.joint_names
@@ -36,7 +37,7 @@ def run(options: argparse.Namespace) -> None:
     def size(error: Array) -> str:
         return f"{np.sqrt(np.mean(error**2)):.2g} ({np.abs(error).max():.2g})"
 
-    common.print_table(
+    print_table(
         ("part", *numbered(names)),
         [(label, *map(size, values.T)) for label, values in signals.items()],
     )
@@ -49,4 +50,4 @@ def run(options: argparse.Namespace) -> None:
     }
     units = dict.fromkeys(columns, "rad/s")
     results = Results(about, {"time": budget.time, **columns}, units)
-    common.deliver(options, lambda: sdt.plots.error_budget(title, budget, names), results.write)
+    common.deliver(out, show, lambda: sdt.plots.error_budget(title, budget, names), results.write)

@@ -1,31 +1,29 @@
-"""What the commands share: options, texts, printing."""
+"""What the commands share: types of their options, files to write, errors that name options."""
 
 from __future__ import annotations
 
-import argparse
-import contextlib
+import math
 import os
 import re
-import sys
-import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from sdt_drake.cli.bar import bar
+from cyclopts import Parameter, Token
+from cyclopts.validators import Number
+
+from sdt_drake.cli import completion
+from sdt_drake.cli.printing import say
 from sdt_drake.io.errors import InputError, rewording
-from sdt_drake.io.fields import Rule
 from sdt_drake.io.files import checked_name, checked_output, checked_suffix
 from sdt_drake.io.formats import BINARY, check_binary
-from sdt_drake.io.shown import aligned, by_joint
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from sdt_drake.robot.robot import Robot
+    from sdt_drake.robot.robot import Robot as RobotModel
     from sdt_drake.run.design import Design
-    from sdt_drake.show.documents import Table
 
 # The heavy imports stand in the functions that run: --help and --version answer at once.
 
@@ -36,159 +34,121 @@ ROBOT = "sdt"
 # --- options ---------------------------------------------------------------------------------
 
 
-def add_out(parser: argparse.ArgumentParser, help_: str, default: str | None = None) -> None:
-    note = f" (default: {default})" if default else ""
-    parser.add_argument("--out", type=some_path, default=default, help=help_ + note)
-
-
-def some_path(text: str) -> Path:
-    """The type of an option: a path to write to, where ~ is what the shell takes it for.
-
-    Raises:
-        argparse.ArgumentTypeError: if it is empty, which Python takes for the folder we are in, or
-            cannot be a name.
-    """
-    if not text:
-        raise argparse.ArgumentTypeError("empty, expected a path")
+def _path(_: object, tokens: Sequence[Token]) -> Path:
+    """A path to write to, where ~ is what the shell takes it for."""
+    text = tokens[0].value
+    if not text:  # which Python takes for the folder we are in
+        raise ValueError("empty, expected a path")
     try:
         return checked_name(text).expanduser()
-    except (InputError, RuntimeError) as error:  # ~nobody
-        raise argparse.ArgumentTypeError(f"{text}: {error}") from None
+    except RuntimeError as error:  # ~nobody
+        raise ValueError(f"{text}: {error}") from None
 
 
-def number(kind: type[float] = float, **bounds: Any) -> Callable[[str], float]:
-    """The type of an option: a number that a `Rule` of these takes; number(above=0, unit="s"), or
-    number(int, minimum=1) for a whole one."""
-    rule, whole = Rule(**bounds), "whole " if kind is int else ""
-
-    def checked(text: str) -> float:
-        with contextlib.suppress(ValueError):
-            if rule.takes(value := kind(text)):
-                return value
-        raise argparse.ArgumentTypeError(f"{text}, expected a {whole}number{rule.bounds()}")
-
-    return checked
-
-
-def add_figure(parser: argparse.ArgumentParser, help_: str, kinds: Sequence[str]) -> None:
-    """Add --out and --show; see `check_out` and `deliver`.
-
-    Args:
-        parser: of the command.
-        help_: of --out.
-        kinds: of files that it takes beside those of figures; "" for a folder.
-    """
-    add_out(parser, help_)
-    parser.add_argument("--show", action="store_true", help="open the figure on the screen")
-    parser.set_defaults(kinds=kinds)
-
-
-def add_recorded(parser: argparse.ArgumentParser) -> None:
-    """Add --columns and --side, of every command that takes recordings of a real machine."""
-    parser.add_argument(
-        "--columns", metavar="FILE", help="YAML file that says what the columns are called"
-    )
-    parser.add_argument(
-        "--side",
-        choices=("joint", "motor"),
-        help="of the torques (default: of the motor in a recording of `simulate`, else of the "
-        "joint)",
-    )
-
-
-def add_motion(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "motion",
-        nargs="?",
-        default=MOTION,
-        help="name of one that ships, profile .yaml or motion .csv (default: %(default)s)",
-    )
-
-
-def add_robot(
-    parser: argparse.ArgumentParser,
-    help_: str = "SDF or URDF file (default: the shipped device)",
-    default: str | None = ROBOT,
-) -> None:
-    parser.add_argument("--robot", default=default, help=help_)
-
-
-def add_period(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--period", type=float, default=0.005, help="interpolation period [s]")
-
-
-def add_scenario(
-    parser: argparse.ArgumentParser,
-    help_: str = "name of one that ships (`sdt-drake scenarios`), or .yaml file",
-    metavar: str = "SCENARIO",
-    **more: Any,
-) -> None:
-    """Add a scenario, or what else the help says, and --set; `more` are those of `add_argument`."""
-    parser.add_argument("scenario", metavar=metavar, help=help_, **more)
-    add_changes(parser)
-
-
-def add_changes(parser: argparse.ArgumentParser) -> None:
-    """Add --set, of every command that takes a scenario; see `load` and `naming_changes`."""
-    parser.add_argument(
-        "--set",
-        dest="changes",
-        type=_change,
-        action="append",
-        default=[],
-        metavar="FIELD=VALUE",
-        help="a field of the scenario, as if it stood in the file, any number of times: "
-        "--set controller.kind=p_pi --set plant.deviation.payload_mass=20",
-    )
-
-
-def _change(text: str) -> tuple[str, Any]:
-    """The type of an option: dotted name of a field, and its value."""
+def _changes(_: object, tokens: Sequence[Token]) -> tuple[tuple[str, Any], ...]:
+    """Dotted names of fields, and their values."""
     from sdt_drake.io.yaml_files import parse_yaml
 
-    name, equals, value = text.partition("=")
-    if not name or not equals:
-        raise argparse.ArgumentTypeError(f"'{text}', expected FIELD=VALUE, controller.kind=p_pi")
+    changes = []
+    for token in tokens:
+        name, equals, value = token.value.partition("=")
+        if not name or not equals:
+            raise ValueError(f"'{token.value}', expected FIELD=VALUE, controller.kind=p_pi")
+        try:
+            changes.append((name.strip(), parse_yaml(value)))
+        except InputError as error:
+            raise ValueError(f"{name}: {error}") from None
+    return tuple(changes)
+
+
+def _whole(_: object, tokens: Sequence[Token]) -> int:
+    """A whole number: cyclopts would round others."""
     try:
-        return name.strip(), parse_yaml(value)
-    except InputError as error:
-        raise argparse.ArgumentTypeError(f"{name}: {error}") from None
+        return int(tokens[0].value)
+    except ValueError:
+        raise ValueError(f"{tokens[0].value}, expected a whole number") from None
 
 
-def add_omega_r(parser: argparse.ArgumentParser, default: str) -> None:
-    """Add --omega-r; None if it is not given: the command says what it takes then."""
-    parser.add_argument(
-        "--omega-r",
-        type=number(above=0),
-        help=f"lowest natural frequency of the structure [rad/s] (default: {default})",
-    )
+def number(**bounds: float) -> Parameter:
+    """A finite number within bounds of cyclopts: number(gt=0), number(gte=1, lte=10)."""
+    return Parameter(validator=[Number(**bounds), Number(gt=-math.inf, lt=math.inf)])
 
 
-def refuse_options(options: argparse.Namespace, why: str, *names: str) -> None:
-    """Refuse options that are given where they have no use; names: of their values."""
-    for name in names:
-        if getattr(options, name) != options.parser.get_default(name):
-            raise InputError(f"--{'set' if name == 'changes' else name}: {why}")
+def one_of(*kinds: str, **more: Any) -> Parameter:
+    """A file, or the name of one of these kinds that ships; `more` are those of a parameter."""
+    return Parameter(metavar="NAME|FILE", completer=completion.names(*kinds), **more)
 
 
-def refuse_changes(options: argparse.Namespace) -> None:
+Scenario = Annotated[
+    str, one_of("scenario", help="name of one that ships (`sdt-drake scenarios`), or .yaml file")
+]
+Motion = Annotated[
+    str, one_of("motion", help="name of one that ships, profile .yaml or motion .csv")
+]
+Robot = Annotated[str, one_of("robot", help="SDF or URDF file")]
+OtherRobot = Annotated[
+    str | None, one_of("robot", help="SDF or URDF file (default: the shipped device)")
+]
+Changes = Annotated[
+    tuple[tuple[str, Any], ...],
+    Parameter(
+        name="--set",
+        metavar="FIELD=VALUE",
+        converter=_changes,
+        n_tokens=1,
+        show_default=False,
+        completer=completion.fields,
+        help="a field of the scenario, as if it stood in the file, any number of times: "
+        "`--set controller.kind=p_pi --set plant.deviation.payload_mass=20`",
+    ),
+]
+Whole = Annotated[int, Parameter(converter=_whole)]
+Target = Annotated[Path, Parameter(converter=_path)]
+Out = Annotated[Path | None, Parameter(converter=_path)]
+Flag = Annotated[bool, Parameter(show_default=False)]
+Show = Annotated[bool, Parameter(show_default=False, help="open the figure on the screen")]
+OmegaR = Annotated[float | None, number(gt=0)]
+Columns = Annotated[
+    str | None,
+    Parameter(metavar="FILE", help="YAML file that says what the columns are called"),
+]
+Side = Annotated[
+    Literal["joint", "motor"] | None,
+    Parameter(
+        help="of the torques (default: of the motor in a recording of `simulate`, else of the "
+        "joint)"
+    ),
+]
+
+
+def refuse(why: str, **given: Any) -> None:
+    """Refuse options that are given where they have no use, by their names in Python."""
+    for name, value in given.items():
+        if all(value is not nothing for nothing in (None, False, ())):
+            option = "set" if name == "changes" else name.replace("_", "-")
+            raise InputError(f"--{option}: {why}")
+
+
+def refuse_changes(changes: Changes, thing: str) -> None:
     """Refuse --set where no scenario is given that it could change."""
-    refuse_options(options, f"changes a scenario, which {options.scenario} is not", "changes")
+    refuse(f"changes a scenario, which {thing} is not", changes=changes)
 
 
-def design_of(options: argparse.Namespace, check: Callable[[Robot], None] | None = None) -> Design:
-    """The design of the scenario that `add_scenario` asked for; errors name it.
+def design_of(
+    path: str, changes: Changes = (), check: Callable[[RobotModel], None] | None = None
+) -> Design:
+    """The design of a scenario, by name or file, with --set; errors name it.
 
     Args:
-        options: with `scenario`, name or file, and `changes`.
+        path: of the scenario.
+        changes: of its fields.
         check: of its robot, before anything is planned.
     """
     from sdt_drake.run.design import load_device, make_design
     from sdt_drake.run.scenario import load_scenario
 
-    path = options.scenario
-    with naming_changes(options):
-        scenario = load_scenario(path, dict(options.changes))
+    with naming_changes(changes):
+        scenario = load_scenario(path, dict(changes))
         own = re.compile(rf"^scenario '{re.escape(scenario.name)}'")
         with rewording(lambda line: own.sub(lambda _: path, line)):
             robot = load_device(scenario)
@@ -197,9 +157,9 @@ def design_of(options: argparse.Namespace, check: Callable[[Robot], None] | None
             return make_design(scenario, robot=robot)
 
 
-def naming_changes(options: argparse.Namespace) -> AbstractContextManager[None]:
+def naming_changes(changes: Changes) -> AbstractContextManager[None]:
     """Errors within name the --set that they are about, or else all."""
-    names = {name: f"--set {name}" for name, _ in options.changes}
+    names = {name: f"--set {name}" for name, _ in changes}
     return naming_fields(names, f" (with --set {', '.join(names)})" if names else "")
 
 
@@ -274,22 +234,26 @@ def _check_place(folder: Path) -> None:
             raise InputError(f"{place}: is a file, expected a folder")
 
 
-def check_out(options: argparse.Namespace) -> None:
-    """Refuse what `add_figure` lets one ask for and could not be written or shown, before anything
-    is computed."""
+def check_out(out: Path | None, show: bool, kinds: Sequence[str]) -> None:
+    """Refuse --out and --show that could not be written or shown, before anything is computed.
+
+    Args:
+        out: of figures, or else of other kinds.
+        show: whether there has to be a screen.
+        kinds: of files beside those of figures; "" for a folder.
+    """
     from sdt_drake.show import style
 
-    path: Path | None = options.out
-    if options.show:
+    if show:
         style.check_screen("--show")
-    if path is None:
+    if out is None:
         return
-    if path.suffix or "" not in options.kinds:
-        check_file(path, [*filter(None, options.kinds), *style.FIGURES])
+    if out.suffix or "" not in kinds:
+        check_file(out, [*filter(None, kinds), *style.FIGURES])
     else:
-        check_folder(path)
-    if path.suffix in BINARY:
-        check_binary(path)
+        check_folder(out)
+    if out.suffix in BINARY:
+        check_binary(out)
 
 
 def check_file(path: Path, suffixes: Sequence[str]) -> None:
@@ -300,24 +264,24 @@ def check_file(path: Path, suffixes: Sequence[str]) -> None:
 
 
 def deliver(
-    options: argparse.Namespace, figure: Callable[[], Figure], write: Callable[[Path], object]
+    out: Path | None, show: bool, figure: Callable[[], Figure], write: Callable[[Path], object]
 ) -> None:
     """Do what --out and --show ask for.
 
     Args:
-        options: with `out` (checked by `check_out`) and `show`.
+        out, show: as `check_out` has found them good.
         figure: draws it; not called if nobody wants it.
         write: a file of another kind.
     """
     from sdt_drake.show import style
 
-    if options.out is not None:
-        if options.out.suffix in style.FIGURES:
-            style.save(figure(), options.out)
+    if out is not None:
+        if out.suffix in style.FIGURES:
+            style.save(figure(), out)
         else:
-            write(options.out)
-        say(f"{options.out} written")
-    if options.show:
+            write(out)
+        say(f"{out} written")
+    if show:
         style.show(figure())
 
 
@@ -325,48 +289,3 @@ def naming(path: str) -> AbstractContextManager[None]:
     """Errors within name the scenario file."""
     own = re.compile(r"^(scenario '.*?': )?")
     return rewording(lambda line: own.sub(lambda _: f"{path}: ", line))
-
-
-# --- printing --------------------------------------------------------------------------------
-
-
-def say(text: str = "") -> None:
-    """Print a line; whoever reads us may have enough, the results are written all the same."""
-    bar.end()
-    try:
-        print(text, flush=True)
-    except BrokenPipeError:
-        stop_printing(sys.stdout)
-
-
-def say_wrapped(text: str, first: str = "", rest: str = "  ", width: int = 96) -> None:
-    """Print running text in lines of at most so many characters, with what they begin with."""
-    for line in textwrap.wrap(text, width, initial_indent=first, subsequent_indent=rest):
-        say(line)
-
-
-def stop_printing(stream: TextIO) -> None:
-    """Send the rest of the output nowhere: its reader is gone."""
-    # Python would complain once more at exit.
-    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
-def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], keys: int = 1) -> None:
-    """Print aligned columns within 80 characters; see `aligned`."""
-    for line in aligned(header, rows, keys):
-        say(line)
-
-
-def print_document_table(table: Table) -> None:
-    """Print a table of a report."""
-    print_table(table.header, table.rows)
-
-
-def print_joints(names: Sequence[str], columns: Sequence[tuple[str, str, Iterable[Any]]]) -> None:
-    """Print a table with a row for each joint.
-
-    Args:
-        names: of the joints.
-        columns: header, format and a value for each joint; NaN is a dash.
-    """
-    print_table(*by_joint(names, columns))

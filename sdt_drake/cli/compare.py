@@ -1,15 +1,15 @@
-"""Run a scenario with several controllers, side by side."""
+"""The command `compare`."""
 
 from __future__ import annotations
 
-import argparse
+from typing import Annotated
+
+from cyclopts import Parameter
 
 import sdt_drake as sdt
-from sdt_drake.cli import common
-from sdt_drake.cli.common import print_table, say
-
-EXAMPLE = "sdt-drake compare coupled_pi --controllers pi,pi_id,p_pi+id"
-
+from sdt_drake.cli import common, completion
+from sdt_drake.cli.common import Changes, Out, Scenario, Show
+from sdt_drake.cli.printing import print_table, say
 
 CONTROLLERS = {
     "axis": "pi,pi_ctc,pi_id,p_pi+id,pi_scheduled",
@@ -17,31 +17,37 @@ CONTROLLERS = {
 }
 
 
-def add(parser: argparse.ArgumentParser) -> None:
-    common.add_scenario(parser)
-    parser.add_argument(
-        "--controllers",
-        help="kinds of controllers, with +none, +ctc or +id where a kind leaves its feedforward "
-        "open (default: all that the plant allows)",
-    )
-    text = "CSV file for the table, or a figure of it (.png, .svg, .pdf)"
-    common.add_figure(parser, text, [".csv"])
+def run(
+    scenario: Scenario,
+    /,
+    *,
+    controllers: Annotated[str | None, Parameter(completer=completion.controllers)] = None,
+    out: Out = None,
+    show: Show = False,
+    changes: Changes = (),
+) -> None:
+    """Run a scenario with several controllers, side by side.
 
+    example: sdt-drake compare coupled_pi --controllers pi,pi_id,p_pi+id
 
-def run(options: argparse.Namespace) -> None:
+    Args:
+        controllers: kinds of controllers, with +none, +ctc or +id where a kind leaves its
+            feedforward open (default: all that the plant allows)
+        out: CSV file for the table, or a figure of it (.png, .svg, .pdf)
+    """
     from sdt_drake.analysis import comparison
     from sdt_drake.analysis.tracking import stops_passed
 
-    design = common.design_of(options)
-    scenario, text = design.scenario, options.controllers
-    if text is None:
-        text = CONTROLLERS[scenario.plant.kind]
+    common.check_out(out, show, [".csv"])
+    design = common.design_of(scenario, changes)
+    name, plant = design.scenario.name, design.scenario.plant.kind
+    text = CONTROLLERS[plant] if controllers is None else controllers
     labels = [label.strip() for label in text.split(",") if label.strip()]
     comparison.check_labels(labels, "--controllers")
-    with common.naming(options.scenario):
+    with common.naming(scenario):
         compared = sdt.compare(design, labels)
     count = f"{len(compared)} controller{'s' if len(compared) > 1 else ''}"
-    say(f"{scenario.name}: {count} on the {scenario.plant.kind} plant")
+    say(f"{name}: {count} on the {plant} plant")
     print_table(*comparison.comparison_rows(compared), keys=2)
     say("speeds and positions are joint side, torques motor side, % of the motor's largest")
     for c in compared:
@@ -59,7 +65,8 @@ def run(options: argparse.Namespace) -> None:
         [(c.label, str(c.blocks), ", ".join(c.needs)) for c in compared],
     )
     common.deliver(
-        options,
-        lambda: sdt.plots.comparison(f"{scenario.name}: controllers", compared),
+        out,
+        show,
+        lambda: sdt.plots.comparison(f"{name}: controllers", compared),
         lambda path: comparison.write_comparison(compared, path),
     )

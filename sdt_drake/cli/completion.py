@@ -1,45 +1,59 @@
-"""Completion by the shell, with argcomplete: commands, options, files, and names of what ships."""
+"""Completion by the shell: names of what ships, files, fields of scenarios, controllers."""
 
 from __future__ import annotations
 
-import argparse
+import glob
+import json
 import os
-from functools import partial
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
 
-from sdt_drake.io.errors import needing
-from sdt_drake.io.resources import SHIPPED, shipped
+from sdt_drake.io.resources import models_dir, shipped
 
-HOW = """Tab completes names: pip install 'sdt_drake[completion]', and in ~/.bashrc or ~/.zshrc
-  eval "$(register-python-argcomplete sdt-drake)"
-"""
+if TYPE_CHECKING:
+    from cyclopts.completion import CompletionContext
 
 
-def complete(parser: argparse.ArgumentParser) -> None:
-    """Answer the shell and end, if it is what runs us."""
-    if "_ARGCOMPLETE" not in os.environ:
-        return
-    with needing("completion", "sdt_drake[completion]"):
-        import argcomplete
-    add_names(parser)
-    argcomplete.autocomplete(parser)
+def names(*kinds: str) -> Callable[[CompletionContext], list[str]]:
+    """Complete names of what ships of these kinds, and files."""
+
+    def complete(context: CompletionContext) -> list[str]:
+        found = glob.glob(f"{glob.escape(context.incomplete)}*")
+        # What is in a folder comes with it: alone, the shell would take its name for a whole word.
+        below = (x for path in found if os.path.isdir(path) for x in glob.glob(f"{path}/*"))
+        return [*shipped(*kinds), *found, *below]
+
+    return complete
 
 
-def add_names(parser: argparse.ArgumentParser) -> None:
-    """Tell argcomplete the names that an argument takes: those of the kinds that it is called."""
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for command in action.choices.values():
-                add_names(command)
-            continue
-        words = " ".join([*action.option_strings, f"{action.metavar}", action.dest]).lower()
-        kinds = [kind for kind in SHIPPED if kind in words]
-        if kinds and action.type is None:
-            complete_names = partial(_names, kinds)
-            setattr(action, "completer", complete_names)  # noqa: B010, an attribute of argcomplete's
+def controllers(context: CompletionContext) -> list[str]:
+    """Complete the last one of a list of controllers."""
+    from sdt_drake.run.kinds import CONTROLLERS
+
+    before, comma, _ = context.incomplete.rpartition(",")
+    return [f"{before}{comma}{kind}" for kind in CONTROLLERS]
 
 
-def _names(kinds: list[str], prefix: str, **_: Any) -> list[str]:
-    from argcomplete.completers import FilesCompleter
+def fields(context: CompletionContext) -> list[str]:
+    """Complete fields of a scenario, with each of their choices, or the default."""
+    schema = json.loads((models_dir() / "schemas" / "scenario.json").read_text(encoding="utf-8"))
+    return [*_fields(schema, schema, "")]
 
-    return [*shipped(*kinds), *FilesCompleter()(prefix)]
+
+def _fields(schema: Any, part: Any, name: str) -> Iterator[str]:
+    """Fields below a part of a JSON Schema, as --set takes them."""
+    if "$ref" in part:
+        *_, group, key = part["$ref"].split("/")
+        part = schema[group][key]
+    below = [
+        found
+        for choice in (*part.get("anyOf", ()), *part.get("oneOf", ()))
+        for found in _fields(schema, choice, name)
+        if "." in found
+    ]
+    for key, value in part.get("properties", {}).items():
+        below += _fields(schema, value, f"{name}.{key}" if name else key)
+    default = part.get("default", "")
+    told = "" if isinstance(default, list | dict) else default
+    values = [value for value in part.get("enum", [told]) if value is not None]
+    yield from below or (f"{name}={value}" for value in values)

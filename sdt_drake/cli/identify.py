@@ -1,67 +1,65 @@
-"""Find the parameters of a robot in recordings, and write the robot that they say."""
+"""The command `identify`."""
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import say
-
-EXAMPLE = "sdt-drake identify sdt run.csv --out identified"
-
-
-def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("robot", metavar="ROBOT", help="SDF or URDF file to start from")
-    parser.add_argument(
-        "recordings", nargs="+", metavar="RECORDING",
-        help="CSV file with time, q_k and tau_k for every joint k, or of `simulate`",
-    )  # fmt: skip
-    common.add_out(parser, "folder for what is found", "identified")
-    common.add_recorded(parser)
-    parser.add_argument(
-        "--validate", nargs="+", default=[], metavar="FILE",
-        help="recordings to judge by (default: the last third of each of the others)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--held-out", type=common.number(above=0, below=1), default=1 / 3, metavar="SHARE",
-        help="of each recording, at its end, to judge by (default: 1/3)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--only", choices=("payload", "friction"), help="find this, and take all else from the file"
-    )
-    parser.add_argument("--payload", default="payload", metavar="LINK", help="what --only means")
-    parser.add_argument(
-        "--cutoff", type=common.number(minimum=0.1, maximum=1000, unit="Hz"), metavar="HZ",
-        help="compare torques below it (default: twice where 99.9 %% of their power is)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--scenario", dest="base", metavar="NAME|FILE",
-        help="whose motion, drives and controller the written scenario has (default: real_device "
-        "for the shipped robot, else a PI controller on what was recorded)",
-    )  # fmt: skip
+from sdt_drake.cli.common import Columns, Robot, Side, Target, number, one_of
+from sdt_drake.cli.printing import print_document_table, say
 
 
-def run(options: argparse.Namespace) -> None:
+def run(
+    robot: Robot,
+    recordings: Annotated[list[str], Parameter(name="RECORDING")],
+    /,
+    *,
+    out: Target = Path("identified"),
+    columns: Columns = None,
+    side: Side = None,
+    validate: Annotated[list[str] | None, Parameter(consume_multiple=True)] = None,
+    held_out: Annotated[float, number(gt=0, lt=1), Parameter(show_default="1/3")] = 1 / 3,
+    only: Literal["payload", "friction"] | None = None,
+    payload: str = "payload",
+    cutoff: Annotated[float | None, number(gte=0.1, lte=1000)] = None,
+    scenario: Annotated[str | None, one_of("scenario")] = None,
+) -> None:
+    """Find the parameters of a robot in recordings, and write the robot that they say.
+
+    example: sdt-drake identify sdt run.csv --out identified
+
+    Args:
+        recordings: CSV files with time, q_k and tau_k for every joint k, or of `simulate`
+        out: folder for what is found
+        validate: recordings to judge by (default: the end of each of the others)
+        held_out: share of each recording, at its end, to judge by
+        only: find this, and take all else from the file
+        payload: link that --only means
+        cutoff: compare torques below it [Hz] (default: twice where 99.9 % of their power is)
+        scenario: whose motion, drives and controller the written scenario has (default:
+            real_device for the shipped robot, else a PI controller on what was recorded)
+    """
     from sdt_drake.machine.identify.files import base_scenario
     from sdt_drake.machine.identify.model import identified_robot, plant_friction
     from sdt_drake.show.reports import identification as analysis
 
-    folder: Path = options.out
-    common.check_folder(folder, analysis.FILES)
-    robot = sdt.load_robot(options.robot)
-    scenario = base_scenario(robot, options.base)
+    common.check_folder(out, analysis.FILES)
+    model = sdt.load_robot(robot)
+    base = base_scenario(model, scenario)
     found = sdt.identify(
-        robot,
-        options.recordings,
-        validate=options.validate,
-        columns=options.columns,
-        side=options.side,
-        only=options.only,
-        payload=options.payload,
-        cutoff=options.cutoff,
-        held_out=options.held_out,
+        model,
+        recordings,
+        validate=validate or (),
+        columns=columns,
+        side=side,
+        only=only,
+        payload=payload,
+        cutoff=cutoff,
+        held_out=held_out,
     )
     better, files = identified_robot(found), plant_friction(found)
     for line in analysis.in_short(found):
@@ -69,10 +67,10 @@ def run(options: argparse.Namespace) -> None:
     for line in found.warnings:
         say(f"warning: {line}")
     say()
-    common.print_document_table(analysis.errors_table(found, better))
+    print_document_table(analysis.errors_table(found, better))
     say()
-    common.print_document_table(analysis.friction_table(found, files))
+    print_document_table(analysis.friction_table(found, files))
     for line in analysis.undecided_laws(found, files):
         say(f"note: {line}")
     say()
-    say(f"{analysis.write_identified(found, better, files, folder, scenario)} written")
+    say(f"{analysis.write_identified(found, better, files, out, base)} written")

@@ -1,17 +1,15 @@
-"""Put a robot, a motion, motors, a scenario and a study into a folder, to make them your own."""
+"""The command `init`."""
 
 from __future__ import annotations
 
-import argparse
 import shlex
 from pathlib import Path
 
-from sdt_drake.cli.common import check_folder, say, some_path
+from sdt_drake.cli.common import Target, check_folder
+from sdt_drake.cli.printing import say
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing_files, write_text
 from sdt_drake.io.resources import models_dir
-
-EXAMPLE = "sdt-drake init my_trainer"
 
 _STARTER = Path(__file__).with_name("starter")
 
@@ -27,12 +25,14 @@ Change a file, or a field on the way: --set controller.kind=pi
 Every field of every file: sdt-drake reference"""
 
 
-def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", metavar="FOLDER", type=some_path, help="new, or empty")
+def run(folder: Target, /) -> None:
+    """Put a robot, a motion, motors, a scenario and a study into a folder, to make them your own.
 
+    example: sdt-drake init my_trainer
 
-def run(options: argparse.Namespace) -> None:
-    folder: Path = options.folder
+    Args:
+        folder: new, or empty
+    """
     check_folder(folder)
     if folder.is_dir() and any(folder.iterdir()):
         raise InputError(f"{folder}: is not empty, expected a new folder, or an empty one")

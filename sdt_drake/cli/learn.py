@@ -1,15 +1,18 @@
-"""Fly a motion several times, and learn from its errors what reference to fly next."""
+"""The command `learn`."""
 
 from __future__ import annotations
 
-import argparse
 import shlex
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
 
 from sdt_drake.cli import common
-from sdt_drake.cli.common import say
+from sdt_drake.cli.common import Changes, Flag, Out, Whole, number, one_of
+from sdt_drake.cli.printing import print_document_table, print_joints, say
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing_files
 
@@ -17,101 +20,90 @@ if TYPE_CHECKING:
     from sdt_drake.machine.learn.filter import Convergence, LearningFilter
     from sdt_drake.run.design import Design
 
-EXAMPLE = "sdt-drake learn wrong_model --set controller.kind=p_pi --flights 5 --out learned"
+    Checked = Callable[[Design], tuple[LearningFilter, list[Convergence]]]
 
-_FLIGHTS, _MOST = 5, 1000
-
-
-def add(parser: argparse.ArgumentParser) -> None:
-    text = "name of one that ships, or .yaml file; with --recording for the first one only"
-    common.add_scenario(parser, text, nargs="?")
-    parser.add_argument(
-        "--flights",
-        type=common.number(int, minimum=1, maximum=_MOST),
-        help=f"at most, with the first one (default: {_FLIGHTS})",
-    )
-    parser.add_argument(
-        "--of",
-        choices=("reference", "torque"),
-        default="reference",
-        help="what is learned: a change of the reference (default), or a torque feedforward, of "
-        "which only what changes quickly can be learned unless the scenario's held_speed is mean",
-    )
-    parser.add_argument(
-        "--bandwidth",
-        type=float,
-        metavar="HZ",
-        help="up to which errors are learned (default: as far as the model is trusted)",
-    )
-    parser.add_argument(
-        "--study",
-        metavar="STUDY",
-        help="whose variables are the uncertainty of the device, which learning must converge for",
-    )
-    parser.add_argument(
-        "--draws",
-        type=common.number(int, minimum=1, maximum=_MOST),
-        default=20,
-        help="devices of the study to check, at most (default: 20)",
-    )
-    parser.add_argument(
-        "--all", action="store_true", help="fly all flights, though another one is not worth it"
-    )
-    parser.add_argument(
-        "--recording",
-        nargs="+",
-        metavar="FLIGHT.csv",
-        help="of the real machine instead of simulated flights: one step from one or more "
-        "recordings of the reference that was flown last",
-    )
-    parser.add_argument("--motion", help="that was flown, to be sure (name or file)")
-    parser.add_argument(
-        "--columns", metavar="FILE", help="YAML file with the recordings' columns, as `identify`"
-    )
-    parser.add_argument(
-        "--state",
-        type=common.some_path,
-        metavar="DIR",
-        help="with --recording: what is known so far",
-    )
-    common.add_out(
-        parser,
-        "folder for the learned reference, a scenario with it, and a report (default: learned)",
-    )
+_FLIGHTS, _DRAWS = 5, 20
+_Count = Annotated[Whole | None, number(gte=1, lte=1000)]
 
 
-def run(options: argparse.Namespace) -> None:
-    if not options.study:
-        common.refuse_options(options, "is of a study, expected --study", "draws")
-    if options.recording:
+def run(
+    scenario: Annotated[str | None, one_of("scenario")] = None,
+    /,
+    *,
+    flights: _Count = None,
+    of: Literal["reference", "torque"] = "reference",
+    bandwidth: Annotated[float | None, Parameter(metavar="HZ")] = None,
+    study: Annotated[str | None, one_of("study")] = None,
+    draws: _Count = None,
+    all: Flag = False,
+    recording: Annotated[
+        list[str] | None, Parameter(metavar="FLIGHT.csv", consume_multiple=True)
+    ] = None,
+    motion: Annotated[str | None, one_of("motion")] = None,
+    columns: Annotated[str | None, Parameter(metavar="FILE")] = None,
+    state: Annotated[Out, Parameter(metavar="DIR")] = None,
+    out: Out = None,
+    changes: Changes = (),
+) -> None:
+    """Fly a motion several times, and learn from its errors what reference to fly next.
+
+    example: sdt-drake learn wrong_model --set controller.kind=p_pi --flights 5 --out learned
+
+    Args:
+        scenario: name of one that ships, or .yaml file; with --recording for the first one only
+        flights: at most, with the first one (default: 5)
+        of: what is learned: a change of the reference, or a torque feedforward, of which only
+            what changes quickly can be learned unless the scenario's held_speed is mean
+        bandwidth: up to which errors are learned (default: as far as the model is trusted)
+        study: whose variables are the uncertainty of the device, which learning must converge for
+        draws: devices of the study to check, at most (default: 20)
+        all: fly all flights, though another one is not worth it
+        recording: of the real machine instead of simulated flights: one step from one or more
+            recordings of the reference that was flown last
+        motion: that was flown, to be sure (name or file)
+        columns: YAML file with the recordings' columns, as `identify`
+        state: with --recording: what is known so far
+        out: folder for the learned reference, a scenario with it, and a report (default: learned)
+    """
+    if not study:
+        common.refuse("is of a study, expected --study", draws=draws)
+
+    def checked(design: Design) -> tuple[LearningFilter, list[Convergence]]:
+        return _checked_filter(design, of, bandwidth, study or None, draws or _DRAWS)
+
+    if recording:
         why = "is for simulated flights, expected no --recording"
-        common.refuse_options(options, why, "flights", "all", "out")
-        _from_recordings(options)
+        common.refuse(why, flights=flights, all=all, out=out)
+        if state is None:
+            raise InputError("--state: missing, expected the folder that keeps what is learned")
+        _from_recordings(state, recording, scenario, changes, motion, columns, checked)
         return
     why = "is for --recording, expected one"
-    common.refuse_options(options, why, "motion", "columns", "state")
-    if options.scenario is None:
+    common.refuse(why, motion=motion, columns=columns, state=state)
+    if scenario is None:
         raise InputError("SCENARIO: missing, expected a scenario to fly")
-    _simulated(options)
+    folder = out or Path("learned")
+    _simulated(folder, scenario, changes, flights or _FLIGHTS, not all, checked)
 
 
-def _simulated(options: argparse.Namespace) -> None:
+def _simulated(
+    folder: Path, path: str, changes: Changes, count: int, stops: bool, checked: Checked
+) -> None:
     from sdt_drake.machine.learn.flights import Lessons, learn
     from sdt_drake.show.documents import REPORT
     from sdt_drake.show.reports import learning as report
 
-    folder: Path = options.out or Path("learned")
     # A scenario that was learned goes on in another folder.
     common.check_folder(folder, report.ALL_FILES)
-    count, kept = options.flights or _FLIGHTS, folder / report.UNFINISHED
+    kept = folder / report.UNFINISHED
     with_them = shlex.quote(str(kept / report.SCENARIO))
     goes_on = f"sdt-drake learn {with_them} --out OTHER goes on from them"
     if (kept / report.FLIGHTS).exists():
         raise InputError(
             f"{kept}: has flights of an interrupted run, expected another --out; {goes_on}"
         )
-    design = common.design_of(options)
-    filter_, checks = _checked_filter(options, design)
+    design = common.design_of(path, changes)
+    filter_, checks = checked(design)
 
     def tell(lessons: Lessons) -> None:
         report.write_learned(kept, design, lessons)
@@ -120,7 +112,7 @@ def _simulated(options: argparse.Namespace) -> None:
         say(", ".join(map(" ".join, zip(numbers, told, strict=True))))
 
     try:
-        lessons = learn(design, filter_, count, stops=not options.all, report=tell)
+        lessons = learn(design, filter_, count, stops=stops, report=tell)
         for line in report.learning_summary(lessons):
             say(line)
         with replacing_files(folder) as new:
@@ -137,7 +129,7 @@ def _simulated(options: argparse.Namespace) -> None:
 
 
 def _checked_filter(
-    options: argparse.Namespace, design: Design
+    design: Design, of: str, bandwidth: float | None, study: str | None, draws: int
 ) -> tuple[LearningFilter, list[Convergence]]:
     """The filter, and that it converges, both told.
 
@@ -150,18 +142,12 @@ def _checked_filter(
     from sdt_drake.machine.learn.filter import refuse_divergence
     from sdt_drake.show.reports.learning import check_table
 
-    filter_, checks = learning_filter(
-        design,
-        options.of,
-        bandwidth=options.bandwidth,
-        study=options.study or None,
-        draws=options.draws,
-    )
+    filter_, checks = learning_filter(design, of, bandwidth=bandwidth, study=study, draws=draws)
     say(design.scenario.summary().title)
     for k, (omega, why) in enumerate(filter_.bandwidth):
         say(f"joint {k + 1}: errors are learned up to {omega / (2 * np.pi):.3g} Hz ({why})")
     say()
-    common.print_document_table(check_table(checks, filter_))
+    print_document_table(check_table(checks, filter_))
     refuse_divergence(checks, filter_)
     for check in checks:
         beyond = int((check.loops.demand.max(axis=1) > 1).sum())
@@ -174,50 +160,55 @@ def _checked_filter(
     return filter_, checks
 
 
-def _from_recordings(options: argparse.Namespace) -> None:
-    from sdt_drake.machine.learn.state import alone_in, count_flights
+def _from_recordings(
+    folder: Path,
+    paths: Sequence[str],
+    scenario: str | None,
+    changes: Changes,
+    motion: str | None,
+    columns: str | None,
+    checked: Checked,
+) -> None:
+    """Take a step from recordings in the folder of a learning."""
+    from sdt_drake.machine.learn.state import SCENARIO, alone_in, count_flights
 
-    folder: Path | None = options.state
-    if folder is None:
-        raise InputError("--state: missing, expected the folder that keeps what is learned")
     common.check_folder(folder)
-    files = [Path(path).resolve() for path in options.recording]
-    if len(set(files)) < len(files):
+    if len({Path(path).resolve() for path in paths}) < len(paths):
         raise InputError("--recording: names a file twice, expected another recording each time")
     known = count_flights(folder)
     with alone_in(folder, lambda: say(f"{folder}: waiting for another learn to end")):
-        _step_in(folder, known, options)
+        own = folder / SCENARIO
+        if own.exists() == (scenario is not None):
+            text = f"has its scenario, {SCENARIO}; leave SCENARIO away" if scenario else "is new"
+            raise InputError(
+                f"--state {folder}: {text}{'' if scenario else ', expected a SCENARIO'}"
+            )
+        if scenario is None:
+            why = f"{folder} has its scenario, {SCENARIO}, which stays as it is"
+            common.refuse(why, changes=changes)
+        design = common.design_of(scenario or f"{own}", changes)
+        if motion:
+            _check_motion(motion, design)
+        _step_in(folder, known, design, paths, columns, checked)
 
 
-def _step_in(folder: Path, known: int, options: argparse.Namespace) -> None:
-    """Take a step from recordings in the folder of a learning.
-
-    Args:
-        folder: of the learning; nobody else writes to it.
-        known: how many flights it had when this command began.
-        options: of the command.
-    """
+def _step_in(
+    folder: Path,
+    known: int,
+    design: Design,
+    paths: Sequence[str],
+    columns: str | None,
+    checked: Checked,
+) -> None:
+    """Take a step where nobody else writes; `known`: how many flights there were at the start."""
     import numpy as np
 
-    from sdt_drake.machine.learn.state import SCENARIO, State, read_state, teach, write_step
+    from sdt_drake.machine.learn.state import State, read_state, teach, write_step
     from sdt_drake.machine.recordings import load_columns, read_recording
 
-    begun = (folder / SCENARIO).exists()
-    if begun == (options.scenario is not None):
-        text = f"has its scenario, {SCENARIO}; leave SCENARIO away" if begun else "is new"
-        raise InputError(f"--state {folder}: {text}{'' if begun else ', expected a SCENARIO'}")
-    if begun:
-        if options.changes:
-            raise InputError(f"--set: {folder} has its scenario, {SCENARIO}, which stays as it is")
-        options.scenario = str(folder / SCENARIO)
-    design = common.design_of(options)
-    if options.motion:
-        _check_motion(options.motion, design)
-    columns = load_columns(options.columns) if options.columns else None
-    recordings = [
-        read_recording(path, design.robot, columns, needs=("q",)) for path in options.recording
-    ]
-    filter_, _ = _checked_filter(options, design)
+    named = load_columns(columns) if columns else None
+    recordings = [read_recording(path, design.robot, named, needs=("q",)) for path in paths]
+    filter_, _ = checked(design)
     state = read_state(folder, design)
     taught = teach(design, filter_, state, recordings, known)
     flight = taught.flight
@@ -228,7 +219,7 @@ def _step_in(folder: Path, known: int, options: argparse.Namespace) -> None:
         ("repeats, RMS [deg]" if flight.floor else "RMS error [deg]", ".5f", flight.rms),
         ("does not repeat, RMS [deg]", ".5f", flight.floor),
     ]
-    common.print_joints(
+    print_joints(
         design.robot.joint_names,
         [(header, spec, np.degrees(values)) for header, spec, values in errors if values],
     )

@@ -1,43 +1,42 @@
-"""List the training motions, or print one in full."""
+"""The command `motions`."""
 
 from __future__ import annotations
 
-import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import print_table, say
+from sdt_drake.cli.common import Robot, one_of
+from sdt_drake.cli.printing import print_table, say, say_wrapped
 from sdt_drake.io.errors import InputError
 
 if TYPE_CHECKING:
     from sdt_drake.motion import Command
-    from sdt_drake.robot.robot import Robot
-
-EXAMPLE = "sdt-drake motions graveyard_spiral"
-
+    from sdt_drake.robot.robot import Robot as RobotModel
 
 _LONGEST = 3600  # s; what is computed while one waits
 
 
-def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "motion", nargs="?", metavar="NAME", help="a motion that ships, or a profile .yaml"
-    )
-    common.add_robot(parser)
+def run(
+    motion: Annotated[str | None, one_of("motion")] = None, /, *, robot: Robot = common.ROBOT
+) -> None:
+    """List the training motions, or print one in full.
 
+    example: sdt-drake motions graveyard_spiral
 
-def run(options: argparse.Namespace) -> None:
-    robot = sdt.load_robot(options.robot)
-    if options.motion is None:
-        _print_all(robot)
+    Args:
+        motion: a motion that ships, or a profile .yaml
+    """
+    model = sdt.load_robot(robot)
+    if motion is None:
+        _print_all(model)
     else:
-        _print_one(options.motion, robot)
+        _print_one(motion, model)
 
 
-def _print_all(robot: Robot) -> None:
+def _print_all(robot: RobotModel) -> None:
     from sdt_drake.motion import command_of, load_profile, shipped_motions
 
     rows, sentences = [], []
@@ -54,10 +53,10 @@ def _print_all(robot: Robot) -> None:
     say("largest G: at the pilot's head, on the commanded motion")
     say()
     for sentence in sentences:
-        common.say_wrapped(sentence)
+        say_wrapped(sentence)
 
 
-def _print_one(motion: str, robot: Robot) -> None:
+def _print_one(motion: str, robot: RobotModel) -> None:
     from sdt_drake.motion import load_command, load_profile
 
     profile = load_profile(motion)
@@ -67,7 +66,7 @@ def _print_one(motion: str, robot: Robot) -> None:
         g = _largest_g(command, robot)
     say(f"{profile.title or profile.name}: {profile.duration:g} s, largest G at the head {g}")
     if profile.feels or profile.description:
-        common.say_wrapped(f"feels: {profile.feels}" if profile.feels else profile.description)
+        say_wrapped(f"feels: {profile.feels}" if profile.feels else profile.description)
     say()
     print_table(
         ("segment", "from [s]", "to [s]"),
@@ -81,10 +80,10 @@ def _print_one(motion: str, robot: Robot) -> None:
     say(f"starts at {', '.join(turned) or '0 deg'}; the speed in gaps is held")
     if profile.notes:
         say()
-        common.say_wrapped(f"notes: {profile.notes}")
+        say_wrapped(f"notes: {profile.notes}")
 
 
-def _largest_g(command: Command, robot: Robot) -> str:
+def _largest_g(command: Command, robot: RobotModel) -> str:
     """Largest resultant at the head, in G."""
     from sdt_drake.motion import INTERPOLATION_PERIOD, commanded_motion
     from sdt_drake.robot.head import has_head, head_motion

@@ -1,17 +1,18 @@
-"""Show what the pilot feels of a motion, and of the errors of its controller."""
+"""The command `pilot`."""
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import print_table, say
+from sdt_drake.cli.common import Changes, Flag, OtherRobot, Out, Show, one_of
+from sdt_drake.cli.printing import print_document_table, print_table, say, say_wrapped
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import TABLES, write_table
@@ -21,47 +22,57 @@ if TYPE_CHECKING:
     from sdt_drake.analysis.tracking import HeadTracking
     from sdt_drake.motion import Story
     from sdt_drake.robot.head import HeadMotion
-    from sdt_drake.robot.robot import Robot
+    from sdt_drake.robot.robot import Robot as RobotModel
 
     Rows = tuple[Sequence[str], Sequence[Sequence[str]]]
 
-EXAMPLE = "sdt-drake pilot coupled_pi --out pilot.png"
 
+def run(
+    scenario: Annotated[str | None, one_of("scenario", name="SCENARIO|RECORDING")] = None,
+    /,
+    *,
+    validate: Flag = False,
+    robot: OtherRobot = None,
+    gains: Annotated[str, Parameter(name="--model", metavar="NAME|FILE")] = "clark2019",
+    out: Out = None,
+    show: Show = False,
+    changes: Changes = (),
+) -> None:
+    """Show what the pilot feels of a motion, and of the errors of its controller.
 
-def add(parser: argparse.ArgumentParser) -> None:
-    text = "what to run, or what `simulate` wrote (.csv, .mat, .parquet)"
-    common.add_scenario(parser, text, "SCENARIO|RECORDING", nargs="?")
-    text = "hold the model of the pilot against what people reported, and tell what it predicts"
-    parser.add_argument("--validate", action="store_true", help=f"{text} of the training motions")
-    text = "SDF or URDF file of a recording's robot (default: the shipped device)"
-    common.add_robot(parser, text, None)
-    text = "gains of the pilot's model: a name that ships, or a YAML file"
-    parser.add_argument("--model", default="clark2019", help=f"{text} (default: clark2019)")
-    text = "CSV file for what is felt over time, or a figure of it (.png, .svg, .pdf)"
-    common.add_figure(parser, text, [".csv"])
+    example: sdt-drake pilot coupled_pi --out pilot.png
 
-
-def run(options: argparse.Namespace) -> None:
+    Args:
+        validate: hold the model of the pilot against what people reported, and tell what it
+            predicts of the training motions
+        scenario: what to run, or what `simulate` wrote (.csv, .mat, .parquet)
+        gains: of the pilot's model: a name that ships, or a YAML file
+        out: CSV file for what is felt over time, or a figure of it (.png, .svg, .pdf)
+    """
     from sdt_drake.analysis.illusions import feel, felt_apart, illusions
     from sdt_drake.analysis.orientation import CAUTION
     from sdt_drake.analysis.tracking import track_head
     from sdt_drake.show.figures import pilot as plots_pilot
 
-    if options.validate or options.scenario is None:
-        return _validate(options)
-    name, recording, robot, story = _recorded(options)
-    if recording.q.shape[1] != robot.n:
+    if validate or scenario is None:
+        if scenario is not None or not validate:
+            raise InputError("expected a scenario, a recording or --validate, one of them")
+        common.refuse("not with --validate", out=out, show=show, changes=changes)
+        return _validate(robot or common.ROBOT)
+    common.check_out(out, show, [".csv"])
+    name, recording, model, story = _recorded(scenario, robot, changes)
+    if recording.q.shape[1] != model.n:
         raise InputError(
-            f"{options.scenario}: recorded with {recording.q.shape[1]} joint(s), "
-            f"but {robot.name} has {robot.n}; --robot names that of the recording"
+            f"{scenario}: recorded with {recording.q.shape[1]} joint(s), "
+            f"but {model.name} has {model.n}; --robot names that of the recording"
         )
-    head = track_head(recording, robot)
+    head = track_head(recording, model)
     period = float(recording.time[1] - recording.time[0])
-    felt = [feel(motion, period, options.model) for motion in (head.reference, head.achieved)]
+    felt = [feel(motion, period, gains) for motion in (head.reference, head.achieved)]
     say(f"{name}: what the pilot feels; x forward, y left, z up, in the head's axes")
     print_table(*_motion_rows(head, felt, period))
     say()
-    say(f"Felt wrongly of what was achieved, by {options.model}:")
+    say(f"Felt wrongly of what was achieved, by {gains}:")
     for illusion in illusions(felt[1], head.achieved):
         say(f"  {illusion}")
     say(CAUTION)
@@ -75,55 +86,54 @@ def run(options: argparse.Namespace) -> None:
     angle, rate = (np.degrees(x) for x in felt_apart(*felt))
     say(f"It changes the felt vertical by at most {angle:.2f} deg, felt rotation {rate:.2f} deg/s.")
     common.deliver(
-        options,
+        out,
+        show,
         lambda: plots_pilot.pilot(f"{name}: what the pilot feels", recording.time, head, story),
         lambda path: _write(path, recording.time, period, head, felt),
     )
 
 
-def _validate(options: argparse.Namespace) -> None:
+def _validate(robot: str) -> None:
     """Print what gain sets predict beside what people reported."""
-    if options.scenario is not None or not options.validate:
-        raise InputError("expected a scenario, a recording or --validate, one of them")
-    common.refuse_options(options, "not with --validate", "out", "show", "changes")
     from sdt_drake.analysis.illusions import intended_illusions
     from sdt_drake.analysis.orientation import CAUTION
     from sdt_drake.analysis.reported import LEGEND, validate, verdict_of_all
     from sdt_drake.robot.head import check_head
     from sdt_drake.show.reports.perception import intended_table, reported_notes, reported_table
 
-    robot = sdt.load_robot(options.robot or common.ROBOT)
-    check_head(robot)
+    model = sdt.load_robot(robot)
+    check_head(model)
     rows = validate()
-    common.say_wrapped(verdict_of_all(rows), "")
+    say_wrapped(verdict_of_all(rows), "")
     say()
-    common.print_document_table(reported_table(rows))
-    common.say_wrapped(LEGEND, "")
+    print_document_table(reported_table(rows))
+    say_wrapped(LEGEND, "")
     say()
     for note in reported_notes(rows):
-        common.say_wrapped(note, "- ")
+        say_wrapped(note, "- ")
     say()
     say(
         "The illusion of each training motion, felt less true [deg] or [deg/s]; ✗ too small to feel"
     )
-    common.print_document_table(intended_table(intended_illusions(robot)))
+    print_document_table(intended_table(intended_illusions(model)))
     say()
-    common.say_wrapped(CAUTION, "")
+    say_wrapped(CAUTION, "")
 
 
-def _recorded(options: argparse.Namespace) -> tuple[str, sdt.Recording, Robot, Story]:
+def _recorded(
+    path: str, robot: str | None, changes: Changes
+) -> tuple[str, sdt.Recording, RobotModel, Story]:
     """Name, recording, robot and story of what was asked for."""
     from sdt_drake.motion import Story, story_of
     from sdt_drake.robot.head import check_head
 
-    if Path(options.scenario).suffix in TABLES:
-        common.refuse_changes(options)
-        robot = sdt.load_robot(options.robot or common.ROBOT)
-        check_head(robot)
-        return Path(options.scenario).stem, sdt.Recording.load(options.scenario), robot, Story()
-    why = f"for a recording only, {options.scenario} names its own robot"
-    common.refuse_options(options, why, "robot")
-    design = common.design_of(options, check_head)
+    if Path(path).suffix in TABLES:
+        common.refuse_changes(changes, path)
+        model = sdt.load_robot(robot or common.ROBOT)
+        check_head(model)
+        return Path(path).stem, sdt.Recording.load(path), model, Story()
+    common.refuse(f"for a recording only, {path} names its own robot", robot=robot)
+    design = common.design_of(path, changes, check_head)
     story = story_of(design.scenario.motion, design.robot, design.motion)
     return design.scenario.name, sdt.simulate(design), design.robot, story
 

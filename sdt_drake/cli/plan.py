@@ -1,90 +1,84 @@
-"""Plan a motion within the motors' torques."""
+"""The command `plan`."""
 
 from __future__ import annotations
 
-import argparse
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
+from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import say
+from sdt_drake.cli.common import Motion, OtherRobot, Out, Show, number, one_of
+from sdt_drake.cli.printing import print_joints, say
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.shown import formatted
 
 if TYPE_CHECKING:
     from sdt_drake.motion import Margins, Plan
-    from sdt_drake.robot.robot import Robot
+    from sdt_drake.robot.robot import Robot as RobotModel
 
-EXAMPLE = "sdt-drake plan graveyard_spin --planner retiming --out motion.csv"
-
+Planner = Literal["limiter", "retiming"]
 
 _ANGLE_LOST = 0.1  # deg; less is not worth a line
 
 
-def add(parser: argparse.ArgumentParser) -> None:
-    common.add_motion(parser)
-    common.add_robot(parser)
-    common.add_period(parser)
-    parser.add_argument(
-        "--planner",
-        choices=("limiter", "retiming"),
-        default="limiter",
-        help="what gives way where a motor is too weak: a joint for a while (limiter, default), or "
-        "the time of the whole path (retiming)",
-    )
-    parser.add_argument(
-        "--torque-margin",
-        type=common.number(above=0, maximum=1),
-        default=1.0,
-        help="share of the motors' torque to use, in (0, 1]",
-    )
-    parser.add_argument(
-        "--envelope",
-        metavar="SCENARIO",
-        help="scenario whose device has a torque-speed envelope: of chosen motors, or drive.n1 and "
-        "n0; the motion is planned for that device, within it",
-    )
-    parser.add_argument(
-        "--drive-table",
-        type=common.some_path,
-        metavar="FILE.csv",
-        help="positions, speeds and torque pre-control of the motors, motor side, in SI units; "
-        "`export` writes what drives read",
-    )
-    text = "the motion (.csv), or a figure of torques and speeds (.png, .svg, .pdf)"
-    common.add_figure(parser, text, [".csv"])
+def run(
+    motion: Motion = common.MOTION,
+    /,
+    *,
+    robot: OtherRobot = None,
+    period: float = 0.005,
+    planner: Planner = "limiter",
+    torque_margin: Annotated[float, number(gt=0, lte=1)] = 1.0,
+    envelope: Annotated[str | None, one_of("scenario")] = None,
+    drive_table: Annotated[Out, Parameter(metavar="FILE.csv")] = None,
+    out: Out = None,
+    show: Show = False,
+) -> None:
+    """Plan a motion within the motors' torques.
 
+    example: sdt-drake plan graveyard_spin --planner retiming --out motion.csv
 
-def run(options: argparse.Namespace) -> None:
+    Args:
+        period: interpolation period [s]
+        planner: what gives way where a motor is too weak: a joint for a while (limiter), or the
+            time of the whole path (retiming)
+        torque_margin: share of the motors' torque to use, in (0, 1]
+        envelope: scenario whose device has a torque-speed envelope: of chosen motors, or drive.n1
+            and n0; the motion is planned for that device, within it
+        drive_table: positions, speeds and torque pre-control of the motors, motor side, in SI
+            units; `export` writes what drives read
+        out: the motion (.csv), or a figure of torques and speeds (.png, .svg, .pdf)
+    """
     from sdt_drake.machine.drive_files import samples_of, write_drive_table
     from sdt_drake.motion import load_plan, margins
 
-    if options.drive_table is not None:
-        _check_drive_table(options.drive_table, options.out)
-    robot = _robot(options)
+    common.check_out(out, show, [".csv"])
+    if drive_table is not None:
+        _check_drive_table(drive_table, out)
+    model = sdt.load_robot(robot or common.ROBOT) if envelope is None else _driven(envelope, robot)
     with common.naming_robot("--robot"):
         plan = load_plan(
-            options.motion,
-            robot,
-            period=options.period,
-            torque_margin=options.torque_margin,
-            planner=options.planner,
+            motion,
+            model,
+            period=period,
+            torque_margin=torque_margin,
+            planner=planner,
         )
-    report = margins(robot, plan.motion)
-    if options.drive_table:
-        with within(options.drive_table):
-            samples = samples_of(robot, plan.motion, plan.motion.period)
-        write_drive_table(options.drive_table, robot, samples)
-    _print_report(options, robot, plan, report)
-    if options.drive_table:
-        say(f"{options.drive_table} written")
-    title = f"{Path(options.motion).name}, {options.planner}: {_duration(plan)}"
-    figure = partial(sdt.plots_motion.plan, title, robot, plan, report)
-    common.deliver(options, figure, plan.motion.to_csv)
+    report = margins(model, plan.motion)
+    if drive_table:
+        with within(drive_table):
+            samples = samples_of(model, plan.motion, plan.motion.period)
+        write_drive_table(drive_table, model, samples)
+    _print_report(motion, planner, model, plan, report)
+    if drive_table:
+        say(f"{drive_table} written")
+    title = f"{Path(motion).name}, {planner}: {_duration(plan)}"
+    figure = partial(sdt.plots_motion.plan, title, model, plan, report)
+    common.deliver(out, show, figure, plan.motion.to_csv)
 
 
 def _check_drive_table(table: Path, out: Path | None) -> None:
@@ -94,23 +88,20 @@ def _check_drive_table(table: Path, out: Path | None) -> None:
         raise InputError(f"--drive-table: {table} is the file of --out too, expected another one")
 
 
-def _robot(options: argparse.Namespace) -> Robot:
-    """The robot of --robot, or the device of the scenario of --envelope."""
+def _driven(path: str, robot: str | None) -> RobotModel:
+    """The device of the scenario of --envelope."""
     from sdt_drake.robot.motors import as_driven
     from sdt_drake.run.design import load_device
 
-    path = options.envelope
-    if path is None:
-        return sdt.load_robot(options.robot)
-    common.refuse_options(options, f"{path} names the robot, with its motors; remove", "robot")
+    common.refuse(f"{path} names the robot, with its motors; remove", robot=robot)
     scenario = sdt.load(path)
-    robot = as_driven(load_device(scenario), scenario.drive)
-    if robot.envelope is None or not robot.envelope.limits:
+    model = as_driven(load_device(scenario), scenario.drive)
+    if model.envelope is None or not model.envelope.limits:
         raise InputError(
             f"{path}: no torque-speed envelope, expected drive.n1 and drive.n0, or device.motors "
             "with speeds in their catalogue"
         )
-    return robot
+    return model
 
 
 def _duration(plan: Plan) -> str:
@@ -118,12 +109,12 @@ def _duration(plan: Plan) -> str:
     return text if plan.longer <= 0 else f"{text}, {plan.longer:g} s longer than commanded"
 
 
-def _print_ends(options: argparse.Namespace, robot: Robot, plan: Plan) -> None:
+def _print_ends(planner: Planner, robot: RobotModel, plan: Plan) -> None:
     """Joints that do not end where they are commanded, or do not start and end at rest."""
     from sdt_drake.motion import ends_in_motion
 
     # The retiming rounds its time up: what ends in motion goes on a little, along its path.
-    lost = np.degrees(plan.angle_lost) if options.planner == "limiter" else np.zeros(robot.n)
+    lost = np.degrees(plan.angle_lost) if planner == "limiter" else np.zeros(robot.n)
     for k in np.flatnonzero(lost > _ANGLE_LOST).tolist():
         say(
             f"{robot.joint(k)} ends {lost[k]:.1f} deg from where it is commanded: the limiter does "
@@ -134,14 +125,16 @@ def _print_ends(options: argparse.Namespace, robot: Robot, plan: Plan) -> None:
         say(f"not at rest: {', '.join(moving)}")
 
 
-def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report: Margins) -> None:
+def _print_report(
+    name: str, planner: Planner, robot: RobotModel, plan: Plan, report: Margins
+) -> None:
     motion = plan.motion
     is_whole = plan.torque_margin == 1
     share = "" if is_whole else f" with {100 * plan.torque_margin:.4g} % of the motors' torque"
-    say(f"{options.motion}: {_duration(plan)}, {len(motion.time)} samples, feasible{share}")
+    say(f"{name}: {_duration(plan)}, {len(motion.time)} samples, feasible{share}")
     if robot.envelope is not None:
         say(f"within the torque-speed envelope of {robot.envelope.source}")
-    _print_ends(options, robot, plan)
+    _print_ends(planner, robot, plan)
     if plan.loss is not None:
         loss = plan.loss
         j, k = int(loss.speed.argmax()), int(loss.position.argmax())
@@ -157,7 +150,7 @@ def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report:
         f"{place.quantity}, {formatted(100 * place.share, '.1f')} % at {place.time:.3f} s"
         for place in map(report.tightest, range(robot.n))
     ]
-    common.print_joints(
+    print_joints(
         robot.joint_names,
         [
             ("torque [N m]", ".1f", report.peak_torque),
@@ -174,7 +167,7 @@ def _print_report(options: argparse.Namespace, robot: Robot, plan: Plan, report:
     _print_margins(robot, report, is_whole)
 
 
-def _print_margins(robot: Robot, report: Margins, is_whole: bool) -> None:
+def _print_margins(robot: RobotModel, report: Margins, is_whole: bool) -> None:
     for k in np.flatnonzero(np.isfinite(report.to_stop)).tolist():
         say(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
     place = report.smallest

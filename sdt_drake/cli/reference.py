@@ -1,51 +1,48 @@
-"""Tell what each kind of file may hold: fields, units, sides, defaults, choices, meanings."""
+"""The command `reference`."""
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sdt_drake.cli.common import add_out, check_file, check_folder, say, say_wrapped
+from sdt_drake.cli.common import Out, check_file, check_folder
+from sdt_drake.cli.printing import say, say_wrapped
 from sdt_drake.io.errors import InputError, checked_choice
 from sdt_drake.io.files import write_text
 
 if TYPE_CHECKING:
     from sdt_drake.show.reference import Chapter, Sheet
 
-EXAMPLE = "sdt-drake reference scenario"
-
-
 _WIDTH = 80  # columns
 
 
-def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("topic", nargs="?", metavar="TOPIC", help="a kind of file; all are listed")
-    add_out(
-        parser,
-        "the reference of a topic (.md), the JSON Schema of its files for editors (.json); without "
-        "a topic a folder for both of all",
-    )
+def run(topic: str | None = None, /, *, out: Out = None) -> None:
+    """Tell what each kind of file may hold: fields, units, sides, defaults, choices, meanings.
 
+    example: sdt-drake reference scenario
 
-def run(options: argparse.Namespace) -> None:
+    Args:
+        topic: a kind of file; all are listed
+        out: the reference of a topic (.md), the JSON Schema of its files for editors (.json);
+            without a topic a folder for both of all
+    """
     from sdt_drake.show.reference import FILES, TOPICS, write_reference
 
-    if options.topic is None:
-        if options.out is not None:
-            check_folder(options.out)
-            for path in write_reference(options.out):
+    if topic is None:
+        if out is not None:
+            check_folder(out)
+            for path in write_reference(out):
                 say(f"{path} written")
             return
         for name, make in TOPICS.items():
             schema = ", with a JSON Schema" * (name in FILES)
             say(f"{name:12s}  {make().title}{schema}")
         return
-    checked_choice(options.topic, tuple(TOPICS), "TOPIC")
-    if options.out is not None:
-        _write(options.topic, options.out)
+    checked_choice(topic, tuple(TOPICS), "TOPIC")
+    if out is not None:
+        _write(topic, out)
         return
-    _print(TOPICS[options.topic]())
+    _print(TOPICS[topic]())
 
 
 def _write(topic: str, out: Path) -> None:

@@ -1,28 +1,30 @@
-"""Make one self-contained report.html of what reproduce or study wrote; studies in folders of DIR
-become chapters.
-"""
+"""The command `report`."""
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
+from typing import Annotated
 
-from sdt_drake.cli.common import check_folder, say, some_path
+from cyclopts import Parameter
+
+from sdt_drake.cli.common import Target, check_folder
+from sdt_drake.cli.printing import say
 from sdt_drake.io.errors import InputError
 
-EXAMPLE = "sdt-drake report out"
 
+def run(folder: Annotated[Target, Parameter(name="DIR")], /) -> None:
+    """Make one self-contained report.html of what reproduce or study wrote.
 
-def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", metavar="DIR", type=some_path, help="folder that they wrote")
+    Studies in folders of DIR become chapters.
 
+    example: sdt-drake report out
 
-def run(options: argparse.Namespace) -> None:
+    Args:
+        folder: folder that they wrote
+    """
     from sdt_drake.show.reports.paper import FILES, write_report
     from sdt_drake.show.reports.study import study_chapter, write_study_report
     from sdt_drake.studies.folder import holds_study
 
-    folder: Path = options.folder
     check_folder(folder)
     if not folder.is_dir():
         raise InputError(

@@ -1,33 +1,31 @@
-"""List what ships with the package, scenarios first, or print one to start your own from."""
+"""The command `scenarios`."""
 
 from __future__ import annotations
 
-import argparse
 import re
 import shutil
 import textwrap
+from typing import Annotated
 
-from sdt_drake.cli.common import say
+from sdt_drake.cli.common import one_of
+from sdt_drake.cli.printing import say
 from sdt_drake.io.files import read_text
 from sdt_drake.io.resources import SHIPPED, find_file, models_dir, shipped
-
-EXAMPLE = "sdt-drake scenarios coupled_pi_ctc"
 
 _MOST_BYTES = 1_000_000
 
 
-def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "name",
-        nargs="?",
-        metavar="|".join(SHIPPED).upper(),
-        help="the one to print; they all have different names",
-    )
+def run(name: Annotated[str | None, one_of(*SHIPPED)] = None, /) -> None:
+    """List what ships with the package, scenarios first, or print one to start your own from.
 
+    example: sdt-drake scenarios coupled_pi_ctc
 
-def run(options: argparse.Namespace) -> None:
-    if options.name is not None:
-        text = read_text(find_file(options.name, *SHIPPED), _MOST_BYTES).removesuffix("\n")
+    Args:
+        name: the scenario, motion, study, robot, motors or drives to print; they all have
+            different names
+    """
+    if name is not None:
+        text = read_text(find_file(name, *SHIPPED), _MOST_BYTES).removesuffix("\n")
         # The line for editors, as it is true elsewhere.
         say(re.sub(r"(?<=schema=)(?:\.\./)?schemas", f"{models_dir() / 'schemas'}", text, count=1))
         return

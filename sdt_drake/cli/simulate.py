@@ -1,49 +1,55 @@
-"""Run a scenario and show how well the joints follow."""
+"""The command `simulate`."""
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import say
+from sdt_drake.cli.common import Changes, Out, Scenario, Show, Whole
+from sdt_drake.cli.printing import print_joints, say
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import TABLES
 
-EXAMPLE = "sdt-drake simulate coupled_pi_ctc --out report.html"
 
+def run(
+    scenario: Scenario,
+    /,
+    *,
+    out: Out = None,
+    show: Show = False,
+    joint: Annotated[Whole | None, Parameter(metavar="K")] = None,
+    changes: Changes = (),
+) -> None:
+    """Run a scenario and show how well the joints follow.
 
-def add(parser: argparse.ArgumentParser) -> None:
-    common.add_scenario(parser)
-    common.add_figure(
-        parser,
-        "the recording (.csv, .mat, .parquet), a figure of it (.png, .svg, .pdf), or a report to "
-        "hand on, with plots to zoom and the run in 3D: one page (.html), or Markdown (.md)",
-        [*TABLES, ".html", ".md"],
-    )
-    parser.add_argument(
-        "--joint", type=int, metavar="K", help="show joint K alone (1 is the base; default: all)"
-    )
+    example: sdt-drake simulate coupled_pi_ctc --out report.html
 
-
-def run(options: argparse.Namespace) -> None:
+    Args:
+        out: the recording (.csv, .mat, .parquet), a figure of it (.png, .svg, .pdf), or a report
+            to hand on, with plots to zoom and the run in 3D: one page (.html), or Markdown (.md)
+        joint: show joint K alone (1 is the base; default: all)
+    """
     from sdt_drake.analysis.metrics import columns_of
     from sdt_drake.analysis.tracking import stops_passed
     from sdt_drake.show.figures.scope import chosen_joints
 
-    is_drawn = options.show or (options.out is not None and options.out.suffix not in TABLES)
-    if options.joint is not None and not is_drawn:
+    common.check_out(out, show, [*TABLES, ".html", ".md"])
+    is_drawn = show or (out is not None and out.suffix not in TABLES)
+    if joint is not None and not is_drawn:
         raise InputError(
             "--joint: has no effect without a figure, expected --out run.png or --show"
         )
-    design = common.design_of(options)
-    joints = chosen_joints(options.joint, design.robot.n, "--joint")
+    design = common.design_of(scenario, changes)
+    joints = chosen_joints(joint, design.robot.n, "--joint")
     recording = sdt.simulate(design)
     tracking = sdt.track(recording, design.wanted)
     title = design.scenario.summary().title
     say(title)
-    common.print_joints(design.robot.joint_names, columns_of(vars(tracking)))
+    print_joints(design.robot.joint_names, columns_of(vars(tracking)))
     if design.envelope is not None:
         say(f"torque-speed envelope: of {design.envelope.source}")
     for line in stops_passed(recording, design.robot.joint_names):
@@ -59,4 +65,4 @@ def run(options: argparse.Namespace) -> None:
         if path.suffix == ".html":
             say(f"{path}: {path.stat().st_size / 1e6:.1f} MB, all in one file")
 
-    common.deliver(options, lambda: sdt.plots.scope(title, recording, design, options.joint), write)
+    common.deliver(out, show, lambda: sdt.plots.scope(title, recording, design, joint), write)

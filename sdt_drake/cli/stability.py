@@ -1,18 +1,18 @@
-"""Sweep omega_n / omega_r with elastic joints: damping, overshoot, border of stability."""
+"""The command `stability`."""
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import say
+from sdt_drake.cli.common import Changes, OmegaR, Out, Scenario, Show, number
+from sdt_drake.cli.printing import print_joints, say
 from sdt_drake.io.errors import InputError, checked_number
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.tables import RESULT_TABLES, Results
@@ -20,9 +20,6 @@ from sdt_drake.io.tables import RESULT_TABLES, Results
 if TYPE_CHECKING:
     from sdt_drake.analysis.stability import StabilitySweep
     from sdt_drake.run.design import Design
-
-EXAMPLE = "sdt-drake stability coupled_pi --out stability.png"
-
 
 SHOWN = (0.1, 0.25, 0.5, 0.75, 1.0, 1.5)
 _OPTIONS = {
@@ -32,43 +29,49 @@ _OPTIONS = {
 """What gives the fields of the springs here."""
 
 
-def add(parser: argparse.ArgumentParser) -> None:
-    common.add_scenario(parser)
-    common.add_omega_r(parser, "that of the scenario")
-    parser.add_argument(
-        "--damping",
-        type=common.number(minimum=0),
-        help="damping ratio of the elastic joints [-] (default: that of the scenario's "
-        "plant.elasticity, or 0.01)",
-    )
-    text = "the sweeps (.csv, .json), or a figure of them (.png, .svg, .pdf)"
-    common.add_figure(parser, text, RESULT_TABLES)
+def run(
+    scenario: Scenario,
+    /,
+    *,
+    omega_r: OmegaR = None,
+    damping: Annotated[float | None, number(gte=0)] = None,
+    out: Out = None,
+    show: Show = False,
+    changes: Changes = (),
+) -> None:
+    """Sweep omega_n / omega_r with elastic joints: damping, overshoot, border of stability.
 
+    example: sdt-drake stability coupled_pi --out stability.png
 
-def run(options: argparse.Namespace) -> None:
+    Args:
+        omega_r: lowest natural frequency of the structure [rad/s] (default: that of the scenario)
+        damping: damping ratio of the elastic joints [-] (default: that of the scenario's
+            plant.elasticity, or 0.01)
+        out: the sweeps (.csv, .json), or a figure of them (.png, .svg, .pdf)
+    """
     from sdt_drake.analysis.stability import IDEAL, SLOWEST, stability_sweep
     from sdt_drake.robot.device import ENCODERS
     from sdt_drake.run.controllers import controller_class
 
-    if options.omega_r is not None:
-        checked_number(options.omega_r, "--omega-r", minimum=SLOWEST)
-    design = common.design_of(options)
-    scenario, choice = design.scenario, design.scenario.controller
-    omega_r, source = _omega_r(design, options)
-    damping = options.damping
+    common.check_out(out, show, RESULT_TABLES)
+    if omega_r is not None:
+        checked_number(omega_r, "--omega-r", minimum=SLOWEST)
+    design = common.design_of(scenario, changes)
+    chosen, choice = design.scenario, design.scenario.controller
+    frequency, source = _omega_r(design, scenario, omega_r)
     if damping is None:
-        damping = scenario.plant.elasticity.damping_ratio
+        damping = chosen.plant.elasticity.damping_ratio
     drives = {"ideal drive": IDEAL}
-    if scenario.drive != IDEAL:
-        drives["the scenario's drive"] = scenario.drive
+    if chosen.drive != IDEAL:
+        drives["the scenario's drive"] = chosen.drive
     sweeps: dict[str, dict[str, StabilitySweep]] = {encoder: {} for encoder in ENCODERS}
     with common.naming_fields(_OPTIONS):
         for encoder, label in with_progress([*product(ENCODERS, drives)]):
             sweeps[encoder][label] = stability_sweep(
-                design, omega_r, encoder=encoder, drive=drives[label], damping_ratio=damping
+                design, frequency, encoder=encoder, drive=drives[label], damping_ratio=damping
             )
-    say(f"{scenario.name}: {choice.label}, {controller_class(choice.kind).in_words(design)}")
-    say(f"elastic joints of omega_r = {omega_r:g} rad/s ({source}), damping ratio {damping:g}")
+    say(f"{chosen.name}: {choice.label}, {controller_class(choice.kind).in_words(design)}")
+    say(f"elastic joints of omega_r = {frequency:g} rad/s ({source}), damping ratio {damping:g}")
     say()
     for encoder, by_drive in sweeps.items():
         for drive, sweep in by_drive.items():
@@ -76,12 +79,13 @@ def run(options: argparse.Namespace) -> None:
             say("speed, over omega_n / omega_r")
             _print_sweep(sweep, design.robot.joint_names)
             say()
-    for line in _notes(design, omega_r):
+    for line in _notes(design, frequency):
         say(line)
-    title = f"{scenario.name}: {scenario.controller.label}, elastic joints of {omega_r:g} rad/s"
-    about = {"title": title, "omega_r": omega_r, "damping_ratio": damping}
+    title = f"{chosen.name}: {choice.label}, elastic joints of {frequency:g} rad/s"
+    about = {"title": title, "omega_r": frequency, "damping_ratio": damping}
     common.deliver(
-        options,
+        out,
+        show,
         lambda: sdt.plots.stability(title, sweeps, design.robot.joint_names),
         Results(about, _columns(sweeps)).write,
     )
@@ -98,17 +102,17 @@ def _columns(sweeps: Mapping[str, Mapping[str, StabilitySweep]]) -> dict[str, ND
     return columns | {"unstable_from": np.repeat([s.border for s in of_each], counts, axis=0)}
 
 
-def _omega_r(design: Design, options: argparse.Namespace) -> tuple[float, str]:
+def _omega_r(design: Design, path: str, given: float | None) -> tuple[float, str]:
     """Lowest natural frequency of the structure [rad/s], and where it comes from."""
-    if options.omega_r is not None:
-        return options.omega_r, "--omega-r"
+    if given is not None:
+        return given, "--omega-r"
     if design.omega_r is None:
         raise InputError(
-            f"--omega-r: missing; {options.scenario} gives kp and ki but no controller.omega_r, "
+            f"--omega-r: missing; {path} gives kp and ki but no controller.omega_r, "
             "expected the lowest natural frequency of its structure [rad/s]"
         )
-    given, factor = design.scenario.controller.omega_r, design.nominal.frequency_factor
-    times = "" if factor == 1 else f", {given:g}, times {factor:.4g} for the device"
+    own, factor = design.scenario.controller.omega_r, design.nominal.frequency_factor
+    times = "" if factor == 1 else f", {own:g}, times {factor:.4g} for the device"
     return design.omega_r, f"controller.omega_r{times}"
 
 
@@ -128,7 +132,7 @@ def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
         for i in shown
     ]
     border = np.where(np.isinf(sweep.border), np.nan, sweep.border)
-    common.print_joints(joint_names, [*columns, ("unstable from", ".3f", border)])
+    print_joints(joint_names, [*columns, ("unstable from", ".3f", border)])
 
 
 def _notes(design: Design, omega_r: float) -> list[str]:

@@ -1,51 +1,54 @@
-"""Simulate the step response of one speed loop."""
+"""The command `step`."""
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import asdict
+from typing import Annotated, Literal
 
 import sdt_drake as sdt
 from sdt_drake.analysis import paper
 from sdt_drake.cli import common
-from sdt_drake.cli.common import say
+from sdt_drake.cli.common import OmegaR, Out, Show, number
+from sdt_drake.cli.printing import say
 from sdt_drake.io.tables import RESULT_TABLES, UNITS, Results
 
-EXAMPLE = "sdt-drake step --inertia 4.26 --structure p_in_feedback --zeta 0.95 --out step.png"
 
+def run(
+    *,
+    inertia: Annotated[float | None, number(gt=0)] = None,
+    structure: Literal["pi", "p_in_feedback"] = "p_in_feedback",
+    omega_r: OmegaR = None,
+    zeta: float = 1.0,
+    out: Out = None,
+    show: Show = False,
+) -> None:
+    """Simulate the step response of one speed loop.
 
-def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--inertia",
-        type=common.number(above=0),
-        help="effective inertia, motor side [kg m²] (default: published, of joint 1)",
-    )
-    parser.add_argument("--structure", default="p_in_feedback", help="pi or p_in_feedback")
-    common.add_omega_r(parser, f"{paper.OMEGA_R}, published")
-    parser.add_argument("--zeta", type=float, default=1.0, help="damping ratio [-] (default: 1)")
-    text = "the response (.csv, .json), or a figure of it (.png, .svg, .pdf)"
-    common.add_figure(parser, text, RESULT_TABLES)
+    example: sdt-drake step --inertia 4.26 --structure p_in_feedback --zeta 0.95 --out step.png
 
-
-def run(options: argparse.Namespace) -> None:
+    Args:
+        inertia: effective inertia, motor side [kg m²] (default: published, of joint 1)
+        structure: of the controller: P and I on the error, or P in the feedback
+        omega_r: lowest natural frequency of the structure [rad/s] (default: 65.991, published)
+        zeta: damping ratio [-]
+        out: the response (.csv, .json), or a figure of it (.png, .svg, .pdf)
+    """
     from sdt_drake.analysis.reproduction import step_response
-    from sdt_drake.io.errors import checked_choice
-    from sdt_drake.systems.gains import STRUCTURES, tune
+    from sdt_drake.systems.gains import tune
 
-    inertia, omega_r = options.inertia, options.omega_r
+    common.check_out(out, show, RESULT_TABLES)
     taken = [name for name, value in (("inertia", inertia), ("omega_r", omega_r)) if value is None]
     if inertia is None:
         inertia = paper.table1("i_eff_max")[0]
     if omega_r is None:
         omega_r = paper.OMEGA_R
-    checked_choice(options.structure, STRUCTURES, "--structure")
-    step = step_response(options.structure, options.zeta, inertia, omega_r)
+    step = step_response(structure, zeta, inertia, omega_r)
     published = f" ({' and '.join(taken)} published for the shipped device)" if taken else ""
     say(
         f"{step.structure}: inertia {inertia:g} kg m², omega_r = {omega_r:g} rad/s, "
-        f"zeta {options.zeta:g}{published}"
+        f"zeta {zeta:g}{published}"
     )
-    gains = tune([inertia], omega_r, [options.zeta])
+    gains = tune([inertia], omega_r, [zeta])
     kp, ki = gains.kp[0], gains.ki[0]
     say(f"K_PS = {kp:.5g} N m s/rad, K_IS = {ki:.5g} N m/rad, motor side")
     metrics = asdict(step.metrics)
@@ -55,7 +58,8 @@ def run(options: argparse.Namespace) -> None:
     about = {"inertia": inertia, "omega_r": omega_r, "zeta": step.zeta, "kp": kp, "ki": ki}
     response = {"time": step.time, "v": step.speed}
     common.deliver(
-        options,
+        out,
+        show,
         lambda: sdt.plots.step_responses("Step response", {step.structure: step}),
         Results({"structure": step.structure, **about, **metrics}, response).write,
     )

@@ -1,16 +1,17 @@
-"""Run many variants of a scenario, show what came out, or repeat one of them."""
+"""The command `study`."""
 
 from __future__ import annotations
 
-import argparse
 import shlex
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
 
 from sdt_drake.cli import common
-from sdt_drake.cli.bar import bar, duration
-from sdt_drake.cli.common import print_table, say
+from sdt_drake.cli.common import Changes, Out, Whole, one_of
+from sdt_drake.cli.printing import bar, errors, print_document_table, print_table, say
 from sdt_drake.io.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,75 +19,91 @@ if TYPE_CHECKING:
     from sdt_drake.studies.study import Study
     from sdt_drake.studies.table import StudyTable
 
-EXAMPLE = "sdt-drake study monte_carlo --workers 2 --out mc"
-
 FAILED = 1
 """Exit code where runs have failed, so that there is no answer."""
 
-_USAGE = """sdt-drake study STUDY [--out DIR] [--workers N | --cluster ADDRESS] [--resume]
-                 [--set FIELD=VALUE]
-       sdt-drake study show DIR [--out DIR_OF_PAGE]
-       sdt-drake study repeat DIR --row N [--out FILE.csv]"""
+Workers = Annotated[
+    Whole | None, Parameter(metavar="N", help="processes on this machine (default: 1)")
+]
+Cluster = Annotated[
+    str | None, Parameter(metavar="ADDRESS", help="of a Dask scheduler, tcp://HOST:8786")
+]
+Resume = Annotated[
+    bool, Parameter(show_default=False, help="finish the study that the folder holds")
+]
+
+_USAGE = (
+    "sdt-drake study STUDY [--out DIR] [--workers N | --cluster ADDRESS] [--resume] "
+    "[--set FIELD=VALUE], sdt-drake study show DIR [--out DIR_OF_PAGE] "
+    "or sdt-drake study repeat DIR --row N [--out FILE.csv]"
+)
 
 
-def add(parser: argparse.ArgumentParser) -> None:
-    parser.usage = _USAGE
-    parser.add_argument("what", nargs="+", metavar="STUDY | show DIR | repeat DIR")
-    add_running(parser)
-    parser.add_argument("--row", type=int, metavar="N", help="of the run to repeat")
+def run(
+    what: Annotated[list[str], one_of("study", name="STUDY")],
+    /,
+    *,
+    out: Out = None,
+    workers: Workers = None,
+    cluster: Cluster = None,
+    resume: Resume = False,
+    row: Annotated[Whole | None, Parameter(metavar="N")] = None,
+    changes: Changes = (),
+) -> int:
+    """Run many variants of a scenario, show what came out, or repeat one of them.
 
+    `show DIR` makes a page of the study in DIR, `repeat DIR --row N` runs one of its rows again.
 
-def run(options: argparse.Namespace) -> None:
-    match options.what:
-        case ["show", folder]:
-            _refuse_unused(options, "workers", "cluster", "resume", "changes", "row")
-            show(Path(folder), options.out)
-        case ["repeat", folder]:
-            _refuse_unused(options, "workers", "cluster", "resume", "changes")
-            repeat(Path(folder), options.row, options.out)
+    example: sdt-drake study monte_carlo --workers 2 --out mc
+
+    Args:
+        what: name of one that ships, or .yaml file; or `show DIR`, or `repeat DIR`
+        out: folder of the study (default: its name), of the page, or file of the repeated run
+        row: of the run to repeat
+    """
+    unused = f"has no use here, expected {_USAGE}"
+    match what:
+        case ["show" | "repeat" as task, folder]:
+            common.refuse(unused, workers=workers, cluster=cluster, resume=resume, changes=changes)
+            if task == "show":
+                common.refuse(unused, row=row)
+                show(Path(folder), out)
+            else:
+                repeat(Path(folder), row, out)
+            return 0
         case [path] if path not in ("show", "repeat"):
-            _refuse_unused(options, "row")
-            run_file(path, options)
-        case what:
-            raise InputError(f"study: '{' '.join(what)}', expected {' '.join(_USAGE.split())}")
-
-
-def _refuse_unused(options: argparse.Namespace, *names: str) -> None:
-    usage = " ".join(_USAGE.split())
-    common.refuse_options(options, f"has no use here, expected {usage}", *names)
+            common.refuse(unused, row=row)
+            return run_file(path, out, workers, cluster, resume, changes)
+        case _:
+            raise InputError(f"study: '{' '.join(what)}', expected {_USAGE}")
 
 
 # --- run -------------------------------------------------------------------------------------
 
 
-def add_running(parser: argparse.ArgumentParser) -> None:
-    """Add the options of what runs a study."""
-    parser.add_argument(
-        "--out", type=common.some_path, help="folder of the study (default: its name)"
-    )
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=int, help="processes on this machine (default: 1)")
-    where.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, tcp://HOST:8786")
-    parser.add_argument("--resume", action="store_true", help="finish the study that DIR holds")
-    common.add_changes(parser)
-
-
-def run_file(path: str, options: argparse.Namespace) -> None:
+def run_file(
+    path: str,
+    out: Path | None,
+    workers: int | None,
+    cluster: str | None,
+    resume: bool,
+    changes: Changes,
+) -> int:
+    """Run a study's file; the exit code."""
     import numpy as np
 
     from sdt_drake.studies.results import read_study_table
     from sdt_drake.studies.study import load_study
     from sdt_drake.studies.table import ANSWERS
 
-    with common.naming_changes(options):
-        study, base = load_study(path, dict(options.changes))
-    folder = options.out or Path(study.name)
-    results = run_into(folder, study, base, options)
+    with common.naming_changes(changes):
+        study, base = load_study(path, dict(changes))
+    folder = out or Path(study.name)
+    results = run_into(folder, study, base, workers, cluster, resume)
     table = read_study_table(folder)
     say_failures(table)
     say(f"{results} written; sdt-drake study show {shlex.quote(str(folder))}")
-    if not np.isin(table.status, ANSWERS).any():
-        raise SystemExit(FAILED)
+    return 0 if np.isin(table.status, ANSWERS).any() else FAILED
 
 
 def say_failures(table: StudyTable) -> str:
@@ -98,53 +115,55 @@ def say_failures(table: StudyTable) -> str:
     return failed
 
 
-def run_into(folder: Path, study: Study, base: Scenario, options: argparse.Namespace) -> Path:
-    """Run what a study's folder does not have yet, as the options of `add_running` say; returns the
-    file of results."""
+def run_into(
+    folder: Path,
+    study: Study,
+    base: Scenario,
+    workers: int | None,
+    cluster: str | None,
+    resume: bool,
+) -> Path:
+    """Run what a study's folder does not have yet; returns the file of results."""
     from sdt_drake.studies.execute import run_study
     from sdt_drake.studies.folder import holds_study
     from sdt_drake.studies.job import make_job
 
+    if cluster is not None:
+        common.refuse("not with --cluster, whose processes run the study", workers=workers)
     common.check_folder(folder)
     try:
         return run_study(
             make_job(study, base),
             folder,
-            workers=1 if options.workers is None else options.workers,
-            cluster=options.cluster,
-            resume=options.resume,
+            workers=1 if workers is None else workers,
+            cluster=cluster,
+            resume=resume,
             report=Progress(),
         )
     except KeyboardInterrupt:
-        bar.end("\n")
+        bar.end()
         if holds_study(folder):
             where = shlex.quote(str(folder))
             say(f"interrupted; what is done is kept, --resume --out {where} goes on")
         raise
-    finally:
-        bar.end("\n")
 
 
 class Progress:
-    """How far a study is: a line that is drawn anew on a screen, a few lines elsewhere."""
+    """How far a study is: a bar on a terminal, a few lines elsewhere."""
 
     def __init__(self) -> None:
         self._start = time.monotonic()
         self._said = -1
 
     def __call__(self, done: int, before: int, count: int) -> None:
-        tenth = 10 * done // count
-        if not bar.has_terminal and tenth == self._said:
-            return
-        self._said = tenth
         text = f"{done} of {count} runs"
         if new := done - before:
-            rate = new / (time.monotonic() - self._start)
-            text += f", {rate:.3g} per second, {duration((count - done) / rate)} left"
-        if bar.has_terminal:
-            bar.draw(done / count, text)
-        else:
+            text += f", {new / (time.monotonic() - self._start):.3g} per second"
+        tenth = 10 * done // count
+        if not errors.is_terminal and tenth != self._said:
             say(text)
+        self._said = tenth
+        bar.tell(done / count, text)
 
 
 # --- repeat and show -------------------------------------------------------------------------
@@ -170,7 +189,7 @@ def repeat(folder: Path, row: int | None, out: Path | None) -> None:
     print_table(("input", "value"), [(k, cell(v)) for k, v in inputs.items()])
     for table in outcome_tables(names, outcomes):
         say()
-        common.print_document_table(table)
+        print_document_table(table)
     if other:
         say(f"The study was begun with {other}: numbers may differ.")
     if out is not None:
@@ -189,7 +208,7 @@ def show(folder: Path, out: Path | None) -> None:
     page, tables = write_study_report(folder, out)
     for table in tables:
         say(table.title)
-        common.print_document_table(table)
+        print_document_table(table)
         say()
     say(f"a run once more, exactly: sdt-drake study repeat {shlex.quote(str(folder))} --row N")
     say(f"{page} written")

@@ -1,17 +1,18 @@
-"""Tell the effective inertia along a motion, and the gains that follow."""
+"""The command `tune`."""
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.analysis import paper
 from sdt_drake.cli import common
-from sdt_drake.cli.common import say
+from sdt_drake.cli.common import Changes, OmegaR, OtherRobot, Out, Show, one_of
+from sdt_drake.cli.printing import print_joints, say
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.tables import RESULT_TABLES, Results
@@ -19,51 +20,60 @@ from sdt_drake.io.tables import RESULT_TABLES, Results
 if TYPE_CHECKING:
     from sdt_drake.run.design import Design
 
-EXAMPLE = "sdt-drake tune coupled_pi --zeta 0.95 0.98 0.99 0.95"
-
-
 _OPTIONS = {"omega_r": "--omega-r", "zeta": "--zeta"}  # of the controller
 _PUBLISHED = "published for the shipped device"
 _BEYOND = 0.01  # of 0.5 omega_r; nobody knows omega_r better
 
 
-def add(parser: argparse.ArgumentParser) -> None:
-    text = "a scenario, or a motion and its robot: name of one that ships, or file "
-    text += "(default: %(default)s)"
-    common.add_scenario(parser, text, "SCENARIO|MOTION", nargs="?", default=common.MOTION)
-    common.add_robot(parser)
-    common.add_period(parser)
-    parser.set_defaults(robot=None, period=None)  # a scenario has its own
-    common.add_omega_r(
-        parser, f"that of the scenario; {paper.OMEGA_R}, published, for the shipped device"
-    )
-    parser.add_argument(
-        "--zeta",
-        type=float,
-        nargs="+",
-        help="damping ratio at the largest inertia, each joint [-] (default: that of the scenario; "
-        "published, for the shipped device; else 1)",
-    )
-    text = "the numbers (.csv, .json), or a figure of the effective inertia (.png, .svg, .pdf)"
-    common.add_figure(parser, text, RESULT_TABLES)
+def run(
+    what: Annotated[str, one_of("scenario", "motion", name="SCENARIO|MOTION")] = common.MOTION,
+    /,
+    *,
+    robot: OtherRobot = None,
+    period: float | None = None,
+    omega_r: OmegaR = None,
+    zeta: Annotated[list[float] | None, Parameter(consume_multiple=True)] = None,
+    out: Out = None,
+    show: Show = False,
+    changes: Changes = (),
+) -> None:
+    """Tell the effective inertia along a motion, and the gains that follow.
 
+    example: sdt-drake tune coupled_pi --zeta 0.95 0.98 0.99 0.95
 
-def run(options: argparse.Namespace) -> None:
+    Args:
+        what: a scenario, or a motion and its robot: name of one that ships, or file
+        period: interpolation period [s] (default: 0.005)
+        omega_r: lowest natural frequency of the structure [rad/s] (default: that of the scenario;
+            65.991, published, for the shipped device)
+        zeta: damping ratio at the largest inertia, each joint [-] (default: that of the scenario;
+            published, for the shipped device; else 1)
+        out: the numbers (.csv, .json), or a figure of the effective inertia (.png, .svg, .pdf)
+    """
     from sdt_drake.robot.dynamics import effective_inertia
 
-    is_scenario = common.is_scenario(options.scenario)
-    design = _of_scenario(options) if is_scenario else _of_motion(options)
+    common.check_out(out, show, RESULT_TABLES)
+    is_scenario = common.is_scenario(what)
+    given = {"omega_r": omega_r, "zeta": zeta}
+    if is_scenario:
+        for name, value in (("robot", robot), ("period", period)):
+            common.refuse(f"the scenario has it, expected --set {name}=...", **{name: value})
+        design = _of_scenario(what, given, changes)
+    else:
+        common.refuse_changes(changes, what)
+        design = _of_motion(what, robot or common.ROBOT, period, given)
     numbers = sdt.tune(design)
     _print_gains(design, numbers)
-    for line in _notes(options, design, is_scenario):
+    for line in _notes(design, is_scenario, given):
         say(line)
     joints = range(1, design.robot.n + 1)
     columns: dict[str, Any] = {"joint": joints, "name": design.robot.joint_names, **numbers}
-    about = {"title": options.scenario, "omega_r": design.omega_r}
+    about = {"title": what, "omega_r": design.omega_r}
     common.deliver(
-        options,
+        out,
+        show,
         lambda: sdt.plots.effective_inertia(
-            f"{options.scenario}: effective inertia, motor side",
+            f"{what}: effective inertia, motor side",
             design.motion.time,
             effective_inertia(design.robot, design.torques.d_kk),
             design.robot.joint_names,
@@ -73,23 +83,18 @@ def run(options: argparse.Namespace) -> None:
     )
 
 
-def _of_scenario(options: argparse.Namespace) -> Design:
-    for name in ("robot", "period"):
-        if getattr(options, name) is not None:
-            raise InputError(f"--{name}: the scenario has it, expected --set {name}=...")
-    given = [name for name in _OPTIONS if getattr(options, name) is not None]
-    options.changes += [(f"controller.{name}", getattr(options, name)) for name in given]
+def _of_scenario(path: str, given: Mapping[str, Any], changes: Changes) -> Design:
+    given = {name: value for name, value in given.items() if value is not None}
     with common.naming_fields({f"--set controller.{name}": _OPTIONS[name] for name in given}):
-        return common.design_of(options)
+        own = ((f"controller.{name}", value) for name, value in given.items())
+        return common.design_of(path, (*changes, *own))
 
 
-def _of_motion(options: argparse.Namespace) -> Design:
+def _of_motion(motion: str, robot: str, period: float | None, given: Mapping[str, Any]) -> Design:
     from sdt_drake.motion import INTERPOLATION_PERIOD
     from sdt_drake.run.scenario import ControllerChoice, Scenario
 
-    common.refuse_changes(options)
-    robot = options.robot or common.ROBOT
-    omega_r, zeta = options.omega_r, options.zeta
+    omega_r, zeta = given.values()
     if omega_r is None and not _is_shipped(robot):
         raise InputError(
             f"--omega-r: missing; {robot} needs the lowest natural frequency of its own "
@@ -101,8 +106,8 @@ def _of_motion(options: argparse.Namespace) -> Design:
         zeta = paper.table1("zeta_max")
     scenario = Scenario(
         robot=robot,
-        motion=options.scenario,
-        period=options.period or INTERPOLATION_PERIOD,
+        motion=motion,
+        period=period or INTERPOLATION_PERIOD,
         controller=ControllerChoice(omega_r=omega_r, zeta=zeta),
     )
     names = {f"controller.{name}": option for name, option in _OPTIONS.items()}
@@ -119,7 +124,7 @@ def _is_shipped(robot: str) -> bool:
     return find_file(robot, "robot").resolve() == find_file(common.ROBOT, "robot").resolve()
 
 
-def _notes(options: argparse.Namespace, design: Design, is_scenario: bool) -> Iterator[str]:
+def _notes(design: Design, is_scenario: bool, given: Mapping[str, Any]) -> Iterator[str]:
     """Where the numbers are from, and where the rule for omega_n does not hold."""
     from sdt_drake.systems.gains import natural_frequency
 
@@ -128,8 +133,8 @@ def _notes(options: argparse.Namespace, design: Design, is_scenario: bool) -> It
         yield "K_PS, K_IS: the scenario's kp and ki"
         return
     elsewhere = "the scenario's" if is_scenario else _PUBLISHED
-    omega_r_from = elsewhere if options.omega_r is None else "--omega-r"
-    zeta_from = elsewhere if options.zeta is None else "--zeta"
+    omega_r_from = elsewhere if given["omega_r"] is None else "--omega-r"
+    zeta_from = elsewhere if given["zeta"] is None else "--zeta"
     if design.scenario.controller.zeta is None:
         zeta_from = "default"
     yield f"omega_r = {omega_r:g} rad/s ({omega_r_from}), zeta at the largest inertia ({zeta_from})"
@@ -147,7 +152,7 @@ def _print_gains(design: Design, numbers: Mapping[str, Array]) -> None:
     omega_r = design.omega_r
     unit = " [rad/s]" if omega_r is None else "/omega_r"
     ends = zip(*(numbers[f"omega_n_{x}"] / (omega_r or 1.0) for x in ("max", "min")), strict=True)
-    common.print_joints(
+    print_joints(
         design.robot.joint_names,
         [
             ("I_eff max", ".5g", numbers["i_eff_max"]),

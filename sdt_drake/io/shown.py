@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 from sdt_drake.io.arrays import Array
 
-_LEAST = 80  # characters of a line
 _MOST_LINES = 5  # of a header
 
 
@@ -121,7 +120,7 @@ def aligned(
 ) -> list[str]:
     """Lines of a table: the first column to the left, the others to the right.
 
-    One that is wider than `width`, by default the terminal, or 80 characters, has its headers on
+    One that is wider than `width`, by default the terminal's, or 80 characters, has its headers on
     several lines; if that is not enough, its columns stand below each other in blocks, each with
     the first `keys` columns again.
     """
@@ -139,8 +138,8 @@ def aligned(
 
 
 def terminal_width() -> int:
-    """Width of the terminal, where there is one, or $COLUMNS [characters]; at least 80."""
-    return max(_LEAST, shutil.get_terminal_size().columns)
+    """Width of the terminal, where there is one, or $COLUMNS, or 80 [characters]."""
+    return shutil.get_terminal_size().columns
 
 
 def _width(columns: Sequence[Sequence[str]]) -> int:

@@ -30,7 +30,6 @@ from command_line import (
 import sdt_drake
 from sdt_drake.cli import COMMANDS
 from sdt_drake.cli import app as cli
-from sdt_drake.cli.completion import add_names
 from sdt_drake.io.resources import SHIPPED, find_file
 
 needs_proc = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /proc")
@@ -66,38 +65,44 @@ def test_help_lists_all_commands_and_version(good):
 @pytest.mark.parametrize("name", COMMANDS)
 def test_help_of_a_command_has_an_example_that_works(good, name):
     out = " ".join(good(name, "--help").out.split())
-    example = importlib.import_module(f"sdt_drake.cli.{name}").EXAMPLE
-    assert out.endswith(f"example: {example}") and example.startswith(f"sdt-drake {name}")
-    options = cli._parser().parse_args(shlex.split(example)[1:])
-    for argument in ("scenario", "motion", "study", "name"):
-        if getattr(options, argument, None):
-            find_file(getattr(options, argument), *SHIPPED)
+    example = re.search(f"example: sdt-drake ({name} .*?) (?:Arguments|Parameters)", out)[1]
+    _, bound, _ = cli.commands(name).parse_args(shlex.split(example))
+    for argument in ("scenario", "motion", "sizing", "name"):
+        if given := bound.arguments.get(argument):
+            find_file(given, *SHIPPED)
 
 
-def test_completion_knows_what_ships_files_and_options(monkeypatch, desk):
-    argcomplete = pytest.importorskip("argcomplete")
+def test_completion_knows_what_ships_files_fields_and_options(desk, tmp_path):
     (desk / "coupled_own.yaml").touch()
-    monkeypatch.setenv("_ARGCOMPLETE", "1")
-    # For its messages it takes file 9 and closes it; here that may be anybody's.
-    monkeypatch.setattr(argcomplete.CompletionFinder, "_init_debug_stream", lambda self: None)
+    (tmp_path / "sdt-drake").write_text(f'#!/bin/sh\nexec {sys.executable} -m sdt_drake "$@"\n')
+    (tmp_path / "sdt-drake").chmod(0o755)
+    script = cli.commands().generate_completion(shell="bash")
 
     def completed(line):
-        parser, finder, out = cli._parser(), argcomplete.CompletionFinder(), io.StringIO()
-        add_names(parser)
-        monkeypatch.setenv("COMP_LINE", line)
-        monkeypatch.setenv("COMP_POINT", str(len(line)))
-        with pytest.raises(SystemExit):
-            finder(parser, exit_method=sys.exit, output_stream=out)
-        return set(out.getvalue().replace("\013", " ").split())
+        words = shlex.join(line.split(" "))
+        code = (
+            f"{script}\nCOMP_WORDS=({words}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1)); _sdt_drake"
+        )
+        code += '\nprintf "%s\\n" "${COMPREPLY[@]}"'
+        path = f"{tmp_path}:{os.environ['PATH']}"
+        done = subprocess.run(["bash", "-c", code], capture_output=True, env={"PATH": path})
+        assert done.stderr == b""
+        return set(shlex.split(done.stdout.decode()))
 
     coupled = {"coupled_pi", "coupled_pi_ctc", "coupled_own.yaml"}
     assert completed("sdt-drake simulate coupled_") == coupled
     assert completed("sdt-drake plan l") == {"leans"}
     assert completed("sdt-drake plan leans --robot s") == {"sdt"}
     assert completed("sdt-drake study m") == {"monte_carlo"}
-    assert completed("sdt-drake size s") == {"sizing"}
+    assert completed("sdt-drake size siz") == {"sizing"}
     assert completed("sdt-drake si") == {"simulate", "size"}
     assert completed("sdt-drake plan --pl") == {"--planner"}
+    assert completed("sdt-drake plan --planner l") == {"limiter"}
+    assert completed("sdt-drake bode coupled_pi --set plant.ki") == {
+        "plant.kind=axis", "plant.kind=coupled",
+    }  # fmt: skip
+    assert completed("sdt-drake bode coupled_pi --set drive.ref") == {"drive.reference_delay=0.0"}
+    assert completed("sdt-drake compare coupled_pi --controllers pi,p_") == {"pi,p_pi"}
 
 
 def test_help_does_not_load_drake(tmp_path):
@@ -112,8 +117,9 @@ def test_help_does_not_load_drake(tmp_path):
     ("line", "word"),
     [
         ("", "COMMAND"),
-        ("explode", "simulate"),
-        ("plan --fast", "unrecognized arguments: --fast (see sdt-drake plan --help)"),
+        ("explode", "reproduce, report, init"),
+        ("plan --fast", "Unknown option: --fast (see sdt-drake plan --help)"),
+        ("simulat", 'Did you mean "simulate"?'),
         ("plan --period soon", "soon"),
         ("diagram run.yaml --depth 1.5", "1.5"),
         ("simulate", "SCENARIO"),
@@ -246,7 +252,7 @@ def test_odd_places(refuse, out):
         "plan", SHORT_MOTION, "--out", out, saying=[out.strip("./")[:300]], late="/proc" in out
     )
     assert "partial" not in line
-    assert out or "argument --out: empty, expected a path" in line
+    assert out or "Invalid value for --out: empty, expected a path" in line
 
 
 def test_places_of_the_drive_table(refuse, desk):
@@ -332,7 +338,7 @@ def test_a_name_does_not_lead_out_of_the_folder(good, desk, given):
 
 
 def test_a_fault_is_one_short_line_that_says_in_what(call, monkeypatch):
-    def run(options):
+    def run(**options):
         warnings.warn("overflow", RuntimeWarning, stacklevel=1)
         raise ZeroDivisionError("x" * 100_000 + "\n\x1b[31m\ud800")
 
@@ -348,7 +354,7 @@ def test_a_fault_is_one_short_line_that_says_in_what(call, monkeypatch):
 
 
 def test_warnings_come_last_a_line_each(call, monkeypatch):
-    def run(options):
+    def run(**options):
         warnings.warn("two\nlines", RuntimeWarning, stacklevel=1)
         print("done")
 

@@ -62,12 +62,12 @@ from pathlib import Path
 import sdt_drake.cli.step as step
 from sdt_drake.io.files import replacing
 from sdt_drake.analysis.threads import threads
-def with_threads(options):
+def with_threads(**options):
     with threads(1) as pool:
         for _ in range(2):
             pool.submit(threading.Event().wait)
         open("never", "rb")
-def writing(options):
+def writing(**options):
     with replacing(Path("o.csv")) as partial:
         partial.write_text("all of it")
 step.run = """

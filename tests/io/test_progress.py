@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import io
-import itertools
-from types import SimpleNamespace
 
 import pytest
+from rich.console import Console
 
 from sdt_drake.analysis.threads import threads
-from sdt_drake.cli import bar as module
-from sdt_drake.cli.bar import Bar
+from sdt_drake.cli import printing
+from sdt_drake.cli.printing import Bar
 from sdt_drake.io.progress import watching, with_progress, work
 
 
@@ -42,19 +41,19 @@ def test_nobody_watches():
     assert list(with_progress([1, 2])) == [1, 2]
 
 
-def test_the_bar_comes_late_and_tells_what_is_left(monkeypatch):
+def test_the_bar_comes_late_and_goes_without_a_trace(monkeypatch):
     terminal = io.StringIO()
-    terminal.isatty = lambda: True
-    clock = itertools.count()  # a second for every look
-    monkeypatch.setattr(module.sys, "stderr", terminal)
-    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: next(clock)))
-    bar = Bar()  # 0 s
-    bar.tell(0.0)  # 1 s
-    bar.tell(0.1)  # 2 s: a command of 2 s needs none
-    assert terminal.getvalue() == ""
-    bar.tell(0.25)  # 3 s, 2 s since the work began: 6 s are left
-    assert terminal.getvalue() == f"\r{7 * '█'}{23 * '░'} 25 %, 6 s left\x1b[K"
+    monkeypatch.setattr(printing, "errors", Console(file=terminal, force_terminal=True, width=80))
+    bar = Bar()
+    bar.tell(0.0)
+    bar.tell(0.1)
+    assert terminal.getvalue() == ""  # a command of 2 s needs none
+    monkeypatch.setattr(printing, "_LATE", -1.0)
+    bar.tell(0.25, "3 of 12 runs")
+    assert " 25%" in terminal.getvalue() and "3 of 12 runs" in terminal.getvalue()
     bar.end()
-    assert terminal.getvalue().endswith("left\x1b[K\r\x1b[K")
+    assert terminal.getvalue().endswith("\x1b[2K")  # the line is wiped out
+    before = terminal.getvalue()
+    bar.tell(1.0)
     bar.end()
-    assert terminal.getvalue().count("\r") == 2
+    assert terminal.getvalue() == before

@@ -74,7 +74,7 @@ def test_bad_study(refuse, desk, old, new, message):
         ("axis.yaml", "axis.yaml: is a scenario, expected a study"),
         ("few.yaml --workers 0", "--workers: 0, expected a whole number >= 1"),
         ("few.yaml --workers 1000000000", "--workers: 1000000000, expected a whole"),
-        ("few.yaml --workers 2 --cluster tcp://a:1", "--cluster: not allowed with argument --wor"),
+        ("few.yaml --workers 2 --cluster tcp://a:1", "--workers: not with --cluster"),
         ("few.yaml --cluster nonsense", "--cluster nonsense: cannot be reached"),
         ("few.yaml --cluster ftp://a:1", "unknown address scheme"),
         ("few.yaml --out few.yaml/below", "few.yaml: is a file, expected a folder"),
