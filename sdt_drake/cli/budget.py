@@ -9,6 +9,7 @@ from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Out, Scenario, Show
 from sdt_drake.cli.printing import print_table, say
 from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import within
 from sdt_drake.io.shown import numbered
 from sdt_drake.io.tables import RESULT_TABLES, Results
 
@@ -27,7 +28,7 @@ def run(
 
     common.check_out(out, show, RESULT_TABLES)
     design = common.design_of(scenario, changes)
-    with common.naming(scenario):
+    with within(scenario):
         budget = error_budget(design)
     signals = {"whole": budget.whole, **budget.parts, "remainder": budget.remainder}
     names = design.robot.joint_names

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import os
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
+from string import ascii_letters
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter, Token
@@ -15,7 +15,7 @@ from cyclopts.validators import Number
 
 from sdt_drake.cli import completion
 from sdt_drake.cli.printing import say
-from sdt_drake.io.errors import InputError, rewording
+from sdt_drake.io.errors import InputError, Problem, retelling
 from sdt_drake.io.files import checked_name, checked_output, checked_suffix
 from sdt_drake.io.formats import BINARY, check_binary
 
@@ -149,8 +149,7 @@ def design_of(
 
     with naming_changes(changes):
         scenario = load_scenario(path, dict(changes))
-        own = re.compile(rf"^scenario '{re.escape(scenario.name)}'")
-        with rewording(lambda line: own.sub(lambda _: path, line)):
+        with naming_file(path, scenario.name):
             robot = load_device(scenario)
             if check is not None:
                 check(robot)
@@ -163,27 +162,43 @@ def naming_changes(changes: Changes) -> AbstractContextManager[None]:
     return naming_fields(names, f" (with --set {', '.join(names)})" if names else "")
 
 
-def naming_fields(names: Mapping[str, str], otherwise: str = "") -> AbstractContextManager[None]:
+def naming_fields(options: Mapping[str, str], otherwise: str = "") -> AbstractContextManager[None]:
     """Errors within about a field name the option that gave it; all others end with `otherwise`.
 
     Args:
-        names: options by dotted names of fields.
+        options: by dotted names of fields.
         otherwise: see above.
     """
-    own = re.compile(rf"(?:^|: )({'|'.join(map(re.escape, names)) or '$.'})(?=[:.[]| gives )")
 
-    def named(line: str) -> str:
-        found = own.search(line)
-        return f"{names[found[1]]}{line[found.end() :]}" if found else line + otherwise
+    def named(problem: Problem) -> Problem:
+        for field, option in options.items():
+            below = problem.place.removeprefix(field)
+            if below != problem.place and not below.startswith(tuple(ascii_letters)):
+                return problem._replace(where="", place=f"{option}{below}")
+        return Problem(f"{problem}{otherwise}", kind=problem.kind) if otherwise else problem
 
-    return rewording(named)
+    return retelling(named)
 
 
 def naming_robot(option: str) -> AbstractContextManager[None]:
     """Errors within that a motion is none of the robot's name the option that has another robot."""
-    other = re.compile(r"joints?, robot '|expected a joint of '|: (joints|start_deg|q0): \d+ value")
-    hint = f"; {option} names the robot of the motion"
-    return rewording(lambda line: line + hint if other.search(line) else line)
+
+    def named(problem: Problem) -> Problem:
+        text = f"{problem}; {option} names the robot of the motion"
+        return Problem(text) if problem.kind == "joints" else problem
+
+    return retelling(named)
+
+
+def naming_file(path: str, scenario: str) -> AbstractContextManager[None]:
+    """Errors within name the file of a scenario, not the scenario."""
+    own = f"scenario '{scenario}'"
+
+    def named(problem: Problem) -> Problem:
+        is_own = problem.where.startswith(own)
+        return problem._replace(where=path + problem.where.removeprefix(own)) if is_own else problem
+
+    return retelling(named)
 
 
 def is_scenario(path: str) -> bool:
@@ -283,9 +298,3 @@ def deliver(
         say(f"{out} written")
     if show:
         style.show(figure())
-
-
-def naming(path: str) -> AbstractContextManager[None]:
-    """Errors within name the scenario file."""
-    own = re.compile(r"^(scenario '.*?': )?")
-    return rewording(lambda line: own.sub(lambda _: f"{path}: ", line))

@@ -10,6 +10,7 @@ import sdt_drake as sdt
 from sdt_drake.cli import common, completion
 from sdt_drake.cli.common import Changes, Out, Scenario, Show
 from sdt_drake.cli.printing import print_table, say
+from sdt_drake.io.errors import within
 
 CONTROLLERS = {
     "axis": "pi,pi_ctc,pi_id,p_pi+id,pi_scheduled",
@@ -44,7 +45,7 @@ def run(
     text = CONTROLLERS[plant] if controllers is None else controllers
     labels = [label.strip() for label in text.split(",") if label.strip()]
     comparison.check_labels(labels, "--controllers")
-    with common.naming(scenario):
+    with within(scenario), common.naming_file(scenario, name):
         compared = sdt.compare(design, labels)
     count = f"{len(compared)} controller{'s' if len(compared) > 1 else ''}"
     say(f"{name}: {count} on the {plant} plant")

@@ -83,7 +83,7 @@ def bode(design: Design | Scenario, *, time: float | None = None) -> FrequencyRe
         return frequency_response(design)
     motion = design.motion
     if checked_number(time, "time", minimum=0) > motion.duration:
-        raise InputError(f"time: {time:g} s, the motion ends at {motion.duration:g} s")
+        raise InputError(f"{time:g} s, the motion ends at {motion.duration:g} s", place="time")
     return frequency_response(design, sample=round(time / motion.period))
 
 

@@ -10,7 +10,7 @@ import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Robot, one_of
 from sdt_drake.cli.printing import print_table, say, say_wrapped
-from sdt_drake.io.errors import InputError
+from sdt_drake.io.errors import InputError, within
 
 if TYPE_CHECKING:
     from sdt_drake.motion import Command
@@ -62,7 +62,7 @@ def _print_one(motion: str, robot: RobotModel) -> None:
     profile = load_profile(motion)
     with common.naming_robot("--robot"):
         command = load_command(motion, robot)
-    with common.naming(motion):
+    with within(motion):
         g = _largest_g(command, robot)
     say(f"{profile.title or profile.name}: {profile.duration:g} s, largest G at the head {g}")
     if profile.feels or profile.description:

@@ -82,7 +82,7 @@ def run(
 
 
 def _check_drive_table(table: Path, out: Path | None) -> None:
-    with common.naming("--drive-table"):
+    with within("--drive-table"):
         common.check_file(table, [".csv"])
     if out is not None and table.resolve() == out.resolve():
         raise InputError(f"--drive-table: {table} is the file of --out too, expected another one")

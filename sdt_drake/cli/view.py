@@ -13,7 +13,7 @@ from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Flag, OtherRobot, Out, Whole, number, one_of
 from sdt_drake.cli.printing import say
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError
+from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.tables import TABLES, check_limits, read_table
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def run(
         common.check_file(record, PAGES)
         common.refuse("has no effect with --record", rate=rate, port=port, once=once)
     title, model, time, q, story = _motion(what, robot, pilot, changes)
-    with common.naming(what):
+    with within(what):
         check_angles(model, time, q)
     if record is not None:
         record_html(model, time, q, record, title=title, pilot=pilot, story=story)
@@ -108,7 +108,7 @@ def _simulated(
     from sdt_drake.show.view3d.scene import check_duration
 
     design = common.design_of(path, changes, check)
-    with common.naming(path):
+    with within(path):
         check_duration(design.motion.duration)
     recording = sdt.simulate(design)
     story = story_of(design.scenario.motion, design.robot, design.motion)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, within
+from sdt_drake.io.errors import InputError, retelling, within
 from sdt_drake.io.fields import check
 from sdt_drake.io.resources import find_file
 from sdt_drake.motion.profile import MotionProfile, Resultant, Track, load_profile
@@ -146,7 +146,9 @@ def command_of(profile: MotionProfile, robot: Robot, where: str | None = None) -
     """
     where = where or f"motion '{profile.name}'"
     with within(where):
-        check(profile, n=robot.n)
+        # The file itself was checked when it was read.
+        with retelling(lambda problem: problem._replace(kind="joints")):
+            check(profile, n=robot.n)
         return _command(profile, robot)
 
 
