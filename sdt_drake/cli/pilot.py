@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
@@ -33,7 +32,7 @@ def run(
     *,
     validate: Flag = False,
     robot: OtherRobot = None,
-    gains: Annotated[str, Parameter(name="--model", metavar="NAME|FILE")] = "clark2019",
+    gains: Annotated[str, one_of("perception model", name="--model")] = "clark2019",
     out: Out = None,
     show: Show = False,
     changes: Changes = (),
@@ -46,7 +45,7 @@ def run(
         validate: hold the model of the pilot against what people reported, and tell what it
             predicts of the training motions
         scenario: what to run, or what `simulate` wrote (.csv, .mat, .parquet)
-        gains: of the pilot's model: a name that ships, or a YAML file
+        gains: gains of the pilot's model: a name that ships, or a YAML file
         out: CSV file for what is felt over time, or a figure of it (.png, .svg, .pdf)
     """
     from sdt_drake.analysis.illusions import feel, felt_apart, illusions
