@@ -1,11 +1,13 @@
 """Illusions: felt less true, where they begin and end, and those of the training motions."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from sdt_drake.analysis import illusions as module
 from sdt_drake.analysis.illusions import (
     LEVELS,
     Illusion,
@@ -15,7 +17,8 @@ from sdt_drake.analysis.illusions import (
     quantities,
     true_attitude,
 )
-from sdt_drake.motion import shipped_motions
+from sdt_drake.io.yaml_files import read_yaml
+from sdt_drake.motion import load_plan, shipped_motions
 from sdt_drake.robot.head import head_motion, head_motion_of_samples
 
 PERIOD = 0.02
@@ -87,6 +90,16 @@ def test_every_training_motion_says_what_it_is_meant_for(intended):
         m for m, row in intended.items() if not all(map(row.is_predicted, row.predicted))
     }
     assert not_predicted == {"leans", "g_excess"}
+
+
+@pytest.mark.parametrize("name", ["leans", "graveyard_spin", "post_roll"])
+def test_an_illusion_after_a_stop_is_looked_for_after_it(robot, name):
+    texts = read_yaml(Path(module.__file__).with_name("illusions.yaml"))
+    start, end = texts[name]["between"]
+    motion = load_plan(name, robot, period=PERIOD).motion
+    after = motion.time >= start
+    assert not motion.v[after].any() and motion.v[~after][-3:].any()
+    assert end <= motion.duration
 
 
 def test_findings_tell_what_is_predicted(intended):

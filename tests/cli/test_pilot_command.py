@@ -206,7 +206,7 @@ def test_validate_tells_what_people_reported_first(good, desk):
     rows = rows_of(out)
     assert rows["turn_2_start"][0] == "17.2 ± 6.4" and rows["turn_2_start"][1] == "57.5 +6.3"
     assert rows["yaw_start"] == ["13 to 20", "27.2 +3.1", "14.0 ✓", "16.1 ✓", "14.0 ✓"]
-    assert rows["leans"][:2] == ["roll", "-0.3 ✗"] and rows["graveyard_spin"][1] == "-77.7 ✓"
+    assert rows["leans"][:2] == ["roll", "-0.1 ✗"] and rows["graveyard_spin"][1] == "-74.3 ✓"
     assert "no medical statement" in " ".join(out.split())
     assert list(desk.iterdir()) == []
 

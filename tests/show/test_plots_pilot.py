@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from variants import recorded
 
+from sdt_drake.analysis.illusions import feel
 from sdt_drake.analysis.perception import CHANNELS, canals
 from sdt_drake.analysis.tracking import track_head
 from sdt_drake.motion import Motion, Story, TimedSegment
@@ -25,7 +26,7 @@ def lines_of(ax):
 
 def test_panels_show_what_changes_and_the_error(design, robot):
     recording, head = head_of(design.motion, robot, 0.99)
-    *panels, error = plots_pilot.pilot("run", recording.time, head).axes
+    *panels, attitude, error = plots_pilot.pilot("run", recording.time, head).axes
     names = [ax.get_title(loc="left") for ax in panels]
     assert [name.split(",")[0] for name in names] == [
         *(f"force along {axis}" for axis in "xyz"),
@@ -42,9 +43,18 @@ def test_panels_show_what_changes_and_the_error(design, robot):
         np.testing.assert_array_equal(rotation["what the canals tell (achieved)"][:, 1], told)
     shown = lines_of(error)
     np.testing.assert_array_equal(shown["just felt"][:, 1], 1)
-    for k in np.flatnonzero(head.felt.largest > 0.2 * head.felt.largest.max()):
-        felt = shown[f"error, {CHANNELS[k]}"][:, 1]
+    assert len([name for name in shown if name.startswith("error, ")]) == 2
+    for kind in (slice(0, 3), slice(3, 6)):
+        k = kind.start + int(head.felt.largest[kind].argmax())
+        felt = shown[f"error, {CHANNELS[k]}, largest of its kind"][:, 1]
         np.testing.assert_array_equal(felt, head.felt.multiples[:, k])
+    angles, own = lines_of(attitude), feel(head.achieved, PERIOD, "clark2019")
+    np.testing.assert_allclose(
+        angles["nose up, felt (predicted)"][:, 1], np.degrees(own.pitch), atol=1e-6
+    )
+    down = -head.achieved.rotation[:, 2]
+    np.testing.assert_allclose(np.sin(np.radians(angles["nose up, true"][:, 1])), -down[:, 0])
+    assert "no medical statement" in attitude.get_title(loc="right")
     assert f"{100 * head.felt.share:.1f} % of the time" in error.get_title(loc="right")
 
 
@@ -61,7 +71,7 @@ def test_only_what_changes_is_shown_and_segments_have_names(robot):
         TimedSegment("roll", 3.4, 4, "hold"),
     )
     story = Story("Spin", "It stops.", segments)
-    *panels, error, band = plots_pilot.pilot("run", recording.time, head, story).axes
+    *panels, _, error, band = plots_pilot.pilot("run", recording.time, head, story).axes
     names = [ax.get_title(loc="left") for ax in panels]
     assert [name for name in names if "rotation" in name] == ["rotation about z, turn left"]
     assert "force along z, up" not in names

@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sdt_drake.analysis.orientation import CAUTION, Percept
+from sdt_drake.analysis.illusions import true_attitude
+from sdt_drake.analysis.orientation import CAUTION, Percept, perceive
 from sdt_drake.analysis.perception import CHANNELS, canals
 from sdt_drake.analysis.tracking import HeadTracking
 from sdt_drake.io.arrays import Array
@@ -56,6 +57,7 @@ def pilot(title: str, time: Array, head: HeadTracking, story: Story | None = Non
                 shown.append(panel)
             else:
                 still.append(panel.title)
+    shown.append(_attitude(time, head.achieved))
     lines = [story.title or title]
     if story.feels:
         lines += textwrap.wrap(f"To be felt: {story.feels}", _LINE)
@@ -122,8 +124,21 @@ def head_panels(time: Array, head: HeadTracking, axis: int) -> tuple[Panel, Pane
     )
 
 
+def _attitude(time: Array, head: HeadMotion) -> Panel:
+    """True and felt roll and pitch from the vertical, by the first gain set of `perceive`."""
+    felt = perceive(time, head.specific_force, head.angular_velocity)
+    true = true_attitude(head)
+    lines = []
+    for k, (name, own) in enumerate((("roll right", felt.roll), ("nose up", felt.pitch))):
+        colour = PALETTE[3 + k]
+        lines.append(Line(f"{name}, true", Look(colour), np.degrees(true[k])))
+        lines.append(Line(f"{name}, felt (predicted)", Look(colour, "--"), np.degrees(own)))
+    title = "attitude from the vertical"
+    return Panel(title, "time [s]", "angle [deg]", time, lines, note=CAUTION)
+
+
 def _error(ax: Axes, time: Array, head: HeadTracking) -> None:
-    """The channels that are nearest to being felt, on a logarithmic axis."""
+    """The rotation and the force that are nearest to being felt, on a logarithmic axis."""
     felt, angles = head.felt.multiples, head.felt_from_angles.multiples.max(axis=1)
     largest = float(felt.max())
     top = max(2.0, 1.5 * largest)
@@ -132,8 +147,11 @@ def _error(ax: Axes, time: Array, head: HeadTracking) -> None:
     ax.axhline(1, color="0.2", linewidth=0.9, label="just felt")
     if angles.max() > foot:
         ax.plot(time, angles, ":", color="0.55", label="error by joint angles alone, largest")
-    for k in np.flatnonzero(head.felt.largest >= max(0.1 * largest, foot)).tolist():
-        ax.plot(time, felt[:, k], color=_CHANNEL_COLOURS[k], label=f"error, {CHANNELS[k]}")
+    for channel, most in (head.felt.worst_rotation, head.felt.worst_force):
+        if most >= foot:
+            k = CHANNELS.index(channel)
+            label = f"error, {channel}, largest of its kind"
+            ax.plot(time, felt[:, k], color=_CHANNEL_COLOURS[k], label=label)
     ax.set_yscale("log")
     ax.set_ylim(foot, top)
     plain_numbers(ax.yaxis)
