@@ -21,7 +21,7 @@ from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import Recording, simulate
 
-TARGET = 0.8
+TARGET = 0.6
 
 
 def everything(recording: Recording, robot: Robot) -> None:
