@@ -12,13 +12,12 @@ from functools import cached_property
 from importlib import import_module
 
 import numpy as np
-from pydrake.common.yaml import yaml_dump_typed
 
 from sdt_drake.io import yaml_files
 from sdt_drake.io.resources import PACKAGE_PREFIX
+from sdt_drake.io.yaml_files import yaml_text
 from sdt_drake.robot.motors import as_driven
 from sdt_drake.run.loop import Loop, blocks_of, make_loop
-from sdt_drake.run.scenario import Scenario
 
 LONG = 1000  # samples
 # The names in the package are functions.
@@ -88,7 +87,7 @@ def _fingerprint(design, loop):
     blocks = [(type(loop.controller), block.get_name()) for block in blocks_of(loop)]
     scenario = replace(design.scenario, name="")
     numbers = [getattr(design, name) for name in _computed]
-    return _hashed(yaml_dump_typed(scenario, schema=Scenario) + repr(blocks), design, *numbers)
+    return _hashed(yaml_text(scenario) + repr(blocks), design, *numbers)
 
 
 def _hashed(said, *numbers):

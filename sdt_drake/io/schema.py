@@ -1,31 +1,21 @@
-"""What a file may hold, from the fields of its dataclass: as rows for people, as a JSON Schema.
-
-Names, types, defaults and rules are those of `fields`, meanings those of the docstrings.
-"""
+"""What a file may hold: the JSON Schema of its model, and the rows of the reference from that."""
 
 from __future__ import annotations
 
-import dataclasses
-import inspect
-import math
-import re
-import typing
+import copy
 from collections.abc import Iterator, Sequence
-from dataclasses import MISSING, replace
 from functools import cache
 from typing import Any, NamedTuple
 
-from sdt_drake.io.fields import (
-    Rule,
-    dataclasses_of,
-    default_of,
-    expected,
-    hints_of,
-    options_of,
-    rule_of,
-)
+from pydantic import TypeAdapter
+from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core import core_schema
 
 Schema = dict[str, Any]
+
+_BOUNDS = {">": "exclusiveMinimum", ">=": "minimum", "<=": "maximum", "<": "exclusiveMaximum"}
+_NAMES = {"gt": _BOUNDS[">"], "ge": _BOUNDS[">="], "le": _BOUNDS["<="], "lt": _BOUNDS["<"]}
+_TYPES = {"number": "number", "integer": "whole number", "string": "text", "array": "list"}
 
 
 class Entry(NamedTuple):
@@ -54,52 +44,161 @@ class Part(NamedTuple):
     entries: Sequence[Entry]
 
 
-def parts(schema: type, name: str = "") -> Iterator[Part]:
-    """The mapping that a dataclass stands for, and all within it, each once."""
-    yield from _parts(schema, name, "", set())
+# --- JSON Schema -----------------------------------------------------------------------------
 
 
-def _parts(schema: type, title: str, prefix: str, seen: set[type]) -> Iterator[Part]:
-    fields = dataclasses.fields(schema)
-    entries = (entry_of(schema, field) for field in fields)
-    rows = [entry._replace(name=prefix + entry.name) for entry in entries]
-    yield Part(title, _split(schema)[0], rows)
-    for field in fields:
-        place, hint = prefix + field.name, hints_of(schema)[field.name]
-        if typing.get_origin(hint) is list:
-            place, hint = f"{place}[]", typing.get_args(hint)[0]
-        inner = dataclasses_of(hint)
-        for option in inner:
-            if len(inner) == 1:
-                yield from _parts(option, place, f"{place}.", seen)
-            elif option not in seen:  # a tag has the same fields wherever it stands
-                seen.add(option)
-                yield from _parts(option, f"!{option.__name__}", "", seen)
+class _Generator(GenerateJsonSchema):
+    """Tags are no part of JSON: what has several (`!Ramp`, `!Hold`) may be any of them."""
+
+    def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> Schema:
+        return {"anyOf": [self.generate_inner(option) for option in schema["choices"].values()]}
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        return False
 
 
-def entry_of(schema: type, field: dataclasses.Field[Any]) -> Entry:
-    """A field of a dataclass, for people."""
-    rule, default = rule_of(field), default_of(field)
-    hint = hints_of(schema)[field.name]
-    return Entry(
-        name=field.name,
-        takes=expected(hint, replace(rule, unit="", more_by="")) + _beside(rule),
-        unit=", ".join(filter(None, [rule.unit, rule.side and f"{rule.side} side"])),
-        default=_told(hint, default),
-        meaning=meanings(schema).get(field.name, ""),
-    )
+@cache
+def adapter(model: Any) -> TypeAdapter[Any]:
+    """Pydantic's form of a model."""
+    return TypeAdapter(model)
 
 
-def _beside(rule: Rule) -> str:
-    count = f", {rule.count} of them" if rule.count else ""
-    return f"{count}, or what {rule.more_by} has" if rule.more_by else count
+@cache
+def schema_of(model: Any) -> Schema:
+    """The JSON Schema of a model, as pydantic makes it."""
+    made: Schema = _tidied(adapter(model).json_schema(schema_generator=_Generator))
+    return made
 
 
-def _told(hint: Any, default: Any) -> str:
-    if default is MISSING or (default is None and type(None) not in options_of(hint)):
-        return ""
-    if dataclasses.is_dataclass(default):
+def _tidied(node: Any) -> Any:
+    """A schema with all bounds by their names in JSON Schema, and texts without line breaks."""
+    if isinstance(node, list):
+        return [_tidied(entry) for entry in node]
+    if isinstance(node, dict):
+        return {_NAMES.get(name, name): _tidied(value) for name, value in node.items()}
+    if isinstance(node, str):
+        return "\n\n".join(" ".join(part.split()) for part in node.split("\n\n"))
+    return node
+
+
+def json_schema(model: type, title: str) -> Schema:
+    """The JSON Schema (draft 7, which editors know) of the files of a model.
+
+    It lacks what takes the robot, other files, or several fields at once.
+    """
+    top = copy.deepcopy(schema_of(model))
+    for mapping in (top, *top.get("$defs", {}).values()):
+        if "required" not in mapping:
+            mapping["type"] = ["object", "null"]  # "friction:" and nothing below it
+        for field in mapping["properties"].values():
+            if "unit" in field:
+                field["description"] = f"{field.get('description', '')} [{unit_of(field)}]".strip()
+    head = {"$schema": "http://json-schema.org/draft-07/schema#", **top, "title": title}
+    return head | {"patternProperties": {"^_": {}}}  # of anchors; the reader leaves them out
+
+
+def inner(node: Schema, top: Schema) -> Schema:
+    """A field as the mapping, list or value that it is if it is given."""
+    node = _given(node)
+    name = node.get("$ref", "").rpartition("/")[2]
+    return node | top["$defs"][name] if name else node
+
+
+def _given(node: Schema) -> Schema:
+    """A field without its null."""
+    options = [option for option in node.get("anyOf", []) if option.get("type") != "null"]
+    rest = {name: value for name, value in node.items() if name != "anyOf"}
+    return rest | options[0] if len(options) == 1 else node
+
+
+# --- for people ------------------------------------------------------------------------------
+
+
+def expected(node: Schema, *, unit: bool = True) -> str:
+    """What a field takes, for people."""
+    node = _given(node)
+    if "properties" in node:
+        return f"a mapping with {', '.join(node['properties'])}"
+    if models := _models(node):
+        return models.replace("mappings", "a mapping")
+    if "enum" in node:
+        return f"one of {', '.join(filter(None, node['enum']))}"
+    told = _bounds(node, unit=unit)
+    if node["type"] == "array":
+        items = node["items"]
+        if "enum" in items:
+            return f"some of {', '.join(items['enum'])}"
+        plural = _models(items) or f"{_TYPES[items['type']]}s"
+        each = ", one for each joint" * node.get("per_joint", False)
+        return f"a list of {plural}{_bounds(items | node, unit=unit)}{each}"
+    if node["type"] == "boolean":
+        return "true or false"
+    such = f", such as {', '.join(node['examples'])}" if "examples" in node else ""
+    return f"a {_TYPES[node['type']]}{told}{such}"
+
+
+def _bounds(node: Schema, *, unit: bool) -> str:
+    """The bounds of numbers: " > 0 and <= 1 [s]"."""
+    told = [f"{sign} {node[name]:.12g}" for sign, name in _BOUNDS.items() if name in node]
+    has_unit = unit and node.get("unit", "-") != "-"
+    return f" {' and '.join(told)}" * bool(told) + (f" [{node['unit']}]" if has_unit else "")
+
+
+def _models(node: Schema) -> str:
+    """The tags of several models."""
+    options = node.get("anyOf", [node])
+    names = [option["$ref"].rpartition("/")[2] for option in options if "$ref" in option]
+    return ", ".join(f"!{name}" for name in names) if len(names) > 1 else "mappings" * len(names)
+
+
+def unit_of(field: Schema) -> str:
+    """The unit of a field, with the side where that makes a difference."""
+    side = f"{field['side']} side" if "side" in field else ""
+    return ", ".join(filter(None, (field.get("unit", ""), side)))
+
+
+def parts(model: type) -> Iterator[Part]:
+    """The mapping that a model stands for, and all within it, each once."""
+    top = schema_of(model)
+    yield from _parts(top, top, "", "", set())
+
+
+def _parts(mapping: Schema, top: Schema, title: str, prefix: str, seen: set[str]) -> Iterator[Part]:
+    fields, needed = mapping["properties"], mapping.get("required", [])
+    rows = [
+        Entry(
+            name=prefix + name,
+            takes=expected(field, unit=False) + _count(field),
+            unit=unit_of(field),
+            default="" if name in needed else _default(field),
+            meaning=field.get("description", ""),
+        )
+        for name, field in fields.items()
+    ]
+    yield Part(title, mapping["description"], rows)
+    for name, field in fields.items():
+        place, node = prefix + name, _given(field)
+        if "items" in node:
+            place, node = f"{place}[]", node["items"]
+        if "$ref" in node:
+            yield from _parts(inner(node, top), top, place, f"{place}.", seen)
+        for option in node.get("anyOf", []):
+            tag = "!" + option["$ref"].rpartition("/")[2]
+            if tag not in seen:  # a tag has the same fields wherever it stands
+                seen.add(tag)
+                yield from _parts(inner(option, top), top, tag, "", seen)
+
+
+def _count(field: Schema) -> str:
+    return f", {field['maxItems']} of them" if "maxItems" in field else ""
+
+
+def _default(field: Schema) -> str:
+    if "default" not in field:
         return "as below"
+    default = field["default"]
+    if default is None and _given(field) is field:  # none is taken, one has to be given
+        return ""
     if default in (None, "", []):
         return "none"
     if isinstance(default, list):
@@ -107,106 +206,3 @@ def _told(hint: Any, default: Any) -> str:
     if isinstance(default, bool):
         return "true" if default else "false"
     return f"{default:.12g}" if isinstance(default, float) else str(default)
-
-
-@cache
-def meanings(schema: type) -> dict[str, str]:
-    """What the docstrings of a dataclass and of those it derives from say of each field."""
-    found: dict[str, str] = {}
-    for base in reversed(schema.__mro__):
-        for entry in re.split(r"\n {4}(?=\w)", _split(base)[1]):
-            names, _, meaning = entry.strip().partition(":")
-            found |= dict.fromkeys(names.split(", "), " ".join(meaning.split()))
-    return found
-
-
-def _split(schema: type) -> tuple[str, str]:
-    """What a docstring says of the class, in one line a paragraph, and of its attributes."""
-    text, _, attributes = inspect.cleandoc(schema.__doc__ or "").partition("\nAttributes:\n")
-    paragraphs = (" ".join(paragraph.split()) for paragraph in text.split("\n\n"))
-    return "\n\n".join(filter(None, paragraphs)), "\n" + attributes
-
-
-# --- JSON Schema -----------------------------------------------------------------------------
-
-
-def json_schema(schema: type, title: str) -> Schema:
-    """The JSON Schema (draft 7, which editors know) of files that a dataclass stands for.
-
-    It lacks what takes the robot, other files, or several fields at once. Tags are no part of JSON:
-    what has several (`!Ramp`, `!Hold`) may be any of them.
-    """
-    definitions: dict[str, Schema] = {}
-    top = _mapping(schema, definitions)
-    return {
-        "$schema": "http://json-schema.org/draft-07/schema#",
-        "title": title,
-        **top,
-        "patternProperties": {"^_": {}},  # of anchors; the reader leaves them out
-        "definitions": dict(sorted(definitions.items())),
-    }
-
-
-def _mapping(schema: type, definitions: dict[str, Schema]) -> Schema:
-    mapping: Schema = {
-        "type": "object",
-        "description": _split(schema)[0],
-        "properties": {},
-        "additionalProperties": False,
-    }
-    for field in dataclasses.fields(schema):
-        entry, rule = entry_of(schema, field), rule_of(field)
-        value = _value(hints_of(schema)[field.name], rule, definitions)
-        value["description"] = entry.meaning + (f" [{entry.unit}]" if entry.unit else "")
-        default = default_of(field)
-        if not entry.default:
-            mapping.setdefault("required", []).append(field.name)
-        elif entry.default not in ("none", "as below"):
-            value["default"] = default
-        if default not in ("", []) and not rule.empty:
-            value |= {"string": {"minLength": 1}, "array": {"minItems": 1}}.get(_kind(value), {})
-        if rule.count:
-            value |= {"minItems": rule.count, "maxItems": rule.count}
-        if rule.more_by:
-            own = {field.name: {"enum": value.pop("enum")}}
-            mapping |= {"if": {"required": [rule.more_by]}, "else": {"properties": own}}
-        mapping["properties"][field.name] = value
-    if "required" not in mapping:
-        mapping["type"] = ["object", "null"]  # "friction:" and nothing below it
-    return mapping
-
-
-def _value(hint: Any, rule: Rule, definitions: dict[str, Schema]) -> Schema:
-    options = options_of(hint)
-    null = ["null"] * (type(None) in options)
-    inner = dataclasses_of(hint)
-    for option in inner:
-        if option.__name__ not in definitions:
-            definitions[option.__name__] = _mapping(option, definitions)
-    if inner:
-        references = [{"$ref": f"#/definitions/{option.__name__}"} for option in inner]
-        return {"anyOf": [*references, *({"type": name} for name in null)]}
-    kind = _KINDS.get(options[0], "array")
-    value: Schema = {"type": [kind, *null] if null else kind}
-    if kind == "array":
-        value["items"] = _value(typing.get_args(options[0])[0], rule, definitions)
-    elif kind == "string" and rule.choices:
-        value["enum"] = [*rule.choices, *([None] if null else [])]
-    elif kind in ("number", "integer"):
-        limits = {name: getattr(rule, own) for name, own in _LIMITS.items()}
-        value |= {name: limit for name, limit in limits.items() if math.isfinite(limit)}
-    return value
-
-
-def _kind(value: Schema) -> str:
-    kind = value.get("type", "")
-    return kind if isinstance(kind, str) else kind[0]
-
-
-_KINDS = {float: "number", int: "integer", bool: "boolean", str: "string"}
-_LIMITS = {
-    "minimum": "minimum",
-    "exclusiveMinimum": "above",
-    "maximum": "maximum",
-    "exclusiveMaximum": "below",
-}

@@ -1,4 +1,4 @@
-"""YAML files: as plain data, and as objects of dataclasses."""
+"""YAML files: as plain data, and as objects of models."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-import yaml  # of Drake itself
-from pydrake.common.yaml import yaml_dump_typed
+import yaml
 
 from sdt_drake.io.errors import InputError, one_line, within
-from sdt_drake.io.fields import made
+from sdt_drake.io.fields import FromHere, Input, Variant, given_fields, made
 from sdt_drake.io.files import has_control_characters, read_text, write_text
 from sdt_drake.io.resources import a_kind, find_file
 
@@ -31,10 +30,10 @@ _PART = re.compile(r"(\w+)(?:\[([1-9]\d{0,5})\])?")  # of a dotted name; entries
 def load_yaml(
     schema: type[T], path: str | Path, kind: str = "", changes: Mapping[str, Any] | None = None
 ) -> tuple[T, Path]:
-    """The object of dataclass `schema` that a YAML file describes, and its path.
+    """The object of the model `schema` that a YAML file describes, and its path.
 
     Args:
-        schema: a dataclass with the rules of its fields, see `sdt_drake.io.fields`.
+        schema: the model, see `sdt_drake.io.fields`.
         path: of the file.
         kind: of the file; those of SHIPPED in `sdt_drake.io.resources` have short names.
         changes: values by dotted names, to be had instead of the file's, or besides.
@@ -51,8 +50,8 @@ def load_yaml(
     data = read_yaml(file)
     _refuse_others(data, path, kind)
     for name, value in (changes or {}).items():
-        _put(data, name, value)
-    return made(schema, data, file, changes or ()), file
+        _put(data, name, _from_here(value))
+    return made(schema, data, file), file
 
 
 _NO_YAML = {".sdf": "a robot", ".urdf": "a robot", ".csv": "a table"}
@@ -74,10 +73,19 @@ def _refuse_others(data: Any, path: str | Path, kind: str) -> None:
             raise InputError(f"{path}: is {a_kind(other)}, expected {a_kind(kind)}")
 
 
+def _from_here(value: Any) -> Any:
+    """A value that does not stand in the file."""
+    if isinstance(value, dict):
+        return {name: _from_here(entry) for name, entry in value.items()}
+    if isinstance(value, list):
+        return [_from_here(entry) for entry in value]
+    return FromHere(value) if isinstance(value, str) else value
+
+
 def _put(data: Any, name: str, value: Any) -> None:
     """Give the field of a dotted name another value; mappings on the way are made."""
     *parents, last = (_PART.fullmatch(part) for part in name.split("."))
-    wrong = InputError(f"{name}: expected the dotted name of a field, 'controller.kind'")
+    wrong = InputError("expected the dotted name of a field, 'controller.kind'", place=name)
     for part in parents:
         if part is None or part[2] is not None or not isinstance(data, dict):
             raise wrong
@@ -93,7 +101,8 @@ def _put(data: Any, name: str, value: Any) -> None:
     if not isinstance(entries, list) or k > len(entries):
         count = len(entries) if isinstance(entries, list) else 0
         expected = f"[1] to [{count}], or the whole list" if count else "the whole list"
-        raise InputError(f"{name}: the file has {count or 'no'} entries there, expected {expected}")
+        text = f"the file has {count or 'no'} entries there, expected {expected}"
+        raise InputError(text, place=name)
     data[last[1]] = [*entries[: k - 1], value, *entries[k:]]
 
 
@@ -129,12 +138,40 @@ def read_yaml(file: Path) -> Any:
 
 
 def write_yaml(path: str | Path, thing: object) -> None:
-    """Write an object of a dataclass as YAML that `load_yaml` reads, replaced whole.
+    """Write an object of a model as YAML that `load_yaml` reads, replaced whole.
 
     Raises:
         InputError: if it cannot be written.
     """
-    write_text(Path(path), yaml_dump_typed(thing, schema=type(thing)))
+    write_text(Path(path), yaml_text(thing))
+
+
+def yaml_text(thing: object) -> str:
+    """An object of a model as YAML, without what is not given."""
+    return yaml.dump(
+        thing,
+        Dumper=_Writer,
+        sort_keys=False,
+        allow_unicode=True,
+        width=100,
+        default_flow_style=None,
+    )
+
+
+class _Writer(yaml.SafeDumper):
+    """YAML of models; lists of numbers and texts stand in a line."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def _represented(writer: _Writer, thing: Any) -> yaml.Node:
+    tag = f"!{type(thing).__name__}" if isinstance(thing, Variant) else writer.DEFAULT_MAPPING_TAG
+    values = {name: value for name, value in given_fields(thing) if value is not None}
+    return writer.represent_mapping(tag, values)
+
+
+_Writer.add_multi_representer(Input, _represented)
 
 
 class _Reader(yaml.SafeLoader):

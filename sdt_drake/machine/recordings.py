@@ -1,16 +1,16 @@
 """Recordings of robots: what their files call the columns, and the same for all from there on."""
 
-# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Optional
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.fields import Problems, setting
+from sdt_drake.io.fields import EachJoint, Input, Number, OneOf, Positive, Problems, Some, setting
 from sdt_drake.io.shown import listed
 from sdt_drake.io.tables import Numbers, read_numbers
 from sdt_drake.io.yaml_files import load_yaml
@@ -34,61 +34,56 @@ _OWN = ("tau_cmd", "tau_limited", "load_torque")  # columns that `simulate` writ
 
 
 @dataclass(slots=True)
-class Columns:
+class Columns(Input):
     """How a recording's file says what it holds; the default is that of this package.
 
     A signal is a list of columns, one for each joint from the base to the tip, by their names or,
     counted from 1, their numbers; or one text in which {k} stands for the number of the joint. What
     is not there has none: [].
-
-    Attributes:
-        delimiter: between columns: comma, semicolon, tab or space (any blanks).
-        header: whether a line with names comes first.
-        skip: lines before that.
-        time: column of the time; "" where there is none, but a rate.
-        time_factor: what a 1 in that column is.
-        rate: samples in a second, where there is no time.
-        q: columns of the positions.
-        v: columns of the speeds, which are not needed.
-        tau: columns of the torques.
-        tau_mean: columns of the mean torques since the sample before; `identify` prefers them.
-        q_ref: columns of the position reference, for `replay`.
-        v_ref: columns of the speed reference, likewise.
-        vd_ref: columns of the acceleration reference, likewise.
-        tau_ff: columns of the torque feedforward, likewise.
-        angle: "rad" or "deg", of positions and speeds.
-        side: "joint" or "motor", of torques. That of a recording of `simulate` is known.
-        position_offset: added to q and q_ref; 0 by default.
-        direction: 1, or -1 for a joint whose positions, speeds and torques are counted the other
-            way than in the robot's file; 1 by default.
-        torque_delay: by how much tau is recorded later than positions, as half the period of a
-            drive that holds it.
-        torque_factor: what turns the columns of torques, perhaps currents, into torques; 1 by
-            default.
     """
 
-    delimiter: str = setting("comma", choices=tuple(_DELIMITERS))
+    delimiter: Annotated[str, OneOf(tuple(_DELIMITERS))] = "comma"
+    """Between columns: comma, semicolon, tab or space (any blanks)."""
     header: bool = True
-    skip: int = setting(0, minimum=0, maximum=1000, unit="-")
-    time: str = setting("time", empty=True)
-    time_factor: float = setting(1.0, above=0, unit="s")
-    rate: Optional[float] = setting(None, above=0, unit="Hz")
-    q: list[str] = setting(["q_{k}"])
-    v: list[str] = setting(["v_{k}"], empty=True)
-    tau: list[str] = setting(["tau_{k}"])
-    tau_mean: list[str] = setting(["tau_mean_{k}"], empty=True)
-    q_ref: list[str] = setting(["q_ref_{k}"], empty=True)
-    v_ref: list[str] = setting(["v_ref_{k}"], empty=True)
-    vd_ref: list[str] = setting(["vd_ref_{k}"], empty=True)
-    tau_ff: list[str] = setting(["tau_ff_{k}"], empty=True)
-    angle: str = setting("rad", choices=("rad", "deg"))
-    side: Optional[str] = setting(None, choices=SIDES)
-    position_offset: Optional[list[float]] = setting(None, per_joint=True, unit="rad", side="joint")
-    direction: Optional[list[float]] = setting(
-        None, per_joint=True, minimum=-1, maximum=1, unit="-"
-    )
-    torque_delay: float = setting(0.0, minimum=-1, maximum=1, unit="s")
-    torque_factor: Optional[list[float]] = setting(None, per_joint=True, unit="N m per unit")
+    """Whether a line with names comes first."""
+    skip: int = setting(0, ge=0, le=1000, unit="-")
+    """Lines before that."""
+    time: str = "time"
+    """Column of the time; "" where there is none, but a rate."""
+    time_factor: Positive = setting(1.0, unit="s")
+    """What a 1 in that column is."""
+    rate: Positive | None = setting(None, unit="Hz")
+    """Samples in a second, where there is no time."""
+    q: Some[str] = setting(["q_{k}"])
+    """Columns of the positions."""
+    v: list[str] = setting(["v_{k}"])
+    """Columns of the speeds, which are not needed."""
+    tau: Some[str] = setting(["tau_{k}"])
+    """Columns of the torques."""
+    tau_mean: list[str] = setting(["tau_mean_{k}"])
+    """Columns of the mean torques since the sample before; `identify` prefers them."""
+    q_ref: list[str] = setting(["q_ref_{k}"])
+    """Columns of the position reference, for `replay`."""
+    v_ref: list[str] = setting(["v_ref_{k}"])
+    """Columns of the speed reference, likewise."""
+    vd_ref: list[str] = setting(["vd_ref_{k}"])
+    """Columns of the acceleration reference, likewise."""
+    tau_ff: list[str] = setting(["tau_ff_{k}"])
+    """Columns of the torque feedforward, likewise."""
+    angle: Annotated[str, OneOf(("rad", "deg"))] = "rad"
+    """"rad" or "deg", of positions and speeds."""
+    side: Annotated[str, OneOf(SIDES)] | None = None
+    """"joint" or "motor", of torques. That of a recording of `simulate` is known."""
+    position_offset: EachJoint[Number] | None = setting(None, unit="rad", side="joint")
+    """Added to q and q_ref; 0 by default."""
+    direction: EachJoint[Annotated[Number, Field(ge=-1, le=1)]] | None = setting(None, unit="-")
+    """1, or -1 for a joint whose positions, speeds and torques are counted the other way than
+    in the robot's file; 1 by default."""
+    torque_delay: Number = setting(0.0, ge=-1, le=1, unit="s")
+    """By how much tau is recorded later than positions, as half the period of a drive that
+    holds it."""
+    torque_factor: EachJoint[Number] | None = setting(None, unit="N m per unit")
+    """What turns the columns of torques, perhaps currents, into torques; 1 by default."""
 
     def problems(self) -> Problems:
         if (self.time == "") == (self.rate is None):

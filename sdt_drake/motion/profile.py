@@ -1,46 +1,51 @@
 """Motion profiles: what the instructor wants of each joint, or of G, as segments in YAML."""
 
-# Drake's YAML loader reads the annotations here: they may not be postponed, and a union must be
-# spelled Optional[...] or Union[...].
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Optional, Union
+from typing import Annotated
 
-from sdt_drake.io.fields import Problems, setting
+from sdt_drake.io.fields import (
+    EachJoint,
+    EachJointOrNone,
+    Input,
+    Number,
+    Positive,
+    Problems,
+    Some,
+    Tagged,
+    Text,
+    setting,
+)
 from sdt_drake.io.resources import shipped
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.motion.segments import Fourier, Hold, Knots, Oscillation, Ramp, Sampled, Turn, either
 
 
 @dataclass(kw_only=True)
-class Resultant:
-    """Which joints make a wanted G.
+class Resultant(Input):
+    """Which joints make a wanted G."""
 
-    Attributes:
-        spin: the joint whose speed makes it; its axis must be vertical.
-        align: the joint that turns 'up' of what it carries onto the resultant of gravity and
-            centripetal acceleration; none if not given. The tangential acceleration of a changing
-            speed is **not** aligned: it is felt sideways to the arm. The acceleration of this
-            joint jumps a little where a ramp ends.
-    """
-
-    spin: str
-    align: Optional[str] = None
+    spin: Text
+    """The joint whose speed makes it; its axis must be vertical."""
+    align: Text | None = None
+    """The joint that turns 'up' of what it carries onto the resultant of gravity and
+    centripetal acceleration; none if not given. The tangential acceleration of a changing speed
+    is **not** aligned: it is felt sideways to the arm. The acceleration of this joint jumps a
+    little where a ramp ends."""
 
 
 @dataclass(kw_only=True)
-class Track:
-    """Segments, one after the other, of one joint or of a wanted G. Speeds in gaps are held.
+class Track(Input):
+    """Segments, one after the other, of one joint or of a wanted G. Speeds in gaps are held."""
 
-    Attributes:
-        joint: name of the joint; or else resultant.
-        resultant: which joints make a wanted G; or else joint.
-        segments: in their order in time.
-    """
-
-    joint: Optional[str] = None
-    resultant: Optional[Resultant] = None
-    segments: list[Union[Ramp, Hold, Turn, Knots, Sampled, Oscillation, Fourier]] = setting()
+    joint: Text | None = None
+    """Name of the joint; or else resultant."""
+    resultant: Resultant | None = None
+    """Which joints make a wanted G; or else joint."""
+    segments: Some[
+        Annotated[Ramp | Hold | Turn | Knots | Sampled | Oscillation | Fourier, Tagged()]
+    ]
+    """In their order in time."""
 
     def problems(self) -> Problems:
         """The segments are those of a joint, or those of a resultant."""
@@ -69,32 +74,31 @@ class Track:
 
 
 @dataclass(kw_only=True)
-class MotionProfile:
-    """Commanded speeds of the joints.
-
-    Attributes:
-        name: short name; that of the file by default.
-        title: of the illusion that it makes.
-        description: one sentence.
-        feels: one sentence: what the pilot should feel.
-        notes: what is assumed, what a device cannot do, sources.
-        duration: of the whole motion.
-        start_deg: joint angles at the start, base to tip; all 0 if not given.
-        q0: the same in rad; one of both.
-        tracks: what moves; other joints stay where they are.
-        joints: instead of tracks, one segment for each joint, base to tip.
-    """
+class MotionProfile(Input):
+    """Commanded speeds of the joints."""
 
     name: str = ""
+    """Short name; that of the file by default."""
     title: str = ""
+    """Of the illusion that it makes."""
     description: str = ""
+    """One sentence."""
     feels: str = ""
+    """One sentence: what the pilot should feel."""
     notes: str = ""
-    duration: float = setting(above=0, unit="s")
-    start_deg: Optional[list[float]] = setting(None, per_joint=True, unit="deg", side="joint")
-    q0: Optional[list[float]] = setting(None, per_joint=True, unit="rad", side="joint")
+    """What is assumed, what a device cannot do, sources."""
+    duration: Positive = setting(unit="s")
+    """Of the whole motion."""
+    start_deg: EachJoint[Number] | None = setting(None, unit="deg", side="joint")
+    """Joint angles at the start, base to tip; all 0 if not given."""
+    q0: EachJoint[Number] | None = setting(None, unit="rad", side="joint")
+    """The same in rad; one of both."""
     tracks: list[Track] = setting([])
-    joints: list[Union[Knots, Sampled, Oscillation, Fourier]] = setting([], per_joint=True)
+    """What moves; other joints stay where they are."""
+    joints: EachJointOrNone[Annotated[Knots | Sampled | Oscillation | Fourier, Tagged()]] = setting(
+        []
+    )
+    """Instead of tracks, one segment for each joint, base to tip."""
 
     def problems(self) -> Problems:
         """It is said once what moves and where it starts; there is one resultant."""

@@ -4,18 +4,25 @@ A segment is made of pieces from one speed to another, linear or along half a co
 the sum of (v_i + v_i+1) / 2 times the time of each piece, whatever its blend. Only a swing is not.
 """
 
-# Drake's YAML loader reads the annotations here: they may not be postponed, and a union must be
-# spelled Optional[...] or Union[...].
 import itertools
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Optional
+from typing import Annotated
 
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.fields import Problems, setting
+from sdt_drake.io.fields import (
+    NotNegative,
+    Number,
+    OneOf,
+    Positive,
+    Problems,
+    Some,
+    Variant,
+    setting,
+)
 from sdt_drake.motion.spin import SpinGeometry
 
 SpeedStep = tuple[float, float]  # when, since its segment began [s], and the speed then [rad/s]
@@ -32,14 +39,12 @@ _SAME = 1e-6  # of a number that a file gives, as its digits are
 
 
 @dataclass(kw_only=True)
-class Segment(ABC):
-    """What a joint, or a wanted G, does for a while.
+class Segment(Variant, ABC):
+    """What a joint, or a wanted G, does for a while."""
 
-    Attributes:
-        at: start; right after the segment before if not given.
-    """
-
-    at: Optional[float] = setting(None, minimum=0, unit="s")
+    at: NotNegative | None = setting(
+        None, unit="s", description="Start; right after the segment before if not given."
+    )
 
     blend = "linear"  # of the speed
 
@@ -64,13 +69,10 @@ class Segment(ABC):
 
 @dataclass(kw_only=True)
 class Hold(Segment):
-    """The speed stays what it is.
+    """The speed stays what it is."""
 
-    Attributes:
-        duration: for how long.
-    """
-
-    duration: float = setting(above=0, unit="s")
+    duration: Positive = setting(unit="s")
+    """For how long."""
 
     def steps(self, speed: float, angle: float, geometry: SpinGeometry | None) -> list[SpeedStep]:
         """One piece."""
@@ -79,23 +81,20 @@ class Hold(Segment):
 
 @dataclass(kw_only=True)
 class Ramp(Segment):
-    """The speed goes from what it is to another one.
+    """The speed goes from what it is to another one."""
 
-    Attributes:
-        to_deg_s: joint speed at the end; in a track of a joint.
-        to_g: resultant of gravity and centripetal acceleration at the end; in a track of the
-            resultant. The speed of the spin joint is what goes linearly or along a cosine:
-            d omega / d G is infinite at 1 G.
-        duration: how long it takes; or else acceleration_deg_s2.
-        acceleration_deg_s2: the largest one; or else duration.
-        blend: of the speed, "cosine" or "linear" (whose acceleration jumps).
-    """
-
-    to_deg_s: Optional[float] = setting(None, unit="deg/s", side="joint")
-    to_g: Optional[float] = setting(None, minimum=1, unit="G")
-    duration: Optional[float] = setting(None, above=0, unit="s")
-    acceleration_deg_s2: Optional[float] = setting(None, above=0, unit="deg/s²", side="joint")
-    blend: str = setting("cosine", choices=BLENDS)
+    to_deg_s: Number | None = setting(None, unit="deg/s", side="joint")
+    """Joint speed at the end; in a track of a joint."""
+    to_g: Number | None = setting(None, ge=1, unit="G")
+    """Resultant of gravity and centripetal acceleration at the end; in a track of the
+    resultant. The speed of the spin joint is what goes linearly or along a cosine: d omega / d
+    G is infinite at 1 G."""
+    duration: Positive | None = setting(None, unit="s")
+    """How long it takes; or else acceleration_deg_s2."""
+    acceleration_deg_s2: Positive | None = setting(None, unit="deg/s²", side="joint")
+    """The largest one; or else duration."""
+    blend: Annotated[str, OneOf(BLENDS)] = "cosine"
+    """Of the speed, "cosine" or "linear" (whose acceleration jumps)."""
 
     def problems(self) -> Problems:
         """Of two fields that say the same, one is given."""
@@ -120,22 +119,19 @@ class Ramp(Segment):
 
 @dataclass(kw_only=True)
 class Turn(Segment):
-    """The joint turns from rest to rest.
+    """The joint turns from rest to rest."""
 
-    Attributes:
-        by_deg: change of the angle; or else to_deg.
-        to_deg: angle at the end, of the joint without its share of an alignment; or else by_deg.
-        duration: how long it takes; or else speed_deg_s.
-        speed_deg_s: the largest speed; or else duration.
-        blend: of the speed: "cosine", (1 - cos) / 2 with a mean of half the largest, or "linear",
-            a trapezoid of three equal times with a mean of two thirds.
-    """
-
-    by_deg: Optional[float] = setting(None, unit="deg", side="joint")
-    to_deg: Optional[float] = setting(None, unit="deg", side="joint")
-    duration: Optional[float] = setting(None, above=0, unit="s")
-    speed_deg_s: Optional[float] = setting(None, above=0, unit="deg/s", side="joint")
-    blend: str = setting("cosine", choices=BLENDS)
+    by_deg: Number | None = setting(None, unit="deg", side="joint")
+    """Change of the angle; or else to_deg."""
+    to_deg: Number | None = setting(None, unit="deg", side="joint")
+    """Angle at the end, of the joint without its share of an alignment; or else by_deg."""
+    duration: Positive | None = setting(None, unit="s")
+    """How long it takes; or else speed_deg_s."""
+    speed_deg_s: Positive | None = setting(None, unit="deg/s", side="joint")
+    """The largest speed; or else duration."""
+    blend: Annotated[str, OneOf(BLENDS)] = "cosine"
+    """Of the speed: "cosine", (1 - cos) / 2 with a mean of half the largest, or "linear", a
+    trapezoid of three equal times with a mean of two thirds."""
 
     def problems(self) -> Problems:
         """Of two fields that say the same, one is given."""
@@ -179,13 +175,10 @@ class Given(Segment):
 
 @dataclass(kw_only=True)
 class Knots(Given):
-    """Piecewise-linear speed.
+    """Piecewise-linear speed."""
 
-    Attributes:
-        knots: pairs of time since the start of the segment, from 0 on, and speed.
-    """
-
-    knots: list[list[float]] = setting(unit="s, rad/s", side="joint")
+    knots: Some[list[Number]] = setting(unit="s, rad/s", side="joint")
+    """Pairs of time since the start of the segment, from 0 on, and speed."""
 
     def problems(self) -> Problems:
         """There are pairs in growing time from 0 on."""
@@ -206,15 +199,12 @@ class Knots(Given):
 
 @dataclass(kw_only=True)
 class Sampled(Given):
-    """Speed given at equal steps, linear between them.
+    """Speed given at equal steps, linear between them."""
 
-    Attributes:
-        period: time between samples.
-        speeds: joint speed at 0, period, 2 period, ... since the start of the segment.
-    """
-
-    period: float = setting(above=0, unit="s")
-    speeds: list[float] = setting(unit="rad/s", side="joint")
+    period: Positive = setting(unit="s")
+    """Time between samples."""
+    speeds: Some[Number] = setting(unit="rad/s", side="joint")
+    """Joint speed at 0, period, 2 period, ... since the start of the segment."""
 
     def problems(self) -> Problems:
         """There are samples to go between."""
@@ -254,18 +244,16 @@ class Oscillation(Swing):
 
     v(t) = A (2 pi / T) cos(2 pi t / T) clip(t / fade, 0, 1) clip((end - t) / fade, 0, 1),
     t since the start of the segment.
-
-    Attributes:
-        amplitude: A, of the angle.
-        period: T, of a swing.
-        fade: time to full swing, and to rest.
-        end: when it is at rest again, since the start of the segment.
     """
 
-    amplitude: float = setting(unit="rad", side="joint")
-    period: float = setting(above=0, unit="s")
-    fade: float = setting(above=0, unit="s")
-    end: float = setting(above=0, unit="s")
+    amplitude: Number = setting(unit="rad", side="joint")
+    """A, of the angle."""
+    period: Positive = setting(unit="s")
+    """T, of a swing."""
+    fade: Positive = setting(unit="s")
+    """Time to full swing, and to rest."""
+    end: Positive = setting(unit="s")
+    """When it is at rest again, since the start of the segment."""
 
     def problems(self) -> Problems:
         """The swings can be counted."""
@@ -298,18 +286,16 @@ class Fourier(Swing):
 
     q(t) - q(0) = sum over l of sine_l sin(2 pi l t / T) + cosine_l (cos(2 pi l t / T) - 1),
     t since the start of the segment.
-
-    Attributes:
-        period: T, of the first harmonic.
-        sine: amplitudes of the angle; l times sine_l add up to 0, so that it starts at rest.
-        cosine: likewise, as many; any.
-        end: when it is at rest again, since the start of the segment: a multiple of the period.
     """
 
-    period: float = setting(above=0, unit="s")
-    sine: list[float] = setting(unit="rad", side="joint")
-    cosine: list[float] = setting(unit="rad", side="joint")
-    end: float = setting(above=0, unit="s")
+    period: Positive = setting(unit="s")
+    """T, of the first harmonic."""
+    sine: Some[Number] = setting(unit="rad", side="joint")
+    """Amplitudes of the angle; l times sine_l add up to 0, so that it starts at rest."""
+    cosine: Some[Number] = setting(unit="rad", side="joint")
+    """Likewise, as many; any."""
+    end: Positive = setting(unit="s")
+    """When it is at rest again, since the start of the segment: a multiple of the period."""
 
     def problems(self) -> Problems:
         """It starts and ends at rest, and its swings can be counted."""

@@ -1,17 +1,17 @@
 """A robot whose links differ from its file: a controller's model of it, or what it really is."""
 
-# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Optional
+from typing import Annotated
 from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
+from pydantic import Field
 
 from sdt_drake.io.errors import InputError, at
-from sdt_drake.io.fields import Problems, setting
+from sdt_drake.io.fields import FileOf, Input, Number, Positive, Problems, Some, setting
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.tables import read_numbers
 from sdt_drake.robot.robot import Robot, edited, parts_of
@@ -31,35 +31,33 @@ _PAYLOAD = "payload"  # that a robot need not have where nothing changes it
 
 
 @dataclass(slots=True)
-class Deviation:
+class Deviation(Input):
     """What differs from the links of the robot's file.
 
     Masses and inertias here are those of the links, joint side. Rotors, gears, limits, damping and
     kinematics are known exactly.
-
-    Attributes:
-        payload: name of the link that payload_mass and payload_offset change; one that is given has
-            to be there, whether they change it or not.
-        payload_mass: added to the link's mass; its inertia scales with the mass (the same body,
-            evenly heavier).
-        payload_offset: added to the position of the link's centre of mass, in the frame in which
-            `<inertial>` is written: that of the link.
-        inertia_scale: factor on masses and inertias of all links, applied after the payload's
-            change. So the links' part of the mass matrix, the velocity torques and the gravity
-            torques all scale with it; what the rotors add to the mass matrix does not.
-        link_scales: the same factor for each link on its own, in the order of the file.
-        spread: file of the directions in which the links are uncertain, as `identify` writes it;
-            none by default.
-        along: how far along each of these directions, in standard deviations; applied first.
     """
 
     payload: str = _PAYLOAD
-    payload_mass: float = setting(0.0, unit="kg")
-    payload_offset: list[float] = setting([0.0, 0.0, 0.0], count=3, unit="m")
-    inertia_scale: float = setting(1.0, above=0, unit="-")
-    link_scales: Optional[list[float]] = setting(None, above=0, unit="-")
-    spread: str = setting("", file="directions")
-    along: Optional[list[float]] = setting(None, minimum=-10, maximum=10, unit="-")
+    """Name of the link that payload_mass and payload_offset change; one that is given has to be
+    there, whether they change it or not."""
+    payload_mass: Number = setting(0.0, unit="kg")
+    """Added to the link's mass; its inertia scales with the mass (the same body, evenly
+    heavier)."""
+    payload_offset: list[Number] = setting([0.0, 0.0, 0.0], min_length=3, max_length=3, unit="m")
+    """Added to the position of the link's centre of mass, in the frame in which `<inertial>` is
+    written: that of the link."""
+    inertia_scale: Positive = setting(1.0, unit="-")
+    """Factor on masses and inertias of all links, applied after the payload's change. So the
+    links' part of the mass matrix, the velocity torques and the gravity torques all scale with
+    it; what the rotors add to the mass matrix does not."""
+    link_scales: Some[Positive] | None = setting(None, unit="-")
+    """The same factor for each link on its own, in the order of the file."""
+    spread: Annotated[str, FileOf("directions")] = ""
+    """File of the directions in which the links are uncertain, as `identify` writes it; none by
+    default."""
+    along: Some[Annotated[Number, Field(ge=-10, le=10)]] | None = setting(None, unit="-")
+    """How far along each of these directions, in standard deviations; applied first."""
 
     def problems(self) -> Problems:
         if self.along and not self.spread:

@@ -1,15 +1,25 @@
 """What a real device adds to a rigid, frictionless plant with ideal drives."""
 
-# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
 from dataclasses import dataclass
-from typing import Any, Optional
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.fields import Problems, setting
+from sdt_drake.io.fields import (
+    EachJoint,
+    EachJointOrNone,
+    Input,
+    NotNegative,
+    Number,
+    OneOf,
+    Positive,
+    Problems,
+    setting,
+)
 from sdt_drake.robot.envelope import Envelope
 
 # --- drives ----------------------------------------------------------------------------------
@@ -18,33 +28,31 @@ SHORTEST_PERIOD = 125e-6  # s; the speed loop of SINAMICS S120, servo control at
 
 
 @dataclass(slots=True)
-class Drive:
+class Drive(Input):
     """What lies between the controller's law and the torque of the motors.
 
     Everything is ideal unless given. Lists have one value for each joint.
-
-    Attributes:
-        period: sampling period of the speed loop; 125 µs to the interpolation period, which it
-            must divide. Continuous by default.
-        torque_bandwidth: -3 dB frequency of the torque loop, a first-order lag.
-        torque_error: the motors give (1 + torque_error) of the torque they should.
-        encoder_resolution: increments of each encoder per revolution **of the motor**; speed is
-            then the difference of positions over `period`.
-        n1: motor speed up to which the full torque is available; by default that of the motors of
-            the catalogue that the device has.
-        n0: motor speed at which none is left to accelerate any more; likewise.
-        reference_delay: how late the reference and all that is computed from it arrives.
     """
 
-    period: Optional[float] = setting(None, minimum=SHORTEST_PERIOD, unit="s")
-    torque_bandwidth: Optional[float] = setting(None, above=0, unit="Hz")
-    torque_error: Optional[list[float]] = setting(None, above=-1, below=1, per_joint=True, unit="-")
-    encoder_resolution: Optional[list[float]] = setting(
-        None, minimum=1, per_joint=True, unit="1/rev", side="motor"
+    period: Number | None = setting(None, ge=SHORTEST_PERIOD, unit="s")
+    """Sampling period of the speed loop; 125 µs to the interpolation period, which it must
+    divide. Continuous by default."""
+    torque_bandwidth: Positive | None = setting(None, unit="Hz")
+    """-3 dB frequency of the torque loop, a first-order lag."""
+    torque_error: EachJoint[Annotated[Number, Field(gt=-1, lt=1)]] | None = setting(None, unit="-")
+    """The motors give (1 + torque_error) of the torque they should."""
+    encoder_resolution: EachJoint[Annotated[Number, Field(ge=1)]] | None = setting(
+        None, unit="1/rev", side="motor"
     )
-    n1: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="rad/s", side="motor")
-    n0: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="rad/s", side="motor")
-    reference_delay: float = setting(0.0, minimum=0, unit="s")
+    """Increments of each encoder per revolution **of the motor**; speed is then the difference
+    of positions over `period`."""
+    n1: EachJoint[Positive] | None = setting(None, unit="rad/s", side="motor")
+    """Motor speed up to which the full torque is available; by default that of the motors of
+    the catalogue that the device has."""
+    n0: EachJoint[Positive] | None = setting(None, unit="rad/s", side="motor")
+    """Motor speed at which none is left to accelerate any more; likewise."""
+    reference_delay: NotNegative = setting(0.0, unit="s")
+    """How late the reference and all that is computed from it arrives."""
 
     @property
     def envelope(self) -> Envelope | None:
@@ -69,20 +77,17 @@ ENCODERS = ("motor", "link")
 
 
 @dataclass(slots=True)
-class Elasticity:
-    """Elastic joints, given by their natural frequencies.
+class Elasticity(Input):
+    """Elastic joints, given by their natural frequencies."""
 
-    Attributes:
-        natural_frequency: of each link against its motor at a standstill, the other joints held,
-            where the motion has its largest inertia, of the robot without deviation; 0: this joint
-            is rigid. By default all are.
-        damping_ratio: of that oscillation.
-        encoder: where the controller measures.
-    """
-
-    natural_frequency: list[float] = setting([], minimum=0, per_joint=True, unit="rad/s")
-    damping_ratio: float = setting(0.01, minimum=0, unit="-")
-    encoder: str = setting("motor", choices=ENCODERS)
+    natural_frequency: EachJointOrNone[NotNegative] = setting([], unit="rad/s")
+    """Of each link against its motor at a standstill, the other joints held, where the motion
+    has its largest inertia, of the robot without deviation; 0: this joint is rigid. By default
+    all are."""
+    damping_ratio: NotNegative = setting(0.01, unit="-")
+    """Of that oscillation."""
+    encoder: Annotated[str, OneOf(ENCODERS)] = "motor"
+    """Where the controller measures."""
 
     @property
     def is_rigid(self) -> bool:
@@ -150,33 +155,26 @@ PRESLIDING_DAMPING_TIME = 0.005
 
 
 @dataclass(slots=True)
-class Friction:
-    """Friction of the joints, **joint side**; lists have one value for each joint. None by default.
+class Friction(Input):
+    """Friction of the joints, **joint side**; lists have one value for each joint.
 
-    Attributes:
-        coulomb: F_c, friction of a sliding joint at any speed, and the load that a joint at rest
-            holds; 0 by default.
-        viscous: b, beside the SDF's own damping; 0 by default.
-        breakaway: F_b, largest friction at low speed (Stribeck), at least `coulomb`, which is the
-            default.
-        stribeck_speed: v_s, at which friction has that peak.
-        presliding: z_c, how far a joint gives way before it slides.
-        offset: F_0, what the motor carries beside all that, at any speed and at rest, as of a
-            counterbalance that no link has; 0 by default.
+    There is none by default.
     """
 
-    coulomb: Optional[list[float]] = setting(
-        None, minimum=0, per_joint=True, unit="N m", side="joint"
-    )
-    viscous: Optional[list[float]] = setting(
-        None, minimum=0, per_joint=True, unit="N m s/rad", side="joint"
-    )
-    breakaway: Optional[list[float]] = setting(
-        None, minimum=0, per_joint=True, unit="N m", side="joint"
-    )
-    stribeck_speed: float = setting(0.02, above=0, unit="rad/s", side="joint")
-    presliding: float = setting(1e-5, above=0, unit="rad", side="joint")
-    offset: Optional[list[float]] = setting(None, per_joint=True, unit="N m", side="joint")
+    coulomb: EachJoint[NotNegative] | None = setting(None, unit="N m", side="joint")
+    """F_c, friction of a sliding joint at any speed, and the load that a joint at rest holds; 0
+    by default."""
+    viscous: EachJoint[NotNegative] | None = setting(None, unit="N m s/rad", side="joint")
+    """b, beside the SDF's own damping; 0 by default."""
+    breakaway: EachJoint[NotNegative] | None = setting(None, unit="N m", side="joint")
+    """F_b, largest friction at low speed (Stribeck), at least `coulomb`, which is the default."""
+    stribeck_speed: Positive = setting(0.02, unit="rad/s", side="joint")
+    """v_s, at which friction has that peak."""
+    presliding: Positive = setting(1e-05, unit="rad", side="joint")
+    """z_c, how far a joint gives way before it slides."""
+    offset: EachJoint[Number] | None = setting(None, unit="N m", side="joint")
+    """F_0, what the motor carries beside all that, at any speed and at rest, as of a
+    counterbalance that no link has; 0 by default."""
 
     @property
     def is_none(self) -> bool:

@@ -1,17 +1,29 @@
 """The motors to choose from, torque motors and geared motors; and a device with chosen ones."""
 
-# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, replace
 from math import inf, pi
 from pathlib import Path
-from typing import Optional
+from typing import Annotated
 
 import numpy as np
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, at
-from sdt_drake.io.fields import Problems, setting, suggestion
+from sdt_drake.io.fields import (
+    EachJoint,
+    EachJointOrNone,
+    FileOf,
+    Input,
+    NotNegative,
+    OneOf,
+    Positive,
+    Problems,
+    Some,
+    Text,
+    setting,
+    suggestion,
+)
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.robot.device import Drive
 from sdt_drake.robot.envelope import Envelope
@@ -27,35 +39,32 @@ _RPM = 2 * pi / 60  # rad/s
 
 
 @dataclass(kw_only=True, slots=True)
-class Motor:
-    """A motor, with its gearbox if it has one; **motor side**.
+class Motor(Input):
+    """A motor, with its gearbox if it has one; **motor side**."""
 
-    Attributes:
-        id: short name.
-        kind: direct drive, or with a gearbox.
-        peak_torque: largest torque.
-        rated_torque: torque that it can give for ever (S1), at a standstill or low speed.
-        rotor_inertia: of motor and gearbox.
-        n1_rpm: speed up to which it gives its peak torque; any by default.
-        n0_rpm: speed at which none is left to drive with; linear between the two. None by default.
-        mass: of motor and gearbox.
-        gear_ratio: motor speed over joint speed; of a geared motor by default, unless a device
-            chooses another.
-        thermal_time_constant: of the winding, first order.
-        source: where the numbers are from.
-    """
-
-    id: str = setting()
-    kind: str = setting(choices=MOTOR_KINDS)
-    peak_torque: float = setting(above=0, unit="N m", side="motor")
-    rated_torque: float = setting(above=0, unit="N m", side="motor")
-    rotor_inertia: float = setting(above=0, unit="kg m²", side="motor")
-    n1_rpm: Optional[float] = setting(None, above=0, unit="rpm", side="motor")
-    n0_rpm: Optional[float] = setting(None, above=0, unit="rpm", side="motor")
-    mass: float = setting(above=0, unit="kg")
-    gear_ratio: float = setting(1.0, above=0, unit="-")
-    thermal_time_constant: float = setting(above=0, unit="s")
-    source: str = setting()
+    id: Text
+    """Short name."""
+    kind: Annotated[str, OneOf(MOTOR_KINDS)]
+    """Direct drive, or with a gearbox."""
+    peak_torque: Positive = setting(unit="N m", side="motor")
+    """Largest torque."""
+    rated_torque: Positive = setting(unit="N m", side="motor")
+    """Torque that it can give for ever (S1), at a standstill or low speed."""
+    rotor_inertia: Positive = setting(unit="kg m²", side="motor")
+    """Of motor and gearbox."""
+    n1_rpm: Positive | None = setting(None, unit="rpm", side="motor")
+    """Speed up to which it gives its peak torque; any by default."""
+    n0_rpm: Positive | None = setting(None, unit="rpm", side="motor")
+    """Speed at which none is left to drive with; linear between the two. None by default."""
+    mass: Positive = setting(unit="kg")
+    """Of motor and gearbox."""
+    gear_ratio: Positive = setting(1.0, unit="-")
+    """Motor speed over joint speed; of a geared motor by default, unless a device chooses
+    another."""
+    thermal_time_constant: Positive = setting(unit="s")
+    """Of the winding, first order."""
+    source: Text
+    """Where the numbers are from."""
 
     @property
     def n1(self) -> float:
@@ -88,16 +97,13 @@ class Motor:
 
 
 @dataclass(kw_only=True, slots=True)
-class Catalogue:
-    """Motors by their ids.
-
-    Attributes:
-        notes: for people.
-        motors: in any order.
-    """
+class Catalogue(Input):
+    """Motors by their ids."""
 
     notes: str = ""
-    motors: list[Motor] = setting()
+    """For people."""
+    motors: Some[Motor]
+    """In any order."""
 
     @property
     def ids(self) -> list[str]:
@@ -136,35 +142,32 @@ def load_catalogue(path: str | Path = DEFAULT_CATALOGUE) -> Catalogue:
 
 
 @dataclass(slots=True)
-class DeviceChoice:
+class DeviceChoice(Input):
     """What the device has otherwise than the SDF; planner, controller and plant all know it.
 
     Lists have one value for each joint. What stays as in the SDF: kinematics, damping, and the
     limits of position, speed and acceleration. The torque-speed envelope is that of the motors,
     chosen, or `fitted` and kept, unless a scenario's `drive` has n1 and n0. Springs of
     `plant.elasticity` keep their stated frequencies.
-
-    Attributes:
-        motors: ids of the catalogue; "" keeps the motor of the SDF. All are kept by default.
-        gear_ratio: motor speed over joint speed; by default that of the chosen motor, or of the
-            SDF where the motor is kept.
-        structure_scale: s, factor on masses and inertias of all links but the payload: the
-            thickness of their walls.
-        payload: name of the link that is no structure; "" if all links are.
-        stiffness_exponent: p; the structure is s^p times as stiff. 1 for walls of the same outline
-            (assumed).
-        fitted: ids of the motors that the masses of the SDF contain; "" where they contain none.
-        catalogue: file of the motors, relative to the scenario's own folder; or the name of one
-            that ships with the package.
     """
 
-    motors: list[str] = setting([], per_joint=True)
-    gear_ratio: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="-")
-    structure_scale: float = setting(1.0, above=0, unit="-")
-    payload: str = setting("payload", empty=True)
-    stiffness_exponent: float = setting(1.0, minimum=0, unit="-")
-    fitted: list[str] = setting([], per_joint=True)
-    catalogue: str = setting(DEFAULT_CATALOGUE, file="motors")
+    motors: EachJointOrNone[str] = setting([])
+    """Ids of the catalogue; "" keeps the motor of the SDF. All are kept by default."""
+    gear_ratio: EachJoint[Positive] | None = setting(None, unit="-")
+    """Motor speed over joint speed; by default that of the chosen motor, or of the SDF where
+    the motor is kept."""
+    structure_scale: Positive = setting(1.0, unit="-")
+    """s, factor on masses and inertias of all links but the payload: the thickness of their
+    walls."""
+    payload: str = "payload"
+    """Name of the link that is no structure; "" if all links are."""
+    stiffness_exponent: NotNegative = setting(1.0, unit="-")
+    """p; the structure is s^p times as stiff. 1 for walls of the same outline (assumed)."""
+    fitted: EachJointOrNone[str] = setting([])
+    """Ids of the motors that the masses of the SDF contain; "" where they contain none."""
+    catalogue: Annotated[Text, FileOf("motors")] = DEFAULT_CATALOGUE
+    """File of the motors, relative to the scenario's own folder; or the name of one that ships
+    with the package."""
 
     @property
     def changes_nothing(self) -> bool:

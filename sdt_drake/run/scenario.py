@@ -1,16 +1,27 @@
 """A complete run as data: robot, motion, plant, controller, disturbance; YAML in and out."""
 
-# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
 import copy
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Optional
+from typing import Annotated, Any
 
 from sdt_drake.io.arguments import a, a_path, takes
 from sdt_drake.io.errors import InputError, one_line, whole_periods
-from sdt_drake.io.fields import Problems, given, setting
+from sdt_drake.io.fields import (
+    EachJoint,
+    FileOf,
+    Input,
+    NotNegative,
+    Number,
+    OneOf,
+    Positive,
+    Problems,
+    Text,
+    given,
+    setting,
+)
 from sdt_drake.io.shown import Shown, Summary
 from sdt_drake.io.yaml_files import load_yaml, write_yaml
 from sdt_drake.motion import PLANNERS
@@ -28,76 +39,73 @@ HELD_SPEEDS = ("start", "mean")
 
 
 @dataclass(slots=True)
-class PlantChoice:
-    """What moves: axes on their own, or the whole coupled robot, with what is not ideal of them.
+class PlantChoice(Input):
+    """What moves: axes on their own, or the whole coupled robot, with what is not ideal of them."""
 
-    Attributes:
-        kind: "axis", each motor on its own with constant inertia and the load torque of the
-            reference (the paper's models), or "coupled", the MultibodyPlant.
-        i_eff: for "axis": inertia that each motor turns; by default the largest along the motion.
-            The coupled plant has its own from the SDF.
-        friction: in the joints; none by default.
-        elasticity: of the joints, which are rigid by default.
-        deviation: what the real links have otherwise than the SDF says; planner and controller do
-            not know it. Nothing by default.
-    """
-
-    kind: str = setting("axis", choices=PLANTS)
-    i_eff: Optional[list[float]] = setting(
-        None, above=0, per_joint=True, unit="kg m²", side="motor"
-    )
+    kind: Annotated[str, OneOf(PLANTS)] = "axis"
+    """"axis", each motor on its own with constant inertia and the load torque of the reference
+    (the paper's models), or "coupled", the MultibodyPlant."""
+    i_eff: EachJoint[Positive] | None = setting(None, unit="kg m²", side="motor")
+    """For "axis": inertia that each motor turns; by default the largest along the motion. The
+    coupled plant has its own from the SDF."""
     friction: Friction = setting(Friction)
+    """In the joints; none by default."""
     elasticity: Elasticity = setting(Elasticity)
+    """Of the joints, which are rigid by default."""
     deviation: Deviation = setting(Deviation)
+    """What the real links have otherwise than the SDF says; planner and controller do not know
+    it. Nothing by default."""
 
     def problems(self) -> Problems:
         if self.kind == "coupled" and self.i_eff is not None:
             yield "i_eff", "the coupled plant has its inertia from the SDF; remove"
 
 
+def _kinds_of_controllers(schema: dict[str, Any]) -> None:
+    """State in the JSON Schema of a controller that other kinds need a file."""
+    schema["if"] = {"required": ["file"]}
+    schema["else"] = {"properties": {"kind": {"enum": [*CONTROLLERS]}}}
+
+
 @dataclass(slots=True)
-class ControllerChoice:
-    """What drives the plant: kind, gains, feedforward and model of the controller.
+class ControllerChoice(Input):
+    """What drives the plant: kind, gains, feedforward and model of the controller."""
 
-    Attributes:
-        kind: name of a controller; one of the package, or one that `file` registers.
-        file: Python file that registers controllers of one's own, which is run; relative to the
-            scenario's own folder. None by default.
-        structure: of the PI controller: "p_in_feedback" (Figure 5) or "pi", both gains on the
-            error. The kinds "pi_id" and "p_pi" always have both gains on the error.
-        omega_r: lowest natural frequency of the structure, of the SDF as it is; a chosen device
-            scales it. The gains follow from it.
-        omega_ratio: omega_n / omega_r at the largest inertia.
-        zeta: damping ratio at the largest inertia; 1 by default.
-        kp: proportional gain K_PS; with ki instead of omega_r, omega_ratio and zeta.
-        ki: integral gain K_IS.
-        anti_windup: whether the integral of the PI controller follows the torque that the motor
-            can give (back-calculation).
-        feedforward: torque feedforward of the kinds "p_pi" and "pi_scheduled", which leave it open:
-            "none" (default), "ctc" or "id".
-        feedforward_gain: factor on the torque feedforward; 1 by default.
-        friction_compensation: whether the plant's friction, at the speed of the reference, is part
-            of the feedforward.
-        position_gain: K_V of the kind "p_pi"; omega_n / 4 by default.
-        model: what the controller's model of the robot gets wrong; nothing by default.
-    """
+    __pydantic_config__ = Input.__pydantic_config__ | {"json_schema_extra": _kinds_of_controllers}
 
-    kind: str = setting("pi", choices=CONTROLLERS, more_by="file")
-    file: str = setting("", file="controllers")
-    structure: str = setting("p_in_feedback", choices=STRUCTURES)
-    omega_r: Optional[float] = setting(None, above=0, unit="rad/s")
-    omega_ratio: float = setting(0.5, above=0, unit="-")
-    zeta: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="-")
-    kp: Optional[list[float]] = setting(
-        None, above=0, per_joint=True, unit="N m s/rad", side="motor"
-    )
-    ki: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="N m/rad", side="motor")
+    kind: Text = setting("pi", examples=[*CONTROLLERS])
+    """Name of a controller; one of the package, or one that `file` registers."""
+    file: Annotated[str, FileOf("controllers")] = ""
+    """Python file that registers controllers of one's own, which is run; relative to the
+    scenario's own folder. None by default."""
+    structure: Annotated[str, OneOf(STRUCTURES)] = "p_in_feedback"
+    """Of the PI controller: "p_in_feedback" (Figure 5) or "pi", both gains on the error. The
+    kinds "pi_id" and "p_pi" always have both gains on the error."""
+    omega_r: Positive | None = setting(None, unit="rad/s")
+    """Lowest natural frequency of the structure, of the SDF as it is; a chosen device scales
+    it. The gains follow from it."""
+    omega_ratio: Positive = setting(0.5, unit="-")
+    """omega_n / omega_r at the largest inertia."""
+    zeta: EachJoint[Positive] | None = setting(None, unit="-")
+    """Damping ratio at the largest inertia; 1 by default."""
+    kp: EachJoint[Positive] | None = setting(None, unit="N m s/rad", side="motor")
+    """Proportional gain K_PS; with ki instead of omega_r, omega_ratio and zeta."""
+    ki: EachJoint[Positive] | None = setting(None, unit="N m/rad", side="motor")
+    """Integral gain K_IS."""
     anti_windup: bool = False
-    feedforward: Optional[str] = setting(None, choices=FEEDFORWARDS)
-    feedforward_gain: Optional[list[float]] = setting(None, per_joint=True, unit="-")
+    """Whether the integral of the PI controller follows the torque that the motor can give
+    (back-calculation)."""
+    feedforward: Annotated[str, OneOf(FEEDFORWARDS)] | None = None
+    """Torque feedforward of the kinds "p_pi" and "pi_scheduled", which leave it open: "none"
+    (default), "ctc" or "id"."""
+    feedforward_gain: EachJoint[Number] | None = setting(None, unit="-")
+    """Factor on the torque feedforward; 1 by default."""
     friction_compensation: bool = False
-    position_gain: Optional[list[float]] = setting(None, above=0, per_joint=True, unit="1/s")
+    """Whether the plant's friction, at the speed of the reference, is part of the feedforward."""
+    position_gain: EachJoint[Positive] | None = setting(None, unit="1/s")
+    """K_V of the kind "p_pi"; omega_n / 4 by default."""
     model: Deviation = setting(Deviation)
+    """What the controller's model of the robot gets wrong; nothing by default."""
 
     def problems(self) -> Problems:
         if self.file:
@@ -149,64 +157,58 @@ class ControllerChoice:
 
 
 @dataclass(slots=True)
-class DisturbanceChoice:
-    """Error of the load torque model: the true load is tau_LD (1 + A sin(omega_d t)).
+class DisturbanceChoice(Input):
+    """Error of the load torque model: the true load is tau_LD (1 + A sin(omega_d t))."""
 
-    Attributes:
-        amplitude: A, share of the load torque.
-        omega_d: frequency of the error, the same on every axis.
-    """
-
-    amplitude: float = setting(0.0, minimum=0, maximum=10, unit="-")
-    omega_d: float = setting(6.283185307179586, minimum=0, unit="rad/s")
+    amplitude: Number = setting(0.0, ge=0, le=10, unit="-")
+    """A, share of the load torque."""
+    omega_d: NotNegative = setting(6.283185307179586, unit="rad/s")
+    """Frequency of the error, the same on every axis."""
 
 
 @dataclass(slots=True, repr=False)
-class Scenario(Shown):
-    """A run: robot, motion, controller, drive and plant.
-
-    Attributes:
-        name: short name; that of the file by default.
-        robot: SDF or URDF file, relative to the scenario's own folder; or the name of one that
-            ships with the package.
-        device: motors, gears and structure other than those of the SDF.
-        motion: what is commanded (.yaml, will be planned) or a planned motion (.csv), likewise.
-        learned: CSV file of what flights of that motion have taught (`sdt-drake learn`): the
-            reference that the controller gets in its place. Errors are still those against the
-            motion. None by default.
-        period: interpolation period of planner, hold and log.
-        held_speed: of the reference, which the controller gets for each period: "start", that of
-            the sample that begins it, as in the paper, and so late by half a period where joints
-            accelerate; or "mean", (q_ref of the next sample - q_ref) / period, as set points of
-            drives have it. Errors are against the motion either way.
-        torque_margin: share of the motors' torque that the planner may use.
-        planner: "limiter", the paper's, which keeps the time where it can, or "retiming", which
-            keeps the path and slows down.
-        algorithm: sign of Algorithm 1's third branch, "consistent" or "printed".
-        inverse_dynamics: "table", load torques computed before the run, or "online", by a block.
-        accuracy: of the integrator: speeds are good to it, positions to a tenth of it in rad.
-        plant: what moves.
-        drive: of the motors; ideal by default.
-        controller: what drives it.
-        disturbance: what the model does not know.
-    """
+class Scenario(Input, Shown):
+    """A run: robot, motion, controller, drive and plant."""
 
     name: str = ""
-    robot: str = setting(DEFAULT_ROBOT, file="robot")
+    """Short name; that of the file by default."""
+    robot: Annotated[Text, FileOf("robot")] = DEFAULT_ROBOT
+    """SDF or URDF file, relative to the scenario's own folder; or the name of one that ships
+    with the package."""
     device: DeviceChoice = setting(DeviceChoice)
-    motion: str = setting("package://sdt/motions/reference.yaml", file="motion")
-    learned: str = setting("", file="learned")
-    period: float = setting(0.005, above=0, unit="s")
-    held_speed: str = setting("start", choices=HELD_SPEEDS)
-    torque_margin: float = setting(1.0, above=0, maximum=1, unit="-")
-    planner: str = setting("limiter", choices=tuple(PLANNERS))
-    algorithm: str = setting("consistent", choices=SIGNS)
-    inverse_dynamics: str = setting("table", choices=INVERSE_DYNAMICS)
-    accuracy: float = setting(1e-4, minimum=1e-12, maximum=0.01, unit="rad/s")
+    """Motors, gears and structure other than those of the SDF."""
+    motion: Annotated[Text, FileOf("motion")] = "package://sdt/motions/reference.yaml"
+    """What is commanded (.yaml, will be planned) or a planned motion (.csv), likewise."""
+    learned: Annotated[str, FileOf("learned")] = ""
+    """CSV file of what flights of that motion have taught (`sdt-drake learn`): the reference
+    that the controller gets in its place. Errors are still those against the motion. None by
+    default."""
+    period: Positive = setting(0.005, unit="s")
+    """Interpolation period of planner, hold and log."""
+    held_speed: Annotated[str, OneOf(HELD_SPEEDS)] = "start"
+    """Of the reference, which the controller gets for each period: "start", that of the sample
+    that begins it, as in the paper, and so late by half a period where joints accelerate; or
+    "mean", (q_ref of the next sample - q_ref) / period, as set points of drives have it. Errors
+    are against the motion either way."""
+    torque_margin: Number = setting(1.0, gt=0, le=1, unit="-")
+    """Share of the motors' torque that the planner may use."""
+    planner: Annotated[str, OneOf(tuple(PLANNERS))] = "limiter"
+    """"limiter", the paper's, which keeps the time where it can, or "retiming", which keeps the
+    path and slows down."""
+    algorithm: Annotated[str, OneOf(SIGNS)] = "consistent"
+    """Sign of Algorithm 1's third branch, "consistent" or "printed"."""
+    inverse_dynamics: Annotated[str, OneOf(INVERSE_DYNAMICS)] = "table"
+    """"table", load torques computed before the run, or "online", by a block."""
+    accuracy: Number = setting(0.0001, ge=1e-12, le=0.01, unit="rad/s")
+    """Of the integrator: speeds are good to it, positions to a tenth of it in rad."""
     plant: PlantChoice = setting(PlantChoice)
+    """What moves."""
     drive: Drive = setting(Drive)
+    """Of the motors; ideal by default."""
     controller: ControllerChoice = setting(ControllerChoice)
+    """What drives it."""
     disturbance: DisturbanceChoice = setting(DisturbanceChoice)
+    """What the model does not know."""
 
     def problems(self) -> Problems:
         controller, fastest = self.controller, 100 / self.period
@@ -234,7 +236,7 @@ class Scenario(Shown):
 
 
 @takes(path=a_path)
-def load_scenario(path: str | Path, changes: Optional[Mapping[str, Any]] = None) -> Scenario:
+def load_scenario(path: str | Path, changes: Mapping[str, Any] | None = None) -> Scenario:
     """A scenario from YAML, or the shipped one of a name; relative paths in the file start from its
     folder, and become absolute.
 

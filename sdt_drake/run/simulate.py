@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from traceback import extract_tb
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from pydantic import ConfigDict, SkipValidation, WithJsonSchema
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram
 
@@ -46,6 +47,10 @@ RECORDED_COLUMNS = (
 )  # fmt: skip
 
 
+Column = Annotated[Array, SkipValidation, WithJsonSchema({"type": "number"})]
+"""Numbers of a recording, for the reference of its fields."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Recording(Shown):
     """What happened in a run, at the interpolation period; arrays of shape (N + 1, n), the time
@@ -62,45 +67,45 @@ class Recording(Shown):
     the RMS of a period, but for one in which the torque changes its sign: 6e-3. A period in which a
     motor begins or ceases to saturate has its share to a third of one of the integrator's steps;
     over a run these errors cancel.
-
-    Attributes:
-        time: since the start.
-        q_ref: positions of the planned motion; also where the controller gets another reference,
-            as flights have taught it.
-        v_ref: speeds of the planned motion, likewise.
-        q: position of the plant.
-        v: speed of the plant.
-        tau_cmd: torque that the controller asks for.
-        tau_limited: the same after saturation.
-        tau: torque that the motors give: the same with an ideal drive.
-        load_torque: tau_LD of Algorithm 1.
-        tau_peak: largest torque that the motors give in the period that ends at `time`.
-        tau_rms: RMS torque of that period.
-        tau_mean: mean torque of that period: its time integral is the motors' impulse.
-        saturated: share of that period in which a motor gives less than is asked.
-        beyond_stop: how far the coupled plant's joints are beyond their stops, which do not act in
-            the simulation; 0 within them, and on the axis plant.
-        q_measured: position of what the encoders are on, not of the links where joints are elastic;
-            not in files.
-        v_measured: speed of the same; not in files.
     """
 
-    time: Array = setting(unit="s")
-    q_ref: Array = setting(unit="rad", side="joint")
-    v_ref: Array = setting(unit="rad/s", side="joint")
-    q: Array = setting(unit="rad", side="joint")
-    v: Array = setting(unit="rad/s", side="joint")
-    tau_cmd: Array = setting(unit="N m", side="motor")
-    tau_limited: Array = setting(unit="N m", side="motor")
-    tau: Array = setting(unit="N m", side="motor")
-    load_torque: Array = setting(unit="N m", side="motor")
-    tau_peak: Array = setting(unit="N m", side="motor")
-    tau_rms: Array = setting(unit="N m", side="motor")
-    tau_mean: Array = setting(unit="N m", side="motor")
-    saturated: Array = setting(unit="-", side="motor")
-    beyond_stop: Array = setting(unit="rad", side="joint")
-    q_measured: Array | None = setting(None, unit="rad", side="joint")
-    v_measured: Array | None = setting(None, unit="rad/s", side="joint")
+    __pydantic_config__ = ConfigDict(use_attribute_docstrings=True, arbitrary_types_allowed=True)
+
+    time: Column = setting(unit="s")
+    """Since the start."""
+    q_ref: Column = setting(unit="rad", side="joint")
+    """Positions of the planned motion; also where the controller gets another reference, as
+    flights have taught it."""
+    v_ref: Column = setting(unit="rad/s", side="joint")
+    """Speeds of the planned motion, likewise."""
+    q: Column = setting(unit="rad", side="joint")
+    """Position of the plant."""
+    v: Column = setting(unit="rad/s", side="joint")
+    """Speed of the plant."""
+    tau_cmd: Column = setting(unit="N m", side="motor")
+    """Torque that the controller asks for."""
+    tau_limited: Column = setting(unit="N m", side="motor")
+    """The same after saturation."""
+    tau: Column = setting(unit="N m", side="motor")
+    """Torque that the motors give: the same with an ideal drive."""
+    load_torque: Column = setting(unit="N m", side="motor")
+    """tau_LD of Algorithm 1."""
+    tau_peak: Column = setting(unit="N m", side="motor")
+    """Largest torque that the motors give in the period that ends at `time`."""
+    tau_rms: Column = setting(unit="N m", side="motor")
+    """RMS torque of that period."""
+    tau_mean: Column = setting(unit="N m", side="motor")
+    """Mean torque of that period: its time integral is the motors' impulse."""
+    saturated: Column = setting(unit="-", side="motor")
+    """Share of that period in which a motor gives less than is asked."""
+    beyond_stop: Column = setting(unit="rad", side="joint")
+    """How far the coupled plant's joints are beyond their stops, which do not act in the
+    simulation; 0 within them, and on the axis plant."""
+    q_measured: Column | None = setting(None, unit="rad", side="joint")
+    """Position of what the encoders are on, not of the links where joints are elastic; not in
+    files."""
+    v_measured: Column | None = setting(None, unit="rad/s", side="joint")
+    """Speed of the same; not in files."""
 
     @property
     def speed_error(self) -> Array:

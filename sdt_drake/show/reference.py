@@ -6,14 +6,14 @@ import inspect
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import write_text
-from sdt_drake.io.schema import Part, entry_of, json_schema, parts
+from sdt_drake.io.schema import Part, json_schema, parts
 from sdt_drake.io.yaml_files import parse_yaml
 from sdt_drake.machine.drive_files import Drives
 from sdt_drake.machine.recordings import Columns
@@ -77,8 +77,8 @@ def _fields(topic: str, title: str, note: str = "") -> Chapter:
 
 
 def _recording() -> Chapter:
-    entries = {field.name: entry_of(Recording, field) for field in fields(Recording)}
-    told = {name: (entry.unit, entry.meaning) for name, entry in entries.items()}
+    (columns,) = parts(Recording)
+    told = {entry.name: (entry.unit, entry.meaning) for entry in columns.entries}
     told["speed_error"] = ("rad/s, joint side", "v - v_ref.")
     text = (
         "What `simulate --out run.csv` writes and `pilot` and `view` read: a row for each period. "

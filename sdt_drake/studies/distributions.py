@@ -5,17 +5,15 @@ are all run, each with the same draws of the random ones, and `size`, how many t
 that is too large is refused before they are made.
 """
 
-# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import Optional
 
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.fields import Problems, setting
+from sdt_drake.io.fields import Number, Positive, Problems, Some, Variant, setting
 from sdt_drake.studies.fields import Value
 
 MOST_RUNS = 10_000_000
@@ -23,16 +21,13 @@ _ITS_OWN = "of the field"  # a unit
 
 
 @dataclass(slots=True)
-class Uniform:
-    """Evenly between low and high.
+class Uniform(Variant):
+    """Evenly between low and high."""
 
-    Attributes:
-        low: the least value.
-        high: the largest value.
-    """
-
-    low: float = setting(unit=_ITS_OWN)
-    high: float = setting(unit=_ITS_OWN)
+    low: Number = setting(unit=_ITS_OWN)
+    """The least value."""
+    high: Number = setting(unit=_ITS_OWN)
+    """The largest value."""
 
     def problems(self) -> Problems:
         yield from _width_problems(self.low, self.high)
@@ -44,16 +39,13 @@ class Uniform:
 
 
 @dataclass(slots=True)
-class LogUniform:
-    """Evenly in the logarithm, between low and high.
+class LogUniform(Variant):
+    """Evenly in the logarithm, between low and high."""
 
-    Attributes:
-        low: the least value.
-        high: the largest value.
-    """
-
-    low: float = setting(above=0, unit=_ITS_OWN)
-    high: float = setting(above=0, unit=_ITS_OWN)
+    low: Positive = setting(unit=_ITS_OWN)
+    """The least value."""
+    high: Positive = setting(unit=_ITS_OWN)
+    """The largest value."""
 
     def problems(self) -> Problems:
         yield from _width_problems(self.low, self.high)
@@ -65,20 +57,17 @@ class LogUniform:
 
 
 @dataclass(slots=True)
-class Normal:
-    """Gaussian; with low or high, what is beyond is cut off and the rest scaled up.
+class Normal(Variant):
+    """Gaussian; with low or high, what is beyond is cut off and the rest scaled up."""
 
-    Attributes:
-        mean: before anything is cut off.
-        std: standard deviation, before anything is cut off.
-        low: the least value; none by default.
-        high: the largest value; none by default.
-    """
-
-    mean: float = setting(unit=_ITS_OWN)
-    std: float = setting(above=0, unit=_ITS_OWN)
-    low: Optional[float] = setting(None, unit=_ITS_OWN)
-    high: Optional[float] = setting(None, unit=_ITS_OWN)
+    mean: Number = setting(unit=_ITS_OWN)
+    """Before anything is cut off."""
+    std: Positive = setting(unit=_ITS_OWN)
+    """Standard deviation, before anything is cut off."""
+    low: Number | None = setting(None, unit=_ITS_OWN)
+    """The least value; none by default."""
+    high: Number | None = setting(None, unit=_ITS_OWN)
+    """The largest value; none by default."""
 
     def problems(self) -> Problems:
         low, high = self._range
@@ -100,18 +89,15 @@ class Normal:
 
 
 @dataclass(slots=True)
-class Grid:
-    """Values that are equal steps apart, all of which are run.
+class Grid(Variant):
+    """Values that are equal steps apart, all of which are run."""
 
-    Attributes:
-        start: the first.
-        stop: the last, which is one of them.
-        count: how many.
-    """
-
-    start: float = setting(unit=_ITS_OWN)
-    stop: float = setting(unit=_ITS_OWN)
-    count: int = setting(2, minimum=2, maximum=MOST_RUNS, unit="-")
+    start: Number = setting(unit=_ITS_OWN)
+    """The first."""
+    stop: Number = setting(unit=_ITS_OWN)
+    """The last, which is one of them."""
+    count: int = setting(2, ge=2, le=MOST_RUNS, unit="-")
+    """How many."""
 
     def problems(self) -> Problems:
         if self.start == self.stop:
@@ -125,7 +111,7 @@ class Grid:
         return np.linspace(self.start, self.stop, self.count).tolist()
 
 
-class _Listed:
+class _Listed(Variant):
     __slots__ = ()
     values: Sequence[Value]
 
@@ -145,24 +131,18 @@ class _Listed:
 
 @dataclass(slots=True)
 class List(_Listed):
-    """These numbers, all of which are run.
+    """These numbers, all of which are run."""
 
-    Attributes:
-        values: each once.
-    """
-
-    values: list[float] = setting(unit=_ITS_OWN)
+    values: Some[Number] = setting(unit=_ITS_OWN)
+    """Each once."""
 
 
 @dataclass(slots=True)
 class Choice(_Listed):
-    """These texts, all of which are run.
+    """These texts, all of which are run."""
 
-    Attributes:
-        values: kinds, labels of controllers, names of motions or motors, true or false; each once.
-    """
-
-    values: list[str] = setting()
+    values: Some[str]
+    """Kinds, labels of controllers, names of motions or motors, true or false; each once."""
 
 
 Random = Uniform | LogUniform | Normal

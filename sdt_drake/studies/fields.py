@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import re
-import typing
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.fields import hints_of, is_within, options_of, rule_of, suggestion
+from sdt_drake.io.fields import is_within, suggestion
+from sdt_drake.io.schema import inner, parts, schema_of
 from sdt_drake.run.scenario import ControllerChoice, Scenario
 
 Value = float | str
 
+_TYPES = {"number": float, "boolean": bool, "string": str}
 _PART = re.compile(r"(\w+)(?:\[([1-9]\d{0,5})\])?")  # entries are counted from 1
 
 
@@ -66,9 +66,9 @@ class Field:
             setattr(self._owner(scenario), self.parts[-1], self._changed(old, value, apply))
             return
         if not old:
-            raise InputError(f"{self.name}: the base scenario has no such list; add it there")
+            raise InputError("the base scenario has no such list; add it there", place=self.name)
         if self.entry is not None and self.entry >= len(old):
-            raise InputError(f"{self.name}: the base scenario has {len(old)} value(s) there")
+            raise InputError(f"the base scenario has {len(old)} value(s) there", place=self.name)
         for i in range(len(old)) if self.many else [self.entry]:
             old[i] = self._changed(old[i], value, apply)
 
@@ -76,7 +76,9 @@ class Field:
         if apply == "value":
             return value
         if old is None:
-            raise InputError(f"{self.name}: the base scenario has no value for a {apply}; give it")
+            raise InputError(
+                f"the base scenario has no value for a {apply}; give it", place=self.name
+            )
         return old * value if apply == "factor" else old + value
 
     def _owner(self, scenario: Scenario) -> Any:
@@ -90,30 +92,25 @@ def find_field(name: str) -> Field:
     Raises:
         InputError: for a name that no scenario has, with near ones; for a part instead of a field.
     """
-    schema: Any = Scenario
+    top = node = schema_of(Scenario)
     attributes: list[str] = []
-    entry, many, file = None, False, ""
+    entry, many = None, False
     for part in name.split("."):
         match = _PART.fullmatch(part)
-        if match is None or not dataclasses.is_dataclass(schema) or entry is not None:
-            raise _unknown(name)
-        hints = typing.get_type_hints(schema)
-        if match[1] not in hints:
+        if match is None or entry is not None or match[1] not in node.get("properties", ()):
             raise _unknown(name)
         attributes.append(match[1])
-        file = rule_of(schema.__dataclass_fields__[match[1]]).file
-        schema = options_of(hints[match[1]])[0]
-        many = typing.get_origin(schema) is list
-        if many:
-            schema = options_of(typing.get_args(schema)[0])[0]
+        node = inner(node["properties"][match[1]], top)
+        many = "items" in node
         if match[2] is not None:
             if not many:
-                raise InputError(f"{name}: {match[1]} is no list")
+                raise InputError(f"{match[1]} is no list", place=name)
             entry, many = int(match[2]) - 1, False
-    if dataclasses.is_dataclass(schema) and schema is not ControllerChoice:
-        fields = ", ".join(f"{name}.{field}" for field in typing.get_type_hints(schema))
-        raise InputError(f"{name}: is a part, not a field, expected one of {fields}")
-    return Field(name, tuple(attributes), entry, schema, many, file)
+    if "properties" in node and name != "controller":
+        fields = ", ".join(f"{name}.{field}" for field in node["properties"])
+        raise InputError(f"is a part, not a field, expected one of {fields}", place=name)
+    kind = ControllerChoice if name == "controller" else _TYPES[node.get("items", node)["type"]]
+    return Field(name, tuple(attributes), entry, kind, many, node.get("file", ""))
 
 
 def check_changes(changes: Iterable[str], own: Iterable[str], file: Path) -> None:
@@ -130,23 +127,19 @@ def check_changes(changes: Iterable[str], own: Iterable[str], file: Path) -> Non
     for name in changes:
         for field in own:
             if is_within(name, field):
-                raise InputError(f"{name}: {file} has values for {field}, expected a change there")
+                raise InputError(
+                    f"{file} has values for {field}, expected a change there", place=name
+                )
 
 
-def field_names(schema: Any = Scenario, prefix: str = "") -> list[str]:
+def field_names() -> list[str]:
     """Dotted names of all fields of a scenario, lists without their entries."""
-    names = []
-    for field, hint in hints_of(schema).items():
-        plain = options_of(hint)[0]
-        if dataclasses.is_dataclass(plain):
-            names += field_names(plain, f"{prefix}{field}.")
-        else:
-            names.append(prefix + field)
-    return names
+    entries = (entry for part in parts(Scenario) for entry in part.entries)
+    return [entry.name for entry in entries if entry.takes != "a mapping"]
 
 
 def _unknown(name: str) -> InputError:
     known = [*field_names(), "controller"]
     bare = re.sub(r"\[.*", "", name)
     elsewhere = [field for field in known if field.rpartition(".")[2] == bare.rpartition(".")[2]]
-    return InputError(f"{name}: no field of a scenario, {suggestion(bare, elsewhere or known)}")
+    return InputError(f"no field of a scenario, {suggestion(bare, elsewhere or known)}", place=name)

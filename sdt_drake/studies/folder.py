@@ -12,12 +12,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from pydrake.common.yaml import yaml_dump_typed
-
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import checked_input, write_text
 from sdt_drake.io.versions import other_versions, versions
-from sdt_drake.io.yaml_files import parse_yaml, read_yaml
+from sdt_drake.io.yaml_files import parse_yaml, read_yaml, yaml_text
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.studies.job import Job, places_of
 from sdt_drake.studies.runs import Runner, with_files
@@ -96,8 +94,8 @@ def _texts(job: Job) -> dict[str, str]:
     study = dataclasses.replace(job.study, scenario=BASE)
     base = with_files(job.base, _places(job))
     return {
-        STUDY: yaml_dump_typed(study, schema=Study),
-        BASE: yaml_dump_typed(base, schema=Scenario),
+        STUDY: yaml_text(study),
+        BASE: yaml_text(base),
         **{place: _hash(job.files[name]) for name, place in _places(job).items()},
     }
 

@@ -9,12 +9,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydrake.common.yaml import yaml_dump_typed
-
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing
 from sdt_drake.io.resources import PACKAGE_PREFIX, find_file, named
 from sdt_drake.io.versions import versions
+from sdt_drake.io.yaml_files import yaml_text
 from sdt_drake.motion import load_commanded
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.run.design import load_device, make_design
@@ -89,8 +88,8 @@ def make_job(study: Study, base: Scenario) -> Job:
     # Neither where the files are nor how long a run may take changes anything in it.
     same_study = dataclasses.replace(study, scenario="", timeout=1.0)
     depends = {
-        "study": yaml_dump_typed(same_study, schema=Study),
-        "base": yaml_dump_typed(with_files(base, places_of(files)), schema=Scenario),
+        "study": yaml_text(same_study),
+        "base": yaml_text(with_files(base, places_of(files))),
         "files": hashes,
     }
     fingerprint = hashlib.sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()

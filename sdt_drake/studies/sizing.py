@@ -1,18 +1,29 @@
 """Sizing: motors, structures, motions and controllers to try, and what they must keep; YAML."""
 
-# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple, Optional
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sdt_drake.analysis.comparison import check_labels
 from sdt_drake.io.errors import InputError, at, within
-from sdt_drake.io.fields import Problems, check, setting
+from sdt_drake.io.fields import (
+    FileOf,
+    Input,
+    NotNegative,
+    Number,
+    OneOf,
+    Positive,
+    Problems,
+    Some,
+    Text,
+    check,
+    setting,
+)
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.motion import PLANNERS
@@ -24,30 +35,26 @@ from sdt_drake.studies.study import Study, Variable
 
 
 @dataclass(slots=True)
-class Requirements:
+class Requirements(Input):
     """What a device must keep in every motion: the largest value of each outcome.
 
     Lists have one value for all joints, or one for each.
-
-    Attributes:
-        max_abs_speed_error: largest speed error.
-        max_abs_position_error_deg: largest position error; any by default.
-        used_torque_share: largest share of the motor's peak torque.
-        torque_at_speed_share: of what the motor's envelope leaves at the planned speed.
-        winding_temperature: as a share of what the rated torque gives for ever.
-        saturated_fraction: share of the time at a limit.
-        stretch: how much longer than commanded a motion may last, as a share of its time.
     """
 
-    max_abs_speed_error: list[float] = setting(above=0, unit="rad/s", side="joint")
-    max_abs_position_error_deg: Optional[list[float]] = setting(
-        None, above=0, unit="deg", side="joint"
-    )
-    used_torque_share: float = setting(1.0, above=0, unit="-")
-    torque_at_speed_share: float = setting(1.0, above=0, unit="-")
-    winding_temperature: float = setting(1.0, above=0, unit="-")
-    saturated_fraction: float = setting(0.0, minimum=0, unit="-")
-    stretch: float = setting(0.0, minimum=0, unit="-")
+    max_abs_speed_error: Some[Positive] = setting(unit="rad/s", side="joint")
+    """Largest speed error."""
+    max_abs_position_error_deg: Some[Positive] | None = setting(None, unit="deg", side="joint")
+    """Largest position error; any by default."""
+    used_torque_share: Positive = setting(1.0, unit="-")
+    """Largest share of the motor's peak torque."""
+    torque_at_speed_share: Positive = setting(1.0, unit="-")
+    """Of what the motor's envelope leaves at the planned speed."""
+    winding_temperature: Positive = setting(1.0, unit="-")
+    """As a share of what the rated torque gives for ever."""
+    saturated_fraction: NotNegative = setting(0.0, unit="-")
+    """Share of the time at a limit."""
+    stretch: NotNegative = setting(0.0, unit="-")
+    """How much longer than commanded a motion may last, as a share of its time."""
 
     def limits(self, n: int) -> dict[str, float]:
         """Largest value of each outcome of a run by its name, what matters first; in its unit."""
@@ -69,41 +76,38 @@ class Requirements:
 
 
 @dataclass(slots=True, kw_only=True)
-class Sizing:
-    """Candidates for the motors of a device, and what they must do.
-
-    Attributes:
-        name: short name; that of the file by default.
-        scenario: file of the base, with the coupled plant; relative to the file's own folder, or
-            the name of one that ships with the package.
-        device: what all candidates share: `fitted`, `catalogue`, `gear_ratio`, `payload`,
-            `stiffness_exponent`. Its motors and its scale are those of the candidates.
-        motors: ids for each joint, base to tip; every combination is a motor set.
-        structure_scales: every motor set is tried with each.
-        motions: names of shipped ones, or files; every candidate must do all of them.
-        controllers: labels: "pi", "p_pi+id"; each gets its own recommendation.
-        planner: of the motions; with "limiter" a motor set that is too weak for a motion is out,
-            with "retiming" the motion takes longer, which `stretch` limits.
-        torque_margin: share of the motors' torque that the planner may use.
-        pause: rest between two runs of a motion, for the temperature of the windings.
-        requirements: what every candidate must keep.
-        accuracy: of the integrator: speeds are good to it.
-        timeout: what a run may take before it is given up.
-    """
+class Sizing(Input):
+    """Candidates for the motors of a device, and what they must do."""
 
     name: str = ""
-    scenario: str = setting(file="scenario")
+    """Short name; that of the file by default."""
+    scenario: Annotated[Text, FileOf("scenario")]
+    """File of the base, with the coupled plant; relative to the file's own folder, or the name
+    of one that ships with the package."""
     device: DeviceChoice = setting(DeviceChoice)
-    motors: list[list[str]] = setting()
-    structure_scales: list[float] = setting([1.0], above=0, unit="-")
-    motions: list[str] = setting(file="motion")
-    controllers: list[str] = setting()
-    planner: str = setting("limiter", choices=tuple(PLANNERS))
-    torque_margin: float = setting(1.0, above=0, maximum=1, unit="-")
-    pause: float = setting(0.0, minimum=0, unit="s")
-    requirements: Requirements = setting()
-    accuracy: float = setting(1e-3, minimum=1e-12, maximum=0.01, unit="rad/s")
-    timeout: float = setting(300.0, above=0, unit="s")
+    """What all candidates share: `fitted`, `catalogue`, `gear_ratio`, `payload`,
+    `stiffness_exponent`. Its motors and its scale are those of the candidates."""
+    motors: Some[list[str]]
+    """Ids for each joint, base to tip; every combination is a motor set."""
+    structure_scales: Some[Positive] = setting([1.0], unit="-")
+    """Every motor set is tried with each."""
+    motions: Some[Annotated[str, FileOf("motion")]]
+    """Names of shipped ones, or files; every candidate must do all of them."""
+    controllers: Some[str]
+    """Labels: "pi", "p_pi+id"; each gets its own recommendation."""
+    planner: Annotated[str, OneOf(tuple(PLANNERS))] = "limiter"
+    """Of the motions; with "limiter" a motor set that is too weak for a motion is out, with
+    "retiming" the motion takes longer, which `stretch` limits."""
+    torque_margin: Number = setting(1.0, gt=0, le=1, unit="-")
+    """Share of the motors' torque that the planner may use."""
+    pause: NotNegative = setting(0.0, unit="s")
+    """Rest between two runs of a motion, for the temperature of the windings."""
+    requirements: Requirements
+    """What every candidate must keep."""
+    accuracy: Number = setting(0.001, ge=1e-12, le=0.01, unit="rad/s")
+    """Of the integrator: speeds are good to it."""
+    timeout: Positive = setting(300.0, unit="s")
+    """What a run may take before it is given up."""
 
     def problems(self) -> Problems:
         lists = {f"motors[{k + 1}]": ids for k, ids in enumerate(self.motors)}

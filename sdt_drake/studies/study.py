@@ -1,6 +1,5 @@
 """A study: a base scenario, what varies in it, and how; from YAML."""
 
-# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
 import copy
 import math
 import zlib
@@ -8,14 +7,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Optional, Union
+from typing import Annotated, Any
 
 import numpy as np
 
 from sdt_drake.analysis.comparison import check_labels, with_controller
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, within
-from sdt_drake.io.fields import Problems, check, setting
+from sdt_drake.io.fields import (
+    FileOf,
+    Input,
+    NotNegative,
+    Number,
+    OneOf,
+    Positive,
+    Problems,
+    Tagged,
+    check,
+    setting,
+)
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.run.scenario import ControllerChoice, Scenario, load_scenario
 from sdt_drake.studies.distributions import MOST_RUNS, Choice, Grid, List, Random, text_problems
@@ -28,22 +38,19 @@ _MOST = 2**64 - 1
 
 
 @dataclass
-class Variable:
-    """What varies in a study: one field of the scenario or several, and how.
-
-    Attributes:
-        name: of the column in the results; the first field by default.
-        fields: dotted names in the scenario ("plant.friction.coulomb", or "controller.kp[2]" for
-            one entry of a list); they all get the same draw. "controller" takes labels: "p_pi+id".
-        apply: the draw is the "value" of the field, a "factor" on what the base scenario has
-            there, or an "offset" to it. A list gets it in every entry.
-        distribution: of the draws; must be given.
-    """
+class Variable(Input):
+    """What varies in a study: one field of the scenario or several, and how."""
 
     name: str = ""
+    """Of the column in the results; the first field by default."""
     fields: list[str] = setting([])
-    apply: str = setting("value", choices=APPLY)
-    distribution: Union[Random, Grid, List, Choice] = setting(None)
+    """Dotted names in the scenario ("plant.friction.coulomb", or "controller.kp[2]" for one
+    entry of a list); they all get the same draw. "controller" takes labels: "p_pi+id"."""
+    apply: Annotated[str, OneOf(APPLY)] = "value"
+    """The draw is the "value" of the field, a "factor" on what the base scenario has there, or
+    an "offset" to it. A list gets it in every entry."""
+    distribution: Annotated[Random | Grid | List | Choice, Tagged()] = setting(None)
+    """Of the draws; must be given."""
 
     def __post_init__(self) -> None:
         self.name = self.name or next(iter(self.fields), "")
@@ -110,38 +117,34 @@ def _converted(value: Value, target: Field) -> Value | bool:
 
 
 @dataclass
-class Study:
-    """Many variants of a scenario.
-
-    Attributes:
-        name: short name; that of the file by default.
-        scenario: file of the base, relative to the study's own folder, or the name of one that
-            ships with the package; must be given.
-        draws: how many times the random variables are drawn; each draw is run with every
-            combination of the levels of the others, so that these can be compared in pairs.
-        seed: of the draws. A variable has the same draws whatever the others are.
-        sampling: "random", or "latin_hypercube": of each variable one draw in each of as many
-            equally likely intervals as there are draws.
-        accuracy: of the integrator, instead of that of the scenario: speeds are good to it.
-        timeout: what a run may take before it is given up.
-        pause: rest between two runs of a motion, for the temperature of the windings; of use where
-            the base scenario has motors of a catalogue.
-        variables: what varies; at least one.
-        folder: that files named by variables start from; where the study was loaded from. Not in
-            the YAML.
-    """
+class Study(Input):
+    """Many variants of a scenario."""
 
     folder = Path()  # without a type: so it is no field
+    """Folder that files named by variables start from; where the study was loaded from."""
 
     name: str = ""
-    scenario: str = setting("", file="scenario")
-    draws: int = setting(1, minimum=1, maximum=_MOST, unit="-")
-    seed: int = setting(0, minimum=0, maximum=_MOST, unit="-")
-    sampling: str = setting("random", choices=SAMPLINGS)
-    accuracy: float = setting(1e-3, minimum=1e-12, maximum=0.01, unit="rad/s")
-    timeout: float = setting(300.0, above=0, unit="s")
-    pause: float = setting(0.0, minimum=0, unit="s")
+    """Short name; that of the file by default."""
+    scenario: Annotated[str, FileOf("scenario")] = ""
+    """File of the base, relative to the study's own folder, or the name of one that ships with
+    the package; must be given."""
+    draws: int = setting(1, ge=1, le=_MOST, unit="-")
+    """How many times the random variables are drawn; each draw is run with every combination of
+    the levels of the others, so that these can be compared in pairs."""
+    seed: int = setting(0, ge=0, le=_MOST, unit="-")
+    """Of the draws. A variable has the same draws whatever the others are."""
+    sampling: Annotated[str, OneOf(SAMPLINGS)] = "random"
+    """"random", or "latin_hypercube": of each variable one draw in each of as many equally
+    likely intervals as there are draws."""
+    accuracy: Number = setting(0.001, ge=1e-12, le=0.01, unit="rad/s")
+    """Of the integrator, instead of that of the scenario: speeds are good to it."""
+    timeout: Positive = setting(300.0, unit="s")
+    """What a run may take before it is given up."""
+    pause: NotNegative = setting(0.0, unit="s")
+    """Rest between two runs of a motion, for the temperature of the windings; of use where the
+    base scenario has motors of a catalogue."""
     variables: list[Variable] = setting([])
+    """What varies; at least one."""
 
     def problems(self) -> Problems:
         yield from text_problems("name", self.name)
@@ -252,7 +255,7 @@ class Study:
 
 
 def load_study(
-    path: str | Path, changes: Optional[Mapping[str, Any]] = None
+    path: str | Path, changes: Mapping[str, Any] | None = None
 ) -> tuple[Study, Scenario]:
     """A study from YAML, and its base scenario, with `changes` as in `load_scenario`.
 

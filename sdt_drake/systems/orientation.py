@@ -1,17 +1,18 @@
 """Orientation as a pilot feels it: canals, otoliths, and the brain's model of both."""
 
-# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
 from dataclasses import dataclass
 from math import pi
+from typing import Annotated
 
 import numpy as np
 import pydrake.symbolic as sym
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import Demultiplexer, LinearSystem, MatrixGain, Multiplexer
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.fields import setting
+from sdt_drake.io.fields import Input, NotNegative, Number, Positive, Text, setting
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.robot.head import GRAVITY
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
@@ -23,29 +24,27 @@ _I, _0 = np.eye(3), np.zeros((3, 3))
 
 
 @dataclass(kw_only=True, slots=True)
-class PerceptionModel:
+class PerceptionModel(Input):
     """Gains and time constants of a pilot's sense of orientation, along or about x, y, z of the
     head: roll, pitch, yaw.
-
-    Attributes:
-        source: who published the numbers, and from what.
-        k_w: gain of the difference of canals and expected canals on the felt rate.
-        k_fw: gain of the tilt error on the felt rate.
-        k_fg: gain of the tilt error on the felt gravity.
-        k_a: gain of the difference of otoliths and expected otoliths on the felt acceleration.
-        tau: time constant with which the cupula swings back.
-        tau_a: time constant with which the canals' nerve adapts.
-        cutoff: of all senses, and of what the brain expects of them.
     """
 
-    source: str
-    k_w: list[float] = setting(above=0, count=3, unit="-")
-    k_fw: list[float] = setting(minimum=0, count=3, unit="1/s")
-    k_fg: list[float] = setting(minimum=0, count=3, unit="1/s")
-    k_a: list[float] = setting(maximum=0, count=3, unit="-")
-    tau: list[float] = setting([5.7] * 3, above=0, count=3, unit="s")
-    tau_a: list[float] = setting([80.0] * 3, above=0, count=3, unit="s")
-    cutoff: float = setting(2.0, above=0, maximum=100, unit="Hz")
+    source: Text
+    """Who published the numbers, and from what."""
+    k_w: list[Positive] = setting(min_length=3, max_length=3, unit="-")
+    """Gain of the difference of canals and expected canals on the felt rate."""
+    k_fw: list[NotNegative] = setting(min_length=3, max_length=3, unit="1/s")
+    """Gain of the tilt error on the felt rate."""
+    k_fg: list[NotNegative] = setting(min_length=3, max_length=3, unit="1/s")
+    """Gain of the tilt error on the felt gravity."""
+    k_a: list[Annotated[Number, Field(le=0)]] = setting(min_length=3, max_length=3, unit="-")
+    """Gain of the difference of otoliths and expected otoliths on the felt acceleration."""
+    tau: list[Positive] = setting([5.7] * 3, min_length=3, max_length=3, unit="s")
+    """Time constant with which the cupula swings back."""
+    tau_a: list[Positive] = setting([80.0] * 3, min_length=3, max_length=3, unit="s")
+    """Time constant with which the canals' nerve adapts."""
+    cutoff: Number = setting(2.0, gt=0, le=100, unit="Hz")
+    """Of all senses, and of what the brain expects of them."""
 
 
 def load_perception(name: str) -> PerceptionModel:

@@ -1,17 +1,29 @@
 """The check of fields: its laws on a small dataclass, and the rules of a scenario."""
 
-# Annotations are real here: the check reads them.
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Optional, Union
+from typing import Annotated
 
 import numpy as np
 import pytest
 
 from sdt_drake.io.errors import InputError, within
-from sdt_drake.io.fields import check, made, setting
+from sdt_drake.io.fields import (
+    EachJoint,
+    EachJointOrNone,
+    FileOf,
+    Input,
+    Number,
+    OneOf,
+    Positive,
+    Tagged,
+    Text,
+    check,
+    made,
+    setting,
+)
 from sdt_drake.robot.device import Drive, Elasticity
 from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.scenario import Scenario, load_scenario, with_fields
@@ -21,32 +33,36 @@ nan, inf = np.nan, np.inf
 
 
 @dataclass(slots=True)
-class Circle:
-    radius: float = setting(above=0, unit="m")
+class Circle(Input):
+    """A circle."""
+
+    radius: Positive = setting(unit="m")
 
 
 @dataclass(slots=True)
-class Square:
-    side: float = 1.0
+class Square(Input):
+    """A square."""
+
+    side: Number = 1.0
 
 
 @dataclass(slots=True)
-class Drawing:
+class Drawing(Input):
     """Every kind of field."""
 
     name: str = ""
-    file: str = setting("package://sdt/a", file="anything")
-    size: float = setting(1.0, minimum=0, maximum=10)
-    share: float = setting(0.5, above=0, below=1)
-    count: int = setting(1, minimum=1)
+    file: Annotated[Text, FileOf("anything")] = "package://sdt/a"
+    size: Number = setting(1.0, ge=0, le=10)
+    share: Number = setting(0.5, gt=0, lt=1)
+    count: int = setting(1, ge=1)
     filled: bool = False
-    colour: str = setting("red", choices=("red", "blue"))
-    place: list[float] = setting([0.0, 0.0], count=2)
-    widths: Optional[list[float]] = setting(None, above=0, per_joint=True)
-    labels: list[str] = setting([], per_joint=True)
-    shapes: list[Union[Circle, Square]] = setting([])
+    colour: Annotated[str, OneOf(("red", "blue"))] = "red"
+    place: list[Number] = setting([0.0, 0.0], min_length=2, max_length=2)
+    widths: EachJoint[Positive] | None = None
+    labels: EachJointOrNone[str] = setting([])
+    shapes: list[Annotated[Circle | Square, Tagged()]] = setting([])
     frame: Square = setting(Square)
-    points: list[list[float]] = setting([])
+    points: list[list[Number]] = setting([])
 
     def problems(self) -> Iterator[tuple[str, str]]:
         if self.filled and self.count > 1:
@@ -87,14 +103,14 @@ def test_all_that_is_wrong_is_told_at_once():
     assert str(error.value).splitlines() == [
         f"/runs/file.yaml: {line}"
         for line in (
-            "nam: no such field, did you mean 'name'?",
             "name: 2, expected a text",
             "filled: 'yes', expected true or false",
             "shapes[1].radius: missing, expected a number > 0 [m]",
             "shapes[2]: unknown kind !Oval, expected !Circle, !Square",
-            "frame.depth: no such field, expected one of side",
             "frame.side: [1], expected a number",
+            "frame.depth: no such field, expected one of side",
             "points[1][2]: 'a', expected a number",
+            "nam: no such field, did you mean 'name'?",
         )
     ]
 
@@ -221,7 +237,7 @@ AXIS = [
     ({"planner": "fastest"}, "planner: 'fastest', expected one of limiter, retiming"),
     ({"plant.elasticity.natural_frequency": [1.0, -2, 0, 0]}, "plant.elasticity.natural_frequency"),
     ({"plant.friction.breakaway": [0, 0, 1.0, 1], "plant.friction.coulomb": [0, 0, 1.0, 1.1]},
-     "plant.friction.breakaway: [0, 0, 1.0, 1], expected at least coulomb, [0, 0, 1.0, 1.1]"),
+     "plant.friction.breakaway: [0.0, 0.0, 1.0, 1.0], expected at least coulomb, [0.0, 0.0, 1.0"),
     ({"disturbance.omega_d": 20001.0}, "disturbance.omega_d: 20001, expected at most 20000 [rad"),
     ({"device.motors": ["AC-203"], "device.fitted": [""] * 4}, "device.motors: 1 value(s), expect"),
     ({"device.motors": ["AC-203"] * 4}, "device.fitted: missing; the difference of masses needs t"),
@@ -236,7 +252,7 @@ AXIS = [
     ({"drive.n1": [1.0] * 4}, "drive.n0: missing, expected n1 and n0 or neither"),
     ({"drive.n0": [1.0] * 4}, "drive.n1: missing, expected n1 and n0 or neither"),
     ({"drive.n1": [1.0, 2, 3, 4], "drive.n0": [2.0, 3, 3, 5]},
-     "drive.n0: [2.0, 3, 3, 5], expected more than n1, [1.0, 2, 3, 4], everywhere"),
+     "drive.n0: [2.0, 3.0, 3.0, 5.0], expected more than n1, [1.0, 2.0, 3.0, 4.0], everywhere"),
     ({"controller.kind": "pid"}, "controller.kind: 'pid', expected one of pi, pi_ctc, pi_id, p_pi"),
     ({"controller.file": "/no/file.py"}, "controller: /no/file.py: no such file"),
     ({"controller.kind": "inverse_dynamics"}, "controller.kind: inverse_dynamics needs plant.kind"),

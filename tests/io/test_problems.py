@@ -23,16 +23,16 @@ def test_problems_of_a_file_are_told_one_by_one(tmp_path):
     file.write_text("controler: {}\nperiod: -1\ncontroller: {omega_r: 60, zeta: [1, x]}\n")
     error = refused(lambda: load_scenario(file))
     assert [(x.place, x.where) for x in error.problems] == [
-        (place, f"{file}") for place in ("controler", "period", "controller.zeta[2]")
+        (place, f"{file}") for place in ("period", "controller.zeta[2]", "controler")
     ]
-    unknown, period, zeta = error.problems
+    period, zeta, unknown = error.problems
     assert unknown.near == ("controller",)
     assert (period.found, period.accepted) == ("-1", "a number > 0 [s]")
     assert (zeta.found, zeta.accepted) == ("'x'", "a number > 0")
     assert error.lines == f"{error}".splitlines() == [
-        f"{file}: controler: no such field, did you mean 'controller'?",
         f"{file}: period: -1, expected a number > 0 [s]",
         f"{file}: controller.zeta[2]: 'x', expected a number > 0",
+        f"{file}: controler: no such field, did you mean 'controller'?",
     ]  # fmt: skip
 
 

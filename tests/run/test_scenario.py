@@ -281,11 +281,11 @@ def test_all_that_is_wrong_in_a_file_is_told(load, tmp_path):
     assert str(error.value).splitlines() == [
         f"{tmp_path / 'run.yaml'}: {line}"
         for line in (
-            "perod: no such field, did you mean 'period'?",
             f"motion: referense: no such motion, did you mean 'reference'? (looked in {tmp_path} "
             "and among what ships)",
             "plant.kind: 'axes', expected one of axis, coupled",
             "controller.kp[1]: -267.1, expected a number > 0 [N m s/rad]",
+            "perod: no such field, did you mean 'period'?",
         )
     ]
 

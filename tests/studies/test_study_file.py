@@ -9,10 +9,9 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
-from pydrake.common.yaml import yaml_dump_typed
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.yaml_files import load_yaml
+from sdt_drake.io.yaml_files import load_yaml, yaml_text
 from sdt_drake.robot.motors import DeviceChoice
 from sdt_drake.run.scenario import Scenario, load_scenario
 from sdt_drake.studies.distributions import Choice, Grid, List, LogUniform, Normal, Uniform
@@ -327,7 +326,7 @@ def test_survives_yaml(tmp_path):
     variables = [*map(variable, [Uniform(1 / 3, 2), *distributions], fields)]
     variables += [variable(List([0.1]), "drive.period"), variable(Choice(["a"]), "algorithm")]
     study = Study("n", "/s.yaml", 3, 4, "random", 5.5e-3, variables=variables)
-    (tmp_path / "s.yaml").write_text(yaml_dump_typed(study, schema=Study))
+    (tmp_path / "s.yaml").write_text(yaml_text(study))
     assert load_yaml(Study, tmp_path / "s.yaml")[0] == study
 
 

@@ -1,16 +1,26 @@
 """What the drives of the axes read: the units of their set points, CiA 402."""
 
-# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import tau
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.fields import Problems, check, setting
+from sdt_drake.io.fields import (
+    EachJoint,
+    Input,
+    Number,
+    OneOf,
+    Positive,
+    Problems,
+    Some,
+    check,
+    setting,
+)
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.robot.robot import Robot
 
@@ -38,29 +48,25 @@ SPEED_UNITS = {
 
 
 @dataclass(kw_only=True, slots=True)
-class Axis:
-    """The drive of a joint; **motor side**.
+class Axis(Input):
+    """The drive of a joint; **motor side**."""
 
-    Attributes:
-        increments: of the encoder in a turn of the motor.
-        gear_ratio: motor speed over joint speed; by default that of the robot.
-        sign: 1, or -1 where the motor turns against its joint.
-        zero: increments at the joint angle 0.
-        speed_unit: of target velocity and velocity offset.
-        rated_torque: that torques in per mille refer to (6076h), rated or standstill.
-        maximum_torque: of the drive; by default as far as per mille in 16 bits go, where it reads
-            torques.
-        objects: of CiA 402 that it reads in every cycle.
-    """
-
-    increments: int = setting(minimum=1, unit="increments", side="motor")
-    gear_ratio: float | None = setting(None, above=0, unit="-")
+    increments: int = setting(ge=1, unit="increments", side="motor")
+    """Of the encoder in a turn of the motor."""
+    gear_ratio: Positive | None = setting(None, unit="-")
+    """Motor speed over joint speed; by default that of the robot."""
     sign: int = setting(1, unit="-")
+    """1, or -1 where the motor turns against its joint."""
     zero: int = setting(0, unit="increments")
-    speed_unit: str = setting("increments/s", choices=tuple(SPEED_UNITS))
-    rated_torque: float = setting(above=0, unit="N m", side="motor")
-    maximum_torque: float | None = setting(None, above=0, unit="N m", side="motor")
-    objects: list[str] = setting(["607Ah", "60B1h", "60B2h"], choices=tuple(OBJECTS))
+    """Increments at the joint angle 0."""
+    speed_unit: Annotated[str, OneOf(tuple(SPEED_UNITS))] = "increments/s"
+    """Of target velocity and velocity offset."""
+    rated_torque: Positive = setting(unit="N m", side="motor")
+    """That torques in per mille refer to (6076h), rated or standstill."""
+    maximum_torque: Positive | None = setting(None, unit="N m", side="motor")
+    """Of the drive; by default as far as per mille in 16 bits go, where it reads torques."""
+    objects: Some[Annotated[str, OneOf(tuple(OBJECTS))]] = setting(["607Ah", "60B1h", "60B2h"])
+    """Of CiA 402 that it reads in every cycle."""
 
     def problems(self) -> Problems:
         if self.sign not in (1, -1):
@@ -73,18 +79,15 @@ class Axis:
 
 
 @dataclass(kw_only=True, slots=True)
-class Drives:
-    """The drives of a device.
-
-    Attributes:
-        notes: for people.
-        cycle_time: of the set points.
-        axes: base to tip.
-    """
+class Drives(Input):
+    """The drives of a device."""
 
     notes: str = ""
-    cycle_time: float = setting(above=0, maximum=1, unit="s")
-    axes: list[Axis] = setting(per_joint=True)
+    """For people."""
+    cycle_time: Number = setting(gt=0, le=1, unit="s")
+    """Of the set points."""
+    axes: EachJoint[Axis]
+    """Base to tip."""
 
     def zeros(self) -> Array:
         """Increments of the drives at the joint angles 0, shape (n,)."""

@@ -5,7 +5,6 @@ A folder holds the scenario, and of each flight, numbered from 1, what it was gi
 written last). Nothing in it is ever changed. Who learns has it alone meanwhile: see `alone_in`.
 """
 
-# Real annotations, for the check of the fields (sdt_drake.io.fields): they may not be postponed.
 import contextlib
 import fcntl
 import itertools
@@ -20,7 +19,15 @@ import numpy as np
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.fields import check, setting
+from sdt_drake.io.fields import (
+    EachJoint,
+    EachJointOrNone,
+    Input,
+    NotNegative,
+    Number,
+    check,
+    setting,
+)
 from sdt_drake.io.files import replacing_files
 from sdt_drake.io.yaml_files import load_yaml, write_yaml
 from sdt_drake.machine.learn.filter import LearningFilter
@@ -38,25 +45,23 @@ _GAIN = 0.95
 
 
 @dataclass(kw_only=True, slots=True)
-class FlightRecord:
+class FlightRecord(Input):
     """What came of a real flight, by its recordings; a file of it lies in the folder of the
     learning.
-
-    Attributes:
-        reference: number of the reference that was flown; 1 is the planned motion.
-        recordings: how many there are of it.
-        largest: |error| of their mean.
-        rms: RMS error that repeats, of the mean without what noise leaves in it.
-        floor: RMS error that does not repeat, with several recordings.
-        shifts: when the motion begins in each recording.
     """
 
-    reference: int = setting(1, minimum=1)
-    recordings: int = setting(1, minimum=1)
-    largest: list[float] = setting(minimum=0, per_joint=True, unit="rad", side="joint")
-    rms: list[float] = setting(minimum=0, per_joint=True, unit="rad", side="joint")
-    floor: list[float] = setting([], minimum=0, per_joint=True, unit="rad", side="joint")
-    shifts: list[float] = setting([], unit="s")
+    reference: int = setting(1, ge=1)
+    """Number of the reference that was flown; 1 is the planned motion."""
+    recordings: int = setting(1, ge=1)
+    """How many there are of it."""
+    largest: EachJoint[NotNegative] = setting(unit="rad", side="joint")
+    """|error| of their mean."""
+    rms: EachJoint[NotNegative] = setting(unit="rad", side="joint")
+    """RMS error that repeats, of the mean without what noise leaves in it."""
+    floor: EachJointOrNone[NotNegative] = setting([], unit="rad", side="joint")
+    """RMS error that does not repeat, with several recordings."""
+    shifts: list[Number] = setting([], unit="s")
+    """When the motion begins in each recording."""
 
     @property
     def score(self) -> float:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common.yaml import yaml_dump_typed
 
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.frequency_response import FrequencyResponse, frequency_response, left_out
@@ -20,12 +19,12 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import write_text
 from sdt_drake.io.shown import by_joint, joint_count
 from sdt_drake.io.versions import versions
+from sdt_drake.io.yaml_files import yaml_text
 from sdt_drake.motion import story_of
 from sdt_drake.robot.head import has_head
 from sdt_drake.run.controllers import controller_class
 from sdt_drake.run.design import Design
 from sdt_drake.run.kinds import CONTROLLERS
-from sdt_drake.run.scenario import Scenario
 from sdt_drake.run.simulate import Recording
 from sdt_drake.show.documents import Report, Table, render
 from sdt_drake.show.figures.pilot import head_panels
@@ -90,7 +89,7 @@ def run_report(design: Design, recording: Recording, path: Path, joints: Sequenc
             for k, joint, panels in _over_time(run, joints)
         ],
         "torque_file": attach("torque.png", Plots(columns)),
-        "yaml": yaml_dump_typed(scenario, schema=Scenario).rstrip(),
+        "yaml": yaml_text(scenario).rstrip(),
         "version_table": Table(["", "version"], list(versions().items())),
     }
     values |= _answer(run) | _loops(design)
