@@ -20,6 +20,7 @@ from types import FrameType
 # other work, to identify from 30 s took 3.4 s of CPU; with one thread 0.6 s).
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+_AGAIN = 0.02  # s; until a signal within an import is looked at once more
 _TIDYING = 1.0  # s; another signal within would disturb it
 
 
@@ -35,6 +36,12 @@ def _open_streams() -> None:
             setattr(sys, name, os.fdopen(number, "w" if number else "r", closefd=False))
 
 
+def _is_importing(frame: FrameType | None) -> bool:
+    while frame is not None and not frame.f_code.co_filename.startswith("<frozen importlib"):
+        frame = frame.f_back
+    return frame is not None
+
+
 def main() -> int:
     """Run the command line; returns the exit code, 128 + n after signal n."""
     _open_streams()
@@ -42,11 +49,16 @@ def main() -> int:
 
     def stop(number: int, frame: FrameType | None) -> None:
         nonlocal heard, when
-        now = time.monotonic()
-        if now - when > _TIDYING:
-            heard, when = signal.Signals(number), now
+        if number != signal.SIGALRM:
+            if time.monotonic() - when < _TIDYING:
+                return
+            heard, when = signal.Signals(number), time.monotonic()
+        if _is_importing(frame):  # Drake would make a fault of it, with a trace
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+        else:
             raise KeyboardInterrupt
 
+    signal.signal(signal.SIGALRM, stop)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         # What is ignored, as below nohup, stays so.
         if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):

@@ -88,8 +88,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         code, lines = BAD_INPUT, [f"{error.filename or 'output'}: {error.strerror or error}"]
     except Exception as error:
-        if isinstance(error.__context__, KeyboardInterrupt):  # an import makes that of it
-            return INTERRUPTED
         if "--traceback" in arguments:
             traceback.print_exc()
         fault = f"fault of the program, {type(error).__name__} ({error})"
