@@ -71,7 +71,20 @@ def _whole(_: object, tokens: Sequence[Token]) -> int:
 
 def number(**bounds: float) -> Parameter:
     """A finite number within bounds of cyclopts: number(gt=0), number(gte=1, lte=10)."""
-    return Parameter(validator=[Number(**bounds), Number(gt=-math.inf, lt=math.inf)])
+    accepted = " and ".join(f"{_BOUNDS[kind]} {bound:g}" for kind, bound in bounds.items())
+    limits = Number(**bounds), Number(gt=-math.inf, lt=math.inf)
+
+    def check(type_: object, value: object) -> None:
+        try:
+            for limit in limits:
+                limit(type_, value)
+        except ValueError:
+            raise ValueError(f"Expected a number {accepted}") from None
+
+    return Parameter(validator=check)
+
+
+_BOUNDS = {"gt": ">", "gte": ">=", "lt": "<", "lte": "<="}
 
 
 def one_of(*kinds: str, **more: Any) -> Parameter:

@@ -50,8 +50,8 @@ def test_a_recording_becomes_a_robot_a_scenario_and_a_study(call, recording, rob
 
 
 BAD = [
-    (["--held-out", "1.5"], '"1.5" for --held-out. Must be < 1'),
-    (["--cutoff", "0"], '"0.0" for --cutoff. Must be >= 0.1'),
+    (["--held-out", "1.5"], '"1.5" for --held-out. Expected a number > 0 and < 1'),
+    (["--cutoff", "0"], '"0.0" for --cutoff. Expected a number >= 0.1 and <= 1000'),
     (["--cutoff", "0.1"], "compared below 0.1 Hz nothing is left to fit, expected a longer"),
     (["--cutoff", "900"], "--cutoff: 900 Hz, expected less than"),
     (["--held-out", "0.9999"], "nothing is left to fit, expected a longer recording, another --he"),

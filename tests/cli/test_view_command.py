@@ -98,10 +98,16 @@ def test_plays_once_and_says_where(desk, good):
     [
         (("run.yaml", "--record", "a.htm"), "a.htm: unknown kind of file, expected .html"),
         (("run.yaml", "--record", "."), "is a folder"),
-        (("run.yaml", "--rate", "0.0099"), '"0.0099" for --rate. Must be >= 0.01'),
-        (("run.yaml", "--rate", "1000.5"), '"1000.5" for --rate. Must be <= 1000'),
+        (
+            ("run.yaml", "--rate", "0.0099"),
+            '"0.0099" for --rate. Expected a number >= 0.01 and <= 1000',
+        ),
+        (
+            ("run.yaml", "--rate", "1000.5"),
+            '"1000.5" for --rate. Expected a number >= 0.01 and <= 1000',
+        ),
         (("run.yaml", "--record", "run.yaml/a.html"), "run.yaml: is a file, expected a folder"),
-        (("run.yaml", "--port", "80"), '"80" for --port. Must be >= 1024'),
+        (("run.yaml", "--port", "80"), '"80" for --port. Expected a number >= 1024 and <= 65535'),
         (("run.yaml", "--robot", "other.sdf"), "names the robot, expected --set robot=other.sdf"),
         (("run.yaml", "--record", "a.html", "--once"), "--once: has no effect with --record"),
         (("run.yaml", "--record", "a.html", "--port", "7100"), "--port: has no effect"),

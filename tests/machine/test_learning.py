@@ -348,7 +348,13 @@ def test_interrupted_in_its_third_flight_it_keeps_two(call, good, refuse, desk, 
 
 
 def test_the_command_refuses_what_it_cannot_do(refuse):
-    refuse("learn", "../given/coupled.yaml", "--flights", "0", saying=("--flights: 0",))
+    refuse(
+        "learn",
+        "../given/coupled.yaml",
+        "--flights",
+        "0",
+        saying=("--flights", "0", "Expected a number >= 1"),
+    )
     refuse("learn", "../given/coupled.yaml", "--bandwidth", "0", saying=("--bandwidth: 0 Hz",))
     refuse("learn", "../given/coupled.yaml", "--study", "nothing", saying=("nothing",))
     refuse("learn", "../given/coupled.yaml", "--out", "../given/run.yaml", saying=("is a file",))
