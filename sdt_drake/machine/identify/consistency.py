@@ -210,7 +210,7 @@ def _root(pseudo: Array) -> Array:
     values, vectors = np.linalg.eigh(sigma)
     body = pseudo.copy()
     body[:3, :3] += vectors @ np.diag(np.maximum(least - values, 0.0)) @ vectors.T
-    return np.linalg.cholesky(body)
+    return np.asarray(np.linalg.cholesky(body), dtype=np.float64)
 
 
 def _whitening(covariance: Array) -> Array:

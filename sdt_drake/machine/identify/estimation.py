@@ -172,7 +172,7 @@ def _covariance(
 ) -> tuple[Array, float]:
     """Covariance of x, and the condition number of the scaled equations."""
     r = len(prior.mean)
-    information = sum(Xk.T @ (weights[:, k, None] * Xk) for k, Xk in enumerate(X))
+    information = np.sum([Xk.T @ (weights[:, k, None] * Xk) for k, Xk in enumerate(X)], axis=0)
     size = np.sqrt(np.maximum(np.diagonal(information), 1e-300))
     values = np.linalg.eigvalsh(information / np.outer(size, size))
     whole = information.copy()

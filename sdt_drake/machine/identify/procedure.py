@@ -259,7 +259,7 @@ def belief(robot: Robot, unknown: Unknown) -> Prior:
     K = unknown.base.combination
     covariance = (K * whole[unknown.columns] ** 2) @ K.T
     mean = K @ rigid_parameters(robot)[unknown.columns]
-    return Prior(mean, np.linalg.inv(covariance))
+    return Prior(mean, np.asarray(np.linalg.inv(covariance), dtype=np.float64))
 
 
 def chosen_cutoff(robot: Robot, unknown: Unknown, parts: Parts, path: Path) -> float:

@@ -199,8 +199,8 @@ def comparison(title: str, compared: Sequence[Compared]) -> Figure:
     looks = looks_of([c.label for c in compared])
     with style():
         bottom = 2.55 if has_heads else 0.85
-        figure, axes = grid(3, 2, panel=(3.95, 1.55), gaps=(1.15, 0.35), bottom=bottom)
-        for ax, metric in zip(axes.flat, COMPARED, strict=False):  # but for the saturation
+        figure, _ = grid(3, 2, panel=(3.95, 1.55), gaps=(1.15, 0.35), bottom=bottom)
+        for ax, metric in zip(figure.axes, COMPARED, strict=False):  # but for the saturation
             values = METRICS[metric].factor * np.array([c.metrics[metric] for c in compared])
             _side_by_side(ax, values, compared, looks, dots=metric.endswith("_error"))
             ax.set_title(METRICS[metric].label, loc="left")

@@ -186,11 +186,11 @@ def plot_checks(
     """What a flight leaves of an error over frequency, a panel for each joint."""
     hertz = filter_.omega / (2 * np.pi)
     with style():
-        figure, axes = grid(
+        figure, _ = grid(
             (len(joint_names) + 1) // 2, 2, panel=(3.95, 1.9), gaps=(0.75, 0.45), sharex=True
         )
         for k, name in enumerate(joint_names):
-            ax = axes.flat[k]
+            ax = figure.axes[k]
             for i, one in enumerate(checks):
                 look = nth_look(i)
                 label = f"{one.loops.title}, this joint alone"
@@ -206,9 +206,9 @@ def plot_checks(
             ax.set(ylim=(1e-4, 2), xlim=(hertz[0], hertz[-1]), ylabel="error that is left [-]")
             plain_numbers(ax.xaxis)
             plain_numbers(ax.yaxis)
-        for ax in axes.flat[len(joint_names) :]:
+        for ax in figure.axes[len(joint_names) :]:
             ax.set_visible(False)
-        for ax in axes.flat[max(0, len(joint_names) - 2) : len(joint_names)]:  # the lowest shown
+        for ax in figure.axes[max(0, len(joint_names) - 2) : len(joint_names)]:  # the lowest shown
             ax.set_xlabel("frequency [Hz]")
             ax.tick_params(labelbottom=True)
         finish(figure, title)
@@ -241,7 +241,7 @@ def plot_flights(title: str, flights: Sequence[Flight], joint_names: Sequence[st
     )
     with style():
         figure, axes = grid(2, 2, panel=(3.95, 1.9), gaps=(0.75, 0.45))
-        for ax, (label, values) in zip(axes.flat, panels, strict=True):
+        for ax, (label, values) in zip(figure.axes, panels, strict=True):
             one = values.shape[1] != len(joint_names)
             for k in range(values.shape[1]):
                 look = nth_look(k)
