@@ -5,7 +5,6 @@ import pytest
 from command_line import ARM
 
 from sdt_drake.cli.app import main
-from sdt_drake.io.errors import InputError
 from sdt_drake.machine.identify.excitation import _SEARCH, GENTLY, RATE, excite
 from sdt_drake.machine.identify.targets import Target
 from sdt_drake.motion import Motion, load_plan, plan_motion
