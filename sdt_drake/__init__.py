@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from sdt_drake.analysis.tracking import track
     from sdt_drake.cli.daily import bode, export, identify, learn, replay, tune
     from sdt_drake.io.errors import InputError
+    from sdt_drake.machine.fly.procedure import fly
     from sdt_drake.motion import Motion
     from sdt_drake.motion import load_plan as plan
     from sdt_drake.robot.robot import load_robot
@@ -52,6 +53,7 @@ _PLACES = {
     "replay": "cli.daily:replay",
     "learn": "cli.daily:learn",
     "export": "cli.daily:export",
+    "fly": "machine.fly.procedure:fly",
     "track": "analysis.tracking:track",
     "compare": "analysis.comparison:compare",
     "linear": "analysis.linear:linear",
@@ -69,9 +71,9 @@ _PLACES = {
 }
 __all__ = [
     "Controller", "InputError", "Motion", "Recording", "Scenario", "bode", "compare", "design",
-    "export", "identify", "learn", "linear", "load", "load_robot", "loop", "perceive", "plan",
-    "plots", "plots_motion", "plots_pilot", "register_controller", "replay", "save", "simulate",
-    "track", "tune", "view",
+    "export", "fly", "identify", "learn", "linear", "load", "load_robot", "loop", "perceive",
+    "plan", "plots", "plots_motion", "plots_pilot", "register_controller", "replay", "save",
+    "simulate", "track", "tune", "view",
 ]  # fmt: skip
 
 

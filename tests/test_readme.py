@@ -26,7 +26,7 @@ def blocks(language: str) -> list[str]:
 
 SET_UP = [line for block in blocks("sh") for line in block.splitlines()]
 COMMANDS = re.findall(r"^\| `([^.`][^`]*)` \|", README, re.MULTILINE)
-LONG = ("export", "study", "size", "excite", "identify", "replay", "learn", "reproduce")
+LONG = ("export", "study", "size", "excite", "identify", "replay", "learn", "fly", "reproduce")
 """Of minutes, or of whole motions: that they are taken as written is enough here."""
 
 

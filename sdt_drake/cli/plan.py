@@ -59,7 +59,7 @@ def run(
     common.check_out(out, show, [".csv"])
     if drive_table is not None:
         _check_drive_table(drive_table, out)
-    model = sdt.load_robot(robot or common.ROBOT) if envelope is None else _driven(envelope, robot)
+    model = sdt.load_robot(robot or common.ROBOT) if envelope is None else driven(envelope, robot)
     with common.naming_robot("--robot"):
         plan = load_plan(
             motion,
@@ -88,7 +88,7 @@ def _check_drive_table(table: Path, out: Path | None) -> None:
         raise InputError(f"--drive-table: {table} is the file of --out too, expected another one")
 
 
-def _driven(path: str, robot: str | None) -> RobotModel:
+def driven(path: str, robot: str | None) -> RobotModel:
     """The device of the scenario of --envelope."""
     from sdt_drake.robot.motors import as_driven
     from sdt_drake.run.design import load_device

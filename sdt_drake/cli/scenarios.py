@@ -40,8 +40,9 @@ def run(name: Annotated[str | None, one_of(*SHIPPED)] = None, /) -> None:
 
 
 def _about(name: str, kind: str) -> str:
-    """What a file says of itself first: its first comment up to where that could end."""
+    """What a file says of itself first: a comment up to where that could end, or its columns."""
     text = find_file(name, kind).read_text(encoding="utf-8")
     comment = re.search(r"<!--(.*?)-->|((?:^# (?!yaml-).*\n)+)", text, re.DOTALL | re.MULTILINE)
-    words = re.sub(r"^#", "", comment[1] or comment[2], flags=re.MULTILINE) if comment else ""
+    told = comment[1] or comment[2] if comment else f"Columns {text.partition(chr(10))[0]}"
+    words = re.sub(r"^#", "", told, flags=re.MULTILINE)
     return re.split(r"[.:;(]\s|\s\(|(?<=\?)\s", " ".join(words.split()), maxsplit=1)[0]

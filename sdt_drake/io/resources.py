@@ -22,6 +22,8 @@ SHIPPED = {
     "motors": "motors*.yaml",
     "drives": "drives*.yaml",
     "perception model": "perception/*.yaml",
+    "flight": "flights/*.csv",
+    "columns of a flight": "flights/*.yaml",
 }
 """By kind, the files below `models/` that ship with the package; their short names are unique."""
 

@@ -67,6 +67,10 @@ def adapter(model: Any) -> TypeAdapter[Any]:
 def schema_of(model: Any) -> Schema:
     """The JSON Schema of a model, as pydantic makes it."""
     made: Schema = _tidied(adapter(model).json_schema(schema_generator=_Generator))
+    for base in getattr(model, "__bases__", ()):  # pydantic reads the texts of a class's own fields
+        if getattr(base, "__dataclass_fields__", None):
+            own = made["properties"]
+            own |= {name: x | own[name] for name, x in schema_of(base)["properties"].items()}
     return made
 
 

@@ -62,6 +62,7 @@ _KEYS = {
     "motors": {"motors"},
     "drives": {"axes"},
     "perception model": {"k_w", "k_fw", "k_fg", "k_a"},
+    "columns of a flight": {"force", "omega", "force_unit", "omega_unit", "axes", "lever"},
 }
 """What only a file of a kind has, of those that may be mistaken for others."""
 

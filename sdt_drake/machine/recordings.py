@@ -18,7 +18,7 @@ from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.robot.robot import Robot
 
 SIDES = ("joint", "motor")
-_DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
+DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
 _ANGLES = ("q", "v", "q_ref", "v_ref", "vd_ref")
 _TORQUES = ("tau", "tau_mean", "tau_ff")
 RECORDED_SIGNALS = (*_ANGLES, *_TORQUES)
@@ -34,15 +34,10 @@ _OWN = ("tau_cmd", "tau_limited", "load_torque")  # columns that `simulate` writ
 
 
 @dataclass(slots=True)
-class Columns(Input):
-    """How a recording's file says what it holds; the default is that of this package.
+class Layout(Input):
+    """How a file of columns is read, and how it says when its rows are."""
 
-    A signal is a list of columns, one for each joint from the base to the tip, by their names or,
-    counted from 1, their numbers; or one text in which {k} stands for the number of the joint. What
-    is not there has none: [].
-    """
-
-    delimiter: Annotated[str, OneOf(tuple(_DELIMITERS))] = "comma"
+    delimiter: Annotated[str, OneOf(tuple(DELIMITERS))] = "comma"
     """Between columns: comma, semicolon, tab or space (any blanks)."""
     header: bool = True
     """Whether a line with names comes first."""
@@ -54,6 +49,24 @@ class Columns(Input):
     """What a 1 in that column is."""
     rate: Positive | None = setting(None, unit="Hz")
     """Samples in a second, where there is no time."""
+
+    def problems(self) -> Problems:
+        if (self.time == "") == (self.rate is None):
+            text = (
+                "missing, expected one where time is empty" if not self.time else "needs time: ''"
+            )
+            yield "rate", text
+
+
+@dataclass(slots=True)
+class Columns(Layout):
+    """How a recording's file says what it holds; the default is that of this package.
+
+    A signal is a list of columns, one for each joint from the base to the tip, by their names or,
+    counted from 1, their numbers; or one text in which {k} stands for the number of the joint. What
+    is not there has none: [].
+    """
+
     q: Some[str] = setting(["q_{k}"])
     """Columns of the positions."""
     v: list[str] = setting(["v_{k}"])
@@ -86,11 +99,7 @@ class Columns(Input):
     """What turns the columns of torques, perhaps currents, into torques; 1 by default."""
 
     def problems(self) -> Problems:
-        if (self.time == "") == (self.rate is None):
-            text = (
-                "missing, expected one where time is empty" if not self.time else "needs time: ''"
-            )
-            yield "rate", text
+        yield from Layout.problems(self)
         if any(abs(x) != 1 for x in self.direction or []):
             yield "direction", f"{self.direction}, expected 1 and -1"
         if any(x == 0 for x in self.torque_factor or []):
@@ -169,15 +178,14 @@ def read_recording(
     columns = columns or Columns()
     numbers = read_numbers(
         path,
-        delimiter=_DELIMITERS[columns.delimiter],
+        delimiter=DELIMITERS[columns.delimiter],
         header=columns.header,
         skip=columns.skip,
         texts=True,
     )
     own = all(f"{name}_1" in numbers.names for name in _OWN)
     side = side or columns.side or ("motor" if own else "joint")
-    time = _time(numbers, columns)
-    _check_rate(numbers.path, columns, time)
+    time = times_of(numbers, columns)
     conversions = _conversions(robot, columns, side)
     signals = {}
     for name in RECORDED_SIGNALS:
@@ -237,12 +245,24 @@ def other_unit(recorded: Recorded, moving: float) -> str:
     )
 
 
-def _time(numbers: Numbers, columns: Columns) -> Array:
+def times_of(numbers: Numbers, columns: Layout) -> Array:
+    """Times of the rows, from 0 [s].
+
+    Raises:
+        InputError: naming the file and the line, for a time that is missing, does not grow, or goes
+            in steps that nobody records in.
+    """
+    time = _times(numbers, columns)
+    _check_rate(numbers.path, columns, time)
+    return time
+
+
+def _times(numbers: Numbers, columns: Layout) -> Array:
     if columns.rate is not None:
         return np.arange(len(numbers.data)) / columns.rate
-    place = _place(numbers, columns.time)
+    place = place_of(numbers, columns.time)
     if place is None:
-        raise _missing(numbers, columns.time, "time")
+        raise missing(numbers, columns.time, "time")
     numbers.check_finite([place])
     time = (numbers.data[:, place] - numbers.data[0, place]) * columns.time_factor
     bad = np.flatnonzero(np.diff(time) <= 0)
@@ -255,7 +275,7 @@ def _time(numbers: Numbers, columns: Columns) -> Array:
     return time
 
 
-def _check_rate(path: Path, columns: Columns, time: Array) -> None:
+def _check_rate(path: Path, columns: Layout, time: Array) -> None:
     """Refuse samples that are much slower or faster than those of a robot, naming the setting of
     `Columns` that would make sense."""
     rate = 1 / float(np.median(np.diff(time)))
@@ -287,7 +307,7 @@ def _found(
         return None
     pattern = names[0] if len(names) == 1 and "{k}" in names[0] else None
     said = [pattern.replace("{k}", str(k + 1)) for k in range(n + 1)] if pattern else names
-    places = [_place(numbers, name) for name in said]
+    places = [place_of(numbers, name) for name in said]
     if pattern:
         one_more = places.pop() is not None
         if one_more or (places[0] is not None and None in places):
@@ -308,12 +328,12 @@ def _found(
             )
         return found
     if needed or found:
-        raise _missing(numbers, said[places.index(None)], signal)
+        raise missing(numbers, said[places.index(None)], signal)
     return None
 
 
-def _place(numbers: Numbers, name: str) -> int | None:
-    """Of a column, by its name or number."""
+def place_of(numbers: Numbers, name: str) -> int | None:
+    """Place of a column, by its name or number; None if there is none."""
     if numbers.names.count(name) > 1:
         raise InputError(
             f"{numbers.path}: {numbers.names.count(name)} columns '{name}', expected one; a "
@@ -325,7 +345,8 @@ def _place(numbers: Numbers, name: str) -> int | None:
     return int(name) - 1 if is_number else None
 
 
-def _missing(numbers: Numbers, name: str, signal: str) -> InputError:
+def missing(numbers: Numbers, name: str, signal: str) -> InputError:
+    """The error of a column that is not there."""
     there = ", ".join(numbers.names[:12]) + (", ..." if len(numbers.names) > 12 else "")
     return InputError(
         f"{numbers.path}: no column '{name}' ({signal}), there are {there}; a mapping file "

@@ -16,6 +16,7 @@ from sdt_drake.io.files import write_text
 from sdt_drake.io.schema import Part, json_schema, parts
 from sdt_drake.io.yaml_files import parse_yaml
 from sdt_drake.machine.drive_files import Drives
+from sdt_drake.machine.fly.flight import FlightColumns
 from sdt_drake.machine.recordings import Columns
 from sdt_drake.motion import MotionProfile
 from sdt_drake.robot.motors import Catalogue
@@ -37,6 +38,7 @@ FILES: Mapping[str, type] = {
     "study": Study,
     "sizing": Sizing,
     "columns": Columns,
+    "flight": FlightColumns,
 }
 """YAML files: what each is an object of."""
 
@@ -126,6 +128,7 @@ TOPICS: Mapping[str, Callable[[], Chapter]] = {
     "study": partial(_fields, "study", "Studies"),
     "sizing": partial(_fields, "sizing", "Sizings"),
     "columns": partial(_fields, "columns", "Columns of recordings of others"),
+    "flight": partial(_fields, "flight", "Columns of recordings of flights"),
 }
 
 

@@ -14,6 +14,7 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing_files, write_text
 from sdt_drake.machine.drive_files import FILES as EXPORTED
 from sdt_drake.machine.identify import files as identified_files
+from sdt_drake.show.reports import fly as flown_files
 from sdt_drake.show.reports import learning as learning
 from sdt_drake.show.reports import paper_files as files
 from sdt_drake.show.reports import replay as replay_report
@@ -91,6 +92,7 @@ COMMANDS = {
     "export --drive drives": (EXPORTED, "run.design.make_design"),
     "learn wrong_model": (learning.ALL_FILES, "run.design.make_design"),
     "reproduce": (files.FILES, "analysis.reproduction.reproduce"),
+    "fly sdt turn": (flown_files.FILES, "machine.fly.procedure.fly"),
     "size sizing": (("sizing.txt", "candidates.csv"), "studies.execute.run_study"),
 }
 """Commands with the files that they write, and what computes them."""

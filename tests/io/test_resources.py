@@ -18,7 +18,7 @@ from sdt_drake.studies.study import load_study
 
 
 def test_every_file_that_ships_has_one_short_name():
-    files = {x.stem: x for x in models_dir().rglob("*") if x.suffix in (".yaml", ".sdf")}
+    files = {x.stem: x for x in models_dir().rglob("*") if x.suffix in (".yaml", ".sdf", ".csv")}
     assert {name: find_file(name, *SHIPPED) for name in shipped(*SHIPPED)} == files
     assert set(Counter(name for kind in SHIPPED for name in shipped(kind)).values()) == {1}
     for path in ("", "own.yaml", "folder/leans", "package://sdt/sdt.sdf", "sdt"):

@@ -1,0 +1,81 @@
+"""The command `fly`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import sdt_drake as sdt
+from sdt_drake.cli import common
+from sdt_drake.cli.common import Columns, Flag, Robot, Target, number, one_of
+from sdt_drake.cli.printing import print_table, say, say_wrapped
+
+_Seconds = Annotated[float, number(gt=0)]
+_INTERRUPTED = 130
+
+
+def run(
+    robot: Robot,
+    flight: Annotated[str, one_of("flight")],
+    /,
+    *,
+    out: Target,
+    columns: Columns = None,
+    approach: _Seconds = 15.0,
+    departure: _Seconds = 15.0,
+    idle_g: Annotated[float | None, number(gte=1, lte=10)] = None,
+    g_weight: Annotated[float, number(gt=0)] = 1.5,
+    torque_margin: Annotated[float, number(gt=0, lte=1)] = 0.95,
+    knot: _Seconds = 0.2,
+    model: Annotated[str, one_of("perception model")] = "slow_yaw",
+    envelope: Annotated[str | None, one_of("scenario")] = None,
+    alone: Flag = False,
+) -> int | None:
+    """Find the motion of a device that a pilot feels most like a recorded flight.
+
+    example: sdt-drake fly sdt turn --out flown
+
+    Ctrl-C ends the search and writes the best motion so far.
+
+    Args:
+        robot: with a head and at least two joints
+        flight: CSV file of time, specific force and angular rate at the pilot's head (f_x, f_y,
+            f_z, omega_x, omega_y, omega_z; x forward, y left, z up), or one that ships
+        out: folder for motion.csv, summary.json and report.html
+        columns: YAML file that says what the columns are called, their units, axes and place;
+            `jsbsim` and `recorder` ship
+        approach: from rest to the start of the flight [s]
+        departure: from its end to rest [s]
+        idle_g: G to wait at before and after the flight (default: that of its first and last
+            sample)
+        g_weight: of the error of G; with more, more of the rotation is felt
+        torque_margin: share of the motors' torque to use, in (0, 1]
+        knot: time between the knots of the motion [s]
+        model: of the pilot, for the felt vertical
+        envelope: scenario whose device has a torque-speed envelope, as of `plan`
+        alone: no search without limits of torque, and no Pareto front
+    """
+    from sdt_drake.analysis.orientation import CAUTION
+    from sdt_drake.cli.plan import driven
+    from sdt_drake.machine.fly.flight import load_flight_columns, read_flight, suspicious_flight
+    from sdt_drake.show.reports.fly import FILES, write_flown
+
+    common.check_folder(out, FILES)
+    device = sdt.load_robot(robot) if envelope is None else driven(envelope, None)
+    recorded = read_flight(flight, None if columns is None else load_flight_columns(columns))
+    for line in suspicious_flight(recorded):
+        say(f"suspicious: {line}")
+    with common.naming_fields({"knot": "--knot", "approach": "--approach"}):
+        flown = sdt.fly(
+            device, recorded, approach=approach, departure=departure, idle_g=idle_g, knot=knot,
+            torque_margin=torque_margin, g_weight=g_weight, perception=model, compare=not alone,
+        )  # fmt: skip
+    page = write_flown(out, flown)
+    summary = flown.summary()
+    say(summary.title)
+    print_table(summary.header, summary.rows)
+    say_wrapped(CAUTION)
+    say(f"{page} written")
+    if flown.numbers["interrupted"]:
+        say("interrupted: this is the best that was found until then")
+        return _INTERRUPTED
+    return None

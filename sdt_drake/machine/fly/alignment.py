@@ -1,0 +1,119 @@
+"""Starts and baselines: the device aligned with the flight's force, and a classical washout."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from sdt_drake.analysis.perception import low_pass
+from sdt_drake.io.arrays import Array
+from sdt_drake.machine.fly.program import SPEED_SHARE, Aim
+from sdt_drake.robot.head import GRAVITY, head_motion
+
+_STEPS, _FIRST_STEPS = 3, 30  # of Newton, at each knot and at the first one
+_HELD, _FIRST_HELD = 0.05, 1e-3  # weight of the way from the knot before
+_FARTHEST = 0.3  # rad, or rad/s of an arm, in a step of Newton
+_SLOWEST = 0.05  # rad/s; where an arm at rest does not know which way it will turn
+_WASHOUT = 1.0  # s; with which a rotation that was followed is taken back
+_TILT = 1.0  # s; low pass of the force that a washout tilts to
+
+Start = tuple[int, float]
+"""Sense in which the arm turns, 1 or -1, and the angle [rad] that the last joint starts at."""
+
+
+def aligned(aim: Aim, starts: Sequence[Start]) -> Array:
+    """Angles at which the head shows the flight's force at each knot, at rest but for the arm.
+
+    Where there is an arm, what stands for its angle is its speed [rad/s]. A knot follows from the
+    one before by Newton's method, held to it where the force leaves the choice.
+
+    Returns:
+        Angles [rad], shape (starts, N, n).
+    """
+    n = aim.robot.n
+    spin = np.array([float(sense) for sense, _ in starts])
+    x = np.zeros((len(starts), n))
+    x[:, -1] = [seat for _, seat in starts]
+    if aim.arm:
+        x[:, 0] = spin
+    lower, upper = aim.lower.copy(), aim.upper.copy()
+    if aim.arm:
+        fastest = SPEED_SHARE * aim.robot.top_speed[0]
+        lower[0], upper[0] = -fastest, fastest
+    x = np.clip(x, lower, upper)
+    moves = 1e-5 * np.vstack([np.zeros(n), np.eye(n), -np.eye(n)])
+
+    def followed(x: Array, goal: Array, steps: int, held: float) -> Array:
+        before = x
+        for _ in range(steps):
+            around = (x[:, None] + moves).reshape(-1, n)
+            shown = _static_force(aim, around).reshape(len(x), -1, 3)
+            J = ((shown[:, 1 : n + 1] - shown[:, n + 1 :]) / 2e-5).transpose(0, 2, 1)
+            A = J.transpose(0, 2, 1) @ J + held * np.eye(n)
+            b = np.einsum("sij,si->sj", J, goal - shown[:, 0]) - held * (x - before)
+            step = np.linalg.solve(A, b[..., None])[..., 0]
+            x = np.clip(x + np.clip(step, -_FARTHEST, _FARTHEST), lower, upper)
+            if aim.arm:
+                x[:, 0] = spin * np.maximum(spin * x[:, 0], _SLOWEST)
+        return x
+
+    x = followed(x, aim.force[0] / GRAVITY, _FIRST_STEPS, _FIRST_HELD)
+    found = []
+    for goal in aim.force / GRAVITY:
+        x = followed(x, goal, _STEPS, _HELD)
+        found.append(x)
+    return np.stack(found, axis=1)
+
+
+def _static_force(aim: Aim, x: Array) -> Array:
+    """Force that the head shows with an arm at constant speed, and all else at rest [G]."""
+    q, v = x.copy(), np.zeros_like(x)
+    if aim.arm:
+        q[:, 0], v[:, 0] = 0.0, x[:, 0]
+    return head_motion(aim.robot, q, v, np.zeros_like(x)).specific_force / GRAVITY
+
+
+def angles(aim: Aim, x: Array, smooth: float, approach: float, departure: float) -> Array:
+    """Angles [rad] of an alignment, smoothed over a time [s]; the arm from rest, and back."""
+    q = gaussian_filter1d(x, smooth / aim.knot, axis=0, mode="nearest")
+    if aim.arm:
+        time = aim.knot * np.arange(aim.count)
+        rise, fall = time / (0.7 * approach), (time[-1] - time) / (0.7 * departure)
+        share = np.prod([np.clip(s, 0, 1) ** 2 * (3 - 2 * np.clip(s, 0, 1)) for s in (rise, fall)],
+                        axis=0)  # fmt: skip
+        speed = q[:, 0] * share
+        steps = aim.knot * (speed[1:] + speed[:-1]) / 2
+        q[:, 0] = np.concatenate([[0.0], np.cumsum(steps)])
+    return q
+
+
+def washed_out(aim: Aim, x: Array) -> Array:
+    """What a classical washout asks for, as `aligned` does: the arm and a tilt give the force's
+    low-frequency part, the gimbals follow the rate's high-frequency part and give it back.
+
+    The rate through a high pass and an integrator is tau LP(rate) with the same tau.
+    """
+    tilt = low_pass(x, _TILT, aim.knot)
+    turned = _WASHOUT * low_pass(aim.rate - aim.rate[0], _WASHOUT, aim.knot)
+    rest, first = np.zeros_like(tilt), int(aim.arm)
+    J = np.stack(
+        [
+            head_motion(aim.robot, tilt * (np.arange(x.shape[1]) >= first), rest + one, rest)
+            .angular_velocity
+            for one in np.eye(x.shape[1])[first:]
+        ],
+        axis=2,
+    )  # fmt: skip
+    square = J.transpose(0, 2, 1) @ J + _HELD * np.eye(J.shape[2])
+    asked = np.linalg.solve(square, J.transpose(0, 2, 1) @ turned[..., None])[..., 0]
+    tilt[:, first:] += asked
+    return np.asarray(np.clip(tilt, *_stops(aim)))
+
+
+def _stops(aim: Aim) -> tuple[Array, Array]:
+    lower, upper = aim.lower.copy(), aim.upper.copy()
+    if aim.arm:
+        lower[0], upper[0] = -np.inf, np.inf
+    return lower, upper

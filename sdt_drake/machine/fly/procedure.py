@@ -1,0 +1,330 @@
+"""From a flight to a motion of a device that is felt most like it: `fly`."""
+
+from __future__ import annotations
+
+import math
+import time as clock
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from sdt_drake.analysis.orientation import Percept
+from sdt_drake.io.arguments import positive, share, takes
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, whole_periods
+from sdt_drake.io.progress import work
+from sdt_drake.io.shown import Shown, Summary, formatted
+from sdt_drake.machine.fly.alignment import Start, aligned, angles, washed_out
+from sdt_drake.machine.fly.flight import Flight, FlightColumns, read_flight
+from sdt_drake.machine.fly.option import Option, percept_of
+from sdt_drake.machine.fly.program import Aim, Course, fitted, rated, solve
+from sdt_drake.motion.plan import INTERPOLATION_PERIOD, checked_torque
+from sdt_drake.motion.retiming import torque_of_periods
+from sdt_drake.motion.trajectory import Motion
+from sdt_drake.robot.head import GRAVITY, check_head
+from sdt_drake.robot.robot import Robot, load_robot
+from sdt_drake.systems.orientation import PerceptionModel, load_perception
+
+SEATS = (0.0, np.pi / 2, -np.pi / 2)
+"""Angles of the last joint that a search starts from [rad]."""
+
+SMOOTH = (1.0, 2.0)
+"""Smoothing of alignments [s]; a search starts from the first."""
+
+FRONT = (0.1, 0.3, 3.0, 10.0)
+"""Weights of G on the Pareto front, over the one that was asked for [-]."""
+
+_BESIDE = 0.05  # weight of errors before and after the flight
+_SENSED = 0.02  # s; between samples of a flight that the observer gets
+_WASHED = 0.2  # s; smoothing of a washout
+_POLISHES, _POLISH_STEPS, _FRONT_STEPS = 4, 6, 10
+_OVER = 0.002  # of the torque that may be used; by so much more may be needed between the knots
+_VERTICAL = 1e-6  # of an axis; as far as it may lean
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Flown(Shown):
+    """A motion that is felt most like a flight, beside others.
+
+    Attributes:
+        chosen: the motion.
+        alignment: the best of the alignments of the device with the flight's force.
+        washout: of a classical washout.
+        unlimited: the motion without limits of torque; None if it was not asked for.
+        front: weights of G over the one that was asked for, and motions, from the smallest.
+        felt: in flight; None where the model has no answer.
+        starts: sense, seat [deg], cost, G error and felt rotation error, by start.
+        summary_: what summary.json holds.
+    """
+
+    chosen: Option
+    alignment: Option
+    washout: Option
+    unlimited: Option | None
+    front: tuple[tuple[float, Option], ...]
+    felt: Percept | None
+    numbers: dict[str, object]
+
+    @property
+    def motion(self) -> Motion:
+        """The motion, from rest to rest."""
+        return self.chosen.motion
+
+    @property
+    def options(self) -> list[Option]:
+        """The motion, and what it is compared with."""
+        others = [self.alignment, self.washout, self.unlimited]
+        return [self.chosen, *(one for one in others if one is not None)]
+
+    def summary(self) -> Summary:
+        header = ("", "G error [G]", "felt rotation error [deg/s]", "felt vertical [deg]",
+                  "largest torque [%]")  # fmt: skip
+        rows = []
+        for one in self.options:
+            g, rotation, vertical, _, torque = one.figures(self.felt).values()
+            angle = formatted(math.nan if vertical is None else vertical, ".1f")
+            rows.append(
+                (one.name, f"{g:.3f}", f"{rotation:.1f}", angle, f"{100 * (torque or 0):.1f}")
+            )
+        flight = self.chosen.flight
+        title = f"{flight.name}: {flight.duration:.6g} s from {self.chosen.starts_at:g} s on, RMS"
+        return Summary(title, header, rows)
+
+
+@takes(approach=positive, departure=positive, torque_margin=share, g_weight=positive)
+def fly(
+    robot: Robot | str | Path,
+    flight: Flight | str | Path,
+    *,
+    columns: FlightColumns | None = None,
+    approach: float = 15.0,
+    departure: float = 15.0,
+    idle_g: float | None = None,
+    knot: float = 0.2,
+    torque_margin: float = 0.95,
+    g_weight: float = 1.5,
+    perception: str | PerceptionModel = "slow_yaw",
+    compare: bool = True,
+) -> Flown:
+    """Find the motion of a device that a pilot feels most like a flight.
+
+        flown = sdt.fly("sdt", "turn.csv")
+        print(flown)
+        flown.motion.to_csv("motion.csv")
+
+    The same input gives the same motion. An interrupt (Ctrl-C) ends the search, and the best motion
+    so far is made to keep the limits.
+
+    Args:
+        robot: with a head and at least two joints, its file, or the name of one that ships.
+        flight: a recording, or its file.
+        columns: what the file calls its columns.
+        approach: from rest to the start of the flight [s].
+        departure: from its end to rest [s].
+        idle_g: resultant to wait at before and after the flight [G]; by default that of its first
+            and last sample.
+        knot: time between knots [s].
+        torque_margin: share of the motors' torque that may be used [-].
+        g_weight: of the G error beside the felt rotation error; with more, less of the first [-].
+        perception: model of the pilot, for the felt vertical.
+        compare: whether to find the motion without limits of torque, and the Pareto front.
+
+    Raises:
+        InputError: for a flight or a robot that cannot be used, or no motion within its limits.
+    """
+    robot = robot if isinstance(robot, Robot) else load_robot(robot)
+    flight = flight if isinstance(flight, Flight) else read_flight(flight, columns)
+    model = perception if isinstance(perception, PerceptionModel) else load_perception(perception)
+    _check(robot, knot, approach, idle_g)
+    began = clock.process_time()
+    ends = (approach, departure)
+    aim = _aim(robot, flight, ends, idle_g, knot, torque_margin, g_weight)
+    rough = replace(aim, knot=2 * knot, **{
+        name: getattr(aim, name)[::2] for name in ("force", "rate", "weight")
+    })  # fmt: skip
+    option = partial(Option, robot=robot, flight=flight, starts_at=approach, model=model)
+    every = np.linspace(0.0, flight.duration, math.ceil(flight.duration / _SENSED) + 1)
+    felt = percept_of(model, every, *flight.at(every))
+
+    def shown(name: str, course: Course) -> Option:
+        return option(name, motion=course.motion(INTERPOLATION_PERIOD))
+
+    with work() as tell:
+        starts = [(sense, seat) for sense in ((1, -1) if aim.arm else (1,)) for seat in SEATS]
+        x = aligned(aim, starts)
+        alignments = [
+            shown(f"alignment, seat at {np.degrees(starts[k][1]):.0f} deg, smoothed {smooth:g} s",
+                  fitted(aim, angles(aim, x[k], smooth, *ends)))
+            for k in range(len(SEATS)) for smooth in SMOOTH
+        ]  # fmt: skip
+        washout = fitted(aim, angles(aim, washed_out(aim, x[0]), _WASHED, *ends))
+        search = _Search(tell, len(starts) + 1)
+        search.run(rough, [angles(rough, one[::2], SMOOTH[0], *ends) for one in x])
+        search.refine(aim)
+        chosen, aim = _polished(*search.best)
+        cpu = clock.process_time() - began
+        unlimited, front = None, [(1.0, chosen)]
+        if compare and not search.interrupted:
+            free = replace(aim, torque_share=np.inf)
+            unlimited = shown("without limits of torque", solve(free, chosen, lambda *_: None))
+            front = _front(aim, chosen)
+    best = shown("this motion", chosen)
+    checked_torque(robot, best.motion)
+    aligned_best = min(alignments, key=lambda one: one.felt_rotation)
+    points = tuple(
+        (w, best if course is chosen else shown(f"weight of G {w:g}", course))
+        for w, course in front
+    )
+    washed = shown("classical washout", washout)
+    numbers: dict[str, object] = {
+        "flight": flight.name,
+        "robot": robot.name,
+        "flight_starts_at": approach,
+        "flight_duration": flight.duration,
+        **best.figures(felt),
+        "torque_share_allowed": torque_margin,
+        "perception": model.source,
+        "perception_gains": {k: getattr(model, k) for k in ("k_w", "k_fw", "k_fg", "k_a")},
+        "alignment": {"name": aligned_best.name, **aligned_best.figures(felt)},
+        "washout": washed.figures(felt),
+        "without_torque_limits": unlimited and unlimited.figures(felt),
+        "front": [{"g_weight": w * g_weight, **one.figures(None)} for w, one in points],
+        "g_weight": g_weight,
+        "starts": search.told(starts, shown),
+        "interrupted": search.interrupted,
+        "cpu_s": cpu,
+    }
+    return Flown(best, aligned_best, washed, unlimited, points, felt, numbers)
+
+
+class _Search:
+    """Searches from several starts, of which the best is refined; what an interrupt leaves of that
+    is kept."""
+
+    def __init__(self, tell: Callable[[float], None], count: int) -> None:
+        self._tell, self._count = tell, count
+        self._found: list[tuple[Aim, Course]] = []
+        self.interrupted = False
+
+    def run(self, aim: Aim, starts: Sequence[Array]) -> None:
+        """Search from angles of each start, shape (N, n)."""
+        for q in starts:
+            self._search(aim, fitted(aim, q))
+
+    def refine(self, aim: Aim) -> None:
+        """Search from the best, with half its time between knots."""
+        self._search(aim, self.best[1].refined())
+
+    def _search(self, aim: Aim, start: Course) -> None:
+        def watch(best: Course, done: float) -> None:
+            self._found[-1] = aim, best
+            self._tell((len(self._found) - 1 + done) / self._count)
+
+        if self.interrupted:
+            return
+        self._found.append((aim, rated(aim, start)))
+        try:
+            solve(aim, start, watch)
+        except KeyboardInterrupt:
+            self.interrupted = True
+
+    @property
+    def best(self) -> tuple[Aim, Course]:
+        """The refined course, else the best one so far, and its aim."""
+        if len(self._found) == self._count:
+            return self._found[-1]
+        return min(self._found, key=lambda one: one[1].merit)
+
+    def told(self, starts: list[Start], shown: Callable[[str, Course], Option]) -> object:
+        """What each start has led to."""
+        rows = []
+        for (sense, seat), (_, course) in zip(starts, self._found, strict=False):
+            figures = shown("", course).figures(None)
+            kept = {k: figures[k] for k in ("g_error_rms", "felt_rotation_rms_deg_s")}
+            seat_deg = float(np.degrees(seat))
+            rows.append({"sense": sense, "seat_deg": seat_deg, "cost": course.merit, **kept})
+        return rows
+
+
+def _check(robot: Robot, knot: float, approach: float, idle_g: float | None) -> None:
+    """Refuse what no motion can be found for."""
+    check_head(robot)
+    if robot.n < 2:
+        raise InputError(f"{robot.path}: 1 joint, expected at least 2")
+    positive(knot, "knot")
+    whole_periods(knot, INTERPOLATION_PERIOD, "knot")
+    whole_periods(approach, INTERPOLATION_PERIOD, "approach")
+    if knot > 1:
+        raise InputError(f"{knot:g} s, expected at most 1 s", place="knot")
+    if idle_g is not None and not 1 <= idle_g <= 10:
+        raise InputError(f"{idle_g:g} G, expected 1 to 10 G", place="idle_g")
+
+
+def _aim(
+    robot: Robot, flight: Flight, ends: tuple[float, float], idle_g: float | None,
+    knot: float, torque_margin: float, g_weight: float,
+) -> Aim:  # fmt: skip
+    """The flight at knots, with approach and departure, and the limits of the robot."""
+    approach, departure = ends
+    count = 2 * math.ceil((approach + flight.duration + departure) / (2 * knot) - 1e-9) + 1
+    time = knot * np.arange(float(count)) - approach
+    force, rate = flight.means(time, knot)
+    flies = (time > -1e-9) & (time < flight.duration + 1e-9)
+    weight = np.repeat(np.where(flies, 1.0, _BESIDE)[:, None], 6, axis=1)
+    if idle_g is not None:
+        idles = (time > -approach / 2) & (time < flight.duration + departure / 2) & ~flies
+        weight[idles, :3] = 1.0
+        size = np.linalg.norm(force[~flies], axis=1, keepdims=True)
+        force[~flies] *= idle_g * GRAVITY / np.maximum(size, 1e-3)
+    axis, _ = robot.joint_at_zero(robot.joint_names[0])
+    down = robot.plant.gravity_field().gravity_vector() / GRAVITY
+    return Aim(
+        robot=robot, knot=knot, force=force, rate=rate, weight=weight, g_weight=g_weight,
+        torque_share=torque_margin, lower=robot.position_lower, upper=robot.position_upper,
+        torque_less=np.zeros(robot.n),
+        arm=bool(np.linalg.norm(np.cross(axis, down)) < _VERTICAL),
+    )  # fmt: skip
+
+
+def _polished(aim: Aim, course: Course) -> tuple[Course, Aim]:
+    """The course with its limits kept between the knots too, and the aim that leads to that.
+
+    Raises:
+        InputError: if no such course was found.
+    """
+    robot = aim.robot
+    for _ in range(_POLISHES):
+        motion = course.motion(INTERPOLATION_PERIOD)
+        torque = np.vstack(torque_of_periods(robot, motion))
+        low, high = robot.torque_range(
+            np.vstack([motion.v[:-1], motion.v[1:]]), aim.torque_share * (1 + _OVER)
+        )
+        over = np.maximum(np.maximum(torque - high, low - torque).max(axis=0), 0)
+        beyond = np.maximum(motion.q - robot.position_upper, robot.position_lower - motion.q)
+        past = np.maximum(beyond.max(axis=0), 0)
+        if not over.any() and not past.any():
+            return course, aim
+        aim = replace(
+            aim,
+            torque_less=aim.torque_less + 1.2 * over,
+            lower=aim.lower + 1.2 * past,
+            upper=aim.upper - 1.2 * past,
+        )
+        course = solve(aim, course, lambda *_: None, _POLISH_STEPS)
+    checked_torque(robot, course.motion(INTERPOLATION_PERIOD))
+    return course, aim
+
+
+def _front(aim: Aim, chosen: Course) -> list[tuple[float, Course]]:
+    """Courses with other weights of G, each from its neighbour."""
+    found = [(1.0, chosen)]
+    for factors in (sorted(x for x in FRONT if x > 1), sorted(x for x in FRONT if x < 1)[::-1]):
+        course = chosen
+        for factor in factors:
+            other = replace(aim, g_weight=factor * aim.g_weight)
+            course = solve(other, course, lambda *_: None, _FRONT_STEPS)
+            found.append((factor, course))
+    return sorted(found, key=lambda one: one[0])

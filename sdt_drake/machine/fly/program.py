@@ -1,0 +1,376 @@
+"""The motion that is felt most like a flight, by sequential quadratic programs.
+
+Unknown are q, v and a of each joint at knots, a straight between them, so that v and q are exact:
+
+    minimise    sum over knots of  h w [ |W (f - f_air) / s_f|² + |(e - LP e) / s_w|² ]
+                                   + h RHO |jerk|²
+    subject to  |v| and |a| and q within the limits of the joints, |torque| within those of the
+                motors, rest at both ends
+
+where e is the error of the head's rate, LP the canals' low pass, s_f and s_w the thresholds, w a
+weight that is small before and after the flight, and W that of G beside rotation. Each program is
+the problem made linear at the motion before, within a region in which that is trusted.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverOptions
+
+from sdt_drake.analysis.perception import AXES, CANAL, LINEAR, low_pass
+from sdt_drake.io.arrays import Array
+from sdt_drake.motion.trajectory import Motion
+from sdt_drake.robot.dynamics import inverse_dynamics
+from sdt_drake.robot.head import head_motion
+from sdt_drake.robot.robot import Robot
+
+RATE = np.radians(1.58 * np.array(AXES))
+"""Change of rotation about x, y, z that is just felt [rad/s]; see `AXES`."""
+
+RHO = 0.1
+"""Weight of the jerk [s⁶/rad²/s]; small beside what is felt."""
+
+SPEED_SHARE = 0.98
+"""Share of the joints' speed that a motion may take [-]."""
+
+_EXCESS = 5e3  # penalty of a torque that is one limit too large, for a second
+_MOST_STEPS = 20  # programs
+_REGION, _LARGEST_REGION, _SMALLEST_REGION = 0.3, 1.0, 1e-3  # rad, and rad/s of an arm
+_SETTLED = 1e-3  # of the cost; a step that gains less is the last one
+_OPTIONS = SolverOptions()
+for _name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
+    _OPTIONS.SetOption(ClarabelSolver.id(), _name, 1e-6)
+_FIT = 1e-4  # weight of the jerk beside that of angles [s⁶]
+
+
+@dataclass(frozen=True, eq=False)
+class Aim:
+    """Head motion to be had at knots, and the limits of the device.
+
+    Attributes:
+        robot: with a frame `head`.
+        knot: time between knots [s].
+        force: specific force [m/s²], shape (N, 3).
+        rate: angular rate [rad/s], shape (N, 3).
+        weight: of the errors of force and rate at each knot [-], shape (N, 6).
+        g_weight: W² [-].
+        torque_share: of the motors' torque that may be used [-]; inf: any torque.
+        lower, upper: angles of the joints [rad], shape (n,).
+        torque_less: taken off the torque that may be used [N m], shape (n,).
+        arm: whether joint 1 turns about the vertical, so that its angle is not felt.
+    """
+
+    robot: Robot
+    knot: float
+    force: Array
+    rate: Array
+    weight: Array
+    g_weight: float
+    torque_share: float
+    lower: Array
+    upper: Array
+    torque_less: Array
+    arm: bool
+
+    @property
+    def count(self) -> int:
+        """Number of knots."""
+        return len(self.force)
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Angles, speeds and accelerations at knots, shape (N, n) each; see `Aim`.
+
+    Attributes:
+        knot: time between knots [s].
+        cost: of what is felt, and of jerk [s].
+        excess: torque beyond what may be used, summed over knots [-].
+    """
+
+    knot: float
+    q: Array
+    v: Array
+    a: Array
+    cost: float = math.inf
+    excess: float = math.inf
+
+    @property
+    def merit(self) -> float:
+        """What is minimised."""
+        return self.cost + _EXCESS * self.knot * self.excess
+
+    def motion(self, period: float) -> Motion:
+        """The course at the interpolation period, which divides the time between knots."""
+        steps = round(self.knot / period)
+        i, within = np.divmod(np.arange((len(self.q) - 1) * steps + 1), steps)
+        i, t = np.minimum(i, len(self.q) - 2), (within * period)[:, None]
+        t[-1] = self.knot
+        jerk = np.diff(self.a, axis=0)[i] / self.knot
+        v = self.v[i] + self.a[i] * t + jerk * t**2 / 2
+        v[[0, -1]] = 0.0
+        return Motion.from_speeds(period, self.q[0], v)
+
+    def refined(self) -> Course:
+        """The same course with another knot in the middle between any two."""
+        t = self.knot / 2
+        q, v, a = (x[:-1] for x in (self.q, self.v, self.a))
+        jerk = np.diff(self.a, axis=0) / self.knot
+        middles = (
+            q + v * t + a * t**2 / 2 + jerk * t**3 / 6,
+            v + a * t + jerk * t**2 / 2,
+            a + jerk * t,
+        )
+        places = np.arange(1, len(self.q))
+        both = zip((self.q, self.v, self.a), middles, strict=True)
+        q, v, a = (np.insert(x, places, middle, axis=0) for x, middle in both)
+        return Course(t, q, v, a)
+
+
+Watch = Callable[[Course, float], None]
+"""Called with the best course so far and the share of the work that is done."""
+
+
+def solve(aim: Aim, start: Course, watch: Watch, most_steps: int = _MOST_STEPS) -> Course:
+    """The best course near `start`; whoever watches may raise, and then has had the best."""
+    best, region = rated(aim, start), _REGION
+    for step in range(most_steps):
+        watch(best, step / most_steps)
+        proposed, promised = _step(aim, best, region)
+        gain = best.merit - proposed.merit
+        if gain <= 0:
+            region *= 0.4
+            if region < _SMALLEST_REGION:
+                break
+            continue
+        if gain > 0.75 * promised:
+            region = min(1.5 * region, _LARGEST_REGION)
+        elif gain < 0.25 * promised:
+            region /= 2
+        settled = gain < _SETTLED * best.merit
+        best = proposed
+        if settled:
+            break
+    watch(best, 1.0)
+    return best
+
+
+def fitted(aim: Aim, q: Array) -> Course:
+    """The course within the joints' limits that is nearest to angles of shape (N, n)."""
+    program = _Quadratic(aim)
+    one = np.eye(aim.robot.n)
+    program.squares(program.q, np.broadcast_to(one, (aim.count, *one.shape)), -q)
+    program.jerk(_FIT)
+    program.bounds(aim.lower, aim.upper)
+    return program.solved()
+
+
+def rated(aim: Aim, course: Course) -> Course:
+    """The course with its cost and excess torque."""
+    error = _head(aim.robot, course.q, course.v, course.a) - np.hstack([aim.force, aim.rate])
+    error[:, 3:] -= low_pass(error[:, 3:], CANAL, aim.knot)
+    error *= _scale(aim) * aim.weight
+    jerk = np.diff(course.a, axis=0) / aim.knot
+    cost = aim.knot * float(np.sum(error**2) + RHO * np.sum(jerk**2))
+    excess = 0.0
+    if math.isfinite(aim.torque_share):
+        used = np.abs(_torque_use(aim, course.q, course.v, course.a)).max(axis=1)
+        excess = float(np.maximum(used - 1, 0).sum())
+    return Course(aim.knot, course.q, course.v, course.a, cost, excess)
+
+
+def _scale(aim: Aim) -> Array:
+    """From errors of force and rate to what is minimised, shape (6,)."""
+    return np.concatenate([math.sqrt(aim.g_weight) / np.array(LINEAR), 1 / RATE])
+
+
+def _head(robot: Robot, q: Array, v: Array, a: Array) -> Array:
+    """Specific force and rate of the head, shape (N, 6)."""
+    head = head_motion(robot, q, v, a)
+    return np.hstack([head.specific_force, head.angular_velocity])
+
+
+def _torque_use(aim: Aim, q: Array, v: Array, a: Array) -> Array:
+    """Torque over what may be used of it: 1 at its limit, -1 at the least, shape (N, n)."""
+    torque = inverse_dynamics(aim.robot, q, v, a)
+    low, high = aim.robot.torque_range(v, aim.torque_share)
+    low, high = low + aim.torque_less, high - aim.torque_less
+    return (2 * torque - high - low) / np.maximum(high - low, 1e-9)
+
+
+def _jacobian(of: Callable[..., Array], course: Course, step: float) -> Array:
+    """Change of a function of q, v, a, row by row, with each of these: shape (N, rows, 3n)."""
+    parts = np.stack([course.q, course.v, course.a])
+    count, n = course.q.shape
+    moved = np.repeat(parts[None], 6 * n, axis=0).reshape(3, n, 2, 3, count, n)
+    for kind in range(3):
+        for k in range(n):
+            moved[kind, k, 0, kind, :, k] += step
+            moved[kind, k, 1, kind, :, k] -= step
+    q, v, a = moved.reshape(6 * n, 3, count, n).transpose(1, 0, 2, 3).reshape(3, -1, n)
+    ahead, behind = np.moveaxis(of(q, v, a).reshape(3 * n, 2, count, -1), 1, 0)
+    return np.asarray(((ahead - behind) / (2 * step)).transpose(1, 2, 0))
+
+
+def _step(aim: Aim, course: Course, region: float) -> tuple[Course, float]:
+    """The best course of the problem made linear, within the region, and the gain it promises."""
+    program, n, scale = _Quadratic(aim), aim.robot.n, _scale(aim)
+    at = np.hstack([course.q, course.v, course.a])
+    J = _jacobian(lambda q, v, a: _head(aim.robot, q, v, a), course, 1e-5)
+    off = _head(aim.robot, course.q, course.v, course.a) - np.hstack([aim.force, aim.rate])
+    off -= np.einsum("nij,nj->ni", J, at)
+    sensed = program.lagged(J[:, 3:, : 2 * n], off[:, 3:])
+    # Of each knot: J x + off - (0, LP e), with its weight.
+    lag = np.zeros((aim.count, 6, 3))
+    lag[:, 3:] = -np.eye(3)
+    weight = math.sqrt(aim.knot) * aim.weight * scale
+    A, b = np.concatenate([J, lag], axis=2) * weight[:, :, None], off * weight
+    variables = np.hstack([program.q, program.v, program.a, sensed])
+    program.squares(variables, A, b)
+    program.jerk(RHO * aim.knot)
+    lower = np.minimum(np.maximum(aim.lower, course.q - region), course.q + region)
+    upper = np.maximum(np.minimum(aim.upper, course.q + region), course.q - region)
+    if aim.arm:
+        lower[:, 0], upper[:, 0] = aim.lower[0], aim.upper[0]
+        program.near(program.v[:, 0], course.v[:, 0], region)
+    program.bounds(lower, upper)
+    if math.isfinite(aim.torque_share):
+        program.torques(aim, course, at)
+    found = program.solved()
+    x = np.hstack([found.q, found.v, found.a, program.value(sensed)])
+    felt = np.einsum("nij,nj->ni", A, x) + b
+    jerk = np.diff(found.a, axis=0) / aim.knot
+    promised = float(np.sum(felt**2)) + aim.knot * RHO * float(np.sum(jerk**2))
+    promised += _EXCESS * aim.knot * program.excess()
+    return rated(aim, found), course.merit - promised
+
+
+class _Quadratic:
+    """A quadratic program in q, v and a of all knots, with exact integration between them."""
+
+    def __init__(self, aim: Aim) -> None:
+        self._aim, h, n = aim, aim.knot, aim.robot.n
+        self._program = MathematicalProgram()
+        self.q, self.v, self.a = (
+            self._program.NewContinuousVariables(aim.count, n, name) for name in "qva"
+        )
+        self._slack: Array = np.zeros(0)  # variables
+        first, then = sp.eye(aim.count - 1, aim.count), sp.eye(aim.count - 1, aim.count, k=1)
+        one, joints = then - first, sp.eye(n)
+        kron = sp.kron
+        self._equal([kron(one, joints), kron(-h / 2 * (first + then), joints)], [self.v, self.a], 0)
+        self._equal(
+            [kron(one, joints), kron(-h * first, joints),
+             kron(-h * h * (first / 3 + then / 6), joints)],
+            [self.q, self.v, self.a], 0,
+        )  # fmt: skip
+        for rest in (self.v[[0, -1]], self.a[[0, -1]]):
+            self._program.AddBoundingBoxConstraint(0, 0, rest.ravel())
+        robot = aim.robot
+        for limit, variables in (
+            (SPEED_SHARE * robot.top_speed, self.v),
+            (SPEED_SHARE * robot.acceleration_limit, self.a),
+        ):
+            self._between(np.broadcast_to(-limit, variables.shape), limit, variables)
+
+    def _between(self, lower: Array, upper: Array, variables: Array) -> None:
+        lower, upper = (np.broadcast_to(x, variables.shape).ravel() for x in (lower, upper))
+        self._program.AddBoundingBoxConstraint(lower, upper, variables.ravel())
+
+    def _equal(self, blocks: list[Array], variables: list[Array], value: Array | float) -> None:
+        matrix = sp.csc_matrix(sp.hstack(blocks))
+        right = np.broadcast_to(value, matrix.shape[:1]).astype(float)
+        unknown = np.concatenate([one.ravel() for one in variables])
+        self._program.AddLinearEqualityConstraint(matrix, right, unknown)
+
+    def squares(self, variables: Array, A: Array, b: Array) -> None:
+        """Add |A x + b|² of each knot, shapes (N, m), (N, r, m) and (N, r)."""
+        turned = A.transpose(0, 2, 1)
+        Q = 2 * turned @ A + 1e-9 * np.eye(A.shape[2])
+        c = 2 * np.einsum("nij,nj->ni", turned, b)
+        for one in zip(Q, c, variables, strict=True):
+            self._program.AddQuadraticCost(*one, is_convex=True)
+
+    def jerk(self, weight: float) -> None:
+        """Add the squares of the jerk, each with this weight."""
+        n = self._aim.robot.n
+        size = 2 * weight / self._aim.knot**2
+        Q = size * np.kron([[1, -1], [-1, 1]], np.eye(n))
+        for pair in np.hstack([self.a[:-1], self.a[1:]]):
+            self._program.AddQuadraticCost(Q, np.zeros(2 * n), pair, is_convex=True)
+
+    def bounds(self, lower: Array, upper: Array) -> None:
+        """Keep the angles within these."""
+        self._between(lower, upper, self.q)
+        if self._aim.arm:  # its angle is not felt: from 0 on
+            self._program.AddBoundingBoxConstraint(0, 0, self.q[:1, 0])
+
+    def near(self, variables: Array, values: Array, region: float) -> None:
+        """Keep variables near values."""
+        self._between(values - region, values + region, variables)
+
+    def lagged(self, J: Array, off: Array) -> Array:
+        """The canals' low pass of e = J (q, v) + off, as variables of shape (N, 3)."""
+        count, n = self.q.shape
+        ratio = self._aim.knot / CANAL
+        phi, b = math.exp(-ratio), -math.expm1(-ratio) / ratio
+        z = self._program.NewContinuousVariables(count, 3, "z")
+        first, then = sp.eye(count - 1, count), sp.eye(count - 1, count, k=1)
+        three = sp.eye(3)
+        mean = sp.kron((b - phi) * first + (1 - b) * then, three)
+        self._equal(
+            [sp.kron(then - phi * first, three), -mean @ _blocks(J[:, :, :n]),
+             -mean @ _blocks(J[:, :, n:])],
+            [z, self.q, self.v], mean @ off.ravel(),
+        )  # fmt: skip
+        # At the first knot the device is at rest, so e is what it is, and long has been.
+        start = -self._aim.rate[0]
+        self._program.AddBoundingBoxConstraint(start, start, z[0])
+        return z
+
+    def torques(self, aim: Aim, course: Course, at: Array) -> None:
+        """Keep the torques within what may be used; what is beyond costs _EXCESS."""
+        count, n = course.q.shape
+
+        def use(q: Array, v: Array, a: Array) -> Array:
+            return _torque_use(aim, q, v, a)
+
+        J = _jacobian(use, course, 1e-4)
+        off = (use(course.q, course.v, course.a) - np.einsum("nij,nj->ni", J, at)).ravel()
+        self._slack = self._program.NewContinuousVariables(count, "s")
+        self._program.AddBoundingBoxConstraint(0, math.inf, self._slack)
+        self._program.AddLinearCost(np.full(count, _EXCESS * aim.knot), 0, self._slack)
+        beyond = sp.kron(sp.eye(count), np.ones((n, 1)))
+        parts = [_blocks(J[:, :, k * n : (k + 1) * n]) for k in range(3)]
+        unknown = np.concatenate([x.ravel() for x in (self.q, self.v, self.a, self._slack)])
+        for sign in (1, -1):
+            matrix = sp.csc_matrix(sp.hstack([*(sign * part for part in parts), -beyond]))
+            self._program.AddLinearConstraint(
+                matrix, np.full(len(off), -math.inf), 1 - sign * off, unknown
+            )
+
+    def excess(self) -> float:
+        """Torque beyond what may be used, summed over knots [-]."""
+        return float(self.value(self._slack).sum()) if len(self._slack) else 0.0
+
+    def value(self, variables: Array) -> Array:
+        """What the solution gives to variables."""
+        return np.asarray(self._result.GetSolution(variables), dtype=float)
+
+    def solved(self) -> Course:
+        """The solution."""
+        self._result = ClarabelSolver().Solve(self._program, None, _OPTIONS)
+        q, v, a = map(self.value, (self.q, self.v, self.a))
+        return Course(self._aim.knot, q, v, a)
+
+
+def _blocks(blocks: Array) -> sp.bsr_matrix:
+    """A block-diagonal matrix of blocks of shape (N, r, m)."""
+    count, rows, columns = blocks.shape
+    shape = (count * rows, count * columns)
+    return sp.bsr_matrix((blocks, np.arange(count), np.arange(count + 1)), shape=shape)

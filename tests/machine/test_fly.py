@@ -1,0 +1,289 @@
+"""From a flight to a motion: limits at every 5 ms, figures recomputed, other robots, interrupts."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.progress import watching
+from sdt_drake.machine.fly import procedure
+from sdt_drake.machine.fly.flight import make_flight, read_flight
+from sdt_drake.machine.fly.procedure import fly
+from sdt_drake.machine.fly.program import Course
+from sdt_drake.motion import Motion, load_plan
+from sdt_drake.robot.dynamics import inverse_dynamics
+from sdt_drake.robot.envelope import Envelope
+from sdt_drake.robot.head import GRAVITY, head_motion
+from sdt_drake.robot.robot import load_robot
+
+QUICK = {"approach": 6.0, "departure": 5.0, "knot": 0.3}
+CENTRIFUGE = """<sdf version="1.9" xmlns:drake="http://drake.mit.edu"><model name="centrifuge">
+<link name="arm"><inertial><pose>0.5 0 0 0 0 0</pose><mass>3000</mass><inertia><ixx>800</ixx>
+<iyy>9000</iyy><izz>9000</izz><ixy>0</ixy><ixz>0</ixz><iyz>0</iyz></inertia></inertial></link>
+<link name="cabin"><pose relative_to="roll"/><inertial><mass>500</mass><inertia><ixx>300</ixx>
+<iyy>150</iyy><izz>300</izz><ixy>0</ixy><ixz>0</ixz><iyz>0</iyz></inertia></inertial></link>
+<frame name="head" attached_to="cabin"><pose>0 0 0.2 0 0 1.5707963267948966</pose></frame>
+<joint name="planet" type="revolute"><parent>world</parent><child>arm</child><axis><xyz>0 0 1</xyz>
+<limit><effort>40000</effort><velocity>3</velocity></limit></axis>
+<drake:rotor_inertia>1</drake:rotor_inertia><drake:gear_ratio>10</drake:gear_ratio></joint>
+<joint name="roll" type="revolute"><pose relative_to="arm">6 0 0 0 0 0</pose><parent>arm</parent>
+<child>cabin</child><axis><xyz>0 1 0</xyz><limit><lower>-1.6</lower><upper>1.6</upper>
+<effort>2000</effort><velocity>3</velocity></limit></axis>
+<drake:rotor_inertia>1</drake:rotor_inertia><drake:gear_ratio>1</drake:gear_ratio></joint>
+</model></sdf>"""
+
+
+def piece(first, last):
+    """Seconds of the shipped flight."""
+    flight = read_flight("turn")
+    own = (flight.time >= first) & (flight.time <= last)
+    return make_flight(
+        flight.time[own], flight.specific_force[own], flight.angular_rate[own], "piece"
+    )
+
+
+@pytest.fixture(scope="module")
+def device():
+    return load_robot()
+
+
+@pytest.fixture(scope="module")
+def onset():
+    """The roll into the turn, 1 to 2 G."""
+    return piece(5.0, 11.0)
+
+
+@pytest.fixture(scope="module")
+def flown(device, onset):
+    return fly(device, onset, compare=False, **QUICK)
+
+
+@pytest.fixture
+def one_start(monkeypatch):
+    monkeypatch.setattr(procedure, "SEATS", (0.0,))
+
+
+def used(robot, motion, torque_of=inverse_dynamics):
+    """Largest share of each motor's torque at both ends of every period, by another way."""
+    vd = np.diff(motion.v, axis=0) / motion.period
+    both = [torque_of(robot, motion.q[k : k - 1 or None], motion.v[k : k - 1 or None], vd)
+            for k in (0, 1)]  # fmt: skip
+    return np.abs(both).max(axis=(0, 1)) / robot.effort_limit
+
+
+def test_the_motion_keeps_all_limits(device, flown, tmp_path):
+    motion = flown.motion
+    share = used(device, motion)
+    assert share.max() == pytest.approx(flown.numbers["torque_share_max"], rel=1e-9)
+    assert 0.9 < share.max() < 0.95 * 1.01
+    assert np.all(np.abs(motion.v).max(axis=0) < device.velocity_limit)
+    for rest in (motion.v[0], motion.v[-1]):
+        np.testing.assert_array_equal(rest, 0)
+    motion.to_csv(tmp_path / "motion.csv")
+    plan = load_plan(tmp_path / "motion.csv", device)
+    assert not plan.limited.any()
+    np.testing.assert_array_equal(plan.motion.v, motion.v)
+
+
+def test_figures_are_those_of_the_motion(device, onset, flown):
+    motion, period = flown.motion, flown.motion.period
+    head = head_motion(device, motion.q, motion.v, motion.vd)
+    time = motion.time - flown.numbers["flight_starts_at"]
+    force, rate = (
+        np.stack([np.interp(time, onset.time, x) for x in values.T], axis=1)
+        for values in (onset.specific_force, onset.angular_rate)
+    )
+    within = (time > -1e-9) & (time < onset.duration + 1e-9)
+    error = (head.specific_force - force)[within]
+    g = np.sqrt(np.mean(np.sum(error**2, axis=1))) / GRAVITY
+    assert flown.numbers["g_error_rms"] == pytest.approx(g, rel=1e-9)
+    error = head.angular_velocity - rate
+    slow, high = error[0], []  # tau slow' + slow = error, in small steps
+    for before, after in pairwise(error):
+        slow = slow + period / 5.7 * ((before + after) / 2 - slow)
+        high.append(after - slow)
+    own = np.array(high)[within[1:]]
+    felt = np.degrees(np.sqrt(np.sum(np.mean(own**2, axis=0))))
+    assert flown.numbers["felt_rotation_rms_deg_s"] == pytest.approx(felt, rel=1e-3)
+
+
+def test_less_rotation_is_felt_than_by_alignment(flown):
+    own, alignment = flown.numbers, flown.numbers["alignment"]
+    assert own["g_error_rms"] < 1.1 * alignment["g_error_rms"]
+    assert own["felt_rotation_rms_deg_s"] < 0.75 * alignment["felt_rotation_rms_deg_s"]
+    assert own["felt_vertical_rms_deg"] < alignment["felt_vertical_rms_deg"]
+    assert own["washout"]["felt_rotation_rms_deg_s"] > own["felt_rotation_rms_deg_s"]
+    costs = [row["cost"] for row in own["starts"]]
+    assert len(costs) == 6
+    assert {(row["sense"], row["seat_deg"]) for row in own["starts"]} == {
+        (sense, seat) for sense in (1, -1) for seat in (0.0, 90.0, -90.0)
+    }
+
+
+def test_the_same_input_gives_the_same_motion(device, one_start):
+    short = piece(5.0, 8.0)
+    ends = {"approach": 4.0, "departure": 4.0, "knot": 0.4, "compare": False}
+    first, second = (fly(device, short, **ends) for _ in range(2))
+    np.testing.assert_array_equal(first.motion.q, second.motion.q)
+
+
+def test_a_motion_of_the_device_is_found_again(device, one_start):
+    """What the device itself can do, from the head's motion alone."""
+    t = 0.005 * np.arange(2401)
+    v = np.zeros((len(t), 4))
+    ease = np.sin(np.pi * np.clip((t - 2) / 8, 0, 1)) ** 2
+    v[:, 1], v[:, 3] = 0.25 * ease * np.sin(0.8 * t), 0.2 * ease * np.cos(0.6 * t)
+    motion = Motion.from_speeds(0.005, np.zeros(4), v)
+    head = head_motion(device, motion.q, motion.v, motion.vd)
+    flight = make_flight(motion.time, head.specific_force, head.angular_velocity)
+    found = fly(device, flight, approach=2.0, departure=2.0, knot=0.1, torque_margin=1.0,
+                compare=False)  # fmt: skip
+    within = found.chosen.within
+    force = np.abs(found.chosen.force_error[within]).max(axis=0)
+    rate = np.degrees(np.abs(found.chosen.felt_rate_error[within]).max(axis=0))
+    assert np.all(force < 0.1 * np.array([0.063, 0.057, 0.154]))
+    assert np.all(rate < 0.1 * np.array([2.04, 2.07, 1.58]))
+
+
+def test_a_centrifuge_of_two_axes(tmp_path, onset, one_start):
+    (tmp_path / "c.sdf").write_text(CENTRIFUGE)
+    robot = load_robot(tmp_path / "c.sdf")
+    found = fly(robot, onset, compare=False, **QUICK)
+    assert used(robot, found.motion).max() < 0.95 * 1.01
+    assert np.all(np.abs(found.motion.q[:, 1]) <= 1.6)
+    own, alignment = found.numbers, found.numbers["alignment"]
+    assert own["g_error_rms"] < 0.5 * alignment["g_error_rms"]
+    assert own["felt_rotation_rms_deg_s"] < 1.2 * alignment["felt_rotation_rms_deg_s"]
+
+
+def test_motors_that_lose_torque_with_speed_are_kept(device, onset, one_start):
+    weak = replace(
+        device,
+        envelope=Envelope(0.5 * device.velocity_limit * device.gear_ratio,
+                          0.9 * device.velocity_limit * device.gear_ratio, "test"),
+    )  # fmt: skip
+    found = fly(weak, onset, compare=False, **QUICK)
+    motion = found.motion
+    torque = inverse_dynamics(weak, motion.q, motion.v, motion.vd)
+    low, high = weak.torque_range(motion.v, 0.95 * 1.01)
+    assert np.all((torque >= low) & (torque <= high))
+    assert np.abs(motion.v[:, 0]).max() < 0.9 * device.velocity_limit[0]
+
+
+def test_an_idle_g_is_waited_at(device, one_start):
+    ends = {"approach": 12.0, "departure": 12.0, "knot": 0.4, "compare": False}
+    found = fly(device, piece(0.0, 4.0), idle_g=1.4, **ends)
+    g = found.chosen.head.resultant_g
+    at = round((12 - 3) / 0.005)
+    assert g[at] == pytest.approx(1.4, abs=0.1)
+
+
+def test_without_limits_of_torque_the_motors_do_more(device, onset, one_start):
+    found = fly(device, onset, **QUICK)
+    free = found.numbers["without_torque_limits"]
+    assert free["torque_share_max"] > 0.96
+    points = found.numbers["front"]
+    assert [p["g_weight"] for p in points] == sorted(p["g_weight"] for p in points)
+    assert points[0]["g_error_rms"] > points[-1]["g_error_rms"]
+    assert points[0]["felt_rotation_rms_deg_s"] < points[-1]["felt_rotation_rms_deg_s"]
+
+
+def test_an_interrupt_keeps_the_best_so_far(device, onset):
+    pressed = []
+
+    def interrupt(done):
+        if done > 0.05 and not pressed:
+            pressed.append(done)
+            raise KeyboardInterrupt
+
+    with watching(interrupt):
+        found = fly(device, onset, **QUICK)
+    assert found.numbers["interrupted"]
+    assert len(found.numbers["starts"]) == 1
+    assert found.unlimited is None
+    assert used(device, found.motion).max() < 0.95 * 1.01
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"knot": 0.203}, "knot"),
+        ({"knot": 3.0}, "knot: 3 s, expected at most 1 s"),
+        ({"idle_g": 0.5}, "idle_g: 0.5 G, expected 1 to 10 G"),
+        ({"approach": -1.0}, "approach"),
+        ({"torque_margin": 1.2}, "torque_margin"),
+    ],
+)
+def test_bad_options_are_refused(device, onset, options, told):
+    with pytest.raises(InputError, match=told):
+        fly(device, onset, **options)
+
+
+def test_robots_that_cannot_fly_are_refused(tmp_path, onset):
+    text = CENTRIFUGE.replace('<frame name="head"', '<frame name="seat"')
+    (tmp_path / "c.sdf").write_text(text)
+    with pytest.raises(InputError, match="no pilot's head"):
+        fly(tmp_path / "c.sdf", onset)
+
+
+def test_a_course_between_knots_is_exact():
+    rng = np.random.default_rng(2)
+    h, a = 0.4, rng.normal(size=(6, 2))
+    v = np.vstack([np.zeros(2), np.cumsum(h * (a[1:] + a[:-1]) / 2, axis=0)])
+    steps = h * v[:-1] + h * h * (a[:-1] / 3 + a[1:] / 6)
+    course = Course(h, np.vstack([np.zeros(2), np.cumsum(steps, axis=0)]), v, a)
+    fine = course.refined()
+    assert fine.knot == 0.2
+    np.testing.assert_array_equal(fine.q[::2], course.q)
+    t = 0.2
+    again = fine.v[:-1] + t * (fine.a[1:] + fine.a[:-1]) / 2
+    np.testing.assert_allclose(again, fine.v[1:], atol=1e-12)
+    again = fine.q[:-1] + t * fine.v[:-1] + t * t * (fine.a[:-1] / 3 + fine.a[1:] / 6)
+    np.testing.assert_allclose(again, fine.q[1:], atol=1e-12)
+    motion = course.motion(0.005)
+    np.testing.assert_allclose(motion.v[40:-1:40], fine.v[1:-1], atol=1e-12)
+
+
+def test_an_independent_inverse_dynamics_agrees(device, flown, tmp_path):
+    """Pinocchio, from numbers of the SDF that it does not parse itself."""
+    pin = pytest.importorskip("pinocchio")
+    motion = flown.motion
+    model, data = pinocchio_model(pin, device)
+
+    def torque(robot, q, v, vd):
+        rows = [pin.rnea(model, data, *row) for row in zip(q, v, vd, strict=True)]
+        return np.array(rows) + vd * robot.reflected_inertia
+
+    every = slice(None, None, 7)
+    vd = motion.vd[every]
+    np.testing.assert_allclose(
+        torque(device, motion.q[every], motion.v[every], vd),
+        inverse_dynamics(device, motion.q[every], motion.v[every], vd),
+        rtol=1e-6, atol=1e-3,
+    )  # fmt: skip
+    assert used(device, motion, torque).max() < 0.95 * 1.01
+
+
+def pinocchio_model(pin, robot):
+    """The shipped device by hand: axes, arm's length, and the links' inertias from the file."""
+    model, parent = pin.Model(), 0
+    model.gravity.linear = np.array([0, 0, -GRAVITY])
+    axes, radius = "ZYXZ", 2.6
+    links = {link.get("name"): link for link in ET.parse(robot.path).getroot().iter("link")}
+    carried = (["arm"], ["roll_frame"], ["pitch_frame"], ["gondola", "payload"])
+    for k, (axis, names) in enumerate(zip(axes, carried, strict=True)):
+        place = pin.SE3(np.eye(3), np.array([radius if k == 1 else 0.0, 0, 0]))
+        parent = model.addJoint(parent, getattr(pin, f"JointModelR{axis}")(), place, f"j{k}")
+        for name in names:
+            inertial = links[name].find("inertial")
+            com = np.array(inertial.findtext("pose").split()[:3], dtype=float)
+            moments = {x.tag: float(x.text) for x in inertial.find("inertia")}
+            own = np.diag([moments["ixx"], moments["iyy"], moments["izz"]])
+            inertia = pin.Inertia(float(inertial.findtext("mass")), com, own)
+            model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
+    return model, model.createData()
