@@ -32,9 +32,9 @@ def run(
 ) -> int | None:
     """Find the motion of a device that a pilot feels most like a recorded flight.
 
-    example: sdt-drake fly sdt turn --out flown
-
     Ctrl-C ends the search and writes the best motion so far.
+
+    example: sdt-drake fly sdt turn --out flown
 
     Args:
         robot: with a head and at least two joints
