@@ -2,7 +2,7 @@
 
 A rule stands once, at its field, for files, for objects made in Python, and for the reference:
 
-    @dataclass(slots=True)
+    @dataclass
     class Drive(Input):
         '''Everything is ideal unless given.'''
 
@@ -15,7 +15,8 @@ A rule stands once, at its field, for files, for objects made in Python, and for
             if self.n1 is not None and self.period is None:
                 yield "n1", "needs period"
 
-Fields may be assigned anything in Python; `check` looks at the whole object.
+Fields may be assigned anything in Python, other names are refused; `check` looks at the whole
+object.
 """
 
 import dataclasses
@@ -26,7 +27,7 @@ import typing
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import MISSING, dataclass
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, cast
+from typing import Annotated, Any, ClassVar, TypeVar, cast
 
 import numpy as np
 from pydantic import (
@@ -174,10 +175,17 @@ def setting(default: Any = MISSING, *, unit: str = "", side: str = "", **rules: 
 class Input:
     """Base class of the models, which are dataclasses."""
 
-    __slots__ = ()
+    __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
     __pydantic_config__ = ConfigDict(
         extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True
     )
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        fields = self.__dataclass_fields__
+        if name not in fields and not hasattr(type(self), name):
+            text = f"{type(self).__name__} has no field '{name}', {suggestion(name, fields)}"
+            raise AttributeError(text)
+        super().__setattr__(name, value)
 
     def problems(self) -> Problems:
         """Rules between fields that are right by themselves."""
@@ -210,8 +218,6 @@ class Input:
 
 class Variant(Input):
     """Base class of the models that a tag chooses; files have the tag."""
-
-    __slots__ = ()
 
 
 def given_fields(thing: Any) -> Iterator[tuple[str, Any]]:

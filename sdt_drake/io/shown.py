@@ -38,8 +38,6 @@ def face() -> ModuleType:
 class Shown:
     """An object that shows its `summary`; to derive from."""
 
-    __slots__ = ()
-
     def summary(self) -> Summary:
         """What the object is, in a line, and its numbers."""
         raise NotImplementedError

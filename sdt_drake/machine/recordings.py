@@ -33,7 +33,7 @@ _SHORTEST, _LONGEST = 0.5, 10.0  # of a motion, that a recording of it lasts
 _OWN = ("tau_cmd", "tau_limited", "load_torque")  # columns that `simulate` writes
 
 
-@dataclass(slots=True)
+@dataclass
 class Layout(Input):
     """How a file of columns is read, and how it says when its rows are."""
 
@@ -58,7 +58,7 @@ class Layout(Input):
             yield "rate", text
 
 
-@dataclass(slots=True)
+@dataclass
 class Columns(Layout):
     """How a recording's file says what it holds; the default is that of this package.
 

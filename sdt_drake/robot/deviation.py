@@ -30,7 +30,7 @@ from sdt_drake.robot.sdf import (
 _PAYLOAD = "payload"  # that a robot need not have where nothing changes it
 
 
-@dataclass(slots=True)
+@dataclass
 class Deviation(Input):
     """What differs from the links of the robot's file.
 

@@ -27,7 +27,7 @@ from sdt_drake.robot.envelope import Envelope
 SHORTEST_PERIOD = 125e-6  # s; the speed loop of SINAMICS S120, servo control at 4 kHz
 
 
-@dataclass(slots=True)
+@dataclass
 class Drive(Input):
     """What lies between the controller's law and the torque of the motors.
 
@@ -76,7 +76,7 @@ class Drive(Input):
 ENCODERS = ("motor", "link")
 
 
-@dataclass(slots=True)
+@dataclass
 class Elasticity(Input):
     """Elastic joints, given by their natural frequencies."""
 
@@ -154,7 +154,7 @@ PRESLIDING_DAMPING_TIME = 0.005
 """Damping of a sticking joint over its stiffness [s]; assumed."""
 
 
-@dataclass(slots=True)
+@dataclass
 class Friction(Input):
     """Friction of the joints, **joint side**; lists have one value for each joint.
 

@@ -38,7 +38,7 @@ MOTOR_KINDS = ("torque motor", "geared motor")
 _RPM = 2 * pi / 60  # rad/s
 
 
-@dataclass(kw_only=True, slots=True)
+@dataclass(kw_only=True)
 class Motor(Input):
     """A motor, with its gearbox if it has one; **motor side**."""
 
@@ -96,7 +96,7 @@ class Motor(Input):
         return self.kind != "torque motor" or gear_ratio == 1
 
 
-@dataclass(kw_only=True, slots=True)
+@dataclass(kw_only=True)
 class Catalogue(Input):
     """Motors by their ids."""
 
@@ -141,7 +141,7 @@ def load_catalogue(path: str | Path = DEFAULT_CATALOGUE) -> Catalogue:
 # --- the chosen device -----------------------------------------------------------------------
 
 
-@dataclass(slots=True)
+@dataclass
 class DeviceChoice(Input):
     """What the device has otherwise than the SDF; planner, controller and plant all know it.
 

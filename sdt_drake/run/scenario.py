@@ -38,7 +38,7 @@ INVERSE_DYNAMICS = ("table", "online")
 HELD_SPEEDS = ("start", "mean")
 
 
-@dataclass(slots=True)
+@dataclass
 class PlantChoice(Input):
     """What moves: axes on their own, or the whole coupled robot, with what is not ideal of them."""
 
@@ -67,7 +67,7 @@ def _kinds_of_controllers(schema: dict[str, Any]) -> None:
     schema["else"] = {"properties": {"kind": {"enum": [*CONTROLLERS]}}}
 
 
-@dataclass(slots=True)
+@dataclass
 class ControllerChoice(Input):
     """What drives the plant: kind, gains, feedforward and model of the controller."""
 
@@ -156,7 +156,7 @@ class ControllerChoice(Input):
         return f"{self.kind}+{self.feedforward}" if chosen else self.kind
 
 
-@dataclass(slots=True)
+@dataclass
 class DisturbanceChoice(Input):
     """Error of the load torque model: the true load is tau_LD (1 + A sin(omega_d t))."""
 
@@ -166,7 +166,7 @@ class DisturbanceChoice(Input):
     """Frequency of the error, the same on every axis."""
 
 
-@dataclass(slots=True, repr=False)
+@dataclass(repr=False)
 class Scenario(Input, Shown):
     """A run: robot, motion, controller, drive and plant."""
 

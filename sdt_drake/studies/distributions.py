@@ -20,7 +20,7 @@ MOST_RUNS = 10_000_000
 _ITS_OWN = "of the field"  # a unit
 
 
-@dataclass(slots=True)
+@dataclass
 class Uniform(Variant):
     """Evenly between low and high."""
 
@@ -38,7 +38,7 @@ class Uniform(Variant):
         return stats.uniform(self.low, self.high - self.low).ppf(share)
 
 
-@dataclass(slots=True)
+@dataclass
 class LogUniform(Variant):
     """Evenly in the logarithm, between low and high."""
 
@@ -56,7 +56,7 @@ class LogUniform(Variant):
         return stats.loguniform(self.low, self.high).ppf(share)
 
 
-@dataclass(slots=True)
+@dataclass
 class Normal(Variant):
     """Gaussian; with low or high, what is beyond is cut off and the rest scaled up."""
 
@@ -88,7 +88,7 @@ class Normal(Variant):
         return stats.truncnorm(low, high, self.mean, self.std).ppf(share)
 
 
-@dataclass(slots=True)
+@dataclass
 class Grid(Variant):
     """Values that are equal steps apart, all of which are run."""
 
@@ -112,7 +112,6 @@ class Grid(Variant):
 
 
 class _Listed(Variant):
-    __slots__ = ()
     values: Sequence[Value]
 
     def problems(self) -> Problems:
@@ -129,7 +128,7 @@ class _Listed(Variant):
         return list(self.values)
 
 
-@dataclass(slots=True)
+@dataclass
 class List(_Listed):
     """These numbers, all of which are run."""
 
@@ -137,7 +136,7 @@ class List(_Listed):
     """Each once."""
 
 
-@dataclass(slots=True)
+@dataclass
 class Choice(_Listed):
     """These texts, all of which are run."""
 

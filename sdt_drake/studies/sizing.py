@@ -34,7 +34,7 @@ from sdt_drake.studies.fields import check_changes
 from sdt_drake.studies.study import Study, Variable
 
 
-@dataclass(slots=True)
+@dataclass
 class Requirements(Input):
     """What a device must keep in every motion: the largest value of each outcome.
 
@@ -75,7 +75,7 @@ class Requirements(Input):
         return limits
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(kw_only=True)
 class Sizing(Input):
     """Candidates for the motors of a device, and what they must do."""
 

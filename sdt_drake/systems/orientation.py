@@ -23,7 +23,7 @@ PERCEPTION = "perception model"
 _I, _0 = np.eye(3), np.zeros((3, 3))
 
 
-@dataclass(kw_only=True, slots=True)
+@dataclass(kw_only=True)
 class PerceptionModel(Input):
     """Gains and time constants of a pilot's sense of orientation, along or about x, y, z of the
     head: roll, pitch, yaw.

@@ -191,11 +191,6 @@ def test_very_many_problems_are_cut():
     ]
 
 
-def test_fields_that_there_are_none_of_cannot_be_set():
-    with pytest.raises(AttributeError, match="kindd"):
-        Scenario().controller.kindd = "x"
-
-
 def test_lines_are_started_once():
     with pytest.raises(InputError) as error, within("a.yaml"), within("a.yaml"):
         raise InputError("one", "a.yaml: two")
@@ -225,30 +220,20 @@ def test_defaults():
     )
 
 
-# What a field alone takes is in the committed reference (test_reference); here is one of each kind.
+# What numbers and names alone are taken: test_every_field.
 AXIS = [
-    ({"period": 0.0}, "period: 0.0, expected a number > 0 [s]"),
-    ({"drive.torque_bandwidth": nan}, "drive.torque_bandwidth: nan, expected a finite number > 0"),
-    ({"disturbance.omega_d": -0.1}, "disturbance.omega_d: -0.1, expected a number >= 0"),
     ({"controller.kp": [1.0] * 3}, "controller.kp: 3 value(s), expected 4, one for each joint"),
-    ({"plant.i_eff": [1.0, 1, 0, 1]}, "plant.i_eff[3]: 0, expected a number > 0"),
     ({"motion": ""}, "motion: empty, expected a text"),
-    ({"torque_margin": 1.01}, "torque_margin: 1.01, expected a number > 0 and <= 1"),
     ({"planner": "fastest"}, "planner: 'fastest', expected one of limiter, retiming"),
-    ({"plant.elasticity.natural_frequency": [1.0, -2, 0, 0]}, "plant.elasticity.natural_frequency"),
     ({"plant.friction.breakaway": [0, 0, 1.0, 1], "plant.friction.coulomb": [0, 0, 1.0, 1.1]},
      "plant.friction.breakaway: [0.0, 0.0, 1.0, 1.0], expected at least coulomb, [0.0, 0.0, 1.0"),
     ({"disturbance.omega_d": 20001.0}, "disturbance.omega_d: 20001, expected at most 20000 [rad"),
     ({"device.motors": ["AC-203"], "device.fitted": [""] * 4}, "device.motors: 1 value(s), expect"),
     ({"device.motors": ["AC-203"] * 4}, "device.fitted: missing; the difference of masses needs t"),
     ({"device.motors": ["AC-203"] * 4, "device.fitted": ["AC-203"]}, "device.fitted: 1 value(s), "),
-    ({"drive.period": 1e-4}, "drive.period: 0.0001, expected a number >= 0.000125 [s]"),
     ({"drive.period": 0.002}, "drive.period: 0.002, does not divide the interpolation period"),
     ({"drive.period": 0.01}, "drive.period: 0.01, does not divide the interpolation period"),
-    ({"drive.torque_error": [0.1, -1.0, 0, 0]}, "drive.torque_error[2]: -1.0, expected a number >"),
     ({"drive.encoder_resolution": [1e6] * 4}, "drive.encoder_resolution: needs period, to take t"),
-    ({"drive.period": 0.005, "drive.encoder_resolution": [1e6, 1e6, 0.5, 1]},
-     "drive.encoder_resolution[3]: 0.5, expected a number >= 1"),
     ({"drive.n1": [1.0] * 4}, "drive.n0: missing, expected n1 and n0 or neither"),
     ({"drive.n0": [1.0] * 4}, "drive.n1: missing, expected n1 and n0 or neither"),
     ({"drive.n1": [1.0, 2, 3, 4], "drive.n0": [2.0, 3, 3, 5]},
@@ -276,18 +261,13 @@ OPEN = ("p_pi", "pi_scheduled")  # kinds that leave the feedforward to the scena
 FIXED = tuple(kind for kind in CONTROLLERS if kind not in OPEN)
 OPTIONS = [
     (CONTROLLERS, {"controller.omega_r": None}, "omega_r: missing, the gains need it, or kp and"),
-    (CONTROLLERS, {"controller.omega_r": -66.0}, "omega_r: -66.0, expected a number > 0 [rad/s]"),
-    (CONTROLLERS, {"controller.omega_ratio": 0.0}, "omega_ratio: 0.0, expected a number > 0"),
-    (CONTROLLERS, {"controller.zeta": [1.0] * 5}, "zeta: 5 value(s), expected 4, one for each"),
     (CONTROLLERS, {"controller.friction_compensation": True}, "friction_compensation: needs pla"),
     (FIXED, {"controller.feedforward": "none"}, "feedforward: {} takes none, only p_pi, pi_sch"),
     (OPEN, {"controller.feedforward": "full"}, "feedforward: 'full', expected one of none, ctc, "),
     ([kind for kind in CONTROLLERS if kind != "p_pi"], {"controller.position_gain": [1.0] * 4},
      "position_gain: {} takes none, only p_pi"),
-    (["p_pi"], {"controller.position_gain": [1.0, 1, 1, 0]}, "position_gain[4]: 0, expected a num"),
     (["pi", "inverse_dynamics", *OPEN], {"controller.feedforward_gain": [1.0] * 4},
      "feedforward_gain: {} has no feedforward"),
-    (["pi_id"], {"controller.feedforward_gain": [1.0]}, "feedforward_gain: 1 value(s), expected 4"),
     (["inverse_dynamics"], {"controller.anti_windup": True},
      "anti_windup: inverse_dynamics takes none, only pi, pi_ctc, pi_id, p_pi, pi_scheduled"),
     (CONTROLLERS, {"plant.i_eff": [1.0] * 4}, "i_eff: the coupled plant has its inertia from the"),

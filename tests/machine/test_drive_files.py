@@ -292,7 +292,6 @@ AXIS = "{increments: 4096, rated_torque: 10"
         (AXIS + ", objects: [60B1h]}", "neither a position nor a speed"),
         (AXIS + ", objects: [6071]}", "6071, expected .*6071h"),
         (AXIS + ", speed_unit: deg/s}", "speed_unit: 'deg/s', expected one of increments/s"),
-        ("{increments: 0.5, rated_torque: 10}", "increments: 0.5, expected a whole number >= 1"),
         ("{increments: 4096}", "rated_torque"),
         (AXIS + "}, " + AXIS + "}", r"axes: 2 value\(s\), expected 1, one for each joint"),
     ],

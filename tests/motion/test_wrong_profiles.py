@@ -29,9 +29,6 @@ BAD = [
     # When.
     ([(YAW, "!Ramp {at: 1, to_deg_s: 5, duration: 4}", "!Hold {at: 3, duration: 1}")],
      "tracks[1].segments[2].at: overlap, 3 s is before the segment before ends, at 5 s"),
-    ([(YAW, "!Hold {at: -1, duration: 1}")], "segments[1].at: -1, expected a number >= 0 [s]"),
-    ([(YAW, "!Hold {duration: 0}")], "segments[1].duration: 0, expected a number > 0 [s]"),
-    ([(YAW, "!Hold {duration: .inf}")], "segments[1].duration: inf, expected a finite"),
     ([(YAW, "!Hold {at: 1}")], "segments[1].duration: missing, expected a number > 0"),
     ([(YAW, "!Hold {at: 18, duration: 3}")], "segments[1]: ends at 21 s, expected by the end"),
     # Ramps.
@@ -52,12 +49,9 @@ BAD = [
     ([(YAW, "!Turn {to_deg: 0, speed_deg_s: 5}")], "segments[1]: nothing changes"),
     ([(YAW, "!Turn {by_deg: 3, to_deg: 4, duration: 5}")], "by_deg and to_deg, expected either by"),
     ([(YAW, "!Turn {duration: 5}")], "segments[1]: neither, expected either by_deg or to_deg"),
-    ([(YAW, "!Turn {by_deg: .inf, duration: 5}")], "segments[1].by_deg: inf"),
-    ([(YAW, "!Turn {by_deg: 5, speed_deg_s: -5}")], "segments[1].speed_deg_s: -5, expected a"),
     ([(YAW, GO, "!Turn {by_deg: 5, duration: 1}")],
      "segments[2]: !Turn at a speed of 5 deg/s, expected rest"),
     # G.
-    ([(SPIN, "!Ramp {to_g: 0.9, duration: 4}")], "segments[1].to_g: 0.9, expected a number >= 1"),
     # hypot(1, 3.1167² 2.6 / 9.81)
     ([(SPIN, "!Ramp {to_g: 3, duration: 4}", BACK)], "[1].to_g: 3 G, expected at most 2.762 G"),
     ([(SPIN, "!Ramp {to_deg_s: 15, duration: 4}")], "segments[1].to_deg_s: in a track of the res"),
@@ -67,19 +61,13 @@ BAD = [
     # Knots and samples.
     ([(YAW, "!Knots {knots: [[0, 0]]}")], "segments[1].knots: expected at least two pairs"),
     ([(YAW, "!Knots {knots: [[0, 0], [20, 0, 1]]}")], "segments[1].knots: expected at least two"),
-    ([(YAW, "!Knots {knots: [[0, 0], [20, .nan]]}")], "segments[1].knots[2][2]: nan, expected a"),
     ([(YAW, "!Knots {knots: [[0, 0], [9, 1], [9, 2], [20, 0]]}")], "knots: time 9 s after 9 s"),
     ([(YAW, "!Knots {knots: [[0.1, 0], [20, 0]]}")], "segments[1].knots: from 0.1 s on, expected"),
     ([(YAW, "!Knots {knots: [[0, 0], [19, 0]]}")], "segments[1]: ends at 19 s, expected at the en"),
     ([(YAW, "!Knots {knots: [[0, 0], [20.0000001, 0]]}")], "[1]: ends at 20.0000001 s, expected a"),
     ([(YAW, GO, "!Knots {knots: [[0, 0], [19, 0]]}")], "!Knots at a speed of 5 deg/s, expected re"),
-    ([(YAW, "!Sampled {period: 0, speeds: [0, 1]}")], "segments[1].period: 0, expected a number"),
     ([(YAW, "!Sampled {period: 1, speeds: [1]}")], "segments[1].speeds: 1 value(s), expected two"),
-    ([(YAW, "!Sampled {period: 20, speeds: [1, .nan]}")], "segments[1].speeds[2]: nan"),
     # Swings.
-    ([(YAW, "!Oscillation {amplitude: .nan, period: 1, fade: 1, end: 3}")], "amplitude: nan"),
-    ([(YAW, "!Oscillation {amplitude: 1, period: .inf, fade: 1, end: 3}")], "period: inf"),
-    ([(YAW, "!Oscillation {amplitude: 1, period: 1, fade: 0, end: 3}")], "fade: 0, expected"),
     ([(YAW, "!Oscillation {amplitude: 1, period: 1, fade: 1, end: 21}")], "[1]: ends at 21 s, exp"),
     ([(YAW, "!Fourier {period: 2, sine: [1, -0.5], cosine: [0, 1], end: 3}")], "end: 3 s"),
     ([(YAW, "!Fourier {period: 2, sine: [1, 0.5], cosine: [0, 1], end: 4}")], "starts at"),
@@ -102,10 +90,7 @@ def test_bad_tracks_are_refused(loaded, tmp_path, tracks, message):
 @pytest.mark.parametrize(
     "text, message",
     [
-        ("duration: -1\ntracks: []\n", "duration: -1, expected a number > 0 [s]"),
-        ("duration: .nan\ntracks: []\n", "duration: nan"),
         ("duration: 3\ntracks: []\n", "tracks: expected what moves"),
-        ("duration: 3\nspeed: 3\n", "speed: no such field"),
         (
             "duration: 3\njoints: [!Knots {knots: [[0, 0], [3, 0]]}]\n",
             "joints: 1 value(s), expected 4",

@@ -47,7 +47,7 @@ SPEED_UNITS = {
 """Of 60FFh and 60B1h: increments of the encoder, or turns of the motor per minute [rpm]."""
 
 
-@dataclass(kw_only=True, slots=True)
+@dataclass(kw_only=True)
 class Axis(Input):
     """The drive of a joint; **motor side**."""
 
@@ -78,7 +78,7 @@ class Axis(Input):
             yield "objects", "neither a position nor a speed, expected 607Ah or 60FFh among them"
 
 
-@dataclass(kw_only=True, slots=True)
+@dataclass(kw_only=True)
 class Drives(Input):
     """The drives of a device."""
 

@@ -44,7 +44,7 @@ _GROWN = 1.05  # of the error of the best flight
 _GAIN = 0.95
 
 
-@dataclass(kw_only=True, slots=True)
+@dataclass(kw_only=True)
 class FlightRecord(Input):
     """What came of a real flight, by its recordings; a file of it lies in the folder of the
     learning.

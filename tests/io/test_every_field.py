@@ -1,0 +1,202 @@
+"""Every field of every model: what it takes, what it refuses, and how its name is told."""
+
+import dataclasses
+import inspect
+import math
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+import sdt_drake as sdt
+from sdt_drake.io.errors import InputError, Problem
+from sdt_drake.io.fields import Input, check, made
+from sdt_drake.io.schema import Schema, inner, schema_of
+from sdt_drake.machine.learn.state import FlightRecord
+from sdt_drake.show.reference import FILES
+
+FILE = Path("/runs/file.yaml")
+FROM_FILES = [*FILES.values(), FlightRecord]
+
+
+def models(base: type = Input) -> Iterator[type]:
+    """The models of the package that files are read as, or are parts of."""
+    for model in base.__subclasses__():
+        home = sys.modules[model.__module__]
+        is_own = home.__name__.startswith("sdt_drake") and vars(home).get(model.__name__) is model
+        if is_own and "__dataclass_fields__" in vars(model) and not inspect.isabstract(model):
+            yield model
+        yield from models(model)
+
+
+MODELS = sorted(models(), key=str)
+
+
+class Node(NamedTuple):
+    """A number or a mapping of a model: its dotted place, its schema, and how a value of it makes
+    the data of the model."""
+
+    place: str
+    schema: Schema
+    data: Callable[[Any], Any]
+
+
+def nodes(model: type) -> Iterator[Node]:
+    """All numbers and mappings of a model, also those within others."""
+    top = schema_of(model)
+
+    def within(node: Schema, place: str, data: Callable[[Any], Any]) -> Iterator[Node]:
+        for option in (one for one in node.get("anyOf", ()) if "$ref" in one):
+            tag = "!" + option["$ref"].rpartition("/")[2]
+            yield from within(
+                inner(option, top), place, lambda value, tag=tag: data({"_tag": tag, **value})
+            )
+        node = inner(node, top)
+        if "properties" in node or node.get("type") in ("number", "integer"):
+            yield Node(place, node, data)
+        for name, field in node.get("properties", {}).items():
+            dotted = f"{place}.{name}".lstrip(".")
+            yield from within(field, dotted, lambda value, name=name: data({name: value}))
+        if "items" in node:
+            count = node.get("minItems", 1)
+            yield from within(node["items"], f"{place}[1]", lambda value: data([value] * count))
+
+    yield from within(top, "", lambda value: value)
+
+
+def numbers(model: type) -> list[Node]:
+    return [node for node in nodes(model) if "properties" not in node.schema]
+
+
+def limits(schema: Schema) -> Iterator[tuple[float, float]]:
+    """The last number that is taken at each bound, and the first that is not."""
+    for name, bound in schema.items():
+        if name.lower().endswith(("minimum", "maximum")):
+            outwards = -math.inf if name.lower().endswith("minimum") else math.inf
+            if schema["type"] == "integer":
+                yield bound, bound + int(math.copysign(1, outwards))
+            elif name.startswith("exclusive"):
+                yield math.nextafter(bound, -outwards), bound
+            else:
+                yield bound, math.nextafter(bound, outwards)
+
+
+def wrong_numbers(schema: Schema) -> list[Any]:
+    outside = [outer for _, outer in limits(schema)]
+    broken = [1.5] * (schema["type"] == "integer")
+    return [True, False, "1", "x", math.nan, math.inf, -math.inf, *broken, *outside]
+
+
+def problems_of(make: Callable[[], object]) -> list[Problem]:
+    try:
+        make()
+    except InputError as error:
+        return list(error.problems)
+    return []
+
+
+def in_a_file(model: type, node: Node, value: Any) -> list[Problem]:
+    return problems_of(lambda: made(model, node.data(value), FILE))
+
+
+def in_python(model: type, node: Node, value: Any) -> list[Problem]:
+    thing = blank(model)
+    for name, assigned in node.data(value).items():
+        setattr(thing, name, assigned)
+    return problems_of(lambda: check(thing))
+
+
+def blank(model: Any) -> Any:
+    """An object with nothing but defaults; None where a field has to be given."""
+    missing = dataclasses.MISSING
+    needed = [
+        field.name
+        for field in dataclasses.fields(model)
+        if field.default is missing and field.default_factory is missing
+    ]
+    return model(**dict.fromkeys(needed))
+
+
+def is_told(problems: list[Problem], place: str) -> bool:
+    return any(one.place == place and one.accepted.startswith("a ") for one in problems)
+
+
+WAYS = [
+    *(pytest.param(in_a_file, model, numbers(model), id=model.__name__) for model in FROM_FILES),
+    *(
+        pytest.param(
+            in_python,
+            model,
+            [node for node in numbers(model) if "." not in node.place],
+            id=f"{model.__name__} of Python",
+        )
+        for model in MODELS
+    ),
+]
+
+
+def test_every_model_is_that_of_a_file_or_of_a_part_of_one():
+    reached = {model.__name__ for model in FROM_FILES}
+    reached.update(*(schema_of(model).get("$defs", ()) for model in FROM_FILES))
+    assert reached == {model.__name__ for model in MODELS}
+
+
+@pytest.mark.parametrize(("way", "model", "numbers"), WAYS)
+def test_every_number_refuses_what_is_none_and_what_is_beyond_its_bounds(way, model, numbers):
+    taken = [
+        (node.place, wrong)
+        for node in numbers
+        for wrong in wrong_numbers(node.schema)
+        if not is_told(way(model, node, wrong), node.place)
+    ]
+    assert taken == []
+
+
+@pytest.mark.parametrize(("way", "model", "numbers"), WAYS)
+def test_every_number_takes_what_is_at_its_bounds(way, model, numbers):
+    refused = [
+        (node.place, last)
+        for node in numbers
+        for last, _ in limits(node.schema)
+        if is_told(way(model, node, last), node.place)
+    ]
+    assert refused == []
+
+
+@pytest.mark.parametrize("model", FROM_FILES)
+def test_names_that_are_a_letter_off_are_refused_with_the_right_one(model):
+    for node in nodes(model):
+        names = node.schema.get("properties", {})
+        for right in names:
+            for wrong in {f"{right}_", right[:-1], right[1:]} - {*names, ""}:
+                place = f"{node.place}.{wrong}".lstrip(".")
+                (told,) = (x for x in in_a_file(model, node, {wrong: 1}) if x.place == place)
+                assert right in told.near or len(right) < 3, told
+                assert told.found == "no such field"
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_attributes_that_no_model_has_are_refused_at_once(model):
+    thing = blank(model)
+    for field in dataclasses.fields(model):
+        with pytest.raises(
+            AttributeError, match=f"no field '{field.name}_', did you mean .*'{field.name}'"
+        ):
+            setattr(thing, f"{field.name}_", 1)
+
+
+def test_assigned_fields_are_checked_again_by_the_design():
+    scenario = sdt.load("package://sdt/scenarios/axis_pi.yaml")
+    scenario.controller.kind = "pi_id"
+    scenario.controller.kp = np.full(4, 2.0)
+    scenario.controller.ki = (1.0, 1.0, 1.0, 1.0)
+    assert sdt.design(scenario).scenario.controller.kind == "pi_id"
+    scenario.controller.kind = "pid"
+    with pytest.raises(InputError, match=r"controller\.kind: 'pid', expected one of pi, pi_ctc"):
+        sdt.design(scenario)
+    scenario.controller.kind, scenario.controller.kp = "pi_id", np.zeros(4)
+    with pytest.raises(InputError, match=r"controller\.kp\[1\]: 0\.0, expected a number > 0"):
+        sdt.design(scenario)
