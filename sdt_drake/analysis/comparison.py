@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import csv
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -24,7 +23,7 @@ from sdt_drake.analysis.tracking import (
 )
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_choice, needing, one_line
-from sdt_drake.io.files import replacing
+from sdt_drake.io.files import write_csv
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, face
 from sdt_drake.robot.head import has_head
@@ -252,13 +251,13 @@ def write_comparison(compared: Sequence[Compared], path: str | Path) -> None:
         InputError: if the file cannot be written.
     """
     has_heads = all(has_head(c.design.robot) for c in compared)
-    with replacing(Path(path)) as partial, partial.open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        felt_header = _FELT if has_heads else []
-        table.writerow(["controller", "joint", *_HEADER, "blocks", "needs", *felt_header])
-        for c in compared:
-            felt = _felt(c) if has_heads else ()
-            for k in range(c.design.robot.n):
-                values = [METRICS[name].factor * c.metrics[name][k] for name in COMPARED]
-                cells = ["" if np.isnan(value) else repr(float(value)) for value in values]
-                table.writerow([c.label, k + 1, *cells, c.blocks, ", ".join(c.needs), *felt])
+    felt_header = _FELT if has_heads else []
+    rows = []
+    for c in compared:
+        felt = _felt(c) if has_heads else ()
+        for k in range(c.design.robot.n):
+            values = [METRICS[name].factor * c.metrics[name][k] for name in COMPARED]
+            cells = ["" if np.isnan(value) else repr(float(value)) for value in values]
+            rows.append([c.label, k + 1, *cells, c.blocks, ", ".join(c.needs), *felt])
+    header = ["controller", "joint", *_HEADER, "blocks", "needs", *felt_header]
+    write_csv(Path(path), header, rows)

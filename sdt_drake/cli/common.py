@@ -7,7 +7,6 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from string import ascii_letters
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter, Token
@@ -15,7 +14,7 @@ from cyclopts.validators import Number
 
 from sdt_drake.cli import completion
 from sdt_drake.cli.printing import say
-from sdt_drake.io.errors import InputError, Problem, retelling
+from sdt_drake.io.errors import InputError, Problem, is_within, retelling
 from sdt_drake.io.files import checked_name, checked_output, checked_suffix
 from sdt_drake.io.formats import BINARY, check_binary
 
@@ -185,9 +184,8 @@ def naming_fields(options: Mapping[str, str], otherwise: str = "") -> AbstractCo
 
     def named(problem: Problem) -> Problem:
         for field, option in options.items():
-            below = problem.place.removeprefix(field)
-            if below != problem.place and not below.startswith(tuple(ascii_letters)):
-                return problem._replace(where="", place=f"{option}{below}")
+            if is_within(problem.place, field):
+                return problem._replace(where="", place=problem.place.replace(field, option, 1))
         return Problem(f"{problem}{otherwise}", kind=problem.kind) if otherwise else problem
 
     return retelling(named)

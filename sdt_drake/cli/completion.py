@@ -40,20 +40,15 @@ def fields(context: CompletionContext) -> list[str]:
     return [*_fields(schema, schema, "")]
 
 
-def _fields(schema: Any, part: Any, name: str) -> Iterator[str]:
+def _fields(node: Any, top: Any, name: str) -> Iterator[str]:
     """Fields below a part of a JSON Schema, as --set takes them."""
-    if "$ref" in part:
-        *_, group, key = part["$ref"].split("/")
-        part = schema[group][key]
-    below = [
-        found
-        for choice in (*part.get("anyOf", ()), *part.get("oneOf", ()))
-        for found in _fields(schema, choice, name)
-        if "." in found
-    ]
-    for key, value in part.get("properties", {}).items():
-        below += _fields(schema, value, f"{name}.{key}" if name else key)
-    default = part.get("default", "")
-    told = "" if isinstance(default, list | dict) else default
-    values = [value for value in part.get("enum", [told]) if value is not None]
-    yield from below or (f"{name}={value}" for value in values)
+    from sdt_drake.io.schema import inner
+
+    node = inner(node, top)
+    if "properties" in node:
+        for key, field in node["properties"].items():
+            yield from _fields(field, top, f"{name}.{key}".lstrip("."))
+        return
+    default = node.get("default")
+    told = "" if default is None or isinstance(default, list) else default
+    yield from (f"{name}={value}" for value in node.get("enum", [told]))

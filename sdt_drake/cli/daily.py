@@ -31,7 +31,7 @@ from sdt_drake.machine.learn.filter import (
     refuse_divergence,
 )
 from sdt_drake.machine.learn.loops import LEARNED, loops_of
-from sdt_drake.machine.recordings import Columns, Recorded, load_columns, read_recording
+from sdt_drake.machine.recordings import SIDES, Columns, Recorded, load_columns, read_recording
 from sdt_drake.robot.robot import Robot, load_robot
 from sdt_drake.run.design import Design, as_design, load_device
 from sdt_drake.run.scenario import Scenario
@@ -41,7 +41,6 @@ from sdt_drake.studies.study import load_study
 if TYPE_CHECKING:
     from sdt_drake.machine.identify.procedure import Identified
 
-SIDES = ("joint", "motor")
 FOUND = ("payload", "friction")
 
 

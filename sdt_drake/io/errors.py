@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager
 from numbers import Real
 from pathlib import Path
@@ -45,7 +46,7 @@ class Problem(NamedTuple):
     def text(self) -> str:
         """What was found, and what would be right."""
         if self.near:
-            return f"{self.found}, did you mean {' or '.join(map(repr, self.near))}?"
+            return f"{self.found}, {meant(self.near)}"
         return f"{self.found}, expected {self.accepted}" if self.accepted else self.found
 
     def __str__(self) -> str:
@@ -119,6 +120,20 @@ def at(place: str) -> AbstractContextManager[None]:
 def dotted(place: str, name: str) -> str:
     """The place of a field, or of an entry "[2]", in a place."""
     return f"{place}{name}" if name.startswith("[") else f"{place}.{name}".strip(".")
+
+
+def is_within(name: str, field: str) -> bool:
+    """Whether a dotted name is that of a field, or of a part or an entry of it."""
+    return name.startswith(field) and name[len(field) :][:1] in ("", ".", "[")
+
+
+PART = re.compile(r"(\w+)(?:\[([1-9]\d{0,5})\])?")
+"""Part of a dotted name; entries count from 1."""
+
+
+def meant(near: Iterable[str]) -> str:
+    """The names like a wrong one, for people: "did you mean 'kind'?"."""
+    return f"did you mean {' or '.join(map(repr, near))}?"
 
 
 def _joined(where: str, inner: str) -> str:

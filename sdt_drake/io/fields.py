@@ -42,7 +42,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
 
-from sdt_drake.io.errors import InputError, Problem, dotted
+from sdt_drake.io.errors import InputError, Problem, dotted, meant
 from sdt_drake.io.resources import beside
 from sdt_drake.io.schema import Schema, adapter, expected, inner, schema_of
 
@@ -359,11 +359,6 @@ def given(thing: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield prefix + name, value
 
 
-def is_within(name: str, field: str) -> bool:
-    """Whether a dotted name is that of a field, or of a part or an entry of it."""
-    return re.match(rf"{re.escape(field)}(?![^.[])", name) is not None
-
-
 def unknown(place: str, name: str, known: Collection[str]) -> Problem:
     """The problem of a name that no field has."""
     near = tuple(difflib.get_close_matches(name, known, n=3))
@@ -376,5 +371,5 @@ def suggestion(name: str, known: Iterable[str], otherwise: str = "") -> str:
     known = list(known)
     near = difflib.get_close_matches(name, known, n=3)
     if near:
-        return f"did you mean {' or '.join(map(repr, near))}?"
+        return meant(near)
     return otherwise or f"expected one of {', '.join(known)}"

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import filecmp
+import itertools
 import math
 import os
 import secrets
 import shutil
 import stat
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from sdt_drake.io.errors import InputError, rewording
@@ -146,6 +148,17 @@ def write_text(path: Path, text: str) -> Path:
     """
     with replacing(path) as partial:
         partial.write_text(text, encoding="utf-8")
+    return path
+
+
+def write_csv(path: Path, header: Iterable[str], rows: Iterable[Iterable[object]]) -> Path:
+    """Write a table of cells, replaced whole.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(itertools.chain([header], rows))
     return path
 
 

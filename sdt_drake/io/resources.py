@@ -8,7 +8,7 @@ import os
 from itertools import islice
 from pathlib import Path
 
-from sdt_drake.io.errors import InputError
+from sdt_drake.io.errors import InputError, meant
 from sdt_drake.io.files import checked_input, checked_name
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -111,7 +111,7 @@ def _missing(text: str, path: Path, kinds: tuple[str, ...]) -> str:
     known = sorted(there.values() if is_reference else short)
     hint = f"; shipped: {', '.join(known)}" if known else ""
     if near:
-        hint = f", did you mean {' or '.join(map(repr, near))}?"
+        hint = f", {meant(near)}"
     what = " or ".join(kinds) if short and not _is_path(text) else "file"
     looked = folder if is_reference else path.parent.absolute()
     also = " and among what ships" if short and not is_reference else ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 import json
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
@@ -15,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, needing
-from sdt_drake.io.files import checked_input, checked_suffix, replacing
+from sdt_drake.io.files import checked_input, checked_suffix, replacing, write_csv, write_text
 from sdt_drake.io.formats import BINARY, check_binary, flat, in_json, read_binary, write_binary
 
 if TYPE_CHECKING:
@@ -91,17 +90,13 @@ class Results:
         """
         columns = flat({name: np.asarray(values) for name, values in self.columns.items()})
         lists = {name: values.tolist() for name, values in columns.items()}
-        with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
-            if path.suffix == ".json":
-                known = {**UNITS, **self.units}
-                units = {x: known[x] for x in (*self.about, *self.columns) if x in known}
-                whole = {**self.about, "units": units, "columns": lists}
-                json.dump(in_json(whole), file, indent=1, ensure_ascii=False, allow_nan=False)
-                file.write("\n")
-                return
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(lists)
-            writer.writerows(zip(*lists.values(), strict=True))
+        if path.suffix != ".json":
+            write_csv(path, lists, zip(*lists.values(), strict=True))
+            return
+        known = {**UNITS, **self.units}
+        units = {x: known[x] for x in (*self.about, *self.columns) if x in known}
+        whole = in_json({**self.about, "units": units, "columns": lists})
+        write_text(path, json.dumps(whole, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 UNITS = {

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import yaml
 
-from sdt_drake.io.errors import InputError, one_line, within
+from sdt_drake.io.errors import PART, InputError, one_line, within
 from sdt_drake.io.fields import FromHere, Input, Variant, given_fields, made
 from sdt_drake.io.files import has_control_characters, read_text, write_text
 from sdt_drake.io.resources import a_kind, find_file
@@ -22,9 +22,6 @@ _LONGEST_TEXT = 10_000  # letters
 _DEEPEST = 50  # lists and mappings in each other
 _TOO_LARGE = f"too large, expected at most {_MOST_VALUES} values and {_DEEPEST} levels"
 _TEXT, _MERGE = "tag:yaml.org,2002:str", "tag:yaml.org,2002:merge"
-
-
-_PART = re.compile(r"(\w+)(?:\[([1-9]\d{0,5})\])?")  # of a dotted name; entries count from 1
 
 
 def load_yaml(
@@ -85,7 +82,7 @@ def _from_here(value: Any) -> Any:
 
 def _put(data: Any, name: str, value: Any) -> None:
     """Give the field of a dotted name another value; mappings on the way are made."""
-    *parents, last = (_PART.fullmatch(part) for part in name.split("."))
+    *parents, last = (PART.fullmatch(part) for part in name.split("."))
     wrong = InputError("expected the dotted name of a field, 'controller.kind'", place=name)
     for part in parents:
         if part is None or part[2] is not None or not isinstance(data, dict):

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import functools
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sdt_drake.io.errors import InputError
-from sdt_drake.io.fields import is_within, suggestion
+from sdt_drake.io.errors import PART, InputError, is_within
+from sdt_drake.io.fields import suggestion
 from sdt_drake.io.schema import inner, parts, schema_of
 from sdt_drake.run.scenario import ControllerChoice, Scenario
 
 Value = float | str
 
 _TYPES = {"number": float, "boolean": bool, "string": str}
-_PART = re.compile(r"(\w+)(?:\[([1-9]\d{0,5})\])?")  # entries are counted from 1
 
 
 @dataclass(frozen=True)
@@ -96,7 +94,7 @@ def find_field(name: str) -> Field:
     attributes: list[str] = []
     entry, many = None, False
     for part in name.split("."):
-        match = _PART.fullmatch(part)
+        match = PART.fullmatch(part)
         if match is None or entry is not None or match[1] not in node.get("properties", ()):
             raise _unknown(name)
         attributes.append(match[1])
@@ -140,6 +138,6 @@ def field_names() -> list[str]:
 
 def _unknown(name: str) -> InputError:
     known = [*field_names(), "controller"]
-    bare = re.sub(r"\[.*", "", name)
+    bare = name.partition("[")[0]
     elsewhere = [field for field in known if field.rpartition(".")[2] == bare.rpartition(".")[2]]
     return InputError(f"no field of a scenario, {suggestion(bare, elsewhere or known)}", place=name)

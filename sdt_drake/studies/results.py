@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from pathlib import Path
 from typing import Any
@@ -10,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sdt_drake.io.errors import InputError
-from sdt_drake.io.fields import is_within
-from sdt_drake.io.files import replacing
+from sdt_drake.io.errors import InputError, is_within
+from sdt_drake.io.files import replacing, write_csv
 from sdt_drake.studies.distributions import Random
 from sdt_drake.studies.folder import load_folder
 from sdt_drake.studies.store import Store
@@ -34,13 +32,8 @@ def write_results(store: Store, folder: Path) -> Path:
         import pyarrow
         from pyarrow import parquet
     except ImportError:
-        path = folder / "results.csv"
-        with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(store.kinds)
-            for columns in store.groups():
-                writer.writerows(zip(*columns, strict=True))
-        return path
+        rows = (row for columns in store.groups() for row in zip(*columns, strict=True))
+        return write_csv(folder / "results.csv", store.kinds, rows)
     types = {int: pyarrow.int64(), float: pyarrow.float64(), str: pyarrow.string()}
     fields = [(name, types[kind]) for name, kind in store.kinds.items()]
     schema = pyarrow.schema(fields, {_ABOUT: json.dumps(store.about)})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -12,7 +11,7 @@ from matplotlib.figure import Figure
 
 from sdt_drake.analysis.metrics import PARAMETERS_IN_WORDS
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.files import replacing, replacing_files
+from sdt_drake.io.files import replacing_files, write_csv
 from sdt_drake.io.shown import formatted, numbered, rounded
 from sdt_drake.machine.identify import files as identified_files
 from sdt_drake.machine.identify.base_parameters import rigid_parameters
@@ -289,15 +288,9 @@ def write_identified(
     """
     with replacing_files(folder) as new:
         identified_files.write_files(found, robot, friction, scenario, new)
-        write_parameters(found, robot, new / "parameters.csv")
+        write_csv(new / "parameters.csv", Parameter._fields, parameters(found, robot))
         write_identification_report(found, robot, friction, new)
     return folder / doc.REPORT
-
-
-def write_parameters(found: Identified, robot: Robot, path: Path) -> None:
-    """The table of all parameters, as CSV."""
-    with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file).writerows([Parameter._fields, *parameters(found, robot)])
 
 
 def write_identification_report(
