@@ -34,7 +34,7 @@ _THREE: dict[str, Any] = {"min_length": 3, "max_length": 3}
 _Direction = Annotated[Number, Field(ge=-1, le=1)]
 
 
-@dataclass(slots=True)
+@dataclass
 class FlightColumns(Layout):
     """How a flight recording's file says what it holds; the default is that of this package.
 
