@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -38,6 +39,7 @@ FRONT = (0.1, 0.3, 3.0, 10.0)
 """Weights of G on the Pareto front, over the one that was asked for [-]."""
 
 _BESIDE = 0.05  # weight of errors before and after the flight
+_SEARCH = 0.6  # share of the work, where it is compared
 _SENSED = 0.02  # s; between samples of a flight that the observer gets
 _WASHED = 0.2  # s; smoothing of a washout
 _POLISHES, _POLISH_STEPS, _FRONT_STEPS = 4, 6, 10
@@ -161,22 +163,25 @@ def fly(
             for k in range(len(SEATS)) for smooth in SMOOTH
         ]  # fmt: skip
         washout = fitted(aim, angles(aim, washed_out(aim, x[0]), _WASHED, *ends))
-        search = _Search(tell, len(starts) + 1)
+        search = _Search(lambda done: tell(done * (_SEARCH if compare else 1)), len(starts) + 1)
         search.run(rough, [angles(rough, one[::2], SMOOTH[0], *ends) for one in x])
         search.refine(aim)
         chosen, aim = _polished(*search.best)
         cpu = clock.process_time() - began
         unlimited, front = None, [(1.0, chosen)]
-        if compare and not search.interrupted:
-            free = replace(aim, torque_share=np.inf)
-            unlimited = shown("without limits of torque", solve(free, chosen, lambda *_: None))
-            front = _front(aim, chosen)
+        with search.keeping():
+            if compare and not search.interrupted:
+                free = replace(aim, torque_share=np.inf)
+                unlimited = shown("without limits of torque", solve(free, chosen, lambda *_: None))
+                for point in _front(aim, chosen):
+                    tell(_SEARCH + (1 - _SEARCH) * len(front) / (len(FRONT) + 1))
+                    front.append(point)
     best = shown("this motion", chosen)
     checked_torque(robot, best.motion)
     aligned_best = min(alignments, key=lambda one: one.felt_rotation)
     points = tuple(
         (w, best if course is chosen else shown(f"weight of G {w:g}", course))
-        for w, course in front
+        for w, course in sorted(front, key=lambda point: point[0])
     )
     washed = shown("classical washout", washout)
     numbers: dict[str, object] = {
@@ -226,8 +231,14 @@ class _Search:
         if self.interrupted:
             return
         self._found.append((aim, rated(aim, start)))
-        try:
+        with self.keeping():
             solve(aim, start, watch)
+
+    @contextmanager
+    def keeping(self) -> Iterator[None]:
+        """Keep what there is when an interrupt ends the work within."""
+        try:
+            yield
         except KeyboardInterrupt:
             self.interrupted = True
 
@@ -318,13 +329,13 @@ def _polished(aim: Aim, course: Course) -> tuple[Course, Aim]:
     return course, aim
 
 
-def _front(aim: Aim, chosen: Course) -> list[tuple[float, Course]]:
+def _front(aim: Aim, chosen: Course) -> Iterator[tuple[float, Course]]:
     """Courses with other weights of G, each from its neighbour."""
-    found = [(1.0, chosen)]
-    for factors in (sorted(x for x in FRONT if x > 1), sorted(x for x in FRONT if x < 1)[::-1]):
+    above = sorted(factor for factor in FRONT if factor > 1)
+    below = sorted((factor for factor in FRONT if factor < 1), reverse=True)
+    for factors in (above, below):
         course = chosen
         for factor in factors:
             other = replace(aim, g_weight=factor * aim.g_weight)
             course = solve(other, course, lambda *_: None, _FRONT_STEPS)
-            found.append((factor, course))
-    return sorted(found, key=lambda one: one[0])
+            yield factor, course
