@@ -19,7 +19,7 @@ from sdt_drake.io.yaml_files import parse_yaml, read_yaml, yaml_text
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.studies.job import Job, places_of
 from sdt_drake.studies.runs import Runner, with_files
-from sdt_drake.studies.store import DATABASE, OF_0_3, Store, alone_in, create
+from sdt_drake.studies.store import DATABASE, OF_0_3, RESULTS, Store, alone_in, create
 from sdt_drake.studies.study import Study, load_study
 
 STUDY, BASE, FILES = "study.yaml", "scenario.yaml", "files"
@@ -106,7 +106,7 @@ def _hash(content: bytes) -> str:
 
 def holds_study(folder: Path) -> bool:
     """Whether a study was begun in a folder, by this version or by one before it."""
-    return any((folder / name).is_file() for name in (DATABASE, OF_0_3))
+    return any((folder / name).is_file() for name in (DATABASE, OF_0_3, RESULTS))
 
 
 def load_folder(folder: Path) -> tuple[Study, Scenario, tuple[str, ...]]:

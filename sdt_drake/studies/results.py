@@ -13,11 +13,10 @@ from sdt_drake.io.errors import InputError, is_within
 from sdt_drake.io.files import replacing, write_csv
 from sdt_drake.studies.distributions import Random
 from sdt_drake.studies.folder import load_folder
-from sdt_drake.studies.store import Store
+from sdt_drake.studies.store import ABOUT, RESULTS, Store
 from sdt_drake.studies.study import Study
 from sdt_drake.studies.table import RUN_COLUMNS, StudyTable
 
-_ABOUT = "sdt_drake"  # key of the metadata
 _MET = ("motion", "plant", "disturbance", "drive.torque_error", "controller.model")
 """Parts of a scenario that designs have to stand."""
 
@@ -36,8 +35,8 @@ def write_results(store: Store, folder: Path) -> Path:
         return write_csv(folder / "results.csv", store.kinds, rows)
     types = {int: pyarrow.int64(), float: pyarrow.float64(), str: pyarrow.string()}
     fields = [(name, types[kind]) for name, kind in store.kinds.items()]
-    schema = pyarrow.schema(fields, {_ABOUT: json.dumps(store.about)})
-    path = folder / "results.parquet"
+    schema = pyarrow.schema(fields, {ABOUT: json.dumps(store.about)})
+    path = folder / RESULTS
     with replacing(path) as partial, parquet.ParquetWriter(partial, schema) as file:
         for columns in store.groups():
             file.write_table(pyarrow.table([*map(pyarrow.array, columns)], schema=schema))

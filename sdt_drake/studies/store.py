@@ -17,10 +17,15 @@ from sdt_drake.studies.fields import Value
 from sdt_drake.studies.table import Row
 
 DATABASE = "study.sqlite"
+ABOUT = "sdt_drake"
+"""Key of what a study is of, in the metadata of its export."""
+
 OF_0_3 = "rows.jsonl"
 """Rows of a study that version 0.3 or an older one ran."""
 
-_OLD_RESULTS = "results.parquet"
+RESULTS = "results.parquet"
+"""Export of a finished study, from which it can be read where its database is not."""
+
 _KINDS = {"INTEGER": int, "TEXT": str, "REAL": float}
 _PATIENCE = 60.0  # s; for another process that reads or writes a row
 _GROUP = 4096  # rows that are in memory together
@@ -42,17 +47,19 @@ class Store(AbstractContextManager["Store"]):
         Raises:
             InputError: if there is none, or it cannot be used.
         """
-        is_old = (folder / OF_0_3).is_file()
-        self.path = folder / (_OLD_RESULTS if is_old else DATABASE)
+        self.path = folder / DATABASE
+        if not self.path.is_file():
+            self.path = folder / RESULTS
         if not self.path.is_file():
             raise InputError(
                 f"{folder}: holds an unfinished study of version 0.3 or an older one ({OF_0_3}), "
                 "expected one of this version; run it anew into another folder"
-                if is_old
+                if (folder / OF_0_3).is_file()
                 else f"{folder}: holds no study, expected the folder of `sdt-drake study`"
             )
         with self._reading():
-            self._database = _imported(folder) if is_old else _connected(self.path)
+            is_export = self.path.name == RESULTS
+            self._database = _imported(self.path) if is_export else _connected(self.path)
             ((text,),) = self._database.execute("SELECT about FROM study")
             columns = self._database.execute("SELECT name, type FROM pragma_table_info('rows')")
             self.kinds = {name: _KINDS[kind] for name, kind in columns}
@@ -145,16 +152,20 @@ def _connected(path: Path) -> sqlite3.Connection:
     return sqlite3.connect(uri, uri=True, isolation_level=None, timeout=_PATIENCE)
 
 
-def _imported(folder: Path) -> sqlite3.Connection:
-    """Read a finished study of version 0.3 into a database in memory."""
-    with needing(f"{folder}: results of version 0.3 need pyarrow", "sdt_drake[study]"):
+def _imported(results: Path) -> sqlite3.Connection:
+    """Read the export of a finished study into a database in memory."""
+    with needing(f"{results}: Parquet needs pyarrow", "sdt_drake[study]"):
         from pyarrow import parquet
-    table = parquet.read_table(folder / _OLD_RESULTS)
-    about = json.loads(table.schema.metadata[b"sdt_drake"])
-    about |= json.loads((folder / "state.json").read_text(encoding="utf-8"))
+    table = parquet.read_table(results)
+    metadata = table.schema.metadata or {}
+    if ABOUT.encode() not in metadata:
+        raise ValueError("of another program")
+    about = json.loads(metadata[ABOUT.encode()])
+    if (old := results.with_name("state.json")).is_file():  # of version 0.3
+        about |= {"contents": {}} | json.loads(old.read_text(encoding="utf-8"))
     database = sqlite3.connect(":memory:")
     texts = {name: f"{table[name].type}" == "string" for name in about["inputs"]}
-    _fill(database, {"contents": {}, **about}, texts)
+    _fill(database, about, texts)
     marks = ",".join("?" * table.num_columns)
     values = zip(*(column.to_pylist() for column in table.columns), strict=True)
     database.executemany(f"INSERT INTO rows VALUES ({marks})", values)

@@ -11,13 +11,15 @@ import subprocess
 import sys
 from contextlib import contextmanager
 
+import pyarrow.parquet
 import pytest
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.studies.folder import holds_study, opened
 from sdt_drake.studies.job import Job
-from sdt_drake.studies.store import DATABASE, Store, alone_in, create
+from sdt_drake.studies.results import write_results
+from sdt_drake.studies.store import DATABASE, RESULTS, Store, alone_in, create
 from sdt_drake.studies.study import Study
 from sdt_drake.studies.table import Row
 
@@ -57,6 +59,24 @@ def test_rows_come_back_exactly_and_in_order(written):
             "y": (None, None, 5e-324),  # what was not measured
         }
     )
+
+
+def test_rows_are_read_from_their_export_where_the_database_is_not(written):
+    with Store(written) as store:
+        write_results(store, written)
+        of_database = [*store.groups()], store.about, store.kinds, store.inputs(2)
+    (written / DATABASE).unlink()
+    assert holds_study(written)
+    with Store(written) as store:
+        assert repr(([*store.groups()], store.about, store.kinds, store.inputs(2))) == repr(
+            of_database
+        )
+
+
+def test_an_export_of_another_program_is_refused(tmp_path):
+    pyarrow.parquet.write_table(pyarrow.table({"row": [1]}), tmp_path / RESULTS)
+    with pytest.raises(InputError, match="of another program"):
+        Store(tmp_path)
 
 
 def test_a_row_is_there_once(written):
