@@ -14,6 +14,7 @@ import pytest
 import sharing
 from figures import check_same
 
+import sdt_drake
 from sdt_drake.show.block_diagrams import fingerprint
 from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.studies.folder import load_runner
@@ -96,15 +97,20 @@ def test_committed_svg_was_made_from_the_committed_dot(name):
     assert blocks and blocks <= set(re.findall(r'<g id="([^"]+)"', svg))
 
 
+@pytest.mark.parametrize("name", STUDIES)
+def test_committed_rows_are_of_this_minor_version(name):
+    with Store(ROWS / name) as store:
+        ran = store.about["versions"]["package"]
+    assert ran.split(".")[:2] == sdt_drake.__version__.split(".")[:2]
+
+
 @pytest.mark.parametrize(("name", "row"), [("monte_carlo", 0), ("sizing", 0)])
 def test_committed_rows_are_those_of_today(name, row):
     (runner, *_), table = load_runner(ROWS / name), read_study_table(ROWS / name)
     with Store(ROWS / name) as store:
         outcomes, *_ = runner.repeat(row, store.inputs(row))
     for (outcome, values), found in zip(table.outcomes.items(), outcomes, strict=True):
-        # The rows are older than the meter: both tell peaks to 2e-3 of the motor's torque.
-        atol = 2e-3 if outcome.startswith(("peak_torque", "used_torque")) else 1e-5
-        np.testing.assert_allclose(found, values[row], rtol=1e-3, atol=atol, err_msg=outcome)
+        np.testing.assert_allclose(found, values[row], rtol=1e-3, atol=1e-5, err_msg=outcome)
 
 
 # --- the script ------------------------------------------------------------------------------

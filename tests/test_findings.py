@@ -158,8 +158,15 @@ def test_table_of_the_study_is_what_its_rows_say():
             f"{angle[of & ~saturated].max():.2f}",
         ]
         assert row[1:] == expected, row[0]
+    lost = (speed > 1).reshape(-1, 4)  # a device a row, in the order of the controllers
+    few, many, cascade, all_ = said(
+        r"(\d+) to (\d+) devices, with the cascade (\d+), lose .*? and (\d+) of them"
+    )
+    by_controller = lost.sum(axis=0)
+    assert (min(by_controller[:3]), max(by_controller[:3])) == (few, many)
+    assert (by_controller[3], lost.all(axis=1).sum()) == (cascade, all_)
     away = (angle > 360) & (table.inputs["controller"] == "p_pi+id")
-    assert (np.count_nonzero(angle > 360), np.count_nonzero(away)) == (5, 5)
+    assert (np.count_nonzero(angle > 360), np.count_nonzero(away)) == (25, 13)
 
 
 def test_recommended_motors_are_those_of_the_rows():
@@ -228,16 +235,16 @@ def test_commands_are_told_as_they_are_typed():
     assert len(load_sizing("sizing")[0].study()) == 864
 
 
-def test_row_47_runs_away_without_anti_windup():
+def test_row_459_runs_away_without_anti_windup():
     """By its committed row; and with it, by a run."""
     table = read_study_table(STUDIES / "monte_carlo")
-    assert table.inputs["controller"][47] == "p_pi+id"
-    errors = [table.outcomes[f"max_abs_position_error_{k}"][47] for k in (1, 2, 3, 4)]
+    assert table.inputs["controller"][459] == "p_pi+id"
+    errors = [table.outcomes[f"max_abs_position_error_{k}"][459] for k in (1, 2, 3, 4)]
     assert np.degrees(np.max(errors)) > 360
     runner = Runner(*load_study("monte_carlo"))
-    scenario = runner.scenario(47, {key: x[47].item() for key, x in table.inputs.items()})
+    scenario = runner.scenario(459, {key: x[459].item() for key, x in table.inputs.items()})
     scenario.controller.anti_windup = True
     scenario.accuracy = COARSE
     made, _ = runner.design(scenario)
     largest = track(simulate(made), made.motion).max_abs_position_error.max()
-    assert np.degrees(largest) == pytest.approx(5.7, abs=0.3)
+    assert np.degrees(largest) == pytest.approx(11.4, abs=0.3)
