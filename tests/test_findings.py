@@ -179,7 +179,7 @@ def test_recommended_motors_are_those_of_the_rows():
             assert best.mass == float(mass)
     missed = {v.controller: v.missed for v in verdicts if str(v.candidate) == SMALLER}
     assert ["0.32 rad/s" in missed["pi"][0], len(missed["pi"])] == [True, 1]
-    for label, share in (("pi_id", "1.28 %"), ("p_pi+id", "1.285 %")):
+    for label, share in (("pi_id", "1.281 %"), ("p_pi+id", "1.286 %")):
         assert [f"saturation of joint 2 is {share}" in text for text in missed[label]] == [True]
 
 
