@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from sdt_drake.io.yaml_files import read_yaml
 from sdt_drake.motion import load_plan
 from sdt_drake.robot.head import HeadMotion, head_motion_of_samples
 from sdt_drake.robot.robot import Robot
-from sdt_drake.systems.orientation import PERCEPTION
+from sdt_drake.systems.orientation import PERCEPTION, PerceptionModel
 
 LEVELS = {
     "roll": 1.7,
@@ -33,7 +34,8 @@ LEVELS = {
 """Errors of feeling that count as an illusion: the threshold of tilts at 0.15 Hz [deg] (Suri &
 Clark 2020) and the rotation that goes unperceived [deg/s]."""
 
-_PERIOD = 0.02  # of training motions [s]
+PERIOD = 0.02
+"""Of planned motions as they are felt [s]."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ class Illusion:
         )
 
 
-def feel(head: HeadMotion, period: float, model: str) -> Percept:
+def feel(head: HeadMotion, period: float, model: str | PerceptionModel) -> Percept:
     """What is felt of a motion of the head, sampled every `period` [s]."""
     time = period * np.arange(len(head.specific_force), dtype=float)
     return perceive(time, head.specific_force, head.angular_velocity, model)
@@ -135,19 +137,34 @@ class Intended:
 def intended_illusions(robot: Robot, models: Sequence[str] = ()) -> list[Intended]:
     """Predict of each training motion the illusion that is meant, by default with all sets."""
     models = models or tuple(shipped(PERCEPTION))
-    texts = read_yaml(Path(__file__).with_name("illusions.yaml"))
     found = []
-    for motion, meant in texts.items():
-        planned = load_plan(motion, robot, period=_PERIOD).motion
-        head = head_motion_of_samples(robot, _PERIOD, planned.q, planned.v)
+    for motion, meant in _texts().items():
+        head = planned_head(motion, robot)
         with threads(2) as pool:
-            felt = list(pool.map(partial(feel, head, _PERIOD), models))
-        errors = [_largest(one, head, **meant) for one in felt]
+            felt = list(pool.map(partial(feel, head, PERIOD), models))
+        errors = [largest_error(one, head, **meant) for one in felt]
         found.append(Intended(motion, meant["quantity"], dict(zip(models, errors, strict=True))))
     return found
 
 
-def _largest(
+def planned_head(motion: str, robot: Robot) -> HeadMotion:
+    """The head along a motion as it is planned, by name or file, every PERIOD."""
+    planned = load_plan(motion, robot, period=PERIOD).motion
+    return head_motion_of_samples(robot, PERIOD, planned.q, planned.v)
+
+
+def meant_of(motion: str) -> Mapping[str, Any] | None:
+    """What a training motion is meant to feel like, as `largest_error` takes it; None of others."""
+    meant: Mapping[str, Any] | None = _texts().get(motion)
+    return meant
+
+
+@cache
+def _texts() -> Any:
+    return read_yaml(Path(__file__).with_name("illusions.yaml"))
+
+
+def largest_error(
     felt: Percept,
     head: HeadMotion,
     quantity: str,

@@ -10,7 +10,7 @@ import numpy as np
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Flag, OtherRobot, Out, Show, one_of
+from sdt_drake.cli.common import Changes, Flag, OtherRobot, Out, Show, Whole, number, one_of
 from sdt_drake.cli.printing import print_document_table, print_table, say, say_wrapped
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
@@ -27,10 +27,13 @@ if TYPE_CHECKING:
 
 
 def run(
-    scenario: Annotated[str | None, one_of("scenario", name="SCENARIO|RECORDING")] = None,
+    scenario: Annotated[
+        str | None, one_of("scenario", "motion", name="SCENARIO|RECORDING|MOTION")
+    ] = None,
     /,
     *,
     validate: Flag = False,
+    pilots: Annotated[Whole | None, number(gte=1, lte=100_000)] = None,
     robot: OtherRobot = None,
     gains: Annotated[str, one_of("perception model", name="--model")] = "clark2019",
     out: Out = None,
@@ -44,6 +47,8 @@ def run(
     Args:
         validate: hold the model of the pilot against what people reported, and tell what it
             predicts of the training motions
+        pilots: tell how many of that many pilots, who differ as people do, are predicted to feel
+            the illusion of a MOTION
         scenario: what to run, or what `simulate` wrote (.csv, .mat, .parquet)
         gains: gains of the pilot's model: a name that ships, or a YAML file
         out: CSV file for what is felt over time, or a figure of it (.png, .svg, .pdf)
@@ -57,7 +62,11 @@ def run(
         if scenario is not None or not validate:
             raise InputError("expected a scenario, a recording or --validate, one of them")
         common.refuse("not with --validate", out=out, show=show, changes=changes)
+        common.refuse("of a motion, not with --validate", pilots=pilots)
         return _validate(robot or common.ROBOT)
+    if pilots is not None:
+        common.refuse("not with --pilots", out=out, show=show, changes=changes)
+        return _share(scenario, robot or common.ROBOT, gains, pilots)
     common.check_out(out, show, [".csv"])
     name, recording, model, story = _recorded(scenario, robot, changes)
     if recording.q.shape[1] != model.n:
@@ -117,6 +126,30 @@ def _validate(robot: str) -> None:
     print_document_table(intended_table(intended_illusions(model)))
     say()
     say_wrapped(CAUTION, "")
+
+
+def _share(motion: str, robot: str, gains: str, count: int) -> None:
+    """Print how many pilots are predicted to feel the illusion of a motion."""
+    from sdt_drake.analysis.illusions import LEVELS, PERIOD, planned_head
+    from sdt_drake.analysis.orientation import CAUTION
+    from sdt_drake.analysis.pilots import differences, feelings
+    from sdt_drake.robot.head import check_head
+
+    model = sdt.load_robot(robot)
+    check_head(model)
+    head = planned_head(motion, model)
+    for own in feelings(motion, head, PERIOD, gains, count):
+        unit = "deg/s" if own.quantity.endswith("rate") else "deg"
+        low, middle, high = np.percentile(own.errors, [5, 50, 95])
+        say_wrapped(
+            f"{own} are predicted to feel it: {motion}, {own.quantity} wrong by more than "
+            f"{LEVELS[own.quantity]:g} {unit}; felt less true {middle:+.1f} {unit} in the median, "
+            f"{low:+.1f} to {high:+.1f} in 90 % of them.",
+            "",
+        )
+    say()
+    for sentence in [f"Pilots around {gains}.", *differences(), CAUTION]:
+        say_wrapped(sentence, "")
 
 
 def _recorded(

@@ -217,7 +217,22 @@ def test_validate_tells_what_people_reported_first(good, desk):
         ((), "expected a scenario, a recording or --validate, one of them"),
         (("coupled_pi", "--validate"), "expected a scenario, a recording or --validate, one of"),
         (("--validate", "--out", "x.png"), "--out: not with --validate"),
+        (("--validate", "--pilots", "20"), "--pilots: of a motion, not with --validate"),
+        (("leans", "--pilots", "20", "--out", "x.png"), "--out: not with --pilots"),
+        (("leans", "--pilots", "0"), "--pilots"),
+        (("coupled_pi", "--pilots", "2"), "coupled_pi: is a scenario, expected a motion"),
     ],
 )
 def test_validate_stands_alone(call, desk, options, part):
     refused(call("pilot", *options), part)
+
+
+def test_how_many_pilots_feel_it_is_told_first(good, desk):
+    out = good("pilot", "leans", "--pilots", "3").out
+    said = " ".join(out.split())
+    assert said.startswith(
+        "0 of 3 pilots (0 %, 95 % interval 0 to 56 %) are predicted to feel it: leans, roll wrong"
+    )
+    assert "Dai, Klein, Cohen & Raphan 1999" in said and said.endswith(CAUTION)
+    assert good("pilot", "leans", "--pilots", "3").out == out
+    assert list(desk.iterdir()) == []
