@@ -106,8 +106,9 @@ def within(where: str | Path) -> AbstractContextManager[None]:
     """Name the file or object that the problems of an `InputError` are in, if none is named."""
 
     def named(problem: Problem) -> Problem:
-        is_named = f"{problem}".startswith(f"{where}")
-        return problem if is_named else problem._replace(where=_joined(f"{where}", problem.where))
+        if f"{problem}".startswith(f"{where}"):
+            return problem
+        return problem._replace(where=": ".join(filter(None, (f"{where}", problem.where))))
 
     return retelling(named)
 
@@ -134,10 +135,6 @@ PART = re.compile(r"(\w+)(?:\[([1-9]\d{0,5})\])?")
 def meant(near: Iterable[str]) -> str:
     """The names like a wrong one, for people: "did you mean 'kind'?"."""
     return f"did you mean {' or '.join(map(repr, near))}?"
-
-
-def _joined(where: str, inner: str) -> str:
-    return ": ".join(filter(None, (where, inner)))
 
 
 def one_line(error: object) -> str:
