@@ -87,7 +87,7 @@ class Sizing(Input):
     device: DeviceChoice = setting(DeviceChoice)
     """What all candidates share: `fitted`, `catalogue`, `gear_ratio`, `payload`,
     `stiffness_exponent`. Its motors and its scale are those of the candidates."""
-    motors: Some[list[str]]
+    motors: Some[Some[str]]
     """Ids for each joint, base to tip; every combination is a motor set."""
     structure_scales: Some[Positive] = setting([1.0], unit="-")
     """Every motor set is tried with each."""
@@ -115,9 +115,7 @@ class Sizing(Input):
         lists["structure_scales"] = [f"{scale:g}" for scale in self.structure_scales]
         lists["motions"] = [short_name(motion) for motion in self.motions]
         for name, values in lists.items():
-            if not values:
-                yield name, "empty, expected at least one"
-            elif len(set(values)) < len(values):
+            if len(set(values)) < len(values):
                 yield name, f"{values} has a value twice"
         for name in ("max_abs_speed_error", "max_abs_position_error_deg"):
             limits = getattr(self.requirements, name)

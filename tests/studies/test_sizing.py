@@ -104,7 +104,7 @@ BAD = [
     ("coupled_pi.yaml", "axis_pi.yaml", "scenario: plant.kind axis, expected coupled: the masses"),
     ("TM-3950, TM-5270]", "TM-3950, TM-5720]", "motors[2]: no motor 'TM-5720' in the catalogue"),
     ("[TM-716, TM-1430]", "[TM-716, TM-716]", "motors[4]: ['TM-716', 'TM-716'] has a value twice"),
-    ("[TM-716, TM-1430]", "[]", "motors[4]: empty, expected at least one"),
+    ("[TM-716, TM-1430]", "[]", "motors[4]: empty, expected a list of texts"),
     ("  - [TM-716, TM-1430]  # yaw\n", "", "requirements.max_abs_speed_error: 4 value(s)"),
     ("  fitted:", "  structure_scale: 2\n  fitted:", "device: motors and structure_scale are"),
     ("  fitted: [AC-203, TM-3950, TM-2150, TM-2150]", "  payload: payload", "device.fitted: mis"),
