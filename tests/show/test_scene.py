@@ -15,12 +15,14 @@ from test_urdf import URDF
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.robot import load_robot, parts_of
+from sdt_drake.show.view3d import scene as scene_module
 from sdt_drake.show.view3d.scene import (
     FIELD_OF_VIEW,
     FRAME_RATE,
     METRES_PER_G,
     Scene,
     arrow_pose,
+    felt_rotation,
     make_frames,
 )
 from sdt_drake.show.view3d.viewer import record_html
@@ -66,6 +68,35 @@ def test_head_and_its_specific_force_are_drakes(robot):
         a = plant.CalcJacobianTranslationalVelocity(*where) @ vd[k]
         a += plant.CalcBiasTranslationalAcceleration(*where).ravel()
         np.testing.assert_allclose(shown.force_in_world[k], a - gravity, atol=0.01)
+
+
+def test_felt_head_turns_no_more_than_down_needs(robot):
+    frames = make_frames(robot, TIME, smooth(robot)[0])
+    rotation, gravity = frames.head.rotation, frames.felt.gravity
+    felt = felt_rotation(rotation, gravity)
+    np.testing.assert_allclose(
+        felt @ gravity[:, :, None], np.tile([[0], [0], [-1]], (61, 1, 1)), atol=1e-3
+    )
+    np.testing.assert_allclose(
+        felt @ felt.swapaxes(1, 2), np.tile(np.eye(3), (61, 1, 1)), atol=1e-9
+    )
+    cosine = (np.trace(felt @ rotation.swapaxes(1, 2), axis1=1, axis2=2) - 1) / 2
+    down = np.einsum("nij,nj->ni", rotation, gravity)[:, 2]
+    np.testing.assert_allclose(cosine, -down, atol=1e-3)
+    # Felt as it is, and felt upside down, which has no axis.
+    true = -rotation[:, 2]
+    np.testing.assert_allclose(felt_rotation(rotation, true), rotation, atol=1e-9)
+    assert np.all(np.isfinite(felt_rotation(rotation, -true)))
+
+
+def test_a_weightless_head_has_no_felt_attitude(robot, monkeypatch, meshcat):
+    def weightless(*_):
+        raise InputError("specific_force: 0 m/s²")
+
+    monkeypatch.setattr(scene_module, "feel", weightless)
+    frames = make_frames(robot, TIME, smooth(robot)[0])
+    assert frames.head is not None and frames.felt is None
+    Scene(robot, frames, meshcat).show(3)
 
 
 @pytest.mark.parametrize("force", [(0, 0, 9.81), (3, -4, 2), (0, 0, -19.62), (-9.81, 0, 0)])

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from test_scene import TIME, smooth
 
+from sdt_drake.analysis.illusions import true_attitude
+from sdt_drake.analysis.orientation import CAUTION
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Story, TimedSegment
 from sdt_drake.robot.robot import load_robot
@@ -173,6 +175,34 @@ def test_page_tells_angles_g_and_segments(page, robot):
     assert "To be felt: A <b> lean." in page.inner_text("#sdt-legend")
 
 
+def test_page_shows_felt_beside_true_attitude(page, robot):
+    frames = make_frames(robot, TIME, smooth(robot)[0])
+    felt, head = frames.felt, frames.head
+    true = np.degrees(true_attitude(head))
+    assert "attitude as it is felt" in page.inner_text("#sdt-legend")
+    assert CAUTION in page.inner_text("#sdt-legend")
+    for k in (15, 55):
+        seek(page, frames.time[k])
+        np.testing.assert_allclose(place_of(page, ["felt"]), head.position[k], atol=1e-4)
+        m = page.evaluate("viewer.scene_tree.find(['felt']).object.matrixWorld.elements")
+        axes = np.array([[x, -z, y] for x, y, z in (m[0:3], m[4:7], m[8:11])])  # in the world
+        np.testing.assert_allclose(axes.T @ felt.gravity[k], [0, 0, -1], atol=2e-3)
+        own = np.degrees([felt.roll[k], felt.pitch[k]])
+        page.wait_for_function(
+            """told => `${told}` ===
+              `${Array.from(document.querySelectorAll("#sdt-felt td"), x => x.innerText)}`""",
+            arg=[
+                text
+                for name, a, b in zip(("roll", "pitch"), own, true[:, k], strict=True)
+                for text in (f"{name}, felt | true", f"{a:.1f}° | {b:.1f}°")
+            ],
+        )
+    shown = "viewer.scene_tree.find(['felt']).object.visible"
+    assert page.evaluate(shown)
+    page.click("#sdt-view")
+    assert not page.evaluate(shown)  # it would be around the camera
+
+
 def test_pilots_view_rides_along(page, robot, meshcat):
     frames = make_frames(robot, TIME, smooth(robot)[0])
     head = frames.head
@@ -215,7 +245,7 @@ def test_robot_without_a_head_and_visuals_and_a_browser_without_webgl(open_page,
         assert not page.is_visible("#sdt-view") and not page.is_visible("#sdt-meter")
         seek(page, 1.0)
         names = page.evaluate("Object.keys(viewer.scene_tree.children)")
-        assert "robot" in names and not {"trace", "arrow", "head"} & set(names)
+        assert "robot" in names and not {"trace", "arrow", "head", "felt"} & set(names)
         assert errors == [] and requests == []
         page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
         page.reload()

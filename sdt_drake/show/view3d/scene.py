@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba, SceneGraph
+from pydrake.geometry import Cylinder, Ellipsoid, Meshcat, MeshcatCone, Rgba, SceneGraph
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
+from sdt_drake.analysis.illusions import feel
+from sdt_drake.analysis.orientation import Percept
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, one_line
 from sdt_drake.motion.trajectory import interpolated
@@ -31,8 +33,11 @@ LARGEST = 1000.0
 METRES_PER_G = 0.7
 """Length of the arrow for 1 g of specific force [m]."""
 
-ARROW, TRACE = (0.84, 0.15, 0.35), (0.0, 0.55, 0.45)
-"""Colours of specific force and path of the head, RGB in 0..1."""
+ARROW, TRACE, FELT = (0.84, 0.15, 0.35), (0.0, 0.55, 0.45), (0.45, 0.2, 0.75)
+"""Colours of specific force, path and felt attitude of the head, RGB in 0..1."""
+
+FELT_MODEL = "clark2019"
+"""The gain set that predicts what is felt, in all pictures."""
 
 FIELD_OF_VIEW, WIDTH = 40.0, 1.3
 """Of the camera that sees everything: field from bottom to top [deg], least width over height."""
@@ -45,7 +50,7 @@ _TIP = 0.25  # share of the arrow's length
 _SKY, _HORIZON = [0.80, 0.87, 0.94], [0.97, 0.98, 0.99]  # RGB in 0..1
 _FROM = np.array([5.0, -4.0, 3.0]) / np.sqrt(50)  # from where a camera looks, of length 1
 _CAMERA = "/Cameras/default/rotated/<object>"
-_HEAD_PATH, _ARROW_PATH = "/head", "/arrow"
+_HEAD_PATH, _ARROW_PATH, _FELT_PATH = "/head", "/arrow", "/felt"
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +61,13 @@ class Frames:
         time: k / FRAME_RATE from the start of the motion [s], shape (F,).
         q: joint angles, joint side [rad], shape (F, n).
         head: motion of the pilot's head; None for a robot without a head frame.
+        felt: predicted of it; None where it cannot be, as of one that is weightless.
     """
 
     time: Array
     q: Array
     head: HeadMotion | None = None
+    felt: Percept | None = None
 
 
 def make_frames(robot: Robot, time: Array, q: Array) -> Frames:
@@ -86,7 +93,28 @@ def make_frames(robot: Robot, time: Array, q: Array) -> Frames:
     v = np.gradient(q, time, axis=0)
     vd = np.gradient(v, time, axis=0)
     head = head_motion(robot, sampled, interpolated(t, time, v), interpolated(t, time, vd))
-    return Frames(at, sampled, head)
+    try:
+        felt = feel(head, 1 / FRAME_RATE, FELT_MODEL)
+    except InputError:
+        felt = None
+    return Frames(at, sampled, head, felt)
+
+
+def felt_rotation(rotation: Array, gravity: Array) -> Array:
+    """From the head to the world as it is felt: the smallest turn that brings felt gravity down.
+
+    Args:
+        rotation: from the head to the world, shape (N, 3, 3).
+        gravity: felt, in axes of the head, of length 1, shape (N, 3).
+    """
+    from scipy.spatial.transform import Rotation
+
+    told_down, down = np.einsum("nij,nj->ni", rotation, gravity), np.array([0.0, 0.0, -1.0])
+    axis = np.cross(told_down, down)
+    sine = np.linalg.norm(axis, axis=1)
+    angle = np.arctan2(sine, told_down @ down) / np.maximum(sine, 1e-12)
+    turned: Array = Rotation.from_rotvec(axis * angle[:, None]).as_matrix() @ rotation
+    return turned
 
 
 def check_angles(robot: Robot, time: Array, q: Array) -> None:
@@ -154,6 +182,9 @@ class Scene:
         _draw_surroundings(meshcat, low, high)
         if frames.head is not None:
             _draw_head(meshcat, frames.head.position)
+        if frames.head is not None and frames.felt is not None:
+            _draw_felt(meshcat)
+            self._felt = felt_rotation(frames.head.rotation, frames.felt.gravity)
         self.target = (low + high) / 2
         self.eye = self.target + _distance(reached - self.target[:, None]) * _FROM
         self.show(0)
@@ -173,6 +204,9 @@ class Scene:
         arrow, length = arrow_pose(head.position[k], head.force_in_world[k])
         self.meshcat.SetTransform(_ARROW_PATH, arrow, at)
         self.meshcat.SetProperty(f"{_ARROW_PATH}/unit", "scale", [1.0, 1.0, length], at)
+        if frames.felt is not None:
+            felt = RigidTransform(RotationMatrix(self._felt[k]), head.position[k])
+            self.meshcat.SetTransform(_FELT_PATH, felt, at)
 
     def overview(self) -> None:
         """The camera where it sees everything."""
@@ -183,6 +217,7 @@ class Scene:
         """The camera where the head is in picture k, looking forward, turning with it."""
         head = self.frames.head
         assert head is not None, "for a robot with a head"
+        self.meshcat.SetProperty(_FELT_PATH, "visible", False)  # it is around the camera
         eye, (x, _, z) = head.position[k], head.rotation[k].T
         self.meshcat.SetCameraPose(eye, eye + x)
         # Meshcat keeps its camera upright, by a vector `up` with y upwards: that can roll it.
@@ -279,3 +314,16 @@ def _draw_head(meshcat: Meshcat, position: Array) -> None:
     meshcat.SetObject(f"{unit}/tip", MeshcatCone(_TIP, _TIP_RADIUS, _TIP_RADIUS), Rgba(*ARROW))
     flip = RotationMatrix.MakeXRotation(np.pi)
     meshcat.SetTransform(f"{unit}/tip", RigidTransform(flip, np.array([0.0, 0.0, 1.0])))
+
+
+def _draw_felt(meshcat: Meshcat) -> None:
+    """A translucent head that looks along x, in a disc that is level with it."""
+    colour = Rgba(*FELT, 0.45)
+    meshcat.SetObject(f"{_FELT_PATH}/head", Ellipsoid(0.16, 0.13, 0.2), colour)
+    meshcat.SetObject(f"{_FELT_PATH}/level", Cylinder(0.75, 0.01), Rgba(*FELT, 0.3))
+    meshcat.SetObject(f"{_FELT_PATH}/forward", MeshcatCone(0.3, 0.07, 0.07), colour)
+    # The point of the cone, where its origin is, lies 0.95 m ahead; it opens backward.
+    ahead = RigidTransform(RotationMatrix.MakeYRotation(-np.pi / 2), np.array([0.95, 0.0, 0.0]))
+    meshcat.SetTransform(f"{_FELT_PATH}/forward", ahead)
+    for part in ("head", "level", "forward"):  # before a canopy around it, which would hide it
+        meshcat.SetProperty(f"{_FELT_PATH}/{part}/<object>", "renderOrder", -1.0)

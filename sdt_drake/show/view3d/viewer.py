@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatParams
 
+from sdt_drake.analysis.illusions import true_attitude
+from sdt_drake.analysis.orientation import CAUTION
 from sdt_drake.io.arguments import a, a_path, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
@@ -26,6 +28,8 @@ from sdt_drake.run.simulate import Recording
 from sdt_drake.show.documents import render_html
 from sdt_drake.show.view3d.scene import (
     ARROW,
+    FELT,
+    FELT_MODEL,
     FIELD_OF_VIEW,
     FRAME_RATE,
     METRES_PER_G,
@@ -54,7 +58,8 @@ def record_html(
 ) -> None:
     """Write a web page that plays the motion without a server or a network.
 
-    It also tells the angles of the joints, the G at the head, and which segments are going on.
+    It also tells the angles of the joints, the G at the head, the attitude that the pilot is
+    predicted to feel, and which segments are going on.
 
     Args:
         robot: drawn as its file draws it.
@@ -167,6 +172,10 @@ def recorded_page(
         metres=METRES_PER_G,
         arrow=_css(ARROW),
         trace=_css(TRACE),
+        felt=_css(FELT),
+        has_felt=frames.felt is not None,
+        felt_by=FELT_MODEL,
+        caution=CAUTION,
         eye=_in_browser(scene.eye),
         target=_in_browser(scene.target),
         outside=FIELD_OF_VIEW,
@@ -184,8 +193,19 @@ def _told(robot: Robot, frames: Frames, story: Story) -> dict[str, object]:
         "names": numbered(robot.joint_names),
         "angles": np.degrees(frames.q).round(1).tolist(),
         "g": [] if frames.head is None else frames.head.resultant_g.round(2).tolist(),
+        "felt": _attitudes(frames),
         "segments": story.segments,
     }
+
+
+def _attitudes(frames: Frames) -> list[list[float]]:
+    """Felt and true roll, felt and true pitch of each picture [deg]."""
+    if frames.head is None or frames.felt is None:
+        return []
+    roll, pitch = true_attitude(frames.head)
+    both = np.degrees([frames.felt.roll, roll, frames.felt.pitch, pitch])
+    told: list[list[float]] = both.T.round(1).tolist()
+    return told
 
 
 def _in_browser(place: Array) -> str:
