@@ -81,8 +81,9 @@ def run(
     print_table(*_motion_rows(head, felt, period))
     say()
     say(f"Felt wrongly of what was achieved, by {gains}:")
-    for illusion in illusions(felt[1], head.achieved):
-        say(f"  {illusion}")
+    found = [str(illusion) for illusion in illusions(felt[1], head.achieved)]
+    for told in found or ["nothing: no illusion is predicted"]:
+        say(f"  {told}")
     say(CAUTION)
     say()
     print_table(*_felt_rows(head, recording.time))

@@ -102,6 +102,11 @@ def test_another_model_of_the_pilot(good, call, recording):
     refused(call("pilot", "run.csv", "--model", "slow"), "slow: no such perception model")
 
 
+def test_that_no_illusion_is_predicted_is_told(good, recording, monkeypatch):
+    monkeypatch.setattr(import_module("sdt_drake.analysis.illusions"), "illusions", lambda *_: [])
+    assert "by clark2019:\n  nothing: no illusion is predicted\n" in good("pilot", "run.csv").out
+
+
 def test_a_scenario_is_run_as_simulate_runs_it(good, recording):
     by_recording = good("pilot", "run.csv").out.partition("\n")[2]
     by_scenario = good("pilot", "../given/coupled.yaml").out
