@@ -56,12 +56,12 @@ def run(
     """
     from sdt_drake.analysis.orientation import CAUTION
     from sdt_drake.cli.plan import driven
-    from sdt_drake.machine.fly.flight import load_flight_columns, read_flight, suspicious_flight
+    from sdt_drake.machine.fly.flight import read_flight, suspicious_flight
     from sdt_drake.show.reports.fly import FILES, write_flown
 
     common.check_folder(out, FILES)
     device = sdt.load_robot(robot) if envelope is None else driven(envelope, None)
-    recorded = read_flight(flight, None if columns is None else load_flight_columns(columns))
+    recorded = read_flight(flight, columns)
     for line in suspicious_flight(recorded):
         say(f"suspicious: {line}")
     with common.naming_fields({"knot": "--knot", "approach": "--approach"}):

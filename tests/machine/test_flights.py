@@ -56,7 +56,7 @@ def test_jsbsim_counts_right_and_down_in_feet(tmp_path, turning):
     names = [columns.time, *columns.force, *columns.omega]
     down = [1, -1, -1]
     path = write(tmp_path, names, time, force * down / 0.3048, rate * down)
-    same(read_flight(path, columns), force, rate)
+    same(read_flight(path, "jsbsim"), force, rate)
 
 
 def test_recorders_have_load_factors_and_degrees(tmp_path, turning):

@@ -148,7 +148,7 @@ def load_flight_columns(path: str | Path) -> FlightColumns:
     return load_yaml(FlightColumns, path, "columns of a flight")[0]
 
 
-def read_flight(path: str | Path, columns: FlightColumns | None = None) -> Flight:
+def read_flight(path: str | Path, columns: FlightColumns | str | Path | None = None) -> Flight:
     """Read a recording of a flight.
 
     Where it was measured with a lever l from the head, the head has f - alpha x l - omega x (omega
@@ -156,11 +156,13 @@ def read_flight(path: str | Path, columns: FlightColumns | None = None) -> Fligh
 
     Args:
         path: of the file, or the name of a flight that ships.
-        columns: what its file calls them.
+        columns: what its file calls them, a mapping file, or the name of one that ships.
 
     Raises:
         InputError: naming the file, and the column or line.
     """
+    if isinstance(columns, str | Path):
+        columns = load_flight_columns(columns)
     columns = columns or FlightColumns()
     numbers = read_numbers(
         find_file(path, "flight"),

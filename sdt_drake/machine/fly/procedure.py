@@ -58,8 +58,7 @@ class Flown(Shown):
         unlimited: the motion without limits of torque; None if it was not asked for.
         front: weights of G over the one that was asked for, and motions, from the smallest.
         felt: in flight; None where the model has no answer.
-        starts: sense, seat [deg], cost, G error and felt rotation error, by start.
-        summary_: what summary.json holds.
+        numbers: what summary.json holds.
     """
 
     chosen: Option
@@ -101,7 +100,7 @@ def fly(
     robot: Robot | str | Path,
     flight: Flight | str | Path,
     *,
-    columns: FlightColumns | None = None,
+    columns: FlightColumns | str | Path | None = None,
     approach: float = 15.0,
     departure: float = 15.0,
     idle_g: float | None = None,
@@ -123,7 +122,7 @@ def fly(
     Args:
         robot: with a head and at least two joints, its file, or the name of one that ships.
         flight: a recording, or its file.
-        columns: what the file calls its columns.
+        columns: what the file calls its columns, a mapping file, or the name of one that ships.
         approach: from rest to the start of the flight [s].
         departure: from its end to rest [s].
         idle_g: resultant to wait at before and after the flight [G]; by default that of its first
