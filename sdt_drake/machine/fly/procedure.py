@@ -15,7 +15,7 @@ import numpy as np
 from sdt_drake.analysis.orientation import Percept
 from sdt_drake.io.arguments import positive, share, takes
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, whole_periods
+from sdt_drake.io.errors import InputError, whole_periods, within
 from sdt_drake.io.progress import work
 from sdt_drake.io.shown import Shown, Summary, formatted
 from sdt_drake.machine.fly.alignment import Start, aligned, angles, washed_out
@@ -322,9 +322,11 @@ def _polished(aim: Aim, course: Course) -> tuple[Course, Aim]:
             torque_less=aim.torque_less + 1.2 * over,
             lower=aim.lower + 1.2 * past,
             upper=aim.upper - 1.2 * past,
+            penalty=10 * aim.penalty,
         )
         course = solve(aim, course, lambda *_: None, _POLISH_STEPS)
-    checked_torque(robot, course.motion(INTERPOLATION_PERIOD))
+    with within("no motion was found within the limits, the best one"):
+        checked_torque(robot, course.motion(INTERPOLATION_PERIOD))
     return course, aim
 
 

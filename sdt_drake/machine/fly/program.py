@@ -38,7 +38,6 @@ RHO = 0.1
 SPEED_SHARE = 0.98
 """Share of the joints' speed that a motion may take [-]."""
 
-_EXCESS = 5e3  # penalty of a torque that is one limit too large, for a second
 _MOST_STEPS = 20  # programs
 _REGION, _LARGEST_REGION, _SMALLEST_REGION = 0.3, 1.0, 1e-3  # rad, and rad/s of an arm
 _SETTLED = 1e-3  # of the cost; a step that gains less is the last one
@@ -63,6 +62,7 @@ class Aim:
         lower, upper: angles of the joints [rad], shape (n,).
         torque_less: taken off the torque that may be used [N m], shape (n,).
         arm: whether joint 1 turns about the vertical, so that its angle is not felt.
+        penalty: cost of a torque that is one limit too large, for a second.
     """
 
     robot: Robot
@@ -76,6 +76,7 @@ class Aim:
     upper: Array
     torque_less: Array
     arm: bool
+    penalty: float = 5e3
 
     @property
     def count(self) -> int:
@@ -89,21 +90,14 @@ class Course:
 
     Attributes:
         knot: time between knots [s].
-        cost: of what is felt, and of jerk [s].
-        excess: torque beyond what may be used, summed over knots [-].
+        merit: what is minimised: of what is felt, of jerk, and of torque beyond what may be used.
     """
 
     knot: float
     q: Array
     v: Array
     a: Array
-    cost: float = math.inf
-    excess: float = math.inf
-
-    @property
-    def merit(self) -> float:
-        """What is minimised."""
-        return self.cost + _EXCESS * self.knot * self.excess
+    merit: float = math.inf
 
     def motion(self, period: float) -> Motion:
         """The course at the interpolation period, which divides the time between knots."""
@@ -171,7 +165,7 @@ def fitted(aim: Aim, q: Array) -> Course:
 
 
 def rated(aim: Aim, course: Course) -> Course:
-    """The course with its cost and excess torque."""
+    """The course with its merit."""
     error = _head(aim.robot, course.q, course.v, course.a) - np.hstack([aim.force, aim.rate])
     error[:, 3:] -= low_pass(error[:, 3:], CANAL, aim.knot)
     error *= _scale(aim) * aim.weight
@@ -181,7 +175,8 @@ def rated(aim: Aim, course: Course) -> Course:
     if math.isfinite(aim.torque_share):
         used = np.abs(_torque_use(aim, course.q, course.v, course.a)).max(axis=1)
         excess = float(np.maximum(used - 1, 0).sum())
-    return Course(aim.knot, course.q, course.v, course.a, cost, excess)
+    merit = cost + aim.penalty * aim.knot * excess
+    return Course(aim.knot, course.q, course.v, course.a, merit)
 
 
 def _scale(aim: Aim) -> Array:
@@ -219,7 +214,7 @@ def _jacobian(of: Callable[..., Array], course: Course, step: float) -> Array:
 
 def _step(aim: Aim, course: Course, region: float) -> tuple[Course, float]:
     """The best course of the problem made linear, within the region, and the gain it promises."""
-    program, n, scale = _Quadratic(aim), aim.robot.n, _scale(aim)
+    program, n, scale = _Quadratic(aim, max(course.merit, 1.0)), aim.robot.n, _scale(aim)
     at = np.hstack([course.q, course.v, course.a])
     J = _jacobian(lambda q, v, a: _head(aim.robot, q, v, a), course, 1e-5)
     off = _head(aim.robot, course.q, course.v, course.a) - np.hstack([aim.force, aim.rate])
@@ -242,19 +237,24 @@ def _step(aim: Aim, course: Course, region: float) -> tuple[Course, float]:
     if math.isfinite(aim.torque_share):
         program.torques(aim, course, at)
     found = program.solved()
+    if not program.succeeded():
+        return course, 0.0
     x = np.hstack([found.q, found.v, found.a, program.value(sensed)])
     felt = np.einsum("nij,nj->ni", A, x) + b
     jerk = np.diff(found.a, axis=0) / aim.knot
     promised = float(np.sum(felt**2)) + aim.knot * RHO * float(np.sum(jerk**2))
-    promised += _EXCESS * aim.knot * program.excess()
+    promised += aim.penalty * aim.knot * program.excess()
     return rated(aim, found), course.merit - promised
 
 
 class _Quadratic:
-    """A quadratic program in q, v and a of all knots, with exact integration between them."""
+    """A quadratic program in q, v and a of all knots, with exact integration between them.
 
-    def __init__(self, aim: Aim) -> None:
-        self._aim, h, n = aim, aim.knot, aim.robot.n
+    Its cost is counted in `unit`, or numbers would be too large for the solver.
+    """
+
+    def __init__(self, aim: Aim, unit: float = 1.0) -> None:
+        self._aim, self._unit, h, n = aim, unit, aim.knot, aim.robot.n
         self._program = MathematicalProgram()
         self.q, self.v, self.a = (
             self._program.NewContinuousVariables(aim.count, n, name) for name in "qva"
@@ -291,15 +291,15 @@ class _Quadratic:
     def squares(self, variables: Array, A: Array, b: Array) -> None:
         """Add |A x + b|² of each knot, shapes (N, m), (N, r, m) and (N, r)."""
         turned = A.transpose(0, 2, 1)
-        Q = 2 * turned @ A + 1e-9 * np.eye(A.shape[2])
-        c = 2 * np.einsum("nij,nj->ni", turned, b)
+        Q = 2 / self._unit * turned @ A + 1e-9 * np.eye(A.shape[2])
+        c = 2 / self._unit * np.einsum("nij,nj->ni", turned, b)
         for one in zip(Q, c, variables, strict=True):
             self._program.AddQuadraticCost(*one, is_convex=True)
 
     def jerk(self, weight: float) -> None:
         """Add the squares of the jerk, each with this weight."""
         n = self._aim.robot.n
-        size = 2 * weight / self._aim.knot**2
+        size = 2 / self._unit * weight / self._aim.knot**2
         Q = size * np.kron([[1, -1], [-1, 1]], np.eye(n))
         for pair in np.hstack([self.a[:-1], self.a[1:]]):
             self._program.AddQuadraticCost(Q, np.zeros(2 * n), pair, is_convex=True)
@@ -334,7 +334,7 @@ class _Quadratic:
         return z
 
     def torques(self, aim: Aim, course: Course, at: Array) -> None:
-        """Keep the torques within what may be used; what is beyond costs _EXCESS."""
+        """Keep the torques within what may be used; what is beyond costs."""
         count, n = course.q.shape
 
         def use(q: Array, v: Array, a: Array) -> Array:
@@ -344,7 +344,9 @@ class _Quadratic:
         off = (use(course.q, course.v, course.a) - np.einsum("nij,nj->ni", J, at)).ravel()
         self._slack = self._program.NewContinuousVariables(count, "s")
         self._program.AddBoundingBoxConstraint(0, math.inf, self._slack)
-        self._program.AddLinearCost(np.full(count, _EXCESS * aim.knot), 0, self._slack)
+        self._program.AddLinearCost(
+            np.full(count, aim.penalty * aim.knot / self._unit), 0, self._slack
+        )
         beyond = sp.kron(sp.eye(count), np.ones((n, 1)))
         parts = [_blocks(J[:, :, k * n : (k + 1) * n]) for k in range(3)]
         unknown = np.concatenate([x.ravel() for x in (self.q, self.v, self.a, self._slack)])
@@ -361,6 +363,10 @@ class _Quadratic:
     def value(self, variables: Array) -> Array:
         """What the solution gives to variables."""
         return np.asarray(self._result.GetSolution(variables), dtype=float)
+
+    def succeeded(self) -> bool:
+        """Whether the solver has found the solution."""
+        return bool(self._result.is_success())
 
     def solved(self) -> Course:
         """The solution."""
