@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager
-from numbers import Real
+from numbers import Integral, Real
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-from numpy.typing import ArrayLike
+if TYPE_CHECKING:  # numpy takes a tenth of a second, which --help has no use for
+    from numpy.typing import ArrayLike
 
-from sdt_drake.io.arrays import Array
+    from sdt_drake.io.arrays import Array
 
 MOST_PERIODS = 1_000_000
 """Of a motion: what is planned in a minute, and memory holds; 83 min of 5 ms."""
@@ -144,16 +145,16 @@ def one_line(error: object) -> str:
 
 
 def checked_number(
-    value: float, where: str, *, minimum: float = -np.inf, exclusive: bool = False
+    value: float, where: str, *, minimum: float = -math.inf, exclusive: bool = False
 ) -> float:
     """`value` as a finite number >= `minimum` (> `minimum` if `exclusive`).
 
     Raises:
         InputError: naming `where`.
     """
-    is_number = isinstance(value, Real) and np.isfinite(value)
+    is_number = isinstance(value, Real) and math.isfinite(value)
     if not is_number or value < minimum or (exclusive and value == minimum):
-        bound = f" {'>' if exclusive else '>='} {minimum:g}" if np.isfinite(minimum) else ""
+        bound = f" {'>' if exclusive else '>='} {minimum:g}" if math.isfinite(minimum) else ""
         raise InputError(f"{one_line(value)}, expected a finite number{bound}", place=where)
     return float(value)
 
@@ -164,7 +165,7 @@ def checked_count(value: int, where: str) -> int:
     Raises:
         InputError: naming `where`.
     """
-    if not isinstance(value, int | np.integer) or value < 1:
+    if not isinstance(value, Integral) or value < 1:
         raise InputError(f"{value!r}, expected a whole number >= 1", place=where)
     return int(value)
 
@@ -175,6 +176,8 @@ def checked_positive(values: ArrayLike, where: str, n: int | None = None) -> Arr
     Raises:
         InputError: naming `where`.
     """
+    import numpy as np
+
     try:
         array = np.asarray(values, dtype=float)
     except (TypeError, ValueError):

@@ -9,9 +9,10 @@ import shutil
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from sdt_drake.io.arrays import Array
+if TYPE_CHECKING:
+    from sdt_drake.io.arrays import Array
 
 _MOST_LINES = 5  # of a header
 
