@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, needing, one_line
+
+if TYPE_CHECKING:
+    from sdt_drake.io.arrays import Array
 
 BINARY = (".mat", ".parquet")
 
@@ -83,6 +83,8 @@ def _read_mat(path: Path) -> dict[str, Array]:
 
 
 def _is_table(values: Any) -> bool:
+    import numpy as np
+
     return isinstance(values, np.ndarray) and values.ndim == 2 and values.dtype.kind in "iuf"
 
 
@@ -98,6 +100,8 @@ def in_json(value: object) -> object:
     """A value as JSON has it: lists for arrays, null for what is not finite."""
     if isinstance(value, Mapping):
         return {key: in_json(inner) for key, inner in value.items()}
+    import numpy as np
+
     if isinstance(value, np.ndarray | np.generic):
         return in_json(value.tolist())
     if isinstance(value, list | tuple):
