@@ -1,0 +1,19 @@
+"""Recordings of robots: what their files call the columns, and the same for all from there on."""
+
+from sdt_drake.machine.recordings.columns import (
+    DELIMITERS,
+    RECORDED_SIGNALS,
+    SIDES,
+    Columns,
+    Layout,
+    load_columns,
+)
+from sdt_drake.machine.recordings.places import missing, place_of
+from sdt_drake.machine.recordings.reading import read_recording
+from sdt_drake.machine.recordings.recorded import Recorded, check_different
+from sdt_drake.machine.recordings.times import other_unit, times_of
+
+__all__ = [
+    "DELIMITERS", "RECORDED_SIGNALS", "SIDES", "Columns", "Layout", "Recorded", "check_different",
+    "load_columns", "missing", "other_unit", "place_of", "read_recording", "times_of",
+]  # fmt: skip

@@ -1,0 +1,101 @@
+"""Recordings read from files, in SI units, joint side."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.tables import read_numbers
+from sdt_drake.machine.recordings.columns import (
+    ANGLES,
+    DELIMITERS,
+    RECORDED_SIGNALS,
+    TORQUES,
+    Columns,
+)
+from sdt_drake.machine.recordings.places import places_of
+from sdt_drake.machine.recordings.recorded import Recorded
+from sdt_drake.machine.recordings.times import times_of
+from sdt_drake.motion.trajectory import interpolated
+from sdt_drake.robot.robot import Robot
+
+_OWN = ("tau_cmd", "tau_limited", "load_torque")  # columns that `simulate` writes
+
+
+def read_recording(
+    path: str | Path,
+    robot: Robot,
+    columns: Columns | None = None,
+    *,
+    needs: Sequence[str] = ("q", "tau"),
+    side: str | None = None,
+) -> Recorded:
+    """Read a recording.
+
+    Args:
+        path: of the file.
+        robot: whose joints it has; gives the gear ratios.
+        columns: what its file calls them.
+        needs: of RECORDED_SIGNALS, what must be there; others are read if they are.
+        side: of the torques, whatever `columns` say; where neither says it, that of the motors if
+            `simulate` has written the file, else the joints'.
+
+    Raises:
+        InputError: naming the file, and the column or line: what `read_numbers` refuses, a column
+            that is missing, or there twice, another number of joints, a time that does not grow,
+            or in steps that nobody records in, a number that is not finite.
+    """
+    columns = columns or Columns()
+    numbers = read_numbers(
+        path,
+        delimiter=DELIMITERS[columns.delimiter],
+        header=columns.header,
+        skip=columns.skip,
+        texts=True,
+    )
+    own = all(f"{name}_1" in numbers.names for name in _OWN)
+    side = side or columns.side or ("motor" if own else "joint")
+    time = times_of(numbers, columns)
+    conversions = _conversions(robot, columns, side)
+    signals = {}
+    for name in RECORDED_SIGNALS:
+        names = getattr(columns, name)
+        is_named = bool(names) and names != getattr(Columns(), name)
+        found = places_of(numbers, names, name, robot.n, needed=is_named or name in needs)
+        if found:
+            numbers.check_finite(found)
+            signals[name] = numbers.data[:, found]
+            if name == "tau" and columns.torque_delay != 0:
+                signals[name] = interpolated(time + columns.torque_delay, time, signals[name])
+            signals[name] *= conversions[name][0]  # in place: a file may be long
+            signals[name] += conversions[name][1]
+    factor = columns.time_factor if columns.rate is None else None
+    return Recorded(numbers.path, time, signals, own, factor)
+
+
+def _conversions(robot: Robot, columns: Columns, side: str) -> dict[str, tuple[Array, Array]]:
+    """Factor and offset of each signal to SI units, joint side, counted as in the robot's file,
+    shapes (n,)."""
+    n, angle = robot.n, np.pi / 180 if columns.angle == "deg" else 1.0
+    direction, offset, torque = (
+        np.full(n, default) if values is None else _each(values, name, n)
+        for name, values, default in (
+            ("direction", columns.direction, 1.0),
+            ("position_offset", columns.position_offset, 0.0),
+            ("torque_factor", columns.torque_factor, 1.0),
+        )
+    )
+    torque = torque * (robot.gear_ratio if side == "motor" else 1.0)
+    factors = dict.fromkeys(ANGLES, angle * direction) | dict.fromkeys(TORQUES, torque * direction)
+    return {
+        name: (factor, offset if name in ("q", "q_ref") else np.zeros(n))
+        for name, factor in factors.items()
+    }
+
+
+def _each(values: list[float], name: str, n: int) -> Array:
+    if len(values) != n:
+        raise InputError(f"{name}: {len(values)} value(s), but the robot has {n} joint(s)")
+    return np.array(values)
