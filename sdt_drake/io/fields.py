@@ -87,6 +87,13 @@ NotNegative = Annotated[float, Field(ge=0), BeforeValidator(_number)]
 Text = Annotated[str, Field(min_length=1)]
 Some = Annotated[list[T], Field(min_length=1)]
 """A list that is not empty."""
+Names = Annotated[
+    list[str],
+    BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
+    Field(json_schema_extra={"type": ["array", "string"]}),
+]
+"""A list of texts; one text stands for a list of it."""
+SomeNames = Annotated[Names, Field(min_length=1)]
 EachJointOrNone = Annotated[
     list[T], AfterValidator(_of_each_joint), Field(json_schema_extra={"per_joint": True})
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -77,15 +77,29 @@ def read_binary(path: Path) -> dict[str, Array]:
 def _read_mat(path: Path) -> dict[str, Array]:
     import scipy.io
 
-    arrays = {name: values for name, values in scipy.io.loadmat(path).items() if _is_table(values)}
-    whole = {name: values[:, 0] if name == "time" else values for name, values in arrays.items()}
+    arrays = dict(_tables(scipy.io.loadmat(path)))
+    count = max((max(values.shape) for values in arrays.values()), default=0)
+    upright = {
+        name: values if len(values) == count else values.T
+        for name, values in arrays.items()
+        if count in values.shape  # others are no columns, as a period or masses
+    }
+    whole = {name: values[:, 0] if name == "time" else values for name, values in upright.items()}
     return {name: values.astype(float) for name, values in flat(whole).items()}
 
 
-def _is_table(values: Any) -> bool:
+def _tables(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Names and values of matrices of numbers; those in a structure are called structure.name."""
     import numpy as np
 
-    return isinstance(values, np.ndarray) and values.ndim == 2 and values.dtype.kind in "iuf"
+    for name, values in content.items():
+        if not isinstance(values, np.ndarray) or values.ndim != 2:
+            continue
+        if values.dtype.names and values.size == 1:
+            inner = {field: values[field][0, 0] for field in values.dtype.names}
+            yield from _tables(inner, f"{prefix}{name}.")
+        elif values.dtype.kind in "iuf" and values.size > 1:
+            yield f"{prefix}{name}", values
 
 
 def _read_parquet(path: Path) -> dict[str, Array]:

@@ -128,12 +128,13 @@ def expected(node: Schema, *, unit: bool = True) -> str:
     if "enum" in node:
         return f"one of {', '.join(filter(None, node['enum']))}"
     told = _bounds(node, unit=unit)
-    if node["type"] == "array":
+    if "array" in node["type"]:
         items = node["items"]
         if "enum" in items:
             return f"some of {', '.join(items['enum'])}"
         plural = _models(items) or f"{_TYPES[items['type']]}s"
         each = ", one for each joint" * node.get("per_joint", False)
+        each += " or one text" * (node["type"] != "array")
         return f"a list of {plural}{_bounds(items | node, unit=unit)}{each}"
     if node["type"] == "boolean":
         return "true or false"

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import json
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,20 +13,15 @@ from numpy.typing import ArrayLike
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, needing
-from sdt_drake.io.files import checked_input, checked_suffix, replacing, write_csv, write_text
-from sdt_drake.io.formats import BINARY, check_binary, flat, in_json, read_binary, write_binary
+from sdt_drake.io.files import checked_suffix, replacing, write_csv, write_text
+from sdt_drake.io.formats import BINARY, check_binary, flat, in_json, write_binary
+from sdt_drake.io.numbers import Numbers, read_numbers
 
 if TYPE_CHECKING:
     import pandas as pd
 
 TABLES = (".csv", *BINARY)
 """Kinds of files that tables of joints are read from and written as."""
-
-MOST_BYTES = 1_000_000_000
-"""Of a table that is read: a recording of an hour."""
-
-MOST_NUMBERS = 100_000_000
-"""Of such a table, 0.8 GB: memory holds up to six times that."""
 
 
 def write_table(
@@ -133,7 +127,7 @@ def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str,
             time column, no commas between the columns, something that is not a finite number, a
             row of another length, a time that does not grow as it must, more than MOST_BYTES.
     """
-    numbers = read_numbers(path) if Path(path).suffix not in BINARY else _read_binary(Path(path))
+    numbers = read_numbers(path)
     path, names = numbers.path, numbers.names
     if names[0] != "time":
         raise InputError(f"{path}: the first column is '{names[0]}', expected 'time'")
@@ -192,173 +186,6 @@ def check_limits(path: str | Path, time: Array, columns: Mapping[str, Array]) ->
                 f"{path}: {name}_{k + 1} is {columns[name][row, k]:g} {unit} at {time[row]:g} s, "
                 f"expected at most {limit:g} {unit}"
             )
-
-
-@dataclass(frozen=True, eq=False)
-class Numbers:
-    """What a file of columns holds.
-
-    Attributes:
-        path: of the file.
-        names: of the columns; "1", "2", ... where it has no header.
-        data: shape (rows, columns); there may be some that are not finite.
-        skip: lines before the first row that are not blank; of a file that is no text, None.
-    """
-
-    path: Path
-    names: list[str]
-    data: Array
-    skip: int | None = 1
-
-    def place(self, row: int) -> str:
-        """File and line with a row, from 0."""
-        if self.skip is None:
-            return f"{self.path}, row {row + 1}"
-        line = next(itertools.islice(_lines(self.path), int(row) + self.skip, None))[0]
-        return f"{self.path}, line {line}"
-
-    def check_finite(self, columns: Iterable[int]) -> None:
-        """Refuse what is not a finite number, naming line and column."""
-        for column in columns:
-            bad = np.flatnonzero(~np.isfinite(self.data[:, column]))
-            if len(bad):
-                raise InputError(
-                    f"{self.place(bad[0])}: {self.names[column]} is "
-                    f"{self.data[bad[0], column]}, expected a finite number"
-                )
-
-
-def read_numbers(
-    path: str | Path,
-    *,
-    delimiter: str | None = ",",
-    header: bool = True,
-    skip: int = 0,
-    least: int = 2,
-    texts: bool = False,
-) -> Numbers:
-    """Read a rectangular table of numbers.
-
-    Args:
-        path: of the file.
-        delimiter: between the columns; None: spaces or tabs.
-        header: whether names of the columns come first, perhaps behind a #.
-        skip: how many lines before that say something else; blank ones do not count.
-        least: how many rows there must be.
-        texts: whether columns may hold texts, such as modes and frames: those that begin with one
-            are NaN throughout.
-
-    Raises:
-        InputError: naming the file, and the line where there is one: no such file, not UTF-8, no
-            such delimiter, a text for a number, a row of another length, more than MOST_BYTES.
-    """
-    path = checked_input(Path(path), MOST_BYTES)
-    lines = itertools.islice(_lines(path), skip, None)
-    start = list(itertools.islice(lines, least + header))
-    if len(start) < least + header:
-        raise InputError(f"{path}: fewer than {'two rows' if least == 2 else 'a row'}")
-    first = start[0][1].strip().lstrip("#") if header else start[0][1]
-    names = [_unquoted(name) for name in first.split(delimiter)]
-    if len(names) == 1:
-        _check_delimiter(path, first, delimiter)
-    most = MOST_NUMBERS // len(names)
-    rows = (line for _, line in itertools.islice(itertools.chain(start[header:], lines), most + 1))
-    cells = start[header][1].split(delimiter) if texts else []
-    skipped: dict[int | str, Callable[[str], float]] = {
-        k: lambda _: np.nan for k, cell in enumerate(cells) if _is_text(cell)
-    }
-    try:
-        data = np.loadtxt(
-            rows, delimiter=delimiter, ndmin=2, comments=None, quotechar='"', converters=skipped
-        )
-        if data.shape[1] != len(names):
-            raise ValueError
-        if len(data) > most:
-            raise InputError(f"{path}: more than {MOST_NUMBERS} numbers, expected at most so many")
-    except InputError:
-        raise
-    except ValueError:
-        raise _bad_line(path, len(names), delimiter, skip + header, skipped) from None
-    if not header:
-        names = [str(k + 1) for k in range(data.shape[1])]
-    return Numbers(path, names, data, skip + header)
-
-
-def _read_binary(path: Path) -> Numbers:
-    columns = read_binary(checked_input(path, MOST_BYTES))
-    ordered = sorted(columns, key=lambda name: name != "time")  # MATLAB sorts them as it likes
-    if len(columns) == 0 or len(columns[ordered[0]]) < 2:
-        raise InputError(f"{path}: fewer than two rows")
-    return Numbers(path, ordered, np.stack([columns[name] for name in ordered], axis=1), None)
-
-
-def _lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Number and text of each line that is not blank, one by one: a file may be large."""
-    try:
-        # Spreadsheets put a byte-order mark in front.
-        with path.open(encoding="utf-8-sig") as file:
-            for number, line in enumerate(file, start=1):
-                if "\0" in line:  # UTF-16 without a byte-order mark
-                    raise _not_utf8(path)
-                if line.strip():
-                    yield number, line
-    except UnicodeDecodeError:
-        raise _not_utf8(path) from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-
-
-def _unquoted(cell: str) -> str:
-    return cell.strip().strip('"').strip()
-
-
-def _not_utf8(path: Path) -> InputError:
-    return InputError(f"{path}: cannot be read as UTF-8, expected a CSV file saved as UTF-8")
-
-
-_SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "spaces"}
-
-
-def _check_delimiter(path: Path, line: str, delimiter: str | None) -> None:
-    """Refuse a line with another separator than it should have."""
-    expected = _SEPARATORS[delimiter or " "]
-    for separator, name in _SEPARATORS.items():
-        if name != expected and len(line.strip().split(separator)) > 1:
-            raise InputError(
-                f"{path}, line {next(_lines(path))[0]}: {name} between the columns, expected "
-                f"{expected}, and points in the numbers"
-            )
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(_unquoted(cell).replace("_", "?"))  # Python would take 5_0 for a number
-    except ValueError:
-        return False
-    return True
-
-
-def _is_text(cell: str) -> bool:
-    """Whether a cell was never meant as a number, as 1,5 is."""
-    return not _is_number(cell) and any(map(str.isalpha, cell))
-
-
-def _bad_line(
-    path: Path, width: int, delimiter: str | None, skip: int, skipped: Container[int | str]
-) -> InputError:
-    """What is wrong with a file that does not read as a rectangular table of numbers."""
-    for number, line in itertools.islice(_lines(path), skip, None):
-        fields = line.strip().split(delimiter)
-        if len(fields) != width:
-            return InputError(
-                f"{path}, line {number}: {len(fields)} value(s), expected {width} as in the first"
-            )
-        for column, cell in enumerate(fields):
-            if column not in skipped and not _is_number(cell):
-                expected = ", expected points in the numbers" * _is_number(cell.replace(",", "."))
-                told = f"'{cell.strip()}' is not a number{expected}"
-                return InputError(f"{path}, line {number}: {told}")
-    return InputError(f"{path}: not a table of numbers")
 
 
 def _check_time(numbers: Numbers, *, even: bool) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dh import DATA, UR10, needs_data
+from scipy.io import savemat
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import check
@@ -172,3 +173,113 @@ def test_columns_of_texts_are_no_concern_of_others(tmp_path, table, robot):
     path.write_text(path.read_text().replace(".", "x").replace(",", ";").replace("x", ","))
     with pytest.raises(InputError, match=r"line 2: '.*,.*' is not a number, expected points in"):
         read_recording(path, robot, Columns(delimiter="semicolon"))
+
+
+def odd(folder, table, *, header, marks=(".", ";"), encoding="utf-8", ends="\n", name="r.csv"):
+    """A file of other loggers: decimal mark, delimiter, encoding, ends of lines."""
+    rows = [marks[1].join(f"{x:.12g}".replace(".", marks[0]) for x in row) for row in table]
+    path = folder / name
+    path.write_text(ends.join([header, *rows]) + ends, encoding=encoding)
+    return path
+
+
+GERMAN = "Zeit[ms];" + ";".join(
+    [f"Achse{k}.Ist_deg" for k in range(1, 5)] + [f"Achse{k}.Motormoment" for k in range(1, 5)]
+)
+MAPPING = (
+    "decimal: comma\ndelimiter: semicolon\ntime: Zeit[ms]\ntime_factor: 0.001\n"
+    "q: Achse{k}.Ist_deg\ntau: Achse{k}.Motormoment\nangle: deg\nside: motor\n"
+)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "latin-1"])
+def test_a_spreadsheet_of_elsewhere_is_read_by_what_its_refusal_proposes(
+    tmp_path, table, robot, encoding
+):
+    clocked = table * [1e3, *np.ones(8)]
+    header = GERMAN.replace("Zeit", "Zeit\u00b0" if encoding == "latin-1" else "Zeit")
+    path = odd(tmp_path, clocked, header=header, marks=(",", ";"), encoding=encoding)
+    with pytest.raises(InputError) as error:
+        read_recording(path, robot)
+    (line,) = error.value.lines
+    assert "q_1 is probably 'Achse1.Ist_deg': degrees, tau_1 is probably 'Achse1.Motor" in line
+    mapping = tmp_path / "columns.yaml"
+    mapping.write_text(line.partition("as a mapping file (--columns): ")[2], encoding="utf-8")
+    columns = load_columns(mapping)
+    recorded = read_recording(path, robot, columns)
+    assert columns.encoding == encoding and columns.q == ["Achse{k}.Ist_deg"]
+    np.testing.assert_allclose(recorded.time, table[:, 0])
+    np.testing.assert_allclose(recorded.signals["q"], table[:, 1:5] * DEG)
+    np.testing.assert_allclose(recorded.signals["tau"], table[:, 5:] * robot.gear_ratio)
+
+
+def test_a_pattern_is_a_text_and_motors_may_have_the_positions(tmp_path, table, robot):
+    path = odd(tmp_path, table * [1e3, *np.ones(8)], header=GERMAN, marks=(",", ";"))
+    mapping = tmp_path / "columns.yaml"
+    mapping.write_text(f"{MAPPING}position_side: motor\n")
+    recorded = read_recording(path, robot, load_columns(mapping))
+    np.testing.assert_allclose(recorded.signals["q"], table[:, 1:5] * DEG / robot.gear_ratio)
+    mapping.write_text(MAPPING.replace("delimiter: semicolon\n", "encoding: utf-88\n"))
+    with pytest.raises(InputError) as error:
+        load_columns(mapping)
+    assert [problem.place for problem in error.value.problems] == ["decimal", "encoding"]
+    with pytest.raises(InputError, match="expected points in the numbers or decimal: comma"):
+        read_recording(path, robot, Columns(delimiter="semicolon", time="1"))
+
+
+PROPOSED = [
+    ("timestamp,actual_q_{},actual_current_{}", 0, "actual_q_0", "a current, which needs torque"),
+    ("# t;pos A{};vel A{};torque A{}", 1, "pos A1", "q: pos A{k}, v: vel A{k}, tau: torque A{k}"),
+    ("time;joint_{}_angle;tau_{};zz", 1, "joint_1_angle", "q: 'joint_{k}_angle'"),
+]
+
+
+@pytest.mark.parametrize("names, first, q, said", PROPOSED, ids=[case[0] for case in PROPOSED])
+def test_columns_are_recognised_by_their_names(tmp_path, table, robot, names, first, q, said):
+    mark = ";" if ";" in names else ","
+    header = mark.join(
+        x.format(k) if "{}" in x else x
+        for x in names.split(mark)
+        for k in (range(first, first + 4) if "{}" in x else [0])
+    )
+    wide = np.hstack([table, table[:, 1:]])[:, : header.count(mark) + 1]
+    with pytest.raises(InputError) as error:
+        read_recording(odd(tmp_path, wide, header=header, marks=(".", mark)), robot)
+    assert f"q_1 is probably '{q}'" in str(error.value)
+    assert said.replace("'", "") in str(error.value).replace("'", "")
+
+
+def test_empty_columns_and_a_line_that_was_cut_off(tmp_path, table, robot):
+    lines = write(tmp_path, table, header=f"{HEADER},spare").read_text().splitlines()
+    path = tmp_path / "r.csv"
+
+    def logged(rows, end="\n"):
+        path.write_text("\n".join(rows) + end)
+        return read_recording(path, robot)
+
+    empty = [lines[0], *(f"{line}," for line in lines[1:])]
+    for rows in (empty, [*empty[:-1], f"{empty[-1]}7"], [HEADER, *empty[1:]]):
+        recorded = logged(rows)
+        np.testing.assert_allclose(recorded.signals["tau"], table[:, 5:])
+        assert recorded.notes == ()
+    for cut in (empty[-1][:40], f"{lines[-1]},-"):
+        recorded = logged([*empty[:-1], cut], end="")
+        np.testing.assert_allclose(recorded.signals["tau"], table[:-1, 5:])
+        assert recorded.notes[0].startswith("the last line ends too soon, and was left out: 0.04")
+    with pytest.raises(InputError, match=r"line 3: .*value\(s\), expected 10"):
+        logged([*empty[:2], empty[2][:40], *empty[3:]])
+    with pytest.raises(InputError, match="line 6: tau_1 is nan"):
+        logged([*empty[:-1], lines[-1].replace(lines[-1].split(",")[5], "") + ","])
+
+
+def test_matlab_files_of_others(tmp_path, table, robot):
+    path = tmp_path / "r.mat"
+    data = {"q": table[:, 1:5].T, "torque": table[:, 5:]}
+    savemat(path, {"log": data, "t": table[:, 0], "Ts": 0.01, "masses": np.ones((2, 3))})
+    with pytest.raises(InputError, match=r"as a mapping file \(--columns\): ") as error:
+        read_recording(path, robot)
+    mapping = tmp_path / "columns.yaml"
+    mapping.write_text(str(error.value).partition("(--columns): ")[2])
+    recorded = read_recording(path, robot, load_columns(mapping))
+    np.testing.assert_array_equal(recorded.signals["q"], table[:, 1:5])
+    np.testing.assert_array_equal(recorded.signals["tau"], table[:, 5:])

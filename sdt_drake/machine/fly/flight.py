@@ -13,10 +13,10 @@ from sdt_drake.io.arguments import finite, takes
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import Number, OneOf, Problems, setting
+from sdt_drake.io.numbers import Numbers, read_numbers
 from sdt_drake.io.resources import find_file
-from sdt_drake.io.tables import Numbers, read_numbers
 from sdt_drake.io.yaml_files import load_yaml
-from sdt_drake.machine.recordings import DELIMITERS, Layout, place_of, times_of
+from sdt_drake.machine.recordings import Layout, place_of, times_of
 from sdt_drake.machine.recordings import missing as missing_column
 from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.robot.head import GRAVITY
@@ -164,13 +164,7 @@ def read_flight(path: str | Path, columns: FlightColumns | str | Path | None = N
     if isinstance(columns, str | Path):
         columns = load_flight_columns(columns)
     columns = columns or FlightColumns()
-    numbers = read_numbers(
-        find_file(path, "flight"),
-        delimiter=DELIMITERS[columns.delimiter],
-        header=columns.header,
-        skip=columns.skip,
-        texts=True,
-    )
+    numbers = read_numbers(find_file(path, "flight"), columns.style, logged=True)
     time = times_of(numbers, columns)
     axes = np.array(_AXES[columns.axes])
     force = _columns(numbers, columns.force, "force") * axes * columns.force_direction

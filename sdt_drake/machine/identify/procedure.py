@@ -175,7 +175,7 @@ def _parts(
     for number, recorded in enumerate((*recordings, *validate)):
         _check_alive(recorded)
         found, said = stretches(recorded)
-        notes += [f"{recorded.path.name}: {line}" for line in said]
+        notes += [f"{recorded.path.name}: {line}" for line in (*recorded.notes, *said)]
         held_from = -np.inf if number >= len(recordings) else np.inf
         if not validate:
             start, end = found[0].start, found[-1].end

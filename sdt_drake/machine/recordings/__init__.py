@@ -1,7 +1,6 @@
 """Recordings of robots: what their files call the columns, and the same for all from there on."""
 
 from sdt_drake.machine.recordings.columns import (
-    DELIMITERS,
     RECORDED_SIGNALS,
     SIDES,
     Columns,
@@ -14,6 +13,6 @@ from sdt_drake.machine.recordings.recorded import Recorded, check_different
 from sdt_drake.machine.recordings.times import other_unit, times_of
 
 __all__ = [
-    "DELIMITERS", "RECORDED_SIGNALS", "SIDES", "Columns", "Layout", "Recorded", "check_different",
+    "RECORDED_SIGNALS", "SIDES", "Columns", "Layout", "Recorded", "check_different",
     "load_columns", "missing", "other_unit", "place_of", "read_recording", "times_of",
 ]  # fmt: skip

@@ -6,10 +6,22 @@ from typing import Annotated
 
 from pydantic import Field
 
-from sdt_drake.io.fields import EachJoint, Input, Number, OneOf, Positive, Problems, Some, setting
+from sdt_drake.io.fields import (
+    EachJoint,
+    Input,
+    Names,
+    Number,
+    OneOf,
+    Positive,
+    Problems,
+    SomeNames,
+    setting,
+)
+from sdt_drake.io.numbers import Style
 from sdt_drake.io.yaml_files import load_yaml
 
 SIDES = ("joint", "motor")
+DECIMALS = {"point": ".", "comma": ","}
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
 ANGLES = ("q", "v", "q_ref", "v_ref", "vd_ref")
 TORQUES = ("tau", "tau_mean", "tau_ff")
@@ -26,6 +38,10 @@ class Layout(Input):
     """Between columns: comma, semicolon, tab or space (any blanks)."""
     header: bool = True
     """Whether a line with names comes first."""
+    decimal: Annotated[str, OneOf(tuple(DECIMALS))] = "point"
+    """Decimal mark in the numbers: point or comma."""
+    encoding: str = "utf-8"
+    """Encoding of the letters, such as latin-1 or utf-16."""
     skip: int = setting(0, ge=0, le=1000, unit="-")
     """Lines before that."""
     time: str = "time"
@@ -35,7 +51,19 @@ class Layout(Input):
     rate: Positive | None = setting(None, unit="Hz")
     """Samples in a second, where there is no time."""
 
+    @property
+    def style(self) -> Style:
+        """How its text is written."""
+        delimiter, decimal = DELIMITERS[self.delimiter], DECIMALS[self.decimal]
+        return Style(delimiter, self.header, self.skip, decimal, self.encoding)
+
     def problems(self) -> Problems:
+        if self.decimal == self.delimiter == "comma":
+            yield "decimal", "comma, expected another than the delimiter"
+        try:
+            "".encode(self.encoding)
+        except (LookupError, ValueError):
+            yield "encoding", f"'{self.encoding}', expected one such as utf-8, latin-1, utf-16"
         if (self.time == "") == (self.rate is None):
             text = (
                 "missing, expected one where time is empty" if not self.time else "needs time: ''"
@@ -48,28 +76,31 @@ class Columns(Layout):
     """How a recording's file says what it holds; the default is that of this package.
 
     A signal is a list of columns, one for each joint from the base to the tip, by their names or,
-    counted from 1, their numbers; or one text in which {k} stands for the number of the joint. What
-    is not there has none: [].
+    counted from 1, their numbers; or one text in which {k} stands for the number of the joint, from
+    1: `q: Axis{k}.Position`. What is not there has none: [].
     """
 
-    q: Some[str] = setting(["q_{k}"])
+    q: SomeNames = setting(["q_{k}"])
     """Columns of the positions."""
-    v: list[str] = setting(["v_{k}"])
+    v: Names = setting(["v_{k}"])
     """Columns of the speeds, which are not needed."""
-    tau: Some[str] = setting(["tau_{k}"])
+    tau: SomeNames = setting(["tau_{k}"])
     """Columns of the torques."""
-    tau_mean: list[str] = setting(["tau_mean_{k}"])
+    tau_mean: Names = setting(["tau_mean_{k}"])
     """Columns of the mean torques since the sample before; `identify` prefers them."""
-    q_ref: list[str] = setting(["q_ref_{k}"])
+    q_ref: Names = setting(["q_ref_{k}"])
     """Columns of the position reference, for `replay`."""
-    v_ref: list[str] = setting(["v_ref_{k}"])
+    v_ref: Names = setting(["v_ref_{k}"])
     """Columns of the speed reference, likewise."""
-    vd_ref: list[str] = setting(["vd_ref_{k}"])
+    vd_ref: Names = setting(["vd_ref_{k}"])
     """Columns of the acceleration reference, likewise."""
-    tau_ff: list[str] = setting(["tau_ff_{k}"])
+    tau_ff: Names = setting(["tau_ff_{k}"])
     """Columns of the torque feedforward, likewise."""
     angle: Annotated[str, OneOf(("rad", "deg"))] = "rad"
     """"rad" or "deg", of positions and speeds."""
+    position_side: Annotated[str, OneOf(SIDES)] = "joint"
+    """"joint" or "motor", of positions, speeds and accelerations; those of motors are divided by
+    the gear ratios."""
     side: Annotated[str, OneOf(SIDES)] | None = None
     """"joint" or "motor", of torques. That of a recording of `simulate` is known."""
     position_offset: EachJoint[Number] | None = setting(None, unit="rad", side="joint")

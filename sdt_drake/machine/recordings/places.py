@@ -1,8 +1,8 @@
 """Columns of a file, found by what a mapping says."""
 
 from sdt_drake.io.errors import InputError
+from sdt_drake.io.numbers import Numbers
 from sdt_drake.io.shown import listed
-from sdt_drake.io.tables import Numbers
 
 
 def places_of(

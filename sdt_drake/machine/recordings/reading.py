@@ -7,10 +7,9 @@ import numpy as np
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.tables import read_numbers
+from sdt_drake.io.numbers import read_numbers
 from sdt_drake.machine.recordings.columns import (
     ANGLES,
-    DELIMITERS,
     RECORDED_SIGNALS,
     TORQUES,
     Columns,
@@ -37,7 +36,8 @@ def read_recording(
     Args:
         path: of the file.
         robot: whose joints it has; gives the gear ratios.
-        columns: what its file calls them.
+        columns: what its file calls them; where none are given and its names are others, the error
+            proposes some.
         needs: of RECORDED_SIGNALS, what must be there; others are read if they are.
         side: of the torques, whatever `columns` say; where neither says it, that of the motors if
             `simulate` has written the file, else the joints'.
@@ -47,14 +47,12 @@ def read_recording(
             that is missing, or there twice, another number of joints, a time that does not grow,
             or in steps that nobody records in, a number that is not finite.
     """
-    columns = columns or Columns()
-    numbers = read_numbers(
-        path,
-        delimiter=DELIMITERS[columns.delimiter],
-        header=columns.header,
-        skip=columns.skip,
-        texts=True,
-    )
+    if columns is None:
+        try:
+            return read_recording(path, robot, Columns(), needs=needs, side=side)
+        except InputError as error:
+            raise _with_proposal(error, Path(path), robot) from None
+    numbers = read_numbers(path, columns.style, logged=True)
     own = all(f"{name}_1" in numbers.names for name in _OWN)
     side = side or columns.side or ("motor" if own else "joint")
     time = times_of(numbers, columns)
@@ -72,13 +70,36 @@ def read_recording(
             signals[name] *= conversions[name][0]  # in place: a file may be long
             signals[name] += conversions[name][1]
     factor = columns.time_factor if columns.rate is None else None
-    return Recorded(numbers.path, time, signals, own, factor)
+    cut = f"the last line ends too soon, and was left out: {numbers.cut[:40]}"
+    notes = (cut,) if numbers.cut else ()
+    return Recorded(numbers.path, time, signals, own, factor, notes)
+
+
+def _with_proposal(error: InputError, path: Path, robot: Robot) -> InputError:
+    """An error with a mapping that would perhaps read the file."""
+    from sdt_drake.machine.recordings.proposal import proposal
+
+    if not path.is_file():
+        return error
+    try:
+        proposed = proposal(path, robot.joint_names)
+    except InputError:  # of a binary file, the same again
+        return error
+    first, *others = error.problems
+    return (
+        InputError(first._replace(found=f"{first.found}; {proposed}"), *others)
+        if proposed
+        else error
+    )
 
 
 def _conversions(robot: Robot, columns: Columns, side: str) -> dict[str, tuple[Array, Array]]:
     """Factor and offset of each signal to SI units, joint side, counted as in the robot's file,
     shapes (n,)."""
-    n, angle = robot.n, np.pi / 180 if columns.angle == "deg" else 1.0
+    n = robot.n
+    angle = np.full(n, np.pi / 180 if columns.angle == "deg" else 1.0)
+    if columns.position_side == "motor":
+        angle = angle / robot.gear_ratio
     direction, offset, torque = (
         np.full(n, default) if values is None else _each(values, name, n)
         for name, values, default in (

@@ -24,6 +24,7 @@ class Recorded:
         of_links: whether q and v are those of the links, as `simulate` writes them, and not of what
             encoders are on.
         time_factor: what a 1 in the column of times was taken for [s]; None without such a column.
+        notes: what was done to read it, in words.
     """
 
     path: Path
@@ -31,6 +32,7 @@ class Recorded:
     signals: dict[str, Array]
     of_links: bool = False
     time_factor: float | None = 1.0
+    notes: tuple[str, ...] = ()
 
     @property
     def gaps(self) -> Index:

@@ -6,7 +6,7 @@ import numpy as np
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.tables import Numbers
+from sdt_drake.io.numbers import Numbers
 from sdt_drake.machine.recordings.columns import Layout
 from sdt_drake.machine.recordings.places import missing, place_of
 from sdt_drake.machine.recordings.recorded import Recorded
@@ -27,6 +27,13 @@ def times_of(numbers: Numbers, columns: Layout) -> Array:
     time = _times(numbers, columns)
     _check_rate(numbers.path, columns, time)
     return time
+
+
+def likely_factor(step: float) -> float:
+    """The unit that times in such steps are in [s]: seconds, if a robot may be recorded so."""
+    if _LEAST_RATE <= 1 / step <= _MOST_RATE:
+        return 1.0
+    return min(_UNITS, key=lambda x: abs(np.log(x * step * _USUAL_RATE)))
 
 
 def _times(numbers: Numbers, columns: Layout) -> Array:
