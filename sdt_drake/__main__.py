@@ -66,6 +66,7 @@ def main() -> int:
     os.environ.setdefault("PYTHONSAFEPATH", "1")  # the same for the processes of a study
     # Python's own helper tidies up after a process that was ended by force, and need not say so.
     own = os.environ.get("PYTHONWARNINGS")
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # it would look for some
     os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (own, "ignore:resource_tracker")))
     try:
         from sdt_drake.cli.app import main as run

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from sdt_drake.analysis.linear import linearise
 from sdt_drake.analysis.stability import least_damping
 from sdt_drake.io.arrays import Array, Complex
+from sdt_drake.io.results import Results
 from sdt_drake.io.shown import Shown, Summary, by_joint, face, joint_count
-from sdt_drake.io.tables import Results
 from sdt_drake.robot.dynamics import where_largest
 from sdt_drake.run.design import Design
 

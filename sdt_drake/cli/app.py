@@ -53,7 +53,7 @@ def commands(name: str = "") -> App:
     )
     for k, command in enumerate(COMMANDS):
         app.command(f"sdt_drake.cli.{command}:run", name=command, sort_key=k)
-        if name not in COMMANDS:
+        if name not in (*COMMANDS, "--version"):
             app[command]  # now, for its help
     app.register_install_completion_command(help="Let Tab complete commands, options and names.")
     return app

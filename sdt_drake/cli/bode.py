@@ -8,7 +8,7 @@ import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Out, Scenario, Show, number
 from sdt_drake.cli.printing import print_joints, say
-from sdt_drake.io.tables import RESULT_TABLES
+from sdt_drake.io.results import RESULT_TABLES
 
 
 def run(

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import TYPE_CHECKING
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Out, Scenario, Show
 from sdt_drake.cli.printing import print_table, say
-from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import within
+from sdt_drake.io.results import RESULT_TABLES, Results
+
+if TYPE_CHECKING:
+    from sdt_drake.io.arrays import Array
 from sdt_drake.io.shown import numbered
-from sdt_drake.io.tables import RESULT_TABLES, Results
 
 
 def run(
@@ -24,6 +26,8 @@ def run(
     Args:
         out: the parts (.csv, .json), or a figure of them (.png, .svg, .pdf)
     """
+    import numpy as np
+
     from sdt_drake.analysis.budget import error_budget
 
     common.check_out(out, show, RESULT_TABLES)

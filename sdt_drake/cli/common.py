@@ -16,7 +16,7 @@ from sdt_drake.cli import completion
 from sdt_drake.cli.printing import say
 from sdt_drake.io.errors import InputError, Problem, is_within, retelling
 from sdt_drake.io.files import checked_name, checked_output, checked_suffix
-from sdt_drake.io.formats import BINARY, check_binary
+from sdt_drake.io.formats import BINARY, FIGURES, check_binary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -268,14 +268,14 @@ def check_out(out: Path | None, show: bool, kinds: Sequence[str]) -> None:
         show: whether there has to be a screen.
         kinds: of files beside those of figures; "" for a folder.
     """
-    from sdt_drake.show import style
-
     if show:
-        style.check_screen("--show")
+        from sdt_drake.show.style import check_screen
+
+        check_screen("--show")
     if out is None:
         return
     if out.suffix or "" not in kinds:
-        check_file(out, [*filter(None, kinds), *style.FIGURES])
+        check_file(out, [*filter(None, kinds), *FIGURES])
     else:
         check_folder(out)
     if out.suffix in BINARY:
@@ -299,13 +299,15 @@ def deliver(
         figure: draws it; not called if nobody wants it.
         write: a file of another kind.
     """
-    from sdt_drake.show import style
-
     if out is not None:
-        if out.suffix in style.FIGURES:
-            style.save(figure(), out)
+        if out.suffix in FIGURES:
+            from sdt_drake.show.style import save
+
+            save(figure(), out)
         else:
             write(out)
         say(f"{out} written")
     if show:
+        from sdt_drake.show import style
+
         style.show(figure())

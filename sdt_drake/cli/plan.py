@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import numpy as np
 from cyclopts import Parameter
 
 import sdt_drake as sdt
@@ -77,8 +75,12 @@ def run(
     if drive_table:
         say(f"{drive_table} written")
     title = f"{Path(motion).name}, {planner}: {_duration(plan)}"
-    figure = partial(sdt.plots_motion.plan, title, model, plan, report)
-    common.deliver(out, show, figure, plan.motion.to_csv)
+    common.deliver(
+        out,
+        show,
+        lambda: sdt.plots_motion.plan(title, model, plan, report),
+        plan.motion.to_csv,
+    )
 
 
 def _check_drive_table(table: Path, out: Path | None) -> None:
@@ -111,6 +113,8 @@ def _duration(plan: Plan) -> str:
 
 def _print_ends(planner: Planner, robot: RobotModel, plan: Plan) -> None:
     """Joints that do not end where they are commanded, or do not start and end at rest."""
+    import numpy as np
+
     from sdt_drake.motion import ends_in_motion
 
     # The retiming rounds its time up: what ends in motion goes on a little, along its path.
@@ -128,6 +132,8 @@ def _print_ends(planner: Planner, robot: RobotModel, plan: Plan) -> None:
 def _print_report(
     name: str, planner: Planner, robot: RobotModel, plan: Plan, report: Margins
 ) -> None:
+    import numpy as np
+
     motion = plan.motion
     is_whole = plan.torque_margin == 1
     share = "" if is_whole else f" with {100 * plan.torque_margin:.4g} % of the motors' torque"
@@ -168,6 +174,8 @@ def _print_report(
 
 
 def _print_margins(robot: RobotModel, report: Margins, is_whole: bool) -> None:
+    import numpy as np
+
     for k in np.flatnonzero(np.isfinite(report.to_stop)).tolist():
         say(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
     place = report.smallest

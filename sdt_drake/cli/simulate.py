@@ -12,7 +12,7 @@ from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Out, Scenario, Show, Whole
 from sdt_drake.cli.printing import print_joints, say
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.tables import TABLES
+from sdt_drake.io.formats import TABLES
 
 
 def run(
@@ -35,7 +35,7 @@ def run(
     """
     from sdt_drake.analysis.metrics import columns_of
     from sdt_drake.analysis.tracking import stops_passed
-    from sdt_drake.show.figures.scope import chosen_joints
+    from sdt_drake.io.arguments import chosen_joints
 
     common.check_out(out, show, [*TABLES, ".html", ".md"])
     is_drawn = show or (out is not None and out.suffix not in TABLES)

@@ -6,18 +6,17 @@ from collections.abc import Mapping
 from itertools import product
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, OmegaR, Out, Scenario, Show, number
 from sdt_drake.cli.printing import print_joints, say
 from sdt_drake.io.errors import InputError, checked_number
 from sdt_drake.io.progress import with_progress
-from sdt_drake.io.tables import RESULT_TABLES, Results
+from sdt_drake.io.results import RESULT_TABLES, Results
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from sdt_drake.analysis.stability import StabilitySweep
     from sdt_drake.run.design import Design
 
@@ -93,6 +92,8 @@ def run(
 
 def _columns(sweeps: Mapping[str, Mapping[str, StabilitySweep]]) -> dict[str, NDArray[Any]]:
     """A row for each encoder, drive and ratio omega_n / omega_r."""
+    import numpy as np
+
     every = [(encoder, drive, s) for encoder, by in sweeps.items() for drive, s in by.items()]
     encoders, drives, of_each = zip(*every, strict=True)
     counts = [len(sweep.ratio) for sweep in of_each]
@@ -117,6 +118,8 @@ def _omega_r(design: Design, path: str, given: float | None) -> tuple[float, str
 
 
 def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
+    import numpy as np
+
     shown = [int(np.argmin(np.abs(sweep.ratio - ratio))) for ratio in SHOWN]
     columns = [
         (

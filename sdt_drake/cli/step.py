@@ -10,7 +10,7 @@ from sdt_drake.analysis import paper
 from sdt_drake.cli import common
 from sdt_drake.cli.common import OmegaR, Out, Show, number
 from sdt_drake.cli.printing import say
-from sdt_drake.io.tables import RESULT_TABLES, UNITS, Results
+from sdt_drake.io.results import RESULT_TABLES, UNITS, Results
 
 
 def run(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 from cyclopts import Parameter
 
 import sdt_drake as sdt
@@ -13,11 +12,11 @@ from sdt_drake.analysis import paper
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, OmegaR, OtherRobot, Out, Show, one_of
 from sdt_drake.cli.printing import print_joints, say
-from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.tables import RESULT_TABLES, Results
+from sdt_drake.io.results import RESULT_TABLES, Results
 
 if TYPE_CHECKING:
+    from sdt_drake.io.arrays import Array
     from sdt_drake.run.design import Design
 
 _OPTIONS = {"omega_r": "--omega-r", "zeta": "--zeta"}  # of the controller
@@ -126,6 +125,8 @@ def _is_shipped(robot: str) -> bool:
 
 def _notes(design: Design, is_scenario: bool, given: Mapping[str, Any]) -> Iterator[str]:
     """Where the numbers are from, and where the rule for omega_n does not hold."""
+    import numpy as np
+
     from sdt_drake.systems.gains import natural_frequency
 
     omega_r = design.omega_r

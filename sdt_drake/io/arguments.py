@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -88,3 +88,16 @@ def finite(shape: str) -> Kind:
         return array
 
     return checked
+
+
+def chosen_joints(joint: int | None, n: int, where: str = "joint") -> Sequence[int]:
+    """Indices of the joints to show: all n, from 0, or that one of 1..n.
+
+    Raises:
+        InputError: naming `where`, if there is no such joint.
+    """
+    if joint is None:
+        return range(n)
+    if not isinstance(joint, int | np.integer) or not 1 <= joint <= n:
+        raise InputError(f"{where}: {joint!r}, expected 1 to {n}")
+    return [joint - 1]

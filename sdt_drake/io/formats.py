@@ -14,6 +14,12 @@ if TYPE_CHECKING:
 
 BINARY = (".mat", ".parquet")
 
+TABLES = (".csv", *BINARY)
+"""Kinds of files that tables of joints are read from and written as."""
+
+FIGURES = (".png", ".svg", ".pdf")
+"""Kinds of files that figures are written as."""
+
 
 def check_binary(path: Path) -> None:
     """Refuse a file of Parquet where pyarrow is not installed.

@@ -22,12 +22,11 @@ from numpy.typing import NDArray
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing
+from sdt_drake.io.formats import FIGURES
 from sdt_drake.io.shown import formatted
 
 # Okabe and Ito, "Color universal design", 2008: colours that colour-blind people can tell apart.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
-
-FIGURES = (".png", ".svg", ".pdf")
 
 _STYLE: dict[Any, Any] = {
     "font.size": 9,

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sdt_drake.analysis.metrics import family_of, metric_of
+from sdt_drake.io.results import Results
 from sdt_drake.io.shown import listed
-from sdt_drake.io.tables import Results
 from sdt_drake.studies.sizing import Candidate, Sizing, candidates, short_name
 from sdt_drake.studies.table import ANSWERS, StudyTable, pareto
 

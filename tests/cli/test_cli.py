@@ -105,10 +105,18 @@ def test_completion_knows_what_ships_files_fields_and_options(desk, tmp_path):
     assert completed("sdt-drake compare coupled_pi --controllers pi,p_") == {"pi,p_pi"}
 
 
-def test_help_does_not_load_drake(tmp_path):
+@pytest.mark.parametrize(
+    ("line", "heavy"),
+    [
+        ("plan --help", "numpy"),
+        ("--version", "sdt_drake.cli.common"),
+        ("tune reference", "matplotlib"),
+    ],
+)
+def test_commands_import_no_more_than_they_need(line, heavy):
     code = (
-        "import sys\nfrom sdt_drake.cli.app import main\nmain(['plan', '--help'])\n"
-        "sys.exit('pydrake' in sys.modules)"
+        f"import sys\nfrom sdt_drake.cli.app import main\ncode = main({line.split()})\n"
+        f"sys.exit(code or {heavy!r} in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], stdout=subprocess.DEVNULL).returncode == 0
 

@@ -12,7 +12,7 @@ from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import MOST_PERIODS, InputError, within
 from sdt_drake.io.files import replacing_files
-from sdt_drake.io.tables import Results
+from sdt_drake.io.results import Results
 from sdt_drake.machine.drive_files import formats
 from sdt_drake.machine.drive_files.drives import Drives
 from sdt_drake.machine.drive_files.set_points import (

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from sdt_drake.io.arguments import chosen_joints
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.run.design import Design
@@ -40,19 +41,6 @@ def scope(
     names = [""] * n if design is None else design.robot.joint_names
     columns = joint_columns(recording, design, names)
     return picture(title, [columns[k] for k in joints])
-
-
-def chosen_joints(joint: int | None, n: int, where: str = "joint") -> Sequence[int]:
-    """Indices of the joints to show: all n, from 0, or that one of 1..n.
-
-    Raises:
-        InputError: naming `where`, if there is no such joint.
-    """
-    if joint is None:
-        return range(n)
-    if not isinstance(joint, int | np.integer) or not 1 <= joint <= n:
-        raise InputError(f"{where}: {joint!r}, expected 1 to {n}")
-    return [joint - 1]
 
 
 def joint_columns(
