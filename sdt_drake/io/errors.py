@@ -33,7 +33,8 @@ class Problem(NamedTuple):
         place: dotted name of a field, entries counted from 1: "controller.kp[2]".
         where: the file or the object that has the field.
         near: names like one that there is none of.
-        kind: "joints" where the input is of another robot, with other joints.
+        kind: "joints" where the input is of another robot, with other joints; "still" where a joint
+            of a robot has nothing to move.
     """
 
     found: str

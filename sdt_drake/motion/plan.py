@@ -155,10 +155,11 @@ def checked_torque(robot: Robot, motion: Motion, *, torque_margin: float = 1.0) 
             acceleration or position limits: naming joint, time, what it needs and what there is.
     """
     torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
+    asked, _ = _of_motors(robot, torque, motion.v)
     check_no_load_speed(robot, motion)
     fastest, quickest = robot.velocity_limit, robot.acceleration_limit
     for quantity, values, limits, slack in (
-        ("torque [N m]", torque, robot.torque_range(motion.v, torque_margin), TORQUE_TOLERANCE),
+        ("torque [N m]", asked, robot.torque_range(motion.v, torque_margin), TORQUE_TOLERANCE),
         ("speed [rad/s]", motion.v, (-fastest, fastest), SPEED_TOLERANCE),
         ("acceleration [rad/s²]", motion.vd, (-quickest, quickest), ACCELERATION_TOLERANCE),
     ):
@@ -190,9 +191,16 @@ def check_no_load_speed(robot: Robot, motion: Motion) -> None:
     if robot.envelope is not None:
         most = robot.envelope.n0 / robot.gear_ratio
         why = f", the no-load speed (n0) by {robot.envelope.source}"
-        _refuse_beyond(
-            robot, motion, "speed [rad/s]", motion.v, (-most, most), SPEED_TOLERANCE, why
-        )
+        _, v = _of_motors(robot, motion.v, motion.v)
+        _refuse_beyond(robot, motion, "speed [rad/s]", v, (-most, most), SPEED_TOLERANCE, why)
+
+
+def _of_motors(robot: Robot, torque: Array, v: Array) -> tuple[Array, Array]:
+    """Torques and speeds of the motors, by the gear ratio of their own joints: what those would
+    have, where no motor turns with another joint."""
+    if not robot.is_coupled:
+        return torque, v
+    return robot.motor_torque(torque) * robot.gear_ratio, robot.of_motors(v) / robot.gear_ratio
 
 
 def check_stops(robot: Robot, motion: Motion) -> None:
@@ -321,10 +329,11 @@ def margins(robot: Robot, motion: Motion) -> Margins:
     torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
     limit = np.broadcast_to(robot.effort_limit, torque.shape)
     lowest, highest = robot.torque_range(motion.v)
-    share = {"torque": np.abs(torque) / limit}
+    signed, v = _of_motors(robot, torque, motion.v)
+    asked = np.abs(signed)
+    share = {"torque": asked / limit}
     if robot.envelope is not None and robot.envelope.limits:
-        asked = np.abs(torque)
-        available = np.where(torque > 0, highest, -lowest)
+        available = np.where(signed > 0, highest, -lowest)
         # At n0 nothing is left: what is asked for there is beyond any share.
         share["torque at speed"] = np.divide(
             asked,
@@ -333,7 +342,7 @@ def margins(robot: Robot, motion: Motion) -> Margins:
             where=available > 0,
         )
     for quantity, values, limit in (
-        ("speed", motion.v, robot.top_speed),
+        ("speed", v, robot.top_speed),
         ("acceleration", motion.vd, robot.acceleration_limit),
     ):
         if np.isfinite(limit).any():

@@ -11,7 +11,7 @@ from pydrake.multibody.tree import UniformGravityFieldElement
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.robot.robot import Robot, turned
+from sdt_drake.robot.robot import Robot
 
 HEAD_FRAME = "head"
 """The SDF frame between the pilot's ears: x forward, y left, z up."""
@@ -151,3 +151,11 @@ def _chain_at_zero(robot: Robot) -> tuple[list[Array], list[Array], Array]:
             axes.append(axis)
             origins.append(origin)
     return axes, [*origins, head_pose.translation()], head_pose.rotation().matrix()
+
+
+def turned(axis: Array, angle: Array) -> Array:
+    """Rotations about a unit vector by angles [rad] of shape (N,): (N, 3, 3) (Rodrigues)."""
+    x, y, z = axis
+    S = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    sine, versine = np.sin(angle)[:, None, None], (1 - np.cos(angle))[:, None, None]
+    return np.eye(3) + sine * S + versine * (S @ S)

@@ -30,10 +30,13 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, one_line
 from sdt_drake.io.resources import find_file
 from sdt_drake.io.shown import Shown, Summary, joint_count, of_joints
+from sdt_drake.robot.coupling import coupling_of, in_words, without_coupling
 from sdt_drake.robot.envelope import Envelope
+from sdt_drake.robot.rounding import fill_zeros
 from sdt_drake.robot.sdf import check_sdf, mass_and_inertia, parse_xml, read_robot_file
 
 _NO_STOP = 1e16  # rad
+_STILL = "still"  # kind of error: a joint has nothing to move
 
 DEFAULT_ROBOT = "package://sdt/sdt.sdf"
 
@@ -51,6 +54,8 @@ class Robot(Shown):
         joint_names: base to tip.
         rotor_inertia: I_m of motor and gearbox, motor side [kg m²], shape (n,).
         gear_ratio: r, motor speed over joint speed [-], shape (n,).
+        coupling: motor speeds = coupling @ joint speeds [-], shape (n, n); diag(r) but for a
+            motor that turns with another joint, too, as those of wrists do.
         effort_limit: largest torque, **joint side** [N m], shape (n,).
         velocity_limit: largest joint speed [rad/s], inf where the file gives none, shape (n,).
         acceleration_limit: largest joint acceleration [rad/s²], of `<drake:acceleration>`, inf
@@ -60,6 +65,7 @@ class Robot(Shown):
         sdf: text of the SDF that the plant was parsed from, without shapes; also of a URDF.
         frequency_factor: lowest natural frequency of the structure over that of the file [-].
         envelope: torque of the motors over their speed; None where nothing is known of it.
+        accepted: what of the file was taken otherwise than it stands there, or left, in sentences.
     """
 
     name: str
@@ -68,6 +74,7 @@ class Robot(Shown):
     joint_names: tuple[str, ...]
     rotor_inertia: Array
     gear_ratio: Array
+    coupling: Array
     effort_limit: Array
     velocity_limit: Array
     acceleration_limit: Array
@@ -77,6 +84,7 @@ class Robot(Shown):
     sdf: str
     frequency_factor: float = 1.0
     envelope: Envelope | None = None
+    accepted: tuple[str, ...] = ()
 
     @property
     def n(self) -> int:
@@ -104,6 +112,27 @@ class Robot(Shown):
         return self.gear_ratio**2 * self.rotor_inertia
 
     @property
+    def is_coupled(self) -> bool:
+        """Whether a motor turns with another joint than its own, too."""
+        return bool(np.count_nonzero(self.coupling) > self.n)
+
+    def of_motors(self, angles: ArrayLike) -> Array:
+        """Angles, speeds or accelerations of the motors of those of the joints, (..., n) each."""
+        return np.asarray(angles, dtype=float) @ self.coupling.T
+
+    def of_joints(self, angles: ArrayLike) -> Array:
+        """Angles, speeds or accelerations of the joints of those of the motors, (..., n) each."""
+        return np.asarray(angles, dtype=float) @ np.linalg.inv(self.coupling).T
+
+    def motor_torque(self, torque: ArrayLike) -> Array:
+        """Torques of the motors [N m] of those of the joints [N m], shape (..., n) each."""
+        return np.asarray(torque, dtype=float) @ np.linalg.inv(self.coupling)
+
+    def joint_torque(self, torque: ArrayLike) -> Array:
+        """Torques of the joints [N m] of those of the motors [N m], shape (..., n) each."""
+        return np.asarray(torque, dtype=float) @ self.coupling
+
+    @property
     def top_speed(self) -> Array:
         """Largest joint speed that the file allows and the motors reach [rad/s], shape (n,)."""
         if self.envelope is None:
@@ -120,7 +149,7 @@ class Robot(Shown):
         v, limit = np.asarray(v, dtype=float), share * self.effort_limit
         if self.envelope is None:
             return np.broadcast_to(-limit, v.shape), np.broadcast_to(limit, v.shape)
-        return self.envelope.range(limit, self.gear_ratio * v)
+        return self.envelope.range(limit, self.of_motors(v))
 
     def context_at_zero(self) -> Context:
         """A context of the plant with all joints at 0."""
@@ -158,14 +187,25 @@ def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
         InputError: naming the file, the link or joint, and the number.
     """
     file = find_file(path, "robot")
-    robot = _checked_robot(file, read_robot_file(file))
+    root, told = read_robot_file(file)
+    try:
+        robot = _checked_robot(file, root)
+    except InputError as error:
+        filled = fill_zeros(root) if error.problems[0].kind == _STILL else []
+        if not filled:
+            raise
+        told += filled
+        robot = _checked_robot(file, root)
     plant = robot.plant
     still = _welded_to(plant.world_body(), plant)
     bodies = [plant.get_body(BodyIndex(k)) for k in range(plant.num_bodies())]
     moving = [body for body in bodies if body.index() not in still]
     massless = [body.name() for body in moving if body.default_mass() == 0]
     if massless:
-        _say_once(f"{file}: accepted without mass: {', '.join(massless)}")
+        told.append(f"accepted without mass: {', '.join(massless)}")
+    robot = replace(robot, accepted=(*told, *robot.accepted))
+    for text in robot.accepted:
+        _say_once(f"{file}: {text}")
     return robot
 
 
@@ -187,14 +227,19 @@ def edited(robot: Robot, edit: Callable[[ET.Element], None]) -> Robot:
     root = parse_xml(robot.sdf, robot.path)
     edit(root)
     other = _checked_robot(robot.path, root)
-    return replace(other, frequency_factor=robot.frequency_factor, envelope=robot.envelope)
+    return replace(
+        other,
+        frequency_factor=robot.frequency_factor,
+        envelope=robot.envelope,
+        accepted=robot.accepted,
+    )
 
 
 def _checked_robot(file: Path, root: ET.Element) -> Robot:
     """The robot of this SDF, which is that of the file, or an edited one."""
-    check_sdf(root, file)
+    told = check_sdf(root, file)
     text = ET.tostring(root, encoding="unicode")
-    plant = _parse(file, text)
+    plant = _parse(file, root)
     joints = _chain(plant, file)
     actuators = _actuators(plant, joints, file)
     effort_limit = [a.effort_limit() for a in actuators]
@@ -203,13 +248,17 @@ def _checked_robot(file: Path, root: ET.Element) -> Robot:
     _check_inertias_kept(plant, root, file)
     _check_dynamics(plant, joints, file)
     motors = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+    names = tuple(j.name() for j in joints)
+    gear_ratio = np.array([m.default_gear_ratio() for m in motors])
+    coupling = coupling_of(root, names, gear_ratio, file)
     return Robot(
         name=plant.GetModelInstanceName(joints[0].model_instance()),
         path=file,
         plant=plant,
-        joint_names=tuple(j.name() for j in joints),
+        joint_names=names,
         rotor_inertia=np.array([m.default_rotor_inertia() for m in motors]),
-        gear_ratio=np.array([m.default_gear_ratio() for m in motors]),
+        gear_ratio=gear_ratio,
+        coupling=coupling,
         effort_limit=np.array(effort_limit),
         velocity_limit=np.array([j.velocity_upper_limits()[0] for j in joints]),
         acceleration_limit=np.array([j.acceleration_upper_limits()[0] for j in joints]),
@@ -217,6 +266,7 @@ def _checked_robot(file: Path, root: ET.Element) -> Robot:
         position_upper=_stops([j.position_upper_limits()[0] for j in joints]),
         damping=np.array([j.default_damping_vector()[0] for j in joints]),
         sdf=text,
+        accepted=(*told, *in_words(coupling, names)),
     )
 
 
@@ -232,8 +282,9 @@ def _stops(limits: Sequence[float]) -> Array:
 _PLACE = re.compile(r"<(data|literal)-string>\S* |error: ")  # not that of the file
 
 
-def _parse(file: Path, text: str) -> MultibodyPlant:
-    """The plant of an SDF, not finalized."""
+def _parse(file: Path, root: ET.Element) -> MultibodyPlant:
+    """The plant of an SDF, not finalized; without what only we know."""
+    text = ET.tostring(without_coupling(root), encoding="unicode")
     plant = MultibodyPlant(time_step=0.0)
     parser = Parser(plant)
     parser.SetStrictParsing()
@@ -323,7 +374,8 @@ def _check_dynamics(plant: MultibodyPlant, joints: list[RevoluteJoint], file: Pa
         k, most = int(np.argmin(M.diagonal())), int(np.argmax(M.diagonal()))
         raise InputError(
             f"{file}: joint '{joints[k].name()}': inertia about its axis {M[k, k]:g} kg m², "
-            f"expected more: that of '{joints[most].name()}' is {M[most, most]:g} kg m²"
+            f"expected more: that of '{joints[most].name()}' is {M[most, most]:g} kg m²",
+            kind=_STILL,
         )
 
 
@@ -345,11 +397,3 @@ def parts_of(body: RigidBody) -> tuple[float, Array, Array]:
     inertia = body.default_spatial_inertia()
     com = inertia.get_com()
     return inertia.get_mass(), com, inertia.Shift(com).CalcRotationalInertia().CopyToFullMatrix3()
-
-
-def turned(axis: Array, angle: Array) -> Array:
-    """Rotations about a unit vector by angles [rad] of shape (N,): (N, 3, 3) (Rodrigues)."""
-    x, y, z = axis
-    S = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    sine, versine = np.sin(angle)[:, None, None], (1 - np.cos(angle))[:, None, None]
-    return np.eye(3) + sine * S + versine * (S @ S)

@@ -13,14 +13,16 @@ import numpy as np
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import suggestion
+from sdt_drake.robot.coupling import TURNS_WITH
+from sdt_drake.robot.rounding import last_digit, nearest_inertia
 from sdt_drake.robot.urdf import sdf_of_urdf
 
 DRAKE = "drake:"
 """Prefix of Drake's own elements; it goes by that alone, whatever address it is declared with."""
 
 
-def read_robot_file(file: Path) -> ET.Element:
-    """What an SDF or URDF says of the motion of its robot, as an SDF.
+def read_robot_file(file: Path) -> tuple[ET.Element, list[str]]:
+    """What an SDF or URDF says of the motion of its robot, as an SDF; and what of it has no say.
 
     Raises:
         InputError: if it is neither, or no XML.
@@ -28,7 +30,7 @@ def read_robot_file(file: Path) -> ET.Element:
     if file.suffix not in (".sdf", ".urdf"):
         raise InputError(f"{file}: expected an .sdf or .urdf file")
     root = parse_xml(file.read_bytes(), file)
-    return sdf_of_urdf(root, file) if file.suffix == ".urdf" else root
+    return sdf_of_urdf(root, file) if file.suffix == ".urdf" else (root, [])
 
 
 def parse_xml(data: bytes | str, file: Path, *, shapes: bool = False) -> ET.Element:
@@ -88,18 +90,24 @@ _ZERO = {
     "spring_stiffness": "springs are not supported",
     "spring_reference": "springs are not supported",
 }
-_SCALARS = ("mass", *_MOMENTS, *_LIMITS, *_MOTOR, "damping", *_ZERO)
+_SCALARS = ("mass", *_MOMENTS, *_LIMITS, *_MOTOR, TURNS_WITH, "damping", *_ZERO)
 _COUNTS = {"pose": (0, 6, 7), "xyz": (3,)} | dict.fromkeys(_SCALARS, (1,))
 _PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
-# Elements without effect here, and where those of Drake have one.
+# Elements without effect here, and where those with a prefix have one.
 _UNKNOWN = {"include", "mimic", "axis2", "fluid_added_mass"}
-_DRAKES = {*(("joint", tag) for tag in _MOTOR), ("limit", f"{DRAKE}acceleration")}
+_DRAKES = {*(("joint", tag) for tag in (*_MOTOR, TURNS_WITH)), ("limit", f"{DRAKE}acceleration")}
+_OWN = TURNS_WITH.partition(":")[0] + ":"
 _LONGEST_NAME = 100
 
 
-def check_sdf(root: ET.Element, file: Path) -> None:
+def check_sdf(root: ET.Element, file: Path) -> list[str]:
     """Refuse what the SDF parser would misread, fill in, replace or drop without an error.
+
+    Inertias that no body can have by rounding alone become the nearest that one can, in place.
+
+    Returns:
+        A sentence for each of these.
 
     Raises:
         InputError: naming the file, the link or joint, and the element.
@@ -117,8 +125,9 @@ def check_sdf(root: ET.Element, file: Path) -> None:
         below = part.iter() if part in list(models[0]) else (part,)
         for element in below:
             _check_element(element, f"{file}: {name}")
-    for link in root.iter("link"):
-        _check_inertial(link, f"{file}: link '{link.get('name')}'")
+    links = [(link, f"link '{link.get('name')}'") for link in root.iter("link")]
+    told = [_check_inertial(link, f"{file}: {name}") for link, name in links]
+    return [f"{name}: {text}" for (_, name), text in zip(links, told, strict=True) if text]
 
 
 def _check_name(element: ET.Element, file: Path) -> None:
@@ -132,10 +141,10 @@ def _check_name(element: ET.Element, file: Path) -> None:
 
 def _check_element(element: ET.Element, where: str) -> None:
     """Every number is one, every element is read, and has an effect."""
-    children = [(child.tag, child.get("name")) for child in element]
+    children = [(child.tag, child.get("name") or child.get("joint")) for child in element]
     drakes = [tag for parent, tag in _DRAKES if parent == element.tag]
     for tag, name in children:
-        bare = tag.removeprefix(DRAKE)
+        bare = tag.removeprefix(DRAKE).removeprefix(_OWN)
         if tag in _UNKNOWN or (tag not in drakes and (tag != bare or DRAKE + tag in drakes)):
             raise InputError(
                 f"{where}: <{_short(bare)}> in <{element.tag}> is not supported or would have no "
@@ -184,8 +193,9 @@ def _short(text: str) -> str:
     return text if len(text) <= 40 else f"{text[:40]}..."
 
 
-def _check_inertial(link: ET.Element, where: str) -> None:
-    """No mass and no inertia, or mass > 0 and principal moments that some body can have."""
+def _check_inertial(link: ET.Element, where: str) -> str:
+    """No mass and no inertia, or mass > 0 and principal moments that some body can have; what
+    rounding has changed of them is put right, and told."""
     mass, inertia = mass_and_inertia(link, where)
     if mass < 0:
         raise InputError(f"{where}: <mass> {mass:g} kg, expected a number >= 0")
@@ -195,15 +205,25 @@ def _check_inertial(link: ET.Element, where: str) -> None:
             f"{where}: <inertia> without <mass>, expected both zero, or a small mass with an "
             "inertia that keeps the triangle inequality (J about one axis: J/2 about the others)"
         )
+    missed = float(moments[2] - moments[0] - moments[1])
+    if missed <= 1e-12 * moments[2] and moments[0] >= 0:
+        return ""
+    digit = last_digit(link)
+    nearest = nearest_inertia(inertia, digit)
+    if nearest is not None:
+        _write_inertia(link, nearest)
+        return (
+            f"inertia misses the triangle inequality by {missed:.2g} kg m², within its last "
+            f"printed digit, {digit:g}; taken as the nearest that a body can have"
+        )
     if moments[0] < 0:
         raise InputError(
             f"{where}: inertia has the principal moment {moments[0]:g} kg m², expected >= 0"
         )
-    if moments[2] > (moments[0] + moments[1]) * (1 + 1e-12):
-        raise InputError(
-            f"{where}: inertia breaks the triangle inequality, principal moments "
-            f"{moments[0]:g} + {moments[1]:g} < {moments[2]:g} kg m²"
-        )
+    raise InputError(
+        f"{where}: inertia breaks the triangle inequality, principal moments "
+        f"{moments[0]:g} + {moments[1]:g} < {moments[2]:g} kg m²"
+    )
 
 
 def mass_and_inertia(link: ET.Element, where: str) -> tuple[float, Array]:
@@ -282,9 +302,14 @@ def set_inertia(link: ET.Element, mass: float, com: Array, central: Array) -> No
     inertial.clear()
     child(inertial, "pose").text = " ".join([*(repr(float(x)) for x in com), "0 0 0"])
     child(inertial, "mass").text = repr(float(mass))
+    _write_inertia(link, central)
+
+
+def _write_inertia(link: ET.Element, inertia: Array) -> None:
+    """Give a link other moments of inertia, along the axes of its <inertial>."""
+    moments = child(child(link, "inertial"), "inertia")
     for i, j in zip(*np.triu_indices(3), strict=True):
-        moment = child(child(inertial, "inertia"), f"i{'xyz'[i]}{'xyz'[j]}")
-        moment.text = repr(float(central[i, j]))
+        child(moments, f"i{'xyz'[i]}{'xyz'[j]}").text = repr(float(inertia[i, j]))
 
 
 # --- pseudo-inertia --------------------------------------------------------------------------

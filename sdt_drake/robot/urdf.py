@@ -7,6 +7,7 @@ from pathlib import Path
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import suggestion
+from sdt_drake.robot.coupling import TURNS_WITH
 
 # Elements that are read, by their parent: their attributes. Numbers stay texts, as in the file.
 _READ = {
@@ -28,19 +29,23 @@ _READ = {
     "transmission/type": set(),
     "transmission/joint": {"name"},
     "transmission/actuator": {"name"},
+    "joint of a transmission/role": set(),
+    "joint of a transmission/mechanicalReduction": set(),
+    "actuator/role": set(),
     "actuator/drake:rotor_inertia": {"value"},
     "actuator/drake:gear_ratio": {"value"},
+    f"actuator/{TURNS_WITH}": {"joint", "value"},
     "actuator/mechanicalReduction": set(),
     "transmission/mechanicalReduction": set(),
 }
 _TYPES = {"revolute": "revolute", "continuous": "revolute", "fixed": "fixed"}
 # Elements that say nothing of bodies and motors.
 _IGNORED = {"gazebo", "material", "calibration", "safety_controller", "self_collision_checking"}
-_IGNORED |= {"hardwareInterface", "role", "robotNamespace"}
+_IGNORED |= {"hardwareInterface", "offset", "robotNamespace", "ros2_control"}
 
 
-def sdf_of_urdf(robot: ET.Element, file: Path) -> ET.Element:
-    """The same robot as an SDF, its root link fixed to the world.
+def sdf_of_urdf(robot: ET.Element, file: Path) -> tuple[ET.Element, list[str]]:
+    """The same robot as an SDF, its root link fixed to the world; and what has no say, in words.
 
     A joint without a transmission has a motor, too, of the effort of its <limit>. The inertia of
     the root does not matter and is not read. Other links without <inertial> have no mass; those of
@@ -53,6 +58,13 @@ def sdf_of_urdf(robot: ET.Element, file: Path) -> ET.Element:
     Raises:
         InputError: for whatever would not be read or be read twice, and instead of guesses.
     """
+    told = [
+        f"transmission '{transmission.get('name')}': <offset> {text} has no say: it is where a "
+        "motor has its zero"
+        for transmission in robot.iter("transmission")
+        for text in (offset.text or "" for offset in transmission.iter("offset"))
+        if text.strip().strip("0.")
+    ]
     _check("", robot, str(file))
     sdf = ET.Element("sdf", version="1.9")
     model = ET.SubElement(sdf, "model", name=robot.get("name", ""))
@@ -83,7 +95,7 @@ def sdf_of_urdf(robot: ET.Element, file: Path) -> ET.Element:
         name = frame.get("name", "")
         new = ET.SubElement(model, "frame", name=name, attached_to=frame.get("link", ""))
         new.append(_pose(frame, f"{file}: frame '{name}'"))
-    return sdf
+    return sdf, told
 
 
 def _check(parent: str, element: ET.Element, where: str) -> None:
@@ -101,33 +113,72 @@ def _check(parent: str, element: ET.Element, where: str) -> None:
             raise InputError(f"{where}: {name[:40]} of <{element.tag}> is not supported; remove it")
     for child in [child for child in element if child.tag in _IGNORED]:
         element.remove(child)
-    names = [(child.tag, child.get("name")) for child in element]
+    names = [(child.tag, child.get("name") or child.get("joint")) for child in element]
+    inner = "joint of a transmission" if key == "transmission/joint" else element.tag
     for child, named in zip(element, names, strict=True):
         if names.count(named) > 1:
             raise InputError(f"{where}: <{child.tag[:40]}> more than once in <{element.tag}>")
-        _check(element.tag, child, where)
+        _check(inner, child, where)
 
 
 def _motors(robot: ET.Element, file: Path) -> dict[str, list[ET.Element]]:
-    """Rotor inertia and gear ratio, as an SDF has them, of each joint with a transmission."""
+    """Rotor inertia, gear ratio and coupling, as an SDF has them, of each joint with a
+    transmission."""
     motors: dict[str, list[ET.Element]] = {}
     for transmission in robot.findall("transmission"):
         where = f"{file}: transmission '{transmission.get('name')}'"
-        kind = transmission.get("type") or transmission.findtext("type") or ""
-        if not kind.strip().endswith("SimpleTransmission"):
-            raise InputError(f"{where}: type '{kind.strip()[:40]}', expected SimpleTransmission")
+        kind = (transmission.get("type") or transmission.findtext("type") or "").strip()
+        size = next((n for name, n in _TRANSMISSIONS.items() if kind.endswith(name)), 0)
+        if not size:
+            raise InputError(f"{where}: type '{kind[:40]}', expected {' or '.join(_TRANSMISSIONS)}")
         joints, actuators = transmission.findall("joint"), transmission.findall("actuator")
-        if (len(joints), len(actuators)) != (1, 1) or joints[0].get("name") in motors:
-            raise InputError(
-                f"{where}: expected one joint, one actuator, and no other on the joint"
-            )
-        motor = [_leaf(e.tag, e.get("value")) for e in actuators[0] if e.tag.startswith("drake:")]
-        for reduction in transmission.iter("mechanicalReduction"):
-            text = (reduction.text or "").strip()
-            if text not in ("1", "1.0"):  # else the ratio is that of Drake's element, if any
-                motor.append(_leaf("drake:gear_ratio", text))
-        motors[joints[0].get("name", "")] = motor
+        names = [joint.get("name", "") for joint in joints]
+        if not len(joints) == len(actuators) == size or any(name in motors for name in names):
+            each = "one joint, one actuator, and no other on the joint"
+            raise InputError(f"{where}: expected {each if size == 1 else each.replace('one', '2')}")
+        for name, actuator in zip(names, actuators, strict=True):
+            own = [e for e in actuator if e.tag.startswith(("drake:", "sdt:"))]
+            motors[name] = [_leaf(e.tag, e.get("value"), e.get("joint")) for e in own]
+        if size == 1:
+            for reduction in transmission.iter("mechanicalReduction"):
+                text = (reduction.text or "").strip()
+                if text not in ("1", "1.0"):  # else the ratio is that of Drake's element, if any
+                    motors[names[0]].append(_leaf("drake:gear_ratio", text))
+        else:
+            ratios = [_reduction(part, where) for part in (*joints, *actuators)]
+            for k, (own_ratio, other) in enumerate(_differential(*ratios)):
+                motors[names[k]].append(_leaf("drake:gear_ratio", repr(own_ratio)))
+                motors[names[k]].append(_leaf(TURNS_WITH, repr(other), names[1 - k]))
     return motors
+
+
+_TRANSMISSIONS = {"SimpleTransmission": 1, "DifferentialTransmission": 2}  # joints of each
+
+
+def _reduction(part: ET.Element, where: str) -> float:
+    """The reduction of a joint or actuator of a differential, 1 by default."""
+    text = part.findtext("mechanicalReduction", "1").strip()
+    try:
+        ratio = float(text)
+    except ValueError:
+        ratio = 0.0
+    if not 0 < abs(ratio) < 1e9:
+        raise InputError(
+            f"{where}: <mechanicalReduction> is '{text[:40]}', expected a number, no 0"
+        )
+    return ratio
+
+
+def _differential(
+    joint_1: float, joint_2: float, motor_1: float, motor_2: float
+) -> list[tuple[float, float]]:
+    """Turns of either motor in a turn of its own joint, and in one of the other.
+
+    The motors of ROS's DifferentialTransmission turn n_1 (r_1 v_1 + r_2 v_2) and n_2 (r_1 v_1 -
+    r_2 v_2). A motor that turns against its joint is counted the other way.
+    """
+    rows = [(motor_1 * joint_1, motor_1 * joint_2), (-motor_2 * joint_2, motor_2 * joint_1)]
+    return [(abs(own), other if own > 0 else -other) for own, other in rows]
 
 
 def _add_link(model: ET.Element, old: ET.Element, joint: ET.Element | None, where: str) -> None:
@@ -199,7 +250,7 @@ def _pose(origin: ET.Element | None, where: str) -> ET.Element:
     return _leaf("pose", " ".join(parts))
 
 
-def _leaf(tag: str, text: str | None) -> ET.Element:
-    leaf = ET.Element(tag)
+def _leaf(tag: str, text: str | None, joint: str | None = None) -> ET.Element:
+    leaf = ET.Element(tag, {} if joint is None else {"joint": joint})
     leaf.text = text
     return leaf

@@ -94,7 +94,8 @@ class Drives(Input):
         return np.array([axis.zero for axis in self.axes], dtype=float)
 
     def increments_per_rad(self, robot: Robot) -> Array:
-        """Increments per rad of a joint angle, with the sign of the axis; shape (n,)."""
+        """Increments of each drive per rad of each joint angle, with the sign of its axis; shape
+        (n, n)."""
         return self._per_joint(robot, lambda axis: axis.increments / tau)
 
     def speed_per_increment(self) -> Array:
@@ -103,10 +104,10 @@ class Drives(Input):
         turns = [60 / axis.increments for axis in self.axes]
         return np.array([x / unit if unit else 1.0 for x, unit in zip(turns, rpm, strict=True)])
 
-    def per_mille_per_torque(self, robot: Robot) -> Array:
-        """Per mille of the motors' rated torque in 1 N m at the joint, with its sign; shape
-        (n,)."""
-        return 1 / self._per_joint(robot, lambda axis: axis.rated_torque / 1000)
+    def torque_per_mille(self, robot: Robot) -> Array:
+        """Torque at each joint [N m] in 1 per mille of the rated torque of each motor, with the
+        sign of its axis; shape (n, n), a row for each motor."""
+        return self._per_joint(robot, lambda axis: axis.rated_torque / 1000)
 
     def most_per_mille(self) -> Array:
         """Largest magnitude of a torque, in per mille of the rated one, shape (n,)."""
@@ -124,13 +125,12 @@ class Drives(Input):
         return np.array([quantity in quantities for quantities in read])
 
     def _per_joint(self, robot: Robot, of_motor: Callable[[Axis], float]) -> Array:
-        """What a motor has in a unit of its own angle or torque, in one of the joint's."""
-        return np.array(
-            [
-                axis.sign * (axis.gear_ratio or r) * of_motor(axis)
-                for axis, r in zip(self.axes, robot.gear_ratio, strict=True)
-            ]
-        )
+        """What a motor has in a unit of its own angle or torque, in one of each joint's."""
+        own = [
+            axis.sign * (axis.gear_ratio or r) / r * of_motor(axis)
+            for axis, r in zip(self.axes, robot.gear_ratio, strict=True)
+        ]
+        return np.array(own)[:, None] * robot.coupling
 
 
 def load_drives(path: str | Path, n: int) -> Drives:

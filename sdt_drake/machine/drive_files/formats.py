@@ -38,14 +38,19 @@ def _columns(drives: Drives) -> list[tuple[str, int]]:
 def write_drive_table(path: Path, robot: Robot, samples: Samples) -> None:
     """Write time [s], q_motor_k [rad], v_motor_k [rad/s], tau_motor_k [N m], all **motor side**.
 
-    q_motor = r q, v_motor = r v, tau_motor = tau / r, with tau the full inverse dynamics, the
-    motors' own inertia included. So tau_motor is the whole torque of a motor, for the additive
+    q_motor = C q, v_motor = C v, tau = C' tau_motor, with C the robot's coupling (its gear ratios,
+    where no motor turns with another joint), and tau the full inverse dynamics, the motors' own
+    inertia included. So tau_motor is the whole torque of a motor, for the additive
     torque set point of its drive; a pre-control by acceleration times inertia in the drive has to
     be off then. A row holds until the next one; the last row has no acceleration any more.
     """
-    r, time = robot.gear_ratio, np.arange(float(len(samples.q))) * samples.period
-    columns = {"q_motor": r * samples.q, "v_motor": r * samples.v, "tau_motor": samples.tau / r}
-    write_table(path, time, columns)
+    time = np.arange(float(len(samples.q))) * samples.period
+    q, v, tau = (
+        robot.of_motors(samples.q),
+        robot.of_motors(samples.v),
+        robot.motor_torque(samples.tau),
+    )
+    write_table(path, time, {"q_motor": q, "v_motor": v, "tau_motor": tau})
 
 
 # --- integers, a row for each cycle ----------------------------------------------------------
@@ -129,17 +134,19 @@ def cam_table(robot: Robot, drives: Drives, samples: Samples, most: int) -> Inte
     """At most `most` points for cubics: cycle (the master), and for each axis position [increments]
     and speed [increments/s]; no torques."""
     rows, per_rad = cam_rows(samples, most), drives.increments_per_rad(robot)
-    position = np.round(drives.zeros() + samples.q[rows] * per_rad)
-    table = np.hstack([np.array(rows)[:, None], position, np.round(samples.v[rows] * per_rad)])
+    position = np.round(drives.zeros() + samples.q[rows] @ per_rad.T)
+    table = np.hstack([np.array(rows)[:, None], position, np.round(samples.v[rows] @ per_rad.T)])
     return table.astype(np.int64)
 
 
 def samples_from_cam(robot: Robot, drives: Drives, table: Integers) -> Samples:
     """What cubics between the points of a `cam_table` command in each cycle, without a torque."""
-    per_rad, cycles = drives.increments_per_rad(robot), table[:, 0]
+    per_joint, cycles = np.linalg.inv(drives.increments_per_rad(robot)).T, table[:, 0]
     position, speed = np.hsplit(table[:, 1:], 2)
     cubics = PiecewisePolynomial.CubicHermite(
-        cycles * drives.cycle_time, ((position - drives.zeros()) / per_rad).T, (speed / per_rad).T
+        cycles * drives.cycle_time,
+        ((position - drives.zeros()) @ per_joint).T,
+        (speed @ per_joint).T,
     )
     t = np.arange(cycles[-1] + 1) * drives.cycle_time
     q, v = cubics.vector_values(t).T, cubics.derivative().vector_values(t).T

@@ -100,10 +100,10 @@ def set_points(robot: Robot, drives: Drives, samples: Samples) -> SetPoints:
         InputError: naming joint and time: beyond 32 or 16 bits of what a drive reads, or beyond its
             largest torque.
     """
-    exact = drives.zeros() + samples.q * drives.increments_per_rad(robot)
+    exact = drives.zeros() + samples.q @ drives.increments_per_rad(robot).T
     grid = np.round(exact * (drives.speed_per_increment() / samples.period))
     speed = np.vstack([np.diff(grid, axis=0), np.zeros_like(grid[:1])])
-    torque = np.round(samples.tau * drives.per_mille_per_torque(robot))
+    torque = np.round(samples.tau @ np.linalg.inv(drives.torque_per_mille(robot)))
     for what, unit, values, most in (
         ("position", "increments", exact, drives.most(POSITION, INT32)),
         ("speed", "speed units", speed, drives.most(SPEED, INT32)),
@@ -126,10 +126,10 @@ def samples_from(robot: Robot, drives: Drives, points: SetPoints, start: Array) 
     speed takes the differences of its positions, one without a torque none.
     """
     per_rad, period = drives.increments_per_rad(robot), drives.cycle_time
-    per_speed = drives.speed_per_increment()
+    per_speed, per_joint = drives.speed_per_increment(), np.linalg.inv(per_rad).T
     position = points.position.astype(float)
     for k in np.flatnonzero(~drives.reads(POSITION)):
-        position[0, k] = drives.zeros()[k] + start[k] * per_rad[k]
+        position[0, k] = drives.zeros()[k] + per_rad[k] @ start
         travelled = np.cumsum(points.speed[:-1, k]) * period / per_speed[k]
         position[1:, k] = position[0, k] + travelled
     differences = np.vstack([np.diff(position, axis=0) / period, np.zeros(robot.n)])
@@ -137,7 +137,7 @@ def samples_from(robot: Robot, drives: Drives, points: SetPoints, start: Array) 
     torque = np.where(drives.reads(TORQUE), points.torque, 0)
     return Samples(
         period,
-        (position - drives.zeros()) / per_rad,
-        speeds / per_rad,
-        torque / drives.per_mille_per_torque(robot),
+        (position - drives.zeros()) @ per_joint,
+        speeds @ per_joint,
+        torque @ drives.torque_per_mille(robot),
     )

@@ -74,6 +74,8 @@ def save_robot(found: Identified, path: Path) -> None:
     is_sdf = file.suffix == ".sdf"
     root = parse_xml(file.read_bytes() if is_sdf else text, file, shapes=is_sdf)
     root.set("xmlns:drake", "http://drake.mit.edu")
+    if found.nominal.is_coupled:
+        root.set("xmlns:sdt", "urn:sdt_drake")
     _put(found, root)
     for mesh in root.iter("uri"):
         if mesh.text and "://" not in mesh.text:  # beside the file it was read from

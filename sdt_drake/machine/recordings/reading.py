@@ -56,7 +56,7 @@ def read_recording(
     own = all(f"{name}_1" in numbers.names for name in _OWN)
     side = side or columns.side or ("motor" if own else "joint")
     time = times_of(numbers, columns)
-    conversions = _conversions(robot, columns, side)
+    conversions = _conversions(robot.n, columns)
     signals = {}
     for name in RECORDED_SIGNALS:
         names = getattr(columns, name)
@@ -68,6 +68,10 @@ def read_recording(
             if name == "tau" and columns.torque_delay != 0:
                 signals[name] = interpolated(time + columns.torque_delay, time, signals[name])
             signals[name] *= conversions[name][0]  # in place: a file may be long
+            if side == "motor" and name in TORQUES:
+                signals[name] = robot.joint_torque(signals[name])
+            if columns.position_side == "motor" and name in ANGLES:
+                signals[name] = robot.of_joints(signals[name])
             signals[name] += conversions[name][1]
     factor = columns.time_factor if columns.rate is None else None
     cut = f"the last line ends too soon, and was left out: {numbers.cut[:40]}"
@@ -93,13 +97,10 @@ def _with_proposal(error: InputError, path: Path, robot: Robot) -> InputError:
     )
 
 
-def _conversions(robot: Robot, columns: Columns, side: str) -> dict[str, tuple[Array, Array]]:
-    """Factor and offset of each signal to SI units, joint side, counted as in the robot's file,
-    shapes (n,)."""
-    n = robot.n
-    angle = np.full(n, np.pi / 180 if columns.angle == "deg" else 1.0)
-    if columns.position_side == "motor":
-        angle = angle / robot.gear_ratio
+def _conversions(n: int, columns: Columns) -> dict[str, tuple[Array, Array]]:
+    """Factor and offset of each signal to SI units, counted as in the robot's file, shapes (n,);
+    the offset is added on the joint side."""
+    angle = np.pi / 180 if columns.angle == "deg" else 1.0
     direction, offset, torque = (
         np.full(n, default) if values is None else _each(values, name, n)
         for name, values, default in (
@@ -108,7 +109,6 @@ def _conversions(robot: Robot, columns: Columns, side: str) -> dict[str, tuple[A
             ("torque_factor", columns.torque_factor, 1.0),
         )
     )
-    torque = torque * (robot.gear_ratio if side == "motor" else 1.0)
     factors = dict.fromkeys(ANGLES, angle * direction) | dict.fromkeys(TORQUES, torque * direction)
     return {
         name: (factor, offset if name in ("q", "q_ref") else np.zeros(n))
