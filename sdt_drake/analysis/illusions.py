@@ -1,15 +1,14 @@
-"""Illusions that the observer predicts: what is felt of a motion of the head, less what is true.
+"""Illusions that the observer predicts: felt minus true of a motion of the head.
 
-What the shipped training motions are meant to feel like stands in illusions.yaml.
+A training motion says in its file which illusion it is meant to give.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,20 +16,19 @@ from sdt_drake.analysis.orientation import Percept, attitude, perceive
 from sdt_drake.analysis.perception import UNPERCEIVED_RATE
 from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.resources import shipped
-from sdt_drake.io.yaml_files import read_yaml
-from sdt_drake.motion import load_plan
+from sdt_drake.io.resources import find_file, shipped
+from sdt_drake.motion import (
+    FELT_QUANTITIES,
+    IntendedIllusion,
+    load_plan,
+    load_profile,
+    shipped_motions,
+)
 from sdt_drake.robot.head import HeadMotion, head_motion_of_samples
 from sdt_drake.robot.robot import Robot
 from sdt_drake.systems.orientation import PERCEPTION, PerceptionModel
 
-LEVELS = {
-    "roll": 1.7,
-    "pitch": 1.7,
-    "roll rate": UNPERCEIVED_RATE,
-    "pitch rate": UNPERCEIVED_RATE,
-    "yaw rate": UNPERCEIVED_RATE,
-}
+LEVELS = dict(zip(FELT_QUANTITIES, (1.7, 1.7, *[UNPERCEIVED_RATE] * 3), strict=True))
 """Errors of feeling that count as an illusion: the threshold of tilts at 0.15 Hz [deg] (Suri &
 Clark 2020) and the rotation that goes unperceived [deg/s]."""
 
@@ -62,11 +60,16 @@ class Illusion:
         return self.felt - self.true
 
     def __str__(self) -> str:
-        unit = "deg/s" if self.quantity.endswith("rate") else "deg"
+        unit = unit_of(self.quantity)
         return (
             f"{self.quantity}: felt {self.felt:.1f} {unit} at {self.at:.1f} s where it is "
             f"{self.true:.1f}; wrong from {self.start:.1f} s for {self.end - self.start:.1f} s"
         )
+
+
+def unit_of(quantity: str) -> str:
+    """The unit of a quantity of LEVELS."""
+    return "deg/s" if quantity.endswith("rate") else "deg"
 
 
 def feel(head: HeadMotion, period: float, model: str | PerceptionModel) -> Percept:
@@ -117,7 +120,7 @@ def felt_apart(first: Percept, second: Percept) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Intended:
-    """The illusion that a training motion is meant to give, and what gain sets predict of it.
+    """The illusion that a motion is meant to give, and what gain sets predict of it.
 
     Attributes:
         motion: its name.
@@ -133,18 +136,48 @@ class Intended:
         """Whether a set predicts it, large enough to be noticed."""
         return abs(self.predicted[model]) > LEVELS[self.quantity]
 
+    def sentence(self, model: str) -> str:
+        """What a set predicts of it, in words."""
+        unit, error = unit_of(self.quantity), self.predicted[model]
+        if self.is_predicted(model):
+            return f"{model} predicts it: {self.quantity} felt {error:+.1f} {unit} off."
+        return (
+            f"{model} does not predict it: {self.quantity} felt at most {abs(error):.1f} {unit} "
+            f"off, which is noticed from {LEVELS[self.quantity]:g} {unit} on."
+        )
 
-def intended_illusions(robot: Robot, models: Sequence[str] = ()) -> list[Intended]:
-    """Predict of each training motion the illusion that is meant, by default with all sets."""
+
+def intended_illusion(motion: str, robot: Robot, models: Sequence[str] = ()) -> Intended | None:
+    """Predict the illusion that a motion is meant to give, by default with all sets.
+
+    Returns:
+        None for a motion whose file does not say which it is.
+
+    Raises:
+        InputError: if the robot cannot do the motion, or has no head.
+    """
+    meant = illusion_of(motion)
+    if meant is None:
+        return None
     models = models or tuple(shipped(PERCEPTION))
-    found = []
-    for motion, meant in _texts().items():
-        head = planned_head(motion, robot)
-        with threads(2) as pool:
-            felt = list(pool.map(partial(feel, head, PERIOD), models))
-        errors = [largest_error(one, head, **meant) for one in felt]
-        found.append(Intended(motion, meant["quantity"], dict(zip(models, errors, strict=True))))
-    return found
+    head = planned_head(motion, robot)
+    with threads(2) as pool:
+        felt = dict(zip(models, pool.map(partial(feel, head, PERIOD), models), strict=True))
+    return intended(motion, meant, head, felt)
+
+
+def intended(
+    motion: str, meant: IntendedIllusion, head: HeadMotion, felt: Mapping[str, Percept]
+) -> Intended:
+    """Hold what is felt of a motion of the head, by gain set, against the illusion meant."""
+    errors = {model: largest_error(own, head, meant) for model, own in felt.items()}
+    return Intended(motion, meant.quantity, errors)
+
+
+def intended_illusions(robot: Robot) -> list[Intended]:
+    """Predict the illusion of each shipped training motion with all sets."""
+    found = [intended_illusion(motion, robot) for motion in shipped_motions()]
+    return [one for one in found if one is not None]
 
 
 def planned_head(motion: str, robot: Robot) -> HeadMotion:
@@ -153,29 +186,16 @@ def planned_head(motion: str, robot: Robot) -> HeadMotion:
     return head_motion_of_samples(robot, PERIOD, planned.q, planned.v)
 
 
-def meant_of(motion: str) -> Mapping[str, Any] | None:
-    """What a training motion is meant to feel like, as `largest_error` takes it; None of others."""
-    meant: Mapping[str, Any] | None = _texts().get(motion)
-    return meant
+def illusion_of(motion: str | Path) -> IntendedIllusion | None:
+    """The illusion that a motion is meant to give, by name or file; None if it does not say."""
+    file = find_file(motion, "motion")
+    return load_profile(file).illusion if file.suffix in (".yaml", ".yml") else None
 
 
-@cache
-def _texts() -> Any:
-    return read_yaml(Path(__file__).with_name("illusions.yaml"))
-
-
-def largest_error(
-    felt: Percept,
-    head: HeadMotion,
-    quantity: str,
-    sign: int,
-    between: Sequence[float],
-    since_start: bool = False,
-) -> float:
-    """The largest error of feeling of that sign, 0 if there is none; see illusions.yaml."""
-    start, end = between
-    own, true = quantities(felt, head)[quantity]
-    error = (own - true)[(felt.time >= start) & (felt.time <= end)]
-    error = error - error[0] * since_start
-    meant = np.abs(error) if sign == 0 else np.maximum(sign * error, 0)
-    return float(error[meant.argmax()] * (meant.max() > 0))
+def largest_error(felt: Percept, head: HeadMotion, meant: IntendedIllusion) -> float:
+    """The largest error of feeling of the sign that is meant, 0 if there is none."""
+    own, true = quantities(felt, head)[meant.quantity]
+    error = (own - true)[(felt.time >= meant.start) & (felt.time <= meant.end)]
+    error = error - error[0] * meant.from_start
+    size = np.abs(error) if meant.sign == 0 else np.maximum(meant.sign * error, 0)
+    return float(error[size.argmax()] * (size.max() > 0))

@@ -5,7 +5,6 @@ How people differ stands in pilots.yaml, with sources.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -13,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from sdt_drake.analysis.illusions import LEVELS, feel, largest_error, meant_of
+from sdt_drake.analysis.illusions import LEVELS, feel, largest_error
 from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.yaml_files import read_yaml
+from sdt_drake.motion import IntendedIllusion
 from sdt_drake.robot.head import HeadMotion
 from sdt_drake.systems.orientation import PerceptionModel, load_perception
 
@@ -66,31 +66,35 @@ def _pilot(model: PerceptionModel, random: np.random.Generator) -> PerceptionMod
 
 
 def feelings(
-    name: str, head: HeadMotion, period: float, model: str, count: int, seed: int = 0
+    meant: IntendedIllusion | None,
+    head: HeadMotion,
+    period: float,
+    model: str,
+    count: int,
+    seed: int = 0,
 ) -> list[Feeling]:
-    """How many pilots feel the illusion that a training motion is meant for, or each, of another.
+    """Count the pilots who are predicted to feel an illusion.
 
     Args:
-        name: of the motion.
-        head: its motion of the head, sampled every `period` [s].
+        meant: the illusion; None for an error of any quantity, at any time.
+        head: motion of the head, sampled every `period` [s].
         model: gain set that pilots are drawn around.
         count: of pilots.
         seed: of what is drawn.
     """
-    meant = meant_of(name)
-    always = {"sign": 0, "between": (-np.inf, np.inf)}
-    sought: Sequence[Mapping[str, Any]]
-    sought = [meant] if meant else [{"quantity": quantity, **always} for quantity in LEVELS]
+    end = period * len(head.specific_force)
+    always = [IntendedIllusion(quantity=own, sign=0, start=0, end=end) for own in LEVELS]
+    sought = always if meant is None else [meant]
 
     def errors(pilot: PerceptionModel) -> list[float]:
         felt = feel(head, period, pilot)
-        return [largest_error(felt, head, **one) for one in sought]
+        return [largest_error(felt, head, one) for one in sought]
 
     pilots = draw_pilots(load_perception(model), count, seed)
     with threads(2) as pool:  # Drake steps without the interpreter's lock
         rows = list(with_progress(pool.map(errors, pilots), count))
     columns = np.array(rows).T
-    return [Feeling(one["quantity"], own) for one, own in zip(sought, columns, strict=True)]
+    return [Feeling(one.quantity, own) for one, own in zip(sought, columns, strict=True)]
 
 
 def differences() -> list[str]:

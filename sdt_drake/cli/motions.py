@@ -58,6 +58,7 @@ def _print_all(robot: RobotModel) -> None:
 
 def _print_one(motion: str, robot: RobotModel) -> None:
     from sdt_drake.motion import load_command, load_profile
+    from sdt_drake.robot.head import has_head
 
     profile = load_profile(motion)
     with common.naming_robot("--robot"):
@@ -67,6 +68,8 @@ def _print_one(motion: str, robot: RobotModel) -> None:
     say(f"{profile.title or profile.name}: {profile.duration:g} s, largest G at the head {g}")
     if profile.feels or profile.description:
         say_wrapped(f"feels: {profile.feels}" if profile.feels else profile.description)
+    if profile.illusion and has_head(robot):
+        _print_prediction(motion, robot)
     say()
     print_table(
         ("segment", "from [s]", "to [s]"),
@@ -81,6 +84,18 @@ def _print_one(motion: str, robot: RobotModel) -> None:
     if profile.notes:
         say()
         say_wrapped(f"notes: {profile.notes}")
+
+
+def _print_prediction(motion: str, robot: RobotModel) -> None:
+    """Whether gain sets of the pilot's model predict the illusion that is meant."""
+    from sdt_drake.analysis.illusions import intended_illusion
+    from sdt_drake.analysis.orientation import CAUTION
+
+    found = intended_illusion(motion, robot)
+    assert found is not None, "the motion says which illusion it is meant to give"
+    for model in found.predicted:
+        say_wrapped(found.sentence(model))
+    say_wrapped(CAUTION)
 
 
 def _largest_g(command: Command, robot: RobotModel) -> str:

@@ -53,7 +53,7 @@ def run(
         gains: gains of the pilot's model: a name that ships, or a YAML file
         out: CSV file for what is felt over time, or a figure of it (.png, .svg, .pdf)
     """
-    from sdt_drake.analysis.illusions import feel, felt_apart, illusions
+    from sdt_drake.analysis.illusions import feel, felt_apart, illusions, intended
     from sdt_drake.analysis.orientation import CAUTION
     from sdt_drake.analysis.tracking import track_head
     from sdt_drake.show.figures import pilot as plots_pilot
@@ -84,6 +84,9 @@ def run(
     found = [str(illusion) for illusion in illusions(felt[1], head.achieved)]
     for told in found or ["nothing: no illusion is predicted"]:
         say(f"  {told}")
+    if story.illusion:
+        meant = intended(name, story.illusion, head.achieved, {gains: felt[1]})
+        say(f"The illusion that is meant: {meant.sentence(gains)}")
     say(CAUTION)
     say()
     print_table(*_felt_rows(head, recording.time))
@@ -131,7 +134,7 @@ def _validate(robot: str) -> None:
 
 def _share(motion: str, robot: str, gains: str, count: int) -> None:
     """Print how many pilots are predicted to feel the illusion of a motion."""
-    from sdt_drake.analysis.illusions import LEVELS, PERIOD, planned_head
+    from sdt_drake.analysis.illusions import LEVELS, PERIOD, illusion_of, planned_head, unit_of
     from sdt_drake.analysis.orientation import CAUTION
     from sdt_drake.analysis.pilots import differences, feelings
     from sdt_drake.robot.head import check_head
@@ -139,8 +142,8 @@ def _share(motion: str, robot: str, gains: str, count: int) -> None:
     model = sdt.load_robot(robot)
     check_head(model)
     head = planned_head(motion, model)
-    for own in feelings(motion, head, PERIOD, gains, count):
-        unit = "deg/s" if own.quantity.endswith("rate") else "deg"
+    for own in feelings(illusion_of(motion), head, PERIOD, gains, count):
+        unit = unit_of(own.quantity)
         low, middle, high = np.percentile(own.errors, [5, 50, 95])
         say_wrapped(
             f"{own} are predicted to feel it: {motion}, {own.quantity} wrong by more than "

@@ -13,14 +13,20 @@ from sdt_drake.motion.plan import (
     ends_in_motion,
     margins,
 )
-from sdt_drake.motion.profile import MotionProfile, load_profile, shipped_motions
+from sdt_drake.motion.profile import (
+    FELT_QUANTITIES,
+    IntendedIllusion,
+    MotionProfile,
+    load_profile,
+    shipped_motions,
+)
 from sdt_drake.motion.retiming import retime
 from sdt_drake.motion.trajectory import Motion, import_motion
 
 __all__ = [
-    "INTERPOLATION_PERIOD", "PLANNERS", "Command", "Course", "LearnedReference", "Margins",
-    "Motion", "MotionProfile", "Plan", "Story", "TimedSegment", "checked_torque", "command_of",
-    "commanded_motion", "ends_in_motion", "import_motion", "load_command", "load_commanded",
-    "load_learned", "load_plan", "load_profile", "margins", "plan_motion", "retime",
-    "shipped_motions", "story_of",
+    "FELT_QUANTITIES", "INTERPOLATION_PERIOD", "PLANNERS", "Command", "Course",
+    "IntendedIllusion", "LearnedReference", "Margins", "Motion", "MotionProfile", "Plan", "Story",
+    "TimedSegment", "checked_torque", "command_of", "commanded_motion", "ends_in_motion",
+    "import_motion", "load_command", "load_commanded", "load_learned", "load_plan", "load_profile",
+    "margins", "plan_motion", "retime", "shipped_motions", "story_of",
 ]  # fmt: skip

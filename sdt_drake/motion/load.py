@@ -13,7 +13,7 @@ from sdt_drake.io.resources import find_file
 from sdt_drake.motion.command import Command, TimedSegment, load_command
 from sdt_drake.motion.limiter import plan_motion
 from sdt_drake.motion.plan import INTERPOLATION_PERIOD, Plan, checked_plan, commanded_motion
-from sdt_drake.motion.profile import load_profile
+from sdt_drake.motion.profile import IntendedIllusion, load_profile
 from sdt_drake.motion.retiming import retime
 from sdt_drake.motion.trajectory import Motion, import_motion
 from sdt_drake.robot.robot import Robot, load_robot
@@ -26,18 +26,20 @@ class Story(NamedTuple):
         title: of the illusion; "" for none.
         feels: what the pilot should feel; "" where nobody says.
         segments: with their times in the planned motion, track after track.
+        illusion: the error of feeling that is meant; None where nobody says.
     """
 
     title: str = ""
     feels: str = ""
     segments: tuple[TimedSegment, ...] = ()
+    illusion: IntendedIllusion | None = None
 
 
 def story_of(path: str | Path, robot: Robot, motion: Motion) -> Story:
     """What the file of a motion, or the shipped one of a name, says beside its numbers.
 
-    Without segments where their times are not known: of a CSV, and of a motion that the planner has
-    made longer; nor are there those that last for nearly all of it.
+    Without segments and illusion where their times are not known: of a CSV, and of a motion that
+    the planner has made longer; nor are there segments that last for nearly all of it.
 
     An empty one where the file has none, or is not what the motion was planned of.
 
@@ -53,11 +55,11 @@ def story_of(path: str | Path, robot: Robot, motion: Motion) -> Story:
         profile, command = load_profile(file), load_command(file, robot)
     except InputError:
         return Story()
-    timeline = command.timeline
     if abs(command.duration - motion.duration) > motion.period / 2:
-        timeline = ()
-    segments = tuple(one for one in timeline if one.end - one.start < 0.9 * command.duration)
-    return Story(profile.title, profile.feels, segments)
+        return Story(profile.title, profile.feels)
+    longest = 0.9 * command.duration
+    segments = tuple(one for one in command.timeline if one.end - one.start < longest)
+    return Story(profile.title, profile.feels, segments, profile.illusion)
 
 
 def load_commanded(path: str | Path, robot: Robot, period: float) -> Motion:

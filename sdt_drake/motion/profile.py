@@ -4,11 +4,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+from pydantic import Field
+
 from sdt_drake.io.fields import (
     EachJoint,
     EachJointOrNone,
     Input,
+    NotNegative,
     Number,
+    OneOf,
     Positive,
     Problems,
     Some,
@@ -73,6 +77,33 @@ class Track(Input):
         return [j for j in (self.resultant.spin, self.resultant.align) if j is not None]
 
 
+FELT_QUANTITIES = ("roll", "pitch", "roll rate", "pitch rate", "yaw rate")
+"""What can be felt wrongly: angles of the head from the true vertical, rates about its axes."""
+
+
+@dataclass(kw_only=True)
+class IntendedIllusion(Input):
+    """The illusion that a motion is meant to give: an error of feeling between two times."""
+
+    quantity: Annotated[str, OneOf(FELT_QUANTITIES)]
+    """What is to be felt wrongly: an angle from the true vertical, or a rate about an axis of the
+    head (x forward, y left, z up)."""
+    sign: Annotated[int, Field(ge=-1, le=1)] = setting(unit="-")
+    """1: felt more than it is; -1: less; 0: either. Positive are roll to the right, pitch nose up,
+    and rates about x, y and z."""
+    start: NotNegative = setting(unit="s")
+    """From when on it is looked for."""
+    end: Positive = setting(unit="s")
+    """Until when."""
+    from_start: bool = False
+    """Whether it is the change of the error since its start that counts."""
+
+    def problems(self) -> Problems:
+        """It ends after its start."""
+        if self.end <= self.start:
+            yield "end", f"{self.end:g}, expected more than start, {self.start:g}"
+
+
 @dataclass(kw_only=True)
 class MotionProfile(Input):
     """Commanded speeds of the joints."""
@@ -85,6 +116,8 @@ class MotionProfile(Input):
     """One sentence."""
     feels: str = ""
     """One sentence: what the pilot should feel."""
+    illusion: IntendedIllusion | None = None
+    """The error of feeling that it is meant to give, which a model of the pilot predicts or not."""
     notes: str = ""
     """What is assumed, what a device cannot do, sources."""
     duration: Positive = setting(unit="s")

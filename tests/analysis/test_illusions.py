@@ -1,23 +1,24 @@
 """Illusions: felt less true, where they begin and end, and those of the training motions."""
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from sdt_drake.analysis import illusions as module
 from sdt_drake.analysis.illusions import (
     LEVELS,
     Illusion,
     feel,
+    illusion_of,
     illusions,
+    intended_illusion,
     intended_illusions,
+    planned_head,
     quantities,
     true_attitude,
 )
-from sdt_drake.io.yaml_files import read_yaml
+from sdt_drake.io.resources import find_file
 from sdt_drake.motion import load_plan, shipped_motions
 from sdt_drake.robot.head import head_motion, head_motion_of_samples
 
@@ -89,17 +90,42 @@ def test_every_training_motion_says_what_it_is_meant_for(intended):
     not_predicted = {
         m for m, row in intended.items() if not all(map(row.is_predicted, row.predicted))
     }
-    assert not_predicted == {"leans", "g_excess"}
+    assert not_predicted == {"g_excess"}
 
 
-@pytest.mark.parametrize("name", ["leans", "graveyard_spin", "post_roll"])
+@pytest.mark.parametrize("name", ["graveyard_spin", "post_roll"])
 def test_an_illusion_after_a_stop_is_looked_for_after_it(robot, name):
-    texts = read_yaml(Path(module.__file__).with_name("illusions.yaml"))
-    start, end = texts[name]["between"]
+    meant = illusion_of(name)
     motion = load_plan(name, robot, period=PERIOD).motion
-    after = motion.time >= start
+    after = motion.time >= meant.start
     assert not motion.v[after].any() and motion.v[~after][-3:].any()
-    assert end <= motion.duration
+    assert meant.end <= motion.duration
+
+
+def test_the_force_hides_the_bank_of_the_leans_until_the_roll_upright(robot):
+    """Its bank is acos(1 / 1.06) = 19.4 deg; upright, the force lies as far to the right."""
+    head = planned_head("leans", robot)
+    time = PERIOD * np.arange(len(head.rotation))
+    roll = np.degrees(true_attitude(head)[0])
+    force = np.degrees(np.arctan2(head.specific_force[:, 1], head.specific_force[:, 2]))
+    turning, upright = time < 48, (time > 50.2) & (time < 60)
+    assert roll[turning].min() == pytest.approx(-19.37, abs=0.05)
+    assert np.abs(force[turning]).max() < 1 and np.abs(roll[time > 50.2]).max() < 2
+    np.testing.assert_allclose(force[upright], 19.4, atol=0.5)
+    assert np.abs(np.gradient(roll[turning], PERIOD)).max() < 2.5  # Mulder's limit
+
+
+def test_an_own_motion_says_which_illusion_it_is_meant_to_give(robot, tmp_path):
+    text = find_file("leans", "motion").read_text(encoding="utf-8")
+    own = tmp_path / "own.yaml"
+    own.write_text(text.replace("sign: 1", "sign: -1"), encoding="utf-8")
+    found = intended_illusion(str(own), robot, ["slow_yaw"])
+    assert found.predicted["slow_yaw"] == 0 and not found.is_predicted("slow_yaw")
+    assert found.sentence("slow_yaw") == (
+        "slow_yaw does not predict it: roll felt at most 0.0 deg off, which is noticed from 1.7 "
+        "deg on."
+    )
+    assert illusion_of("reference") is None
 
 
 def test_findings_tell_what_is_predicted(intended):

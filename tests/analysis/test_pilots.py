@@ -5,7 +5,7 @@ import pytest
 from test_illusions import held
 
 from sdt_drake.analysis import pilots as module
-from sdt_drake.analysis.illusions import PERIOD, feel, illusions, largest_error, meant_of
+from sdt_drake.analysis.illusions import PERIOD, feel, illusion_of, illusions, largest_error
 from sdt_drake.analysis.pilots import Feeling, differences, draw_pilots, feelings
 from sdt_drake.robot.head import head_motion_of_samples
 from sdt_drake.systems import load_perception
@@ -51,7 +51,7 @@ def test_pilots_who_do_not_differ_feel_it_all_or_none(robot, monkeypatch):
     for rate, count in ((0.5, 0), (60, 6)):
         head = turned(robot, rate)
         felt = feel(head, PERIOD, "slow_yaw")
-        found = {own.quantity: own for own in feelings("own.yaml", head, PERIOD, "slow_yaw", 6)}
+        found = {own.quantity: own for own in feelings(None, head, PERIOD, "slow_yaw", 6)}
         assert found["yaw rate"].count == count
         largest = {one.quantity: abs(one.error) for one in illusions(felt, head)}
         for quantity, own in found.items():
@@ -62,16 +62,16 @@ def test_pilots_who_do_not_differ_feel_it_all_or_none(robot, monkeypatch):
 
 
 def test_nobody_feels_anything_at_rest(robot):
-    for own in feelings("own.yaml", held(robot, [0, 0.3, 0, 0]), PERIOD, "clark2019", 3):
+    for own in feelings(None, held(robot, [0, 0.3, 0, 0]), PERIOD, "clark2019", 3):
         assert own.count == 0
 
 
 def test_of_a_training_motion_what_it_is_meant_for_is_counted(robot):
     head = turned(robot, 60)  # its windows begin later: nothing of it is left
-    (own,) = feelings("somatogravic", head, PERIOD, "clark2019", 4, seed=3)
+    (own,) = feelings(illusion_of("somatogravic"), head, PERIOD, "clark2019", 4, seed=3)
     assert own.quantity == "pitch"
     by_hand = [
-        largest_error(feel(head, PERIOD, pilot), head, **meant_of("somatogravic"))
+        largest_error(feel(head, PERIOD, pilot), head, illusion_of("somatogravic"))
         for pilot in draw_pilots(load_perception("clark2019"), 4, seed=3)
     ]
     np.testing.assert_array_equal(own.errors, by_hand)

@@ -61,7 +61,7 @@ def test_the_list_has_every_motion_and_what_it_feels_like(good, desk):
         (row,) = (row for row in rows if row[0] == name)
         assert row[1:3] == [profile.title, f"{profile.duration:g}"]
     joints = {row[0]: row[3] for row in rows[1:-1]}
-    assert joints["g_excess"] == "planetary, roll, pitch" and joints["leans"] == "roll"
+    assert joints["g_excess"] == "planetary, roll, pitch" and joints["post_roll"] == "roll"
     largest = {row[0]: float(row[4]) for row in rows[1:-1]}
     assert largest["graveyard_spin"] == 1.0
     # The head: 0.13 m behind and 0.33 m above where the axes meet, on an arm of 2.6 m.
@@ -113,7 +113,7 @@ def test_a_robot_without_these_joints_gets_the_reason_for_each(good, desk):
         (["graveyrd_spin"], ["graveyrd_spin: no such motion", "graveyard_spin"]),
         (["nowhere.yaml"], ["nowhere.yaml: no such file"]),
         (["bad.yaml"], ["bad.yaml: tracks[1].segments[2].at: overlap, 2 s", "3 s"]),
-        (["leans", "--robot", "arm.sdf"], ["leans.yaml: tracks[1].joint: 'roll'", "shoulder"]),
+        (["leans", "--robot", "arm.sdf"], ["leans.yaml: tracks[1].resultant.spin: ", "elbow"]),
         (["folder.yaml/table.csv"], ["table.csv: is a table, expected a motion"]),
         (["empty.yaml"], ["empty.yaml: empty, expected a mapping with", "tracks"]),
         (["folder.yaml"], ["folder.yaml: is a folder, expected a file"]),

@@ -211,7 +211,7 @@ def test_validate_tells_what_people_reported_first(good, desk):
     rows = rows_of(out)
     assert rows["turn_2_start"][0] == "17.2 ± 6.4" and rows["turn_2_start"][1] == "57.5 +6.3"
     assert rows["yaw_start"] == ["13 to 20", "27.2 +3.1", "14.0 ✓", "16.1 ✓", "14.0 ✓"]
-    assert rows["leans"][:2] == ["roll", "-0.1 ✗"] and rows["graveyard_spin"][1] == "-74.3 ✓"
+    assert rows["g_excess"][2] == "+1.1 ✗" and rows["graveyard_spin"][1] == "-74.3 ✓"
     assert "no medical statement" in " ".join(out.split())
     assert list(desk.iterdir()) == []
 
@@ -236,7 +236,7 @@ def test_how_many_pilots_feel_it_is_told_first(good, desk):
     out = good("pilot", "leans", "--pilots", "3").out
     said = " ".join(out.split())
     assert said.startswith(
-        "0 of 3 pilots (0 %, 95 % interval 0 to 56 %) are predicted to feel it: leans, roll wrong"
+        "3 of 3 pilots (100 %, 95 % interval 44 to 100 %) are predicted to feel it: leans, roll wro"
     )
     assert "Dai, Klein, Cohen & Raphan 1999" in said and said.endswith(CAUTION)
     assert good("pilot", "leans", "--pilots", "3").out == out

@@ -86,7 +86,7 @@ WRONG = [
     ("scenario", "coupled_pi", "kind: coupled", "kind: cupled"),
     ("scenario", "coupled_pi", "omega_r: 65.991", "omega_r: -1"),
     ("scenario", "coupled_pi", "zeta: [0.95, 0.98, 0.99, 0.95]", "zeta: 0.95"),
-    ("motion", "leans", "duration: 65.0", "length: 65.0"),
+    ("motion", "leans", "duration: 90.0", "length: 90.0"),
     ("motors", "motors", "kind: torque motor", "kind: torque"),
     ("study", "monte_carlo", "draws: 250", "draws: 2.5"),
     ("sizing", "sizing", "requirements:", "requirement:"),

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.frequency_response import FrequencyResponse, frequency_response, left_out
+from sdt_drake.analysis.illusions import feel, illusions, intended
 from sdt_drake.analysis.metrics import COMPARED, METRICS, plain_number
+from sdt_drake.analysis.orientation import CAUTION
 from sdt_drake.analysis.perception import CHANNELS
 from sdt_drake.analysis.tracking import stops_passed
 from sdt_drake.io.arrays import Array
@@ -31,6 +33,7 @@ from sdt_drake.show.figures.pilot import head_panels
 from sdt_drake.show.figures.scope import joint_columns, position_panels, torque_over_speed
 from sdt_drake.show.panels import MOST, Line, Panel, Plots
 from sdt_drake.show.style import PALETTE, Look, joint_title
+from sdt_drake.show.view3d.scene import FELT_MODEL
 from sdt_drake.show.view3d.viewer import recorded_page
 
 
@@ -94,7 +97,7 @@ def run_report(design: Design, recording: Recording, path: Path, joints: Sequenc
     }
     values |= _answer(run) | _loops(design)
     if has_head(design.robot):
-        values["feels"] = story_of(scenario.motion, design.robot, design.wanted).feels
+        values |= _pilot(run)
         values["axes"] = [
             (turn, push, attach(f"pilot_{turn}.png", plots)) for turn, push, plots in _felt(run)
         ]
@@ -214,6 +217,29 @@ def _over_time(
         )
         for k in joints
     ]
+
+
+def _pilot(run: Compared) -> dict[str, object]:
+    """What the motion is to feel like, and the illusions that are predicted of it."""
+    design, head = run.design, run.head.achieved
+    wanted = story_of(design.scenario.motion, design.robot, design.wanted)
+    predicted, found, not_predicted = "", [], ""
+    try:
+        felt = feel(head, design.motion.period, FELT_MODEL)
+        found = [str(one) for one in illusions(felt, head)]
+        if wanted.illusion:
+            meant = intended(design.scenario.name, wanted.illusion, head, {FELT_MODEL: felt})
+            predicted = meant.sentence(FELT_MODEL)
+    except InputError as error:
+        not_predicted = str(error)
+    return {
+        "feels": wanted.feels,
+        "predicted": predicted,
+        "illusions": found,
+        "not_predicted": not_predicted,
+        "felt_by": FELT_MODEL,
+        "caution": CAUTION,
+    }
 
 
 def _felt(run: Compared) -> list[tuple[str, str, Plots]]:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatParams
 
-from sdt_drake.analysis.illusions import true_attitude
+from sdt_drake.analysis.illusions import intended, true_attitude
 from sdt_drake.analysis.orientation import CAUTION
 from sdt_drake.io.arguments import a, a_path, takes
 from sdt_drake.io.arrays import Array
@@ -166,6 +166,7 @@ def recorded_page(
         "viewer.html.j2",
         title=title,
         feels=story.feels,
+        predicted=_predicted(frames, story),
         told=_told(robot, frames, story),
         pilot=pilot,
         has_head=frames.head is not None,
@@ -206,6 +207,14 @@ def _attitudes(frames: Frames) -> list[list[float]]:
     both = np.degrees([frames.felt.roll, roll, frames.felt.pitch, pitch])
     told: list[list[float]] = both.T.round(1).tolist()
     return told
+
+
+def _predicted(frames: Frames, story: Story) -> str:
+    """Whether the illusion that is meant is predicted, in a sentence; "" where none is known."""
+    if frames.head is None or frames.felt is None or story.illusion is None:
+        return ""
+    felt = {FELT_MODEL: frames.felt}
+    return intended(story.title, story.illusion, frames.head, felt).sentence(FELT_MODEL)
 
 
 def _in_browser(place: Array) -> str:
