@@ -7,6 +7,7 @@ import re
 import pytest
 from command_line import ARM, refused
 
+from sdt_drake.analysis.orientation import CAUTION
 from sdt_drake.motion import load_profile, shipped_motions
 
 MINE = """\
@@ -80,6 +81,8 @@ def test_one_motion_in_full(good, desk):
     profile = load_profile("graveyard_spiral")
     assert out.startswith("Graveyard spiral: 88 s, largest G at the head 1.42\n")
     assert f"feels: {words(profile.feels)}" in words(out)
+    assert "slow_yaw predicts it: roll felt +49.2 deg off." in words(out) and CAUTION in words(out)
+    assert "irmak2023 does not predict it: roll felt at" in words(good("motions", "g_excess").out)
     assert f"notes: {words(profile.notes)}" in words(out)
     assert re.search(r"^planetary \+ roll: to 1.5 G, cosine +2\.000 +12\.000$", out, re.M)
     assert re.search(r"^planetary \+ roll: hold +12\.000 +54\.000$", out, re.M)

@@ -13,7 +13,10 @@ from variants import kind
 
 from sdt_drake.analysis.comparison import Compared
 from sdt_drake.analysis.frequency_response import frequency_response
+from sdt_drake.analysis.illusions import feel, illusions
 from sdt_drake.analysis.metrics import plain_number
+from sdt_drake.analysis.orientation import CAUTION
+from sdt_drake.analysis.tracking import track_head
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import Recording, simulate
 from sdt_drake.show.figures.scope import torque_over_speed
@@ -49,6 +52,10 @@ def test_the_answer_comes_first_and_is_that_of_the_recording(run, tmp_path):
         assert (told in answer) == (share > 0)
     assert f"with the inertia {design.scenario.plant.i_eff} kg m² on the motors" in text
     assert "could be felt" in answer and "Loops:** all are stable" in answer
+    head = track_head(recording, design.robot).achieved
+    for illusion in illusions(feel(head, design.motion.period, "clark2019"), head):
+        assert f"\n- {illusion}.\n" in text
+    assert "Felt wrongly, as `clark2019` predicts:" in text and CAUTION in text
     (tmp_path / "again.yaml").write_text(re.search(r"```\n(.*?)```", text, re.DOTALL)[1])
     assert load_scenario(tmp_path / "again.yaml") == design.scenario
 
@@ -137,7 +144,8 @@ def fits(page):
 
 
 def test_plots_of_the_page_are_zoomed_and_read_off(open_page, good, desk, given):
-    given("short.yaml", f"{SHORT}feels: a turn to the right\n")
+    meant = "{quantity: yaw rate, sign: -1, start: 0, end: 0.01}"
+    given("short.yaml", f"{SHORT}feels: a turn to the right\nillusion: {meant}\n")
     said = good("simulate", RUN, "--out", "report.html").out
     good("simulate", RUN, "--out", "run.csv")
     recording = Recording.from_csv("run.csv")
@@ -149,7 +157,7 @@ def test_plots_of_the_page_are_zoomed_and_read_off(open_page, good, desk, given)
         )
 
         fits(page)
-        assert page.get_by_text("To be felt: a turn to the right").is_visible()
+        assert page.get_by_text("To be felt: a turn to the right clark2019 does not").is_visible()
         point(speed, 0.5)
         shows(speed, 0.25)
         shown = read(speed)

@@ -14,7 +14,7 @@ from test_scene import TIME, smooth
 from sdt_drake.analysis.illusions import true_attitude
 from sdt_drake.analysis.orientation import CAUTION
 from sdt_drake.io.errors import InputError
-from sdt_drake.motion import Story, TimedSegment
+from sdt_drake.motion import IntendedIllusion, Story, TimedSegment
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.show.view3d import scene, viewer
 from sdt_drake.show.view3d.scene import FRAME_RATE, METRES_PER_G, Scene, make_frames
@@ -45,7 +45,8 @@ def page_file(tmp_path_factory, robot):
         TimedSegment("roll", 0.8, 2, EVIL),
         TimedSegment("yaw", 0.8, 2, "hold"),
     )
-    story = Story(feels="A <b> lean.", segments=segments)
+    meant = IntendedIllusion(quantity="yaw rate", sign=1, start=0, end=0.1)
+    story = Story(feels="A <b> lean.", segments=segments, illusion=meant)
     record_html(robot, TIME, smooth(robot)[0], path, title="Leans <1>", story=story, pilot=True)
     return path
 
@@ -180,7 +181,9 @@ def test_page_shows_felt_beside_true_attitude(page, robot):
     felt, head = frames.felt, frames.head
     true = np.degrees(true_attitude(head))
     assert "attitude as it is felt" in page.inner_text("#sdt-legend")
-    assert CAUTION in page.inner_text("#sdt-legend")
+    legend = page.inner_text("#sdt-legend")
+    assert CAUTION in legend
+    assert "A <b> lean. clark2019 does not predict it: yaw rate felt at most 0.0 deg" in legend
     for k in (15, 55):
         seek(page, frames.time[k])
         np.testing.assert_allclose(place_of(page, ["felt"]), head.position[k], atol=1e-4)
