@@ -39,7 +39,7 @@ def run(
         held_out: share of each recording, at its end, to judge by
         only: find this, and take all else from the file
         payload: link that --only means
-        cutoff: compare torques below it [Hz] (default: twice where 99.9 % of their power is)
+        cutoff: compare torques below it [Hz] (default: as the same torque is predicted best)
         scenario: whose motion, drives and controller the written scenario has (default:
             real_device for the shipped robot, else a PI controller on what was recorded)
     """

@@ -102,7 +102,7 @@ def equations(
         candidates: laws of friction for joints that move at up to a speed [rad/s].
     """
     motions = [smooth(stretch, cutoff) for *_, stretch in parts]
-    slowest, fastest = _speeds(motions, cutoff)
+    slowest, fastest = slowest_and_fastest(motions, cutoff)
     tried = tuple(candidates(speed) for speed in fastest)
     terms = tuple(map(terms_of, tried))
     rows = [
@@ -125,7 +125,7 @@ def equations(
     )
 
 
-def _speeds(motions: Sequence[Smooth], cutoff: float) -> tuple[Array, Array]:
+def slowest_and_fastest(motions: Sequence[Smooth], cutoff: float) -> tuple[Array, Array]:
     """Of each joint the speed below which nobody knows its sign, and the largest [rad/s]; the
     former is inf where speeds are more noise than motion: such a joint rests."""
     fastest = np.max([np.abs(m.v).max(axis=0) for m in motions], axis=0) + 1e-6

@@ -148,14 +148,14 @@ def _robust(
             weighted = weights[:, k, None] * Xk
             H += weighted.T @ Xk
             h += weighted.T @ y[:, k]
-        x = _solved(H, h)
+        x = solved(H, h)
         left = np.abs(y - np.stack([Xk @ x for Xk in X], axis=1))
         scale = np.array([_spread(left[used[:, k], k]) for k in range(eq.n)])
         weights = used / np.maximum(left / (_HUBER * scale), 1.0) / scale**2
     return x, weights, X
 
 
-def _solved(H: Array, h: Array) -> Array:
+def solved(H: Array, h: Array) -> Array:
     """Normal equations, scaled; what no equation has is 0."""
     size = np.sqrt(np.maximum(np.diagonal(H), 1e-300))
     scaled = H / np.outer(size, size) + 1e-13 * np.eye(len(H))

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import BSpline, make_interp_spline
 from scipy.signal import butter, sosfiltfilt
 
 from sdt_drake.io.arrays import Array
@@ -25,7 +25,7 @@ HIGHEST = 0.35
 _ORDER = 4
 _AWAY = 0.01  # of a joint's reach: farther off than that, it has left its place
 _REST = 2.0  # s
-_SHORTEST = 1.0  # s, of what is worth filtering
+_SHORTEST, FEWEST = 1.0, 10 * _ORDER  # s and samples, of what is worth filtering
 _WORKING_RATE = 200.0  # Hz, of what is computed from positions; machines of this kind move slower
 _BEYOND = 2.0  # periods of the cut-off, of what a filter makes up beyond the ends
 _WINDOWS, _PERIODS = 20, 50  # of a long recording, at most; of the cut-off in each, at least
@@ -40,17 +40,29 @@ class Stretch:
         start: its time in the recording [s].
         period: [s].
         q, tau: [rad, N m], shape (N, n).
+        v: recorded speeds [rad/s], shape (N, n); None to take them from positions.
     """
 
     start: float
     period: float
     q: Array
     tau: Array
+    v: Array | None = None
 
     @property
     def end(self) -> float:
         """Time of the last sample in the recording [s]."""
         return self.start + (len(self.q) - 1) * self.period
+
+    def part(self, rows: slice) -> Stretch:
+        """Some of its rows, one after the other."""
+        v = None if self.v is None else self.v[rows]
+        start = self.start + (rows.start or 0) * self.period
+        return Stretch(start, self.period, self.q[rows], self.tau[rows], v)
+
+    def before(self, time: float) -> Stretch:
+        """Its rows before a time in the recording [s]."""
+        return self.part(slice(int(np.clip((time - self.start) / self.period, 0, len(self.q)))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +123,13 @@ def stretches(recorded: Recorded) -> tuple[list[Stretch], list[str]]:
     parts = []
     for every in np.split(np.arange(len(time)), gaps + 1):
         rows = every[(time[every] >= first) & (time[every] <= last)]
-        if len(rows) and time[rows[-1]] - time[rows[0]] >= _SHORTEST and len(rows) > 10 * _ORDER:
+        if len(rows) and time[rows[-1]] - time[rows[0]] >= _SHORTEST and len(rows) > FEWEST:
             of_part = slice(int(rows[0]), int(rows[-1]) + 1)
             parts.append(_even(recorded, of_part, usual, resample=jitter > 1e-3))
     if not parts:
         raise InputError(
             f"{recorded.path}: {last - first:.3g} s at {1 / usual:.3g} Hz, expected at least "
-            f"{_SHORTEST:g} s and {10 * _ORDER} samples without a gap"
+            f"{_SHORTEST:g} s and {FEWEST} samples without a gap"
         )
     return parts, notes
 
@@ -142,12 +154,7 @@ def spread(found: Sequence[Stretch], seconds: float, cutoff: float) -> list[Stre
             shift = end - (stretch.end - stretch.start)
             first, last = ((t - shift) / stretch.period for t in (begin, begin + lasts))
             rows = slice(max(0, round(first)), max(0, round(last) + 1))
-            part = Stretch(
-                stretch.start + rows.start * stretch.period,
-                stretch.period,
-                stretch.q[rows],
-                stretch.tau[rows],
-            )
+            part = stretch.part(rows)
             if (len(part.q) - 1) * part.period > 2 * _BEYOND / cutoff:  # or nothing is compared
                 windows.append(part)
     return windows
@@ -170,6 +177,7 @@ def _moving(time: Array, q: Array) -> tuple[float, float]:
 
 def _even(recorded: Recorded, rows: slice, period: float, *, resample: bool) -> Stretch:
     time, q, tau = recorded.time[rows], recorded.signals["q"][rows], recorded.signals["tau"][rows]
+    v = recorded.signals["v"][rows] if "v" in recorded.signals else None
     even = np.arange(time[0], time[-1], period) if resample else time
     if "tau_mean" in recorded.signals:
         tau = _of_means(time, recorded.signals["tau_mean"][rows], even)
@@ -177,9 +185,10 @@ def _even(recorded: Recorded, rows: slice, period: float, *, resample: bool) -> 
         tau = interpolated(even, time, tau)
     if resample:
         q = make_interp_spline(time, q, k=3)(even)
+        v = None if v is None else make_interp_spline(time, v, k=3)(even)
     else:
         period = float(time[-1] - time[0]) / (len(time) - 1)
-    return Stretch(float(time[0]), period, q, tau)
+    return Stretch(float(time[0]), period, q, tau, v)
 
 
 def _of_means(time: Array, mean: Array, at: Array) -> Array:
@@ -204,13 +213,17 @@ def zero_phase_low_pass(x: Array, cutoff: float, period: float) -> Array:
     )
 
 
+def amplitude_left(frequency: Array, cutoff: float) -> Array:
+    """What `zero_phase_low_pass` leaves of an amplitude at a frequency [Hz], from 0 to 1."""
+    return np.asarray(1 / (1 + (frequency / cutoff) ** (2 * _ORDER)))
+
+
 def smooth(stretch: Stretch, cutoff: float) -> Smooth:
     """Motion and torque of a stretch, for torques that are compared below `cutoff` [Hz]."""
     every = max(1, int(1 / (stretch.period * max(_WORKING_RATE, 3 * _ABOVE * cutoff))))
     time: Array = stretch.start + stretch.period * np.arange(len(stretch.q), dtype=float)
-    spline = make_interp_spline(
-        time, zero_phase_low_pass(stretch.q, _ABOVE * cutoff, stretch.period), k=5
-    )
+    spline = _spline(time, stretch.q, stretch, cutoff)
+    speed = spline.derivative() if stretch.v is None else _spline(time, stretch.v, stretch, cutoff)
     tau = (
         zero_phase_low_pass(stretch.tau, 0.4 / (every * stretch.period), stretch.period)
         if every > 1
@@ -220,11 +233,15 @@ def smooth(stretch: Stretch, cutoff: float) -> Smooth:
     return Smooth(
         time,
         np.asarray(spline(time)),
-        spline.derivative()(time),
-        spline.derivative(2)(time),
+        np.asarray(speed(time)),
+        speed.derivative()(time),
         tau[::every],
         every * stretch.period,
     )
+
+
+def _spline(time: Array, x: Array, stretch: Stretch, cutoff: float) -> BSpline:
+    return make_interp_spline(time, zero_phase_low_pass(x, _ABOVE * cutoff, stretch.period), k=5)
 
 
 def compared(count: int, cutoff: float, period: float) -> slice:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +18,10 @@ from sdt_drake.machine.identify.consistency import (
     motor_scale,
     nearest_consistent,
 )
+from sdt_drake.machine.identify.cutoff import CUTOFFS, Choice, chosen
 from sdt_drake.machine.identify.equations import Equations, equations
 from sdt_drake.machine.identify.estimation import Estimate, Prior, estimate
-from sdt_drake.machine.identify.filtering import HIGHEST, Stretch, spread, stretches
-from sdt_drake.machine.identify.friction import USUAL
+from sdt_drake.machine.identify.filtering import FEWEST, HIGHEST, Stretch, spread, stretches
 from sdt_drake.machine.identify.regressor import Bodies
 from sdt_drake.machine.identify.suspicions import (
     inconsistent,
@@ -40,8 +40,6 @@ MOST_ROWS = 20_000
 compared."""
 
 _ROWS = 4.0  # in a period of the cut-off
-_LOWEST, _HIGHEST = 1.0, 20.0  # Hz, of cut-off frequencies
-_MOST, _LITTLE = 0.99, 0.001  # of the power of a torque
 _BELIEF = 1.0  # standard deviation of a parameter over its scale, before anything is measured
 
 Parts = list[tuple[int, float, Stretch]]
@@ -61,6 +59,7 @@ class Identified(Shown):
         friction: parameters of friction beside these, as in `estimate`, shape (f,).
         predicted: torque of the consistent robot with friction, joint side [N m], shape (M, n).
         cutoff: below which torques were compared [Hz].
+        speeds: whether recorded speeds were used.
         notes: what was done to the recordings, in words.
         warnings: what is suspicious, in words.
     """
@@ -74,6 +73,7 @@ class Identified(Shown):
     friction: Array
     predicted: Array
     cutoff: float
+    speeds: bool
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
 
@@ -114,7 +114,7 @@ def identify(
         validate: recordings to judge by; by default the last third of each of the others.
         only: "payload" or "friction" to take everything else as it is in the file.
         payload: the link that is meant by it.
-        cutoff: below which torques are compared [Hz]; by default `chosen_cutoff`.
+        cutoff: below which torques are compared [Hz]; by default `cutoff.chosen`.
         held_out: share of each recording, at its end, to judge by where nothing is to validate.
 
     Raises:
@@ -127,8 +127,10 @@ def identify(
     unknown, free = _unknown(robot, only, payload)
     prior = belief(robot, unknown)
     _check_cutoff(cutoff, parts)
-    cutoff = cutoff or chosen_cutoff(robot, unknown, parts, path)
+    cutoff, speeds = _choice(robot, unknown, prior, parts, cutoff)
     few = _few(parts, cutoff)
+    if not speeds:
+        few = [(source, end, replace(stretch, v=None)) for source, end, stretch in few]
     eq = equations(robot, unknown, few, cutoff)
     _check_rows(eq, cutoff, path)
     found = estimate(eq, prior)
@@ -153,7 +155,8 @@ def identify(
         friction=friction,
         predicted=predicted,
         cutoff=cutoff,
-        notes=(*notes, *_left_out(parts, few)),
+        speeds=speeds,
+        notes=(*notes, *_left_out(parts, few), *_speeds_in_words(parts, speeds)),
         warnings=tuple(warnings),
     )
 
@@ -184,6 +187,18 @@ def _parts(
     return parts, notes
 
 
+def _choice(
+    robot: Robot, unknown: Unknown, prior: Prior, parts: Parts, cutoff: float | None
+) -> Choice:
+    """The cut-off, unless one is given, and whether speeds are the recorded ones: by what is for
+    fitting alone."""
+    fitted = [(source, end, stretch.before(end)) for source, end, stretch in parts]
+    fitted = [part for part in fitted if len(part[2].q) > FEWEST]
+    if not fitted:
+        return Choice(cutoff or CUTOFFS[0], speeds=False)
+    return chosen(robot, unknown, prior, [one for *_, one in _few(fitted, CUTOFFS[-1])], cutoff)
+
+
 def _few(parts: Parts, cutoff: float) -> Parts:
     """As much of long recordings as takes about MOST_ROWS, each its share."""
     sources = sorted({source for source, *_ in parts})
@@ -202,6 +217,13 @@ def _left_out(parts: Parts, few: Parts) -> Iterator[str]:
     if lasts < whole:
         told = f"{lasts:.3g} s of {whole:.3g} s, in {len(few)} parts evenly over it"
         yield f"long: compared are {told}"
+
+
+def _speeds_in_words(parts: Parts, used: bool) -> Iterator[str]:
+    """The sentence on where speeds come from, if some were recorded."""
+    if all(stretch.v is not None for *_, stretch in parts):
+        one, other = ("recorded", "differentiated")[:: 1 if used else -1]
+        yield f"speeds are the {one} ones: torques are predicted better with them than the {other}"
 
 
 def _check_alive(recorded: Recorded) -> None:
@@ -260,34 +282,3 @@ def belief(robot: Robot, unknown: Unknown) -> Prior:
     covariance = (K * whole[unknown.columns] ** 2) @ K.T
     mean = K @ rigid_parameters(robot)[unknown.columns]
     return Prior(mean, np.asarray(np.linalg.inv(covariance), dtype=np.float64))
-
-
-def chosen_cutoff(robot: Robot, unknown: Unknown, parts: Parts, path: Path) -> float:
-    """A frequency below which the motion is, with its torques, and not much else [Hz].
-
-    Twice that below which 99.9 % of the power is that the torque shares with what a simple fit
-    predicts, of the joint where this is highest. Friction at reversals reaches as far; above it a
-    recording holds noise and what no rigid links do. But no higher than where every prediction has
-    0.1 % of power that is not in the torque: noise of encoders, which accelerations are full of,
-    so that a fit to it finds too little inertia.
-    """
-    top = min(_HIGHEST, 0.1 / max(stretch.period for *_, stretch in parts))
-    parts = _few(parts, top)
-    eq = equations(robot, unknown, parts, top, lambda fastest: (USUAL,))
-    _check_rows(eq, top, path)
-    predicted = estimate(eq, belief(robot, unknown), [USUAL] * robot.n).torque(eq)
-    part = np.bincount(eq.part[eq.fit]).argmax()
-    rows = eq.fit & (eq.part == part)
-    window = np.hanning(int(rows.sum()))[:, None]
-    told, seen = (
-        np.fft.rfft(window * (x[rows] - x[rows].mean(axis=0)), axis=0) for x in (predicted, eq.tau)
-    )
-    shared = (told.conj() * seen).real
-    below = np.cumsum(shared, axis=0) / shared.sum(axis=0)
-    noise = np.where(below > _MOST, np.abs(told) ** 2 - shared, 0.0).cumsum(axis=0)
-    is_clean = noise < _LITTLE * shared.sum(axis=0)
-    is_clean[0] = True
-    frequency = np.fft.rfftfreq(len(window), float(np.median(np.diff(eq.time[rows]))))
-    motion = frequency[np.argmax(below > 1 - _LITTLE, axis=0)].max()
-    clean = frequency[np.logical_and.accumulate(is_clean, axis=0).sum(axis=0) - 1].max()
-    return float(np.clip(min(2 * motion, clean), _LOWEST, top))
