@@ -31,6 +31,8 @@ command shows where a fault of the program is.
 example: sdt-drake reproduce --out out
 """
 
+_COMPLETION = "Let Tab complete commands, options and names."
+
 _LONGEST = 1000  # letters of a line about an error
 
 
@@ -55,7 +57,8 @@ def commands(name: str = "") -> App:
         app.command(f"sdt_drake.cli.{command}:run", name=command, sort_key=k)
         if name not in (*COMMANDS, "--version"):
             app[command]  # now, for its help
-    app.register_install_completion_command(help="Let Tab complete commands, options and names.")
+    if name not in COMMANDS:
+        app.register_install_completion_command(help=_COMPLETION)
     return app
 
 

@@ -8,7 +8,6 @@ import filecmp
 import itertools
 import math
 import os
-import secrets
 import shutil
 import stat
 import unicodedata
@@ -170,7 +169,7 @@ def replacing_all(paths: Sequence[Path]) -> Iterator[list[Path]]:
     targets = [path.resolve() for path in paths]
     # Of names of their own: two processes may write the same file.
     partials = [
-        target.with_name(f".{secrets.token_hex(8)}.partial{target.suffix}") for target in targets
+        target.with_name(f".{os.urandom(8).hex()}.partial{target.suffix}") for target in targets
     ]
     try:
         for target in targets:
@@ -220,7 +219,7 @@ def replacing_files(folder: Path, last: str = "") -> Iterator[Path]:
             `keeping_inputs`.
     """
     missing = [place for place in (folder, *folder.parents) if not place.exists()]
-    new = folder / f".{secrets.token_hex(8)}.partial"
+    new = folder / f".{os.urandom(8).hex()}.partial"
     try:
         with rewording(lambda line: line.replace(f"{new}", f"{folder}")):
             try:

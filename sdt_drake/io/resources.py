@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 import os
 from itertools import islice
 from pathlib import Path
@@ -96,6 +95,8 @@ def a_kind(kind: str) -> str:
 
 def _missing(text: str, path: Path, kinds: tuple[str, ...]) -> str:
     """For people: that there is no such file, which names are like it, where it was looked for."""
+    from difflib import get_close_matches
+
     for other in SHIPPED:
         if kinds and text in shipped(other):
             return f"{text}: is {a_kind(other)}, expected {a_kind(kinds[0])}"
@@ -106,7 +107,7 @@ def _missing(text: str, path: Path, kinds: tuple[str, ...]) -> str:
             if file.suffix == path.suffix or file.stem not in there:
                 there[file.stem] = f"{folder}{slash}{file.name}"
     names = there | {name: name for name in short}
-    near = [names[stem] for stem in difflib.get_close_matches(path.stem, names, n=3)]
+    near = [names[stem] for stem in get_close_matches(path.stem, names, n=3)]
     is_reference = text.startswith(PACKAGE_PREFIX)
     known = sorted(there.values() if is_reference else short)
     hint = f"; shipped: {', '.join(known)}" if known else ""
