@@ -25,11 +25,10 @@ from sdt_drake.machine.identify.filtering import FEWEST, HIGHEST, Stretch, sprea
 from sdt_drake.machine.identify.regressor import Bodies
 from sdt_drake.machine.identify.suspicions import (
     inconsistent,
-    suspicious_recording,
     suspicious_torques,
     weakly_excited,
 )
-from sdt_drake.machine.recordings import Recorded, check_different
+from sdt_drake.machine.recordings import Recorded, check_different, check_recording
 from sdt_drake.robot.robot import Robot
 
 HELD_OUT = 1 / 3
@@ -142,7 +141,11 @@ def identify(
     predicted = eq.known + np.einsum("mkr,r->mk", eq.rigid, consistent.beta)
     predicted = predicted + found.friction_torque(eq, friction)
     before, after = (np.sqrt(np.diagonal(x)) for x in (np.linalg.inv(prior.precision), S[:r, :r]))
-    warnings = [line for x in (*recordings, *validate) for line in suspicious_recording(robot, x)]
+    warnings = [
+        f"{x.path.name}: {found}"
+        for x in (*recordings, *validate)
+        for found in check_recording(robot, x)
+    ]
     warnings += _suspicious_fit(robot, eq, found, predicted)
     warnings += weakly_excited(found.condition, before, after, unknown.base.words)
     return Identified(

@@ -10,12 +10,8 @@ import numpy as np
 from sdt_drake.io.arrays import Array, Mask
 from sdt_drake.io.shown import listed
 from sdt_drake.machine.identify.equations import Equations
-from sdt_drake.machine.identify.targets import ANY_SPEED
-from sdt_drake.machine.recordings import Recorded
 from sdt_drake.robot.robot import Robot
 
-_FAR = 5.0  # times a limit: no joint moves so fast, or so far
-_NEAR_LIMIT, _OFTEN = 0.98, 0.01  # of the largest torque, and the share of time there
 _UNEXPLAINED = 0.3  # of the torque: whatever moved, it was not this robot
 _UNITS = {"kN m": 1e3, "N mm": 1e-3}  # N m
 _UNIT_RATIO = 300.0  # of a gear; from there on it could be taken for a unit
@@ -24,57 +20,6 @@ _AFTER = 0.15  # s, of a reversal
 _FELT = 0.1  # of a torque, that is friction
 _SURE = 0.5  # of what was believed before: less is no news
 _WEAK = 300.0  # condition number
-
-
-def suspicious_recording(robot: Robot, recorded: Recorded) -> Iterator[str]:
-    """What can be seen in a recording alone, in sentences."""
-    name, q, tau = recorded.path.name, recorded.signals["q"], recorded.signals["tau"]
-    fastest = np.abs(np.gradient(q, recorded.time, axis=0))
-    usual = np.quantile(fastest, 0.99, axis=0)
-    limit = np.where(np.isinf(robot.velocity_limit), ANY_SPEED, robot.velocity_limit)
-    stops = robot.position_upper - robot.position_lower  # inf of a joint that may turn on and on
-    over = np.flatnonzero((usual > _FAR * limit) | (np.ptp(q, axis=0) > _FAR * stops))
-    if len(over):
-        k = int(over[0])
-        yield (
-            f"{name}: joint {k + 1} moves over {np.ptp(q[:, k]):.4g} rad at up to {usual[k]:.4g} "
-            "rad/s: are its positions in degrees? (angle: deg in the mapping file)"
-        )
-    if "v" in recorded.signals:
-        yield from _suspicious_speeds(robot, recorded)
-    for k in range(robot.n):
-        share = float(np.mean(np.abs(tau[:, k]) >= _NEAR_LIMIT * robot.effort_limit[k]))
-        largest = float(np.abs(tau[:, k]).max())
-        times = largest / robot.effort_limit[k]
-        if times > _FAR:
-            yield (
-                f"{name}: tau_{k + 1} reaches {largest:.4g} N m joint side, {times:.3g} times what "
-                "its motor can: wrong side (--side) or unit?"
-            )
-        elif share > _OFTEN:
-            yield f"{name}: motor {k + 1} is at its limit for {100 * share:.1f} % of the time"
-
-
-def _suspicious_speeds(robot: Robot, recorded: Recorded) -> Iterator[str]:
-    """The speeds that were recorded are those of the positions."""
-    slope = np.gradient(recorded.signals["q"], recorded.time, axis=0)
-    v = recorded.signals["v"]
-    for k in range(robot.n):
-        if np.ptp(slope[:, k]) < 1e-3 or not np.any(v[:, k]):
-            continue
-        if np.corrcoef(v[:, k], slope[:, k])[0, 1] ** 2 < 0.5:
-            continue  # noise of differences
-        ratio = float(v[:, k] @ slope[:, k] / (slope[:, k] @ slope[:, k]))
-        if abs(ratio - 1) < 0.3:
-            continue
-        near = {180 / np.pi: "one of them is in degrees", np.pi / 180: "one of them is in degrees"}
-        near |= {-1.0: "one of them is counted the other way"}
-        near |= {float(robot.gear_ratio[k]): "speeds are those of the motor"}
-        why = [text for value, text in near.items() if abs(ratio / value - 1) < 0.3]
-        yield (
-            f"{recorded.path.name}: v_{k + 1} is {ratio:.4g} times the change of q_{k + 1}"
-            + (f": {why[0]}" if why else "")
-        )
 
 
 def suspicious_torques(

@@ -1,5 +1,6 @@
 """Recordings of robots: what their files call the columns, and the same for all from there on."""
 
+from sdt_drake.machine.recordings.checks import Finding, check_recording
 from sdt_drake.machine.recordings.columns import (
     RECORDED_SIGNALS,
     SIDES,
@@ -13,6 +14,7 @@ from sdt_drake.machine.recordings.recorded import Recorded, check_different
 from sdt_drake.machine.recordings.times import other_unit, times_of
 
 __all__ = [
-    "RECORDED_SIGNALS", "SIDES", "Columns", "Layout", "Recorded", "check_different",
-    "load_columns", "missing", "other_unit", "place_of", "read_recording", "times_of",
+    "RECORDED_SIGNALS", "SIDES", "Columns", "Finding", "Layout", "Recorded", "check_different",
+    "check_recording", "load_columns", "missing", "other_unit", "place_of", "read_recording",
+    "times_of",
 ]  # fmt: skip

@@ -12,6 +12,7 @@ from sdt_drake.analysis.metrics import Metric
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.files import replacing_files
 from sdt_drake.io.shown import numbered
+from sdt_drake.machine.recordings import check_recording
 from sdt_drake.machine.replay import ALONE, ENOUGH, FED, QUANTITIES, ROUND_OFF, Replay
 from sdt_drake.show import documents as doc
 from sdt_drake.show.figures.replay import replay_figure, replay_title
@@ -58,13 +59,16 @@ def replay_findings(replay: Replay) -> list[str]:
         unexplained = replay.explained("torque") < ENOUGH  # nor of joints without a torque
         wrong = _joints(off & unexplained)
     is_beside = np.abs(replay.start).max() > 1e-6
-    return doc.bullets(
+    recorded = replay.recorded
+    said = doc.bullets(
         "replay_findings.md.j2",
         replay=replay,
         offsets=[f"{x:.4f}" for x in np.degrees(replay.start)] if is_beside else [],
         explained=[_explained_in_words(replay, name) for name in replay.measured],
         wrong=wrong,
     )
+    checked = check_recording(replay.design.robot, recorded)
+    return said + [f"Warning: {recorded.path.name}: {found}" for found in checked]
 
 
 def _explained(replay: Replay, quantity: str) -> Sequence[str]:
