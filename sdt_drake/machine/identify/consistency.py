@@ -12,9 +12,14 @@ robot dynamic identification: a convex programming approach", IEEE Trans. Roboti
 
     D = trace(P0^-1 P) - log det(P0^-1 P) - 4
 
-which does not depend on frames and units. With base parameters beta of covariance S this minimises
+which does not depend on frames and units. First, links that can be are found that leave the least
+of the torques: those minimise (beta - beta_measured)' X'WX (beta - beta_measured). What a recording
+decides is decided there, and the file has no say. Then, among all with base parameters within a
+standard deviation of these, the links with the smallest
 
-    (beta(P, a) - beta_measured)' S^-1 (...) / 2 + (sum of D + motors' (a / a0 - 1)² / 2) / spread²
+    sum of D + motors' (a / a0 - 1)² / 2
+
+so that the file decides alone what the recording leaves open.
 """
 
 from __future__ import annotations
@@ -31,9 +36,6 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.machine.identify.base_parameters import Unknown
 from sdt_drake.robot.robot import Robot
 from sdt_drake.robot.sdf import SYMMETRIC, body_of, pseudo_inertia, symmetric
-
-SPREAD = 0.5
-"""How far links are thought to be from those of the file, where nothing was measured [-]."""
 
 _LEAST = 1e-3  # of a motor's scale: rotors have inertia
 _QUICK = 50.0  # rad/s², of a motor that turns nothing but itself; those of small joints are quicker
@@ -106,81 +108,137 @@ def nearest_consistent(
     unknown: Unknown,
     free: Sequence[str],
     beta: Array,
+    misfit: Array,
     covariance: Array,
-    spread: float = SPREAD,
 ) -> Consistent:
-    """The robot nearest to `robot` that has the measured base parameters, as far as one can.
+    """The robot nearest to `robot` among those that can be and explain the torques best.
 
     Args:
         robot: of the file.
         unknown: what was measured.
         free: names of the links that may change; without the bodies that are unknown, none.
         beta: the measured base parameters, shape (r,).
-        covariance: of these, shape (r, r).
-        spread: see SPREAD.
+        misfit: their covariance as least squares has it, in noise that is not coloured: its inverse
+            tells how much more of the torques another beta leaves, shape (r, r).
+        covariance: how sure they are, shape (r, r).
 
     Raises:
         InputError: if the solver finds none.
     """
-    program, every = MathematicalProgram(), links_of(robot)
+    every = links_of(robot)
     links = [link for link in every if link.name in free and link.pseudo[3, 3] > 0]
+    is_free = np.isin(10 * robot.n + np.arange(robot.n), unknown.columns)
+    if not (links or is_free.any()):
+        return Consistent([], [], robot.reflected_inertia, beta)
     fixed = np.zeros(11 * robot.n)
     for link in every:
         if link not in links:
             fixed[10 * link.body : 10 * link.body + 10] += parameters_of(link.pseudo)
-    free_parts = [_add_link(program, robot, link) for link in links]
-    is_free = np.isin(10 * robot.n + np.arange(robot.n), unknown.columns)
     fixed[10 * robot.n :] = np.where(is_free, 0.0, robot.reflected_inertia)
-    if is_free.any():
-        free_parts.append(_add_motors(program, robot, is_free))
-    if not free_parts:
-        return Consistent([], [], robot.reflected_inertia, beta)
-    unknowns, maps = zip(*free_parts, strict=True)
-    A = np.hstack(maps)[unknown.columns]
-    K = unknown.base.combination
-    sure = spread * _whitening(covariance)
-    # What is missed are variables: their squares, not those of all that is measured, are what the
-    # solver's tolerance is of.
-    missed, one = program.NewContinuousVariables(len(beta)), np.eye(len(beta))
-    program.AddLinearEqualityConstraint(
-        np.hstack([sure @ K @ A, one]),
-        sure @ (beta - K @ fixed[unknown.columns]),
-        np.concatenate([*unknowns, missed]),
-    )
-    program.Add2NormSquaredCost(np.sqrt(0.5) * one, np.zeros(len(beta)), missed)
-    result = ClarabelSolver().Solve(program)
-    if not result.is_success():
-        raise InputError(
-            f"{robot.path}: no links that can be have the measured parameters "
-            f"({result.get_solution_result().name})"
-        )
-    x = result.GetSolution(np.concatenate(unknowns))
-    phi = fixed + np.hstack(maps) @ x
+    space = _Space(robot, unknown, links, is_free, fixed)
+    best = unknown.base.combination @ space.explaining(beta, misfit)[unknown.columns]
+    x, phi = space.nearest(best, covariance)
     pseudo = [
         _root(link.pseudo) @ symmetric(x[10 * i : 10 * i + 10]) @ _root(link.pseudo).T
         for i, link in enumerate(links)
     ]
-    return Consistent(links, pseudo, phi[10 * robot.n :], K @ phi[unknown.columns])
+    motors = phi[10 * robot.n :]
+    return Consistent(links, pseudo, motors, unknown.base.combination @ phi[unknown.columns])
 
 
-def _add_link(program: MathematicalProgram, robot: Robot, link: Link) -> tuple[Array, Array]:
-    """Variables Z of a link, near 1, and what they do to all parameters."""
+@dataclass(frozen=True, eq=False)
+class _Space:
+    """Links that can be, and motors.
+
+    Attributes:
+        robot: of the file.
+        unknown: what was measured.
+        links: the free ones.
+        is_free: motors that are, shape (n,).
+        fixed: what all parameters have of the others, shape (11 n,).
+    """
+
+    robot: Robot
+    unknown: Unknown
+    links: list[Link]
+    is_free: NDArray[np.bool_]
+    fixed: Array
+
+    def explaining(self, beta: Array, misfit: Array) -> Array:
+        """All parameters, shape (11 n,), that explain the torques best."""
+        program, unknowns, effect, missed, _ = self._program(beta, misfit, near=False)
+        program.Add2NormSquaredCost(np.eye(len(beta)), np.zeros(len(beta)), missed)
+        return self.fixed + effect @ self._solved(program, unknowns)
+
+    def nearest(self, beta: Array, covariance: Array) -> tuple[Array, Array]:
+        """Variables, and all parameters, of the robot nearest to the file within a standard
+        deviation of base parameters."""
+        program, unknowns, effect, missed, one = self._program(beta, covariance, near=True)
+        program.AddBoundingBoxConstraint(1, 1, one)
+        program.AddLorentzConeConstraint(np.concatenate([one, missed]))
+        x = self._solved(program, unknowns)
+        return x, self.fixed + effect @ x
+
+    def _program(
+        self, beta: Array, covariance: Array, *, near: bool
+    ) -> tuple[MathematicalProgram, Array, Array, Array, Array]:
+        """A program, its variables, what they do to all parameters, and by how many standard
+        deviations they miss beta: variables, so that the solver's tolerance is of these; `near`
+        costs how far links are from those of the file."""
+        program, robot = MathematicalProgram(), self.robot
+        parts = [_add_link(program, robot, link, near=near) for link in self.links]
+        if self.is_free.any():
+            parts.append(_add_motors(program, robot, self.is_free, near=near))
+        unknowns, maps = (list(x) for x in zip(*parts, strict=True))
+        missed = program.NewContinuousVariables(len(beta))
+        one = program.NewContinuousVariables(1)
+        K, columns, sure = (
+            self.unknown.base.combination,
+            self.unknown.columns,
+            _whitening(covariance),
+        )
+        effect = np.hstack(maps)
+        program.AddLinearEqualityConstraint(
+            np.hstack([sure @ K @ effect[columns], np.eye(len(beta))]),
+            sure @ (beta - K @ self.fixed[columns]),
+            np.concatenate([*unknowns, missed]),
+        )
+        return program, np.concatenate(unknowns), effect, missed, one
+
+    def _solved(self, program: MathematicalProgram, unknowns: Array) -> Array:
+        result = ClarabelSolver().Solve(program)
+        if not result.is_success():
+            raise InputError(
+                f"{self.robot.path}: no links that can be have the measured parameters "
+                f"({result.get_solution_result().name})"
+            )
+        return np.asarray(result.GetSolution(unknowns))
+
+
+def _add_link(
+    program: MathematicalProgram, robot: Robot, link: Link, *, near: bool
+) -> tuple[Array, Array]:
+    """Variables Z of a link, 1 for that of the file, and what they do to all parameters."""
     Z = program.NewSymmetricContinuousVariables(4)
-    program.AddMaximizeLogDeterminantCost(Z)
-    program.AddLinearCost(Z[0, 0] + Z[1, 1] + Z[2, 2] + Z[3, 3])
+    if near:
+        program.AddMaximizeLogDeterminantCost(Z)
+        program.AddLinearCost(Z[0, 0] + Z[1, 1] + Z[2, 2] + Z[3, 3])
+    else:
+        program.AddPositiveSemidefiniteConstraint(Z)
     entries = np.array([Z[i, j] for i, j in SYMMETRIC])
     return entries, effect_of(robot, link, _root(link.pseudo))
 
 
 def _add_motors(
-    program: MathematicalProgram, robot: Robot, is_free: NDArray[np.bool_]
+    program: MathematicalProgram, robot: Robot, is_free: NDArray[np.bool_], *, near: bool
 ) -> tuple[Array, Array]:
-    """Variables of the free motors, near the file's, and what they do to all parameters."""
+    """Variables of the free motors, and what they do to all parameters."""
     scale = motor_scale(robot)
     motors = program.NewContinuousVariables(int(is_free.sum()))
     program.AddBoundingBoxConstraint(_LEAST, np.inf, motors)
     was = (robot.reflected_inertia / scale)[is_free]
-    program.AddQuadraticErrorCost(np.eye(len(was)), was, motors)
+    if near:
+        program.AddQuadraticErrorCost(np.eye(len(was)), was, motors)
     effect = np.vstack([np.zeros((10 * robot.n, robot.n)), np.diag(scale)])
     return motors, effect[:, is_free]
 

@@ -31,7 +31,7 @@ from sdt_drake.robot.robot import Robot
 CUTOFFS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 20.0)
 """Cut-offs that are tried [Hz]; no higher than a tenth of the samples' rate."""
 
-_AS_WELL = 0.05  # of an error: cut-offs that leave no more are as good as the best
+_AS_WELL = 0.07  # of an error: cut-offs that leave no more are as good as the best
 _SHARE = 0.1  # of the rate of samples, the highest cut-off
 _LONGEST, _WINDOWS = 10.0, 6.0  # s, of a window, and how many of them the longest stretch has
 _PERIODS = 4.0  # of a cut-off, in a window

@@ -56,6 +56,8 @@ class Estimate:
         laws: of friction, one for each joint.
         friction: parameters of their terms, joint by joint, shape (f,).
         covariance: of beta and friction together, shape (r + f, r + f).
+        misfit: the same as least squares alone has it, in noise that is not coloured: its inverse
+            is what other parameters leave more of the weighted torques.
         condition: of the equations, scaled to columns of one.
         rivals: for each joint other laws that the data do not tell from its own, with the
             parameters of their terms; none where the laws were given.
@@ -65,6 +67,7 @@ class Estimate:
     laws: tuple[FrictionLaw, ...]
     friction: Array
     covariance: Array
+    misfit: Array
     condition: float
     rivals: tuple[list[tuple[FrictionLaw, Array]], ...]
 
@@ -103,8 +106,8 @@ def estimate(eq: Equations, prior: Prior, chosen: Sequence[FrictionLaw] | None =
         rivals = [selection.rivals(k, chosen) for k in range(eq.n)]
         x, weights, X = _robust(eq, prior, chosen)
     r = eq.rigid.shape[2]
-    covariance, condition = _covariance(eq, prior, x, weights, X)
-    return Estimate(x[:r], tuple(chosen), x[r:], covariance, condition, tuple(rivals))
+    covariance, misfit, condition = _covariance(eq, prior, x, weights, X)
+    return Estimate(x[:r], tuple(chosen), x[r:], covariance, misfit, condition, tuple(rivals))
 
 
 # --- least squares ---------------------------------------------------------------------------
@@ -169,8 +172,8 @@ def _spread(left: Array) -> float:
 
 def _covariance(
     eq: Equations, prior: Prior, x: Array, weights: Array, X: list[Array]
-) -> tuple[Array, float]:
-    """Covariance of x, and the condition number of the scaled equations."""
+) -> tuple[Array, Array, float]:
+    """Covariance of x, that in white noise, and the condition number of the scaled equations."""
     r = len(prior.mean)
     information = np.sum([Xk.T @ (weights[:, k, None] * Xk) for k, Xk in enumerate(X)], axis=0)
     size = np.sqrt(np.maximum(np.diagonal(information), 1e-300))
@@ -189,7 +192,7 @@ def _covariance(
                 middle += _coloured(Xk[rows], w[rows], left[rows], inverse)
     regular = values[0] > _ROUND_OFF * values[-1]
     condition = float(np.sqrt(values[-1] / values[0])) if regular else float("inf")
-    return inverse @ middle @ inverse, condition
+    return inverse @ middle @ inverse, inverse, condition
 
 
 def _coloured(X: Array, w: Array, left: Array, inverse: Array) -> Array:

@@ -12,13 +12,14 @@ from scipy.optimize import nnls
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.files import write_text
-from sdt_drake.machine.identify.consistency import SPREAD, effect_of, links_of
+from sdt_drake.machine.identify.consistency import effect_of, links_of
 from sdt_drake.machine.identify.friction import Term
 from sdt_drake.machine.identify.procedure import Identified
 from sdt_drake.robot.device import PRESLIDING_DAMPING_TIME, Friction
 from sdt_drake.robot.robot import Robot, edited
 from sdt_drake.robot.sdf import DRAKE, SYMMETRIC, links_by_name, parse_xml, set_inertia
 
+_SPREAD = 0.5  # of links about those of the file, where nothing was measured
 _PEAKS = (0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s, of Stribeck friction
 _WORTH = 0.5  # of what is left, for a peak to be believed: it trades with the other two
 _SEEN = 0.1  # of its height, where a peak shows: one that no speed comes near could be any size
@@ -88,8 +89,8 @@ def directions(found: Identified, robot: Robot) -> Array:
     """Changes S of the links' pseudo-inertias, L exp(S) L', a standard deviation of each.
 
     Drawn independently, to first order they have the identified covariance of the base parameters;
-    where nothing was measured, that which `nearest_consistent` believes in. As L exp(S) L' is
-    always a body that can be, so is every draw. Motors stay.
+    where nothing was measured, they are spread by half of what they are in the file. As L exp(S) L'
+    is always a body that can be, so is every draw. Motors stay.
 
     Args:
         found: what was identified.
@@ -111,7 +112,7 @@ def directions(found: Identified, robot: Robot) -> Array:
     r = len(A)
     # Of S as of a symmetric matrix: its entries off the diagonal stand for two.
     weight = np.tile([1.0 if i == j else np.sqrt(0.5) for i, j in SYMMETRIC], len(order))
-    believed = (SPREAD * weight) ** 2
+    believed = (_SPREAD * weight) ** 2
     S = found.estimate.covariance[:r, :r]
     spread = (A * believed) @ A.T
     # Both what was believed and what was measured; then its principal directions.

@@ -39,6 +39,7 @@ MOST_ROWS = 20_000
 compared."""
 
 _ROWS = 4.0  # in a period of the cut-off
+_TOOL = (0.05, 0.1)  # of the robot's mass, and of its reach: what a light link may carry
 _BELIEF = 1.0  # standard deviation of a parameter over its scale, before anything is measured
 
 Parts = list[tuple[int, float, Stretch]]
@@ -133,11 +134,11 @@ def identify(
     eq = equations(robot, unknown, few, cutoff)
     _check_rows(eq, cutoff, path)
     found = estimate(eq, prior)
-    r, S = len(found.beta), found.covariance
-    consistent = nearest_consistent(robot, unknown, free, found.beta, S[:r, :r])
+    r, S, N = len(found.beta), found.covariance, found.misfit
+    consistent = nearest_consistent(robot, unknown, free, found.beta, N[:r, :r], S[:r, :r])
     change = consistent.beta - found.beta
     # What friction has to do with the base parameters, it follows them.
-    friction = found.friction + S[r:, :r] @ np.linalg.solve(S[:r, :r], change)
+    friction = found.friction + N[r:, :r] @ np.linalg.solve(N[:r, :r], change)
     predicted = eq.known + np.einsum("mkr,r->mk", eq.rigid, consistent.beta)
     predicted = predicted + found.friction_torque(eq, friction)
     before, after = (np.sqrt(np.diagonal(x)) for x in (np.linalg.inv(prior.precision), S[:r, :r]))
@@ -275,9 +276,10 @@ def belief(robot: Robot, unknown: Unknown) -> Prior:
     """Prior of the base parameters: those of the file, good to the scale of what they are made
     of."""
     bodies = Bodies.of(robot)
-    mass = np.maximum(bodies.parameters[:, 0], 0.05 * bodies.parameters[:, 0].sum())
-    trace = bodies.parameters[:, [4, 7, 9]].sum(axis=1) / 2
-    gyration = np.maximum(trace / mass, 0.05**2)  # m², about the frame
+    own, trace = bodies.parameters[:, 0], bodies.parameters[:, [4, 7, 9]].sum(axis=1) / 2
+    mass = np.maximum(own, _TOOL[0] * own.sum())
+    reach = np.linalg.norm(bodies.position, axis=1).sum()
+    gyration = np.maximum(trace / np.maximum(own, 1e-9), (_TOOL[1] * reach) ** 2)  # m²
     # Of mass, first moments and inertias.
     scale = np.repeat(mass * gyration ** np.array([[0], [0.5], [1]]), [1, 3, 6], axis=0).T
     whole = _BELIEF * np.concatenate([scale.ravel(), motor_scale(robot)])

@@ -17,6 +17,7 @@ _UNITS = {"kN m": 1e3, "N mm": 1e-3}  # N m
 _UNIT_RATIO = 300.0  # of a gear; from there on it could be taken for a unit
 _AT_REVERSALS = 3.0  # times what is left elsewhere
 _AFTER = 0.15  # s, of a reversal
+_WORSE, _FEW = 1.15, 0.01  # times what base parameters leave, and of the torque: worth a word
 _FELT = 0.1  # of a torque, that is friction
 _SURE = 0.5  # of what was believed before: less is no news
 _WEAK = 300.0  # condition number
@@ -145,15 +146,16 @@ def _left_over(eq: Equations, predicted: Array, still: Sequence[int]) -> Iterato
 
 
 def inconsistent(eq: Equations, least: Array, consistent: Array) -> Iterator[str]:
-    """Joints whose torque no links can make, as predictions by least squares and by links say."""
+    """Joints of which links that can be explain less than the base parameters, free of bodies."""
     size = np.std(eq.tau[eq.fit], axis=0)
     for k in range(eq.n):
         left = [np.std((eq.tau - x)[eq.fit, k]) / size[k] for x in (least, consistent)]
-        if left[1] > max(2 * left[0], 0.1):
+        if left[1] > max(_WORSE * left[0], left[0] + _FEW):
             yield (
-                f"joint {k + 1}: links that can be leave {100 * left[1]:.0f} % of its torque, "
-                f"least squares {100 * left[0]:.0f} %: something else acts there, such as a "
-                "counterbalance, a spring or a cable"
+                f"joint {k + 1}: links that can be leave {100 * left[1]:.1f} % of its torque, "
+                f"base parameters that no body need have {100 * left[0]:.1f} %"
+                + ": something else acts there, such as a counterbalance, a spring or a cable"
+                * bool(left[1] > max(2 * left[0], 0.1))
             )
 
 
