@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -20,38 +21,51 @@ if TYPE_CHECKING:
     from sdt_drake.motion import Story
     from sdt_drake.robot.robot import Robot as RobotModel
 
+ROBOTS = (".sdf", ".urdf")
+"""Kinds of files of robots."""
+
 
 def run(
-    what: Annotated[str, one_of("scenario", "motion", name="SCENARIO|MOTION|FILE.csv")],
+    what: Annotated[
+        str, one_of("scenario", "motion", "robot", name="SCENARIO|MOTION|FILE.csv|ROBOT.urdf")
+    ],
     /,
     *,
     robot: OtherRobot = None,
-    record: Annotated[Out, Parameter(metavar="FILE.html")] = None,
+    record: Annotated[Out, Parameter(name=["--record", "--out"], metavar="FILE.html")] = None,
     pilot: Flag = False,
     rate: Annotated[float | None, number(gte=0.01, lte=1000)] = None,
     port: Annotated[Whole | None, number(gte=1024, lte=65535)] = None,
     once: Flag = False,
     changes: Changes = (),
 ) -> None:
-    """Show a motion in 3D, live in a browser or as a web page.
+    """Show a motion, or a robot with its axes and masses, in 3D: live in a browser or as a page.
 
     example: sdt-drake view coupled_pi_ctc --record run.html
 
     Args:
         what: a scenario, which is simulated; a motion, which is planned; a recording or a planned
-            motion: .yaml or .csv file, or the name of a scenario or motion that ships
-        record: write a page that plays
+            motion; a robot, whose joints turn with sliders: .yaml, .csv, .sdf or .urdf file, or
+            the name of one that ships
+        record: write a page that plays, or has the sliders
         pilot: start with the pilot's own view
         rate: live: 2 for twice as fast, 0.01 to 1000 (default: 1)
         port: live: 1024 to 65535 (default: a free one)
         once: live: stop at the end of the motion
     """
+    from sdt_drake.io.resources import named
+    from sdt_drake.robot.head import has_head
     from sdt_drake.show.view3d.scene import check_angles
     from sdt_drake.show.view3d.viewer import PAGES, play, record_html
 
     if record is not None:
         common.check_file(record, PAGES)
         common.refuse("has no effect with --record", rate=rate, port=port, once=once)
+    if Path(named(what, "scenario", "motion", "robot")).suffix in ROBOTS:
+        unused = "has no effect on a robot"
+        common.refuse(unused, robot=robot, pilot=pilot, rate=rate, changes=changes)
+        _robot(what, record, port, once)
+        return
     title, model, time, q, story = _motion(what, robot, pilot, changes)
     with within(what):
         check_angles(model, time, q)
@@ -59,7 +73,6 @@ def run(
         record_html(model, time, q, record, title=title, pilot=pilot, story=story)
         say(f"{record} written")
         return
-    end = "" if once else "; Ctrl-C ends it"
     play(
         model,
         time,
@@ -68,8 +81,34 @@ def run(
         pilot=pilot,
         port=port,
         once=once,
-        announce=lambda address: say(f"{title}: {address}{end}"),
+        announce=_announcing(title, once, has_head(model)),
     )
+
+
+def _announcing(title: str, once: bool, has_head: bool) -> Callable[[str], None]:
+    """Tells the address of a page, and what the felt head in it is."""
+    from sdt_drake.analysis.orientation import CAUTION
+
+    def announce(address: str) -> None:
+        say(f"{title}: {address}" + ("" if once else "; Ctrl-C ends it"))
+        if has_head:
+            say(f"The violet head is the attitude as it is felt. {CAUTION}")
+
+    return announce
+
+
+def _robot(what: str, record: Path | None, port: int | None, once: bool) -> None:
+    """Show a robot by itself."""
+    from sdt_drake.show.view3d.robot_page import moving_links, robot_html, sentence, show_robot
+
+    model = sdt.load_robot(what)
+    title = sentence(model, moving_links(model))
+    if record is None:
+        show_robot(model, port=port, once=once, announce=_announcing(title, once, has_head=False))
+        return
+    robot_html(model, record)
+    say(f"{title}; {record} written")
+    say(f"files to run it: sdt-drake init --robot {shlex.quote(what)} DIR")
 
 
 def _motion(

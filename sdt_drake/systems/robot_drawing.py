@@ -1,17 +1,9 @@
 from __future__ import annotations
 
-from itertools import pairwise
+import logging
 
 import numpy as np
-from pydrake.geometry import (
-    Cylinder,
-    Meshcat,
-    MeshcatVisualizer,
-    MeshcatVisualizerParams,
-    SceneGraph,
-    Sphere,
-)
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams, SceneGraph
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
@@ -19,16 +11,17 @@ from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from sdt_drake.io.resources import models_dir
 from sdt_drake.robot.robot import Robot
-
-_ROD_RADIUS = 0.07  # m
+from sdt_drake.robot.shapes import drawable
+from sdt_drake.systems.skeleton import skeleton
 
 
 class RobotDrawing(Diagram):
     """Draws a robot where it is in Meshcat, below the path "/robot", every `period` [s].
 
-    As its **file** draws it; changes in memory are not seen. A robot without a single visual gets
-    a ball at each joint and rods between them, the last to the centre of mass of the last link. It
-    moves nothing.
+    As its **file** draws it; changes in memory are not seen. A mesh that cannot be drawn is left
+    out, and logged. A robot without a single visual gets a drum and an arrow along the axis of each
+    joint, and rods from joint to joint, the last to the centre of mass of the last link; a ring
+    carries a joint whose axis meets the one before, as in a gimbal. It moves nothing.
 
     .. pydrake_system::
 
@@ -42,7 +35,7 @@ class RobotDrawing(Diagram):
     def __init__(self, *, robot: Robot, meshcat: Meshcat, period: float = 1 / 32) -> None:
         super().__init__()
         builder = DiagramBuilder()
-        self.plant, self.scene_graph = add_robot_drawing(
+        self.plant, self.scene_graph, _ = add_robot_drawing(
             builder, robot=robot, meshcat=meshcat, period=period
         )
         builder.BuildInto(self)
@@ -50,22 +43,34 @@ class RobotDrawing(Diagram):
 
 def add_robot_drawing(
     builder: DiagramBuilder, *, robot: Robot, meshcat: Meshcat, period: float = 1 / 32
-) -> tuple[MultibodyPlant, SceneGraph]:
+) -> tuple[MultibodyPlant, SceneGraph, bool]:
     """Add what a `RobotDrawing` is made of: for who draws in many a Meshcat, since pydrake frees no
-    diagram of a Python class, nor the server that it draws in."""
+    diagram of a Python class, nor the server that it draws in.
+
+    Returns:
+        What is drawn, by what, and whether the file draws a link that moves.
+    """
     scene_graph = SceneGraph()
     builder.AddNamedSystem("scene_graph", scene_graph)
     plant = MultibodyPlant(0.0)
     source = plant.RegisterAsSourceForSceneGraph(scene_graph)
     parser = Parser(plant)
     parser.package_map().AddPackageXml(models_dir() / "package.xml")
-    parser.AddModels(robot.path)
+    text, left_out = drawable(robot)
+    for sentence in left_out:
+        logging.getLogger(__name__).warning(f"{robot.path}: {sentence}")
+    parser.AddModelsFromString(text, robot.path.suffix.removeprefix("."))
     for index in robot.plant.GetJointIndices():
         joint = robot.plant.get_joint(index)
         if not plant.HasJointNamed(joint.name()):  # the root link of a URDF
             base = plant.GetFrameByName(joint.child_body().name())
             plant.WeldFrames(plant.world_frame(), base)
-    _draw_skeleton(robot, plant, scene_graph)
+    if not (own := _has_shapes(robot, plant, scene_graph)):
+        for part in skeleton(robot):
+            body = plant.GetBodyByName(part.link) if part.link else plant.world_body()
+            plant.RegisterVisualGeometry(
+                body, part.pose, part.shape, part.name, np.array(part.colour)
+            )
     plant.Finalize()
     poses = builder.AddNamedSystem(
         "poses", MultibodyPositionToGeometryPose(plant, input_multibody_state=True)
@@ -75,27 +80,12 @@ def add_robot_drawing(
     parameters = MeshcatVisualizerParams()
     parameters.prefix, parameters.publish_period = "/robot", period
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
-    return plant, scene_graph
+    return plant, scene_graph, own
 
 
-def _draw_skeleton(robot: Robot, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
-    joints = [plant.GetJointByName(name) for name in robot.joint_names]
+def _has_shapes(robot: Robot, plant: MultibodyPlant, scene_graph: SceneGraph) -> bool:
+    """Whether the file draws a link that moves."""
     inspector = scene_graph.model_inspector()
-    for joint in joints:
-        shapes = plant.GetVisualGeometriesForBody(joint.child_body())
-        if any(inspector.GetObbInGeometryFrame(shape) for shape in shapes):  # a plane has none
-            return
-    own = robot.plant.CreateDefaultContext()
-    frames = [robot.plant.GetJointByName(name).frame_on_child() for name in robot.joint_names]
-    ends = [b.CalcPose(own, a).translation() for a, b in pairwise(frames)]
-    ends.append(frames[-1].GetFixedPoseInBodyFrame().inverse() @ frames[-1].body().default_com())
-    blue, grey = np.array([0.2, 0.3, 0.5, 1.0]), np.array([0.5, 0.5, 0.5, 1.0])
-    for k, joint in enumerate(joints):
-        body, pose = joint.child_body(), joint.frame_on_child().GetFixedPoseInBodyFrame()
-        ball = Sphere(2 * _ROD_RADIUS)
-        plant.RegisterVisualGeometry(body, pose, ball, f"joint_{k}", blue)
-        length = float(np.linalg.norm(ends[k]))
-        if length > 0:
-            along = RigidTransform(RotationMatrix.MakeFromOneVector(ends[k], 2), ends[k] / 2)
-            rod = Cylinder(_ROD_RADIUS, length)
-            plant.RegisterVisualGeometry(body, pose.multiply(along), rod, f"rod_{k}", grey)
+    bodies = [plant.GetJointByName(name).child_body() for name in robot.joint_names]
+    shapes = [shape for body in bodies for shape in plant.GetVisualGeometriesForBody(body)]
+    return any(inspector.GetObbInGeometryFrame(shape) for shape in shapes)  # a plane has none

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import MOTION, SCENARIO, refused
+from owners import RATE_TABLE
 
 from sdt_drake.io.tables import write_table
 
@@ -57,6 +58,31 @@ def test_angles_of_a_table(desk, good, shown, name):
     np.testing.assert_array_equal(call_["time"], TIME)
     assert call_["title"] == name and call_["pilot"] is True
     assert call_["path"] == (Path("a.html"),)
+
+
+@pytest.mark.parametrize("name", ["--out", "--record"])
+def test_a_robot_by_itself(desk, good, name):
+    (desk / "own.urdf").write_text(RATE_TABLE, encoding="utf-8")
+    out = good("view", "own.urdf", name, "own.html").out
+    assert out.startswith("rate_table: 3 joints turn 325 kg; own.html written\n")
+    assert "outer_axis" in (desk / "own.html").read_text(encoding="utf-8")
+
+
+def test_a_robot_live(desk, good):
+    out = good("view", "sdt", "--once").out
+    assert out.startswith("sdt: 4 joints turn 6610 kg: http://localhost:")
+
+
+def test_a_robot_has_no_motion(desk, call):
+    refused(call("view", "sdt", "--pilot"), "--pilot: has no effect on a robot")
+    refused(call("view", "sdt", "--robot", "sdt"), "--robot: has no effect on a robot")
+    refused(call("view", "none.urdf"), "none.urdf: no such file")
+
+
+def test_live_says_that_what_is_felt_is_a_prediction(desk, good):
+    assert "The violet head is the attitude as it is felt. Predicted by a model" in good(
+        "view", "motion.csv", "--once", "--rate", "1000"
+    ).out
 
 
 def test_scenario_shows_what_the_joints_do(desk, good, shown):

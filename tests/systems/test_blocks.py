@@ -361,7 +361,7 @@ def test_drawing_of_a_robot_without_shapes_has_rods_from_joint_to_joint(tmp_path
         inspector.GetName(part).rpartition("::")[2]: inspector.GetPoseInFrame(part).translation()
         for part in inspector.GetAllGeometryIds()
     }
-    assert middles.keys() == {"joint_0", "rod_0", "joint_1", "rod_1"}
+    assert middles.keys() == {f"{x}_{k}" for x in ("joint", "rod", "axis", "tip") for k in (0, 1)}
     np.testing.assert_allclose(middles["rod_0"], [0.5, 0, 0], atol=1e-12)  # of 1 m
     np.testing.assert_allclose(middles["rod_1"], [0.25, 0, 0], atol=1e-12)  # to its centre of mass
     np.testing.assert_allclose(middles["joint_1"], 0, atol=1e-12)

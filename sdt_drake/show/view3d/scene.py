@@ -155,6 +155,7 @@ class Scene:
         meshcat: to draw in; emptied first.
 
     Attributes:
+        has_shapes: whether the file draws a link that moves.
         eye, target: from where a camera sees everything, and what it looks at, in the world [m].
 
     Raises:
@@ -166,7 +167,9 @@ class Scene:
         meshcat.Delete()
         try:  # what is wrong with shapes shows here: `load_robot` reads none
             builder = DiagramBuilder()
-            plant, scene_graph = add_robot_drawing(builder, robot=robot, meshcat=meshcat)
+            plant, scene_graph, self.has_shapes = add_robot_drawing(
+                builder, robot=robot, meshcat=meshcat
+            )
             self._drawing = builder.Build()
             self._context = self._drawing.CreateDefaultContext()
             reached = _reached(robot, plant, scene_graph, frames)
@@ -176,7 +179,7 @@ class Scene:
             reason = re.sub(rf"\S*{re.escape(robot.path.name)}:", "line ", one_line(error))
             raise InputError(
                 f"{robot.path}: a <visual> cannot be drawn ({reason}); a robot without any is "
-                "drawn as balls and rods"
+                "drawn as rods and rings"
             ) from None
         low, high = reached.min(axis=1), reached.max(axis=1)
         _draw_surroundings(meshcat, low, high)
@@ -194,9 +197,7 @@ class Scene:
         frames, head = self.frames, self.frames.head
         at = frames.time[k] if record else None
         self._context.SetTime(frames.time[k])
-        state = np.concatenate([frames.q[k], np.zeros_like(frames.q[k])])
-        self._drawing.get_input_port().FixValue(self._context, state)
-        self._drawing.ForcedPublish(self._context)
+        self.place(frames.q[k])
         if head is None:
             return
         pose = RigidTransform(RotationMatrix(head.rotation[k]), head.position[k])
@@ -207,6 +208,12 @@ class Scene:
         if frames.felt is not None:
             felt = RigidTransform(RotationMatrix(self._felt[k]), head.position[k])
             self.meshcat.SetTransform(_FELT_PATH, felt, at)
+
+    def place(self, q: Array) -> None:
+        """The robot alone, at these angles of its joints [rad], shape (n,)."""
+        state = np.concatenate([q, np.zeros_like(q)])
+        self._drawing.get_input_port().FixValue(self._context, state)
+        self._drawing.ForcedPublish(self._context)
 
     def overview(self) -> None:
         """The camera where it sees everything."""

@@ -124,7 +124,7 @@ def view(
 
 
 @contextmanager
-def _freeing_meshcat() -> Iterator[None]:
+def freeing_meshcat() -> Iterator[None]:
     """For a function that draws in a Meshcat of its own.
 
     Drake's diagrams are cycles, which wait for the collector of garbage; if that came by in another
@@ -136,7 +136,7 @@ def _freeing_meshcat() -> Iterator[None]:
         gc.collect()
 
 
-@_freeing_meshcat()
+@freeing_meshcat()
 def recorded_page(
     robot: Robot,
     time: Array,
@@ -159,9 +159,7 @@ def recorded_page(
     meshcat.StopRecording()
     meshcat.PublishRecording()
     title = story.title or title or robot.name
-    named = f"<title>{html.escape(title)}</title>"
-    page = meshcat.StaticHtml().replace("<title>Drake MeshCat</title>", named)
-    body, end, rest = page.rpartition("</body>")
+    body, end, rest = titled(meshcat.StaticHtml(), title).rpartition("</body>")
     overlay = render_html(
         "viewer.html.j2",
         title=title,
@@ -177,14 +175,19 @@ def recorded_page(
         has_felt=frames.felt is not None,
         felt_by=FELT_MODEL,
         caution=CAUTION,
-        eye=_in_browser(scene.eye),
-        target=_in_browser(scene.target),
+        eye=in_browser(scene.eye),
+        target=in_browser(scene.target),
         outside=FIELD_OF_VIEW,
         width=WIDTH,
         field=PILOT_FIELD,
         near=PILOT_NEAR,
     )
     return body + overlay + end + rest
+
+
+def titled(page: str, title: str) -> str:
+    """Meshcat's page under another title."""
+    return page.replace("<title>Drake MeshCat</title>", f"<title>{html.escape(title)}</title>")
 
 
 def _told(robot: Robot, frames: Frames, story: Story) -> dict[str, object]:
@@ -217,7 +220,7 @@ def _predicted(frames: Frames, story: Story) -> str:
     return intended(story.title, story.illusion, frames.head, felt).sentence(FELT_MODEL)
 
 
-def _in_browser(place: Array) -> str:
+def in_browser(place: Array) -> str:
     """A place [m] as Meshcat's page has it, with y upwards."""
     x, y, z = place
     return f"{x:.6g}, {z:.6g}, {-y:.6g}"
@@ -246,7 +249,7 @@ def open_meshcat(port: int | None = None) -> Meshcat:
         raise InputError(f"port: {used}, choose another one") from None
 
 
-@_freeing_meshcat()
+@freeing_meshcat()
 def play(
     robot: Robot,
     time: Array,

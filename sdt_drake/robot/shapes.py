@@ -1,0 +1,63 @@
+"""The shapes of a robot's file, without those that cannot be drawn."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from urllib.parse import unquote
+
+from sdt_drake.io.resources import PACKAGE_PREFIX
+from sdt_drake.robot.robot import Robot
+from sdt_drake.robot.sdf import parse_xml
+
+MESHES = (".obj", ".gltf", ".vtk")
+"""Kinds of meshes that Drake draws."""
+
+
+def drawable(robot: Robot) -> tuple[str, list[str]]:
+    """Read the file of a robot for drawing: its text, with meshes by their whole paths.
+
+    Returns:
+        The text, and a sentence for each mesh that is left out: its file, its link, and why.
+    """
+    root = parse_xml(robot.path.read_bytes(), robot.path, shapes=True)
+    told = []
+    for link in root.iter("link"):
+        for collision in link.findall("collision"):
+            link.remove(collision)
+        for visual in link.findall("visual"):
+            why = [text for mesh in visual.iter("mesh") if (text := _placed(mesh, robot.path))]
+            if why:
+                link.remove(visual)
+                told.append(f"link '{link.get('name')}': mesh {why[0]}")
+    return ET.tostring(root, encoding="unicode"), told
+
+
+def _placed(mesh: ET.Element, file: Path) -> str:
+    """Give a mesh its whole path; or why it cannot be drawn."""
+    uri = mesh.find("uri")
+    text = mesh.get("filename", "") if uri is None else (uri.text or "").strip()
+    if text.startswith(PACKAGE_PREFIX):
+        return ""
+    path = _found(text, file)
+    if path is None:
+        return f"{text} is not there"
+    if path.suffix.lower() not in MESHES:
+        return f"{text} is not drawn, expected one of {', '.join(MESHES)}"
+    if uri is None:
+        mesh.set("filename", f"file://{path}")
+    else:
+        uri.text = f"file://{path}"
+    return ""
+
+
+def _found(text: str, file: Path) -> Path | None:
+    """The file of a URI; packages are folders above the robot's file, by their names."""
+    kind, slashes, rest = text.rpartition("://")
+    places = [file.parent / unquote(rest)]
+    if slashes and kind != "file":
+        package, _, inner = unquote(rest).partition("/")
+        homes = [folder if folder.name == package else folder / package
+                 for folder in file.resolve().parents]  # fmt: skip
+        places = [home / inner for home in homes]
+    return next((place.resolve() for place in places if place.is_file()), None)

@@ -1,0 +1,290 @@
+"""A robot by itself in 3D: joints to turn, axes, masses; live, and as a page without a network."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydrake.geometry import Ellipsoid, Meshcat, Rgba, Sphere
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.meshcat import JointSliders
+from pydrake.multibody.tree import RigidBody
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.files import write_text
+from sdt_drake.io.shown import joint_count, numbered
+from sdt_drake.robot.robot import Robot, parts_of
+from sdt_drake.robot.shapes import drawable
+from sdt_drake.show.documents import Table, render_html
+from sdt_drake.show.view3d.scene import FIELD_OF_VIEW, FRAME_RATE, WIDTH, Frames, Scene
+from sdt_drake.show.view3d.viewer import freeing_meshcat, in_browser, open_meshcat, titled
+from sdt_drake.systems.skeleton import arrow, bones
+
+MASS = (0.85, 0.25, 0.1)
+"""Colour of centres of mass and of ellipsoids of inertia, RGB in 0..1."""
+
+_AXES, _MASSES = "axes", "masses"  # of the scene
+_TURNED = np.pi / 2  # of each joint alone, for the camera to see it there [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A link that moves, with all joints at 0.
+
+    Attributes:
+        name: of the link.
+        path: of it in the scene.
+        joint: that moves it, from 0, the last one on the way to it.
+        pose: in the world.
+        mass: [kg].
+        centre: of mass, in the link [m], shape (3,).
+        semi_axes: of the ellipsoid of even density that has its inertia [m], shape (3,).
+        turned: from those axes to the link.
+    """
+
+    name: str
+    path: str
+    joint: int
+    pose: RigidTransform
+    mass: float
+    centre: Array
+    semi_axes: Array
+    turned: RotationMatrix
+
+
+def moving_links(robot: Robot) -> list[Link]:
+    """All links that move, base to tip."""
+    plant, context = robot.plant, robot.context_at_zero()
+    return [
+        _link(body, k, plant.EvalBodyPoseInWorld(context, body))
+        for k, name in enumerate(robot.joint_names)
+        for body in plant.GetBodiesWeldedTo(plant.GetJointByName(name).child_body())
+    ]
+
+
+def _link(body: RigidBody, joint: int, pose: RigidTransform) -> Link:
+    """A body; second moments of mass of an ellipsoid are m a² / 5."""
+    mass, centre, central = parts_of(body) if body.default_mass() > 0 else _NOTHING
+    second, axes = np.linalg.eigh(np.trace(central) / 2 * np.eye(3) - central)
+    if np.linalg.det(axes) < 0:
+        axes[:, 0] *= -1
+    semi_axes = np.sqrt(5 * np.maximum(second, 0) / mass) if mass > 0 else np.zeros(3)
+    path = "/robot/" + body.scoped_name().get_full().replace("::", "/")
+    turned = RotationMatrix.ProjectToRotationMatrix(axes)
+    return Link(body.name(), path, joint, pose, mass, centre, semi_axes, turned)
+
+
+_NOTHING = 0.0, np.zeros(3), np.zeros((3, 3))
+
+
+# --- in numbers ----------------------------------------------------------------------------------
+
+
+def sentence(robot: Robot, links: Sequence[Link]) -> str:
+    """What a robot is, in a sentence."""
+    mass = sum(link.mass for link in links)
+    return (
+        f"{robot.name}: {joint_count(robot.n)} {'turn' if robot.n > 1 else 'turns'} {mass:.5g} kg"
+    )
+
+
+def joint_table(robot: Robot) -> Table:
+    """Limits of each joint, and its motor."""
+    lower, upper = np.degrees(robot.position_lower), np.degrees(robot.position_upper)
+    rows = [
+        (
+            name,
+            "revolute" if np.isfinite([lower[k], upper[k]]).any() else "continuous",
+            f"{_or_any(lower[k])} to {_or_any(upper[k])}".replace("any to any", "any"),
+            _or_any(np.degrees(robot.velocity_limit[k])),
+            f"{robot.effort_limit[k]:.5g}",
+            f"{robot.gear_ratio[k]:.5g}",
+            f"{robot.rotor_inertia[k]:.4g}",
+        )
+        for k, name in enumerate(numbered(robot.joint_names))
+    ]
+    return Table(
+        ("joint", "type", "angle [deg]", "speed [deg/s]", "torque [N m]", "gear ratio",
+         "rotor, motor side [kg m²]"), rows,
+    )  # fmt: skip
+
+
+def link_table(links: Sequence[Link]) -> Table:
+    """Mass, centre of mass and ellipsoid of inertia of each link."""
+    rows = [
+        (
+            link.name,
+            f"{link.mass:.5g}",
+            ", ".join(f"{x:.4g}" for x in link.centre),
+            ", ".join(f"{x:.3g}" for x in sorted(link.semi_axes, reverse=True)),
+        )
+        for link in links
+    ]
+    return Table(
+        ("link", "mass [kg]", "centre of mass, in the link [m]", "ellipsoid's semi-axes [m]"), rows
+    )
+
+
+def _or_any(limit: float) -> str:
+    return f"{limit:.4g}" if np.isfinite(limit) else "any"
+
+
+# --- the scene -----------------------------------------------------------------------------------
+
+
+class RobotScene:
+    """A robot in a Meshcat that can be put at any angles, with its axes and masses.
+
+    Attributes:
+        scene: of the robot.
+        links: that move.
+        marks: poses in the world at 0 of what is drawn beside the shapes, by path, with the joint
+            that moves it, from 0.
+    """
+
+    def __init__(self, robot: Robot, meshcat: Meshcat) -> None:
+        q = np.vstack([np.zeros((1, robot.n)), _TURNED * np.eye(robot.n)])
+        low, high = (np.nan_to_num(x) for x in (robot.position_lower, robot.position_upper))
+        self.robot, self.start = robot, np.clip(0.0, low, high)
+        self.scene = Scene(robot, Frames(np.arange(len(q)) / FRAME_RATE, q), meshcat)
+        self.links = moving_links(robot)
+        self.marks: dict[str, tuple[int, RigidTransform]] = {}
+        self._draw_masses(meshcat)
+        if self.scene.has_shapes:
+            self._draw_axes(meshcat)
+        self.place(self.start)
+
+    def _draw_masses(self, meshcat: Meshcat) -> None:
+        least = 0.004 * bones(self.robot).size
+        for link in self.links:
+            if link.mass > 0:
+                path = f"/{_MASSES}/{link.name}"
+                meshcat.SetObject(f"{path}/centre", Sphere(2 * least), Rgba(*MASS))
+                body = Ellipsoid(*np.maximum(link.semi_axes, least))
+                meshcat.SetObject(f"{path}/ellipsoid", body, Rgba(*MASS, 0.3))
+                at = link.pose @ RigidTransform(link.turned, link.centre)
+                self.marks[path] = link.joint, at
+
+    def _draw_axes(self, meshcat: Meshcat) -> None:
+        own = bones(self.robot)
+        for k in range(self.robot.n):
+            for name, shape, pose, colour in arrow(own, k, 0.1 * own.size):
+                path = f"/{_AXES}/{name}_{k}"
+                meshcat.SetObject(path, shape, Rgba(*colour))
+                self.marks[path] = k, pose
+
+    def place(self, q: Array) -> None:
+        """Put the joints at these angles [rad], shape (n,)."""
+        self.scene.place(q)
+        plant = self.robot.plant
+        context = plant.CreateDefaultContext()
+        plant.SetPositions(context, q)
+        bodies = [plant.GetJointByName(name).child_body() for name in self.robot.joint_names]
+        zero = self.robot.context_at_zero()
+        moved = [
+            plant.EvalBodyPoseInWorld(context, body)
+            @ plant.EvalBodyPoseInWorld(zero, body).inverse()
+            for body in bodies
+        ]
+        for path, (joint, pose) in self.marks.items():
+            self.scene.meshcat.SetTransform(path, moved[joint] @ pose)
+
+    def told(self) -> dict[str, object]:
+        """Joints [deg, m] and what they move, for the page to turn: axes and poses at 0."""
+        places = [self.robot.joint_at_zero(name) for name in self.robot.joint_names]
+        low, high = self.ranges()
+        moved = [(link.path, link.joint, link.pose) for link in self.links]
+        moved += [(path, *mark) for path, mark in self.marks.items()]
+        return {
+            "joints": [
+                {"name": name, "axis": axis.tolist(), "origin": origin.tolist(),
+                 **dict(zip(("low", "high", "start"), row, strict=True))}
+                for name, (axis, origin), row in zip(
+                    numbered(self.robot.joint_names), places,
+                    np.degrees([low, high, self.start]).T.round(1).tolist(), strict=True,
+                )
+            ],
+            "moved": [
+                {"path": path.strip("/").split("/"), "joint": joint,
+                 "pose": pose.GetAsMatrix4().T.ravel().tolist()}
+                for path, joint, pose in moved
+            ],
+        }  # fmt: skip
+
+    def ranges(self) -> tuple[Array, Array]:
+        """Least and largest angle of the sliders [rad], shape (n,): of a turn, within the stops."""
+        low, high = self.robot.position_lower, self.robot.position_upper
+        return np.where(np.isfinite(low), low, -np.pi), np.where(np.isfinite(high), high, np.pi)
+
+
+@freeing_meshcat()
+def robot_page(robot: Robot) -> str:
+    """The text of the page that `robot_html` writes."""
+    meshcat = open_meshcat()
+    shown = RobotScene(robot, meshcat)
+    overlay = render_html(
+        "robot_viewer.html.j2",
+        title=robot.name,
+        sentence=sentence(robot, shown.links),
+        file=robot.path.name,
+        accepted=robot.accepted,
+        left_out=drawable(robot)[1],
+        tables=[joint_table(robot), link_table(shown.links)],
+        told=shown.told(),
+        axes=[_AXES] if shown.scene.has_shapes else [],
+        masses=_MASSES,
+        eye=in_browser(shown.scene.eye),
+        target=in_browser(shown.scene.target),
+        field=FIELD_OF_VIEW,
+        width=WIDTH,
+    )
+    body, end, rest = titled(meshcat.StaticHtml(), robot.name).rpartition("</body>")
+    return body + overlay + end + rest
+
+
+def robot_html(robot: Robot, path: Path) -> None:
+    """Write a page that shows a robot, with sliders for its joints and tables of its numbers.
+
+    Raises:
+        InputError: if its shapes cannot be drawn, or the file cannot be written.
+    """
+    write_text(path, robot_page(robot))
+
+
+@freeing_meshcat()
+def show_robot(
+    robot: Robot, *, port: int | None, once: bool, announce: Callable[[str], None]
+) -> None:
+    """Show a robot in a browser with Drake's sliders for its joints, until Ctrl-C.
+
+    Args:
+        robot: drawn as its file draws it.
+        port: of the server on this machine; by default the first free one from 7000 on.
+        once: return when it is drawn.
+        announce: called with the address of the page.
+    """
+    meshcat = open_meshcat(port)
+    shown = RobotScene(robot, meshcat)
+    shown.scene.overview()
+    low, high = shown.ranges()
+    sliders = JointSliders(
+        meshcat, robot.plant, initial_value=shown.start, lower_limit=low, upper_limit=high,
+        step=np.full(robot.n, 0.01),
+    )  # fmt: skip
+    context = sliders.CreateDefaultContext()
+    try:
+        announce(meshcat.web_url())
+        q = shown.start
+        while True:
+            wanted = np.asarray(sliders.get_output_port().Eval(context), dtype=float)
+            if not np.array_equal(wanted, q):
+                shown.place(q := wanted)
+                meshcat.Flush()
+            if once:
+                return
+            clock.sleep(1 / FRAME_RATE)
+    except KeyboardInterrupt:
+        return

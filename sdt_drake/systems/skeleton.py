@@ -1,0 +1,196 @@
+"""Robots without shapes as they are drawn: rods, rings where axes meet, arrows along axes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common import MemoryFile
+from pydrake.geometry import Cylinder, InMemoryMesh, Mesh, MeshcatCone, Shape
+from pydrake.math import RigidTransform, RotationMatrix
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.robot.robot import Robot
+
+JOINT, AXIS, BASE = (0.2, 0.3, 0.5, 1.0), (0.84, 0.47, 0.0, 1.0), (0.5, 0.5, 0.5, 1.0)
+"""Colours of joints, of their axes and of what stands, RGBA in 0..1."""
+LINKS = (0.62, 0.64, 0.66, 1.0), (0.42, 0.44, 0.47, 1.0)
+"""Colours of links, in turns."""
+
+_THICKEST, _SLENDER = 0.07, 0.024  # radius of a rod [m], and its share of the robot's size
+_SHORT = 0.03  # share of the robot's size: axes that are nearer meet
+_WIDER = 1.3  # radius of a ring over that of the next one within
+_AROUND, _ACROSS = 48, 12  # corners of a ring
+
+
+class Part(NamedTuple):
+    """A shape at a pose in a link; "" is the world."""
+
+    link: str
+    name: str
+    shape: Shape
+    pose: RigidTransform
+    colour: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Bones:
+    """Joints and links of a robot with all joints at 0, in the world.
+
+    Attributes:
+        links: that the joints carry.
+        poses: of these links.
+        origin: of the joints [m], shape (n, 3).
+        axis: of the joints, of length 1, shape (n, 3).
+        end: from each joint to the next, from the last to its link's centre of mass [m], shape
+            (n, 3).
+        gyration: largest radius of gyration of each link about its centre [m], shape (n,).
+    """
+
+    links: tuple[str, ...]
+    poses: tuple[RigidTransform, ...]
+    origin: Array
+    axis: Array
+    end: Array
+    gyration: Array
+
+    @property
+    def size(self) -> float:
+        """How large the robot is [m]: the way from the world to the last centre of mass, or its
+        largest link."""
+        way = np.linalg.norm(self.origin[0]) + np.linalg.norm(self.end, axis=1).sum()
+        return float(max(way, 2 * self.gyration.max(), 0.01))
+
+    @property
+    def rod(self) -> float:
+        """Radius of rods [m]."""
+        return min(_THICKEST, _SLENDER * self.size)
+
+
+def bones(robot: Robot) -> Bones:
+    """Measure a robot; bodies that are welded to each other are one link."""
+    plant, context = robot.plant, robot.context_at_zero()
+    world, joints = plant.world_frame(), [plant.GetJointByName(name) for name in robot.joint_names]
+    axis, origin = (
+        np.array(x) for x in zip(*map(robot.joint_at_zero, robot.joint_names), strict=True)
+    )
+    centre, gyration = np.zeros_like(origin), np.zeros(robot.n)
+    for k, joint in enumerate(joints):
+        welded = [body.index() for body in plant.GetBodiesWeldedTo(joint.child_body())]
+        whole = plant.CalcSpatialInertia(context, world, welded)
+        centre[k] = origin[k]
+        if whole.get_mass() > 0:
+            centre[k] = whole.get_com()
+            moments = whole.Shift(centre[k]).get_unit_inertia().CalcPrincipalMomentsOfInertia()
+            gyration[k] = np.sqrt(max(*moments, 0.0))
+    bodies = [joint.child_body() for joint in joints]
+    poses = tuple(plant.EvalBodyPoseInWorld(context, body) for body in bodies)
+    end = np.vstack([origin[1:], centre[-1:]]) - origin
+    return Bones(tuple(body.name() for body in bodies), poses, origin, axis, end, gyration)
+
+
+def skeleton(robot: Robot) -> Iterator[Part]:
+    """Draw links as rods from joint to joint, and joints as drums, with an arrow along each axis.
+
+    A link whose next axis meets its own is a ring as large as its radius of gyration, as in a
+    gimbal; the last one is a plate then.
+    """
+    own = bones(robot)
+    meets = np.linalg.norm(own.end, axis=1) < _SHORT * own.size
+    radius = np.where(meets, _radii(own, meets), 0.0)
+    foot = _short_of(own.origin[0], float(radius[0]))
+    if np.any(foot):
+        yield Part("", "post", *_between(np.zeros(3), foot, own.rod), BASE)
+    for k, link in enumerate(own.links):
+        within = own.poses[k].inverse()
+        start = radius[k - 1] if k and meets[k - 1] else radius[k]
+        for name, shape, pose, colour in (
+            *_joint(own, meets, radius, k),
+            _link(own, meets, radius, k),
+            *arrow(own, k, start),
+        ):
+            yield Part(link, f"{name}_{k}", shape, within @ pose, colour)
+
+
+_Piece = tuple[str, Shape, RigidTransform, tuple[float, ...]]
+
+
+def arrow(own: Bones, k: int, start: float) -> list[_Piece]:
+    """An arrow along the positive axis of joint k, `start` [m] off its origin."""
+    shaft, tip = start + 0.14 * own.size, 0.06 * own.size
+    a, b = own.origin[k] + np.outer([start, shaft], own.axis[k])
+    # A cone has its point at the origin and opens along +z.
+    point = RigidTransform(RotationMatrix.MakeFromOneVector(-own.axis[k], 2), b + tip * own.axis[k])
+    return [
+        ("axis", *_between(a, b, own.rod / 4), AXIS),
+        ("tip", MeshcatCone(tip, 0.8 * own.rod, 0.8 * own.rod), point, AXIS),
+    ]
+
+
+def _joint(own: Bones, meets: NDArray[np.bool_], radius: Array, k: int) -> list[_Piece]:
+    """A drum; or two pins, from the ring that carries the joint to the one that it carries."""
+    origin, axis, hangs = own.origin[k], own.axis[k], bool(k and meets[k - 1])
+    if not hangs and not (meets[k] and k < len(meets) - 1):
+        half = 2 * own.rod * axis
+        return [("joint", *_between(origin - half, origin + half, 1.7 * own.rod), JOINT)]
+    outer = radius[k - 1] if hangs else radius[k] + 2 * own.rod
+    return [
+        (name, *_between(origin + radius[k] * way, origin + outer * way, 0.8 * own.rod), JOINT)
+        for name, way in (("joint", axis), ("joint_behind", -axis))
+    ]
+
+
+def _link(own: Bones, meets: NDArray[np.bool_], radius: Array, k: int) -> _Piece:
+    """A rod to the next joint, a ring through its axis, or the last plate."""
+    origin, axis, colour = own.origin[k], own.axis[k], LINKS[k % 2]
+    if not meets[k]:
+        end = _short_of(own.end[k], float(radius[k + 1]) if k + 1 < len(radius) else 0.0)
+        return ("rod", *_between(origin, origin + end, own.rod), colour)
+    if k == len(own.links) - 1:
+        half = own.rod / 2 * axis
+        return ("plate", *_between(origin - half, origin + half, radius[k]), colour)
+    normal = np.cross(axis, own.axis[k + 1])
+    if np.linalg.norm(normal) < 1e-6:  # one axis
+        normal = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    pose = RigidTransform(RotationMatrix.MakeFromOneVector(normal, 2), origin)
+    return ("ring", _ring(radius[k], 0.6 * own.rod), pose, colour)
+
+
+def _radii(own: Bones, meets: NDArray[np.bool_]) -> Array:
+    """Radii of rings [m], each wider than the one within."""
+    radii, within = np.zeros(len(meets)), 0.0
+    for k in reversed(range(len(meets))):
+        radii[k] = within = max(own.gyration[k], _WIDER * within, 3 * own.rod)
+        if k and not meets[k - 1]:
+            within = 0.0
+    return radii
+
+
+def _short_of(way: Array, radius: float) -> Array:
+    """A way [m] up to a ring around its end; 0 from within."""
+    length = float(np.linalg.norm(way))
+    return way * (1 - radius / length) if length > radius else 0 * way
+
+
+def _between(a: Array, b: Array, radius: float) -> tuple[Shape, RigidTransform]:
+    """A cylinder from a to b [m]."""
+    length = float(np.linalg.norm(b - a))
+    turned = RotationMatrix.MakeFromOneVector(b - a, 2) if length > 0 else RotationMatrix()
+    return Cylinder(radius, max(length, 1e-6)), RigidTransform(turned, (a + b) / 2)
+
+
+def _ring(radius: float, thickness: float) -> Mesh:
+    """A torus about z, of a radius to the middle of its tube [m]."""
+    u, w = np.meshgrid(*(np.arange(m) * 2 * np.pi / m for m in (_AROUND, _ACROSS)), indexing="ij")
+    out = radius + thickness * np.cos(w)
+    corners = np.stack([out * np.cos(u), out * np.sin(u), thickness * np.sin(w)], axis=-1)
+    number = np.arange(1, u.size + 1).reshape(u.shape)
+    beside, above = np.roll(number, -1, axis=0), np.roll(number, -1, axis=1)
+    faces = np.stack([number, beside, np.roll(beside, -1, axis=1), above], axis=-1)
+    text = [f"v {x:.6g} {y:.6g} {z:.6g}" for x, y, z in corners.reshape(-1, 3)]
+    for a, b, c, d in faces.reshape(-1, 4):
+        text += [f"f {a} {b} {c}", f"f {a} {c} {d}"]
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile("\n".join(text), ".obj", "ring")))

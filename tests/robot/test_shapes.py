@@ -1,0 +1,54 @@
+"""Meshes of a robot's file: found beside it or in its package, or left out and named."""
+
+from __future__ import annotations
+
+import pytest
+from test_urdf import URDF
+
+from sdt_drake.robot.robot import load_robot
+from sdt_drake.robot.shapes import drawable
+
+UPPER = '<link name="upper">'
+MESH = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
+
+
+@pytest.fixture
+def drawn(tmp_path):
+    """Text to draw and what is left out, of the arm with a mesh."""
+    (tmp_path / "arm_description" / "urdf").mkdir(parents=True)
+    (tmp_path / "arm_description" / "meshes").mkdir()
+    for place in ("urdf/a b.obj", "urdf/a.dae", "meshes/a.gltf"):
+        (tmp_path / "arm_description" / place).write_text("", encoding="utf-8")
+
+    def of(uri: str) -> tuple[str, list[str]]:
+        path = tmp_path / "arm_description" / "urdf" / "arm.urdf"
+        path.write_text(URDF.replace(UPPER, UPPER + MESH.format(uri)), encoding="utf-8")
+        return drawable(load_robot(path))
+
+    return of
+
+
+@pytest.mark.parametrize(
+    "uri, place",
+    [
+        ("a%20b.obj", "urdf/a b.obj"),
+        ("package://arm_description/meshes/a.gltf", "meshes/a.gltf"),
+        ("file://a%20b.obj", "urdf/a b.obj"),
+    ],
+)
+def test_a_mesh_is_found(drawn, tmp_path, uri, place):
+    text, left_out = drawn(uri)
+    assert str((tmp_path / "arm_description" / place).resolve()) in text and left_out == []
+
+
+@pytest.mark.parametrize(
+    "uri, why",
+    [
+        ("none.obj", "none.obj is not there"),
+        ("package://other/a.gltf", "package://other/a.gltf is not there"),
+        ("a.dae", "a.dae is not drawn, expected one of .obj, .gltf, .vtk"),
+    ],
+)
+def test_a_mesh_that_cannot_be_drawn_is_named(drawn, uri, why):
+    text, left_out = drawn(uri)
+    assert left_out == [f"link 'upper': mesh {why}"] and "mesh" not in text

@@ -1,0 +1,126 @@
+"""A robot by itself: a page with sliders for its joints, and the same live."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from owners import RATE_TABLE, SEVEN
+from pydrake.math import RigidTransform
+
+from sdt_drake.robot.robot import load_robot
+from sdt_drake.show.view3d import robot_page
+from sdt_drake.show.view3d.robot_page import (
+    RobotScene,
+    joint_table,
+    link_table,
+    moving_links,
+    robot_html,
+    sentence,
+    show_robot,
+)
+
+BALL = "<visual><geometry><sphere radius='0.1'/></geometry></visual>"
+MESH = "<visual><geometry><mesh filename='none.obj'/></geometry></visual>"
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory):
+    """The seven-axis arm, with a shape, and a mesh that is missing."""
+    text = SEVEN.replace('<link name="link_3">', f'<link name="link_3">{BALL}')
+    path = tmp_path_factory.mktemp("own") / "seven.urdf"
+    path.write_text(text.replace('<link name="link_4">', f'<link name="link_4">{MESH}'), "utf-8")
+    return load_robot(path)
+
+
+def poses(robot, q, links):
+    """Of links in the world, by Drake."""
+    context = robot.plant.CreateDefaultContext()
+    robot.plant.SetPositions(context, q)
+    bodies = [robot.plant.GetBodyByName(link) for link in links]
+    return [robot.plant.EvalBodyPoseInWorld(context, body).GetAsMatrix4() for body in bodies]
+
+
+def test_the_page_turns_the_joints_as_drake_does(own, open_page, tmp_path):
+    robot_html(own, tmp_path / "own.html")
+    q = np.random.default_rng(3).uniform(own.position_lower, own.position_upper).round(3)
+    with open_page(tmp_path / "own.html", width=300, height=200) as (page, errors, requests):
+        shown = page.evaluate(
+            """angles => {
+              angles.forEach((angle, k) => {
+                const input = document.getElementById("sdt-joint-" + k);
+                input.step = "any";
+                input.value = angle;
+                input.oninput();
+              });
+              return ["link_3", "link_7"].map(name => {
+                const {object} = viewer.scene_tree.find(["robot", "seven", name]);
+                object.updateMatrix();
+                return object.matrix.elements;
+              });
+            }""",
+            np.degrees(q).tolist(),
+        )
+        text = page.inner_text("#sdt-joints")
+        assert errors == [] and requests == []
+    drawn = [np.reshape(matrix, (4, 4)).T for matrix in shown]
+    np.testing.assert_allclose(drawn, poses(own, q, ["link_3", "link_7"]), atol=1e-6)
+    assert "seven: 7 joints turn 16.08 kg." in text
+    assert "link 'link_4': mesh none.obj is not there" in text
+
+
+def test_numbers_of_the_rate_table(tmp_path):
+    (tmp_path / "own.urdf").write_text(RATE_TABLE, encoding="utf-8")
+    robot = load_robot(tmp_path / "own.urdf")
+    links = moving_links(robot)
+    assert sentence(robot, links) == "rate_table: 3 joints turn 325 kg"
+    rows = joint_table(robot).rows
+    assert rows[0] == ("1 outer_axis", "continuous", "any", "401.1", "900", "1", "0")
+    # Second moments of the outer link: (28 + 34 - 22) / 2 = 20, 14 and 8 kg m²; m a² / 5.
+    axes = ", ".join(f"{np.sqrt(5 * x / 180):.3g}" for x in (20, 14, 8))
+    assert link_table(links).rows[0] == ("outer", "180", "0, 0, 0", axes)
+
+
+def test_ellipsoids_have_the_inertia_of_their_links(own):
+    for link in moving_links(own):
+        a, b, c = link.semi_axes**2 * link.mass / 5
+        turned = link.turned.matrix()
+        inertia = turned @ np.diag([b + c, a + c, a + b]) @ turned.T
+        body = own.plant.GetBodyByName(link.name).default_spatial_inertia()
+        expected = body.Shift(body.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
+        np.testing.assert_allclose(inertia, expected, atol=1e-9)
+
+
+def test_sliders_of_drake_move_the_robot_and_what_is_drawn_beside_it(own, monkeypatch):
+    made, told = [], []
+
+    class Seen(RobotScene):
+        def __init__(self, robot, meshcat):
+            super().__init__(robot, meshcat)
+            made.append(self)
+            self.placed = []
+
+        def place(self, q):
+            super().place(q)
+            getattr(self, "placed", []).append(q)
+
+    def sleep(_):
+        (shown,) = made
+        if any(q[1] != 0 for q in shown.placed):
+            raise KeyboardInterrupt
+        shown.scene.meshcat.SetSliderValue("joint_2", 0.5)
+
+    monkeypatch.setattr(robot_page, "RobotScene", Seen)
+    monkeypatch.setattr(robot_page.clock, "sleep", sleep)
+    show_robot(own, port=None, once=False, announce=told.append)
+    (shown,) = made
+    assert told[0].startswith("http://localhost:")
+    q = shown.placed[-1]
+    np.testing.assert_allclose(q, [0, 0.5, 0, -0.0698, 0, 0, 0], atol=0.01)
+    path = "/masses/link_7"
+    joint, at_zero = shown.marks[path]
+    zero, moved = (poses(own, angles, ["link_7"])[0] for angles in (np.zeros(7), q))
+    expected = moved @ np.linalg.inv(zero) @ at_zero.GetAsMatrix4()
+    packed = shown.scene.meshcat._GetPackedTransform(path)[-16 * 9 :]
+    drawn = [np.frombuffer(packed[9 * i + 1 : 9 * i + 9], ">f8")[0] for i in range(16)]
+    np.testing.assert_allclose(np.reshape(drawn, (4, 4)).T, expected, atol=1e-9)
+    assert joint == 6 and isinstance(at_zero, RigidTransform)
