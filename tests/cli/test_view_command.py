@@ -80,9 +80,10 @@ def test_a_robot_has_no_motion(desk, call):
 
 
 def test_live_says_that_what_is_felt_is_a_prediction(desk, good):
-    assert "The violet head is the attitude as it is felt. Predicted by a model" in good(
-        "view", "motion.csv", "--once", "--rate", "1000"
-    ).out
+    assert (
+        "The violet head is the attitude as it is felt. Predicted by a model"
+        in good("view", "motion.csv", "--once", "--rate", "1000").out
+    )
 
 
 def test_scenario_shows_what_the_joints_do(desk, good, shown):
