@@ -285,7 +285,7 @@ def test_what_does_not_fit_is_one_line(robot, short, run):
     for use, line in (
         (
             lambda: sdt.track(run, other),
-            r"motion: of 4 joints: 65 s .*, expected .*: 0\.5 s ",
+            r"motion: of 4 joints: 90 s .*, expected .*: 0\.5 s ",
         ),
         (lambda: sdt.track(run, "leans"), "motion: a str, expected a Motion"),
         (lambda: sdt.track(short, other), "recording: a Design, expected a Recording"),

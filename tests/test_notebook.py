@@ -1,4 +1,4 @@
-"""The tutorial notebook: ten cells that run, and a choice that their numbers support."""
+"""The tutorial notebook: thirteen cells that run, and a choice that their numbers support."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def ran():
     return names, printed, shown
 
 
-def test_ten_cells_with_words_before_each_and_nothing_stored():
-    assert [cell["cell_type"] for cell in CELLS] == ["markdown", "code"] * 10
+def test_thirteen_cells_with_words_before_each_and_nothing_stored():
+    assert [cell["cell_type"] for cell in CELLS] == ["markdown", "code"] * 13
     assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in CODE)
     for k, cell in enumerate(CELLS[::2], start=1):
         assert f"## {k}. " in "".join(cell["source"])
@@ -45,7 +45,7 @@ def test_cells_show_figures_and_print_numbers(ran):
     _, printed, shown = ran
     figures = [item for item in shown if isinstance(item, Figure)]
 
-    assert len(figures) == 6
+    assert len(figures) == 7
     assert all(isinstance(figure, Picture) for figure in figures)
     # One stands for all: with no backend, and no magic word.
     assert figures[0]._repr_png_().startswith(b"\x89PNG")
@@ -70,7 +70,19 @@ def test_the_choice_is_what_the_numbers_say(ran):
 
     assert names["choice"] == min(within, key=lambda label: within[label][1]) == "p_pi+id"
     assert set(within) == {"p_pi+id", "inverse_dynamics"}
-    assert printed[-1] == "take p_pi+id"
+    assert "take p_pi+id" in printed
     # Feedback linearisation is the better one only as long as its model is exact.
     assert worst["inverse_dynamics"][0] < worst["p_pi+id"][0]
     assert worst["inverse_dynamics"][1] > worst["p_pi+id"][1]
+
+
+def test_loops_closed_from_outside_follow(ran):
+    names, printed, _ = ran
+    assert np.degrees(np.abs(names["by_hand"].position_error).max()) < 0.2
+    assert names["program"].wait(10) != 0  # it was told to end
+    assert np.abs(names["from_afar"].speed_error).max() < 0.25
+    own, shipped = (
+        np.array(line[line.index("[") + 1 : line.index("]")].split(), dtype=float)
+        for line in printed[-2:]
+    )
+    np.testing.assert_allclose(own, shipped, rtol=0.3)

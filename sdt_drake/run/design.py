@@ -109,11 +109,9 @@ class Design(Shown):
         """Loads of each motor by Algorithm 1 with the scenario's sign, motor side."""
         return self._loads(self.torques)
 
-    @cached_property
-    def steady_load(self) -> Array:
-        """Load torque in steady motion at the first speed, where a run starts; motor side [N m],
-        shape (n,)."""
-        return self._loads(torques_along(self.loaded_robot, steady(self.motion))).load_torque[0]
+    def steady_load(self, start: Motion) -> Array:
+        """Load torque in steady motion at a sample, where a run starts; motor side [N m], (n,)."""
+        return self._loads(torques_along(self.loaded_robot, start)).load_torque[0]
 
     def _loads(self, torques: TorqueGroups) -> Loads:
         ratio, algorithm = self.nominal.gear_ratio, self.scenario.algorithm
@@ -212,12 +210,13 @@ class Design(Shown):
     def steady_ff(self) -> Array | float:
         """Torque feedforward in steady motion at the first speed, without the learned torque;
         motor side [N m], shape (n,). 0 for none."""
-        if self.fed is not None:
-            return self.fed.steady
+        return self.steady_ff_at(steady(self.motion)) if self.fed is None else self.fed.steady
+
+    def steady_ff_at(self, start: Motion) -> Array | float:
+        """The same of the controller's own law, in steady motion at a sample."""
         if self.feedforward is None:
             return 0.0
-        motion = steady(self.motion)
-        return law_along(self.feedforward, torques_along(self.model, motion), motion)[0]
+        return law_along(self.feedforward, torques_along(self.model, start), start)[0]
 
     @property
     def feeds_load_torque(self) -> bool:

@@ -11,6 +11,7 @@ from pydrake.systems.primitives import Adder, MatrixGain, PassThrough, Trajector
 from pydrake.trajectories import PiecewisePolynomial
 
 from sdt_drake.io.arrays import Array
+from sdt_drake.motion import Motion
 from sdt_drake.robot.device import sliding_friction
 from sdt_drake.robot.dynamics import torque_groups
 from sdt_drake.run.design import Design
@@ -159,8 +160,8 @@ _ITERATIONS = 10  # of the angle by which gravity turns a link away from its mot
 
 
 class Equilibrium(NamedTuple):
-    """Where a run starts: joints have gone on at the first speed of the motion for long, and the
-    encoders see its first sample.
+    """The steady state in which a run starts: joints turn at the speed of the start, and the
+    encoders see its angles.
 
     Attributes:
         q, v: of the links, joint side [rad, rad/s], shape (n,).
@@ -178,27 +179,33 @@ class Equilibrium(NamedTuple):
     tau_cmd: Array
 
 
-def equilibrium(design: Design, loaded: bool = True) -> Equilibrium:
-    """Return where a run of a design starts; loaded: whether axes have their load torque."""
-    q = seen = design.motion.q[0]
-    v, wound = design.motion.v[0], np.zeros(design.robot.n)
+def equilibrium(design: Design, start: Motion, loaded: bool = True) -> Equilibrium:
+    """Return the steady state in which a run of a design starts.
+
+    Args:
+        design: a resolved scenario.
+        start: one sample, without acceleration.
+        loaded: whether axes have their load torque.
+    """
+    q = seen = start.q[0]
+    v, wound = start.v[0], np.zeros(design.robot.n)
     if design.springs is not None:
         axes = design.springs.elastic
         for _ in range(_ITERATIONS):
-            torque = design.robot.gear_ratio * _holding_torque(design, q, loaded)
+            torque = design.robot.gear_ratio * _holding_torque(design, q, start, loaded)
             wound[axes] = torque[axes] / design.springs.stiffness[axes]
             q = seen if design.scenario.plant.elasticity.encoder == "link" else seen - wound
-    tau = _holding_torque(design, q, loaded)
+    tau = _holding_torque(design, q, start, loaded)
     error = design.drive.torque_error
     tau_cmd = tau if error is None else tau / (1 + np.array(error))
     return Equilibrium(q, v, q + wound, seen, tau, tau_cmd)
 
 
-def _holding_torque(design: Design, q: Array, loaded: bool) -> Array:
-    """What moves the joints on at the first speed, motor side [N m], shape (n,)."""
-    robot, v = design.robot, design.motion.v[0]
+def _holding_torque(design: Design, q: Array, start: Motion, loaded: bool) -> Array:
+    """Torque that keeps joints at angles q at the speed of the start, motor side [N m], (n,)."""
+    robot, v = design.robot, start.v[0]
     if design.scenario.plant.kind == "axis":  # which has its load from the reference alone
-        load = design.steady_load if loaded else np.zeros(robot.n)
+        load = design.steady_load(start) if loaded else np.zeros(robot.n)
     else:
         load = torque_groups(robot, q, v, np.zeros(robot.n)).total / robot.gear_ratio
     if design.friction is None:

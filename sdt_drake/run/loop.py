@@ -8,15 +8,17 @@ from typing import cast
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
-from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.primitives import ConstantVectorSource, PassThrough
 
 from sdt_drake.io.arguments import a, finite, takes
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError, checked_type
+from sdt_drake.io.errors import InputError, checked_choice, checked_type
+from sdt_drake.motion import Motion
 from sdt_drake.run.controllers import in_errors, make_controller, tells_updates
 from sdt_drake.run.controllers.base import LOOP_SIGNALS, Controller, table_of
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.device_diagram import add_device, add_loads, add_moved, equilibrium
+from sdt_drake.run.plant import steady
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems import (
     AxisProcess,
@@ -33,6 +35,9 @@ from sdt_drake.systems import (
 )
 from sdt_drake.systems.gains import SpeedGains
 from sdt_drake.systems.wiring import Aliases, add_logs
+
+EXTERNAL = "external"
+"""What comes from outside: an input of the loop."""
 
 
 class Loop(Diagram):
@@ -52,10 +57,16 @@ class Loop(Diagram):
     where nothing is connected. Outputs: `reference`, `state`, `measured` (what the encoders are
     on), `tau_cmd`, `tau`, as `sdt_drake.systems` says. It logs what a `Recording` holds.
 
+    With `reference="external"` planner and hold are left out: the input `reference` takes
+    [q_ref, v_ref, vd_ref] of length 3 n, joint side [rad, rad/s, rad/s²], which is in force as it
+    comes. The scenario's motion still says around what the loop is tuned, and how long a run
+    takes. With `controller="external"` the input `tau_cmd` takes the torque, motor side [N m].
+
     Args:
         design: a resolved scenario, or one that is resolved here.
+        reference: "planned", or "external": an input.
         controller: a system of one's own instead of the scenario's controller, see
-            `sdt_drake.run.controllers.Controller` for its ports.
+            `sdt_drake.run.controllers.Controller` for its ports; or "external": an input.
         meshcat: to watch the run in.
         widened: whether the alleviating torque widens the motors' limits; as the plant has it by
             default.
@@ -68,7 +79,7 @@ class Loop(Diagram):
 
     Raises:
         InputError: for a controller with ports that no signals of the loop fit, or with an
-            algebraic loop.
+            algebraic loop; for an external reference of a loop that needs tables along the motion.
 
     Attributes:
         design: what it was made from.
@@ -91,7 +102,8 @@ class Loop(Diagram):
         self,
         design: Design | Scenario,
         *,
-        controller: System | None = None,
+        reference: str = "planned",
+        controller: System | str | None = None,
         meshcat: Meshcat | None = None,
         widened: bool | None = None,
         limited: bool = True,
@@ -104,17 +116,21 @@ class Loop(Diagram):
         if widened is None:
             widened = design.scenario.plant.kind == "axis"
         self.design, self.widened, self._loaded = design, widened, loaded
-        if controller is None:
-            controller = make_controller(design)
-        self.controller = _checked_controller(design, controller)
+        checked_choice(reference, ("planned", EXTERNAL), "reference")
         builder = DiagramBuilder()
         add = builder.AddNamedSystem
 
-        add("reference_source", ReferenceSource(motion=motion, delay=drive.reference_delay))
-        self._hold = hold_of(motion, 3 * robot.n, delay=drive.reference_delay)
-        add("zero_order_hold", self._hold)
+        self._hold = None
+        if reference == EXTERNAL:
+            _add_input(builder, "reference", 3 * robot.n)
+        else:
+            add("reference_source", ReferenceSource(motion=motion, delay=drive.reference_delay))
+            self._hold = hold_of(motion, 3 * robot.n, delay=drive.reference_delay)
+            add("zero_order_hold", self._hold)
+        self.controller = controller = self._add_controller(builder, controller)
         self._table = _add_load_torque(builder, design, controller, widened)
-        add("controller", controller)
+        if reference == EXTERNAL:
+            _check_no_tables(design, builder)
         add("dynamic_saturation", _limits(design, widened, limited))
         if moved is None:
             self._device = add_device(builder, design)
@@ -141,28 +157,46 @@ class Loop(Diagram):
         each_step = {"torques": add_meter(builder, motor_torque_limit=limit, **torques)}
         if design.envelope is not None:
             each_step["motor_state"] = signals[self._device.motor_state]
+        if reference == EXTERNAL:
+            each_step["reference"] = signals["reference"]
         states = ("state", "measured")
         self.logs = add_logs(builder, {x: signals[x] for x in states}, motion.period)
         self.logs |= add_logs(builder, each_step, None)
         self.updates = _update_times(design)
-        self.is_told = len(self.updates) == 2 and tells_updates(controller)
+        is_planned = reference != EXTERNAL
+        self.is_told = is_planned and len(self.updates) == 2 and tells_updates(controller)
         for name in ("reference", *states, "tau_cmd", "tau"):
             builder.ExportOutput(signals[name], name)
         builder.BuildInto(self)
         self.set_name(f"{design.scenario.plant.kind}_loop")
 
-    def rest(self, context: Context) -> None:
-        """Start on the reference, in the equilibrium of what has gone on like that for long.
+    def _add_controller(self, builder: DiagramBuilder, controller: System | str | None) -> System:
+        if isinstance(controller, str) and controller == EXTERNAL:
+            return _add_input(builder, "tau_cmd", self.design.robot.n)
+        made = make_controller(self.design) if controller is None else controller
+        checked = _checked_controller(self.design, cast(System, made))  # which refuses a text
+        return builder.AddNamedSystem("controller", checked)
 
-        What the encoders see is on the first sample of the reference, and has moved at its speed,
-        not accelerated: motors carry the load, springs are wound, and integrals give what the
-        feedforward does not. A controller without an integral has no equilibrium there with a wrong
-        model; it starts on the reference all the same.
+    @takes(q=finite("(n,)"), v=finite("(n,)"))
+    def rest(self, context: Context, q: Array | None = None, v: Array | None = None) -> None:
+        """Start in a steady state, by default on the reference.
+
+        What the encoders see is at the angles of the start and moves at its speed, not accelerated:
+        motors carry the load, springs are wound, and integrals give what the feedforward does not.
+        A controller without an integral has no equilibrium there with a wrong model; it starts on
+        the reference all the same.
 
         Args:
             context: of this diagram.
+            q: angles of the start, joint side [rad], shape (n,); by default those of the first
+                sample of the motion.
+            v: speeds of the start, joint side [rad/s], shape (n,); likewise, 0 where q is given.
+
+        Raises:
+            InputError: for arrays that are none of the joints.
         """
-        at = equilibrium(self.design, self._loaded)
+        start = self._start(q, v)
+        at = equilibrium(self.design, start or steady(self.design.motion), self._loaded)
         device, motion = self._device, self.design.reference
 
         def own(block: System) -> Context:
@@ -179,11 +213,25 @@ class Loop(Diagram):
         for encoder in self._encoders:
             encoder.rest(own(encoder), at.q_seen, at.v)
         if isinstance(self.controller, Controller):
-            self.controller.rest(own(self.controller), at.tau_cmd)
-        first = np.concatenate([motion.q[0], motion.v[0], motion.vd[0]])
-        self._hold.SetVectorState(own(self._hold), first)
+            given = () if start is None else (start,)
+            self.controller.rest(own(self.controller), at.tau_cmd, *given)
+        if self._hold is not None:
+            first = np.concatenate([motion.q[0], motion.v[0], motion.vd[0]])
+            self._hold.SetVectorState(own(self._hold), first)
         if self._table is not None:
             self._table.rest(own(self._table))
+
+    def _start(self, q: Array | None, v: Array | None) -> Motion | None:
+        """The sample at which a run starts, where it is given."""
+        if q is None and v is None:
+            return None
+        n, first = self.design.robot.n, self.design.motion
+        q = first.q[0] if q is None else q
+        v = np.zeros(n) if v is None else v
+        for name, values in (("q", q), ("v", v)):
+            if values.shape != (n,):
+                raise InputError(f"of shape {values.shape}, expected ({n},)", place=name)
+        return Motion(first.period, q[None], v[None], np.zeros((1, n)))
 
     def recorded(self, context: Context) -> dict[str, Array]:
         """Logged signals by name, each of shape (samples, size); context: of this diagram.
@@ -261,6 +309,33 @@ def _checked_controller(design: Design, controller: System) -> System:
     return controller
 
 
+def _add_input(builder: DiagramBuilder, name: str, size: int) -> PassThrough:
+    """Add an input of the diagram as the signal of that name."""
+    block = PassThrough(size)
+    builder.AddNamedSystem(name, block)
+    builder.ExportInput(block.get_input_port(), name)
+    return block
+
+
+def _check_no_tables(design: Design, builder: DiagramBuilder) -> None:
+    """Refuse what is only known along the planned motion."""
+    if design.scenario.plant.kind == "axis":
+        raise InputError(
+            "'external', but the axis plant has its load from the planned motion; expected "
+            "plant.kind coupled",
+            place="reference",
+        )
+    for block in builder.GetSystems():
+        for table in systems_in(block):
+            if isinstance(table, SignalTable):
+                raise InputError(
+                    f"'external', but {table.get_name()} is computed along the planned motion; "
+                    "expected inverse_dynamics online, and a controller without a schedule or a "
+                    "learned torque",
+                    place="reference",
+                )
+
+
 def _checked_moved(design: Design, moved: tuple[Array, Array]) -> tuple[Array, Array]:
     shape = design.motion.q.shape
     arrays = cast(Array, finite("(2, N + 1, n)")(moved, "moved"))
@@ -289,6 +364,8 @@ _TORQUES = ("tau_cmd", "tau_limited", "tau")
 
 _SIGNALS: Aliases = {
     ("reference_source", "reference"): "planned",
+    ("reference", "y"): "reference",
+    ("tau_cmd", "y"): "tau_cmd",
     ("zero_order_hold", "u"): "planned",
     ("zero_order_hold", "y"): "reference",
     ("dynamic_saturation", "tau"): "tau_limited",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 from traceback import extract_tb
 from typing import TYPE_CHECKING, Annotated
@@ -21,6 +21,7 @@ from sdt_drake.io.fields import setting
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, face, joint_count, of_joints
 from sdt_drake.io.tables import check_columns, check_limits, data_frame, read_table, write_table
+from sdt_drake.motion import LearnedReference, Motion
 from sdt_drake.run.controllers import in_errors, own_code
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.loop import Loop, make_loop, systems_in
@@ -209,19 +210,26 @@ def make_simulator(
 
 @takes(diagram=a(Diagram, "sdt_drake.loop"))
 def simulate(
-    design: Design | Scenario, diagram: Diagram | None = None, *, realtime_rate: float = 0.0
+    design: Design | Scenario,
+    diagram: Diagram | None = None,
+    *,
+    realtime_rate: float = 0.0,
+    q: Array | None = None,
+    v: Array | None = None,
 ) -> Recording:
-    """Run a loop along its motion, starting on the reference, at the scenario's accuracy.
+    """Run a loop for the time of its motion, starting on the reference, at the scenario's accuracy.
 
     Args:
         design: a resolved scenario, or one that is resolved here.
         diagram: its loop, or a diagram that has it within, however deep; built here by default.
         realtime_rate: how fast to go, 1 in real time, to watch a loop with a Meshcat; 0: as fast
             as it can.
+        q, v: angles [rad] and speeds [rad/s] of another start, joint side, shape (n,); see
+            `Loop.rest`.
 
     Raises:
-        InputError: for a diagram without the design's loop; if the integrator makes no headway,
-            with the time.
+        InputError: for a diagram without the design's loop, or one in which nothing is connected to
+            its external reference or controller; if the integrator makes no headway, with the time.
     """
     design = as_design(design)
     checked_number(realtime_rate, "realtime_rate", minimum=0)
@@ -236,7 +244,8 @@ def simulate(
     context = simulator.get_mutable_context()
     own = loop.GetMyMutableContextFromRoot(context)
     with own_code(design, type(loop.controller)):
-        loop.rest(own)
+        _check_inputs(loop, own)
+        loop.rest(own, q, v)
         try:
             simulator.Initialize()
             _look(loop, own)  # at a NaN Drake's integrator may try for ever
@@ -256,8 +265,23 @@ def simulate(
         return _recording(loop, signals)
 
 
+def _check_inputs(loop: Loop, own: Context) -> None:
+    """Refuse a loop with an external reference or controller that nothing is connected to."""
+    for port in map(loop.get_input_port, range(loop.num_input_ports())):
+        if not port.HasValue(own) and port.get_name() != "extra_load_torque":
+            raise InputError(
+                f"external, but nothing is connected, expected {port.size()} numbers",
+                place=port.get_name(),
+            )
+
+
 def _look(loop: Loop, own: Context) -> None:
-    """Check what the controller asks for now; own: context of the loop."""
+    """Check what the controller gets from outside and asks for now; own: context of the loop."""
+    if "reference" in loop.logs:
+        reference = np.array(loop.GetOutputPort("reference").Eval(own))
+        if not np.isfinite(reference).all():
+            text = f"{reference} at {own.get_time():.6g} s, expected finite numbers"
+            raise InputError(text, place="reference")
     tau_cmd = np.array(loop.GetOutputPort("tau_cmd").Eval(own))
     _check_command(loop, tau_cmd[None], [own.get_time()])
 
@@ -290,6 +314,7 @@ def _run(simulator: Simulator, loop: Loop) -> None:
             until = (i + 1) * step if end == step else i * step + end
             simulator.AdvanceTo(until, interruptible=hears)
             _look(loop, own)
+    simulator.AdvancePendingEvents()  # a reference from outside has its last sample only now
 
 
 def _loop_in(design: Design, diagram: Diagram) -> Loop:
@@ -304,6 +329,11 @@ def _loop_in(design: Design, diagram: Diagram) -> Loop:
 
 def _recording(loop: Loop, signals: Mapping[str, Array]) -> Recording:
     design = loop.design
+    if "reference" in signals:  # what came from outside in place of the planned motion
+        period, time = design.motion.period, signals["step_time"]
+        after = np.searchsorted(time, (np.arange(len(design.wanted.v)) + 1e-6) * period) - 1
+        fed = Motion(period, *np.hsplit(signals["reference"][after], 3))
+        design = replace(design, wanted=fed, learned=LearnedReference(fed))
     motion, load = design.wanted, design.loads.load_torque
     q, v = np.hsplit(signals["state"], 2)
     q_seen, v_seen = np.hsplit(signals["measured"], 2)

@@ -11,6 +11,7 @@ from itertools import takewhile
 from typing import cast
 
 from pydrake.systems.framework import System
+from pydrake.systems.primitives import PassThrough
 
 from sdt_drake.io.errors import InputError, one_line
 from sdt_drake.run.controllers.base import Controller
@@ -59,6 +60,8 @@ def tells_updates(controller: System) -> bool:
 def in_errors(design: Design, controller: type) -> str:
     """The name of a controller of that class in errors: that of its kind, if it has one, and its
     class."""
+    if controller is PassThrough:  # the input of the loop for one
+        return "external controller"
     kind = design.scenario.controller.kind
     name = f" '{kind}'" if controller_class(kind) is controller else ""
     return f"controller{name} (class {controller.__name__})"
@@ -73,7 +76,7 @@ def own_code(design: Design, controller: type) -> Iterator[None]:
     except InputError:
         raise
     except (Exception, SystemExit) as error:  # of a controller
-        if controller in SHIPPED.values():
+        if controller in (*SHIPPED.values(), PassThrough):
             raise
         text = f"{type(error).__name__}: {one_line(error)}"
         raise InputError(f"{in_errors(design, controller)}: fails ({text})") from error

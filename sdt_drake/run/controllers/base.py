@@ -10,6 +10,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.io.errors import InputError
+from sdt_drake.motion import Motion
 from sdt_drake.run.design import Design
 from sdt_drake.run.kinds import CONTROLLERS, Kind
 from sdt_drake.systems import CtcFeedforward, ReferenceTorque, SignalTable
@@ -62,9 +63,16 @@ class Controller:
         kind = design.scenario.controller.kind
         raise InputError(f"controller.kind {kind}: has no linear feedback (Controller.linear)")
 
-    def rest(self, context: Context, tau_cmd: ArrayLike) -> None:
+    def rest(self, context: Context, tau_cmd: ArrayLike, start: Motion | None = None) -> None:
         """Start with that command, on the reference; nothing to do for one without a memory. Holds
-        and tables are memory, too."""
+        and tables are memory, too.
+
+        Args:
+            context: of this system.
+            tau_cmd: the command, motor side [N m], shape (n,).
+            start: the sample to start at, without acceleration; given where that is not the first
+                of the motion.
+        """
 
     def after_updates(self, tau_cmd: Array, measured: Array, held: Index) -> Array:
         """Return the command just after each update, motor side [N m], shape (M, n).
@@ -92,7 +100,7 @@ class Shipped(Diagram, Controller):
         super().__init__()
         self._tables: list[SignalTable] = []
 
-    def rest(self, context: Context, tau_cmd: ArrayLike) -> None:
+    def rest(self, context: Context, tau_cmd: ArrayLike, start: Motion | None = None) -> None:
         for table in self._tables:
             table.rest(self.GetMutableSubsystemContext(table, context))
 

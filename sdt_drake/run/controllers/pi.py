@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, DiagramBuilder, System
 
 from sdt_drake.io.arrays import Array, Index
+from sdt_drake.motion import Motion
 from sdt_drake.run.controllers.base import Shipped
 from sdt_drake.run.design import Design
 from sdt_drake.systems import PiSpeedController
@@ -55,12 +56,15 @@ class Pi(Shipped, kind="pi"):
     def linear(cls, design: Design, sample: int) -> System:
         return cls(design, at=sample)
 
-    def rest(self, context: Context, tau_cmd: ArrayLike) -> None:
+    def rest(self, context: Context, tau_cmd: ArrayLike, start: Motion | None = None) -> None:
         super().rest(context, tau_cmd)
-        # Gone on at the first speed for long: no error of speed, whatever is held from now on.
-        v_fed_back = 0.0 if self._is_on_error else self._design.motion.v[0]
-        fed_back = self._share(0) * self._kp * v_fed_back
-        integral = np.asarray(tau_cmd) + fed_back - self._design.steady_ff
+        design = self._design
+        v, steady_ff = design.motion.v[0], design.steady_ff
+        if start is not None:
+            v, steady_ff = start.v[0], design.steady_ff_at(start)
+        # In steady motion there is no error of speed, whatever is held from now on.
+        fed_back = self._share(0) * self._kp * (0.0 if self._is_on_error else v)
+        integral = np.asarray(tau_cmd) + fed_back - steady_ff
         self._pi.rest(self.GetMutableSubsystemContext(self._pi, context), integral)
 
     def after_updates(self, tau_cmd: Array, measured: Array, held: Index) -> Array:
