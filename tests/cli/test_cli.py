@@ -106,22 +106,6 @@ def test_completion_knows_what_ships_files_fields_and_options(desk, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("line", "heavy"),
-    [
-        ("plan --help", "numpy"),
-        ("--version", "sdt_drake.cli.common"),
-        ("tune reference", "matplotlib"),
-    ],
-)
-def test_commands_import_no_more_than_they_need(line, heavy):
-    code = (
-        f"import sys\nfrom sdt_drake.cli.app import main\ncode = main({line.split()})\n"
-        f"sys.exit(code or {heavy!r} in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], stdout=subprocess.DEVNULL).returncode == 0
-
-
-@pytest.mark.parametrize(
     ("line", "word"),
     [
         ("", "COMMAND"),

@@ -92,3 +92,19 @@ def test_what_is_ignored_stays_ignored(stopped):
     """Below nohup a closed terminal is no reason to end."""
     done = stopped([HUP], "open", ".partial", "step", ignored=[HUP], **WRITING)
     assert done == (0, "", {"o.csv"})
+
+
+@pytest.mark.parametrize(
+    ("line", "heavy"),
+    [
+        ("plan --help", "numpy"),
+        ("--version", "sdt_drake.cli.common"),
+        ("tune reference", "matplotlib"),
+    ],
+)
+def test_commands_import_no_more_than_they_need(line, heavy):
+    code = (
+        f"import sys\nfrom sdt_drake.cli.app import main\ncode = main({line.split()})\n"
+        f"sys.exit(code or {heavy!r} in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], stdout=subprocess.DEVNULL).returncode == 0

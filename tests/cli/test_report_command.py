@@ -246,3 +246,13 @@ def test_a_folder_that_reproduce_did_not_write(tmp_path, capsys, what, said):
     out, err = capsys.readouterr()
     assert out == "" and err.count("\n") == 1 and said in err
     assert list((tmp_path / "empty").iterdir()) == []
+
+
+def test_stages_are_told_as_they_pass():
+    told = []
+    watch = Stopwatch(told.append)
+    for name in ("one", "two", "one"):
+        with watch.stage(name):
+            pass
+    assert list(watch.seconds) == ["one", "two"] and len(told) == 3
+    assert all(re.fullmatch(r"  (one|two) +\d+\.\d\d s", line) for line in told)

@@ -12,12 +12,10 @@ import pytest
 import sdt_drake
 from sdt_drake.analysis import paper
 from sdt_drake.analysis.perception import felt_difference
-from sdt_drake.analysis.reproduction import Stopwatch
 from sdt_drake.io.tables import read_table
 from sdt_drake.motion import Motion
 from sdt_drake.show.documents import TEMPLATES, escaped
 from sdt_drake.show.paper_diagrams import DIAGRAMS
-from sdt_drake.show.reports.paper import value_table
 from sdt_drake.show.reports.paper_files import summary
 
 GEAR = np.array([67.2, 1, 1, 1])  # published
@@ -368,40 +366,3 @@ def test_table1_markdown(reproduced):
     assert [row[5] for row in published] == ["267.1", "6340", "52000", "15700"]
     assert [row[6] for row in published] == ["4640", "107000", "867000", "273000"]
     assert "calibrated" in text
-
-
-def values(published, computed):
-    made = value_table({"published": published, "computed": computed})
-    return made.header, made.rows
-
-
-def test_values_of_claims_stand_in_a_table():
-    assert values([4640.0, None], [4.5e-13, True]) == (
-        ["", "joint 1", "joint 2"],
-        [["published", "4640", "–"], ["computed", "4.5e-13", "yes"]],
-    )
-    assert values(0.5, [250.28, 52016.4]) == (  # of no joint alone
-        ["", "joint 1", "joint 2", "all"],
-        [["published", "", "", "0.5"], ["computed", "250.28", "52016", ""]],
-    )
-    assert values({"a_b": 1}, {"a_b": 2.0}) == (
-        ["", "a b"],
-        [["published", "1"], ["computed", "2"]],
-    )
-    parts = {"x_y": [1.0, 2.0], "z": {"joint 2": 3.0}}
-    assert values("small", parts)[1] == [
-        ["published", "", "", "small"],
-        ["computed, x y", "1", "2", ""],
-        ["computed, z, joint 2", "", "", "3"],
-    ]
-    assert values(True, False) == (["", ""], [["published", "yes"], ["computed", "no"]])
-
-
-def test_stages_are_told_as_they_pass():
-    told = []
-    watch = Stopwatch(told.append)
-    for name in ("one", "two", "one"):
-        with watch.stage(name):
-            pass
-    assert list(watch.seconds) == ["one", "two"] and len(told) == 3
-    assert all(re.fullmatch(r"  (one|two) +\d+\.\d\d s", line) for line in told)

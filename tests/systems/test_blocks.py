@@ -27,10 +27,10 @@ from alone import (
     outputs_of,
 )
 from command_line import ARM
+from laws import CASES
 from pydrake.common.yaml import yaml_load
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
-from test_laws import CASES
 
 from sdt_drake import systems
 from sdt_drake.io.errors import InputError
