@@ -1,4 +1,4 @@
-"""Signals at any moment of `sdt-drake`: an exit code, no trace, and nothing left behind."""
+"""The process of `sdt-drake`: what it imports, and signals at any moment: no trace, nothing left."""
 
 from __future__ import annotations
 
