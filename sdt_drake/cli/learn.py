@@ -14,7 +14,7 @@ from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Flag, Out, Whole, number, one_of
 from sdt_drake.cli.printing import print_document_table, print_joints, say
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.files import replacing_files
+from sdt_drake.io.files import alone_in, replacing_files
 
 if TYPE_CHECKING:
     from sdt_drake.machine.learn.filter import Convergence, LearningFilter
@@ -170,7 +170,7 @@ def _from_recordings(
     checked: Checked,
 ) -> None:
     """Take a step from recordings in the folder of a learning."""
-    from sdt_drake.machine.learn.state import SCENARIO, alone_in, count_flights
+    from sdt_drake.machine.learn.state import SCENARIO, count_flights
 
     common.check_folder(folder)
     if len({Path(path).resolve() for path in paths}) < len(paths):

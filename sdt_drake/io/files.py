@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import fcntl
 import filecmp
 import itertools
 import math
@@ -11,7 +12,7 @@ import os
 import shutil
 import stat
 import unicodedata
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from sdt_drake.io.errors import InputError, rewording
@@ -242,3 +243,43 @@ def _move(new: Path, folder: Path, last: str) -> None:
     with replacing_all([folder / path.relative_to(new) for path in files]) as partials:
         for path, partial in zip(files, partials, strict=True):
             shutil.move(path, partial)  # a link of `folder` may lead to another disk
+
+
+# --- one process at a time -------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def alone_in(folder: Path, taken: Callable[[], None]) -> Iterator[None]:
+    """Keep other processes that ask for it out of a folder, which is made if it is not there.
+
+    A new folder in which nothing is written is removed again.
+
+    Args:
+        folder: the folder.
+        taken: called where another process has the folder; unless it raises, this one then waits.
+
+    Raises:
+        InputError: if the folder cannot be made.
+    """
+    is_new = not folder.exists()
+    with contextlib.ExitStack() as held:
+        while True:
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+                lock = os.open(folder, os.O_RDONLY)
+            except OSError as error:
+                raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
+            held.callback(os.close, lock)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                taken()
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            if folder.exists() and os.path.samestat(os.fstat(lock), folder.stat()):
+                break  # else another process has removed it, which was new
+        try:
+            yield
+        finally:
+            if is_new:
+                with contextlib.suppress(OSError):  # it is not empty
+                    folder.rmdir()

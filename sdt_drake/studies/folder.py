@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.files import checked_input, write_text
+from sdt_drake.io.files import alone_in, checked_input, write_text
 from sdt_drake.io.versions import other_versions, versions
 from sdt_drake.io.yaml_files import parse_yaml, read_yaml, yaml_text
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.studies.job import Job, places_of
 from sdt_drake.studies.runs import Runner, with_files
-from sdt_drake.studies.store import DATABASE, OF_0_3, RESULTS, Store, alone_in, create
+from sdt_drake.studies.store import DATABASE, OF_0_3, RESULTS, Store, create
 from sdt_drake.studies.study import Study, load_study
 
 STUDY, BASE, FILES = "study.yaml", "scenario.yaml", "files"
@@ -37,7 +37,11 @@ def opened(job: Job, folder: Path, resume: bool) -> Iterator[Store]:
     """
     if resume and not holds_study(folder):
         raise InputError(f"{folder}: holds no study to resume")
-    with alone_in(folder):
+
+    def refuse() -> None:
+        raise InputError(f"{folder}: another process runs this study")
+
+    with alone_in(folder, refuse):
         if not holds_study(folder):
             _begin(job, folder)
             resume = True

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
-import os
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, closing, contextmanager
@@ -170,25 +168,3 @@ def _imported(results: Path) -> sqlite3.Connection:
     values = zip(*(column.to_pylist() for column in table.columns), strict=True)
     database.executemany(f"INSERT INTO rows VALUES ({marks})", values)
     return database
-
-
-@contextmanager
-def alone_in(folder: Path) -> Iterator[None]:
-    """Keep other processes from running the study of a folder, which is made if it is not there.
-
-    Raises:
-        InputError: if another process runs it, or the folder cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = os.open(folder, os.O_RDONLY)
-    except OSError as error:
-        raise InputError(f"{folder}: no study can be begun there ({error.strerror})") from None
-    try:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InputError(f"{folder}: another process runs this study") from None
-        yield
-    finally:
-        os.close(lock)

@@ -1,4 +1,4 @@
-"""The process of `sdt-drake`: what it imports, and signals at any moment: no trace, nothing left."""
+"""The process of `sdt-drake`: what it imports; signals at any moment, which leave nothing."""
 
 from __future__ import annotations
 

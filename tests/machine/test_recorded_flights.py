@@ -13,6 +13,7 @@ import pytest
 
 from sdt_drake.analysis.comparison import with_controller
 from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import alone_in
 from sdt_drake.io.tables import write_table
 from sdt_drake.io.yaml_files import load_yaml
 from sdt_drake.machine.learn.filter import design_filter
@@ -22,7 +23,6 @@ from sdt_drake.machine.learn.state import (
     FlightRecord,
     State,
     _refuse_growth,
-    alone_in,
     read_state,
     reference_file,
     teach,

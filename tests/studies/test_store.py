@@ -15,11 +15,12 @@ import pyarrow.parquet
 import pytest
 
 from sdt_drake.io.errors import InputError
+from sdt_drake.io.files import alone_in
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.studies.folder import holds_study, opened
 from sdt_drake.studies.job import Job
 from sdt_drake.studies.results import write_results
-from sdt_drake.studies.store import DATABASE, RESULTS, Store, alone_in, create
+from sdt_drake.studies.store import DATABASE, RESULTS, Store, create
 from sdt_drake.studies.study import Study
 from sdt_drake.studies.table import Row
 
@@ -107,14 +108,17 @@ def test_a_database_of_something_else_is_refused(tmp_path):
 
 
 def test_one_process_at_a_time(tmp_path):
+    new = tmp_path / "new"
     with (
-        alone_in(tmp_path),
+        alone_in(new, pytest.fail),
         pytest.raises(InputError, match="another process runs this study"),
-        alone_in(tmp_path),
+        opened(None, new, resume=False),
     ):
         pass
-    with alone_in(tmp_path):
+    assert not new.exists()
+    with alone_in(tmp_path, pytest.fail):
         pass
+    assert tmp_path.exists()
 
 
 def test_other_rows_may_be_read_meanwhile(written):

@@ -2,18 +2,15 @@
 
 A folder holds the scenario, and of each flight, numbered from 1, what it was given
 (`reference_02.csv`; the first flies the planned motion) and what came of it (`flight_01.yaml`,
-written last). Nothing in it is ever changed. Who learns has it alone meanwhile: see `alone_in`.
+written last). Nothing in it is ever changed. Who learns has it alone meanwhile.
 """
 
-import contextlib
-import fcntl
 import itertools
 import math
-import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,7 +36,6 @@ from sdt_drake.run.design import Design
 from sdt_drake.run.scenario import save_scenario
 
 SCENARIO = "scenario.yaml"
-_LOCK = ".lock"
 _GROWN = 1.05  # of the error of the best flight
 _GAIN = 0.95
 
@@ -111,49 +107,6 @@ def read_state(folder: Path, design: Design) -> State:
         margin = design.scenario.torque_margin
         references.append(load_learned(path, design.wanted, design.nominal, torque_margin=margin))
     return State(flights, references)
-
-
-@contextlib.contextmanager
-def alone_in(folder: Path, waiting: Callable[[], None]) -> Iterator[None]:
-    """Keep other processes out of a folder of a learning, which is new or not; one after the other
-    gets its turn. A new folder in which nothing is written goes.
-
-    Args:
-        folder: of the learning.
-        waiting: called before this process waits for another one.
-
-    Raises:
-        InputError: if the folder cannot be written.
-    """
-    path, is_new = folder / _LOCK, not folder.exists()
-    try:
-        file = _locked(path, waiting)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
-    with file:
-        try:
-            yield
-        finally:
-            path.unlink(missing_ok=True)
-            if is_new:
-                with contextlib.suppress(OSError):  # it is not empty
-                    folder.rmdir()
-
-
-def _locked(path: Path, waiting: Callable[[], None]) -> IO[str]:
-    """A file that no other process has locked, made where there is none."""
-    while True:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with contextlib.suppress(FileNotFoundError):  # who had it has removed it, or the folder
-            file = path.open("a", encoding="utf-8")
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                waiting()
-                fcntl.flock(file, fcntl.LOCK_EX)
-            if os.path.samestat(os.fstat(file.fileno()), path.stat()):
-                return file
-            file.close()
 
 
 def count_flights(folder: Path) -> int:
