@@ -122,8 +122,7 @@ def picture(title: str, columns: Sequence[Sequence[Panel]], *, width: float = 3.
             for ax, panel in zip(column, panels, strict=True):
                 draw(ax, panel)
             column[-1].set_xlabel(panels[-1].x_label)
-        finish(figure, title)
-    return figure
+        return finish(figure, title)
 
 
 def draw(ax: Axes, panel: Panel) -> None:

@@ -159,11 +159,11 @@ def grid(
     return figure, axes
 
 
-def finish(figure: Figure, title: str, handles: Sequence[Artist] | None = None) -> None:
+def finish(figure: Figure, title: str, handles: Sequence[Artist] | None = None) -> Figure:
     """Put the title above a figure, and a legend below it, by default of all lines and areas that
-    have a label.
+    have a label; return the figure.
 
-    The figure grows by what the legend has beyond one row.
+    It grows by what the legend has beyond one row.
     """
     for ax in figure.axes:
         _shorten(ax)
@@ -183,6 +183,7 @@ def finish(figure: Figure, title: str, handles: Sequence[Artist] | None = None) 
         _grow_below(figure, (rows - 1) * _LEGEND_ROW)
         figure.legend(handles, labels, loc="lower center", ncols=columns)
     figure.suptitle(title, y=1 - 0.12 / figure.get_figheight(), verticalalignment="top")
+    return figure
 
 
 def _grow_below(figure: Figure, inches: float) -> None:

@@ -201,14 +201,10 @@ def pareto(cost: ArrayLike, error: ArrayLike) -> NDArray[np.bool_]:
     Returns:
         Shape (N,).
     """
-    cost, error = np.asarray(cost, dtype=float), np.asarray(error, dtype=float)
-    front = np.zeros(cost.shape, dtype=bool)
-    best, last = np.inf, None  # least error so far, and the last point of the front
-    for i in np.lexsort((error, cost)):  # by cost, then by error
-        point = (cost[i], error[i])
-        if np.isnan(point).any():
-            continue
-        front[i] = error[i] < best or point == last
-        if front[i]:
-            best, last = error[i], point
+    points = np.column_stack([cost, error]).astype(float)
+    front = ~np.isnan(points).any(axis=1)
+    # Different points by cost, then by error; each against the least error before it.
+    known, of_point = np.unique(points[front], axis=0, return_inverse=True)
+    least = np.minimum.accumulate(np.append(np.inf, known[:, 1]))
+    front[front] = (known[:, 1] < least[:-1])[of_point.ravel()]
     return front

@@ -56,8 +56,7 @@ def pareto_figure(title: str, table: StudyTable, cost: str, error: str) -> Figur
             Line2D([], [], color="0.2", label="no other design beats it"),
             Line2D([], [], color="0.75", linestyle="", marker="o", label="another one does"),
         ]
-        finish(figure, title, handles)
-    return figure
+        return finish(figure, title, handles)
 
 
 def sizing_front(title: str, verdicts: Sequence[Verdict]) -> Figure:
@@ -88,8 +87,7 @@ def sizing_front(title: str, verdicts: Sequence[Verdict]) -> Figure:
             Line2D([], [], color="0.65", markerfacecolor="none", label="misses some", **dot),
             Line2D([], [], label="of these, no other beats it", **_RING),
         ]
-        finish(figure, title, handles)
-    return figure
+        return finish(figure, title, handles)
 
 
 def _candidates(ax: Axes, verdicts: Sequence[Verdict], look: Look) -> None:

@@ -44,8 +44,7 @@ def plan(title: str, robot: Robot, planned: Plan, margins: Margins) -> Figure:
             torque.set_title(joint_title(k, robot.joint_names[k]), loc="left", weight="bold")
         for ax in axes[-1]:
             ax.set_xlabel("time [s]")
-        finish(figure, title)
-    return figure
+        return finish(figure, title)
 
 
 def _torque(ax: Axes, robot: Robot, planned: Plan, margins: Margins, k: int) -> None:

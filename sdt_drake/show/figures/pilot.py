@@ -77,8 +77,7 @@ def pilot(title: str, time: Array, head: HeadTracking, story: Story | None = Non
         axes[-1, 0].set_xlim(time[0], time[-1])
         if tracks:
             _name_segments(figure, axes[:, 0], story.segments, tracks, above)
-        finish(figure, "\n".join(lines))
-    return figure
+        return finish(figure, "\n".join(lines))
 
 
 def percept(title: str, felt: Percept) -> Figure:

@@ -207,8 +207,7 @@ def comparison(title: str, compared: Sequence[Compared]) -> Figure:
             ax.set_xticks(np.arange(len(names)), names)
         if has_heads:
             _felt(figure, compared, looks)
-        finish(figure, title)
-    return figure
+        return finish(figure, title)
 
 
 def _side_by_side(
@@ -298,8 +297,7 @@ def bode(title: str, response: FrequencyResponse, joint_names: Sequence[str]) ->
         quantities = ("bandwidth [rad/s]", "gain margin [dB]", "phase margin [deg]")
         for ax, name in zip((*axes[0], axes[1, 1]), quantities, strict=True):
             ax.set_title(_of_joints(name, told[name]), loc="right")
-        finish(figure, title)
-    return figure
+        return finish(figure, title)
 
 
 def _mark_margins(axes: NDArray[np.object_], response: FrequencyResponse, degrees: Array) -> None:
@@ -361,5 +359,4 @@ def stability(
             Line2D([], [], color="0.3", linestyle=nth_look(i).dashes, label=loop)
             for i, loop in enumerate(next(iter(sweeps.values())))
         ]
-        finish(figure, f"{title} (shaded: unstable)", [*by_joint, *by_loop, rule])
-    return figure
+        return finish(figure, f"{title} (shaded: unstable)", [*by_joint, *by_loop, rule])

@@ -69,8 +69,7 @@ def distributions(title: str, table: StudyTable, families: Sequence[str]) -> Fig
             Line2D([], [], color="0.3", linestyle="", marker=marker, label=f"{percent} %")
             for percent, marker in _MARKED
         ]
-        finish(figure, title, group_handles(parts) + marks)
-    return figure
+        return finish(figure, title, group_handles(parts) + marks)
 
 
 def _distribution(ax: Axes, parts: dict[str, StudyTable], name: str) -> None:
@@ -119,8 +118,7 @@ def tornado_figure(title: str, table: StudyTable, family: str) -> Figure:
             Patch(color=HIGH, label="highest fifth, or highest level"),
             Line2D([], [], color="0.2", label="mean of all"),
         ]
-        finish(figure, title, handles)
-    return figure
+        return finish(figure, title, handles)
 
 
 def _ordered(swings: Sequence[Sequence[TornadoSwing]]) -> list[str]:
@@ -200,8 +198,7 @@ def scatter_matrix(
         handles = group_handles(levels, lines=False) if table.by else []
         for handle in handles:
             handle.set_marker("o")  # as all points are
-        finish(figure, title, handles)
-    return figure
+        return finish(figure, title, handles)
 
 
 def _spread(values: Array) -> float:

@@ -211,8 +211,7 @@ def plot_checks(
         for ax in figure.axes[max(0, len(joint_names) - 2) : len(joint_names)]:  # the lowest shown
             ax.set_xlabel("frequency [Hz]")
             ax.tick_params(labelbottom=True)
-        finish(figure, title)
-    return figure
+        return finish(figure, title)
 
 
 def plot_errors(
@@ -266,5 +265,4 @@ def plot_flights(title: str, flights: Sequence[Flight], joint_names: Sequence[st
             ax.set_xticks(number)
         for ax in axes[-1]:
             ax.set_xlabel("flight")
-        finish(figure, title)
-    return figure
+        return finish(figure, title)
