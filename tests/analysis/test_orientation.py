@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from alone import FEELING
-from test_laws import orientation_observer
+from laws import orientation_observer
 
 import sdt_drake as sdt
 from sdt_drake.analysis import orientation
