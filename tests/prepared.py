@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import gc
 import io
+import shutil
 import signal
 from pathlib import Path
 
@@ -19,7 +20,7 @@ matplotlib.use("Agg")
 
 from sdt_drake.analysis.reproduction import Reproduction, Stopwatch, reproduce
 from sdt_drake.cli.app import main
-from sdt_drake.io import shown
+from sdt_drake.io import shown, trust
 from sdt_drake.motion import Motion
 from sdt_drake.robot.robot import Robot, load_robot
 from sdt_drake.run import kinds
@@ -66,6 +67,20 @@ def _clean_figures_and_seed():
 def _wide_terminal(monkeypatch):
     """Tables are printed in one piece, so that tests can read them."""
     monkeypatch.setattr(shown, "terminal_width", lambda: 1000)
+
+
+@pytest.fixture(scope="session")
+def _no_home(tmp_path_factory):
+    return tmp_path_factory.mktemp("home")
+
+
+@pytest.fixture(autouse=True)
+def _nothing_is_trusted(_no_home, monkeypatch):
+    """Neither by whoever runs the tests, nor by the test before."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(_no_home))
+    monkeypatch.setattr(trust, "_accepted", set())
+    yield
+    shutil.rmtree(_no_home / "sdt_drake", ignore_errors=True)
 
 
 @pytest.fixture(autouse=True)

@@ -19,6 +19,7 @@ from sdt_drake.cli.printing import bar, console, stop_printing
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import keeping_inputs
 from sdt_drake.io.progress import watching
+from sdt_drake.io.trust import asking, is_kept, keep, trusting
 
 BAD_INPUT, FAULT, INTERRUPTED = 2, 70, 130
 
@@ -113,11 +114,28 @@ def _run(arguments: Sequence[str]) -> int:
     with keeping_inputs(), warnings.catch_warnings(record=True) as caught:
         command, bound, _ = commands(arguments[0]).parse_args(arguments)
         _check_surroundings(bool(bound.arguments.get("show")))
-        code: int | None = command(*bound.args, **bound.kwargs)
+        with asking(_ask), trusting(bool(bound.arguments.get("trust"))):
+            code: int | None = command(*bound.args, **bound.kwargs)
         sys.stdout.flush()
     for warning in caught:  # of libraries; where something went wrong, the error says it better
         _print_error(f"warning: {warning.message}")
     return code or 0
+
+
+def _ask(path: str, digest: str) -> bool:
+    """Whether a Python file may be run: as was answered before, or on a terminal is answered now;
+    the answer is kept."""
+    if is_kept(path, digest):
+        return True
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return False
+    bar.end()
+    print(_printable(path), f"SHA-256 {digest}", sep="\n", file=sys.stderr)
+    print("is Python that would be run. Trust it? [y/N] ", end="", file=sys.stderr, flush=True)
+    trusted = sys.stdin.readline().strip().lower() in ("y", "yes")
+    if trusted:
+        keep(path, digest)
+    return trusted
 
 
 def _check_surroundings(is_shown: bool) -> None:
@@ -147,7 +165,10 @@ def _print_error(message: str) -> None:
     text = " ".join(message.split())
     if len(text) > _LONGEST:
         text = f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
-    letters = (x if x.isprintable() else x.encode("unicode_escape").decode() for x in text)
     with contextlib.suppress(OSError):  # a full disk, for one; the exit code tells
         bar.end()
-        print(f"sdt-drake: {''.join(letters)}", file=sys.stderr)
+        print(f"sdt-drake: {_printable(text)}", file=sys.stderr)
+
+
+def _printable(text: str) -> str:
+    return "".join(x if x.isprintable() else x.encode("unicode_escape").decode() for x in text)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Out, Scenario, Show, number
+from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust, number
 from sdt_drake.cli.printing import print_joints, say
 from sdt_drake.io.results import RESULT_TABLES
 
@@ -19,6 +19,7 @@ def run(
     out: Out = None,
     show: Show = False,
     changes: Changes = (),
+    trust: Trust = False,
 ) -> None:
     """Tell the frequency response of each joint's loop: bandwidth, margins, peak.
 

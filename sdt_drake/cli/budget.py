@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Out, Scenario, Show
+from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust
 from sdt_drake.cli.printing import print_table, say
 from sdt_drake.io.errors import within
 from sdt_drake.io.results import RESULT_TABLES, Results
@@ -17,7 +17,13 @@ from sdt_drake.io.shown import numbered
 
 
 def run(
-    scenario: Scenario, /, *, out: Out = None, show: Show = False, changes: Changes = ()
+    scenario: Scenario,
+    /,
+    *,
+    out: Out = None,
+    show: Show = False,
+    changes: Changes = (),
+    trust: Trust = False,
 ) -> None:
     """Split the speed error of an axis scenario into its causes.
 

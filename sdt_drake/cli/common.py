@@ -114,6 +114,14 @@ Changes = Annotated[
         "`--set controller.kind=p_pi --set plant.deviation.payload_mass=20`",
     ),
 ]
+Trust = Annotated[
+    bool,
+    Parameter(
+        show_default=False,
+        help="run the Python file that the scenario names, if any, without a question",
+    ),
+]
+"""Of every command that loads scenarios; `app` sees to it, before the command begins."""
 Whole = Annotated[int, Parameter(converter=_whole)]
 Target = Annotated[Path, Parameter(converter=_path)]
 Out = Annotated[Path | None, Parameter(converter=_path)]

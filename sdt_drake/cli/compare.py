@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common, completion
-from sdt_drake.cli.common import Changes, Out, Scenario, Show
+from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust
 from sdt_drake.cli.printing import print_table, say
 from sdt_drake.io.errors import within
 
@@ -26,6 +26,7 @@ def run(
     out: Out = None,
     show: Show = False,
     changes: Changes = (),
+    trust: Trust = False,
 ) -> None:
     """Run a scenario with several controllers, side by side.
 

@@ -20,6 +20,7 @@ from sdt_drake.io.errors import (
     checked_type,
 )
 from sdt_drake.io.files import checked_output, replacing_files
+from sdt_drake.io.trust import trusting
 from sdt_drake.machine import drive_files
 from sdt_drake.machine import replay as replaying
 from sdt_drake.machine.learn import flights as flying
@@ -193,6 +194,7 @@ def learn(
     draws: int = 20,
     stops: bool = True,
     report: Callable[[flying.Lessons], None] = lambda lessons: None,
+    trust: bool = False,
 ) -> flying.Lessons:
     """Fly a motion several times and learn from its errors, as `sdt-drake learn`.
 
@@ -211,13 +213,15 @@ def learn(
         draws: devices of the study to check, at most.
         stops: whether to stop where another flight is not worth it.
         report: called after each flight, with all so far.
+        trust: whether the Python file that the study's scenario may name is run unasked.
 
     Raises:
         InputError: naming the argument that is none; if learning would not converge.
     """
     checked_count(flights, "flights")
     design = as_design(design)
-    filter_, checks = learning_filter(design, of, bandwidth=bandwidth, study=study, draws=draws)
+    with trusting(trust):
+        filter_, checks = learning_filter(design, of, bandwidth=bandwidth, study=study, draws=draws)
     refuse_divergence(checks, filter_)
     return flying.learn(design, filter_, flights, stops=stops, report=report)
 

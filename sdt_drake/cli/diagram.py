@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Flag, Out, Scenario, Whole, number
+from sdt_drake.cli.common import Changes, Flag, Out, Scenario, Trust, Whole, number
 from sdt_drake.cli.printing import say
 
 
@@ -20,6 +20,7 @@ def run(
     drake: Flag = False,
     out: Out = None,
     changes: Changes = (),
+    trust: Trust = False,
 ) -> None:
     """Export the block diagram of a scenario's loop.
 

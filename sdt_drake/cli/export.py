@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Target, Whole, number, one_of
+from sdt_drake.cli.common import Changes, Target, Trust, Whole, number, one_of
 from sdt_drake.cli.printing import print_table, say
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import numbered
@@ -27,6 +27,7 @@ def run(
     scenario: Annotated[str | None, one_of("scenario")] = None,
     cam_points: Annotated[Whole, number(gte=2)] = 1000,
     changes: Changes = (),
+    trust: Trust = False,
 ) -> None:
     """Write a motion as the files that drives and robot controllers read.
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Columns, Flag, Robot, Target, number, one_of
+from sdt_drake.cli.common import Columns, Flag, Robot, Target, Trust, number, one_of
 from sdt_drake.cli.printing import print_table, say, say_wrapped
 
 _Seconds = Annotated[float, number(gt=0)]
@@ -29,6 +29,7 @@ def run(
     model: Annotated[str, one_of("perception model")] = "slow_yaw",
     envelope: Annotated[str | None, one_of("scenario")] = None,
     alone: Flag = False,
+    trust: Trust = False,
 ) -> int | None:
     """Find the motion of a device that a pilot feels most like a recorded flight.
 

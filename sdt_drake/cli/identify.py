@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Columns, Robot, Side, Target, number, one_of
+from sdt_drake.cli.common import Columns, Robot, Side, Target, Trust, number, one_of
 from sdt_drake.cli.printing import print_document_table, say
 
 
@@ -27,6 +27,7 @@ def run(
     payload: str = "payload",
     cutoff: Annotated[float | None, number(gte=0.1, lte=1000)] = None,
     scenario: Annotated[str | None, one_of("scenario")] = None,
+    trust: Trust = False,
 ) -> None:
     """Find the parameters of a robot in recordings, and write the robot that they say.
 

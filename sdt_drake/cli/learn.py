@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Flag, Out, Whole, number, one_of
+from sdt_drake.cli.common import Changes, Flag, Out, Trust, Whole, number, one_of
 from sdt_drake.cli.printing import print_document_table, print_joints, say
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import alone_in, replacing_files
@@ -44,6 +44,7 @@ def run(
     state: Annotated[Out, Parameter(metavar="DIR")] = None,
     out: Out = None,
     changes: Changes = (),
+    trust: Trust = False,
 ) -> None:
     """Fly a motion several times, and learn from its errors what reference to fly next.
 

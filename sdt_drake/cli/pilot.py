@@ -10,7 +10,7 @@ import numpy as np
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Flag, OtherRobot, Out, Show, Whole, number, one_of
+from sdt_drake.cli.common import Changes, Flag, OtherRobot, Out, Show, Trust, Whole, number, one_of
 from sdt_drake.cli.printing import print_document_table, print_table, say, say_wrapped
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
@@ -39,6 +39,7 @@ def run(
     out: Out = None,
     show: Show = False,
     changes: Changes = (),
+    trust: Trust = False,
 ) -> None:
     """Show what the pilot feels of a motion, and of the errors of its controller.
 

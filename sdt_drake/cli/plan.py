@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Motion, OtherRobot, Out, Show, number, one_of
+from sdt_drake.cli.common import Motion, OtherRobot, Out, Show, Trust, number, one_of
 from sdt_drake.cli.printing import print_joints, say
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.shown import formatted
@@ -35,6 +35,7 @@ def run(
     drive_table: Annotated[Out, Parameter(metavar="FILE.csv")] = None,
     out: Out = None,
     show: Show = False,
+    trust: Trust = False,
 ) -> None:
     """Plan a motion within the motors' torques.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Columns, Out, Scenario, Show, Side
+from sdt_drake.cli.common import Changes, Columns, Out, Scenario, Show, Side, Trust
 from sdt_drake.cli.printing import print_document_table, say
 
 
@@ -18,6 +18,7 @@ def run(
     out: Out = None,
     show: Show = False,
     changes: Changes = (),
+    trust: Trust = False,
 ) -> None:
     """Run a recorded reference through the simulated loop, and tell where the two differ and why.
 

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Out, Scenario, Show, Whole
+from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust, Whole
 from sdt_drake.cli.printing import print_joints, say
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.formats import TABLES
@@ -23,6 +23,7 @@ def run(
     show: Show = False,
     joint: Annotated[Whole | None, Parameter(metavar="K")] = None,
     changes: Changes = (),
+    trust: Trust = False,
 ) -> None:
     """Run a scenario and show how well the joints follow.
 

@@ -6,7 +6,7 @@ import shlex
 from pathlib import Path
 from typing import Annotated
 
-from sdt_drake.cli.common import Changes, Out, check_folder, naming_changes, one_of
+from sdt_drake.cli.common import Changes, Out, Trust, check_folder, naming_changes, one_of
 from sdt_drake.cli.printing import say
 from sdt_drake.cli.study import FAILED, Cluster, Resume, Workers, run_into
 from sdt_drake.io.files import replacing_files, write_text
@@ -21,6 +21,7 @@ def run(
     cluster: Cluster = None,
     resume: Resume = False,
     changes: Changes = (),
+    trust: Trust = False,
 ) -> int:
     """Find the motors that are enough, for each controller.
 

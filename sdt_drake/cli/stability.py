@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, OmegaR, Out, Scenario, Show, number
+from sdt_drake.cli.common import Changes, OmegaR, Out, Scenario, Show, Trust, number
 from sdt_drake.cli.printing import print_joints, say
 from sdt_drake.io.errors import InputError, checked_number
 from sdt_drake.io.progress import with_progress
@@ -37,6 +37,7 @@ def run(
     out: Out = None,
     show: Show = False,
     changes: Changes = (),
+    trust: Trust = False,
 ) -> None:
     """Sweep omega_n / omega_r with elastic joints: damping, overshoot, border of stability.
 

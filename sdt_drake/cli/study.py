@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Out, Whole, one_of
+from sdt_drake.cli.common import Changes, Out, Trust, Whole, one_of
 from sdt_drake.cli.printing import bar, errors, print_document_table, print_table, say
 from sdt_drake.io.errors import InputError
 
@@ -49,6 +49,7 @@ def run(
     resume: Resume = False,
     row: Annotated[Whole | None, Parameter(metavar="N")] = None,
     changes: Changes = (),
+    trust: Trust = False,
 ) -> int:
     """Run many variants of a scenario, show what came out, or repeat one of them.
 

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 import sdt_drake as sdt
 from sdt_drake.analysis import paper
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, OmegaR, OtherRobot, Out, Show, one_of
+from sdt_drake.cli.common import Changes, OmegaR, OtherRobot, Out, Show, Trust, one_of
 from sdt_drake.cli.printing import print_joints, say
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.results import RESULT_TABLES, Results
@@ -35,6 +35,7 @@ def run(
     out: Out = None,
     show: Show = False,
     changes: Changes = (),
+    trust: Trust = False,
 ) -> None:
     """Tell the effective inertia along a motion, and the gains that follow.
 

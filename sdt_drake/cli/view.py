@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Flag, OtherRobot, Out, Whole, number, one_of
+from sdt_drake.cli.common import Changes, Flag, OtherRobot, Out, Trust, Whole, number, one_of
 from sdt_drake.cli.printing import say
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, within
@@ -38,6 +38,7 @@ def run(
     port: Annotated[Whole | None, number(gte=1024, lte=65535)] = None,
     once: Flag = False,
     changes: Changes = (),
+    trust: Trust = False,
 ) -> None:
     """Show a motion, or a robot with its axes and masses, in 3D: live in a browser or as a page.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sdt_drake.io.errors import InputError, one_line
-from sdt_drake.io.files import read_text
+from sdt_drake.io.trust import trusted_code
 
 OPTIONS = ("anti_windup", "feedforward", "position_gain")
 """Fields of a scenario's `controller` that some kinds take and others do not."""
@@ -15,7 +15,6 @@ OPTIONS = ("anti_windup", "feedforward", "position_gain")
 _LINKS, _MOTORS = "links' masses and geometry", "motors' inertia"
 _LARGEST = "largest inertia of each joint"
 _FEEDFORWARD_NEEDS = {"none": (), "ctc": (_LINKS,), "id": (_LINKS, _MOTORS)}
-_LARGEST_FILE = 1_000_000  # bytes of Python
 
 
 @dataclass(frozen=True)
@@ -67,27 +66,29 @@ CONTROLLERS: dict[str, Kind] = {
 }
 """The kinds by name: those that ship with the package, and those that are registered."""
 
-_loaded: dict[str, dict[str, Kind]] = {}  # what a text has registered
+_loaded: dict[bytes, dict[str, Kind]] = {}  # what a content has registered
 
 
 def load_controllers(path: str | Path) -> None:
-    """Run a Python file that registers controllers of one's own; the same text only once.
+    """Run a trusted Python file that registers controllers of one's own; the same content only
+    once.
 
     Raises:
-        InputError: if there is no such file, or it fails, naming file, line and error.
+        InputError: if there is no such file, it is not trusted, or it fails, naming file, line and
+            error.
     """
     file = Path(path)
-    text = read_text(file, _LARGEST_FILE)
-    if text in _loaded:
-        CONTROLLERS.update(_loaded[text])  # another text may have taken the names
+    content = trusted_code(file)
+    if content in _loaded:
+        CONTROLLERS.update(_loaded[content])  # another content may have taken the names
         return
     before = dict(CONTROLLERS)
     try:
-        code = compile(text, str(file), "exec")
+        code = compile(content, str(file), "exec")
         exec(code, {"__name__": f"controllers_of_{file.stem}", "__file__": str(file)})
     except (Exception, SystemExit) as error:
         frames = traceback.extract_tb(error.__traceback__)
         lines = [frame.lineno for frame in frames if frame.filename == str(file)]
         where = f"{file}, line {lines[-1]}" if lines else f"{file}"
         raise InputError(f"{where}: {type(error).__name__}: {one_line(error)}") from None
-    _loaded[text] = {name: x for name, x in CONTROLLERS.items() if before.get(name) is not x}
+    _loaded[content] = {name: x for name, x in CONTROLLERS.items() if before.get(name) is not x}

@@ -23,6 +23,7 @@ from sdt_drake.io.fields import (
     setting,
 )
 from sdt_drake.io.shown import Shown, Summary
+from sdt_drake.io.trust import trusting
 from sdt_drake.io.yaml_files import load_yaml, write_yaml
 from sdt_drake.motion import PLANNERS
 from sdt_drake.robot.deviation import Deviation
@@ -76,8 +77,8 @@ class ControllerChoice(Input):
     kind: Text = setting("pi", examples=[*CONTROLLERS])
     """Name of a controller; one of the package, or one that `file` registers."""
     file: Annotated[str, FileOf("controllers")] = ""
-    """Python file that registers controllers of one's own, which is run; relative to the
-    scenario's own folder. None by default."""
+    """Python file that registers controllers of one's own, which is run once it is trusted;
+    relative to the scenario's own folder. None by default."""
     structure: Annotated[str, OneOf(STRUCTURES)] = "p_in_feedback"
     """Of the PI controller: "p_in_feedback" (Figure 5) or "pi", both gains on the error. The
     kinds "pi_id" and "p_pi" always have both gains on the error."""
@@ -236,7 +237,9 @@ class Scenario(Input, Shown):
 
 
 @takes(path=a_path)
-def load_scenario(path: str | Path, changes: Mapping[str, Any] | None = None) -> Scenario:
+def load_scenario(
+    path: str | Path, changes: Mapping[str, Any] | None = None, *, trust: bool = False
+) -> Scenario:
     """A scenario from YAML, or the shipped one of a name; relative paths in the file start from its
     folder, and become absolute.
 
@@ -245,6 +248,7 @@ def load_scenario(path: str | Path, changes: Mapping[str, Any] | None = None) ->
         changes: values to be had instead of the file's, or besides, by their dotted names:
             {"controller.kind": "p_pi", "controller.zeta[2]": 0.9}; checked as if they stood in the
             file, but relative paths start from the working directory.
+        trust: whether the Python file that it may name as `controller.file` is run unasked.
 
     Raises:
         InputError: with a line for each problem: file, field, and what would be right.
@@ -253,7 +257,8 @@ def load_scenario(path: str | Path, changes: Mapping[str, Any] | None = None) ->
     if not isinstance(changes, Mapping) or not all(isinstance(name, str) for name in changes):
         text = "expected values by dotted names, {'controller.kind': 'p_pi'}"
         raise InputError(f"{one_line(changes)}, {text}", place="changes")
-    scenario, file = load_yaml(Scenario, path, "scenario", changes)
+    with trusting(trust):
+        scenario, file = load_yaml(Scenario, path, "scenario", changes)
     scenario.name = scenario.name or file.stem
     return scenario
 

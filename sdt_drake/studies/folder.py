@@ -16,11 +16,10 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import alone_in, checked_input, write_text
 from sdt_drake.io.versions import other_versions, versions
 from sdt_drake.io.yaml_files import parse_yaml, read_yaml, yaml_text
-from sdt_drake.run.scenario import Scenario
 from sdt_drake.studies.job import Job, places_of
 from sdt_drake.studies.runs import Runner, with_files
 from sdt_drake.studies.store import DATABASE, OF_0_3, RESULTS, Store, create
-from sdt_drake.studies.study import Study, load_study
+from sdt_drake.studies.study import Study, load_study, read_study
 
 STUDY, BASE, FILES = "study.yaml", "scenario.yaml", "files"
 
@@ -113,37 +112,47 @@ def holds_study(folder: Path) -> bool:
     return any((folder / name).is_file() for name in (DATABASE, OF_0_3, RESULTS))
 
 
-def load_folder(folder: Path) -> tuple[Study, Scenario, tuple[str, ...]]:
-    """Study, base scenario and names of the outcomes of a study folder.
+def load_folder(folder: Path) -> tuple[Study, tuple[str, ...]]:
+    """Study and names of the outcomes of a study folder; nothing of it is run.
 
     Raises:
         InputError: if it holds no study, or a file of it cannot be used, or has been changed since
             its runs.
     """
-    runner, outcomes, _ = load_runner(folder)
-    return runner.study, runner.base, outcomes
+    study, about = _checked(folder)
+    return study, tuple(about["outcomes"])
 
 
-def load_runner(folder: Path) -> tuple[Runner, tuple[str, ...], str]:
+def load_runner(folder: Path, *, trust: bool = False) -> tuple[Runner, tuple[str, ...], str]:
     """What runs rows of a study folder once more; names of its outcomes; and what it was begun with
     that is different here.
 
+    Args:
+        folder: of the study.
+        trust: whether a Python file in it is run unasked.
+
     Raises:
-        InputError: if it holds no study, or a file of it cannot be used, or has been changed since
-            its runs.
+        InputError: as `load_folder`.
     """
+    _, about = _checked(folder)
+    study, base = load_study(folder / STUDY, trust=trust)
+    places = {name: str(folder / place) for name, place in about["files"].items()}
+    other = other_versions(about["versions"], versions())
+    return Runner(study, base, places), tuple(about["outcomes"]), other
+
+
+def _checked(folder: Path) -> tuple[Study, dict[str, Any]]:
+    """A study, and what its folder is about; its files still are what its runs were made of."""
     with Store(folder) as store:
         about = store.about
-    study, base = load_study(folder / STUDY)
+    study, _ = read_study(folder / STUDY)
     recorded = _contents(about["contents"])
     if found := _differences(recorded, _read(folder, recorded)):
         raise InputError(
             f"{folder}: {_in_words(found)} changed since the study was begun, expected what its "
             "runs were made of; a changed study belongs into another folder"
         )
-    places = {name: str(folder / place) for name, place in about["files"].items()}
-    other = other_versions(about["versions"], versions())
-    return Runner(study, base, places), tuple(about["outcomes"]), other
+    return study, about
 
 
 def _read(folder: Path, names: Iterable[str]) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing
 from sdt_drake.io.resources import PACKAGE_PREFIX, find_file, named
+from sdt_drake.io.trust import accept, trusted_code, trusting
 from sdt_drake.io.versions import versions
 from sdt_drake.io.yaml_files import yaml_text
 from sdt_drake.motion import load_commanded
@@ -46,7 +47,10 @@ class Job:
     def runner(self, folder: Path) -> Runner:
         """What runs rows here, on copies of the files in `folder`: the originals may be changed, or
         be on another machine."""
-        return Runner(self.study, self.base, self.save_files(folder))
+        places = self.save_files(folder)
+        for name, place in places.items():  # whoever made the job has asked
+            accept(Path(place), self.files[name])
+        return Runner(self.study, self.base, places)
 
     def save_files(self, folder: Path) -> dict[str, str]:
         """Write the files into a folder of their own, and tell where each is by its name.
@@ -66,8 +70,12 @@ def places_of(files: Mapping[str, bytes]) -> dict[str, str]:
     return {name: f"{i + 1}/{Path(name).name}" for i, name in enumerate(files)}
 
 
-def make_job(study: Study, base: Scenario) -> Job:
+def make_job(study: Study, base: Scenario, *, trust: bool = False) -> Job:
     """Check that the base scenario can be run, and gather what its variants need.
+
+    Args:
+        study, base: as loaded.
+        trust: whether Python files that variables name are run unasked.
 
     Raises:
         InputError: if it cannot, if a file is missing or cannot be used, or if a robot or a motion
@@ -81,7 +89,8 @@ def make_job(study: Study, base: Scenario) -> Job:
         joints = _joints(field.name, file, base)
         if joints not in (None, n):
             raise InputError(f"{name}: {joints} joint(s), expected {n} as in the base")
-        content = file.read_bytes()
+        with trusting(trust):
+            content = trusted_code(file) if field.file == "controllers" else file.read_bytes()
         hashes.append(hashlib.sha256(content).hexdigest())
         if not reference.startswith(PACKAGE_PREFIX):
             files[name] = content

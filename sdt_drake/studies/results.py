@@ -49,7 +49,7 @@ def read_study_table(folder: Path) -> StudyTable:
     Raises:
         InputError: if the folder holds no study, or a file of it cannot be used.
     """
-    study, _, outcomes = load_folder(folder)
+    study, outcomes = load_folder(folder)
     with Store(folder) as store:
         kinds = store.kinds
         groups: list[list[NDArray[Any]]] = [  # an array needs a fifth of the numbers' memory

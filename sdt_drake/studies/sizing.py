@@ -205,9 +205,9 @@ class Sizing(Input):
 
 
 def load_sizing(
-    path: str | Path, changes: Mapping[str, Any] | None = None
+    path: str | Path, changes: Mapping[str, Any] | None = None, *, trust: bool = False
 ) -> tuple[Sizing, Scenario]:
-    """A sizing from YAML, and the base scenario of its study, with `changes` as in `load_scenario`.
+    """A sizing from YAML, and the base scenario of its study, with arguments as of `load_scenario`.
 
     Raises:
         InputError: with a line for each problem: file, field, and what would be right.
@@ -216,7 +216,7 @@ def load_sizing(
     sizing.name = sizing.name or file.stem
     own = ["device", "planner", "torque_margin", "accuracy", *sizing.study().replaced]
     check_changes(changes or {}, own, file)
-    scenario = load_scenario(sizing.scenario, changes)
+    scenario = load_scenario(sizing.scenario, changes, trust=trust)
     with within(file):
         if scenario.plant.kind != "coupled":
             raise InputError(

@@ -255,20 +255,30 @@ class Study(Input):
 
 
 def load_study(
-    path: str | Path, changes: Mapping[str, Any] | None = None
+    path: str | Path, changes: Mapping[str, Any] | None = None, *, trust: bool = False
 ) -> tuple[Study, Scenario]:
-    """A study from YAML, and its base scenario, with `changes` as in `load_scenario`.
+    """A study from YAML, and its base scenario, with arguments as of `load_scenario`.
 
     Raises:
         InputError: with a line for each problem: file, field, and what would be right.
+    """
+    study, file = read_study(path)
+    check_changes(changes or {}, ["accuracy", *study.replaced], file)
+    base = load_scenario(study.scenario, changes, trust=trust)
+    with within(file):
+        study.validate(base)
+    return study, base
+
+
+def read_study(path: str | Path) -> tuple[Study, Path]:
+    """A study from YAML, without its base scenario, and its file.
+
+    Raises:
+        InputError: as `load_study`.
     """
     study, file = load_yaml(Study, path, "study")
     if not study.scenario:
         raise InputError(f"{file}: scenario: missing, expected the file of the base scenario")
     study.folder = file.resolve().parent
     study.name = study.name or file.stem
-    check_changes(changes or {}, ["accuracy", *study.replaced], file)
-    base = load_scenario(study.scenario, changes)
-    with within(file):
-        study.validate(base)
-    return study, base
+    return study, file

@@ -110,7 +110,7 @@ def test_completion_knows_what_ships_files_fields_and_options(desk, tmp_path):
     [
         ("", "COMMAND"),
         ("explode", "reproduce, report, init"),
-        ("plan --fast", "Unknown option: --fast (see sdt-drake plan --help)"),
+        ("plan --wide", "Unknown option: --wide (see sdt-drake plan --help)"),
         ("simulat", 'Did you mean "simulate"?'),
         ("plan --period soon", "soon"),
         ("diagram run.yaml --depth 1.5", "1.5"),

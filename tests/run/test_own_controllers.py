@@ -11,6 +11,7 @@ import pytest
 
 from sdt_drake.cli.app import main
 from sdt_drake.io.errors import InputError
+from sdt_drake.io.trust import trusting
 from sdt_drake.run import kinds
 from sdt_drake.run.kinds import CONTROLLERS, load_controllers
 from sdt_drake.run.scenario import load_scenario
@@ -58,43 +59,50 @@ def desk(tmp_path, monkeypatch):
 
 def test_a_scenario_brings_its_controller(desk, capsys):
     assert "proportional" not in CONTROLLERS
-    assert main(["simulate", str(desk / "run.yaml"), "--out", "run.csv"]) == 0
+    assert main(["simulate", str(desk / "run.yaml"), "--out", "run.csv", "--trust"]) == 0
     assert "proportional on the coupled plant" in capsys.readouterr().out
     assert Path("run.csv").stat().st_size > 1000
     labels = "pi,proportional"
-    assert main(["compare", str(desk / "run.yaml"), "--controllers", labels]) == 0
+    assert main(["compare", str(desk / "run.yaml"), "--controllers", labels, "--trust"]) == 0
     assert "largest inertia of each joint" in capsys.readouterr().out.splitlines()[-1]
 
 
 def test_studies_take_the_file_with_them(desk, capsys):
     """Into processes that have not seen it, whatever row they begin with, and into the folder,
     where rows are repeated."""
-    assert main(["study", str(desk / "study.yaml"), "--out", "out", "--workers", "1"]) == 0
+    assert (
+        main(["study", str(desk / "study.yaml"), "--out", "out", "--workers", "1", "--trust"]) == 0
+    )
     assert "failed" not in capsys.readouterr().out
     shutil.rmtree(desk)
     CONTROLLERS.pop("proportional")
     kinds._loaded.clear()  # as in a new process
-    assert main(["study", "repeat", "out", "--row", "0"]) == 0
+    assert main(["study", "repeat", "out", "--row", "0", "--trust"]) == 0
     assert "proportional" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("command", ["bode", "stability"])
 def test_linear_analysis_needs_a_linear_feedback(desk, capsys, command):
-    assert main([command, str(desk / "run.yaml")]) == 2
+    assert main([command, str(desk / "run.yaml"), "--trust"]) == 2
     assert "controller.kind proportional: has no linear feedback" in capsys.readouterr().err
+
+
+def load_trusted(file):
+    with trusting(True):
+        load_controllers(file)
 
 
 def test_the_same_text_is_run_once(desk, tmp_path):
     text = OWN.read_text() + "\nopen('ran', 'a').write('x')\n"
     for name in ("a.py", "b.py"):
         (tmp_path / name).write_text(text)
-        load_controllers(tmp_path / name)
+        load_trusted(tmp_path / name)
     assert Path("ran").read_text() == "x"
     first = CONTROLLERS["proportional"]
     (tmp_path / "c.py").write_text(OWN.read_text())
-    load_controllers(tmp_path / "c.py")
+    load_trusted(tmp_path / "c.py")
     assert CONTROLLERS["proportional"] is not first
-    load_controllers(tmp_path / "a.py")  # the name is what this file says again
+    load_trusted(tmp_path / "a.py")  # the name is what this file says again
     assert CONTROLLERS["proportional"] is first and Path("ran").read_text() == "x"
 
 
@@ -134,7 +142,7 @@ def test_a_controller_that_does_not_work(desk, capsys, plant, old, new, message)
     text = "import sys\nfrom threading import Lock\nimport numpy as np\n" + OWN.read_text()
     assert old in text
     (desk / "own.py").write_text(text.replace(old, new))
-    arguments = ["--set", f"plant.kind={plant}", "--out", "run.csv"]
+    arguments = ["--set", f"plant.kind={plant}", "--out", "run.csv", "--trust"]
     assert main(["simulate", str(desk / "run.yaml"), *arguments]) == 2
     error = capsys.readouterr().err
     assert re.search(message, error) and error.count("\n") == 1
@@ -149,14 +157,14 @@ def test_a_continuous_controller_that_fails_within_a_step(desk, capsys, plant):
     late = "(np.nan if context.get_time() > 0.2012 else 1) * self._gain * ("
     (desk / "own.py").write_text(text.replace("self._gain * (", late))
     arguments = ["compare", str(desk / "run.yaml"), "--controllers", "pi,proportional"]
-    assert main([*arguments, "--set", f"plant.kind={plant}"]) == 2
+    assert main([*arguments, "--trust", "--set", f"plant.kind={plant}"]) == 2
     assert re.search(rf"{CLASS}: tau_cmd of joint \d is nan at 0\.20", capsys.readouterr().err)
 
 
 def test_a_row_of_a_study_fails_and_the_others_go_on(desk, capsys):
     text = OWN.read_text().replace("self._gain * (", "exit(0) * (")
     (desk / "own.py").write_text("from sys import exit\n" + text)
-    arguments = ["study", str(desk / "study.yaml"), "--out", "out", "--workers", "1"]
+    arguments = ["study", str(desk / "study.yaml"), "--out", "out", "--workers", "1", "--trust"]
     main(arguments)
     told = capsys.readouterr().out
     assert re.search(rf"2 of 4 runs failed: {CLASS}: fails \(SystemExit: 0\)", told)
@@ -177,7 +185,7 @@ def test_a_file_that_cannot_be_used(desk, text, message):
     if text is not None:
         (desk / "own.py").write_text(text)
     with pytest.raises(InputError, match=message):
-        load_scenario(desk / "run.yaml")
+        load_scenario(desk / "run.yaml", trust=True)
 
 
 def test_its_command_at_both_ends_of_a_period(desk):
@@ -185,7 +193,7 @@ def test_its_command_at_both_ends_of_a_period(desk):
     from sdt_drake.run.design import make_design
     from sdt_drake.run.simulate import simulate
 
-    design = make_design(load_scenario(desk / "run.yaml"))
+    design = make_design(load_scenario(desk / "run.yaml", trust=True))
     recording = simulate(design)
     np.testing.assert_allclose(recording.tau_peak[1:], np.abs(recording.tau[1:]), atol=1e-9)
     np.testing.assert_allclose(recording.tau_rms[1:], np.abs(recording.tau[1:]), atol=1e-9)

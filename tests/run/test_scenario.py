@@ -10,6 +10,7 @@ import pytest
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import check
 from sdt_drake.io.resources import find_file, models_dir
+from sdt_drake.io.trust import trusting
 from sdt_drake.motion import Motion, load_command, load_plan
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Drive, Elasticity, Friction
@@ -202,7 +203,8 @@ def coupled() -> Scenario:
 @pytest.mark.parametrize("make", [on_axes, coupled])
 def test_every_field_survives_a_round_trip(make, tmp_path):
     scenario = make()
-    check(scenario, n=4)
+    with trusting(True):
+        check(scenario, n=4)
     save_scenario(scenario, tmp_path / "run.yaml")
     assert load_scenario(tmp_path / "run.yaml") == scenario
 

@@ -157,7 +157,7 @@ def test_folder_of_a_study(refuse, desk, undisturbed):
         ("study.sqlite", "\0\xff", "study.sqlite: cannot be used"),
         ("study.yaml", "", "study.yaml: empty"),
         ("study.yaml", "[", "study.yaml: not valid YAML"),
-        ("scenario.yaml", "5", "scenario.yaml: 5"),
+        ("scenario.yaml", "5", "scenario.yaml changed since the study was begun"),
     ],
 )
 def test_nonsense_in_a_folder(refuse, desk, undisturbed, file, text, message):
