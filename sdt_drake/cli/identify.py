@@ -63,7 +63,7 @@ def run(
         held_out=held_out,
     )
     better, files = identified_robot(found), plant_friction(found)
-    for line in analysis.in_short(found):
+    for line in analysis.result(found):
         say(line)
     for line in found.warnings:
         say(f"warning: {line}")
@@ -71,7 +71,7 @@ def run(
     print_document_table(analysis.errors_table(found, better))
     say()
     print_document_table(analysis.friction_table(found, files))
-    for line in analysis.undecided_laws(found, files):
+    for line in (*analysis.in_short(found), *analysis.friction_notes(found, files)):
         say(f"note: {line}")
     say()
     say(f"{analysis.write_identified(found, better, files, out, base)} written")

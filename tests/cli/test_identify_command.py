@@ -46,7 +46,7 @@ def test_a_recording_becomes_a_robot_a_scenario_and_a_study(call, recording, rob
     assert "coulomb" in (out / "friction.yaml").read_text()
     page = (out / "report.html").read_text()
     assert ">-0.0 " not in page and " -0.0" not in page
-    assert "A of the load torque" in page and page.count("<img") == 2
+    assert "error of the fed-forward load (A)" in page and page.count("<img") == 2
 
 
 BAD = [

@@ -6,7 +6,6 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import dh
 import numpy as np
 import pytest
 from known_truth import (
@@ -36,12 +35,16 @@ from sdt_drake.machine.identify.model import (
     save_robot,
 )
 from sdt_drake.machine.identify.procedure import belief, identify
-from sdt_drake.machine.identify.suspicions import inconsistent, weakly_excited
+from sdt_drake.machine.identify.suspicions import weakly_excited
 from sdt_drake.machine.recordings import Recorded
 from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.dynamics import inverse_dynamics, torque_groups
 from sdt_drake.robot.robot import load_robot
-from sdt_drake.show.reports.identification import friction_table, residuals_figure, undecided_laws
+from sdt_drake.show.figures.identification import residuals_figure
+from sdt_drake.show.reports.identification import (
+    friction_notes,
+    friction_table,
+)
 
 
 @pytest.fixture(scope="module")
@@ -259,8 +262,9 @@ def test_other_laws_that_leave_as_little_widen_the_intervals_of_friction(found):
     added = other.std**2 - alone.std**2
     np.testing.assert_allclose(added[1], [0, apart**2 / 2, 0, 0], atol=1e-9)
     np.testing.assert_allclose(added[0], 0, atol=1e-9)
-    assert undecided_laws(by(), alone) == []
-    (said,) = undecided_laws(by(("another", shifted)), other)
+    (day,) = friction_notes(by(), alone)
+    assert day.startswith("friction is that of one recording: on another day")
+    _, said = friction_notes(by(("another", shifted)), other)
     assert said.startswith("joint 2: ") and "(another)" in said
 
 
@@ -321,66 +325,6 @@ def test_what_a_recording_leaves_open_is_as_in_the_file(robot):
     near = nearest_consistent(robot, unknown, ["payload"], beta, S, sure)
     missed = beta - near.beta
     assert np.sqrt(missed @ np.linalg.solve(sure, missed)) == pytest.approx(1, rel=0.01)
-
-
-def light_handed(folder, name, mass, com, radius):
-    """A UR10 whose last link is a body of its own, with rotors."""
-    table = replace(
-        dh.UR10,
-        name=name,
-        mass=[*dh.UR10.mass[:5], mass],
-        com=[*dh.UR10.com[:5], com],
-        rotor_inertia=[1.8, 1.8, 0.9, 0.2, 0.2, 0.2],
-    )
-    begin, last = table.sdf.split('<link name="link_6">')
-    own = re.sub("<(i..)>[^<]*<", rf"<\1>{mass * radius**2!r}<", last)
-    (folder / f"{name}.sdf").write_text(f'{begin}<link name="link_6">{own}')
-    return load_robot(folder / f"{name}.sdf")
-
-
-def test_a_payload_far_heavier_than_its_link_is_written_as_it_was_measured(tmp_path):
-    """2.8 kg at a hand of 200 g: its links in the file would rather have it heavier and nearer."""
-    tool, own, at, own_at = 2.805, 0.2, np.array([0.03, 0.02, 0.1]), np.array([0.0, 0.0, -0.02])
-    whole = own + tool
-    centre = tuple(((tool * at + own * own_at) / whole).tolist())
-    nominal = light_handed(tmp_path, "light", own, (0.0, 0.0, -0.02), 0.02)
-    true = light_handed(tmp_path, "loaded", whole, centre, 0.05)
-    rng, time = np.random.default_rng(1), np.arange(0, 20, 0.005)
-    omega = 2 * np.pi * np.array([0.1, 0.2, 0.3, 0.4, 0.5])
-    angle = omega * time[:, None, None] + rng.uniform(0, 6, (6, 5))
-    size = rng.uniform(0.2, 0.5, (6, 5)) / omega
-    waves = (np.sin(angle), omega * np.cos(angle), -(omega**2) * np.sin(angle))
-    q, v, vd = (np.sum(size * wave, axis=2) for wave in waves)
-    tau = inverse_dynamics(true, q, v, vd) + 5 * np.tanh(v / 0.01) + 3 * v
-    tau = tau + 0.1 * np.sqrt(np.mean(tau**2, axis=0)) * rng.normal(size=tau.shape)
-    recorded = Recorded(Path("tool.csv"), time, {"q": q, "tau": tau})
-    found = identify(nominal, [recorded], only="payload", payload="link_6")
-    (link,), (pseudo,) = found.consistent.links, found.consistent.pseudo
-    mass, com, _ = link.inertial(pseudo)
-    at = found.unknown.base.names.index("mass of link_6")
-    at = np.flatnonzero(found.unknown.base.independent == at)[0]
-    std = np.sqrt(found.estimate.covariance[at, at])
-    assert abs(mass - found.estimate.beta[at]) < 1.1 * std
-    assert abs(mass - whole) < 4 * std < 0.08
-    assert np.linalg.norm(com - centre) < 0.01
-    free = found.left(found.estimate.torque(found.equations), held_out=True)
-    assert np.all(found.left(found.predicted, held_out=True) < 1.1 * free)
-    assert not any("links that can be" in line for line in found.warnings)
-
-
-def test_joints_of_which_links_explain_less_are_told_with_numbers(found):
-    eq = found.equations
-    free = found.estimate.torque(eq)
-    error = np.where(np.arange(len(eq.time)) % 2, 1.0, -1.0) * np.std(eq.tau[eq.fit], axis=0)[1]
-    worse = free.copy()
-    worse[:, 1] += 0.05 * error
-    (line,) = inconsistent(eq, free, worse)
-    assert re.match(
-        r"joint 2: links that can be leave 5\.\d % of its torque, base .* \d\.\d %$", line
-    )
-    worse[:, 1] += 0.2 * error
-    (line,) = inconsistent(eq, free, worse)
-    assert line.endswith("such as a counterbalance, a spring or a cable")
 
 
 def test_draws_have_the_measured_covariance(found, tmp_path):

@@ -58,6 +58,8 @@ class Estimate:
         covariance: of beta and friction together, shape (r + f, r + f).
         misfit: the same as least squares alone has it, in noise that is not coloured: its inverse
             is what other parameters leave more of the weighted torques.
+        days: what each recording alone would add to beta and friction, to first order, shape
+            (recordings, r + f); their spread widens `covariance`.
         condition: of the equations, scaled to columns of one.
         rivals: for each joint other laws that the data do not tell from its own, with the
             parameters of their terms; none where the laws were given.
@@ -68,6 +70,7 @@ class Estimate:
     friction: Array
     covariance: Array
     misfit: Array
+    days: Array
     condition: float
     rivals: tuple[list[tuple[FrictionLaw, Array]], ...]
 
@@ -107,7 +110,20 @@ def estimate(eq: Equations, prior: Prior, chosen: Sequence[FrictionLaw] | None =
         x, weights, X = _robust(eq, prior, chosen)
     r = eq.rigid.shape[2]
     covariance, misfit, condition = _covariance(eq, prior, x, weights, X)
-    return Estimate(x[:r], tuple(chosen), x[r:], covariance, misfit, condition, tuple(rivals))
+    days = _days(eq, x, weights, X, misfit)
+    # The mean of recordings is no surer than their spread tells.
+    mean = np.sum(days**2, axis=0) / max(1, len(days) * (len(days) - 1))
+    wider = np.sqrt(np.maximum(1.0, mean / np.diagonal(covariance)))
+    return Estimate(
+        x[:r],
+        tuple(chosen),
+        x[r:],
+        covariance * np.outer(wider, wider),
+        misfit,
+        days,
+        condition,
+        tuple(rivals),
+    )
 
 
 # --- least squares ---------------------------------------------------------------------------
@@ -193,6 +209,19 @@ def _covariance(
     regular = values[0] > _ROUND_OFF * values[-1]
     condition = float(np.sqrt(values[-1] / values[0])) if regular else float("inf")
     return inverse @ middle @ inverse, inverse, condition
+
+
+def _days(eq: Equations, x: Array, weights: Array, X: list[Array], misfit: Array) -> Array:
+    """What each recording alone would add to the parameters, shape (recordings, p): a step of
+    Newton's method from those of all, with as much information as all have on average."""
+    sources = np.unique(eq.source[eq.fit])
+    left = weights * (eq.tau - eq.known - np.stack([Xk @ x for Xk in X], axis=1))
+    slopes = [
+        sum(Xk[rows].T @ left[rows, k] for k, Xk in enumerate(X))
+        for rows in (eq.fit & (eq.source == source) for source in sources)
+    ]
+    away = np.array(slopes) - np.mean(slopes, axis=0)  # of a prior, which is of no recording
+    return np.asarray(len(sources) * away @ misfit)
 
 
 def _coloured(X: Array, w: Array, left: Array, inverse: Array) -> Array:

@@ -35,8 +35,10 @@ class PlantFriction:
 
     Attributes:
         friction: joint side; beside the damping of the robot's file.
-        std: standard deviations of coulomb [N m] and viscous [N m s/rad], shape (2, n), by noise
-            and by how far the values are apart that other laws give, where data do not decide.
+        std: standard deviations of coulomb [N m] and viscous [N m s/rad], shape (2, n): by noise,
+            by how far the values are apart that other laws give, where data do not decide, and by
+            the spread between recordings.
+        between: share of a value that is the spread between recordings, shape (2, n); 0 of one.
         undecided: the share of these variances that is of the laws, the larger one, shape (n,).
         left: RMS difference to what of the laws is the same both ways, at the recorded speeds, over
             the RMS of this, shape (n,).
@@ -44,6 +46,7 @@ class PlantFriction:
 
     friction: Friction
     std: Array
+    between: Array
     undecided: Array
     left: Array
 
@@ -156,7 +159,7 @@ def plant_friction(found: Identified) -> PlantFriction:
         float(np.mean(law @ found.friction[part])) for law, part in zip(even, parts, strict=True)
     ]
     friction.presliding = max(friction.presliding, _softest(found, x[:, 1]))
-    std, undecided = [], []
+    std, undecided, days = [], [], []
     for k, (v, law, part, (values, _)) in enumerate(zip(speeds, odd, parts, best, strict=True)):
         basis = _basis(v, peak)[:, : len(values)]
         nearest = np.linalg.pinv(basis)
@@ -168,9 +171,26 @@ def plant_friction(found: Identified) -> PlantFriction:
         ]
         other = sum(x[:2] ** 2 for x in apart) / (1 + len(apart))
         std.append(np.sqrt(noise + other))
+        days.append((estimate.days[:, r:][:, part] @ J.T)[:, :2])
         undecided.append(np.max(other / np.maximum(noise + other, 1e-300)))
     left = np.array([left for _, left in best])
-    return PlantFriction(friction, np.array(std)[:, ::-1].T, np.array(undecided), left)
+    between = _between(np.array(days).swapaxes(0, 1), x[:, :2])
+    wide = np.hypot(std, between * x[:, :2])
+    return PlantFriction(friction, wide[:, ::-1].T, between[:, ::-1].T, np.array(undecided), left)
+
+
+def _between(days: Array, values: Array) -> Array:
+    """Standard deviation between recordings over the value, shape (n, 2): that of each joint, or
+    where it is larger that of all, as two recordings of one joint may be alike by chance.
+
+    Args:
+        days: what each recording adds, shape (recordings, n, 2).
+        values: of friction, shape (n, 2).
+    """
+    if len(days) < 2:
+        return np.zeros_like(values)
+    share = np.std(days, axis=0, ddof=1) / np.where(values > 0, values, np.inf)
+    return np.maximum(share, np.sqrt(np.mean(share**2, axis=0)))
 
 
 def _softest(found: Identified, coulomb: Array) -> float:

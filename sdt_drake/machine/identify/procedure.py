@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
@@ -38,6 +39,7 @@ MOST_ROWS = 20_000
 """Of equations, about: a row takes the memory of a thousand numbers. Of longer recordings parts are
 compared."""
 
+_ALIKE, _NEARLY_ALL = 0.15, 0.9  # of the usual size of a state, and the share of states
 _ROWS = 4.0  # in a period of the cut-off
 _TOOL = (0.05, 0.1)  # of the robot's mass, and of its reach: what a light link may carry
 _BELIEF = 1.0  # standard deviation of a parameter over its scale, before anything is measured
@@ -160,7 +162,7 @@ def identify(
         predicted=predicted,
         cutoff=cutoff,
         speeds=speeds,
-        notes=(*notes, *_left_out(parts, few), *_speeds_in_words(parts, speeds)),
+        notes=(*notes, *_left_out(parts, few), *_speeds_in_words(parts, speeds), *_repeated(eq)),
         warnings=tuple(warnings),
     )
 
@@ -228,6 +230,17 @@ def _speeds_in_words(parts: Parts, used: bool) -> Iterator[str]:
     if all(stretch.v is not None for *_, stretch in parts):
         one, other = ("recorded", "differentiated")[:: 1 if used else -1]
         yield f"speeds are the {one} ones: torques are predicted better with them than the {other}"
+
+
+def _repeated(eq: Equations) -> Iterator[str]:
+    """The sentence on a motion that is held out, where the fit has seen it all."""
+    states = np.concatenate([x / x.std(axis=0) for x in (eq.q, eq.v, eq.vd)], axis=1)
+    away, _ = cKDTree(states[eq.fit]).query(states[~eq.fit])
+    if np.mean(away < _ALIKE * np.sqrt(states.shape[1])) > _NEARLY_ALL:
+        yield (
+            "what is held out repeats the motion that was fitted: it judges noise, and no other "
+            "motion (--validate names a recording of one)"
+        )
 
 
 def _check_alive(recorded: Recorded) -> None:

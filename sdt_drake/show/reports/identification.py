@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from sdt_drake.analysis.metrics import PARAMETERS_IN_WORDS
 from sdt_drake.io.arrays import Array
@@ -15,24 +14,19 @@ from sdt_drake.io.files import replacing_files, write_csv
 from sdt_drake.io.shown import formatted, numbered, rounded
 from sdt_drake.machine.identify import files as identified_files
 from sdt_drake.machine.identify.base_parameters import rigid_parameters
+from sdt_drake.machine.identify.consistency import Link
 from sdt_drake.machine.identify.model import PlantFriction
 from sdt_drake.machine.identify.procedure import Identified
-from sdt_drake.robot.device import friction_parameters, sliding_friction
 from sdt_drake.robot.dynamics import decouple, torque_groups
 from sdt_drake.robot.robot import Robot
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.show import documents as doc
-from sdt_drake.show.panels import Line, Panel, over_time, picture
-from sdt_drake.show.style import PALETTE, Look, joint_title, pictures, save_both
+from sdt_drake.show.figures.identification import residuals_figure, torques_figure
+from sdt_drake.show.style import pictures, save_both
 
-MEASURED, PREDICTED, NOMINAL = Look(PALETTE[0]), Look(PALETTE[1], "--"), Look(PALETTE[7], ":")
 _MOST = 0.5  # of a variance
+_NOTHING = 1e-12  # of kg, kg m and kg m²: round-off
 _MOST_SAMPLES = 300  # of which the load torque is computed
-
-
-def identification_title(found: Identified) -> str:
-    """The title of a report: what was identified."""
-    return f"{found.nominal.name} identified"
 
 
 def unmeasured_share(found: Identified, robot: Robot) -> Array:
@@ -60,10 +54,10 @@ def errors_table(found: Identified, robot: Robot) -> doc.Table:
         "least squares, held out": found.left(least, held_out=True),
         "consistent, fitted": found.left(found.predicted, held_out=False),
         "consistent, held out": found.left(found.predicted, held_out=True),
-        "A of the load torque, held out": unmeasured_share(found, robot),
+        "error of the fed-forward load (A), held out": unmeasured_share(found, robot),
     }
     rows = [(name, *(formatted(100 * x, ".2f") for x in values)) for name, values in left.items()]
-    header = ("prediction, left of the torque [%]", *numbered(robot.joint_names))
+    header = ("torque not explained [%]", *numbered(robot.joint_names))
     return doc.Table(header, rows)
 
 
@@ -95,9 +89,28 @@ def friction_table(found: Identified, files: PlantFriction) -> doc.Table:
     )  # fmt: skip
 
 
-def undecided_laws(found: Identified, files: PlantFriction) -> list[str]:
-    """Sentences on the joints whose intervals are more of the law of friction than of noise."""
-    said = []
+def friction_notes(found: Identified, files: PlantFriction) -> list[str]:
+    """Sentences on what the numbers of friction mean, and on joints whose law is not decided."""
+    days = len(found.estimate.days)
+    said = [
+        "friction is that of one recording: on another day, colder or warmer, it may differ by "
+        "more than its ±; of two or more recordings, their spread counts"
+        if days < 2
+        else f"between the {days} recordings Coulomb friction differs by "
+        f"{_range(100 * files.between[0])} %, viscous friction by {_range(100 * files.between[1])} "
+        "% (a standard deviation): that is in its ±"
+    ]
+    falling = [
+        str(k + 1)
+        for k in np.flatnonzero(found.equations.moves.any(axis=0))
+        if (files.friction.viscous or [])[k] == 0
+    ]
+    if falling:
+        said.append(
+            f"joint {', '.join(falling)}: the friction of the fit falls with the speed, as its law "
+            "may within noise; viscous friction of the table and the scenario never drives, so it "
+            "is 0"
+        )
     for k in np.flatnonzero(files.undecided > _MOST).tolist():
         names = dict.fromkeys(law.name for law, _ in found.estimate.rivals[k])
         said.append(
@@ -176,15 +189,58 @@ def links_table(found: Identified) -> doc.Table:
     for link, pseudo in zip(found.consistent.links, found.consistent.pseudo, strict=True):
         (mass, centre, _), (new_mass, new_centre, _) = map(link.inertial, (link.pseudo, pseudo))
         places = (" ".join(formatted(1e3 * x, ".1f") for x in xyz) for xyz in (centre, new_centre))
-        rows.append((link.name, f"{mass:.4g}", f"{new_mass:.4g}", *places))
+        known = _mass_known(found, link)
+        rows.append((link.name, f"{mass:.4g}", f"{new_mass:.4g}", known, *places))
     header = (
-        "link", "mass in the file [kg]", "mass [kg]", "centre in the file [mm]", "centre [mm]",
+        "link", "mass in the file [kg]", "mass [kg]", "the mass is", "centre in the file [mm]",
+        "centre [mm]",
     )  # fmt: skip
     return doc.Table(header, rows)
 
 
+def _mass_known(found: Identified, link: Link) -> str:
+    """What torques say of the mass of a link."""
+    at = np.flatnonzero(found.unknown.columns == 10 * link.body)[0]
+    shared = sum(other.body == link.body for other in found.consistent.links) > 1
+    said = found.unknown.base.identifiable[at]
+    if said == "alone" and not shared:
+        return "measured"
+    return "not seen, as in the file" if said == "not at all" else "measured in sums only"
+
+
+def result(found: Identified) -> list[str]:
+    """How well the torque is explained now, and what to do next: sentences for the console and the
+    page."""
+    nominal, now = (
+        100 * found.left(tau, held_out=True) for tau in (found.equations.nominal, found.predicted)
+    )
+    said = (
+        f"{found.nominal.name}: {_range(now)} % of the joints' torques are not explained now (RMS, "
+        f"held out), with the file as it is {_range(nominal)} %"
+    )
+    if found.warnings:
+        count = len(found.warnings)
+        told = "the warning" if count == 1 else f"the {count} warnings"
+        return [said, f"next: {told} below, each with what it asks for"]
+    return [
+        said,
+        "next: sdt-drake simulate with the written scenario.yaml, and sdt-drake identify --judge "
+        "with the written robot.sdf, friction.yaml and a recording of another motion",
+    ]
+
+
+def _range(values: Array) -> str:
+    """The least and the largest of percentages, without NaN."""
+    least, most = (_percent(f(values)) for f in (np.nanmin, np.nanmax))
+    return least if least == most else f"{least} to {most}"
+
+
+def _percent(value: float) -> str:
+    return formatted(value, ".0f" if value >= 10 else ".1f" if value >= 1 else ".2g")
+
+
 def in_short(found: Identified) -> list[str]:
-    """The result in sentences, for the console and the page."""
+    """What was compared, in sentences, for the console and the page."""
     eq = found.equations
     names = ", ".join(recorded.path.name for recorded in found.recordings)
     r = len(found.estimate.beta)
@@ -199,65 +255,6 @@ def in_short(found: Identified) -> list[str]:
         )
         said.append(PARAMETERS_IN_WORDS)
     return said + list(found.notes)
-
-
-# --- figures ---------------------------------------------------------------------------------
-
-
-def torques_figure(found: Identified) -> Figure:
-    """Measured torque, what the identified and the nominal robot predict, and what is left."""
-    eq, time = found.equations, _running_time(found)
-    lines = [
-        ("measured", MEASURED, eq.tau),
-        ("identified", PREDICTED, found.predicted),
-        ("file as it is", NOMINAL, eq.nominal),
-    ]
-    left = [("measured - identified", MEASURED, eq.tau - found.predicted)]
-    names, held, why = found.nominal.joint_names, ~eq.fit[:, None], "held out"
-    torques = over_time("torque [N m]", time, lines, names, marked=held, marked_label=why)
-    errors = over_time("left [N m]", time, left, marked=held, marked_label=why)
-    return picture(f"{identification_title(found)}: torques, joint side", [torques, errors])
-
-
-def residuals_figure(found: Identified, files: PlantFriction) -> Figure:
-    """What is left over the speed of each joint, and its friction: that of the fit, which noise may
-    make drive, and that of the table and the scenario, which never does."""
-    eq, estimate = found.equations, found.estimate
-    laws, errors = [], []
-    own, damping = friction_parameters(files.friction, eq.n), found.nominal.damping
-    for k, name in enumerate(found.nominal.joint_names):
-        order = np.argsort(eq.v[:, k])
-        v = eq.v[order, k]
-        left = (eq.tau - found.predicted)[order, k]
-        errors.append(
-            Panel(joint_title(k, name), "speed [rad/s]", "left [N m]", v,
-                  [Line("measured - identified", MEASURED, left, dots=True)])
-        )  # fmt: skip
-        grid = np.linspace(v[0], v[-1], 400)
-        terms = estimate.laws[k].terms
-        torque = (
-            np.column_stack([term.at(grid, 1e-3) for term in terms])
-            @ (found.friction[estimate.friction_of(k)])
-        )
-        in_files = sliding_friction(own, grid[:, None] * np.ones(eq.n)) + np.outer(grid, damping)
-        law = [
-            Line("friction in table and scenario", MEASURED, in_files[:, k]),
-            Line("friction of the fit", PREDICTED, torque),
-        ]
-        laws.append(Panel("", "speed [rad/s]", "friction [N m]", grid, law))
-    return picture(
-        f"{identification_title(found)}: what is left, and friction, over speed", [errors, laws]
-    )
-
-
-def _running_time(found: Identified) -> Array:
-    """Of all recordings one after the other [s], shape (M,)."""
-    eq, begin = found.equations, 0.0
-    time = np.array(eq.time)
-    for source, recorded in enumerate(found.recordings):
-        time[eq.source == source] += begin
-        begin += recorded.time[-1]
-    return time
 
 
 # --- files -----------------------------------------------------------------------------------
@@ -303,12 +300,12 @@ def write_identification_report(
     text = doc.render(
         "identified.md.j2",
         robot=found.nominal.name,
-        recordings=[recorded.path.name for recorded in found.recordings],
+        result=result(found),
         in_short=in_short(found),
         errors=errors_table(found, robot),
         warnings=found.warnings,
         friction=friction_table(found, files),
-        undecided=undecided_laws(found, files),
+        friction_notes=friction_notes(found, files),
         links=links_table(found),
         base_parameters=base,
         link_parameters=links,
@@ -320,11 +317,13 @@ def _details(found: Sequence[Parameter]) -> tuple[doc.Table, doc.Table]:
     """Base parameters, and those of links and motors."""
 
     def numbers(*values: float | None) -> list[str]:
-        return ["–" if x is None else f"{x:.5g}" for x in values]
+        return ["–" if x is None else f"{x:.5g}" if abs(x) > _NOTHING else "0" for x in values]
 
     base = [
-        [p.words, *numbers(p.value, p.std, p.nominal), p.unit] for p in found if p.kind == "base"
-    ]
+        [p.words, rounded(p.value, p.std or 0), rounded(p.std or 0, p.std or 0),
+         *numbers(p.nominal), p.unit]
+        for p in found if p.kind == "base"
+    ]  # fmt: skip
     link = [
         [p.name, *numbers(p.value, p.nominal), p.unit, p.identifiable]
         for p in found

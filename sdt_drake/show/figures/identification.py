@@ -1,0 +1,76 @@
+"""Figures of an identified robot: torques, what is left of them, friction."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sdt_drake.io.arrays import Array
+from sdt_drake.machine.identify.model import PlantFriction
+from sdt_drake.machine.identify.procedure import Identified
+from sdt_drake.robot.device import friction_parameters, sliding_friction
+from sdt_drake.show.panels import Line, Panel, over_time, picture
+from sdt_drake.show.style import PALETTE, Look, joint_title
+
+MEASURED, PREDICTED, NOMINAL = Look(PALETTE[0]), Look(PALETTE[1], "--"), Look(PALETTE[7], ":")
+
+
+def identification_title(found: Identified) -> str:
+    """The title of a report: what was identified."""
+    return f"{found.nominal.name} identified"
+
+
+def torques_figure(found: Identified) -> Figure:
+    """Measured torque, what the identified and the nominal robot predict, and what is left."""
+    eq, time = found.equations, _running_time(found)
+    lines = [
+        ("measured", MEASURED, eq.tau),
+        ("identified", PREDICTED, found.predicted),
+        ("file as it is", NOMINAL, eq.nominal),
+    ]
+    left = [("measured - identified", MEASURED, eq.tau - found.predicted)]
+    names, held, why = found.nominal.joint_names, ~eq.fit[:, None], "held out"
+    torques = over_time("torque [N m]", time, lines, names, marked=held, marked_label=why)
+    errors = over_time("left [N m]", time, left, marked=held, marked_label=why)
+    return picture(f"{identification_title(found)}: torques, joint side", [torques, errors])
+
+
+def residuals_figure(found: Identified, files: PlantFriction) -> Figure:
+    """What is left over the speed of each joint, and its friction: that of the fit, which noise may
+    make drive, and that of the table and the scenario, which never does."""
+    eq, estimate = found.equations, found.estimate
+    laws, errors = [], []
+    own, damping = friction_parameters(files.friction, eq.n), found.nominal.damping
+    for k, name in enumerate(found.nominal.joint_names):
+        order = np.argsort(eq.v[:, k])
+        v = eq.v[order, k]
+        left = (eq.tau - found.predicted)[order, k]
+        errors.append(
+            Panel(joint_title(k, name), "speed [rad/s]", "left [N m]", v,
+                  [Line("measured - identified", MEASURED, left, dots=True)])
+        )  # fmt: skip
+        grid = np.linspace(v[0], v[-1], 400)
+        terms = estimate.laws[k].terms
+        torque = (
+            np.column_stack([term.at(grid, 1e-3) for term in terms])
+            @ (found.friction[estimate.friction_of(k)])
+        )
+        in_files = sliding_friction(own, grid[:, None] * np.ones(eq.n)) + np.outer(grid, damping)
+        law = [
+            Line("friction in table and scenario", MEASURED, in_files[:, k]),
+            Line("friction of the fit", PREDICTED, torque),
+        ]
+        laws.append(Panel("", "speed [rad/s]", "friction [N m]", grid, law))
+    return picture(
+        f"{identification_title(found)}: what is left, and friction, over speed", [errors, laws]
+    )
+
+
+def _running_time(found: Identified) -> Array:
+    """Of all recordings one after the other [s], shape (M,)."""
+    eq, begin = found.equations, 0.0
+    time = np.array(eq.time)
+    for source, recorded in enumerate(found.recordings):
+        time[eq.source == source] += begin
+        begin += recorded.time[-1]
+    return time
