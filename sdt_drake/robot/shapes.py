@@ -57,7 +57,5 @@ def _found(text: str, file: Path) -> Path | None:
     places = [file.parent / unquote(rest)]
     if slashes and kind != "file":
         package, _, inner = unquote(rest).partition("/")
-        homes = [folder if folder.name == package else folder / package
-                 for folder in file.resolve().parents]  # fmt: skip
-        places = [home / inner for home in homes]
+        places = [folder / package / inner for folder in file.resolve().parents]
     return next((place.resolve() for place in places if place.is_file()), None)
