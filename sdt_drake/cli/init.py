@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
+from typing import Annotated
 
-from sdt_drake.cli.common import Target, check_folder
+import sdt_drake as sdt
+from sdt_drake.cli.common import Target, check_folder, one_of
 from sdt_drake.cli.printing import say
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import replacing_files, write_text
@@ -24,9 +26,32 @@ sdt-drake study study.yaml --workers 2 --out mc    many devices; needs sdt_drake
 Change a file, or a field on the way: --set controller.kind=pi
 Every field of every file: sdt-drake reference"""
 
+_NEXT_OF_OWN = """
+sdt-drake view {robot} --out robot.html   axes, limits and masses, to look whether they are right
+sdt-drake simulate scenario.yaml --out run.html   how well the joints follow
+sdt-drake plan motion.yaml --robot {robot}   what the motion takes of the motors
+sdt-drake size sizing.yaml --workers 2 --out sizing   motors that are enough; needs sdt_drake[study]
+sdt-drake export scenario.yaml --drive drives.yaml --out exported   the motion, as drives read it
+sdt-drake excite {robot} --out excite.yaml   a motion that shows masses and friction
+sdt-drake simulate scenario.yaml --out run.csv   a recording, to try the next on
+sdt-drake identify {robot} run.csv --columns columns.yaml --out identified   what recordings tell
+sdt-drake study study.yaml --workers 2 --out mc   many robots
 
-def run(folder: Target, /) -> None:
+What is ASSUMED says so in its file. Every field of every file: sdt-drake reference"""
+
+
+def run(
+    folder: Target,
+    /,
+    *,
+    robot: Annotated[
+        str | None,
+        one_of("robot", help="SDF or URDF file of a robot of your own (default: a new one)"),
+    ] = None,
+) -> None:
     """Put a robot, a motion, motors, a scenario and a study into a folder, to make them your own.
+
+    With --robot, they are those of a robot that you have, with sizing, drives and columns.
 
     example: sdt-drake init my_trainer
 
@@ -36,15 +61,27 @@ def run(folder: Target, /) -> None:
     check_folder(folder)
     if folder.is_dir() and any(folder.iterdir()):
         raise InputError(f"{folder}: is not empty, expected a new folder, or an empty one")
-    files = sorted(_STARTER.iterdir())
-    schemas = sorted((models_dir() / "schemas").iterdir())
     with replacing_files(folder) as new:
-        for file in files:
-            write_text(new / file.name, file.read_text(encoding="utf-8"))
+        if robot is None:
+            names, then = _start(new), _NEXT
+        else:
+            from sdt_drake.cli.starting import write_own
+
+            own = sdt.load_robot(robot)
+            names = write_own(own, new, folder)
+            then = _NEXT_OF_OWN.format(robot=shlex.quote(own.path.name))
         # Beside the files, so that editors check them wherever the folder is copied to.
-        for file in schemas:
+        for file in sorted((models_dir() / "schemas").iterdir()):
             write_text(new / "schemas" / file.name, file.read_text(encoding="utf-8"))
-    for file in files:
-        say(f"{folder / file.name} written")
+    for name in names:
+        say(f"{folder / name} written")
     say(f"{folder / 'schemas'} written: what editors check the files against")
-    say(f"\ncd {shlex.quote(str(folder))}{_NEXT}")
+    say(f"\ncd {shlex.quote(str(folder))}{then}")
+
+
+def _start(folder: Path) -> list[str]:
+    """Write the files of an invented device; their names."""
+    files = sorted(_STARTER.iterdir())
+    for file in files:
+        write_text(folder / file.name, file.read_text(encoding="utf-8"))
+    return [file.name for file in files]

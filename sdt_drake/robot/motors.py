@@ -310,12 +310,15 @@ def _added_masses(motors: list[Motor | None], fitted: list[Motor | None], s: flo
 
 
 def _with_stators(robot: Robot, added: list[float]) -> Robot:
-    """The robot with a point mass [kg] on the inboard side of each joint; < 0 takes mass away."""
+    """The robot with a point mass [kg] on the inboard side of each joint; < 0 takes mass away.
+
+    What stands still needs none."""
+    still = {body.index() for body in robot.plant.GetBodiesWeldedTo(robot.plant.world_body())}
     bodies = {}
     for name, mass in zip(robot.joint_names, added, strict=True):
         frame = robot.plant.GetJointByName(name).frame_on_parent()
         link = frame.body().name()
-        if mass != 0 and frame.body().index() != robot.plant.world_body().index():
+        if mass != 0 and frame.body().index() not in still:
             place = frame.GetFixedPoseInBodyFrame().translation()
             bodies[link] = with_point_mass(*parts_of(frame.body()), mass, place)
             if bodies[link][0] <= 0:

@@ -33,10 +33,24 @@ def drawable(robot: Robot) -> tuple[str, list[str]]:
     return ET.tostring(root, encoding="unicode"), told
 
 
+def mesh_files(robot: Robot) -> dict[str, Path]:
+    """Files of the meshes that a robot's file names beside itself or in a package, by their
+    URIs."""
+    root = parse_xml(robot.path.read_bytes(), robot.path, shapes=True)
+    uris = {
+        text for mesh in root.iter("mesh") if not (text := _uri(mesh)).startswith(PACKAGE_PREFIX)
+    }
+    return {uri: path for uri in sorted(uris) if (path := _found(uri, robot.path))}
+
+
+def _uri(mesh: ET.Element) -> str:
+    uri = mesh.find("uri")
+    return mesh.get("filename", "") if uri is None else (uri.text or "").strip()
+
+
 def _placed(mesh: ET.Element, file: Path) -> str:
     """Give a mesh its whole path; or why it cannot be drawn."""
-    uri = mesh.find("uri")
-    text = mesh.get("filename", "") if uri is None else (uri.text or "").strip()
+    uri, text = mesh.find("uri"), _uri(mesh)
     if text.startswith(PACKAGE_PREFIX):
         return ""
     path = _found(text, file)

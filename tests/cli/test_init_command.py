@@ -8,12 +8,20 @@ from pathlib import Path
 
 import command_line
 import numpy as np
+import owners
 import pytest
 
+from sdt_drake.analysis.frequency_response import frequency_response
 from sdt_drake.io.resources import models_dir
+from sdt_drake.machine.drive_files import load_drives
+from sdt_drake.machine.recordings import load_columns
+from sdt_drake.motion import load_plan, margins
+from sdt_drake.robot.robot import load_robot
 from sdt_drake.run.design import make_design
 from sdt_drake.run.scenario import load_scenario
+from sdt_drake.run.simulate import simulate
 from sdt_drake.studies.job import make_job
+from sdt_drake.studies.sizing import load_sizing
 from sdt_drake.studies.study import load_study
 
 call, good, desk, refuse = (getattr(command_line, x) for x in ("call", "good", "desk", "refuse"))
@@ -70,3 +78,107 @@ def test_a_folder_that_is_in_use_is_refused(refuse, desk):
     refuse("init", "mine", saying=["mine: is not empty, expected a new folder"])
     refuse("init", "mine/notes.txt", saying=["notes.txt: is a file, expected a folder"])
     refuse("init", "", saying=["empty, expected a path"])
+
+
+# --- of a robot of one's own ----------------------------------------------------------------------
+
+ROBOTS = {
+    "rate_table.urdf": owners.RATE_TABLE,
+    "six.urdf": owners.SIX,
+    "seven.urdf": owners.SEVEN,
+    "two.sdf": command_line.ARM,
+}
+
+
+@pytest.fixture(params=ROBOTS)
+def mine(request, good, desk, monkeypatch):
+    """The robot of a folder that `init --robot` has filled, which is where we are."""
+    (desk / request.param).write_text(ROBOTS[request.param], encoding="utf-8")
+    good("init", "--robot", request.param, "mine")
+    monkeypatch.chdir(desk / "mine")
+    return load_robot(request.param)
+
+
+def test_files_of_a_robot_of_ones_own_are_its_own_and_run(mine):
+    design = make_design(load_scenario("scenario.yaml"))
+    assert design.robot.joint_names == mine.joint_names
+    run = simulate(design)
+    degrees = np.degrees(np.abs(run.q - design.motion.q).max(axis=0))
+    assert degrees.max() < 0.2
+    assert frequency_response(design).stable.all()
+    # The planned motion is the commanded one, within 40 % of the speeds and 70 % of the torques.
+    plan = load_plan("motion.yaml", mine)
+    np.testing.assert_allclose(plan.motion.q, plan.commanded.q, atol=1e-9)
+    share = margins(mine, plan.motion).share
+    assert share["torque"].max() <= 0.7
+    assert all(np.ptp(plan.motion.q, axis=0) > np.radians(0.4))
+    if "speed" in share:
+        assert share["speed"].max() <= 0.4 * (1 + 1e-9)
+    np.testing.assert_allclose(
+        design.robot.envelope.n1 / mine.gear_ratio, mine.velocity_limit, rtol=1e-4
+    )
+
+
+def test_files_beside_the_run_fit_the_robot(mine):
+    assert len(load_drives("drives.yaml", mine.n).axes) == mine.n
+    assert load_columns("columns.yaml").side == "motor"
+    sizing, base = load_sizing("sizing.yaml")
+    assert len(sizing.study()) == 2 * 3 ** min(mine.n, 3)
+    row = make_job(sizing.study(), base).runner(Path(".")).run(0)
+    assert row.status == "ok"
+    study, base = load_study("study.yaml")
+    assert len(study) == 16 and base.robot.endswith(mine.path.name)
+    for file in Path().glob("*.yaml"):
+        schema = Path(file.read_text(encoding="utf-8").splitlines()[0].split("$schema=")[1])
+        assert schema.is_file() and not schema.is_absolute()
+    assert str(Path.cwd().parent) not in "".join(
+        file.read_text(encoding="utf-8") for file in Path().glob("*.*")
+    )
+
+
+def test_the_rest_of_what_it_says_to_run_runs(good, desk, monkeypatch):
+    (desk / "own.urdf").write_text(owners.RATE_TABLE, encoding="utf-8")
+    lines = re.findall(r"^sdt-drake (.+?)   ", good("init", "--robot", "own.urdf", "m").out, re.M)
+    names = [
+        "view",
+        "simulate",
+        "plan",
+        "size",
+        "export",
+        "excite",
+        "simulate",
+        "identify",
+        "study",
+    ]
+    assert [line.split()[0] for line in lines] == names
+    monkeypatch.chdir(desk / "m")
+    for line in lines:
+        if line.split()[0] in ("plan", "export", "identify") or line.endswith(".csv"):
+            good(*line.split())
+    text = Path("scenario.yaml").read_text(encoding="utf-8")
+    every = re.sub(r"^( *)# (?=[ a-z_]+: )", r"\1", text, flags=re.MULTILINE)
+    Path("every.yaml").write_text(every, encoding="utf-8")
+    after = load_scenario("every.yaml")
+    assert (after.torque_margin, after.plant.friction.coulomb) == (0.9, [0, 0, 0])
+
+
+def test_meshes_are_found_from_the_new_folder(good, desk):
+    (desk / "parts").mkdir()
+    (desk / "parts" / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "utf-8")
+    mesh = '<visual><geometry><mesh filename="parts/a.obj"/></geometry></visual></link>'
+    text = owners.RATE_TABLE.replace('</link>\n  <joint name="outer', f'{mesh}<joint name="outer')
+    assert mesh in text
+    (desk / "own.urdf").write_text(text, encoding="utf-8")
+    good("init", "--robot", "own.urdf", "deep/m")
+    assert 'filename="../../parts/a.obj"' in (desk / "deep/m/own.urdf").read_text("utf-8")
+
+
+def test_a_joint_that_cannot_be_held_is_refused(refuse, desk):
+    """Links of 2 kg, their centres 0.5 and 1.5 m away: 39.24 N m at the shoulder."""
+    weak = command_line.ARM.replace("<effort>100", "<effort>40")
+    (desk / "weak.sdf").write_text(weak, encoding="utf-8")
+    refuse(
+        "init", "--robot", "weak.sdf", "m",
+        saying=["weak.sdf: joint 1 'shoulder': gravity takes 39.24 N m at 0 deg"],
+    )  # fmt: skip
+    assert not (desk / "m").exists()
