@@ -33,7 +33,6 @@ import numpy as np
 from pydantic import (
     AfterValidator,
     BeforeValidator,
-    ConfigDict,
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
@@ -44,7 +43,7 @@ from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_sc
 
 from sdt_drake.io.errors import InputError, Problem, dotted, meant
 from sdt_drake.io.resources import beside
-from sdt_drake.io.schema import Schema, adapter, expected, inner, schema_of
+from sdt_drake.io.schema import CONFIG, Schema, adapter, expected, inner, schema_of
 
 T = TypeVar("T")
 
@@ -183,9 +182,7 @@ class Input:
     """Base class of the models, which are dataclasses."""
 
     __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
-    __pydantic_config__ = ConfigDict(
-        extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True
-    )
+    __pydantic_config__ = CONFIG
 
     def __setattr__(self, name: str, value: Any) -> None:
         fields = self.__dataclass_fields__

@@ -7,11 +7,14 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
-from pydantic import TypeAdapter
+from pydantic import ConfigDict, TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
 Schema = dict[str, Any]
+
+CONFIG = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+"""How pydantic checks all models; `schema_of` alone has it read the texts of their fields."""
 
 _BOUNDS = {">": "exclusiveMinimum", ">=": "minimum", "<=": "maximum", "<": "exclusiveMaximum"}
 _NAMES = {"gt": _BOUNDS[">"], "ge": _BOUNDS[">="], "le": _BOUNDS["<="], "lt": _BOUNDS["<"]}
@@ -66,7 +69,11 @@ def adapter(model: Any) -> TypeAdapter[Any]:
 @cache
 def schema_of(model: Any) -> Schema:
     """The JSON Schema of a model, as pydantic makes it."""
-    made: Schema = _tidied(adapter(model).json_schema(schema_generator=_Generator))
+    CONFIG["use_attribute_docstrings"] = True  # to find them takes longer than all else of a model
+    try:
+        made: Schema = _tidied(TypeAdapter(model).json_schema(schema_generator=_Generator))
+    finally:
+        CONFIG["use_attribute_docstrings"] = False
     for base in getattr(model, "__bases__", ()):  # pydantic reads the texts of a class's own fields
         if getattr(base, "__dataclass_fields__", None):
             own = made["properties"]

@@ -7,6 +7,9 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any
 
+from pydantic import GetJsonSchemaHandler
+from pydantic_core import CoreSchema
+
 from sdt_drake.io.arguments import a, a_path, takes
 from sdt_drake.io.errors import InputError, one_line, whole_periods
 from sdt_drake.io.fields import (
@@ -22,6 +25,7 @@ from sdt_drake.io.fields import (
     given,
     setting,
 )
+from sdt_drake.io.schema import Schema
 from sdt_drake.io.shown import Shown, Summary
 from sdt_drake.io.trust import trusting
 from sdt_drake.io.yaml_files import load_yaml, write_yaml
@@ -62,17 +66,9 @@ class PlantChoice(Input):
             yield "i_eff", "the coupled plant has its inertia from the SDF; remove"
 
 
-def _kinds_of_controllers(schema: dict[str, Any]) -> None:
-    """State in the JSON Schema of a controller that other kinds need a file."""
-    schema["if"] = {"required": ["file"]}
-    schema["else"] = {"properties": {"kind": {"enum": [*CONTROLLERS]}}}
-
-
 @dataclass
 class ControllerChoice(Input):
     """What drives the plant: kind, gains, feedforward and model of the controller."""
-
-    __pydantic_config__ = Input.__pydantic_config__ | {"json_schema_extra": _kinds_of_controllers}
 
     kind: Text = setting("pi", examples=[*CONTROLLERS])
     """Name of a controller; one of the package, or one that `file` registers."""
@@ -107,6 +103,17 @@ class ControllerChoice(Input):
     """K_V of the kind "p_pi"; omega_n / 4 by default."""
     model: Deviation = setting(Deviation)
     """What the controller's model of the robot gets wrong; nothing by default."""
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> Schema:
+        """State in the JSON Schema that other kinds than the package's need a file."""
+        made = handler(schema)
+        own = handler.resolve_ref_schema(made)
+        own["if"] = {"required": ["file"]}
+        own["else"] = {"properties": {"kind": {"enum": [*CONTROLLERS]}}}
+        return made
 
     def problems(self) -> Problems:
         if self.file:
