@@ -23,7 +23,7 @@ def run(
     changes: Changes = (),
     trust: Trust = False,
 ) -> int:
-    """Find the motors that are enough, for each controller.
+    """Find the motors that are enough, for each controller; report.html says which, and why.
 
     example: sdt-drake size sizing --workers 2 --out sizing
 
@@ -31,8 +31,8 @@ def run(
         sizing: name of one that ships, or .yaml file
         out: folder of the study (default: its name)
     """
-    from sdt_drake.show.figures.fronts import sizing_front
-    from sdt_drake.show.style import pictures, save_both
+    from sdt_drake.show.documents import REPORT
+    from sdt_drake.show.reports.sizing import FILES, write_sizing_report
     from sdt_drake.studies.results import read_study_table
     from sdt_drake.studies.sizing import load_sizing
     from sdt_drake.studies.summary import failures
@@ -41,7 +41,7 @@ def run(
     with naming_changes(changes):
         chosen, base = load_sizing(sizing, dict(changes))
     folder = out or Path(chosen.name)
-    check_folder(folder, ("sizing.txt", "candidates.csv", *pictures("front")))
+    check_folder(folder, ("sizing.txt", "candidates.csv", *FILES))
     run_into(folder, chosen.study(), base, workers, cluster, resume)
     table = read_study_table(folder)
     verdicts = judge_candidates(chosen, table)
@@ -53,8 +53,8 @@ def run(
     with replacing_files(folder) as new:
         write_text(new / "sizing.txt", "\n".join(lines) + "\n")
         write_verdicts(verdicts, new / "candidates.csv")
-        figure = sizing_front(f"{chosen.name}: motors and tracking", verdicts)
-        save_both(figure, new / "front")
-    say(f"sizing.txt, candidates.csv, front.png and front.svg written to {folder}")
-    say(f"its runs: sdt-drake study show {shlex.quote(str(folder))}")
+        write_sizing_report(chosen, verdicts, new, failed)
+    say(f"{folder / REPORT} written: the motors, why not others, margins; beside it candidates.csv")
+    where = shlex.quote(str(folder))
+    say(f"its runs: sdt-drake study show {where} --out {where}/runs")
     return FAILED if failed else 0

@@ -32,6 +32,7 @@ class Verdict:
         worst: largest value of each required outcome, and the motion in which it is.
         used: the same values over their limits [-]; inf where nothing is allowed and something is.
         missed: requirements that are not kept, what matters first; empty if all are.
+        beyond: names of the outcomes that are not kept, and motions that cannot be done.
         judged: whether every motion has a run that says something: ok, or infeasible.
     """
 
@@ -42,6 +43,7 @@ class Verdict:
     worst: dict[str, tuple[float, str]]
     used: dict[str, float]
     missed: tuple[str, ...]
+    beyond: tuple[str, ...]
     judged: bool
 
     @property
@@ -85,7 +87,7 @@ def _verdict(
 ) -> Verdict:
     """Of the rows of a candidate with a controller, by motion."""
     limits = sizing.requirements.limits(sizing.n)
-    missed = []
+    missed, beyond = [], []
     for motion in sizing.motions:
         if motion not in rows:
             missed.append(f"{short_name(motion)} has not been run")
@@ -93,6 +95,7 @@ def _verdict(
             i = rows[motion]
             status = table.status[i].replace("_", " ")
             missed.append(f"{short_name(motion)} is {status}: {table.reason[i]}")
+            beyond.append(f"{short_name(motion)} ({status})")
     ran = {motion: i for motion, i in rows.items() if table.status[i] == "ok"}
     worst, used = {}, {}
     for name, limit in limits.items():
@@ -103,6 +106,7 @@ def _verdict(
             used[name] = _share(values[motion], limit)
             if not values[motion] <= limit + _ROUND_OFF:  # nor is NaN
                 missed.append(_missed(name, *worst[name], limit))
+                beyond.append(name)
     errors = [table.outcome("max_abs_speed_error")[i] for i in ran.values()]
     return Verdict(
         candidate=candidate,
@@ -112,6 +116,7 @@ def _verdict(
         worst=worst,
         used=used,
         missed=tuple(missed),
+        beyond=tuple(beyond),
         judged=all(m in rows and table.status[rows[m]] in ANSWERS for m in sizing.motions),
     )
 

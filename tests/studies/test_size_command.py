@@ -8,8 +8,10 @@ import sqlite3
 
 import numpy as np
 import pytest
+import yaml
 
 from sdt_drake.cli.app import main
+from sdt_drake.run.scenario import load_scenario
 from sdt_drake.studies.results import read_study_table
 from sdt_drake.studies.sizing import Requirements
 from sdt_drake.studies.store import DATABASE
@@ -60,6 +62,23 @@ def test_from_a_file_to_a_recommendation(size, desk, undrawn):
     assert rows[3]["missed"] == ""
     assert {"front.png", "front.svg", "results.parquet"} <= {p.name for p in folder.iterdir()}
 
+    text = (folder / "report.md").read_text(encoding="utf-8")
+    assert text.split("\n\n")[1] == (
+        "**AC-203, TM-3950, TM-1430, TM-716: 325 kg of motors are enough, with pi_id.** It is the "
+        "lightest set that keeps all requirements in short: 1 of 2 do, and what rules the lighter "
+        "ones out is torque used of joint 2 (1 of them)."
+    )
+    # 0.0059 rad/s of 0.01 that are allowed.
+    assert "| 2 | TM-3950 | largest speed error | 0.0059 rad/s | 59 | 41 | short |" in text
+    assert "| torque used of joint 2 | 1 | 1 |" in text  # with pi_id
+    assert "| 2 | TM-716 | 35 | 716 | 0 of 1 | 0 of 1 |" in text
+    # What it says to take into the scenario is a device.
+    fields = yaml.safe_load(text.split("```")[1])
+    made = load_scenario("coupled.yaml", {f"device.{k}": v for k, v in fields["device"].items()})
+    assert made.device.motors == ["AC-203", "TM-3950", "TM-1430", "TM-716"]
+    assert fields["controller"] == {"kind": "pi_id"}
+    assert "Motors of own" in (folder / "report.html").read_text(encoding="utf-8")
+
     table = read_study_table(folder)
     names = Requirements([1.0], [1.0]).limits(4)
     assert all(np.isfinite(table.outcome(name)).all() for name in names)
@@ -72,6 +91,18 @@ def test_from_a_file_to_a_recommendation(size, desk, undrawn):
     lines = (folder / "sizing.txt").read_text().splitlines()
     assert lines[0] == "1 of 4 runs failed: no link 'payload' (row 2)"
     assert "1 of 2 candidates cannot be judged, their runs failed" in "\n".join(lines)
+    assert "> 1 of 4 runs failed" in (folder / "report.md").read_text(encoding="utf-8")
+
+
+def test_where_no_set_is_enough_the_page_says_what_stands_in_the_way(size, desk, undrawn):
+    weak = SIZING.replace("[TM-716, TM-3950]", "[TM-716]").replace("[pi, pi_id]", "[pi_id]")
+    assert size(weak)[0] == 0
+    text = (desk / "own" / "report.md").read_text(encoding="utf-8")
+    assert text.split("\n\n")[1] == (
+        "**No motor set of 1 keeps all requirements.** What stands in the way most often: with "
+        "pi_id, torque used of joint 2."
+    )
+    assert "Give stronger motors to choose from" in text and "```" not in text
 
 
 def test_bad_sizing(size, desk):

@@ -229,7 +229,7 @@ def test_the_lightest_that_keeps_all_is_recommended(verdicts):
 def test_light_motors_count_more_than_a_light_structure():
     def verdict(mass, scale, error):
         candidate = Candidate(("AC-150", "TM-2860"), scale)
-        return Verdict(candidate, "pi", mass, error, {}, {}, (), True)
+        return Verdict(candidate, "pi", mass, error, {}, {}, (), (), True)
 
     light, slender, exact = verdict(180, 1.0, 0.1), verdict(190, 0.8, 0.1), verdict(180, 1.0, 0.05)
     assert recommend([slender, light], "pi") is light

@@ -1,0 +1,165 @@
+"""A sizing as a page: the chosen motors, why not others, and the margin of each."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from sdt_drake.analysis.metrics import family_of, metric_of
+from sdt_drake.io.resources import PACKAGE_PREFIX
+from sdt_drake.io.shown import formatted
+from sdt_drake.show import documents as doc
+from sdt_drake.show.figures.fronts import sizing_front
+from sdt_drake.show.style import pictures, save_both
+from sdt_drake.studies.sizing import Sizing, short_name
+from sdt_drake.studies.verdicts import Verdict, nearest, recommend
+
+FIGURE = "front"
+FILES = (*pictures(FIGURE), doc.MARKDOWN, doc.REPORT)
+"""Files of the page."""
+
+_SPARE = 0.1  # of a limit; a motor with less is near it
+
+
+def write_sizing_report(
+    sizing: Sizing, verdicts: Sequence[Verdict], folder: Path, failed: str
+) -> None:
+    """Write the figure and the page of a sizing into a folder.
+
+    Args:
+        sizing: as it was run.
+        verdicts: on all candidates with all controllers.
+        folder: for the files.
+        failed: what has failed, in a sentence; "" for nothing.
+
+    Raises:
+        InputError: if a file cannot be written.
+    """
+    save_both(sizing_front(f"{sizing.name}: motors and tracking", verdicts), folder / FIGURE)
+    answers = [_answer(sizing, verdicts, label) for label in sizing.controllers]
+    answers.sort(key=lambda answer: answer["chosen"].mass if answer["chosen"] else math.inf)
+    tables = [table for answer in answers for table in (answer["margins"], answer["out"])]
+    text = doc.render(
+        "sizing.md.j2",
+        name=sizing.name,
+        failed=failed,
+        best=answers[0] if answers[0]["chosen"] else None,
+        answers=answers,
+        count=len(verdicts) // len(sizing.controllers),
+        motions=[short_name(motion) for motion in sizing.motions],
+        tables=[*filter(None, tables)],
+        motors=motor_table(sizing, verdicts),
+    )
+    doc.Report(text, folder).write()
+
+
+def _answer(sizing: Sizing, verdicts: Sequence[Verdict], label: str) -> dict[str, Any]:
+    """What is told of a controller."""
+    own = [v for v in verdicts if v.controller == label]
+    chosen = recommend(verdicts, label)
+    shown = chosen or nearest(verdicts, label)
+    return {
+        "label": label,
+        "chosen": chosen,
+        "shown": shown,
+        "kept": sum(v.feasible for v in own),
+        "lighter": sum(v.mass < chosen.mass for v in own) if chosen else 0,
+        "judged": all(v.judged for v in own),
+        "reasons": [text for text, _ in _limits(own, chosen).most_common(3)],
+        "tight": [] if chosen is None else _tight(chosen),
+        "fields": _fields(sizing, shown),
+        "margins": _margins(shown) if shown.worst else None,
+        "out": _ruled_out(own, label),
+    }
+
+
+def _fields(sizing: Sizing, verdict: Verdict) -> str:
+    """The device of a candidate and its controller, as in the file of a scenario."""
+    catalogue, (kind, _, feedforward) = sizing.device.catalogue, verdict.controller.partition("+")
+    shared = catalogue if catalogue.startswith(PACKAGE_PREFIX) else Path(catalogue).name
+    device: dict[str, object] = {"catalogue": shared, "fitted": sizing.device.fitted}
+    if sizing.device.gear_ratio is not None:
+        device["gear_ratio"] = sizing.device.gear_ratio
+    device["motors"] = [*verdict.candidate.motors]
+    lines = [f"  {name}: {json.dumps(value)}" for name, value in device.items()]
+    lines.append(f"  structure_scale: {verdict.candidate.structure_scale:g}")
+    law = [f"  kind: {kind}", *([f"  feedforward: {feedforward}"] if feedforward else [])]
+    return "\n".join(["device:", *lines, "controller:  # beside what it has", *law])
+
+
+def _tight(verdict: Verdict) -> list[str]:
+    """Joints that are nearer to a limit than a tenth of it."""
+    told = []
+    for k in range(len(verdict.candidate.motors)):
+        name = verdict.tightest(k + 1)
+        if verdict.used[name] > 1 - _SPARE:
+            told.append(f"joint {k + 1} ({metric_of(name).title})")
+    return told
+
+
+def _margins(verdict: Verdict) -> doc.Table:
+    """The nearest limit of each joint, and what is left to it."""
+    rows = []
+    for k, id_ in enumerate(verdict.candidate.motors):
+        name = verdict.tightest(k + 1)
+        value, motion = verdict.worst[name]
+        metric, used = metric_of(name), 100 * verdict.used[name]
+        rows.append((
+            f"{k + 1}", id_, metric.title, f"{metric.text(value)} {metric.unit}",
+            formatted(used, ".0f"), formatted(100 - used, ".0f"), motion,
+        ))  # fmt: skip
+    kind = "Margins" if verdict.feasible else "The nearest set misses"
+    return doc.Table(
+        ("joint", "motor", "nearest limit", "there", "used [%]", "margin [%]", "in motion"), rows,
+        title=f"{kind}, with {verdict.controller}",
+    )  # fmt: skip
+
+
+def _in_words(name: str) -> str:
+    """A limit for people: "torque used of joint 2"."""
+    joint = family_of(name)[1]
+    return metric_of(name).title + (f" of joint {joint}" if joint else "")
+
+
+def _limits(verdicts: Sequence[Verdict], chosen: Verdict | None) -> Counter[str]:
+    """Limits that candidates lighter than the chosen one miss, or all where there is none."""
+    return Counter(
+        _in_words(name) if name in v.used else name
+        for v in verdicts
+        if chosen is None or v.mass < chosen.mass
+        for name in v.beyond
+    )
+
+
+def _ruled_out(verdicts: Sequence[Verdict], label: str) -> doc.Table | None:
+    """How many candidates each limit rules out."""
+    counts = Counter(name for v in verdicts for name in v.beyond)
+    alone = Counter(v.beyond[0] for v in verdicts if len(v.beyond) == 1)
+    rows = [
+        (_in_words(name), f"{count}", f"{alone[name]}") for name, count in counts.most_common(10)
+    ]
+    header = (f"limit, with {label}", f"of {len(verdicts)} candidates, miss it", "miss it alone")
+    return doc.Table(header, rows, f"What rules candidates out, with {label}") if rows else None
+
+
+def motor_table(sizing: Sizing, verdicts: Sequence[Verdict]) -> doc.Table:
+    """In how many sets that keep all requirements each motor of each joint is."""
+    rows, catalogue = [], sizing.catalogue
+    for k, ids in enumerate(sizing.motors):
+        for motor in sorted((catalogue.motor(x, "motors") for x in ids), key=lambda m: m.mass):
+            kept = [
+                [v.feasible for v in verdicts
+                 if v.controller == label and v.candidate.motors[k] == motor.id]
+                for label in sizing.controllers
+            ]  # fmt: skip
+            peak = motor.peak_torque * motor.gear_ratio
+            rows.append((
+                f"{k + 1}", motor.id, f"{motor.mass:g}", f"{peak:.5g}",
+                *(f"{sum(own)} of {len(own)}" for own in kept),
+            ))  # fmt: skip
+    header = ("joint", "motor", "mass [kg]", "peak torque, behind its gear [N m]")
+    return doc.Table((*header, *(f"enough in sets, {label}" for label in sizing.controllers)), rows)
