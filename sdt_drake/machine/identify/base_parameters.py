@@ -61,14 +61,16 @@ class BaseParameters:
         return ["not at all" if x < 1e-6 else said[bool(x > 1 - 1e-6)] for x in own]
 
 
-def rigid_columns(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
+def rigid_columns(
+    robot: Robot, q: Array, v: Array, vd: Array, gravity: Array | None = None
+) -> Array:
     """Columns of the torques of links and motors, joint side, shape (N, n, 11 n).
 
     Those of `regressor`, and for each motor that of its reflected inertia r² I_m; see
     `rigid_names` and `rigid_parameters`. Arguments as of `regressor`.
     """
     motors = vd[:, :, None] * np.eye(robot.n)
-    return np.concatenate([regressor(robot, q, v, vd), motors], axis=2)
+    return np.concatenate([regressor(robot, q, v, vd, gravity), motors], axis=2)
 
 
 def rigid_names(robot: Robot) -> tuple[str, ...]:

@@ -34,10 +34,12 @@ from pydrake.solvers import ClarabelSolver, MathematicalProgram
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.identify.base_parameters import Unknown
+from sdt_drake.machine.identify.regressor import Bodies
 from sdt_drake.robot.robot import Robot
 from sdt_drake.robot.sdf import SYMMETRIC, body_of, pseudo_inertia, symmetric
 
 _LEAST = 1e-3  # of a motor's scale: rotors have inertia
+_TOOL = (0.05, 0.1)  # of the robot's mass, and of its reach: what a light link may carry
 _QUICK = 50.0  # rad/s², of a motor that turns nothing but itself; those of small joints are quicker
 
 
@@ -259,6 +261,19 @@ def motor_scale(robot: Robot) -> Array:
     shape (n,)."""
     given = robot.reflected_inertia
     return np.asarray(np.where(given > 0, given, robot.effort_limit / _QUICK))
+
+
+def rigid_scale(robot: Robot) -> Array:
+    """How large the parameters of links and motors are, in the order of `rigid_columns`, shape
+    (11 n,): by mass and radius of gyration about the joint's frame."""
+    bodies = Bodies.of(robot)
+    own, trace = bodies.parameters[:, 0], bodies.parameters[:, [4, 7, 9]].sum(axis=1) / 2
+    mass = np.maximum(own, _TOOL[0] * own.sum())
+    reach = np.linalg.norm(bodies.position, axis=1).sum()
+    gyration = np.maximum(trace / np.maximum(own, 1e-9), (_TOOL[1] * reach) ** 2)  # m²
+    # Of mass, first moments and inertias.
+    links = np.repeat(mass * gyration ** np.array([[0], [0.5], [1]]), [1, 3, 6], axis=0).T
+    return np.concatenate([links.ravel(), motor_scale(robot)])
 
 
 def _root(pseudo: Array) -> Array:

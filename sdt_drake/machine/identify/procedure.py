@@ -16,16 +16,15 @@ from sdt_drake.machine.identify.base_parameters import Unknown, rigid_parameters
 from sdt_drake.machine.identify.consistency import (
     Consistent,
     links_of,
-    motor_scale,
     nearest_consistent,
+    rigid_scale,
 )
 from sdt_drake.machine.identify.cutoff import CUTOFFS, Choice, chosen
 from sdt_drake.machine.identify.equations import Equations, equations
 from sdt_drake.machine.identify.estimation import Estimate, Prior, estimate
 from sdt_drake.machine.identify.filtering import FEWEST, HIGHEST, Stretch, spread, stretches
-from sdt_drake.machine.identify.regressor import Bodies
 from sdt_drake.machine.identify.suspicions import (
-    inconsistent,
+    standing_still,
     suspicious_torques,
     weakly_excited,
 )
@@ -41,7 +40,6 @@ compared."""
 
 _ALIKE, _NEARLY_ALL = 0.15, 0.9  # of the usual size of a state, and the share of states
 _ROWS = 4.0  # in a period of the cut-off
-_TOOL = (0.05, 0.1)  # of the robot's mass, and of its reach: what a light link may carry
 _BELIEF = 1.0  # standard deviation of a parameter over its scale, before anything is measured
 
 Parts = list[tuple[int, float, Stretch]]
@@ -144,12 +142,13 @@ def identify(
     predicted = eq.known + np.einsum("mkr,r->mk", eq.rigid, consistent.beta)
     predicted = predicted + found.friction_torque(eq, friction)
     before, after = (np.sqrt(np.diagonal(x)) for x in (np.linalg.inv(prior.precision), S[:r, :r]))
-    warnings = [
-        f"{x.path.name}: {found}"
-        for x in (*recordings, *validate)
-        for found in check_recording(robot, x)
-    ]
-    warnings += _suspicious_fit(robot, eq, found, predicted)
+    checked = [(x, one) for x in (*recordings, *validate) for one in check_recording(robot, x)]
+    warnings = [f"{x.path.name}: {one}" for x, one in checked]
+    least, rubs = found.torque(eq), found.friction_torque(eq, found.friction)
+    if not any(one.spoils for _, one in checked):
+        warnings += suspicious_torques(robot, eq, least, predicted, rubs, cutoff)
+    else:
+        warnings += standing_still(eq)
     warnings += weakly_excited(found.condition, before, after, unknown.base.words)
     return Identified(
         nominal=robot,
@@ -165,15 +164,6 @@ def identify(
         notes=(*notes, *_left_out(parts, few), *_speeds_in_words(parts, speeds), *_repeated(eq)),
         warnings=tuple(warnings),
     )
-
-
-def _suspicious_fit(
-    robot: Robot, eq: Equations, found: Estimate, predicted: Array
-) -> Iterator[str]:
-    """What looks wrong in torques; predicted: those of links that can be, shape (M, n)."""
-    least, rubs = found.torque(eq), found.friction_torque(eq, found.friction)
-    yield from suspicious_torques(robot, eq, least, rubs)
-    yield from inconsistent(eq, least, predicted)
 
 
 def _parts(
@@ -288,14 +278,7 @@ def _unknown(robot: Robot, only: str | None, payload: str) -> tuple[Unknown, lis
 def belief(robot: Robot, unknown: Unknown) -> Prior:
     """Prior of the base parameters: those of the file, good to the scale of what they are made
     of."""
-    bodies = Bodies.of(robot)
-    own, trace = bodies.parameters[:, 0], bodies.parameters[:, [4, 7, 9]].sum(axis=1) / 2
-    mass = np.maximum(own, _TOOL[0] * own.sum())
-    reach = np.linalg.norm(bodies.position, axis=1).sum()
-    gyration = np.maximum(trace / np.maximum(own, 1e-9), (_TOOL[1] * reach) ** 2)  # m²
-    # Of mass, first moments and inertias.
-    scale = np.repeat(mass * gyration ** np.array([[0], [0.5], [1]]), [1, 3, 6], axis=0).T
-    whole = _BELIEF * np.concatenate([scale.ravel(), motor_scale(robot)])
+    whole = _BELIEF * rigid_scale(robot)
     K = unknown.base.combination
     covariance = (K * whole[unknown.columns] ** 2) @ K.T
     mean = K @ rigid_parameters(robot)[unknown.columns]

@@ -71,7 +71,7 @@ class Bodies:
         return Bodies(tuple(names), *map(np.array, arrays))
 
 
-def regressor(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
+def regressor(robot: Robot, q: Array, v: Array, vd: Array, gravity: Array | None = None) -> Array:
     """Y of tau = Y phi: joint torques that rigid links need, **joint side**, without the motors.
 
     With phi = Bodies.of(robot).parameters.ravel(), Y phi is the total of `torque_groups` of a robot
@@ -80,6 +80,7 @@ def regressor(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
     Args:
         robot: gives axes, places and gravity; its masses have no say.
         q, v, vd: joint positions [rad], speeds [rad/s], accelerations [rad/s²], shape (N, n).
+        gravity: in the world [m/s²], shape (3,); by default that of the robot.
 
     Returns:
         Shape (N, n, 10 n): columns 10 k to 10 k + 9 are those of the body that joint k turns.
@@ -89,7 +90,8 @@ def regressor(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
     Y = np.zeros((samples, n, 10 * n))
     J = np.zeros((samples, n, 6))  # rows: twist of the body per joint speed, in the body's frame
     omega, alpha = np.zeros((2, samples, 3))
-    a = np.broadcast_to(-bodies.gravity, (samples, 3))  # of the frame's origin, less gravity
+    gravity = bodies.gravity if gravity is None else gravity
+    a = np.broadcast_to(-gravity, (samples, 3))  # of the frame's origin, less gravity
     for k in range(n):
         axis, p = bodies.axis[k], bodies.position[k]
         R = bodies.rotation[k] @ turned(axis, q[:, k])

@@ -7,83 +7,152 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from sdt_drake.io.arrays import Array, Mask
+from sdt_drake.io.arrays import Array
 from sdt_drake.io.shown import listed
+from sdt_drake.machine.identify.alternatives import Better, better_readings
+from sdt_drake.machine.identify.base_parameters import rigid_columns
 from sdt_drake.machine.identify.equations import Equations
+from sdt_drake.machine.identify.unexplained import delay_of, unexplained
+from sdt_drake.machine.identify.units import Unit, torque_unit
 from sdt_drake.robot.robot import Robot
 
-_UNEXPLAINED = 0.3  # of the torque: whatever moved, it was not this robot
-_UNITS = {"kN m": 1e3, "N mm": 1e-3}  # N m
-_UNIT_RATIO = 300.0  # of a gear; from there on it could be taken for a unit
-_AT_REVERSALS = 3.0  # times what is left elsewhere
-_AFTER = 0.15  # s, of a reversal
 _WORSE, _FEW = 1.15, 0.01  # times what base parameters leave, and of the torque: worth a word
+_FAR, _BY = 2.0, 0.05  # times what is left where it was fitted; more of a torque
+_MOST, _AS_WELL = 0.5, 0.12  # of the square of what is left
 _FELT = 0.1  # of a torque, that is friction
 _SURE = 0.5  # of what was believed before: less is no news
 _WEAK = 300.0  # condition number
 
 
 def suspicious_torques(
-    robot: Robot, eq: Equations, predicted: Array, friction: Array
+    robot: Robot,
+    eq: Equations,
+    predicted: Array,
+    consistent: Array,
+    friction: Array,
+    cutoff: float,
 ) -> Iterator[str]:
-    """What the torques say against the robot's file, and what a fit leaves, in sentences.
+    """What the torques say against the robot's file and the mapping, and what a fit leaves, in
+    sentences.
 
     Args:
         robot: of the file.
         eq: the equations.
         predicted: torque after the fit [N m], shape (M, n).
-        friction: what of it is friction, shape (M, n).
+        consistent: likewise, of links that can be.
+        friction: what of `predicted` is friction, shape (M, n).
+        cutoff: below which torques are compared [Hz].
     """
-    still = [k for k in range(robot.n) if eq.moves[:, k].mean() < 0.05]
-    for k in still:
-        yield f"joint {k + 1} stands still: nothing is said of its friction and its motor"
-    yield from _seen_on_one_side(eq, still)
-    slopes, alike = _against_nominal(eq)
+    yield from standing_still(eq)
+    unit, better = _misread(robot, eq)
+    if unit:
+        yield unit.text
+    if better:
+        yield _better_in_words(better)
     drives = _driving(eq, friction)
-    own = np.where((np.diagonal(alike) > 0.5) & (robot.gear_ratio < _UNIT_RATIO), slopes, 0.0)
-    in_units = {unit: (own * x > 1 / 3) & (own * x < 3) for unit, x in _UNITS.items()}
-    yield from (_in_unit(unit, found) for unit, found in in_units.items() if found.any())
-    for k in range(robot.n):
-        ratio, s = float(robot.gear_ratio[k]), float(slopes[k])
-        if any(found[k] for found in in_units.values()):
-            continue
-        if drives[k] < -_FELT or (alike[k, k] < -0.5 and drives[k] < 0):
-            against = "goes against the torque of the file, and " * bool(alike[k, k] < -0.5)
+    for k in range(robot.n) if not unit and not better else ():
+        if drives[k] < -_FELT:
             yield (
-                f"tau_{k + 1} {against}drives as no friction does: sign of tau_{k + 1} or of "
-                f"q_{k + 1} (direction in the mapping file)?"
+                f"tau_{k + 1} drives as no friction does: sign of tau_{k + 1} or of q_{k + 1} "
+                "(torque_factor or direction in the mapping file)?"
             )
-        elif ratio > 3 and alike[k, k] > 0.5 and 1 / 3 < s * ratio < 3:
+    if not unit and not better:
+        delay = delay_of(eq, cutoff)
+        if delay.is_told:
             yield (
-                f"tau_{k + 1} is {s:.3g} of the torque of the file, about 1 / {ratio:g}, the gear "
-                "ratio: is it that of the motor? (--side motor)"
+                f"torques are recorded late, or positions early, by {delay.words} (torque_delay: "
+                f"{delay.common:.4f} in the mapping file)"
             )
-        elif ratio > 3 and alike[k, k] > 0.5 and 1 / 3 < s / ratio < 3:
-            yield (
-                f"tau_{k + 1} is {s:.3g} times the torque of the file, about the gear ratio "
-                f"{ratio:g}: is it that of the joint? (--side joint)"
-            )
-        other = int(alike[k].argmax())
-        if other != k and alike[k, other] > max(0.9, alike[k, k] + 0.3) and other not in still:
-            yield (
-                f"tau_{k + 1} looks like the torque of joint {other + 1}: are the columns in the "
-                "order of the joints, base to tip?"
-            )
-    yield from _left_over(eq, predicted, still)
+        yield from unexplained(eq, delay)
+        yield from worse_held_out(robot, eq, predicted)
+        yield from inconsistent(eq, predicted, consistent)
 
 
-def _in_unit(unit: str, found: Mask) -> str:
-    """The sentence on joints whose torques seem to be in a unit of _UNITS, shape (n,)."""
-    names = listed([f"tau_{k + 1}" for k in np.flatnonzero(found)])
-    factors = ", ".join(f"{_UNITS[unit] if one else 1:g}" for one in found)
+def _misread(robot: Robot, eq: Equations) -> tuple[Unit | None, list[Better]]:
+    """The unit of the torques, and other readings of the columns that explain them better; a unit
+    without a name is none, where columns in another order make torques as they are."""
+    unit = torque_unit(robot, eq)
+    as_they_are = np.ones(robot.n)
+    if unit and not unit.is_exact:
+        better = better_readings(robot, eq, as_they_are, by_file=False)
+        if better:
+            return None, better
+    return unit, better_readings(robot, eq, unit.factor if unit else as_they_are)
+
+
+def _better_in_words(better: Sequence[Better]) -> str:
+    """The sentence on readings that explain the torques equally well."""
+    first = better[0]
+    k = int(
+        np.argmax(np.log(first.before / first.after) + np.log(first.any_before / first.any_after))
+    )
+    readings = "; or ".join(
+        one.reading.words
+        + (f" ({one.reading.write} in the mapping file)" if one.reading.write else "")
+        for one in better
+    )
+    file, any_ = (
+        f"{100 * before[k]:.0f} to {100 * after[k]:.0f} %"
+        for before, after in (
+            (first.before, first.after), (first.any_before, first.any_after))
+    )  # fmt: skip
     return (
-        f"{names}: about {1 / _UNITS[unit]:g} times the torque of the file: in {unit}? "
-        f"(torque_factor: [{factors}] in the mapping file)"
+        f"torques are explained by {readings}: of tau_{k + 1}, friction apart, links of the file "
+        f"leave {file}, any links {any_}"
     )
 
 
-def _seen_on_one_side(eq: Equations, still: Sequence[int]) -> Iterator[str]:
-    """Joints that move where others are fitted or judged by, but not they."""
+def worse_held_out(robot: Robot, eq: Equations, predicted: Array) -> Iterator[str]:
+    """Joints of which far more is left where the fit has seen nothing, and what would explain it:
+    another friction, or another payload."""
+    left = eq.tau - predicted
+    fitted, judged = (
+        np.array([np.std(left[rows & eq.moves[:, k], k]) if (rows & eq.moves[:, k]).sum() > 20
+                  else np.nan for k in range(eq.n)])
+        for rows in (eq.fit, ~eq.fit)
+    )  # fmt: skip
+    size = np.maximum(np.std(eq.tau, axis=0), 1e-300)
+    worse = np.flatnonzero((judged > _FAR * fitted) & (judged - fitted > _BY * size))
+    if not len(worse):
+        return
+    rows = np.flatnonzero(~eq.fit)
+    columns = rigid_columns(robot, eq.q[rows], eq.v[rows], eq.vd[rows])
+    payload = columns[:, :, 10 * (eq.n - 1) : 10 * eq.n]
+    own = eq.friction[rows]
+    weights = [eq.moves[rows, k] / max(judged[k], 1e-300) for k in worse]
+    wanted = np.concatenate([w * left[rows, k] for w, k in zip(weights, worse, strict=True)])
+    by_payload = np.concatenate(
+        [w[:, None] * payload[:, k] for w, k in zip(weights, worse, strict=True)]
+    )
+    shares = {
+        "another payload there": _explained(wanted, by_payload),
+        "another friction there, as of another temperature, or wear": float(
+            np.mean([_explained(w * left[rows, k], w[:, None] * own[:, k])
+                     for w, k in zip(weights, worse, strict=True)])
+        ),
+    }  # fmt: skip
+    why = max(shares, key=lambda name: shares[name])
+    told = " or ".join(name for name in shares if shares[name] > shares[why] - _AS_WELL)
+    joints = listed([f"{100 * judged[k] / size[k]:.0f} % of tau_{k + 1} is left, "
+                     f"{100 * fitted[k] / size[k]:.0f} % where it was fitted"
+                     for k in worse.tolist()])  # fmt: skip
+    explained = f": {told} explains {100 * shares[why]:.0f} % of it (of its square)"
+    other = ": drift, another motion than was fitted, or another payload"
+    yield f"held out {joints}" + (explained if shares[why] > _MOST else other)
+
+
+def _explained(wanted: Array, columns: Array) -> float:
+    """Share of a square that columns explain."""
+    found = np.linalg.lstsq(columns, wanted, rcond=1e-8)[0]
+    rest = wanted - columns @ found
+    return 1 - float(rest @ rest) / max(float(wanted @ wanted), 1e-300)
+
+
+def standing_still(eq: Equations) -> Iterator[str]:
+    """Joints that stand still, or do where others are fitted or judged by."""
+    still = [k for k in range(eq.n) if eq.moves[:, k].mean() < 0.05]
+    for k in still:
+        yield f"joint {k + 1} stands still: nothing is said of its friction and its motor"
     for k in range(eq.n):
         fitted, judged = (np.any(eq.moves[rows, k]) for rows in (eq.fit, ~eq.fit))
         if k not in still and not judged:
@@ -101,48 +170,6 @@ def _driving(eq: Equations, friction: Array) -> Array:
     rows = eq.moves & eq.fit[:, None]
     size = np.sqrt(np.sum(rows * eq.v**2, axis=0) * np.sum(rows * eq.tau**2, axis=0))
     return np.asarray(np.sum(rows * friction * eq.v, axis=0) / np.maximum(size, 1e-300))
-
-
-def _against_nominal(eq: Equations) -> tuple[Array, Array]:
-    """Slope of each measured torque over the file's, and how alike every pair is, shape (n, n);
-    what a constant and the sign of the speed say is taken out of both."""
-    measured, nominal = np.array(eq.tau), np.array(eq.nominal)
-    alike = np.zeros((eq.n, eq.n))
-    for j in range(eq.n):
-        known = np.column_stack([np.ones(len(eq.tau)), np.tanh(eq.v[:, j] / 0.02), eq.v[:, j]])
-        out = np.linalg.pinv(known)
-        own = measured[:, j] - known @ (out @ measured[:, j])
-        for k in range(eq.n):
-            other = nominal[:, k] - known @ (out @ nominal[:, k])
-            size = np.linalg.norm(own) * np.linalg.norm(other)
-            alike[j, k] = own @ other / size if size > 0 else 0.0
-    size = np.maximum(np.sum((nominal - nominal.mean(axis=0)) ** 2, axis=0), 1e-300)
-    slopes = np.sum((nominal - nominal.mean(axis=0)) * measured, axis=0) / size
-    return slopes, alike
-
-
-def _left_over(eq: Equations, predicted: Array, still: Sequence[int]) -> Iterator[str]:
-    left = eq.tau - predicted
-    for k in range(eq.n):
-        if k in still:
-            continue
-        rows = eq.moves[:, k]
-        share = float(np.std(left[rows, k]) / max(np.std(eq.tau[rows, k]), 1e-300))
-        turned = np.flatnonzero(np.diff(np.sign(eq.v[:, k])) != 0)
-        near = np.zeros(len(eq.time), dtype=bool)
-        for row in turned:
-            near |= (np.abs(eq.time - eq.time[row]) < _AFTER) & (eq.part == eq.part[row])
-        if share > _UNEXPLAINED:
-            told = f"{100 * share:.0f} % of its torque"
-            yield f"joint {k + 1}: {told} is no rigid link and no friction"
-        elif len(turned) > 4 and share > 0.02 and near.mean() < 0.5:
-            ratio = np.std(left[near, k]) / max(np.std(left[~near & rows, k]), 1e-300)
-            if ratio > _AT_REVERSALS:
-                yield (
-                    f"joint {k + 1}: what is left is {ratio:.1f} times as large within "
-                    f"{_AFTER:g} s of its reversals: play or springs in its gear, friction at "
-                    "rest, or torques that are recorded late (torque_delay in the mapping file)"
-                )
 
 
 def inconsistent(eq: Equations, least: Array, consistent: Array) -> Iterator[str]:

@@ -47,6 +47,11 @@ class Finding(NamedTuple):
     text: str
     write: str = ""
 
+    @property
+    def spoils(self) -> bool:
+        """Whether nothing else is to be concluded from the recording before it is mended."""
+        return self.kind in ("repeated", "frozen", "clipped", "degrees", "clock", "rounded")
+
     def __str__(self) -> str:
         told = f"{self.place}: {self.text}" if self.place else self.text
         return told + f" ({self.write} in the mapping file)" * bool(self.write)

@@ -1,0 +1,96 @@
+"""What is said of recordings that are read otherwise than they are; the truth is known."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import simulated_recordings as simulated
+
+sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+
+from bench_suspicions import EXPECTED, NEUTRAL, recording
+from dh import DATA, KUKA_KR300, UR10, needs_data
+
+from sdt_drake.machine.identify.procedure import identify
+from sdt_drake.machine.identify.unexplained import delay_of
+from sdt_drake.machine.recordings import Columns, read_recording
+from sdt_drake.robot.robot import load_robot
+
+CUTOFF = 6.0
+
+
+def said(robot, recorded):
+    """Suspicions of a recording."""
+    found = identify(robot, [recorded], cutoff=CUTOFF)
+    return [line for line in found.warnings if not any(words in line for words in NEUTRAL)]
+
+
+READ_OTHERWISE = {
+    "kilo": "torque_factor: [1000, 1000, 1000]",
+    "motor_side": "(--side motor)",
+    "amperes": "torque_factor turns it into N m",
+    "per_mille": "torque_factor is the rated torque",
+    "swapped": "tau: in the order [1, 3, 2]",
+    "reversed_order": "base to tip",
+    "torque_sign": "torque_factor: [",
+    "direction": "direction: [",
+    "zero": "position_offset: [0, ",
+    "wall": "gravity along [",
+    "tilt": "gravity along [",
+    "torque_late": "torque_delay: 0.01",
+    "torque_of_one_late": "a torque that is ",
+    "hysteresis": "joint 2: ",
+    "spring": "joint 2: ",
+    "drift": "temperature",
+}
+
+
+@pytest.mark.parametrize("fault", READ_OTHERWISE)
+def test_a_fault_is_named_with_what_to_write(fault):
+    robot, recorded = recording("arm3", fault, 4)
+    lines = [line for line in said(robot, recorded) if EXPECTED[fault] in line]
+    assert lines and READ_OTHERWISE[fault] in lines[0]
+
+
+def test_a_fault_is_named_on_six_joints():
+    (line,) = said(*recording("cobot", "ceiling", 3))
+    assert EXPECTED["ceiling"] in line and "links of the file leave " in line
+
+
+@pytest.mark.parametrize("name", ["sdt", "arm3"])
+def test_nothing_is_said_of_clean_recordings(name):
+    assert said(*recording(name, "", 30)) == []
+
+
+def test_a_delay_is_told_with_its_interval():
+    robot, recorded = recording("arm3", "torque_late", 1)
+    delay = delay_of(identify(robot, [recorded], cutoff=CUTOFF).equations, CUTOFF)
+    assert delay.common == pytest.approx(0.012, abs=2 * delay.error + 2e-4)
+    assert 0 < delay.error < 5e-4 and np.all(np.abs(delay.each - 0.012) < 5 * delay.errors)
+    robot, recorded = recording("arm3", "", 1)
+    clean = delay_of(identify(robot, [recorded], cutoff=CUTOFF).equations, CUTOFF)
+    assert abs(clean.common) < 5e-4 and not clean.is_told
+
+
+def test_another_payload_where_it_is_judged_is_told():
+    robot = simulated.file_robot("arm3")
+    first, other = (simulated.truth("arm3", seed).recorded for seed in (1, 6))
+    lines = identify(robot, [first], validate=[other], cutoff=CUTOFF).warnings
+    (line,) = [line for line in lines if line.startswith("held out ")]
+    assert "is left" in line and "where it was fitted" in line
+
+
+@needs_data
+def test_real_recordings_raise_no_false_suspicion(tmp_path):
+    robot = load_robot(UR10.write(tmp_path))
+    lines = said(robot, read_recording(DATA / "ur10/exciting.csv", robot))
+    assert not any("explained by" in line or "times the torque" in line for line in lines), lines
+    robot = load_robot(KUKA_KR300.write(tmp_path))
+    columns = Columns(q=["q_motor_{k}"], tau=["motor_torque_{k}"], side="motor", v=[])
+    for name in "AB":
+        path = DATA / f"kuka_kr300/recording_{name}.csv"
+        lines = said(robot, read_recording(path, robot, columns))
+        assert not any("explained by" in line or "times the torque" in line for line in lines)
