@@ -224,7 +224,8 @@ def _speeds_in_words(parts: Parts, used: bool) -> Iterator[str]:
 
 def _repeated(eq: Equations) -> Iterator[str]:
     """The sentence on a motion that is held out, where the fit has seen it all."""
-    states = np.concatenate([x / x.std(axis=0) for x in (eq.q, eq.v, eq.vd)], axis=1)
+    sizes = [np.maximum(x.std(axis=0), 1e-9) for x in (eq.q, eq.v, eq.vd)]  # a joint may stand
+    states = np.hstack([x / size for x, size in zip((eq.q, eq.v, eq.vd), sizes, strict=True)])
     away, _ = cKDTree(states[eq.fit]).query(states[~eq.fit])
     if np.mean(away < _ALIKE * np.sqrt(states.shape[1])) > _NEARLY_ALL:
         yield (
