@@ -29,12 +29,12 @@ NEUTRAL = (
 )  # fmt: skip
 """Warnings that blame no recording."""
 
-EXPECTED: dict[str, str] = {
+EXPECTED = {
     "jitter": "uneven sampling",
     "rounded": "times were rounded",
     "missing": "are missing",
     "repeated": "repeat the one before",
-    "held": "each sample stands for",
+    "held": "torque_delay: ",
     "frozen_q": "frozen",
     "frozen_tau": "frozen",
     "clipped": "clipped",
