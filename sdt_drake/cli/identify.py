@@ -42,7 +42,7 @@ def run(
         payload: link that --only means
         cutoff: compare torques below it [Hz] (default: as the same torque is predicted best)
         scenario: whose motion, drives and controller the written scenario has (default:
-            real_device for the shipped robot, else a PI controller on what was recorded)
+            real_device for the shipped robot, else the cascade of drives on what was recorded)
     """
     from sdt_drake.machine.identify.files import base_scenario
     from sdt_drake.machine.identify.model import identified_robot, plant_friction
@@ -73,5 +73,7 @@ def run(
     print_document_table(analysis.friction_table(found, files))
     for line in (*analysis.in_short(found), *analysis.friction_notes(found, files)):
         say(f"note: {line}")
-    say()
-    say(f"{analysis.write_identified(found, better, files, out, base)} written")
+    page, notes = analysis.write_identified(found, better, files, out, base)
+    for line in notes:
+        say(f"note: {line}")
+    say(f"\n{page} written")

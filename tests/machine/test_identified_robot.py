@@ -12,6 +12,7 @@ import pytest
 from known_truth import COULOMB_TRUE, VISCOUS_TRUE, changed, motion, recorded_of, true_robot
 
 from sdt_drake.machine.identify import model
+from sdt_drake.machine.identify.files import recorded_motion
 from sdt_drake.machine.identify.model import plant_friction
 from sdt_drake.machine.identify.procedure import identify
 from sdt_drake.machine.identify.suspicions import inconsistent
@@ -162,3 +163,25 @@ def test_masses_that_torques_tell_in_sums_alone_are_said_to_be(robot, found):
     assert of["payload"] == of["gondola"] == "measured in sums only"
     payload = identify(robot, [recorded_of(robot)], only="payload", cutoff=3.0)
     assert [row[3] for row in links_table(payload).rows] == ["measured"]
+
+
+def test_the_recorded_motion_is_as_slow_as_the_limits_ask_for(found, true):
+    inf = np.full(true.n, np.inf)
+    limits = {"velocity_limit": inf, "acceleration_limit": inf, "effort_limit": inf}
+    strong = replace(true, envelope=None, **limits)
+    motion, notes = recorded_motion(found, strong, 0.005)
+    assert notes == [] and motion.duration == pytest.approx(20, abs=0.1)
+    few = replace(strong, velocity_limit=0.5 * np.abs(motion.v).max(axis=0))
+    slow, (said,) = recorded_motion(found, few, 0.005)
+    assert re.match(r"motion.csv: what was recorded, 2\.\d* times slower", said)
+    assert np.all(np.abs(slow.v).max(axis=0) < few.velocity_limit)
+    np.testing.assert_allclose(slow.q[-1], motion.q[-1], atol=0.01)
+    tau, still = (inverse_dynamics(true, motion.q, k * motion.v, k * motion.vd) for k in (1, 0))
+    standing = np.abs(still).max(axis=0)
+    weak = replace(strong, effort_limit=standing + 0.4 * (np.abs(tau).max(axis=0) - standing))
+    slow, (said,) = recorded_motion(found, weak, 0.005)
+    assert "times slower" in said and slow.duration > motion.duration
+    tau = inverse_dynamics(true, slow.q, slow.v, slow.vd)
+    assert np.all(np.abs(tau).max(axis=0) < weak.effort_limit)
+    _, said = recorded_motion(found, replace(strong, effort_limit=0.5 * standing), 0.005)
+    assert "joint 2 'roll' needs" in " ".join(said) and "until <effort> is raised" in said[0]

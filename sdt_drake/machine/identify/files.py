@@ -7,20 +7,24 @@ from pathlib import Path
 
 import numpy as np
 
+from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import write_text
 from sdt_drake.io.tables import write_table
 from sdt_drake.io.yaml_files import write_yaml
-from sdt_drake.machine.identify.filtering import smooth, stretches
+from sdt_drake.machine.identify.filtering import ABOVE, Smooth, smooth, stretches
 from sdt_drake.machine.identify.model import PlantFriction, directions, save_robot
 from sdt_drake.machine.identify.procedure import Identified
 from sdt_drake.motion import Motion
 from sdt_drake.motion.trajectory import interpolated
 from sdt_drake.robot.deviation import Deviation
+from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import DEFAULT_ROBOT, Robot, load_robot
-from sdt_drake.run.scenario import Scenario, load_scenario, save_scenario
+from sdt_drake.run.scenario import ControllerChoice, Scenario, load_scenario, save_scenario
 
 _OWN = "real_device"  # the shipped device's scenario with what a real one has
+_MARGIN = 0.9  # of limits, and of the torque that gravity leaves, that a motion may take
+_MOST = 0.98  # of the largest torque, that a motor may need to stand
 _OMEGA_R = 60.0  # rad/s, lowest natural frequency of robots of which nobody says one; assumed
 
 FILES = (
@@ -36,7 +40,7 @@ def base_scenario(robot: Robot, base: str | None = None) -> Scenario:
     Args:
         robot: that recordings are of.
         base: name or file of a scenario of that robot; by default one that ships, or, for other
-            robots than the shipped one, a PI controller without a motion.
+            robots than the shipped one, the cascade of drives with feedforward, without a motion.
 
     Raises:
         InputError: for a bad scenario, or one of a robot with other joints.
@@ -53,13 +57,15 @@ def base_scenario(robot: Robot, base: str | None = None) -> Scenario:
             )
         return scenario
     scenario = Scenario(motion="")
-    scenario.controller.omega_r = _OMEGA_R
+    scenario.controller = ControllerChoice(
+        kind="p_pi", omega_r=_OMEGA_R, feedforward="id", friction_compensation=True
+    )
     return scenario
 
 
 def write_files(
     found: Identified, robot: Robot, friction: PlantFriction, scenario: Scenario, folder: Path
-) -> None:
+) -> list[str]:
     """Write the identified robot, and a scenario and a study that use it, into a folder.
 
     Args:
@@ -68,28 +74,68 @@ def write_files(
         friction: of it.
         scenario: `base_scenario`; without a motion it gets the recorded one.
         folder: to write to; it exists.
+
+    Returns:
+        What was done to the motion, in sentences.
     """
-    scenario = copy.deepcopy(scenario)
+    scenario, notes = copy.deepcopy(scenario), list[str]()
     save_robot(found, folder / "robot.sdf")
     scenario.robot = "robot.sdf"
     if not scenario.motion:
         scenario.motion = "motion.csv"
-        recorded_motion(found, scenario.period).to_csv(folder / scenario.motion)
+        motion, notes = recorded_motion(found, robot, scenario.period)
+        motion.to_csv(folder / scenario.motion)
     write_yaml(folder / "friction.yaml", friction.friction)
     scenario.name, scenario.plant.kind = "identified", "coupled"
     scenario.plant.friction = friction.friction
     scenario.plant.deviation = scenario.controller.model = Deviation()
     save_scenario(scenario, folder / "scenario.yaml")
     _write_study(found, robot, friction, scenario, folder)
+    return notes
 
 
-def recorded_motion(found: Identified, period: float) -> Motion:
-    """The longest stretch of the first recording as a motion at `period` [s]."""
+def recorded_motion(found: Identified, robot: Robot, period: float) -> tuple[Motion, list[str]]:
+    """The longest stretch of the first recording as a motion at `period` [s], as smooth as torques
+    were compared and as slow as the limits of the robot ask for; and what was done, in words."""
     longest = max(stretches(found.recordings[0])[0], key=lambda part: len(part.q) * part.period)
-    motion = smooth(longest, found.cutoff)
-    time = np.arange(motion.time[0], motion.time[-1], period)
-    v = interpolated(time, motion.time, motion.v)
-    return Motion.from_speeds(period, motion.q[0], v)
+    recorded = smooth(longest, found.cutoff / ABOVE)
+    slower, standing = _slower(robot, recorded)
+    stuck = standing > _MOST * robot.effort_limit
+    notes = [
+        f"motion.csv: {robot.joint(k)} needs {standing[k]:.4g} N m to stand where it was recorded, "
+        f"nearly or more than the {robot.effort_limit[k]:.4g} N m of the robot's file: simulate "
+        "refuses it until <effort> is raised"
+        for k in np.flatnonzero(stuck).tolist()
+    ]
+    if notes:
+        slower = 1.0
+    elif slower > 1:
+        notes = [
+            f"motion.csv: what was recorded, {slower:.3g} times slower: limits of the robot's file "
+            "allow no more"
+        ]
+    time = np.arange(recorded.time[0], recorded.time[-1], period / slower)
+    v = interpolated(time, recorded.time, recorded.v) / slower
+    return Motion.from_speeds(period, recorded.q[0], v), notes
+
+
+def _slower(robot: Robot, motion: Smooth) -> tuple[float, Array]:
+    """How many times slower a motion has to be for the robot's limits, and the largest torque at
+    standstill in its poses, joint side [N m], shape (n,).
+
+    Slowed down by s, speeds are v / s, and torques are those at standstill and 1 / s² of the rest.
+    """
+    rest = np.zeros_like(motion.q)
+    standing = inverse_dynamics(robot, motion.q, rest, rest)
+    moving = inverse_dynamics(robot, motion.q, motion.v, motion.vd) - standing
+    left = robot.effort_limit - np.sign(moving) * standing
+    uses = [
+        (np.abs(motion.v) / robot.top_speed) ** 2,
+        np.abs(motion.vd) / robot.acceleration_limit,
+        np.abs(moving) / np.maximum(left, 1e-9),
+    ]
+    slower = float(np.sqrt(np.max(uses) / _MARGIN))
+    return max(1.0, slower), np.abs(standing).max(axis=0)
 
 
 def _write_study(

@@ -29,7 +29,7 @@ _SHORTEST, FEWEST = 1.0, 10 * _ORDER  # s and samples, of what is worth filterin
 _WORKING_RATE = 200.0  # Hz, of what is computed from positions; machines of this kind move slower
 _BEYOND = 2.0  # periods of the cut-off, of what a filter makes up beyond the ends
 _WINDOWS, _PERIODS = 20, 50  # of a long recording, at most; of the cut-off in each, at least
-_ABOVE = 4.0  # cut-off of positions over that of torques; see `Smooth`
+ABOVE = 4.0  # cut-off of positions over that of torques; see `Smooth`
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +220,7 @@ def amplitude_left(frequency: Array, cutoff: float) -> Array:
 
 def smooth(stretch: Stretch, cutoff: float) -> Smooth:
     """Motion and torque of a stretch, for torques that are compared below `cutoff` [Hz]."""
-    every = max(1, int(1 / (stretch.period * max(_WORKING_RATE, 3 * _ABOVE * cutoff))))
+    every = max(1, int(1 / (stretch.period * max(_WORKING_RATE, 3 * ABOVE * cutoff))))
     time: Array = stretch.start + stretch.period * np.arange(len(stretch.q), dtype=float)
     spline = _spline(time, stretch.q, stretch, cutoff)
     speed = spline.derivative() if stretch.v is None else _spline(time, stretch.v, stretch, cutoff)
@@ -241,7 +241,7 @@ def smooth(stretch: Stretch, cutoff: float) -> Smooth:
 
 
 def _spline(time: Array, x: Array, stretch: Stretch, cutoff: float) -> BSpline:
-    return make_interp_spline(time, zero_phase_low_pass(x, _ABOVE * cutoff, stretch.period), k=5)
+    return make_interp_spline(time, zero_phase_low_pass(x, ABOVE * cutoff, stretch.period), k=5)
 
 
 def compared(count: int, cutoff: float, period: float) -> slice:

@@ -267,7 +267,7 @@ FILES = (*identified_files.FILES, *_OWN_FILES)
 
 def write_identified(
     found: Identified, robot: Robot, friction: PlantFriction, folder: Path, scenario: Scenario
-) -> Path:
+) -> tuple[Path, list[str]]:
     """Write the files and the report of an identification into a folder, all or none.
 
     Args:
@@ -275,25 +275,29 @@ def write_identified(
         robot: the identified one.
         friction: of it.
         folder: to write to.
-        base: see `identified_files.base_scenario`.
+        scenario: see `identified_files.base_scenario`.
 
     Returns:
-        The path of the report.
+        The path of the report, and what was done to the recorded motion, in sentences.
 
     Raises:
         InputError: if a file cannot be written.
     """
     with replacing_files(folder) as new:
-        identified_files.write_files(found, robot, friction, scenario, new)
+        notes = identified_files.write_files(found, robot, friction, scenario, new)
         write_csv(new / "parameters.csv", Parameter._fields, parameters(found, robot))
-        write_identification_report(found, robot, friction, new)
-    return folder / doc.REPORT
+        write_identification_report(found, robot, friction, new, notes)
+    return folder / doc.REPORT, notes
 
 
 def write_identification_report(
-    found: Identified, robot: Robot, files: PlantFriction, folder: Path
+    found: Identified,
+    robot: Robot,
+    files: PlantFriction,
+    folder: Path,
+    notes: Sequence[str] = (),
 ) -> Path:
-    """Write figures and report into a folder; the path of the page."""
+    """Write figures and report into a folder; the path of the page; notes: of files beside it."""
     save_both(torques_figure(found), folder / "torques")
     save_both(residuals_figure(found, files), folder / "residuals")
     base, links = _details(parameters(found, robot))
@@ -301,7 +305,7 @@ def write_identification_report(
         "identified.md.j2",
         robot=found.nominal.name,
         result=result(found),
-        in_short=in_short(found),
+        in_short=[*in_short(found), *notes],
         errors=errors_table(found, robot),
         warnings=found.warnings,
         friction=friction_table(found, files),
