@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
-from sdt_drake.cli.common import Changes, Target, Trust, Whole, number, one_of
+from sdt_drake.cli.common import Changes, Out, Target, Trust, Whole, number, one_of
 from sdt_drake.cli.printing import print_table, say
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import numbered
@@ -22,14 +22,16 @@ def run(
     motion: Annotated[str, one_of("scenario", "motion", name="SCENARIO|MOTION")] = common.MOTION,
     /,
     *,
-    drive: Annotated[str, one_of("drives")],
+    drive: Annotated[str | None, one_of("drives")] = None,
     out: Target = Path("exported"),
+    fmu: Out = None,
+    fmu_input: Literal["torque", "reference"] = "torque",
     scenario: Annotated[str | None, one_of("scenario")] = None,
     cam_points: Annotated[Whole, number(gte=2)] = 1000,
     changes: Changes = (),
     trust: Trust = False,
 ) -> None:
-    """Write a motion as the files that drives and robot controllers read.
+    """Write a motion as the files that drives and robot controllers read, or a loop as an FMU.
 
     example: sdt-drake export graveyard_spin --drive drives --out exported
 
@@ -37,6 +39,9 @@ def run(
         motion: a scenario, or a motion: name of one that ships, or file
         drive: encoders, signs, rated torques, units, cycle of the drives; `drives` is an example
         out: folder for the files
+        fmu: instead, the loop of a SCENARIO as an FMU (FMI 2, .fmu) for other simulators, which
+            need a Python with sdt_drake
+        fmu_input: what the FMU gets: torques, or the reference (then with inverse_dynamics: online)
         scenario: of a motion: its robot, its planner, and the loop that is fed with what the
             files hold (default: training: the shipped device, position loops, torque feedforward)
         cam_points: most points of the cam table
@@ -45,6 +50,11 @@ def run(
     from sdt_drake.run.design import make_design
     from sdt_drake.run.scenario import load_scenario
 
+    if fmu is not None:
+        common.refuse("not with --fmu", drive=drive, scenario=scenario)
+        return _write_fmu(motion, changes, fmu, fmu_input)
+    if drive is None:
+        raise InputError("--drive: missing, expected a file of drives, or --fmu")
     common.check_folder(out, FILES)
     source, changed = motion, dict(changes)
     if not common.is_scenario(source):
@@ -73,6 +83,19 @@ def run(
             "loop is fed without the torques of the files"
         )
     _print_read_back(design, fed, cam_points)
+
+
+def _write_fmu(scenario: str, changes: Changes, path: Path, inputs: str) -> None:
+    from sdt_drake.machine.fmu import write_fmu
+
+    common.check_file(path, (".fmu",))
+    design = common.design_of(scenario, changes)
+    write_fmu(design, path, inputs)
+    say(f"{path} written: the loop of {scenario}, {inputs} from outside")
+    say(
+        f"It starts at rest, steps in whole periods of {1e3 * design.reference.period:g} ms, and "
+        "needs a Python with sdt_drake."
+    )
 
 
 def _print_read_back(design: Design, fed: Sequence[Fed], cam_points: int) -> None:

@@ -1,0 +1,177 @@
+"""A loop as an FMU runs it: the script of each FMU derives its class from `LoopSlave`."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from operator import itemgetter, setitem
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pythonfmu import DefaultExperiment, Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+from pythonfmu.enums import Fmi2Status
+
+from sdt_drake import __version__
+from sdt_drake.io.arrays import Array
+from sdt_drake.io.errors import InputError, whole_periods
+from sdt_drake.machine.fmu import ABOUT, SCENARIO, open_loop
+from sdt_drake.robot.head import has_head, head_motion
+from sdt_drake.run.design import make_design
+from sdt_drake.run.scenario import load_scenario
+from sdt_drake.run.simulate import make_simulator
+
+_INPUTS = {"torque": ("tau_cmd",), "reference": ("q_ref", "v_ref", "vd_ref")}
+
+_MEANINGS = {
+    "payload_mass": "beside that of the robot file [kg]",
+    "viscous_friction": "joint side [N m s/rad]",
+    "coulomb_friction": "joint side [N m]",
+    "q_start": "angle at the start, at rest; joint side [rad]",
+    "tau_cmd": "torque asked of the drive, motor side [N m]",
+    "q_ref": "reference angle, joint side [rad]",
+    "v_ref": "reference speed, joint side [rad/s]",
+    "vd_ref": "reference acceleration, joint side [rad/s²]",
+    "q": "measured angle, joint side [rad]",
+    "v": "measured speed, joint side [rad/s]",
+    "tau": "torque that the drive gives, motor side [N m]",
+    "specific_force": "a - g at the head, x forward, y left, z up [m/s²]",
+    "angular_rate": "of the head, about the same axes [rad/s]",
+}
+
+
+class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # it has no types
+    """A loop on the coupled plant whose reference or torque comes from outside.
+
+    It steps in whole periods of the scenario, from time 0 on, and starts at rest. Vectors are
+    variables for each joint, `q[1]`; joint side but for torques, which are of the motors.
+    """
+
+    def __init__(self, **instance: Any) -> None:
+        super().__init__(**instance)
+        folder = Path(self.resources)
+        about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+        if about["version"] != __version__:
+            raise InputError(
+                f"sdt_drake {__version__}, expected {about['version']}, as it was made"
+            )
+        self._given = about["inputs"]
+        self._problem = ""
+        self._scenario = load_scenario(folder / SCENARIO)
+        self._design = design = make_design(self._scenario)
+        self._names, n = _INPUTS[self._given], design.robot.n
+        name = "".join(c if c.isalnum() else "_" for c in design.scenario.name)
+        self.modelName = f"sdt_{name}"
+        self.description = f"{design.scenario.name}: the loop of sdt_drake {__version__}"
+        self.default_experiment = DefaultExperiment(0.0, design.motion.duration, self._period)
+
+        first, friction = design.motion.q[0], self._scenario.plant.friction
+        self._parameters = {
+            "payload_mass": np.array([self._scenario.plant.deviation.payload_mass]),
+            "viscous_friction": np.array(friction.viscous or np.zeros(n)),
+            "coulomb_friction": np.array(friction.coulomb or np.zeros(n)),
+            "q_start": np.array(first),
+        }
+        start = {"q_ref": first, "v_ref": np.zeros(n), "vd_ref": np.zeros(n)}
+        self._inputs = {name: np.array(start.get(name, np.zeros(n))) for name in self._names}
+        self._outputs = {name: np.zeros(n) for name in ("q", "v", "tau")}
+        if has_head(design.robot):
+            self._outputs |= {"specific_force": np.zeros(3), "angular_rate": np.zeros(3)}
+        fixed = {"causality": Fmi2Causality.parameter, "variability": Fmi2Variability.fixed}
+        self._register(self._parameters, **fixed)
+        self._register(self._inputs, causality=Fmi2Causality.input)
+        self._register(self._outputs, causality=Fmi2Causality.output)
+
+    def _register(self, vectors: dict[str, Array], **kind: Any) -> None:
+        for name, values in vectors.items():
+            for k in range(len(values)):
+                self.register_variable(
+                    Real(
+                        f"{name}[{k + 1}]" if len(values) > 1 else name,
+                        getter=partial(itemgetter(k), values),
+                        setter=partial(setitem, values, k),
+                        description=_MEANINGS[name],
+                        **kind,
+                    ),
+                    nested=False,
+                )
+
+    @property
+    def _period(self) -> float:
+        return self._design.reference.period
+
+    # --- what the other simulator calls ----------------------------------------------------------
+
+    def setup_experiment(self, start: float, stop: float | None, tolerance: float | None) -> None:
+        if start != 0:
+            self._refuse(f"start time {start:g} s, expected 0: a run starts with its motion")
+
+    def exit_initialization_mode(self) -> None:
+        try:
+            self._check_finite(self._parameters | self._inputs)
+            self._begin()
+        except InputError as error:
+            self._refuse(f"{error}")
+
+    def _refuse(self, problem: str) -> None:
+        """Log why no step will be done: an error here would end the process of some tools."""
+        self._problem = problem
+        self.log(problem, Fmi2Status.error)
+
+    def _begin(self) -> None:
+        plant = self._scenario.plant
+        plant.deviation.payload_mass = float(self._parameters["payload_mass"][0])
+        for name in ("viscous", "coulomb"):
+            values = self._parameters[f"{name}_friction"]
+            if values.any():
+                setattr(plant.friction, name, values.tolist())
+        design = make_design(self._scenario, motion=self._design.wanted)
+        self._loop = open_loop(design, self._given)
+        self._simulator = make_simulator(
+            self._loop, period=self._period, accuracy=design.scenario.accuracy
+        )
+        self._context = self._simulator.get_mutable_context()
+        self._feed()
+        self._loop.rest(self._context, q=self._parameters["q_start"])
+        self._simulator.Initialize()
+        self._done = 0  # periods
+        self._read()
+
+    def do_step(self, current_time: float, step_size: float) -> bool:
+        try:
+            if self._problem:
+                raise InputError(self._problem)
+            periods = whole_periods(step_size, self._period, "step size")
+            self._check_finite(self._inputs)
+        except InputError as error:
+            self.log(f"{error}", Fmi2Status.error)
+            return False
+        self._feed()
+        self._done += periods
+        self._simulator.AdvanceTo(self._done * self._period)  # as its samples have it, to the bit
+        self._read()
+        return True
+
+    def _check_finite(self, vectors: dict[str, Array]) -> None:
+        for name, values in vectors.items():
+            if not np.isfinite(values).all():
+                raise InputError(f"{values.tolist()}, expected finite numbers", place=name)
+
+    def _feed(self) -> None:
+        port = self._loop.GetInputPort("tau_cmd" if len(self._names) == 1 else "reference")
+        port.FixValue(self._context, np.concatenate([self._inputs[x] for x in self._names]))
+
+    def _signal(self, name: str) -> Array:
+        return np.array(self._loop.GetOutputPort(name).Eval(self._context))
+
+    def _read(self) -> None:
+        n, outputs = self._design.robot.n, self._outputs
+        outputs["q"][:], outputs["v"][:] = np.split(self._signal("measured"), 2)
+        outputs["tau"][:] = self._signal("tau")
+        if "specific_force" not in outputs:
+            return
+        q, v = np.split(self._signal("state"), 2)
+        rates = self._loop.EvalTimeDerivatives(self._context).CopyToVector()
+        head = head_motion(self._loop.design.robot, *(x[None] for x in (q, v, rates[n : 2 * n])))
+        outputs["specific_force"][:] = head.specific_force[0]
+        outputs["angular_rate"][:] = head.angular_velocity[0]
