@@ -11,6 +11,7 @@ from pathlib import Path
 from sdt_drake.io.errors import InputError, checked_choice, needing
 from sdt_drake.io.files import replacing, write_text
 from sdt_drake.io.resources import PACKAGE_PREFIX, find_file
+from sdt_drake.io.versions import versions
 from sdt_drake.io.yaml_files import yaml_text
 from sdt_drake.run.design import Design
 from sdt_drake.run.loop import EXTERNAL, Loop
@@ -47,8 +48,6 @@ def write_fmu(design: Design, path: Path, inputs: str = "torque") -> None:
         InputError: if the loop cannot be closed from outside, has a controller of a file, or the
             file cannot be written.
     """
-    from sdt_drake import __version__
-
     checked_choice(inputs, FMU_INPUTS, "inputs")
     if design.scenario.controller.file:
         raise InputError(
@@ -61,7 +60,7 @@ def write_fmu(design: Design, path: Path, inputs: str = "torque") -> None:
     with tempfile.TemporaryDirectory() as temporary, replacing(path) as partial:
         folder = Path(temporary)
         slave = write_text(folder / "sdt_drake_loop.py", _SLAVE)
-        about = {"inputs": inputs, "version": __version__}
+        about = {"inputs": inputs, "version": versions()["package"]}
         write_text(folder / ABOUT, json.dumps(about))
         files = [folder / ABOUT, *_with_files(design.scenario, folder)]
         built = FmuBuilder.build_FMU(slave, folder / "out", files)
