@@ -22,6 +22,7 @@ def run(
         list[str] | None, Parameter(metavar="[LINK]", consume_multiple=(0, 1))
     ] = None,
     margin: Annotated[float | None, number(gt=0, lte=1)] = None,
+    acceleration: Annotated[list[float] | None, Parameter(consume_multiple=True)] = None,
     noise: Annotated[float | None, number(gt=0, lte=1)] = None,
     out: Out = None,
 ) -> None:
@@ -35,6 +36,8 @@ def run(
             'payload')
         margin: share of the limits of position, speed, acceleration and torque that may be taken
             (default: 0.8)
+        acceleration: largest ones of the joints [rad/s²] (default: those of the file, else what
+            the motors give)
         noise: standard deviation of the torques, over the largest torque of each joint
             (default: 0.01)
         out: motion file (.yaml)
@@ -42,6 +45,7 @@ def run(
     from sdt_drake.analysis.metrics import PARAMETERS_IN_WORDS
     from sdt_drake.io.shown import formatted
     from sdt_drake.machine.identify.excitation import GENTLY, MARGIN, RATE, excite
+    from sdt_drake.machine.identify.limits import assumed
     from sdt_drake.machine.identify.targets import NOISE, Target
     from sdt_drake.motion import INTERPOLATION_PERIOD
 
@@ -54,11 +58,15 @@ def run(
     target = Target.everything(model, noise)
     if payload is not None:
         target, gently = Target.payload(model, (payload or ["payload"])[0], noise), GENTLY
-    found = excite(target, duration, margin=margin, gently=gently)
+    found = excite(target, duration, margin=margin, gently=gently, acceleration=acceleration)
     say(
         f"{model.name}: {duration:g} s in harmonics of {found.base_frequency:g} Hz, "
         f"condition number {found.condition:.3g}"
     )
+    if found.fitted < duration:
+        say(f"from {found.fitted:g} s on another motion, which `identify` holds out to judge by")
+    for line in assumed(model, acceleration):
+        say(f"assumed: {line}")
     columns = [(f"{name} [%]", ".1f", 100 * use) for name, use in found.used.items()]
     print_joints(model.joint_names, columns)
     say("of the limits; what the arm may hit, and people in it, are not known here")
@@ -68,8 +76,8 @@ def run(
         known = formatted(0.0 if abs(value) < 1e-9 else value, ".5g")
         say(f"{sigma:12.3g}{known:>14}  {name}")
     say(
-        f"standard deviations to be expected of a recording at {RATE:g} Hz with a noise of "
-        f"{100 * noise:g} % of each joint's largest torque"
+        f"standard deviations to be expected of the first {found.fitted:g} s at {RATE:g} Hz, with "
+        f"a noise of {100 * noise:g} % of each joint's largest torque"
     )
     say(PARAMETERS_IN_WORDS)
     if out is not None:

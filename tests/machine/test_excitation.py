@@ -6,6 +6,7 @@ from command_line import ARM
 
 from sdt_drake.cli.app import main
 from sdt_drake.machine.identify.excitation import _SEARCH, GENTLY, RATE, excite
+from sdt_drake.machine.identify.limits import Limits, assumed
 from sdt_drake.machine.identify.targets import Target
 from sdt_drake.motion import Motion, load_plan, plan_motion
 from sdt_drake.motion.command import command_of
@@ -44,18 +45,23 @@ def test_the_planner_takes_it_as_it_is_and_it_uses_what_it_may(arm, excitation):
     assert np.abs(motion.v[[0, -1]]).max() < 1e-9
     assert np.abs(motion.vd[0]).max() < 0.05 * np.abs(motion.vd).max()
     again = round(1 / excitation.base_frequency / motion.period)
-    assert motion.v[again:] == pytest.approx(motion.v[:-again], abs=1e-6)
+    fitted, judged = np.split(motion.v, [round(excitation.fitted / motion.period)])
+    assert fitted[again:] == pytest.approx(fitted[:-again], abs=1e-6)
+    # What comes then is another motion from the same place, within the same limits.
+    assert len(judged) == again + 1 and np.abs(judged - motion.v[: again + 1]).max() > 0.5
+    assert motion.q[-1] == pytest.approx(motion.q[0], abs=1e-6)
+    assert np.abs(judged).max() > 0.5 * np.abs(fitted).max()
     assert np.abs(motion.v).max(axis=0) == pytest.approx(5 * excitation.used["speed"], rel=1e-3)
     first, second = excitation.used["acceleration"]
-    assert 0 < first <= 0.8 + 1e-6 and np.isnan(second)
-    assert 0.7 < max(np.nanmax(share) for share in excitation.used.values()) <= 0.8 + 1e-6
+    assert 0 < first <= 0.8 + 1e-6 and 0 < second <= 0.8 + 1e-6
+    assert 0.7 < max(share.max() for share in excitation.used.values()) <= 0.8 + 1e-6
 
 
 def test_the_standard_deviations_are_those_of_fits_to_noise(arm, excitation):
     """Of 300 recordings with torques of noise alone, solved by numpy."""
     motion, target = planned(excitation), excitation.target
     every = round(1 / RATE / motion.period)
-    samples = slice(0, -1, every)
+    samples = slice(0, round(excitation.fitted / motion.period), every)
     # `rows` are checked against Drake where the regressor is; the noise is put back.
     columns, _ = target.rows(motion.q[samples], motion.v[samples], motion.vd[samples])
     X = columns.reshape(-1, columns.shape[2])
@@ -100,6 +106,23 @@ def test_a_payload_is_excited_gently(arm, tmp_path, capsys):
     plan = load_plan(out, arm, period=0.005)
     assert not plan.limited.any()
     assert np.abs(plan.motion.v).max() <= 0.8 * GENTLY * 5 + 1e-6
+
+
+def test_what_a_file_does_not_limit_is_assumed_and_told(arm, capsys):
+    """Of the second joint: what its motor gives the least inertia about it."""
+    accelerations, *_ = assumed(arm)
+    highest = Limits.of(arm, 1.0).acceleration
+    plant = arm.plant
+    M = plant.CalcMassMatrix(plant.CreateDefaultContext())
+    assert highest == pytest.approx([50, arm.effort_limit[1] / M[1, 1]])
+    assert f"limited to 50, {highest[1]:.3g} rad/s²" in accelerations
+    assert Limits.of(arm, 0.5, acceleration=[8, 4]).acceleration == pytest.approx([4, 2])
+    options = ["--acceleration", "8", "4", "--duration", "5"]
+    assert main(["excite", str(arm.path), *options]) == 0
+    said = capsys.readouterr().out
+    assert "accelerations are limited" not in said and "from " not in said.split("\n")[1]
+    assert main(["excite", str(arm.path), "--acceleration", "8"]) == 2
+    assert "acceleration: [8.0], expected a list of 2 finite" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -17,17 +17,20 @@ from pathlib import Path
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError
+from sdt_drake.io.errors import InputError, checked_positive
 from sdt_drake.io.files import write_text
 from sdt_drake.io.progress import work
-from sdt_drake.machine.identify.targets import ANY_SPEED, Target
-from sdt_drake.motion.profile import MotionProfile
+from sdt_drake.machine.identify.limits import Limits
+from sdt_drake.machine.identify.targets import Target
+from sdt_drake.motion.profile import MotionProfile, Track
 from sdt_drake.motion.segments import Fourier
-from sdt_drake.robot.robot import Robot
 
 MARGIN, GENTLY = 0.8, 0.3
 """Share of speed, acceleration, torque and range that a motion may take: of all, and where it is
 for the payload alone, of speeds and accelerations."""
+
+HELD_OUT = 1 / 3
+"""Share of the periods that are another motion."""
 
 RATE = 200.0  # samples that are recorded in a second [Hz]
 
@@ -40,6 +43,7 @@ _STEP = 1e-6  # of a coefficient, for the gradient
 _STRICTNESS, _STRICTER = 100.0, 10.0  # of the penalty of a sample; times as much at the end
 _SOFT = 0.95  # of the limits, from where on a penalty grows
 _FIRST_ROUNDS, _SHRINKINGS = 12, 50
+_OTHERS, _HALVINGS, _SAFE = 8, 10, 0.98  # motions to judge by: how many are tried, and how large
 _SEARCH = {True: (6, 100, _FINER), False: (2, 50, 1)}
 """Of up to four joints, and of more, whose rounds take longer: how many starts are tried of each
 base period, rounds of the best one, and how much finer its samples are."""
@@ -85,80 +89,37 @@ class Series:
         parts = ((one, q), (none, v), (none, vd))
         return tuple(np.hstack([middle, x @ self.rest]) for middle, x in parts)  # type: ignore
 
-    def profile(self, coefficients: Array, duration: float, name: str) -> MotionProfile:
-        """The motion profile of coefficients of shape (n, size), as a motion file has it."""
-        series = coefficients[:, 1:] @ self.rest.T
-        joints = [
-            Fourier(period=self.period, sine=sine.tolist(), cosine=cosine.tolist(), end=duration)
-            for sine, cosine in zip(series[:, :_HARMONICS], series[:, _HARMONICS:], strict=True)
-        ]
-        start = coefficients[:, 0] + series[:, _HARMONICS:].sum(axis=1)
-        return MotionProfile(name=name, duration=duration, q0=start.tolist(), joints=list(joints))
+    def segment(self, coefficients: Array, lasts: float) -> Fourier:
+        """A joint's motion over some time [s], a multiple of the period, of its coefficients, shape
+        (size,)."""
+        sine, cosine = np.split(coefficients[1:] @ self.rest.T, 2)
+        return Fourier(period=self.period, sine=sine.tolist(), cosine=cosine.tolist(), end=lasts)
 
-
-@dataclass(frozen=True, eq=False)
-class Limits:
-    """What a motion may take; joint side, each of shape (n,).
-
-    Attributes:
-        middle, range: positions are within range of the middle [rad].
-        speed, acceleration, torque: largest ones [rad/s, rad/s², N m]; inf for none.
-    """
-
-    middle: Array
-    range: Array
-    speed: Array
-    acceleration: Array
-    torque: Array
-
-    @staticmethod
-    def of(robot: Robot, margin: float, gently: float = 1.0) -> Limits:
-        """The share `margin` of the limits of a robot; of speeds and accelerations `gently` of
-        that.
-
-        A joint without stops turns by up to half a turn to both sides of 0. Gently, one without a
-        limit of acceleration has that which its motor gives it alone, where all joints are at 0.
-        """
-        lower = np.where(np.isinf(robot.position_lower), -np.pi, robot.position_lower)
-        upper = np.where(np.isinf(robot.position_upper), np.pi, robot.position_upper)
-        speed, acceleration = np.minimum(robot.velocity_limit, ANY_SPEED), robot.acceleration_limit
-        if gently < 1:
-            M = robot.plant.CalcMassMatrix(robot.plant.CreateDefaultContext())
-            acceleration = np.minimum(acceleration, robot.effort_limit / M.diagonal())
-        return Limits(
-            middle=(lower + upper) / 2,
-            range=margin * np.maximum(upper - lower, 1e-3) / 2,
-            speed=margin * gently * speed,
-            acceleration=margin * gently * acceleration,
-            torque=margin * robot.effort_limit,
-        )
-
-    def use(self, q: Array, v: Array, vd: Array, torque: Array) -> Array:
-        """Share of each limit that a motion uses, shape (4, ..., n)."""
-        return np.abs(
-            [
-                (q - self.middle) / self.range,
-                v / self.speed,
-                vd / self.acceleration,
-                torque / self.torque,
-            ]
-        )
+    def start(self, coefficients: Array) -> Array:
+        """Where motions of coefficients of shape (n, size) start [rad], shape (n,)."""
+        cosine = coefficients[:, 1:] @ self.rest.T[:, _HARMONICS:]
+        return np.asarray(coefficients[:, 0] + cosine.sum(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
     """An exciting motion, and what may be expected of it.
 
+    At its end comes another motion, of a third of the periods, to judge by what the first one
+    tells: again the same would judge noise alone. `identify` holds out the last third.
+
     Attributes:
         profile: the motion.
+        fitted: how long the first motion lasts [s].
         target: what it is for.
         condition: of the equations, their columns scaled to one [-].
         sigma: standard deviation of what is to be found, in its units, shape (p,).
-        used: largest share of the limits of the robot, by quantity, shape (n,); NaN for a joint
-            without that limit. A quantity that no joint has a limit of is left out.
+        used: largest share of the limits of the robot, by quantity, shape (n,); of those that are
+            `assumed` where its file has none.
     """
 
     profile: MotionProfile
+    fitted: float
     target: Target
     condition: float
     sigma: Array
@@ -167,7 +128,13 @@ class Excitation:
     @property
     def base_frequency(self) -> float:
         """Frequency of the first harmonic [Hz]."""
-        return 1 / self.profile.joints[0].period  # type: ignore[union-attr]
+        return 1 / self.segments[0][0].period
+
+    @property
+    def segments(self) -> list[list[Fourier]]:
+        """Of each joint, one after the other."""
+        every = [track.segments for track in self.profile.tracks]
+        return [[one for one in each if isinstance(one, Fourier)] for each in every]
 
     def save(self, path: str | Path) -> None:
         """Write the motion file.
@@ -181,30 +148,37 @@ class Excitation:
             f"name: {profile.name}",
             f"duration: {profile.duration!r}  # s",
             f"q0: {_rounded(profile.q0 or [])}  # rad",
-            "joints:",
+            "tracks:",
         ]
-        for joint in profile.joints:
-            assert isinstance(joint, Fourier)
-            lines += [
-                "  - !Fourier",
-                f"    period: {joint.period!r}  # s",
-                f"    sine: {_rounded(joint.sine)}  # rad",
-                f"    cosine: {_rounded(joint.cosine)}",
-                f"    end: {joint.end!r}",
-            ]
+        for track, segments in zip(profile.tracks, self.segments, strict=True):
+            lines += [f'  - joint: "{track.joint}"', "    segments:"]
+            for one in segments:
+                lines += [
+                    "      - !Fourier",
+                    f"        period: {one.period!r}  # s",
+                    f"        sine: {_rounded(one.sine)}  # rad",
+                    f"        cosine: {_rounded(one.cosine)}",
+                    f"        end: {one.end!r}",
+                ]
         write_text(Path(path), "\n".join(lines) + "\n")
 
 
 def excite(
-    target: Target, duration: float, *, margin: float = MARGIN, gently: float = 1.0
+    target: Target,
+    duration: float,
+    *,
+    margin: float = MARGIN,
+    gently: float = 1.0,
+    acceleration: Sequence[float] | None = None,
 ) -> Excitation:
-    """The motion of a duration [s] that tells most of a target.
+    """The motion of a duration [s] that tells most of a target, and another one to judge by.
 
     Args:
         target: what is to be found.
         duration: of the motion [s].
         margin: share of the robot's limits that it may take, in (0, 1].
         gently: share of that for speeds and accelerations, in (0, 1].
+        acceleration: limits in place of those of the file, n of them [rad/s²].
 
     Raises:
         InputError: if no motion is within the limits.
@@ -212,7 +186,9 @@ def excite(
     from scipy.optimize import minimize
 
     robot = target.robot
-    limits = Limits.of(robot, margin, gently)
+    if acceleration is not None:
+        acceleration = checked_positive(acceleration, "acceleration", robot.n).tolist()
+    limits = Limits.of(robot, margin, gently, acceleration)
 
     def better(problem: _Problem, x: Array, rounds: int) -> tuple[float, _Problem, Array]:
         value, options = problem.value_and_slope, {"maxiter": rounds}
@@ -238,15 +214,23 @@ def excite(
     series, coefficients = problem.series, problem.shrunk(problem.coefficients(x[None])[0])
     q, v, vd = (x[0] for x in _motion(coefficients[None], series.bases(_FINE)))
     columns, torque = target.rows(q, v, vd)
-    samples = duration * RATE / _FINE  # of a recording for each row
+    periods = round(duration / series.period)
+    judged = round(periods * HELD_OUT) if periods > 1 else 0
+    parts = [(coefficients, (periods - judged) * series.period)]
+    if judged:
+        parts.append((problem.another(coefficients), judged * series.period))
+    samples = parts[0][1] * RATE / _FINE  # of a recording for each row
     sigma, condition = _expected(columns.reshape(len(q) * robot.n, -1), samples)
-    limits = Limits.of(robot, 1.0)
+    limits = Limits.of(robot, 1.0, acceleration=acceleration)
     use = limits.use(q, v, vd, torque).max(axis=1)
     used = dict(zip(("range", "speed", "acceleration", "torque"), use, strict=True))
-    used["acceleration"][np.isinf(limits.acceleration)] = np.nan
-    used = {name: share for name, share in used.items() if not np.isnan(share).all()}
-    profile = series.profile(coefficients, duration, "excite")
-    return Excitation(profile, target, condition, sigma, used)
+    tracks = [
+        Track(joint=name, segments=[series.segment(x[k], lasts) for x, lasts in parts])
+        for k, name in enumerate(robot.joint_names)
+    ]
+    start = series.start(coefficients).tolist()
+    profile = MotionProfile(name="excite", duration=duration, q0=start, tracks=tracks)
+    return Excitation(profile, parts[0][1], target, condition, sigma, used)
 
 
 class _Problem:
@@ -296,6 +280,28 @@ class _Problem:
         x *= np.geomspace(0.02, 0.4, _STARTS)[:, None]
         return np.asarray(x[np.argsort(self.values(x))])
 
+    def another(self, coefficients: Array) -> Array:
+        """Another motion from the same start, within the limits: the one of random ones, as large
+        as they may be, that tells most; shape (n, size)."""
+        rng, start = np.random.default_rng(1), self.series.start(coefficients)
+        bases, found = self.series.bases(2 * self.bases[0].shape[0]), []
+        for _ in range(_OTHERS):
+            x = self.size[:, None] * rng.normal(0, 0.3, coefficients.shape)
+            x[:, 0] = 0.0
+            lowest, highest = 0.0, 1.0
+            for _ in range(_HALVINGS):
+                size = (lowest + highest) / 2
+                other = _from(start, self.series, size * x)
+                q, v, vd = (y[0] for y in _motion(other[None], bases))
+                use = self.limits.use(q, v, vd, self.target.rows(q, v, vd)[1])
+                lowest, highest = (size, highest) if use.max() <= 1 else (lowest, size)
+            other = _from(start, self.series, _SAFE * lowest * x)
+            motion = [y[0] for y in _motion(other[None], bases)]
+            columns = self.target.rows(*motion)[0]
+            columns = columns.reshape(1, -1, columns.shape[2])
+            found.append((float(_information(columns)[0]), other))
+        return max(found, key=lambda one: one[0])[1]
+
     def shrunk(self, coefficients: Array) -> Array:
         """The same within the limits, if it is a little beyond; shape (n, size).
 
@@ -319,6 +325,13 @@ class _Problem:
             f"{self.target.robot.path}: joint {k + 1} needs more torque than it may take even at "
             "rest, expected stronger motors or a larger --margin"
         )
+
+
+def _from(start: Array, series: Series, x: Array) -> Array:
+    """Coefficients of which the motion starts there, by another middle; shape (n, size)."""
+    moved = x.copy()
+    moved[:, 0] += start - series.start(x)
+    return moved
 
 
 def _motion(coefficients: Array, bases: tuple[Array, Array, Array]) -> list[Array]:
