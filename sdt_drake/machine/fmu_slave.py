@@ -12,9 +12,9 @@ import numpy as np
 from pythonfmu import DefaultExperiment, Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
 from pythonfmu.enums import Fmi2Status
 
-from sdt_drake import __version__
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, whole_periods
+from sdt_drake.io.versions import versions
 from sdt_drake.machine.fmu import ABOUT, SCENARIO, open_loop
 from sdt_drake.robot.head import has_head, head_motion
 from sdt_drake.run.design import make_design
@@ -51,10 +51,9 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # it has no types
         super().__init__(**instance)
         folder = Path(self.resources)
         about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
-        if about["version"] != __version__:
-            raise InputError(
-                f"sdt_drake {__version__}, expected {about['version']}, as it was made"
-            )
+        here, made = versions()["package"], about["version"]
+        if here != made:
+            raise InputError(f"sdt_drake {here}, expected {made}, which wrote the FMU")
         self._given = about["inputs"]
         self._problem = ""
         self._scenario = load_scenario(folder / SCENARIO)
@@ -62,7 +61,7 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # it has no types
         self._names, n = _INPUTS[self._given], design.robot.n
         name = "".join(c if c.isalnum() else "_" for c in design.scenario.name)
         self.modelName = f"sdt_{name}"
-        self.description = f"{design.scenario.name}: the loop of sdt_drake {__version__}"
+        self.description = f"{design.scenario.name}: the loop of sdt_drake {here}"
         self.default_experiment = DefaultExperiment(0.0, design.motion.duration, self._period)
 
         first, friction = design.motion.q[0], self._scenario.plant.friction
