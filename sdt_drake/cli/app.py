@@ -155,6 +155,7 @@ def _prepare_streams() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # a terminal that lacks a letter is no error
+    logging.basicConfig(format="%(message)s")  # before Drake does so, with names of loggers
     # Drake also logs what it raises. (It sets the logger's level itself, when it is imported.)
     logging.getLogger("drake").addFilter(lambda record: False)
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # no folder for its cache, for one

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.fields import suggestion
+from sdt_drake.io.shown import listed
 from sdt_drake.robot.coupling import TURNS_WITH
 
 # Elements that are read, by their parent: their attributes. Numbers stay texts, as in the file.
@@ -42,6 +43,8 @@ _TYPES = {"revolute": "revolute", "continuous": "revolute", "fixed": "fixed"}
 # Elements that say nothing of bodies and motors.
 _IGNORED = {"gazebo", "material", "calibration", "safety_controller", "self_collision_checking"}
 _IGNORED |= {"hardwareInterface", "offset", "robotNamespace", "ros2_control"}
+_IGNORED |= {"ignoreTransmissionAbsoluteEncoder"}
+_OF_OTHERS = ("D", "K", "mu_coulomb", "mu_viscous")  # of <dynamics>, without a meaning in URDF
 
 
 def sdf_of_urdf(robot: ET.Element, file: Path) -> tuple[ET.Element, list[str]]:
@@ -58,7 +61,7 @@ def sdf_of_urdf(robot: ET.Element, file: Path) -> tuple[ET.Element, list[str]]:
     Raises:
         InputError: for whatever would not be read or be read twice, and instead of guesses.
     """
-    told = [
+    told = _without_say(robot) + [
         f"transmission '{transmission.get('name')}': <offset> {text} has no say: it is where a "
         "motor has its zero"
         for transmission in robot.iter("transmission")
@@ -96,6 +99,26 @@ def sdf_of_urdf(robot: ET.Element, file: Path) -> tuple[ET.Element, list[str]]:
         new = ET.SubElement(model, "frame", name=name, attached_to=frame.get("link", ""))
         new.append(_pose(frame, f"{file}: frame '{name}'"))
     return sdf, told
+
+
+def _without_say(robot: ET.Element) -> list[str]:
+    """Leave out numbers of published files that have no meaning in URDF; in sentences."""
+    told = []
+    for joint in robot.findall("joint"):
+        left = [
+            (e, name) for e in joint.findall("dynamics") for name in _OF_OTHERS if name in e.attrib
+        ]
+        for limit in joint.findall("limit"):
+            if joint.get("type") == "continuous" and {"lower", "upper"} <= limit.attrib.keys():
+                left += [(limit, "lower"), (limit, "upper")]
+        for element, name in left:
+            del element.attrib[name]
+        if left:
+            names = listed([f"{name} of <{element.tag}>" for element, name in left])
+            told.append(
+                f"joint '{joint.get('name')}': {names} mean nothing there, and were left out"
+            )
+    return told
 
 
 def _check(parent: str, element: ET.Element, where: str) -> None:

@@ -57,8 +57,8 @@ def add_robot_drawing(
     parser = Parser(plant)
     parser.package_map().AddPackageXml(models_dir() / "package.xml")
     text, left_out = drawable(robot)
-    for sentence in left_out:
-        logging.getLogger(__name__).warning(f"{robot.path}: {sentence}")
+    if left_out:
+        logging.getLogger(__name__).warning(f"{robot.path}: not drawn: {'; '.join(left_out)}")
     parser.AddModelsFromString(text, robot.path.suffix.removeprefix("."))
     for index in robot.plant.GetJointIndices():
         joint = robot.plant.get_joint(index)

@@ -22,6 +22,7 @@ LINKS = (0.62, 0.64, 0.66, 1.0), (0.42, 0.44, 0.47, 1.0)
 
 _THICKEST, _SLENDER = 0.07, 0.024  # radius of a rod [m], and its share of the robot's size
 _SHORT = 0.03  # share of the robot's size: axes that are nearer meet
+_OF_ROD = 0.25  # most of the longest rod, for the radius of a ring on an arm
 _WIDER = 1.3  # radius of a ring over that of the next one within
 _AROUND, _ACROSS = 48, 12  # corners of a ring
 
@@ -59,10 +60,11 @@ class Bones:
 
     @property
     def size(self) -> float:
-        """How large the robot is [m]: the way from the world to the last centre of mass, or its
-        largest link."""
-        way = np.linalg.norm(self.origin[0]) + np.linalg.norm(self.end, axis=1).sum()
-        return float(max(way, 2 * self.gyration.max(), 0.01))
+        """How large the robot is [m]: the way from the world to the last centre of mass; the
+        largest link of a gimbal, which has next to no way."""
+        rods, links = np.linalg.norm(self.end, axis=1).sum(), self.gyration.max()
+        way = np.linalg.norm(self.origin[0]) + rods
+        return float(max(way, 2 * links * (rods < links / 4), 0.01))
 
     @property
     def rod(self) -> float:
@@ -161,9 +163,11 @@ def _link(own: Bones, meets: NDArray[np.bool_], radius: Array, k: int) -> _Piece
 
 def _radii(own: Bones, meets: NDArray[np.bool_]) -> Array:
     """Radii of rings [m], each wider than the one within."""
+    longest = np.linalg.norm(own.end, axis=1).max()
+    most = _OF_ROD * longest if longest > _SHORT * own.size else np.inf
     radii, within = np.zeros(len(meets)), 0.0
     for k in reversed(range(len(meets))):
-        radii[k] = within = max(own.gyration[k], _WIDER * within, 3 * own.rod)
+        radii[k] = within = max(min(own.gyration[k], most), _WIDER * within, 3 * own.rod)
         if k and not meets[k - 1]:
             within = 0.0
     return radii

@@ -83,6 +83,20 @@ def test_zeros_of_motors_have_no_say(load, offset, told):
     np.testing.assert_array_equal(robot.gear_ratio, [10, 1])
 
 
+def test_what_has_no_meaning_in_a_urdf_is_left_out(load):
+    text = URDF.replace('<limit effort="40"/>', '<limit effort="40" lower="-6.28" upper="6.28"/>')
+    text = text.replace("<dynamics ", '<dynamics D="1" K="7000" mu_coulomb="0" mu_viscous="16" ')
+    robot = load(text)
+    assert np.isinf(robot.position_upper[1]) and robot.position_upper[0] == 1
+    np.testing.assert_array_equal(robot.damping, [0.7, 0])
+    left = "mean nothing there, and were left out"
+    named = [f"{x} of <dynamics>" for x in ("D", "K", "mu_coulomb")]
+    assert robot.accepted == (
+        f"joint 'shoulder': {', '.join(named)} and mu_viscous of <dynamics> {left}",
+        f"joint 'elbow': lower of <limit> and upper of <limit> {left}",
+    )
+
+
 # --- coupled motors ------------------------------------------------------------------------------
 
 COUPLED = ARM.replace(

@@ -64,6 +64,14 @@ def test_arrows_point_along_the_axes(parts, text):
         np.testing.assert_allclose(shaft.rotation().matrix()[:, 2], axis, atol=1e-9)
 
 
+def test_rings_on_an_arm_are_smaller_than_its_rods(parts):
+    """Published inertias of light wrists may have any radius of gyration."""
+    heavy = SIX.replace('ixx="0.00033" iyy="0.00033" izz="0.00033"', 'ixx="1" iyy="1" izz="1"')
+    assert heavy != SIX
+    _, found, _ = parts(heavy)
+    assert found["plate_5"].shape.radius() == pytest.approx(0.425 / 4)
+
+
 def test_rods_go_from_joint_to_joint(parts):
     robot, found, at = parts(SIX)
     _, elbow = robot.joint_at_zero("joint_3")

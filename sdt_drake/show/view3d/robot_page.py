@@ -146,7 +146,7 @@ class RobotScene:
     """
 
     def __init__(self, robot: Robot, meshcat: Meshcat) -> None:
-        q = np.vstack([np.zeros((1, robot.n)), _TURNED * np.eye(robot.n)])
+        q = np.vstack([np.zeros((1, robot.n)), *(x * np.eye(robot.n) for x in (_TURNED, -_TURNED))])
         low, high = (np.nan_to_num(x) for x in (robot.position_lower, robot.position_upper))
         self.robot, self.start = robot, np.clip(0.0, low, high)
         self.scene = Scene(robot, Frames(np.arange(len(q)) / FRAME_RATE, q), meshcat)
