@@ -101,7 +101,9 @@ class LoopSlave(Fmi2Slave):  # type: ignore[misc]  # it has no types
 
     # --- what the other simulator calls ----------------------------------------------------------
 
-    def setup_experiment(self, start: float, stop: float | None, tolerance: float | None) -> None:
+    def setup_experiment(
+        self, start: float, stop: float | None = None, tolerance: float | None = None
+    ) -> None:
         if start != 0:
             self._refuse(f"start time {start:g} s, expected 0: a run starts with its motion")
 
