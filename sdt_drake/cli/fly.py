@@ -23,7 +23,7 @@ def run(
     approach: _Seconds = 15.0,
     departure: _Seconds = 15.0,
     idle_g: Annotated[float | None, number(gte=1, lte=10)] = None,
-    g_weight: Annotated[float, number(gt=0)] = 1.5,
+    g_weight: Annotated[float | None, number(gt=0)] = None,
     torque_margin: Annotated[float, number(gt=0, lte=1)] = 0.95,
     knot: _Seconds = 0.2,
     model: Annotated[str, one_of("perception model")] = "slow_yaw",
@@ -48,7 +48,8 @@ def run(
         departure: from its end to rest [s]
         idle_g: G to wait at before and after the flight (default: that of its first and last
             sample)
-        g_weight: of the error of G; with more, more of the rotation is felt
+        g_weight: of the error of G; with more, more of the rotation is felt (default: 1.5, or what
+            it takes to lose no more of either than by alignment)
         torque_margin: share of the motors' torque to use, in (0, 1]
         knot: time between the knots of the motion [s]
         model: of the pilot, for the felt vertical

@@ -1,9 +1,10 @@
 """Flights on the shipped device, beside alignment and washout in one run: what is felt, and how.
 
-    python tests/benchmarks/bench_flights.py [FLIGHT.csv ... | MOTION ...]
+    python tests/benchmarks/bench_flights.py [--alone] [FLIGHT.csv ... | MOTION ...]
 
 Without files: the shipped turn, others made by transforming it, and flights of JSBSim's F-16 and
-C172 (`pip install jsbsim`). At equal G error means: on the front, at the G error of the alignment.
+C172 (`pip install jsbsim`). At equal G error means: on the front, at the G error of the alignment;
+with `--alone`, without a front, at the motion itself, which has no more G error than that.
 Shipped training motions, by their names, are recovered from their own head motion.
 """
 
@@ -30,7 +31,7 @@ from sdt_drake.robot.robot import load_robot
 PERIOD = 1 / 60  # s, of JSBSim
 KNOT = 0.05  # s, of what is recovered
 COLUMNS = ("flight", "s", "G err", "align", "wash", "rot err", "align", "wash", "at equal G [%]",
-           "vertical", "align", "hor. force felt [%]", "torque [%]",
+           "from zero", "align", "vertical", "align", "hor. force felt [%]", "torque [%]",
            "starts [%]", "cpu s")  # fmt: skip
 
 
@@ -85,23 +86,25 @@ def of_jsbsim():
     yield flown("c172x", 100, circle, [(3, 0), (9, -0.05), (35, -0.05), (41, 0)], "C172 circle")
 
 
-def row(robot, flight):
+def row(robot, compare, flight):
     """The numbers of a flight, as texts."""
     began = clock.process_time()
-    found = fly(robot, flight)
+    found = fly(robot, flight, compare=compare)
     cpu = clock.process_time() - began
     own, align, wash = found.numbers, found.numbers["alignment"], found.numbers["washout"]
     front = sorted((p["g_error_rms"], p["felt_rotation_rms_deg_s"]) for p in own["front"])
     at_equal = np.interp(align["g_error_rms"], *zip(*front, strict=True))
     costs = np.array([start["cost"] for start in own["starts"]])
     g, turn, up = "g_error_rms", "felt_rotation_rms_deg_s", "felt_vertical_rms_deg"
+    begun = "felt_rotation_from_zero_rms_deg_s"
     return [
         flight.name, f"{flight.duration:.0f}",
         *(f"{one[g]:.3f}" for one in (own, align, wash)),
         *(f"{one[turn]:.1f}" for one in (own, align, wash)),
         f"{100 * (1 - at_equal / align[turn]):.0f}",
+        *(f"{one[begun]:.1f}" for one in (own, align)),
         *("-" if one[up] is None else f"{one[up]:.1f}" for one in (own, align)),
-        f"{100 * own['horizontal_force_felt_share']:.0f}",
+        f"{100 * own['horizontal_force_felt_share']:.1f}",
         f"{100 * own['torque_share_max']:.2f}",
         " ".join(f"{100 * x:.0f}" for x in costs / costs.min() - 1),
         f"{own['cpu_s']:.0f}+{cpu - own['cpu_s']:.0f}",
@@ -136,16 +139,18 @@ def table(header, rows):
 
 def main():
     robot = load_robot()
-    motions = [name for name in sys.argv[1:] if name in shipped_motions()]
-    flights = [read_flight(path) for path in sys.argv[1:] if path not in motions]
-    if len(sys.argv) == 1:
+    asked = [name for name in sys.argv[1:] if name != "--alone"]
+    compare = len(asked) == len(sys.argv) - 1
+    motions = [name for name in asked if name in shipped_motions()]
+    flights = [read_flight(path) for path in asked if path not in motions]
+    if not asked:
         flights = list(transformed())
         try:
             flights += of_jsbsim()
         except ImportError:
             print("without JSBSim, which is not installed")
     if flights:
-        table(COLUMNS, ((flight.name, partial(row, robot, flight)) for flight in flights))
+        table(COLUMNS, ((flight.name, partial(row, robot, compare, flight)) for flight in flights))
     if motions:
         procedure.SEATS = (0.0,)  # as they are shipped
         header = ("motion", "s", "force / threshold", "rotation", "median", "above 0.1 [% of time]")

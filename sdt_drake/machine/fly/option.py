@@ -62,10 +62,14 @@ class Option:
         return np.asarray(self.head.specific_force - self.flight.at(self.time)[0])
 
     @cached_property
+    def rate_error(self) -> Array:
+        """Rate beyond that of the flight [rad/s], shape (N + 1, 3)."""
+        return np.asarray(self.head.angular_velocity - self.flight.at(self.time)[1])
+
+    @cached_property
     def felt_rate_error(self) -> Array:
-        """Rate beyond that of the flight, after the canals' high pass [rad/s], shape (N + 1, 3)."""
-        error = self.head.angular_velocity - self.flight.at(self.time)[1]
-        return np.asarray(error - low_pass(error, CANAL, self.motion.period))
+        """The same after the canals' high pass [rad/s], shape (N + 1, 3)."""
+        return self.rate_error - low_pass(self.rate_error, CANAL, self.motion.period)
 
     @cached_property
     def torque(self) -> Array:
@@ -83,18 +87,34 @@ class Option:
                         self.head.angular_velocity)  # fmt: skip
 
     @property
+    def g_error(self) -> float:
+        """Root of the mean square of the force error's length, over the flight [G]."""
+        return float(np.sqrt((self.force_error[self.within] ** 2).sum(axis=1).mean()) / GRAVITY)
+
+    @property
     def felt_rotation(self) -> float:
-        """Root of the sum over axes of the mean squares of that, over the flight [deg/s]."""
-        squares = self.felt_rate_error[self.within] ** 2
-        return float(np.degrees(np.sqrt(squares.mean(axis=0).sum())))
+        """Root of the sum over axes of the felt rate error's mean squares, in flight [deg/s]."""
+        return _felt(self.felt_rate_error[self.within])
+
+    @property
+    def felt_rotation_from_zero(self) -> float:
+        """Felt rotation error with the high pass started at zero with the flight [deg/s]: the
+        rotation that the device has by then is felt as one that begins."""
+        error, period = self.rate_error[self.within], self.motion.period
+        faded = np.exp(-period / CANAL * np.arange(len(error)))[:, None]
+        return _felt(error - low_pass(error, CANAL, period) + faded * error[0])
+
+    def beside(self, other: Option) -> tuple[float, float]:
+        """G error and felt rotation error over those of another motion [-]."""
+        return self.g_error / other.g_error, self.felt_rotation / other.felt_rotation
 
     def figures(self, felt: Percept | None) -> dict[str, float | None]:
         """What is lost of the flight, and how hard the motors work; `felt` is that in flight."""
-        force = self.force_error[self.within]
-        over = np.abs(force) / np.array(LINEAR)
+        over = np.abs(self.force_error[self.within]) / np.array(LINEAR)
         return {
-            "g_error_rms": float(np.sqrt((force**2).sum(axis=1).mean()) / GRAVITY),
+            "g_error_rms": self.g_error,
             "felt_rotation_rms_deg_s": self.felt_rotation,
+            "felt_rotation_from_zero_rms_deg_s": self.felt_rotation_from_zero,
             "felt_vertical_rms_deg": self._felt_vertical(felt),
             "horizontal_force_felt_share": float((over[:, :2] > 1).any(axis=1).mean()),
             "torque_share_max": float(self.torque.max()),
@@ -110,6 +130,11 @@ class Option:
         sine = np.linalg.norm(np.cross(own, flown), axis=1)
         angle = np.arctan2(sine, (own * flown).sum(axis=1))
         return float(np.degrees(np.sqrt((angle**2).mean())))
+
+
+def _felt(rate: Array) -> float:
+    """Root of the sum over axes of the mean squares [deg/s]; `rate` in rad/s, shape (N, 3)."""
+    return float(np.degrees(np.sqrt((rate**2).mean(axis=0).sum())))
 
 
 def percept_of(model: PerceptionModel, time: Array, force: Array, rate: Array) -> Percept | None:

@@ -21,7 +21,7 @@ from sdt_drake.io.shown import Shown, Summary, formatted
 from sdt_drake.machine.fly.alignment import Start, aligned, angles, washed_out
 from sdt_drake.machine.fly.flight import Flight, FlightColumns, read_flight
 from sdt_drake.machine.fly.option import Option, percept_of
-from sdt_drake.machine.fly.program import Aim, Course, fitted, rated, solve
+from sdt_drake.machine.fly.program import MOST_STEPS, Aim, Course, fitted, rated, solve
 from sdt_drake.motion.plan import INTERPOLATION_PERIOD, checked_torque
 from sdt_drake.motion.retiming import torque_of_periods
 from sdt_drake.motion.trajectory import Motion
@@ -42,7 +42,10 @@ _BESIDE = 0.05  # weight of errors before and after the flight
 _SEARCH = 0.6  # share of the work, where it is compared
 _SENSED = 0.02  # s; between samples of a flight that the observer gets
 _WASHED = 0.2  # s; smoothing of a washout
-_POLISHES, _POLISH_STEPS, _FRONT_STEPS = 4, 6, 10
+_WEIGHT = 1.5  # of the G error, to begin with
+_WEIGHINGS, _STEEP = 4, 3.0  # G error falls as about the third root of its weight
+_SAFE, _NEAR = 0.97, 0.05  # of the G error of alignment, aimed at where the weight is changed
+_POLISHES, _POLISH_STEPS, _FRONT_STEPS = 5, 6, 10
 _OVER = 0.002  # of the torque that may be used; by so much more may be needed between the knots
 _VERTICAL = 1e-6  # of an axis; as far as it may lean
 
@@ -85,17 +88,17 @@ class Flown(Shown):
                   "largest torque [%]")  # fmt: skip
         rows = []
         for one in self.options:
-            g, rotation, vertical, _, torque = one.figures(self.felt).values()
+            figures = one.figures(self.felt)
+            vertical, torque = figures["felt_vertical_rms_deg"], figures["torque_share_max"]
             angle = formatted(math.nan if vertical is None else vertical, ".1f")
-            rows.append(
-                (one.name, f"{g:.3f}", f"{rotation:.1f}", angle, f"{100 * (torque or 0):.1f}")
-            )
+            rows.append((one.name, f"{one.g_error:.3f}", f"{one.felt_rotation:.1f}", angle,
+                         f"{100 * (torque or 0):.1f}"))  # fmt: skip
         flight = self.chosen.flight
         title = f"{flight.name}: {flight.duration:.6g} s from {self.chosen.starts_at:g} s on, RMS"
         return Summary(title, header, rows)
 
 
-@takes(approach=positive, departure=positive, torque_margin=share, g_weight=positive)
+@takes(approach=positive, departure=positive, torque_margin=share)
 def fly(
     robot: Robot | str | Path,
     flight: Flight | str | Path,
@@ -106,7 +109,7 @@ def fly(
     idle_g: float | None = None,
     knot: float = 0.2,
     torque_margin: float = 0.95,
-    g_weight: float = 1.5,
+    g_weight: float | None = None,
     perception: str | PerceptionModel = "slow_yaw",
     compare: bool = True,
 ) -> Flown:
@@ -130,6 +133,7 @@ def fly(
         knot: time between knots [s].
         torque_margin: share of the motors' torque that may be used [-].
         g_weight: of the G error beside the felt rotation error; with more, less of the first [-].
+            By default 1.5, or what it takes to lose no more of either than by alignment.
         perception: model of the pilot, for the felt vertical.
         compare: whether to find the motion without limits of torque, and the Pareto front.
 
@@ -140,9 +144,11 @@ def fly(
     flight = flight if isinstance(flight, Flight) else read_flight(flight, columns)
     model = perception if isinstance(perception, PerceptionModel) else load_perception(perception)
     _check(robot, knot, approach, idle_g)
+    if g_weight is not None:
+        positive(g_weight, "g_weight")
     began = clock.process_time()
     ends = (approach, departure)
-    aim = _aim(robot, flight, ends, idle_g, knot, torque_margin, g_weight)
+    aim = _aim(robot, flight, ends, idle_g, knot, torque_margin, g_weight or _WEIGHT)
     rough = replace(aim, knot=2 * knot, **{
         name: getattr(aim, name)[::2] for name in ("force", "rate", "weight")
     })  # fmt: skip
@@ -161,11 +167,15 @@ def fly(
                   fitted(aim, angles(aim, x[k], smooth, *ends)))
             for k in range(len(SEATS)) for smooth in SMOOTH
         ]  # fmt: skip
+        aligned_best = min(alignments, key=lambda one: one.felt_rotation)
         washout = fitted(aim, angles(aim, washed_out(aim, x[0]), _WASHED, *ends))
         search = _Search(lambda done: tell(done * (_SEARCH if compare else 1)), len(starts) + 1)
         search.run(rough, [angles(rough, one[::2], SMOOTH[0], *ends) for one in x])
         search.refine(aim)
-        chosen, aim = _polished(*search.best)
+        if g_weight is None:
+            search.weigh(lambda course: shown("", course).beside(aligned_best))
+        search.polish()
+        aim, chosen = search.best
         cpu = clock.process_time() - began
         unlimited, front = None, [(1.0, chosen)]
         with search.keeping():
@@ -176,8 +186,8 @@ def fly(
                     tell(_SEARCH + (1 - _SEARCH) * len(front) / (len(FRONT) + 1))
                     front.append(point)
     best = shown("this motion", chosen)
-    checked_torque(robot, best.motion)
-    aligned_best = min(alignments, key=lambda one: one.felt_rotation)
+    with within("no motion was found within the limits, the best one"):
+        checked_torque(robot, best.motion)
     points = tuple(
         (w, best if course is chosen else shown(f"weight of G {w:g}", course))
         for w, course in sorted(front, key=lambda point: point[0])
@@ -195,8 +205,8 @@ def fly(
         "alignment": {"name": aligned_best.name, **aligned_best.figures(felt)},
         "washout": washed.figures(felt),
         "without_torque_limits": unlimited and unlimited.figures(felt),
-        "front": [{"g_weight": w * g_weight, **one.figures(None)} for w, one in points],
-        "g_weight": g_weight,
+        "front": [{"g_weight": w * aim.g_weight, **one.figures(None)} for w, one in points],
+        "g_weight": aim.g_weight,
         "starts": search.told(starts, shown),
         "interrupted": search.interrupted,
         "cpu_s": cpu,
@@ -204,34 +214,69 @@ def fly(
     return Flown(best, aligned_best, washed, unlimited, points, felt, numbers)
 
 
+_Found = tuple[Aim, Course]
+
+
 class _Search:
-    """Searches from several starts, of which the best is refined; what an interrupt leaves of that
+    """Searches from several starts, of which the best is improved; what an interrupt leaves of that
     is kept."""
 
     def __init__(self, tell: Callable[[float], None], count: int) -> None:
         self._tell, self._count = tell, count
-        self._found: list[tuple[Aim, Course]] = []
+        self._ends: list[_Found] = []  # of each start
+        self._later: list[_Found] = []
         self.interrupted = False
 
     def run(self, aim: Aim, starts: Sequence[Array]) -> None:
         """Search from angles of each start, shape (N, n)."""
-        for q in starts:
-            self._search(aim, fitted(aim, q))
+        with self.keeping():
+            for q in starts:
+                self._improve(self._ends, aim, fitted(aim, q))
+        if not self._ends:
+            raise KeyboardInterrupt
 
     def refine(self, aim: Aim) -> None:
         """Search from the best, with half its time between knots."""
-        self._search(aim, self.best[1].refined())
-
-    def _search(self, aim: Aim, start: Course) -> None:
-        def watch(best: Course, done: float) -> None:
-            self._found[-1] = aim, best
-            self._tell((len(self._found) - 1 + done) / self._count)
-
         if self.interrupted:
             return
-        self._found.append((aim, rated(aim, start)))
         with self.keeping():
-            solve(aim, start, watch)
+            self._improve(self._later, aim, self.best[1].refined())
+
+    def weigh(self, losses: Callable[[Course], tuple[float, float]]) -> None:
+        """Change the weight of G until its loss and that of rotation are at most 1; where both
+        cannot be, that of G is."""
+        for _ in range(_WEIGHINGS):
+            if self.interrupted:
+                return
+            with self.keeping():
+                aim, course = self.best
+                g, rotation = losses(course)
+                if g <= 1 and (rotation <= 1 or g >= _SAFE - _NEAR):
+                    return
+                factor = np.clip((g / _SAFE) ** _STEEP, min(FRONT), max(FRONT))
+                other = replace(aim, g_weight=float(factor) * aim.g_weight)
+                self._improve(self._later, other, course, _FRONT_STEPS)
+
+    def polish(self) -> None:
+        """Keep the limits between the knots too, also after an interrupt."""
+        for _ in range(_POLISHES):
+            with self.keeping():
+                aim, course = self.best
+                tighter = _tightened(aim, course)
+                if tighter is None:
+                    return
+                self._improve(self._later, tighter, course, _POLISH_STEPS)
+
+    def _improve(
+        self, found: list[_Found], aim: Aim, start: Course, most_steps: int = MOST_STEPS
+    ) -> None:
+        def watch(best: Course, done: float) -> None:
+            found[-1] = aim, best
+            finished = len(self._ends) + len(self._later) - 1
+            self._tell(min((finished + done) / self._count, 1.0))
+
+        found.append((aim, rated(aim, start)))
+        solve(aim, start, watch, most_steps)
 
     @contextmanager
     def keeping(self) -> Iterator[None]:
@@ -242,16 +287,14 @@ class _Search:
             self.interrupted = True
 
     @property
-    def best(self) -> tuple[Aim, Course]:
-        """The refined course, else the best one so far, and its aim."""
-        if len(self._found) == self._count:
-            return self._found[-1]
-        return min(self._found, key=lambda one: one[1].merit)
+    def best(self) -> _Found:
+        """The improved course, else the best end of a start so far, and its aim."""
+        return self._later[-1] if self._later else min(self._ends, key=lambda one: one[1].merit)
 
     def told(self, starts: list[Start], shown: Callable[[str, Course], Option]) -> object:
         """What each start has led to."""
         rows = []
-        for (sense, seat), (_, course) in zip(starts, self._found, strict=False):
+        for (sense, seat), (_, course) in zip(starts, self._ends, strict=False):
             figures = shown("", course).figures(None)
             kept = {k: figures[k] for k in ("g_error_rms", "felt_rotation_rms_deg_s")}
             seat_deg = float(np.degrees(seat))
@@ -299,35 +342,25 @@ def _aim(
     )  # fmt: skip
 
 
-def _polished(aim: Aim, course: Course) -> tuple[Course, Aim]:
-    """The course with its limits kept between the knots too, and the aim that leads to that.
-
-    Raises:
-        InputError: if no such course was found.
-    """
-    robot = aim.robot
-    for _ in range(_POLISHES):
-        motion = course.motion(INTERPOLATION_PERIOD)
-        torque = np.vstack(torque_of_periods(robot, motion))
-        low, high = robot.torque_range(
-            np.vstack([motion.v[:-1], motion.v[1:]]), aim.torque_share * (1 + _OVER)
-        )
-        over = np.maximum(np.maximum(torque - high, low - torque).max(axis=0), 0)
-        beyond = np.maximum(motion.q - robot.position_upper, robot.position_lower - motion.q)
-        past = np.maximum(beyond.max(axis=0), 0)
-        if not over.any() and not past.any():
-            return course, aim
-        aim = replace(
-            aim,
-            torque_less=aim.torque_less + 1.2 * over,
-            lower=aim.lower + 1.2 * past,
-            upper=aim.upper - 1.2 * past,
-            penalty=10 * aim.penalty,
-        )
-        course = solve(aim, course, lambda *_: None, _POLISH_STEPS)
-    with within("no motion was found within the limits, the best one"):
-        checked_torque(robot, course.motion(INTERPOLATION_PERIOD))
-    return course, aim
+def _tightened(aim: Aim, course: Course) -> Aim | None:
+    """The aim with tighter limits, by what a course is beyond them between its knots; None where
+    it keeps them."""
+    robot, motion = aim.robot, course.motion(INTERPOLATION_PERIOD)
+    torque = np.vstack(torque_of_periods(robot, motion))
+    share = min(aim.torque_share * (1 + _OVER), 1.0)
+    low, high = robot.torque_range(np.vstack([motion.v[:-1], motion.v[1:]]), share)
+    over = np.maximum(np.maximum(torque - high, low - torque).max(axis=0), 0)
+    beyond = np.maximum(motion.q - robot.position_upper, robot.position_lower - motion.q)
+    past = np.maximum(beyond.max(axis=0), 0)
+    if not over.any() and not past.any():
+        return None
+    return replace(
+        aim,
+        torque_less=aim.torque_less + 1.2 * over,
+        lower=aim.lower + 1.2 * past,
+        upper=aim.upper - 1.2 * past,
+        penalty=10 * aim.penalty,
+    )
 
 
 def _front(aim: Aim, chosen: Course) -> Iterator[tuple[float, Course]]:

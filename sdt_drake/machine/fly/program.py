@@ -2,14 +2,15 @@
 
 Unknown are q, v and a of each joint at knots, a straight between them, so that v and q are exact:
 
-    minimise    sum over knots of  h w [ |W (f - f_air) / s_f|² + |(e - LP e) / s_w|² ]
+    minimise    sum over knots of  h w [ |W H (f - f_air) / s_f|² + |(e - LP e) / s_w|² ]
                                    + h RHO |jerk|²
     subject to  |v| and |a| and q within the limits of the joints, |torque| within those of the
                 motors, rest at both ends
 
 where e is the error of the head's rate, LP the canals' low pass, s_f and s_w the thresholds, w a
-weight that is small before and after the flight, and W that of G beside rotation. Each program is
-the problem made linear at the motion before, within a region in which that is trusted.
+weight that is small before and after the flight, W that of G beside rotation, and H that of forces
+across the pilot's z beside those along it. Each program is the problem made linear at the motion
+before, within a region in which that is trusted.
 """
 
 from __future__ import annotations
@@ -32,15 +33,20 @@ from sdt_drake.robot.robot import Robot
 RATE = np.radians(1.58 * np.array(AXES))
 """Change of rotation about x, y, z that is just felt [rad/s]; see `AXES`."""
 
+HORIZONTAL = 2.0
+"""Weight of forces across the pilot's z beside those along it [-]; rotation hardly suffers."""
+
 RHO = 0.1
 """Weight of the jerk [s⁶/rad²/s]; small beside what is felt."""
 
 SPEED_SHARE = 0.98
 """Share of the joints' speed that a motion may take [-]."""
 
-_MOST_STEPS = 20  # programs
+MOST_STEPS = 60
+"""Programs of a search [-]."""
+
 _REGION, _LARGEST_REGION, _SMALLEST_REGION = 0.3, 1.0, 1e-3  # rad, and rad/s of an arm
-_SETTLED = 1e-3  # of the cost; a step that gains less is the last one
+_SETTLED = 3e-3  # of the cost; a step that promises less is the last one
 _OPTIONS = SolverOptions()
 for _name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
     _OPTIONS.SetOption(ClarabelSolver.id(), _name, 1e-6)
@@ -130,7 +136,7 @@ Watch = Callable[[Course, float], None]
 """Called with the best course so far and the share of the work that is done."""
 
 
-def solve(aim: Aim, start: Course, watch: Watch, most_steps: int = _MOST_STEPS) -> Course:
+def solve(aim: Aim, start: Course, watch: Watch, most_steps: int = MOST_STEPS) -> Course:
     """The best course near `start`; whoever watches may raise, and then has had the best."""
     best, region = rated(aim, start), _REGION
     for step in range(most_steps):
@@ -146,9 +152,8 @@ def solve(aim: Aim, start: Course, watch: Watch, most_steps: int = _MOST_STEPS) 
             region = min(1.5 * region, _LARGEST_REGION)
         elif gain < 0.25 * promised:
             region /= 2
-        settled = gain < _SETTLED * best.merit
         best = proposed
-        if settled:
+        if promised < _SETTLED * best.merit:
             break
     watch(best, 1.0)
     return best
@@ -181,7 +186,8 @@ def rated(aim: Aim, course: Course) -> Course:
 
 def _scale(aim: Aim) -> Array:
     """From errors of force and rate to what is minimised, shape (6,)."""
-    return np.concatenate([math.sqrt(aim.g_weight) / np.array(LINEAR), 1 / RATE])
+    force = np.array([HORIZONTAL, HORIZONTAL, 1.0]) / LINEAR
+    return np.concatenate([math.sqrt(aim.g_weight) * force, 1 / RATE])
 
 
 def _head(robot: Robot, q: Array, v: Array, a: Array) -> Array:
