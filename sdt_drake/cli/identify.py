@@ -11,6 +11,7 @@ import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Columns, Robot, Side, Target, Trust, number, one_of
 from sdt_drake.cli.printing import print_document_table, say
+from sdt_drake.io.errors import InputError
 
 
 def run(
@@ -27,6 +28,7 @@ def run(
     payload: str = "payload",
     cutoff: Annotated[float | None, number(gte=0.1, lte=1000)] = None,
     scenario: Annotated[str | None, one_of("scenario")] = None,
+    judge: Annotated[bool, Parameter(negative="")] = False,
     trust: Trust = False,
 ) -> None:
     """Find the parameters of a robot in recordings, and write the robot that they say.
@@ -34,7 +36,8 @@ def run(
     example: sdt-drake identify sdt run.csv --out identified
 
     Args:
-        recordings: CSV files with time, q_k and tau_k for every joint k, or of `simulate`
+        recordings: CSV files with time, q_k and tau_k for every joint k, or of `simulate`; before
+            them friction.yaml, with --judge
         out: folder for what is found
         validate: recordings to judge by (default: the end of each of the others)
         held_out: share of each recording, at its end, to judge by
@@ -43,7 +46,12 @@ def run(
         cutoff: compare torques below it [Hz] (default: as the same torque is predicted best)
         scenario: whose motion, drives and controller the written scenario has (default:
             real_device for the shipped robot, else the cascade of drives on what was recorded)
+        judge: fit and write nothing: tell what ROBOT leaves of the torques, with the friction of a
+            file, as in identify --judge robot.sdf friction.yaml RECORDING
     """
+    if judge:
+        _judge(robot, recordings, columns, side, cutoff)
+        return
     from sdt_drake.machine.identify.files import base_scenario
     from sdt_drake.machine.identify.model import identified_robot, plant_friction
     from sdt_drake.show.reports import identification as analysis
@@ -77,3 +85,25 @@ def run(
     for line in notes:
         say(f"note: {line}")
     say(f"\n{page} written")
+
+
+def _judge(
+    robot: str, files: list[str], columns: Columns, side: Side, cutoff: float | None
+) -> None:
+    """Tell what a robot leaves of recordings; the first of the files may be its friction."""
+    from sdt_drake.machine.identify import judge as judging
+    from sdt_drake.machine.recordings import load_columns, read_recording
+    from sdt_drake.show.reports.identification import judged_in_words, judged_table
+
+    model, friction = sdt.load_robot(robot), None
+    if Path(files[0]).suffix in (".yaml", ".yml"):
+        friction, files = judging.load_friction(files[0], model), files[1:]
+    if not files:
+        raise InputError("--judge: no recording, expected some after the file of friction")
+    named = load_columns(columns) if columns else None
+    recorded = [read_recording(file, model, named, side=side) for file in files]
+    judged = judging.judge(model, recorded, friction, cutoff)
+    for line in judged_in_words(judged):
+        say(line)
+    say()
+    print_document_table(judged_table(judged))

@@ -49,6 +49,30 @@ def test_a_recording_becomes_a_robot_a_scenario_and_a_study(call, recording, rob
     assert "error of the fed-forward load (A)" in page and page.count("<img") == 2
 
 
+def test_a_written_robot_is_judged_by_another_recording_without_a_fit(
+    call, recording, robot, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    other = recorded_of(deviated(robot, HEAVIER), seed=7)
+    write_table("other.csv", other.time, other.signals)
+    assert call("identify", "sdt", recording, "--out", "found", "--cutoff", "4").code == 0
+    files = ("found/robot.sdf", "found/friction.yaml", "other.csv")
+    done = call("identify", "--judge", *files, "--cutoff", "4")
+    assert done.code == 0 and done.out.startswith("sdt: ")
+    assert {path.name for path in tmp_path.iterdir()} == {"found", "other.csv"}
+    rows = {line.split("  ")[0]: line.split()[-4:] for line in done.out.splitlines()}
+    assert max(map(float, rows["robot and friction"])) < 2
+    assert min(map(float, rows["robot without friction"])) > 4
+    done = call("identify", "--judge", "sdt", "other.csv")  # the file as it is
+    rows = {line.split("  ")[0]: line.split()[-4:] for line in done.out.splitlines()}
+    assert rows["robot and friction"] == rows["robot without friction"]
+    done = call("identify", "--judge", *files[:2])
+    assert done.code == 2 and "--judge: no recording" in done.err
+    (tmp_path / "two.yaml").write_text("coulomb: [1, 2]\n")
+    done = call("identify", "--judge", "sdt", "two.yaml", "other.csv")
+    assert done.code == 2 and "two.yaml: coulomb: 2 value(s), but the robot has 4" in done.err
+
+
 BAD = [
     (["--held-out", "1.5"], '"1.5" for --held-out. Expected a number > 0 and < 1'),
     (["--cutoff", "0"], '"0.0" for --cutoff. Expected a number >= 0.1 and <= 1000'),

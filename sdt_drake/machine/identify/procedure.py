@@ -123,12 +123,12 @@ def identify(
     """
     path = recordings[0].path
     check_different([*recordings, *validate])
-    parts, notes = _parts(recordings, validate, held_out)
+    parts, notes = parts_of(recordings, validate, held_out)
     unknown, free = _unknown(robot, only, payload)
     prior = belief(robot, unknown)
     _check_cutoff(cutoff, parts)
     cutoff, speeds = _choice(robot, unknown, prior, parts, cutoff)
-    few = _few(parts, cutoff)
+    few = few_of(parts, cutoff)
     if not speeds:
         few = [(source, end, replace(stretch, v=None)) for source, end, stretch in few]
     eq = equations(robot, unknown, few, cutoff)
@@ -166,9 +166,10 @@ def identify(
     )
 
 
-def _parts(
+def parts_of(
     recordings: Sequence[Recorded], validate: Sequence[Recorded], held_out: float
 ) -> tuple[Parts, list[str]]:
+    """The stretches of recordings, each with where what is held out begins, and what was done."""
     parts: Parts = []
     notes = []
     for number, recorded in enumerate((*recordings, *validate)):
@@ -192,10 +193,10 @@ def _choice(
     fitted = [part for part in fitted if len(part[2].q) > FEWEST]
     if not fitted:
         return Choice(cutoff or CUTOFFS[0], speeds=False)
-    return chosen(robot, unknown, prior, [one for *_, one in _few(fitted, CUTOFFS[-1])], cutoff)
+    return chosen(robot, unknown, prior, [one for *_, one in few_of(fitted, CUTOFFS[-1])], cutoff)
 
 
-def _few(parts: Parts, cutoff: float) -> Parts:
+def few_of(parts: Parts, cutoff: float) -> Parts:
     """As much of long recordings as takes about MOST_ROWS, each its share."""
     sources = sorted({source for source, *_ in parts})
     seconds = MOST_ROWS / (_ROWS * cutoff) / len(sources)
@@ -208,7 +209,7 @@ def _few(parts: Parts, cutoff: float) -> Parts:
 
 
 def _left_out(parts: Parts, few: Parts) -> Iterator[str]:
-    """The sentence on what `_few` leaves out."""
+    """The sentence on what `few_of` leaves out."""
     lasts, whole = (sum(x.end - x.start for *_, x in every) for every in (few, parts))
     if lasts < whole:
         told = f"{lasts:.3g} s of {whole:.3g} s, in {len(few)} parts evenly over it"

@@ -15,6 +15,7 @@ from sdt_drake.io.shown import formatted, numbered, rounded
 from sdt_drake.machine.identify import files as identified_files
 from sdt_drake.machine.identify.base_parameters import rigid_parameters
 from sdt_drake.machine.identify.consistency import Link
+from sdt_drake.machine.identify.judge import Judged
 from sdt_drake.machine.identify.model import PlantFriction
 from sdt_drake.machine.identify.procedure import Identified
 from sdt_drake.robot.dynamics import decouple, torque_groups
@@ -227,6 +228,28 @@ def result(found: Identified) -> list[str]:
         "next: sdt-drake simulate with the written scenario.yaml, and sdt-drake identify --judge "
         "with the written robot.sdf, friction.yaml and a recording of another motion",
     ]
+
+
+def judged_in_words(judged: Judged) -> list[str]:
+    """What a robot leaves of recordings that it was not fitted to, and what to do next."""
+    said = (
+        f"{judged.robot.name}: {_range(100 * judged.left)} % of the joints' torques are not "
+        f"explained (RMS, below {judged.cutoff:.3g} Hz), without its friction "
+        f"{_range(100 * judged.left_without)} %"
+    )
+    most = np.nanargmax(judged.left)
+    return [
+        said,
+        f"next: joint {most + 1} has the most left; sdt-drake identify with this recording, too, "
+        "tells whether another robot explains both",
+    ]
+
+
+def judged_table(judged: Judged) -> doc.Table:
+    """What is left of the torques of each joint, with friction and without."""
+    left = {"robot and friction": judged.left, "robot without friction": judged.left_without}
+    rows = [(name, *(formatted(100 * x, ".2f") for x in values)) for name, values in left.items()]
+    return doc.Table(("torque not explained [%]", *numbered(judged.robot.joint_names)), rows)
 
 
 def _range(values: Array) -> str:
