@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated
-
-import numpy as np
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
@@ -76,8 +75,8 @@ def _print_one(motion: str, robot: RobotModel) -> None:
         [(f"{s.track}: {s.text}", f"{s.start:.3f}", f"{s.end:.3f}") for s in command.timeline],
     )
     turned = [
-        f"{name} {angle:g} deg"
-        for name, angle in zip(robot.joint_names, np.degrees(command.q0), strict=True)
+        f"{name} {math.degrees(angle):g} deg"
+        for name, angle in zip(robot.joint_names, command.q0, strict=True)
         if angle != 0
     ]
     say(f"starts at {', '.join(turned) or '0 deg'}; the speed in gaps is held")
@@ -108,6 +107,6 @@ def _largest_g(command: Command, robot: RobotModel) -> str:
     if not has_head(robot):
         return "-"
     # The planner may be given another period; here any about as long, that divides the duration.
-    period = command.duration / np.ceil(command.duration / INTERPOLATION_PERIOD)
+    period = command.duration / math.ceil(command.duration / INTERPOLATION_PERIOD)
     motion = commanded_motion(robot, command, period)
     return f"{head_motion(robot, motion.q, motion.v, motion.vd).resultant_g.max():.2f}"

@@ -6,19 +6,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
-
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Flag, OtherRobot, Out, Show, Trust, Whole, number, one_of
 from sdt_drake.cli.printing import print_document_table, print_table, say, say_wrapped
-from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
-from sdt_drake.io.tables import TABLES, write_table
+from sdt_drake.io.formats import TABLES
 
 if TYPE_CHECKING:
     from sdt_drake.analysis.orientation import Percept
     from sdt_drake.analysis.tracking import HeadTracking
+    from sdt_drake.io.arrays import Array
     from sdt_drake.motion import Story
     from sdt_drake.robot.head import HeadMotion
     from sdt_drake.robot.robot import Robot as RobotModel
@@ -54,10 +52,11 @@ def run(
         gains: gains of the pilot's model: a name that ships, or a YAML file
         out: CSV file for what is felt over time, or a figure of it (.png, .svg, .pdf)
     """
+    import numpy as np
+
     from sdt_drake.analysis.illusions import feel, felt_apart, illusions, intended
     from sdt_drake.analysis.orientation import CAUTION
     from sdt_drake.analysis.tracking import track_head
-    from sdt_drake.show.figures import pilot as plots_pilot
 
     if validate or scenario is None:
         if scenario is not None or not validate:
@@ -101,7 +100,7 @@ def run(
     common.deliver(
         out,
         show,
-        lambda: plots_pilot.pilot(f"{name}: what the pilot feels", recording.time, head, story),
+        lambda: sdt.plots_pilot.pilot(f"{name}: what the pilot feels", recording.time, head, story),
         lambda path: _write(path, recording.time, period, head, felt),
     )
 
@@ -135,6 +134,8 @@ def _validate(robot: str) -> None:
 
 def _share(motion: str, robot: str, gains: str, count: int) -> None:
     """Print how many pilots are predicted to feel the illusion of a motion."""
+    import numpy as np
+
     from sdt_drake.analysis.illusions import LEVELS, PERIOD, illusion_of, planned_head, unit_of
     from sdt_drake.analysis.orientation import CAUTION
     from sdt_drake.analysis.pilots import differences, feelings
@@ -177,6 +178,8 @@ def _recorded(
 
 def _motion_rows(head: HeadTracking, felt: Sequence[Percept], period: float) -> Rows:
     """Header and rows: largest quantities of the reference and of what was achieved."""
+    import numpy as np
+
     from sdt_drake.analysis.perception import UNPERCEIVED_RATE, canals, false_sensation_after_stop
 
     def values(motion: HeadMotion, felt: Percept) -> list[str]:
@@ -228,6 +231,7 @@ def _write(
 ) -> None:
     """Columns name_k, k = 1, 2, 3 along x, y, z of the head; multiple_1..6 as in CHANNELS."""
     from sdt_drake.analysis.perception import canals
+    from sdt_drake.io.tables import write_table
 
     columns: dict[str, Array] = {}
     motions = (head.reference, head.achieved)

@@ -13,11 +13,11 @@ import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Flag, OtherRobot, Out, Trust, Whole, number, one_of
 from sdt_drake.cli.printing import say
-from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, within
-from sdt_drake.io.tables import TABLES, check_limits, read_table
+from sdt_drake.io.formats import TABLES
 
 if TYPE_CHECKING:
+    from sdt_drake.io.arrays import Array
     from sdt_drake.motion import Story
     from sdt_drake.robot.robot import Robot as RobotModel
 
@@ -157,6 +157,8 @@ def _simulated(
 
 def _angles(path: Path, robot: RobotModel) -> tuple[Array, Array]:
     """Time [s] and joint angles [rad] of a table."""
+    from sdt_drake.io.tables import check_limits, read_table
+
     time, columns = read_table(path)
     q = columns.get("q", columns.get("q_ref"))
     if q is None:

@@ -11,8 +11,7 @@ import numpy as np
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, needing
 from sdt_drake.io.files import checked_suffix, replacing
-from sdt_drake.io.formats import BINARY, check_binary, flat, write_binary
-from sdt_drake.io.formats import TABLES as TABLES
+from sdt_drake.io.formats import BINARY, TABLES, check_binary, flat, write_binary
 from sdt_drake.io.numbers import Numbers, read_numbers
 
 if TYPE_CHECKING:

@@ -97,7 +97,8 @@ def test_what_is_ignored_stays_ignored(stopped):
 @pytest.mark.parametrize(
     ("line", "heavy"),
     [
-        ("plan --help", "numpy"),
+        ("--help", "numpy"),
+        ("--help", "rich.markdown"),
         ("--version", "sdt_drake.cli.common"),
         ("tune reference", "matplotlib"),
     ],
