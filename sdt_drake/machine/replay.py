@@ -12,7 +12,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from sdt_drake.analysis.metrics import Metric
 from sdt_drake.analysis.threads import threads
-from sdt_drake.io.arrays import Array
+from sdt_drake.io.arrays import Array, Mask
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.progress import with_progress
 from sdt_drake.io.shown import Shown, Summary, face, of_joints
@@ -44,10 +44,12 @@ torque that the motors give, motor side."""
 AS_IT_IS = "as the scenario has it"
 UNFED = "without the recorded feedforward"
 FED = "with the load that the model lacks"
+FEEDFORWARD = "recorded feedforward alone"
 ALONE = "controller alone, on the recorded motion"
 
 ENOUGH = 0.99  # of a recording is explained: what is left has no cause worth a name
 ROUND_OFF = 1e-9  # of what was recorded; of a joint that was recorded as good as still
+_CLEARLY = 0.02  # of the mean square of a recording, that something else explains more
 _INSIDE = 0.95  # of what a motor has: less, and it gives what is asked
 _WINDOW = 0.1  # s; what is twice as fast is noise of encoders, which no model has
 
@@ -74,9 +76,10 @@ class Replay(Shown):
     courses: Mapping[str, Signals]
 
     def summary(self) -> Summary:
+        shares = {name: self.explained(name) for name in self.measured}
         columns = {
-            f"{QUANTITIES[name].title} [%]": (".1f", 100 * self.explained(name))
-            for name in self.measured
+            f"{QUANTITIES[name].title} [%]": (".1f", 100 * np.where(share < 0, np.nan, share))
+            for name, share in shares.items()
         }
         title = f"of {self.recorded.path.name}, explained by {self.design.scenario.summary().title}"
         return of_joints(title, columns, self.design.robot.joint_names)
@@ -100,6 +103,20 @@ class Replay(Shown):
         would be nearer, NaN where nothing was recorded but zeros, or round-off.
         """
         return 1 - self.apart(quantity, case) ** 2
+
+    def better(self, quantity: str) -> dict[str, Mask]:
+        """Joints of which something else explains clearly more than the scenario as it is, by what
+        that is, shape (n,): of each joint the best of what is simulated, or recorded."""
+        as_it_is = self.explained(quantity)
+        cases = [x for x in self.courses if x not in (AS_IT_IS, FED, ALONE)]
+        shares = {x: self.explained(quantity, x) for x in cases if quantity in self.courses[x]}
+        if not shares:
+            return {}
+        most = np.max(list(shares.values()), axis=0)
+        is_clear = (most > 0) & (most > np.maximum(as_it_is, 0) + _CLEARLY)
+        return {
+            x: found for x, share in shares.items() if (found := is_clear & (share == most)).any()
+        }
 
     def apart(self, quantity: str, case: str = AS_IT_IS) -> Array:
         """RMS of the difference over that of the recording [-], shape (n,); NaN as `explained`."""
@@ -168,6 +185,8 @@ def replay(scenario: Scenario, recorded: Recorded, robot: Robot) -> Replay:
     measured, start = _measured(motion, at)
     if "torque" in measured:
         lacking = measured["torque"] - courses[AS_IT_IS]["torque"]
+        if "tau_ff" in at:
+            courses[FEEDFORWARD] = {"torque": at["tau_ff"]}
         courses[FED] = _course(design, of_links, _smoothed(lacking, period))
         if "q" in at:
             # An encoder's zero that is elsewhere is no error: a cascade would integrate it.

@@ -1,5 +1,7 @@
 """Recordings replayed: of runs, whose differences are known, and of a real robot."""
 
+import re
+
 import dh
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ import pytest
 from sdt_drake.cli.app import main
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.recordings import Recorded, read_recording
-from sdt_drake.machine.replay import ALONE, AS_IT_IS, FED, UNFED, _smoothed, replay
+from sdt_drake.machine.replay import ALONE, AS_IT_IS, FED, FEEDFORWARD, UNFED, _smoothed, replay
 from sdt_drake.motion import Motion
 from sdt_drake.run.scenario import (
     ControllerChoice,
@@ -110,6 +112,27 @@ def test_the_recorded_feedforward_is_used(designed, tmp_path):
     assert result.difference("torque", AS_IT_IS).max() < 1e-6
     assert np.all(result.difference("torque", UNFED) > 0.1)
     assert "recorded torque feedforward" in replay_findings(result)[0]
+
+
+def test_what_explains_more_than_the_scenario_is_said(designed, tmp_path):
+    """Friction that the machine does not have, and a model whose own recording knows better."""
+    made = designed("coupled_pi", CASCADE, start=1.0, end=2.0)
+    recorded = recorded_run(made, tmp_path)
+    rubs = {"plant.friction": Friction(coulomb=[300.0, 200.0, 200.0, 100.0])}
+    result = replayed(made, recorded, rubs)
+    (joints,) = result.better("torque").values()
+    assert list(result.better("torque")) == ["without friction"] and joints[2:].all()
+    (said,) = (x for x in replay_findings(result) if "explains more of the motor torque" in x)
+    assert said.startswith("The simulation without friction explains more")
+    assert said.endswith("sdt-drake identify --only friction finds it.")
+    assert "–" in str(result) and not re.search(r" -\d", str(result))
+    assert not replayed(made, recorded).better("torque")
+
+    motor = recorded.signals["tau"]
+    fed = recorded_run(made, tmp_path, tau_ff=motor)
+    heavy = {"plant.deviation.payload_mass": 100.0, "controller.feedforward": None}
+    better = replayed(made, fed, heavy).better("torque")
+    assert better[FEEDFORWARD].any()
 
 
 def test_a_reference_of_speeds_alone_starts_where_the_joints_do(designed, tmp_path):

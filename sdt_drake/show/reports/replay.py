@@ -11,9 +11,18 @@ from numpy.typing import NDArray
 from sdt_drake.analysis.metrics import Metric
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.files import replacing_files
-from sdt_drake.io.shown import numbered
+from sdt_drake.io.shown import listed, numbered
 from sdt_drake.machine.recordings import check_recording
-from sdt_drake.machine.replay import ALONE, ENOUGH, FED, QUANTITIES, ROUND_OFF, Replay
+from sdt_drake.machine.replay import (
+    ALONE,
+    ENOUGH,
+    FED,
+    FEEDFORWARD,
+    QUANTITIES,
+    ROUND_OFF,
+    UNFED,
+    Replay,
+)
 from sdt_drake.show import documents as doc
 from sdt_drake.show.figures.replay import replay_figure, replay_title
 from sdt_drake.show.style import pictures, save_both
@@ -66,9 +75,46 @@ def replay_findings(replay: Replay) -> list[str]:
         offsets=[f"{x:.4f}" for x in np.degrees(replay.start)] if is_beside else [],
         explained=[_explained_in_words(replay, name) for name in replay.measured],
         wrong=wrong,
+        better=[
+            _compared(replay, name, case, joints)
+            for name in replay.measured
+            for case, joints in replay.better(name).items()
+        ],
     )
     checked = check_recording(replay.design.robot, recorded)
     return said + [f"Warning: {recorded.path.name}: {found}" for found in checked]
+
+
+def _compared(
+    replay: Replay, quantity: str, case: str, joints: NDArray[np.bool_]
+) -> dict[str, str]:
+    """Joints of which a case explains more, how much, and what the scenario as it is does."""
+    share, own = (
+        np.where(x < 0, np.nan, x)[joints]
+        for x in (replay.explained(quantity, case), replay.explained(quantity))
+    )
+    return {
+        "title": QUANTITIES[quantity].title,
+        "case": f"The {case}" if case == FEEDFORWARD else f"The simulation {case}",
+        "joints": listed(list(map(str, _joints(joints)))),
+        "share": " ".join(_texts(_SHARE, share)),
+        "own": " ".join(_texts(_SHARE, own)),
+        "why": _WHY[case],
+    }
+
+
+_WHY = {
+    FEEDFORWARD: "Links, friction or payload of the scenario are not those of the machine: "
+    "sdt-drake identify finds them.",
+    UNFED: "The machine does not add it as this controller does, or its unit or side is another "
+    "(torque_factor, --side).",
+    "without friction": "Friction of the scenario is not that of the machine: "
+    "sdt-drake identify --only friction finds it.",
+    "with rigid joints": "Springs of the scenario are not those of the machine.",
+    "with ideal drives": "Drives of the scenario are not those of the machine.",
+    "with the nominal links": "The deviation of the scenario is not that of the machine.",
+}
+"""What it means that a case explains more than the scenario as it is."""
 
 
 def _explained(replay: Replay, quantity: str) -> Sequence[str]:
