@@ -26,18 +26,29 @@ sdt-drake study study.yaml --workers 2 --out mc    many devices; needs sdt_drake
 Change a file, or a field on the way: --set controller.kind=pi
 Every field of every file: sdt-drake reference"""
 
-_NEXT_OF_OWN = """
-sdt-drake view {robot} --out robot.html   axes, limits and masses, to look whether they are right
-sdt-drake simulate scenario.yaml --out run.html   how well the joints follow
-sdt-drake plan motion.yaml --robot {robot}   what the motion takes of the motors
-sdt-drake size sizing.yaml --workers 2 --out sizing   motors that are enough; needs sdt_drake[study]
-sdt-drake export scenario.yaml --drive drives.yaml --out exported   the motion, as drives read it
-sdt-drake excite {robot} --out excite.yaml   a motion that shows masses and friction
-sdt-drake simulate scenario.yaml --out run.csv   a recording, to try the next on
-sdt-drake identify {robot} run.csv --columns columns.yaml --out identified   what recordings tell
-sdt-drake study study.yaml --workers 2 --out mc   many robots
+_NEXT_OF_OWN = (
+    ("view {robot} --out robot.html", "axes, limits and masses: are they right?"),
+    ("simulate scenario.yaml --out run.html", "how well the joints follow"),
+    ("plan motion.yaml --robot {robot}", "what the motion takes of the motors"),
+    ("size sizing.yaml --workers 2 --out sizing", "motors that are enough; needs sdt_drake[study]"),
+    ("export scenario.yaml --drive drives.yaml --out exported", "the motion, as drives read it"),
+    ("excite {robot} --out excite.yaml", "a motion that shows masses and friction"),
+    ("simulate scenario.yaml --out run.csv", "a recording, to try the next on"),
+    ("identify {robot} run.csv --columns columns.yaml --out found", "what recordings tell"),
+    ("study study.yaml --workers 2 --out mc", "many robots; needs sdt_drake[study]"),
+)
 
-What is ASSUMED says so in its file. Every field of every file: sdt-drake reference"""
+
+def _next_of_own(robot: str) -> str:
+    """What to run in the folder of a robot of one's own."""
+    commands = [command.format(robot=shlex.quote(robot)) for command, _ in _NEXT_OF_OWN]
+    width = max(map(len, commands))
+    lines = [
+        f"sdt-drake {command:{width}}   {text}"
+        for command, (_, text) in zip(commands, _NEXT_OF_OWN, strict=True)
+    ]
+    last = "What is ASSUMED says so in its file. Every field of every file: sdt-drake reference"
+    return "\n".join(["", *lines, "", last])
 
 
 def run(
@@ -69,7 +80,7 @@ def run(
 
             own = sdt.load_robot(robot)
             names = write_own(own, new, folder)
-            then = _NEXT_OF_OWN.format(robot=shlex.quote(own.path.name))
+            then = _next_of_own(own.path.name)
         # Beside the files, so that editors check them wherever the folder is copied to.
         for file in sorted((models_dir() / "schemas").iterdir()):
             write_text(new / "schemas" / file.name, file.read_text(encoding="utf-8"))

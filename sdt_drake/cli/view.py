@@ -12,7 +12,7 @@ from cyclopts import Parameter
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Flag, OtherRobot, Out, Trust, Whole, number, one_of
-from sdt_drake.cli.printing import say
+from sdt_drake.cli.printing import print_document_table, say
 from sdt_drake.io.errors import InputError, within
 from sdt_drake.io.formats import TABLES
 
@@ -100,14 +100,22 @@ def _announcing(title: str, once: bool, has_head: bool) -> Callable[[str], None]
 
 def _robot(what: str, record: Path | None, port: int | None, once: bool) -> None:
     """Show a robot by itself."""
-    from sdt_drake.show.view3d.robot_page import moving_links, robot_html, sentence, show_robot
+    from sdt_drake.show.view3d import robot_page as shown
 
     model = sdt.load_robot(what)
-    title = sentence(model, moving_links(model))
+    links = shown.moving_links(model)
+    title = shown.sentence(model, links)
     if record is None:
-        show_robot(model, port=port, once=once, announce=_announcing(title, once, has_head=False))
+        say(f"{title}.")
+        for table in (shown.joint_table(model), shown.link_table(links)):
+            say()
+            print_document_table(table)
+        say()
+        say("Sliders, and under Scene the masses, are behind Open Controls.")
+        announce = _announcing(model.name, once, has_head=False)
+        shown.show_robot(model, port=port, once=once, announce=announce)
         return
-    robot_html(model, record)
+    shown.robot_html(model, record)
     say(f"{title}; {record} written")
     say(f"files to run it: sdt-drake init --robot {shlex.quote(what)} DIR")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import socket
 from importlib import import_module
 from pathlib import Path
@@ -70,7 +71,8 @@ def test_a_robot_by_itself(desk, good, name):
 
 def test_a_robot_live(desk, good):
     out = good("view", "sdt", "--once").out
-    assert out.startswith("sdt: 4 joints turn 6610 kg: http://localhost:")
+    assert out.startswith("sdt: 4 joints turn 6610 kg.\n") and "\nsdt: http://localhost:" in out
+    assert re.search(r"^1 planetary +continuous +any +178.6 +13655 ", out, re.MULTILINE)
 
 
 def test_a_robot_has_no_motion(desk, call):

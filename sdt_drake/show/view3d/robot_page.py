@@ -260,6 +260,8 @@ def show_robot(
 ) -> None:
     """Show a robot in a browser with Drake's sliders for its joints, until Ctrl-C.
 
+    Its masses are hidden, and shown by Meshcat's own list of the scene.
+
     Args:
         robot: drawn as its file draws it.
         port: of the server on this machine; by default the first free one from 7000 on.
@@ -269,6 +271,7 @@ def show_robot(
     meshcat = open_meshcat(port)
     shown = RobotScene(robot, meshcat)
     shown.scene.overview()
+    meshcat.SetProperty(f"/{_MASSES}", "visible", False)  # until they are asked for
     low, high = shown.ranges()
     sliders = JointSliders(
         meshcat, robot.plant, initial_value=shown.start, lower_limit=low, upper_limit=high,
