@@ -95,7 +95,7 @@ def _verdict(
             i = rows[motion]
             status = table.status[i].replace("_", " ")
             missed.append(f"{short_name(motion)} is {status}: {table.reason[i]}")
-            beyond.append(f"{short_name(motion)} ({status})")
+            beyond.append(f"{short_name(motion)}, which is {status}")
     ran = {motion: i for motion, i in rows.items() if table.status[i] == "ok"}
     worst, used = {}, {}
     for name, limit in limits.items():

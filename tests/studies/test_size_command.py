@@ -65,8 +65,8 @@ def test_from_a_file_to_a_recommendation(size, desk, undrawn):
     text = (folder / "report.md").read_text(encoding="utf-8")
     assert text.split("\n\n")[1] == (
         "**AC-203, TM-3950, TM-1430, TM-716: 325 kg of motors are enough, with pi_id.** It is the "
-        "lightest set that keeps all requirements in short: 1 of 2 do, and what rules the lighter "
-        "ones out is torque used of joint 2 (1 of them)."
+        "lightest set that keeps all requirements in short: 1 of 2 do, and those that are lighter "
+        "(1) miss, most often first: torque used of joint 2."
     )
     # 0.0059 rad/s of 0.01 that are allowed.
     assert "| 2 | TM-3950 | largest speed error | 0.0059 rad/s | 59 | 41 | short |" in text

@@ -11,7 +11,7 @@ from typing import Any
 
 from sdt_drake.analysis.metrics import family_of, metric_of
 from sdt_drake.io.resources import PACKAGE_PREFIX
-from sdt_drake.io.shown import formatted
+from sdt_drake.io.shown import formatted, listed
 from sdt_drake.show import documents as doc
 from sdt_drake.show.figures.fronts import sizing_front
 from sdt_drake.show.style import pictures, save_both
@@ -41,13 +41,16 @@ def write_sizing_report(
     """
     save_both(sizing_front(f"{sizing.name}: motors and tracking", verdicts), folder / FIGURE)
     answers = [_answer(sizing, verdicts, label) for label in sizing.controllers]
-    answers.sort(key=lambda answer: answer["chosen"].mass if answer["chosen"] else math.inf)
+    answers.sort(key=_heavy)
+    best = answers[0] if answers[0]["chosen"] else None
+    alike = [a["label"] for a in answers if best and _same(a["chosen"], best["chosen"])]
     tables = [table for answer in answers for table in (answer["margins"], answer["out"])]
     text = doc.render(
         "sizing.md.j2",
         name=sizing.name,
         failed=failed,
-        best=answers[0] if answers[0]["chosen"] else None,
+        best=best,
+        alike=listed(alike),
         answers=answers,
         count=len(verdicts) // len(sizing.controllers),
         motions=[short_name(motion) for motion in sizing.motions],
@@ -75,6 +78,16 @@ def _answer(sizing: Sizing, verdicts: Sequence[Verdict], label: str) -> dict[str
         "margins": _margins(shown) if shown.worst else None,
         "out": _ruled_out(own, label),
     }
+
+
+def _heavy(answer: dict[str, Any]) -> tuple[float, float]:
+    """What answers are sorted by: mass, then error."""
+    chosen = answer["chosen"]
+    return (chosen.mass, chosen.error) if chosen else (math.inf, math.inf)
+
+
+def _same(one: Verdict | None, other: Verdict) -> bool:
+    return one is not None and one.candidate == other.candidate
 
 
 def _fields(sizing: Sizing, verdict: Verdict) -> str:
