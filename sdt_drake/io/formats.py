@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from sdt_drake.io.errors import InputError, needing, one_line
 
@@ -19,6 +19,12 @@ TABLES = (".csv", *BINARY)
 
 FIGURES = (".png", ".svg", ".pdf")
 """Kinds of files that figures are written as."""
+
+
+MOST_NUMBERS = 100_000_000
+"""Of a table that is read, 0.8 GB: memory holds up to six times that."""
+
+_FEW = 25_000_000  # that any binary file may hold
 
 
 def check_binary(path: Path) -> None:
@@ -71,8 +77,8 @@ def read_binary(path: Path) -> dict[str, Array]:
         columns = _read_mat(path) if path.suffix == ".mat" else _read_parquet(path)
     except NotImplementedError:
         raise InputError(f"{path}: is of version 7.3, expected one saved with -v7") from None
-    except InputError:
-        raise
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     except Exception as error:  # of many kinds
         raise InputError(f"{path}: cannot be read as {path.suffix} ({one_line(error)})") from None
     if len({len(values) for values in columns.values()}) > 1:
@@ -81,39 +87,44 @@ def read_binary(path: Path) -> dict[str, Array]:
 
 
 def _read_mat(path: Path) -> dict[str, Array]:
-    import scipy.io
+    from sdt_drake.io.mat import read_mat
 
-    arrays = dict(_tables(scipy.io.loadmat(path)))
+    arrays = read_mat(path, 8 * _most(path))
     count = max((max(values.shape) for values in arrays.values()), default=0)
     upright = {
         name: values if len(values) == count else values.T
         for name, values in arrays.items()
         if count in values.shape  # others are no columns, as a period or masses
     }
+    _check_count(path, sum(values.size for values in upright.values()))
     whole = {name: values[:, 0] if name == "time" else values for name, values in upright.items()}
     return {name: values.astype(float) for name, values in flat(whole).items()}
 
 
-def _tables(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Names and values of matrices of numbers; those in a structure are called structure.name."""
-    import numpy as np
-
-    for name, values in content.items():
-        if not isinstance(values, np.ndarray) or values.ndim != 2:
-            continue
-        if values.dtype.names and values.size == 1:
-            inner = {field: values[field][0, 0] for field in values.dtype.names}
-            yield from _tables(inner, f"{prefix}{name}.")
-        elif values.dtype.kind in "iuf" and values.size > 1:
-            yield f"{prefix}{name}", values
-
-
 def _read_parquet(path: Path) -> dict[str, Array]:
+    import pyarrow
     import pyarrow.parquet
 
-    table = pyarrow.parquet.read_table(path)
-    columns = {name: table[name].to_numpy() for name in table.column_names}
-    return {name: v.astype(float) for name, v in columns.items() if v.dtype.kind in "iuf"}
+    with pyarrow.parquet.ParquetFile(path) as file:
+        types = pyarrow.types
+        names = [
+            field.name
+            for field in file.schema_arrow
+            if types.is_integer(field.type) or types.is_floating(field.type)
+        ]
+        _check_count(path, len(names) * file.metadata.num_rows)
+        table = file.read(names)
+    return {name: table[name].to_numpy().astype(float) for name in names}
+
+
+def _most(path: Path) -> int:
+    """Numbers that a file may hold; compression makes some of nothing."""
+    return min(MOST_NUMBERS, _FEW + path.stat().st_size)
+
+
+def _check_count(path: Path, count: int) -> None:
+    if count > _most(path):
+        raise InputError(f"{count} numbers, expected at most {_most(path)} in a file of its size")
 
 
 def in_json(value: object) -> object:

@@ -12,13 +12,10 @@ import numpy as np
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import checked_input
-from sdt_drake.io.formats import BINARY, read_binary
+from sdt_drake.io.formats import BINARY, MOST_NUMBERS, read_binary
 
 MOST_BYTES = 1_000_000_000
 """Of a table that is read: a recording of an hour."""
-
-MOST_NUMBERS = 100_000_000
-"""Of such a table, 0.8 GB: memory holds up to six times that."""
 
 _SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "spaces"}
 

@@ -16,8 +16,8 @@ from sdt_drake.io.resources import a_kind, find_file
 
 T = TypeVar("T")
 
-_MOST_BYTES = 1_000_000  # more takes minutes
-_MOST_VALUES = 1_000_000  # lists and mappings too, with what aliases repeat
+_MOST_BYTES = 1_000_000
+_MOST_VALUES = 200_000  # 5 s; lists, mappings and keys too, with what aliases repeat
 _LONGEST_TEXT = 10_000  # letters
 _DEEPEST = 50  # lists and mappings in each other
 _TOO_LARGE = f"too large, expected at most {_MOST_VALUES} values and {_DEEPEST} levels"
@@ -176,14 +176,15 @@ class _Reader(yaml.SafeLoader):
     """YAML that is small, and says everything once."""
 
     def data(self) -> Any:
-        self.depth = self.n_values = 0
+        self.depth = self.n_nodes = self.n_values = 0
         self.read: dict[yaml.Node, tuple[Any, int]] = {}  # values, and how many are in them
         node = self.get_single_node()
         return None if node is None else self._value(node, "", 0)
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         self.depth += 1
-        if self.depth > _DEEPEST + 2:  # before Python itself gives up
+        self.n_nodes += 1
+        if self.depth > _DEEPEST + 2 or self.n_nodes > _MOST_VALUES:  # before it is all read
             raise InputError(_TOO_LARGE)
         node = super().compose_node(parent, index)
         self.depth -= 1

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from xml.parsers import expat
@@ -35,18 +37,20 @@ def read_robot_file(file: Path) -> tuple[ET.Element, list[str]]:
 
 def parse_xml(data: bytes | str, file: Path, *, shapes: bool = False) -> ET.Element:
     """The elements of an XML text, prefixes as they are written; comments left out, and shapes
-    where they are not asked for.
+    where they are not asked for; with shapes, other files that are included.
 
     What Drake is given is written anew from these. So it sees no comment, entity or section within
     a number, at which its own XML parser would stop reading.
     """
     builder, reader, path = ET.TreeBuilder(), expat.ParserCreate(), []
-    left_out = set() if shapes else _SHAPES
+    left_out, count = {"include"} if shapes else _SHAPES, itertools.count()
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         path.append(tag)
         if len(path) > _DEEPEST:
             raise InputError(f"{file}: more than {_DEEPEST} elements within each other")
+        if next(count) == _MOST:
+            raise InputError(f"{file}: more than {_MOST} elements, expected a robot")
         if not left_out.intersection(path):
             builder.start(tag, attributes)
 
@@ -73,7 +77,8 @@ def parse_xml(data: bytes | str, file: Path, *, shapes: bool = False) -> ET.Elem
     return builder.close()
 
 
-_DEEPEST = 50
+_DEEPEST, _MOST = 50, 20_000  # elements
+_PARTS, _MOST_PARTS = ("link", "joint", "frame"), 1000  # Drake takes the time of their square
 _SHAPES = {"visual", "collision", f"{DRAKE}collision_filter_group"}  # nothing touches anything here
 
 
@@ -120,9 +125,16 @@ def check_sdf(root: ET.Element, file: Path) -> list[str]:
         raise InputError(f"{file}: {len(models)} models, expected one")
     for element in root.iter():
         _check_name(element, file)
-    for part in (root, *models, *models[0]):
+    if sum(element.tag in _PARTS for element in root.iter()) > _MOST_PARTS:
+        raise InputError(
+            f"{file}: more than {_MOST_PARTS} links, joints and frames, expected a robot"
+        )
+    parts = set(models[0])
+    inside = set(models[0].iter())
+    around = [element for element in root.iter() if element not in inside]
+    for part in (*around, models[0], *models[0]):
         name = f"{part.tag} '{part.get('name')}'" if part.get("name") else f"<{part.tag}>"
-        below = part.iter() if part in list(models[0]) else (part,)
+        below = part.iter() if part in parts else (part,)
         for element in below:
             _check_element(element, f"{file}: {name}")
     links = [(link, f"link '{link.get('name')}'") for link in root.iter("link")]
@@ -141,7 +153,7 @@ def _check_name(element: ET.Element, file: Path) -> None:
 
 def _check_element(element: ET.Element, where: str) -> None:
     """Every number is one, every element is read, and has an effect."""
-    children = [(child.tag, child.get("name") or child.get("joint")) for child in element]
+    children = Counter((child.tag, child.get("name") or child.get("joint")) for child in element)
     drakes = [tag for parent, tag in _DRAKES if parent == element.tag]
     for tag, name in children:
         bare = tag.removeprefix(DRAKE).removeprefix(_OWN)
@@ -150,7 +162,7 @@ def _check_element(element: ET.Element, where: str) -> None:
                 f"{where}: <{_short(bare)}> in <{element.tag}> is not supported or would have no "
                 f"effect; {suggestion(DRAKE + bare, drakes, 'remove it')}"
             )
-        if children.count((tag, name)) > 1:
+        if children[tag, name] > 1:
             again = f"<{_short(tag)}>" if name is None else f"{_short(tag)} '{name}'"
             raise InputError(f"{where}: {again} more than once in <{element.tag}>")
     if element.tag not in _COUNTS:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections import Counter
 from pathlib import Path
 
 from sdt_drake.io.errors import InputError
@@ -137,9 +138,10 @@ def _check(parent: str, element: ET.Element, where: str) -> None:
     for child in [child for child in element if child.tag in _IGNORED]:
         element.remove(child)
     names = [(child.tag, child.get("name") or child.get("joint")) for child in element]
+    counts = Counter(names)
     inner = "joint of a transmission" if key == "transmission/joint" else element.tag
     for child, named in zip(element, names, strict=True):
-        if names.count(named) > 1:
+        if counts[named] > 1:
             raise InputError(f"{where}: <{child.tag[:40]}> more than once in <{element.tag}>")
         _check(inner, child, where)
 

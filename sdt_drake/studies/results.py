@@ -50,7 +50,7 @@ def read_study_table(folder: Path) -> StudyTable:
         InputError: if the folder holds no study, or a file of it cannot be used.
     """
     study, outcomes = load_folder(folder)
-    with Store(folder) as store:
+    with Store(folder) as store, store.reading():
         kinds = store.kinds
         groups: list[list[NDArray[Any]]] = [  # an array needs a fifth of the numbers' memory
             [np.array(values, kind) for values, kind in zip(columns, kinds.values(), strict=True)]

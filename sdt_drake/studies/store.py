@@ -6,10 +6,10 @@ import json
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, closing, contextmanager
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
-from sdt_drake.io.errors import InputError, needing
+from sdt_drake.io.errors import InputError, needing, one_line
 from sdt_drake.io.files import replacing
 from sdt_drake.studies.fields import Value
 from sdt_drake.studies.table import Row
@@ -27,6 +27,18 @@ RESULTS = "results.parquet"
 _KINDS = {"INTEGER": int, "TEXT": str, "REAL": float}
 _PATIENCE = 60.0  # s; for another process that reads or writes a row
 _GROUP = 4096  # rows that are in memory together
+_UNUSABLE = (
+    sqlite3.Error, ValueError, LookupError, TypeError, OverflowError, RecursionError, MemoryError,
+)  # fmt: skip
+_ABOUT = {
+    "inputs": list, "outcomes": list, "fingerprint": str, "versions": dict, "files": dict,
+    "contents": dict,
+}  # fmt: skip
+_COMPUTED = """
+    SELECT count(*) FROM sqlite_master WHERE type != 'table' OR sql NOT LIKE 'CREATE TABLE %'
+    UNION ALL SELECT count(*) FROM pragma_table_xinfo('study') WHERE hidden
+    UNION ALL SELECT count(*) FROM pragma_table_xinfo('rows') WHERE hidden
+"""
 
 
 class Store(AbstractContextManager["Store"]):
@@ -55,25 +67,26 @@ class Store(AbstractContextManager["Store"]):
                 if (folder / OF_0_3).is_file()
                 else f"{folder}: holds no study, expected the folder of `sdt-drake study`"
             )
-        with self._reading():
+        with self.reading():
             is_export = self.path.name == RESULTS
             self._database = _imported(self.path) if is_export else _connected(self.path)
+            _check_tables(self._database)
             ((text,),) = self._database.execute("SELECT about FROM study")
             columns = self._database.execute("SELECT name, type FROM pragma_table_info('rows')")
             self.kinds = {name: _KINDS[kind] for name, kind in columns}
-        self.about: dict[str, Any] = json.loads(text)
+            self.about = _checked(json.loads(text))
 
     def __exit__(self, *_: object) -> None:
         self._database.close()
 
     def done(self) -> set[int]:
         """Numbers of the rows that are there."""
-        with self._reading():
+        with self.reading():
             return {number for (number,) in self._database.execute("SELECT row FROM rows")}
 
     def inputs(self, number: int) -> dict[str, Value]:
         """Inputs of a row; none of one that is not there."""
-        with self._reading():
+        with self.reading():
             found = self._database.execute("SELECT * FROM rows WHERE row = ?", (number,)).fetchone()
         columns = zip(self.kinds, found or (), strict=False)
         return {name: value for name, value in columns if name in self.about["inputs"]}
@@ -97,19 +110,20 @@ class Store(AbstractContextManager["Store"]):
 
     def groups(self) -> Iterator[list[tuple[Any, ...]]]:
         """Some thousand rows at a time, in their order: the values of each column."""
-        with self._reading():
+        with self.reading():
             cursor = self._database.execute("SELECT * FROM rows ORDER BY row")
             while group := cursor.fetchmany(_GROUP):
                 yield [*zip(*group, strict=True)]
 
     @contextmanager
-    def _reading(self) -> Iterator[None]:
+    def reading(self) -> Iterator[None]:
+        """Errors within are those of a file that cannot be used."""
         try:
             yield
-        except (sqlite3.Error, ValueError) as error:
+        except _UNUSABLE as error:
             raise InputError(
-                f"{self.path}: cannot be used ({error}), expected the file that `sdt-drake study` "
-                "wrote"
+                f"{self.path}: cannot be used ({one_line(error)}), expected the file that "
+                "`sdt-drake study` wrote"
             ) from None
 
 
@@ -143,6 +157,24 @@ def _fill(
     database.execute("CREATE TABLE study (about TEXT)")
     database.execute("INSERT INTO study VALUES (?)", (json.dumps(about),))
     database.execute(f"CREATE TABLE rows ({', '.join(quoted)})")
+
+
+def _check_tables(database: sqlite3.Connection) -> None:
+    """Refuse views and columns that SQLite would compute, maybe for ever."""
+    if any(count for (count,) in database.execute(_COMPUTED)):
+        raise ValueError("holds more than two tables of values")
+
+
+def _checked(about: dict[str, Any]) -> dict[str, Any]:
+    """What a study is of, nothing where it does not say so; its files are all in its folder."""
+    about = {name: kind() for name, kind in _ABOUT.items()} | about
+    for name, kind in _ABOUT.items():
+        if not isinstance(about[name], kind):
+            raise ValueError(f"{name} is no {kind.__name__}")
+    for place in (*about["files"].values(), *about["contents"]):
+        if PurePath(place).is_absolute() or ".." in PurePath(place).parts:
+            raise ValueError(f"{place} is outside of the folder")
+    return about
 
 
 def _connected(path: Path) -> sqlite3.Connection:

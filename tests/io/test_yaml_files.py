@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from pydrake.common.yaml import yaml_load_data
 
+from sdt_drake.io import yaml_files
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.resources import models_dir
 from sdt_drake.io.yaml_files import read_yaml
@@ -15,7 +16,7 @@ BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
     for old, new in zip("abcdefgh", "bcdefghi", strict=True)
 )
 BAD = {
-    "aliases of aliases": (BOMB, "too large, expected at most 1000000 values and 50 levels"),
+    "aliases of aliases": (BOMB, "too large, expected at most 200000 values and 50 levels"),
     "an alias of itself": ("name: &a [*a]\n", "too large"),
     "a mapping of itself": ("&a\nname: *a\n", "too large"),
     "deep": ("name: " + 51 * "[" + 51 * "]", "too large"),
@@ -103,3 +104,10 @@ def test_a_table_is_no_yaml(tmp_path):
     (tmp_path / "run.csv").write_text("time,q_1\n")
     with pytest.raises(InputError, match=r"run\.csv: is a table, expected a scenario$"):
         load_scenario(tmp_path / "run.csv")
+
+
+def test_too_many_values_are_refused_before_all_is_read(monkeypatch, tmp_path):
+    monkeypatch.setattr(yaml_files, "_MOST_VALUES", 100)
+    (tmp_path / "a.yaml").write_text("name: [" + 200 * "1, ")  # nor seen that it never ends
+    with pytest.raises(InputError, match="too large"):
+        read_yaml(tmp_path / "a.yaml")

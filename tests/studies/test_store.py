@@ -25,7 +25,9 @@ from sdt_drake.studies.study import Study
 from sdt_drake.studies.table import Row
 
 INPUTS = {"a": 0.1, 'b "c"': "text"}
-ABOUT = {"inputs": [*INPUTS], "outcomes": ["x", "y"]}
+ABOUT = {"inputs": [*INPUTS], "outcomes": ["x", "y"]} | {
+    "fingerprint": "f", "versions": {}, "files": {}, "contents": {},
+}  # fmt: skip
 ROWS = [
     Row(2, "ok", "", 0.1, (1 / 3, math.nan)),
     Row(0, "failed", "ünexpected \u2028 \\ '", 0.2, ()),

@@ -1,0 +1,325 @@
+"""Files that somebody else made, perhaps to harm: any bytes give an object or an InputError."""
+
+from __future__ import annotations
+
+import functools
+import io
+import json
+import resource
+import sqlite3
+import struct
+import subprocess
+import sys
+import warnings
+import zlib
+
+import numpy as np
+import pytest
+from command_line import ARM, SCENARIO
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.resources import models_dir
+from sdt_drake.io.tables import read_table, write_table
+from sdt_drake.machine.drive_files import load_drives
+from sdt_drake.machine.fly.flight import load_flight_columns, read_flight
+from sdt_drake.machine.recordings import load_columns, read_recording
+from sdt_drake.motion import LearnedReference, import_motion, load_profile
+from sdt_drake.robot.robot import load_robot
+from sdt_drake.run.scenario import load_scenario
+from sdt_drake.show.documents import read_svg
+from sdt_drake.studies.store import DATABASE, Store, create
+from sdt_drake.studies.study import read_study
+
+TIME = np.arange(5) * 0.005
+COLUMNS = {name: np.zeros((5, 4)) for name in ("q_ref", "v_ref", "vd_ref", "q", "v", "tau")}
+URDF = (
+    "<robot name='r'><link name='a'/><link name='b'><inertial><origin xyz='0 0 1' rpy='0 0 0'/>"
+    "<mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial></link>"
+    "<joint name='j' type='continuous'><parent link='a'/><child link='b'/><axis xyz='0 1 0'/>"
+    "<limit effort='9' velocity='2'/></joint></robot>"
+)
+FLIGHT = "time,f_x,f_y,f_z,omega_x,omega_y,omega_z\n" + "".join(
+    f"{t / 10},0,0,9.8,0,0,0\n" for t in range(9)
+)
+
+
+def yaml(name: str) -> bytes:
+    return (models_dir() / name).read_bytes()
+
+
+def table(suffix: str) -> bytes:
+    if suffix == ".csv":
+        header = ["time", *(f"{name}_{k}" for name in COLUMNS for k in range(1, 5))]
+        rows = np.column_stack([TIME, *COLUMNS.values()])
+        return ",".join(header).encode() + b"\n" + b"".join(
+            ",".join(map(str, row)).encode() + b"\n" for row in rows
+        )  # fmt: skip
+    target = io.BytesIO()
+    if suffix == ".mat":
+        from scipy.io import savemat
+
+        inner = {"q_1": TIME, "deeper": {"v": COLUMNS["v"]}}
+        savemat(target, {"time": TIME, **COLUMNS, "log": inner}, do_compression=False)
+    else:
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        parquet.write_table(pa.table({"time": TIME, "q_1": TIME}), target)
+    return target.getvalue()
+
+
+def database() -> bytes:
+    base = sqlite3.connect(":memory:")
+    about = {"inputs": ["x"], "outcomes": ["y"], "fingerprint": "f", "versions": {}}
+    about |= {"files": {}, "contents": {}}
+    base.execute("CREATE TABLE study (about TEXT)")
+    base.execute("INSERT INTO study VALUES (?)", (json.dumps(about),))
+    base.execute('CREATE TABLE rows ("row" INTEGER PRIMARY KEY, "x" REAL, "y" REAL)')
+    base.execute("INSERT INTO rows VALUES (0, 1.0, 2.0)")
+    base.commit()
+    return base.serialize()
+
+
+def read_store(path):
+    with Store(path.parent) as store:
+        return store.about, store.done(), list(store.groups())
+
+
+READERS = {
+    "scenario": (".yaml", SCENARIO.encode(), load_scenario),
+    "profile": (".yaml", yaml("motions/leans.yaml"), load_profile),
+    "drives": (".yaml", yaml("drives.yaml"), lambda path: load_drives(path, 4)),
+    "study": (".yaml", yaml("studies/monte_carlo.yaml"), read_study),
+    "columns": (
+        ".yaml",
+        b"time: t\nq: [a, b]\nencoding: utf-8\ndelimiter: semicolon\n",
+        load_columns,
+    ),
+    "flight columns": (".yaml", yaml("flights/recorder.yaml"), load_flight_columns),
+    "sdf": (".sdf", ARM.encode(), load_robot),
+    "urdf": (".urdf", URDF.encode(), load_robot),
+    "csv": (".csv", table(".csv"), read_table),
+    "mat": (".mat", table(".mat"), read_table),
+    "parquet": (".parquet", table(".parquet"), read_table),
+    "recording": (".csv", table(".csv"), lambda path: read_recording(path, load_robot())),
+    "motion": (".csv", table(".csv"), lambda path: import_motion(path, 0.005)),
+    "learned": (".csv", table(".csv"), LearnedReference.from_csv),
+    "flight": (".csv", FLIGHT.encode(), read_flight),
+    "svg": (".svg", b"<svg xmlns='http://www.w3.org/2000/svg'><g/></svg>", read_svg),
+    "study.sqlite": (".sqlite", database(), read_store),
+}
+"""Suffix and content of a file of each kind, and what reads it."""
+
+TOKENS = [
+    b"\0", b"\xff\xfe", b"-1", b"nan", b"1e999", b"9" * 400, b"[", b"{", b"&a ", b"*a",
+    b"!!python/", b"<", b"</", b"<!--", b"<![CDATA[", b"&#0;", b"'", b'"', b",", b"\n", b"\r",
+    b"\xc3\x28", b"",
+]  # fmt: skip
+
+
+@st.composite
+def changed(draw, content: bytes) -> bytes:
+    """Bytes of a file with some others in them, or none of them at all."""
+    if draw(st.integers(0, 5)) == 0:
+        return draw(st.binary(max_size=200))
+    for _ in range(draw(st.integers(1, 3))):
+        at = draw(st.integers(0, len(content)))
+        gone = draw(st.integers(0, 20))
+        new = draw(st.sampled_from(TOKENS) | st.binary(max_size=8))
+        content = content[:at] + new + content[at + gone :]
+    return content
+
+
+@pytest.mark.parametrize("kind", READERS)
+def test_any_bytes_are_an_object_or_an_input_error(kind, tmp_path):
+    suffix, content, read = READERS[kind]
+    file = tmp_path / (DATABASE if kind == "study.sqlite" else f"file{suffix}")
+    read(_written(file, content))  # or nothing is tried
+
+    @settings(
+        max_examples=30, derandomize=True, deadline=None, database=None,
+        suppress_health_check=list(HealthCheck),
+    )  # fmt: skip
+    @given(changed(content))
+    def check(data):
+        _written(file, data)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                read(file)
+            except InputError as error:
+                assert all(line.strip() and "\n" not in line for line in error.lines)
+
+    check()
+    assert [path.name for path in tmp_path.iterdir()] == [file.name]
+
+
+def _written(file, data):
+    file.write_bytes(data)
+    return file
+
+
+# --- small files that ask for much -----------------------------------------------------------
+
+_MEMORY, _PATIENCE = 2_500_000_000, 60  # bytes; s, of a busy machine
+
+
+def element(kind: int, data: bytes) -> bytes:
+    return struct.pack("<2I", kind, len(data)) + data + b"\0" * (-len(data) % 8)
+
+
+def mat(content: bytes) -> bytes:
+    return b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + content
+
+
+def matrix_head(kind: int, shape: tuple[int, int]) -> bytes:
+    flags = element(6, struct.pack("<2I", kind, 0))
+    return flags + element(5, struct.pack("<2i", *shape)) + element(1, b"q")
+
+
+def inflating_mat() -> bytes:
+    """0.4 GB of zeros in 0.4 MB."""
+    count = 50_000_000
+    head = matrix_head(6, (count, 1)) + struct.pack("<2I", 9, 8 * count)
+    press = zlib.compressobj(9)
+    parts = [press.compress(struct.pack("<2I", 14, len(head) + 8 * count) + head)]
+    parts += [press.compress(b"\0" * 1_000_000) for _ in range(8 * count // 1_000_000)]
+    return mat(element(15, b"".join(parts) + press.flush()))
+
+
+def nested_mat(depth: int = 100_000) -> bytes:
+    """Structures in each other: scipy's reader ends the process."""
+    fields = element(5, struct.pack("<i", 8)) + element(1, b"q".ljust(8, b"\0"))
+    head = matrix_head(2, (1, 1)) + fields
+    sizes = (len(head) + k * (8 + len(head)) for k in range(depth, -1, -1))
+    return mat(b"".join(struct.pack("<2I", 14, size) + head for size in sizes))
+
+
+def inflating_parquet() -> bytes:
+    """Two columns of 30 million zeros."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    target, zeros = io.BytesIO(), np.zeros(5_000_000)
+    part = pa.table({"time": zeros, "q_1": zeros})
+    with parquet.ParquetWriter(target, part.schema) as file:
+        for _ in range(6):
+            file.write_table(part)
+    return target.getvalue()
+
+
+def sdf(inside: str) -> bytes:
+    return f"<sdf version='1.9'><model name='m'>{inside}</model></sdf>".encode()
+
+
+BOMBS = {
+    "inflating.mat": (inflating_mat, "bytes without compression"),
+    "nested.mat": (nested_mat, "in each other"),
+    "inflating.parquet": (inflating_parquet, "60000000 numbers, expected at most 25"),
+    "children.sdf": (lambda: sdf("<a/>" * 100_000), "more than 20000 elements"),
+    "frames.sdf": (
+        lambda: sdf("".join(f"<frame name='{k}'/>" for k in range(1001))),
+        "more than 1000 links, joints and frames",
+    ),
+    "deep.yaml": (lambda: b"zeta: " + b"[" * 900_000, "50 levels"),
+    "deep.sdf": (lambda: b"<a>" * 3_000_000, "more than 50 elements within each other"),
+    "digits.csv": (lambda: b"time,q_1\n0," + b"9" * 9_000_000 + b"\n1,2\n", "q_1 is inf"),
+}
+"""What makes each file, and what is said of it."""
+
+_READ = """
+import sys
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.tables import read_table
+from sdt_drake.robot.robot import load_robot
+from sdt_drake.run.scenario import load_scenario
+
+readers = {"sdf": load_robot, "yaml": load_scenario}
+for path in sys.argv[1:]:
+    try:
+        print(readers.get(path.rpartition(".")[2], read_table)(path))
+    except InputError as error:
+        print(error)
+"""
+
+
+def test_small_files_need_no_more_memory_and_time_than_others(tmp_path):
+    paths = [_written(tmp_path / name, make()) for name, (make, _) in BOMBS.items()]
+    assert max(path.stat().st_size for path in paths) < 10_000_000
+    limit = functools.partial(resource.setrlimit, resource.RLIMIT_AS, (_MEMORY, _MEMORY))
+    done = subprocess.run(
+        [sys.executable, "-c", _READ, *map(str, paths)],
+        capture_output=True,
+        text=True,
+        timeout=_PATIENCE,
+        preexec_fn=limit,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    for line, (_, told) in zip(done.stdout.splitlines(), BOMBS.values(), strict=True):
+        assert told in line
+
+
+def test_a_compressed_file_of_zeros_is_read(tmp_path):
+    write_table(tmp_path / "a.parquet", np.arange(1e6), {"q": np.zeros((1_000_000, 4))})
+    assert read_table(tmp_path / "a.parquet")[1]["q"].shape == (1_000_000, 4)
+
+
+# --- other files -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("place", ["sdf", "world", "model", "link"])
+@pytest.mark.parametrize("uri", ["{}", "file://{}", "model://secret", "package://a/../{}"])
+def test_a_robot_includes_no_other_file(place, uri, tmp_path):
+    secret = _written(tmp_path / "secret.sdf", ARM.encode())
+    include = f"<include><uri>{uri.format(secret)}</uri></include>"
+    worlds = ARM.replace("<model", "<world name='w'><model").replace("</model>", "</model></world>")
+    text = {
+        "sdf": ARM.replace("<model", f"{include}<model"),
+        "world": worlds.replace("</world>", f"{include}</world>"),
+        "model": ARM.replace("</model>", f"{include}</model>"),
+        "link": ARM.replace("</link>", f"{include}</link>", 1),
+    }[place]
+    with pytest.raises(InputError, match=r"<include> in <.*> is not supported"):
+        load_robot(_written(tmp_path / "a.sdf", text.encode()))
+
+
+@pytest.mark.parametrize(
+    "about",
+    [
+        {"contents": {"../secret": ""}},
+        {"contents": {"/etc/passwd": ""}},
+        {"files": {"own.py": "files/../../own.py"}},
+        {"files": []},
+        {"outcomes": None},
+    ],
+)
+def test_a_study_has_its_files_in_its_folder(about, tmp_path):
+    whole = {"inputs": [], "outcomes": [], "fingerprint": "", "versions": {}, "files": {}}
+    create(tmp_path, {**whole, "contents": {}, "outcomes": []}, {})
+    with sqlite3.connect(tmp_path / DATABASE) as base:
+        base.execute(
+            "UPDATE study SET about = ?", (json.dumps({**whole, "contents": {}, **about}),)
+        )
+    with pytest.raises(InputError, match=r"study\.sqlite: cannot be used \("):
+        Store(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "statements",
+    [
+        "DROP TABLE rows; CREATE VIEW rows AS WITH RECURSIVE x(row) AS "
+        "(SELECT 0 UNION ALL SELECT row + 1 FROM x) SELECT * FROM x",
+        "DROP TABLE study; CREATE TABLE study (x, about TEXT AS (hex(zeroblob(1e9))))",
+        "CREATE TRIGGER t AFTER INSERT ON rows BEGIN DELETE FROM rows; END",
+    ],
+)
+def test_a_study_computes_nothing(statements, tmp_path):
+    whole = {"inputs": [], "outcomes": [], "fingerprint": "", "versions": {}, "files": {}}
+    create(tmp_path, {**whole, "contents": {}}, {})
+    base = sqlite3.connect(tmp_path / DATABASE)
+    base.executescript(statements)
+    base.close()
+    with pytest.raises(InputError, match="holds more than two tables of values"):
+        Store(tmp_path)
