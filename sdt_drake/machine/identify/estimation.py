@@ -160,13 +160,15 @@ def _robust(
         np.sum(used * y**2, axis=0) / np.maximum(used.sum(axis=0), 1), 1e-300
     )
     r = len(prior.mean)
+    places = [np.flatnonzero(np.any(Xk, axis=0)) for Xk in X]  # friction of others has no part
+    owns = [(at, Xk[:, at]) for at, Xk in zip(places, X, strict=True)]
     for _ in range(_ROUNDS):
         H, h = np.zeros((X[0].shape[1],) * 2), np.zeros(X[0].shape[1])
         H[:r, :r], h[:r] = prior.precision, prior.precision @ prior.mean
-        for k, Xk in enumerate(X):
-            weighted = weights[:, k, None] * Xk
-            H += weighted.T @ Xk
-            h += weighted.T @ y[:, k]
+        for k, (at, own) in enumerate(owns):
+            weighted = weights[:, k, None] * own
+            H[np.ix_(at, at)] += weighted.T @ own
+            h[at] += weighted.T @ y[:, k]
         x = solved(H, h)
         left = np.abs(y - np.stack([Xk @ x for Xk in X], axis=1))
         scale = np.array([_spread(left[used[:, k], k]) for k in range(eq.n)])

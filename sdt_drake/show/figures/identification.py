@@ -14,6 +14,8 @@ from sdt_drake.show.style import PALETTE, Look, joint_title
 
 MEASURED, PREDICTED, NOMINAL = Look(PALETTE[0]), Look(PALETTE[1], "--"), Look(PALETTE[7], ":")
 
+_DOTS = 800  # of a joint, at most: each is an element of the picture
+
 
 def identification_title(found: Identified) -> str:
     """The title of a report: what was identified."""
@@ -42,7 +44,7 @@ def residuals_figure(found: Identified, files: PlantFriction) -> Figure:
     laws, errors = [], []
     own, damping = friction_parameters(files.friction, eq.n), found.nominal.damping
     for k, name in enumerate(found.nominal.joint_names):
-        order = np.argsort(eq.v[:, k])
+        order = np.argsort(eq.v[:, k])[:: 1 + len(eq.v) // _DOTS]
         v = eq.v[order, k]
         left = (eq.tau - found.predicted)[order, k]
         errors.append(
