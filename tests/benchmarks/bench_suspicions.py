@@ -22,10 +22,12 @@ sys.path[:0] = [str(TESTS), str(TESTS / "machine")]
 
 import simulated_recordings as simulated
 
+from sdt_drake.io.errors import InputError
 from sdt_drake.machine.identify.procedure import identify
 
 NEUTRAL = (
-    "at its limit", "hardly excited", "too little excitation", "stands still", "links that can be",
+    "wrong side (--side) or unit", "at its limit", "hardly excited", "too little excitation",
+    "stands still", "links that can be",
 )  # fmt: skip
 """Warnings that blame no recording."""
 
@@ -79,11 +81,11 @@ def recording(name: str, fault: str, seed: int):
 def verdict(name: str, fault: str, seed: int) -> tuple[str, list[str]]:
     """How a recording is judged, and the suspicions."""
     robot, recorded = recording(name, fault, seed)
-    said = [
-        line
-        for line in identify(robot, [recorded]).warnings
-        if not any(words in line for words in NEUTRAL)
-    ]
+    try:
+        lines = identify(robot, [recorded]).warnings
+    except InputError as error:  # no links can be that have such torques
+        lines = tuple(error.lines)
+    said = [line for line in lines if not any(words in line for words in NEUTRAL)]
     right = [line for line in said if fault and EXPECTED[fault] in line]
     if right:
         return "right" if len(right) == len(said) else "also", said

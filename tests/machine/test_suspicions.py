@@ -86,11 +86,10 @@ def test_another_payload_where_it_is_judged_is_told():
 @needs_data
 def test_real_recordings_raise_no_false_suspicion(tmp_path):
     robot = load_robot(UR10.write(tmp_path))
-    lines = said(robot, read_recording(DATA / "ur10/exciting.csv", robot))
-    assert not any("explained by" in line or "times the torque" in line for line in lines), lines
+    assert said(robot, read_recording(DATA / "ur10/exciting.csv", robot)) == []
     robot = load_robot(KUKA_KR300.write(tmp_path))
     columns = Columns(q=["q_motor_{k}"], tau=["motor_torque_{k}"], side="motor", v=[])
     for name in "AB":
         path = DATA / f"kuka_kr300/recording_{name}.csv"
-        lines = said(robot, read_recording(path, robot, columns))
-        assert not any("explained by" in line or "times the torque" in line for line in lines)
+        (line,) = said(robot, read_recording(path, robot, columns))  # 10 s excite little
+        assert line.startswith("held out ") and "drift, wear or another payload" in line

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import InputError
+from sdt_drake.io.errors import InputError, retelling
 from sdt_drake.io.shown import Shown, Summary, of_joints
 from sdt_drake.machine.identify.base_parameters import Unknown, rigid_parameters
 from sdt_drake.machine.identify.consistency import (
@@ -24,6 +24,7 @@ from sdt_drake.machine.identify.equations import Equations, equations
 from sdt_drake.machine.identify.estimation import Estimate, Prior, estimate
 from sdt_drake.machine.identify.filtering import FEWEST, HIGHEST, Stretch, spread, stretches
 from sdt_drake.machine.identify.suspicions import (
+    misread,
     standing_still,
     suspicious_torques,
     weakly_excited,
@@ -135,20 +136,21 @@ def identify(
     _check_rows(eq, cutoff, path)
     found = estimate(eq, prior)
     r, S, N = len(found.beta), found.covariance, found.misfit
-    consistent = nearest_consistent(robot, unknown, free, found.beta, N[:r, :r], S[:r, :r])
+    checked = [(x, one) for x in (*recordings, *validate) for one in check_recording(robot, x)]
+    spoilt = any(one.spoils for _, one in checked)
+    wrong = [] if spoilt else misread(robot, eq)
+    warnings = [*(f"{x.path.name}: {one}" for x, one in checked), *standing_still(eq), *wrong]
+    with retelling(lambda problem: problem._replace(found="; ".join([problem.found, *wrong]))):
+        consistent = nearest_consistent(robot, unknown, free, found.beta, N[:r, :r], S[:r, :r])
     change = consistent.beta - found.beta
     # What friction has to do with the base parameters, it follows them.
     friction = found.friction + N[r:, :r] @ np.linalg.solve(N[:r, :r], change)
     predicted = eq.known + np.einsum("mkr,r->mk", eq.rigid, consistent.beta)
     predicted = predicted + found.friction_torque(eq, friction)
     before, after = (np.sqrt(np.diagonal(x)) for x in (np.linalg.inv(prior.precision), S[:r, :r]))
-    checked = [(x, one) for x in (*recordings, *validate) for one in check_recording(robot, x)]
-    warnings = [f"{x.path.name}: {one}" for x, one in checked]
     least, rubs = found.torque(eq), found.friction_torque(eq, found.friction)
-    if not any(one.spoils for _, one in checked):
+    if not spoilt and not wrong:
         warnings += suspicious_torques(robot, eq, least, predicted, rubs, cutoff)
-    else:
-        warnings += standing_still(eq)
     warnings += weakly_excited(found.condition, before, after, unknown.base.words)
     return Identified(
         nominal=robot,

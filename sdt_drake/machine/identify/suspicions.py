@@ -18,7 +18,8 @@ from sdt_drake.robot.robot import Robot
 
 _WORSE, _FEW = 1.15, 0.01  # times what base parameters leave, and of the torque: worth a word
 _FAR, _BY = 2.0, 0.05  # times what is left where it was fitted; more of a torque
-_MOST, _AS_WELL = 0.5, 0.12  # of the square of what is left
+_MOST, _AS_WELL = 0.8, 0.12  # of the square of what is left
+_SLOW = 0.05  # of the largest speed, over which friction changes its sign
 _FELT = 0.1  # of a torque, that is friction
 _SURE = 0.5  # of what was believed before: less is no news
 _WEAK = 300.0  # condition number
@@ -32,8 +33,7 @@ def suspicious_torques(
     friction: Array,
     cutoff: float,
 ) -> Iterator[str]:
-    """What the torques say against the robot's file and the mapping, and what a fit leaves, in
-    sentences.
+    """What a fit leaves of torques that are not misread, in sentences.
 
     Args:
         robot: of the file.
@@ -43,29 +43,29 @@ def suspicious_torques(
         friction: what of `predicted` is friction, shape (M, n).
         cutoff: below which torques are compared [Hz].
     """
-    yield from standing_still(eq)
-    unit, better = _misread(robot, eq)
-    if unit:
-        yield unit.text
-    if better:
-        yield _better_in_words(better)
     drives = _driving(eq, friction)
-    for k in range(robot.n) if not unit and not better else ():
+    for k in range(robot.n):
         if drives[k] < -_FELT:
             yield (
                 f"tau_{k + 1} drives as no friction does: sign of tau_{k + 1} or of q_{k + 1} "
                 "(torque_factor or direction in the mapping file)?"
             )
-    if not unit and not better:
-        delay = delay_of(eq, cutoff)
-        if delay.is_told:
-            yield (
-                f"torques are recorded late, or positions early, by {delay.words} (torque_delay: "
-                f"{delay.common:.4f} in the mapping file)"
-            )
-        yield from unexplained(eq, delay)
-        yield from worse_held_out(robot, eq, predicted)
-        yield from inconsistent(eq, predicted, consistent)
+    delay = delay_of(eq, cutoff)
+    if delay.is_told:
+        yield (
+            f"torques are recorded late, or positions early, by {delay.words} (torque_delay: "
+            f"{delay.common:.4f} in the mapping file)"
+        )
+    yield from unexplained(eq, delay)
+    yield from worse_held_out(robot, eq, predicted)
+    yield from inconsistent(eq, predicted, consistent)
+
+
+def misread(robot: Robot, eq: Equations) -> list[str]:
+    """What the torques say against the mapping and the robot's file, in sentences."""
+    unit, better = _misread(robot, eq)
+    said = [unit.text] if unit else []
+    return [*said, _better_in_words(better)] if better else said
 
 
 def _misread(robot: Robot, eq: Equations) -> tuple[Unit | None, list[Better]]:
@@ -118,7 +118,8 @@ def worse_held_out(robot: Robot, eq: Equations, predicted: Array) -> Iterator[st
     rows = np.flatnonzero(~eq.fit)
     columns = rigid_columns(robot, eq.q[rows], eq.v[rows], eq.vd[rows])
     payload = columns[:, :, 10 * (eq.n - 1) : 10 * eq.n]
-    own = eq.friction[rows]
+    v = eq.v[rows] / np.maximum(np.abs(eq.v).max(axis=0), 1e-12)
+    own = np.stack([np.ones_like(v), v, np.tanh(v / _SLOW)], axis=2)
     weights = [eq.moves[rows, k] / max(judged[k], 1e-300) for k in worse]
     wanted = np.concatenate([w * left[rows, k] for w, k in zip(weights, worse, strict=True)])
     by_payload = np.concatenate(
@@ -137,7 +138,7 @@ def worse_held_out(robot: Robot, eq: Equations, predicted: Array) -> Iterator[st
                      f"{100 * fitted[k] / size[k]:.0f} % where it was fitted"
                      for k in worse.tolist()])  # fmt: skip
     explained = f": {told} explains {100 * shares[why]:.0f} % of it (of its square)"
-    other = ": drift, another motion than was fitted, or another payload"
+    other = ": another motion than was fitted, drift, wear or another payload"
     yield f"held out {joints}" + (explained if shares[why] > _MOST else other)
 
 

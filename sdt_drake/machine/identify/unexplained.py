@@ -23,18 +23,15 @@ _SHORTEST = 2e-3  # s, of a delay that is told
 _GAIN = 0.01  # of the square of what is left, by a delay that is told
 _ROUNDS = 4
 _FARTHEST = 0.35  # of a period of what is compared: beyond, no delay is found by a slope
-_LITTLE, _SOME, _MUCH = (
-    0.02,
-    0.05,
-    0.3,
-)  # of a torque, that is left: with no name; with one; told anyway
-_EXPLAINS, _CLEARLY, _AS_WELL = 0.4, 0.7, 0.12  # of the square of what is left
+_APART = 0.7  # of a delay: joints agree that differ by less
+_LITTLE, _SOME, _MUCH = 0.03, 0.06, 0.3  # of a torque, left: more has a name
+_EXPLAINS, _CLEARLY, _AS_WELL = 0.6, 0.75, 0.12  # of the square of what is left
+_LATE = 0.25  # likewise, by a delay that is sure
 _RANK = 1e-7
 _BUILT_UP = (0.003, 0.01, 0.03)  # of a joint's reach, over which friction builds up
 
-LATE = "torques that are recorded late"
 CAUSES = {
-    "late": LATE,
+    "late": "a torque that is recorded late",
     "springs": "springs in its gear",
     "hysteresis": "play or friction that builds up over an angle at reversals",
     "position": "something that acts on its position, as a counterbalance or a cable",
@@ -62,9 +59,14 @@ class Delay:
 
     @property
     def is_told(self) -> bool:
-        """Whether it is sure, and worth to be corrected."""
-        is_sure = abs(self.common) > max(_SURE * self.error, _SHORTEST)
-        return is_sure and self.gain > _GAIN
+        """Whether it is sure, worth to be corrected, and that of the joints: they agree, and half
+        of them tell it alone."""
+        known = np.isfinite(self.each)
+        each, errors = self.each[known], self.errors[known]
+        is_sure = abs(self.common) > max(_SURE * self.error, _SHORTEST) and self.gain > _GAIN
+        agree = np.abs(each - self.common) < np.maximum(4 * errors, _APART * abs(self.common))
+        by_itself = each * np.sign(self.common) > 3 * errors
+        return bool(is_sure and agree.all() and by_itself.mean() >= 0.5)
 
     @property
     def words(self) -> str:
@@ -99,13 +101,12 @@ def unexplained(eq: Equations, delay: Delay) -> Iterator[str]:
         explains = {name: _explained(left, one.without(C)) for name, C in one.causes().items()}
         best = max(explains.values())
         apart = abs(delay.each[k] - (delay.common if delay.is_told else 0.0))
-        is_late = explains["late"] > best - _AS_WELL and apart > max(
+        is_late = explains["late"] > max(_LATE, best - _AS_WELL) and apart > max(
             _SURE * delay.errors[k], _SHORTEST
         )
-        if share < _LITTLE and not is_late:
-            continue
         told = f"joint {k + 1}: {100 * share:.0f} % of its torque is no rigid link and no friction"
-        if best < (_EXPLAINS if share > _SOME or is_late else _CLEARLY):
+        has_name = share > _LITTLE and best > (_EXPLAINS if share > _SOME else _CLEARLY)
+        if not is_late and not has_name:
             if share > _MUCH:
                 yield told
             continue
