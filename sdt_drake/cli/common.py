@@ -282,6 +282,8 @@ def check_out(out: Path | None, show: bool, kinds: Sequence[str]) -> None:
         check_screen("--show")
     if out is None:
         return
+    if out.suffix in FIGURES:  # what cannot be imported, or is interrupted then, costs no work
+        import sdt_drake.show.style  # noqa: F401
     if out.suffix or "" not in kinds:
         check_file(out, [*filter(None, kinds), *FIGURES])
     else:
