@@ -119,6 +119,8 @@ def test_friction_of_other_days_is_within_its_interval(robot, true):
     assert np.all(alone.between == 0)
     assert np.all((both.between > 0.15) & (both.between < 0.8))
     assert np.all(both.std < wanted)
+    values = np.array([both.friction.coulomb, both.friction.viscous])
+    assert np.all(both.std >= both.between * values)  # of another day, not of their mean
 
 
 def test_spread_between_recordings_is_of_all_joints_where_one_has_less():
