@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from urllib.parse import unquote
@@ -12,6 +13,8 @@ from sdt_drake.robot.sdf import parse_xml
 
 MESHES = (".obj", ".gltf", ".vtk")
 """Kinds of meshes that Drake draws."""
+
+_NAMING = re.compile(r"(?:mtllib|map_|bump|disp|decal|refl)[^\r\n]*")
 
 
 def drawable(robot: Robot) -> tuple[str, list[str]]:
@@ -51,18 +54,37 @@ def _uri(mesh: ET.Element) -> str:
 def _placed(mesh: ET.Element, file: Path) -> str:
     """Give a mesh its whole path; or why it cannot be drawn."""
     uri, text = mesh.find("uri"), _uri(mesh)
-    if text.startswith(PACKAGE_PREFIX):
+    if text.startswith(PACKAGE_PREFIX) and ".." not in text:
         return ""
     path = _found(text, file)
     if path is None:
         return f"{text} is not there"
     if path.suffix.lower() not in MESHES:
         return f"{text} is not drawn, expected one of {', '.join(MESHES)}"
+    if outside := _outside(path):
+        return f"{text} has materials or pictures elsewhere, {outside}"
     if uri is None:
         mesh.set("filename", f"file://{path}")
     else:
         uri.text = f"file://{path}"
     return ""
+
+
+def _outside(mesh: Path) -> str:
+    """What an .obj names for its looks beyond the folder above its own, or its materials do; "" if
+    nothing. Whatever it is, Drake would put it into the page."""
+    if mesh.suffix.lower() != ".obj":  # Drake itself keeps to the folder of a .gltf
+        return ""
+    words = _words(mesh)
+    materials = [place for word in words if (place := mesh.parent / word).is_file()]
+    words += [word for place in materials for word in _words(place)]
+    home = mesh.resolve().parent.parent
+    return next((x for x in words if not (mesh.parent / x).resolve().is_relative_to(home)), "")
+
+
+def _words(file: Path) -> list[str]:
+    """All words in lines that name other files."""
+    return " ".join(_NAMING.findall(file.read_bytes().decode("latin-1"))).replace("\0", "").split()
 
 
 def _found(text: str, file: Path) -> Path | None:

@@ -52,3 +52,31 @@ def test_a_mesh_is_found(drawn, tmp_path, uri, place):
 def test_a_mesh_that_cannot_be_drawn_is_named(drawn, uri, why):
     text, left_out = drawn(uri)
     assert left_out == [f"link 'upper': mesh {why}"] and "mesh" not in text
+
+
+@pytest.mark.parametrize(
+    "mesh, materials",
+    [
+        ("mtllib ../../secret", ""),
+        ("v 0 0 0\r\n mtllib a.mtl\n", "newmtl a\nmap_Kd -s 1 1 1 ../../../secret\n"),
+        ("mtllib a.mtl", "bump /etc/hosts"),
+    ],
+)
+def test_the_looks_of_a_mesh_are_no_other_files(drawn, tmp_path, mesh, materials):
+    """They would be in a page that is handed on."""
+    urdf = tmp_path / "arm_description" / "urdf"
+    (urdf / "a.obj").write_text(mesh, encoding="utf-8")
+    (urdf / "a.mtl").write_text(materials, encoding="utf-8")
+    _, (told,) = drawn("a.obj")
+    assert "a.obj has materials or pictures elsewhere" in told
+
+
+def test_the_looks_of_a_mesh_may_be_beside_its_folder(drawn, tmp_path):
+    urdf = tmp_path / "arm_description" / "urdf"
+    (urdf / "a.obj").write_text("mtllib a.mtl", encoding="utf-8")
+    (urdf / "a.mtl").write_text("map_Kd ../textures/a.png", encoding="utf-8")
+    assert drawn("a.obj")[1] == []
+
+
+def test_a_package_is_not_left(drawn):
+    assert "is not there" in drawn("package://sdt/../../a.obj")[1][0]
