@@ -17,7 +17,8 @@ from sdt_drake.io import yaml_files
 from sdt_drake.io.resources import PACKAGE_PREFIX
 from sdt_drake.io.yaml_files import yaml_text
 from sdt_drake.robot.motors import as_driven
-from sdt_drake.run.loop import Loop, blocks_of, make_loop
+from sdt_drake.run.loop import Loop, make_loop
+from sdt_drake.systems.wiring import blocks_of
 
 LONG = 1000  # samples
 # The names in the package are functions.

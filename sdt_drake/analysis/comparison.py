@@ -29,10 +29,11 @@ from sdt_drake.io.shown import Shown, Summary, face
 from sdt_drake.robot.head import has_head
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.kinds import CONTROLLERS, OPTIONS
-from sdt_drake.run.loop import blocks_of, make_loop
+from sdt_drake.run.loop import make_loop
 from sdt_drake.run.scenario import ControllerChoice, Scenario
 from sdt_drake.run.simulate import Recording, simulate
 from sdt_drake.systems.gains import FEEDFORWARDS
+from sdt_drake.systems.wiring import blocks_of
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -18,9 +18,9 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.run.controllers import controller_class
 from sdt_drake.run.design import Design, as_design
 from sdt_drake.run.device_diagram import make_process
-from sdt_drake.run.loop import blocks_of
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems.state_space import LinearModel, StateSpace
+from sdt_drake.systems.wiring import blocks_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,9 +22,9 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError, checked_number
 from sdt_drake.io.progress import with_progress
 from sdt_drake.run.design import Design, make_design
-from sdt_drake.run.loop import make_step_loop
 from sdt_drake.run.scenario import load_scenario
 from sdt_drake.run.simulate import make_simulator
+from sdt_drake.run.step_loop import make_step_loop
 from sdt_drake.systems.gains import damping_ratio, natural_frequency, oscillation_frequency, tune
 
 Announce = Callable[[str], None]

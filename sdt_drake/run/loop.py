@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import cast
 
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
-from pydrake.systems.primitives import ConstantVectorSource, PassThrough
+from pydrake.systems.primitives import PassThrough
 
 from sdt_drake.io.arguments import a, finite, takes
 from sdt_drake.io.arrays import Array
@@ -21,11 +20,9 @@ from sdt_drake.run.device_diagram import add_device, add_loads, add_moved, equil
 from sdt_drake.run.plant import steady
 from sdt_drake.run.scenario import Scenario
 from sdt_drake.systems import (
-    AxisProcess,
     DynamicSaturation,
     Encoder,
     LoadTorque,
-    PiSpeedController,
     ReferenceSource,
     RobotDrawing,
     SignalTable,
@@ -33,8 +30,7 @@ from sdt_drake.systems import (
     connect_by_name,
     hold_of,
 )
-from sdt_drake.systems.gains import SpeedGains
-from sdt_drake.systems.wiring import Aliases, add_logs
+from sdt_drake.systems.wiring import Aliases, add_logs, systems_in
 
 EXTERNAL = "external"
 """What comes from outside: an input of the loop."""
@@ -256,34 +252,6 @@ class Loop(Diagram):
 make_loop = Loop  # as it is called beside `make_process` and `make_step_loop`
 
 
-def make_step_loop(*, gains: SpeedGains, i_eff: float, structure: str) -> Diagram:
-    """Make one linear speed loop without load or limit (Figures 4 and 5): a step of its reference.
-
-    From time 0 on 1 rad/s is asked of the motor. Output: `state`.
-
-    Args:
-        gains: of one controller, motor side; arrays of length 1.
-        i_eff: inertia, motor side [kg m²].
-        structure: "pi" or "p_in_feedback".
-    """
-    builder = DiagramBuilder()
-    # q_ref, v_ref, vd_ref
-    step = builder.AddNamedSystem("step_reference", ConstantVectorSource(np.array([0.0, 1.0, 0.0])))
-    pi = PiSpeedController(gains=gains, gear_ratio=[1.0], structure=structure)
-    builder.AddNamedSystem("pi_speed_controller", pi)
-    no_load = builder.AddNamedSystem("no_load", ConstantVectorSource(np.zeros(1)))
-    process = AxisProcess(i_eff=[i_eff], gear_ratio=[1.0])
-    builder.AddNamedSystem("axis_process", process)
-    builder.Connect(step.get_output_port(), pi.GetInputPort("reference"))
-    builder.Connect(process.get_output_port(), pi.GetInputPort("state"))
-    builder.Connect(pi.get_output_port(), process.GetInputPort("tau"))
-    builder.Connect(no_load.get_output_port(), process.GetInputPort("load_torque"))
-    builder.ExportOutput(process.get_output_port(), "state")
-    loop = builder.Build()
-    loop.set_name("step_loop")
-    return loop
-
-
 def _checked_controller(design: Design, controller: System) -> System:
     checked_type(controller, System, "controller", "calling its class")
     where, n = in_errors(design, type(controller)), design.robot.n
@@ -344,20 +312,6 @@ def _checked_moved(design: Design, moved: tuple[Array, Array]) -> tuple[Array, A
             f"of shape {arrays.shape}, expected (2, {shape[0]}, {shape[1]})", place="moved"
         )
     return arrays[0], arrays[1]
-
-
-def systems_in(system: System) -> Iterator[System]:
-    """The system itself and, if it is a diagram, all systems in it, however deep."""
-    yield system
-    if isinstance(system, Diagram):
-        for inner in system.GetSystems():
-            yield from systems_in(inner)
-
-
-def blocks_of(system: System) -> list[System]:
-    """The systems that a loop or another system consists of in the end, without logs."""
-    inner = [s for s in systems_in(system) if not isinstance(s, Diagram)]
-    return [s for s in inner if not s.get_name().startswith("log.")]
 
 
 _TORQUES = ("tau_cmd", "tau_limited", "tau")

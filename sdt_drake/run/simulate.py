@@ -24,9 +24,10 @@ from sdt_drake.io.tables import check_columns, check_limits, data_frame, read_ta
 from sdt_drake.motion import LearnedReference, Motion
 from sdt_drake.run.controllers import in_errors, own_code
 from sdt_drake.run.design import Design, as_design
-from sdt_drake.run.loop import Loop, make_loop, systems_in
+from sdt_drake.run.loop import Loop, make_loop
 from sdt_drake.run.motor_torque import arrived, period_torque
 from sdt_drake.run.scenario import Scenario
+from sdt_drake.systems.wiring import systems_in
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,8 +10,9 @@ from pydrake.systems.framework import Diagram
 
 from sdt_drake.analysis import paper
 from sdt_drake.run.design import Design
-from sdt_drake.run.loop import make_loop, make_step_loop
+from sdt_drake.run.loop import make_loop
 from sdt_drake.run.scenario import load_scenario
+from sdt_drake.run.step_loop import make_step_loop
 from sdt_drake.show.block_diagrams import page_of, write_page
 from sdt_drake.systems.gains import tune
 

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
-from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort, TriggerType
+from pydrake.systems.framework import (
+    Diagram,
+    DiagramBuilder,
+    InputPort,
+    OutputPort,
+    System,
+    TriggerType,
+)
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from sdt_drake.io.errors import InputError
@@ -74,6 +81,20 @@ def add_logs(
             sinks[port] = LogVectorOutput(port, builder, {when}, period or 0.0)
             sinks[port].set_name(f"log.{name}")
     return {name: sinks[port] for name, port in signals.items()}
+
+
+def systems_in(system: System) -> Iterator[System]:
+    """The system itself and, if it is a diagram, all systems in it, however deep."""
+    yield system
+    if isinstance(system, Diagram):
+        for inner in system.GetSystems():
+            yield from systems_in(inner)
+
+
+def blocks_of(system: System) -> list[System]:
+    """The systems that a loop or another system consists of in the end, without logs."""
+    inner = [s for s in systems_in(system) if not isinstance(s, Diagram)]
+    return [s for s in inner if not s.get_name().startswith("log.")]
 
 
 def _check_length(block: str, port: InputPort, signal: OutputPort) -> None:

@@ -11,8 +11,9 @@ from variants import weaker
 from sdt_drake.analysis.reproduction import step_response
 from sdt_drake.analysis.step import step_metrics
 from sdt_drake.robot.device import Drive
-from sdt_drake.run.loop import make_loop, make_step_loop
+from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import simulate
+from sdt_drake.run.step_loop import make_step_loop
 from sdt_drake.systems.gains import tune
 
 STRUCTURES = ("pi", "p_in_feedback")

@@ -14,8 +14,9 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Drive, Friction
 from sdt_drake.robot.dynamics import decouple, torque_groups
-from sdt_drake.run.loop import blocks_of, make_loop
+from sdt_drake.run.loop import make_loop
 from sdt_drake.run.simulate import make_simulator, simulate
+from sdt_drake.systems.wiring import blocks_of
 
 FRICTION = Friction([300.0, 60.0, 10.0, 20.0], [40.0, 0.0, 8.0, 2.0])
 REAL = Drive(period=0.001, torque_bandwidth=300.0, n1=[150.0, 4, 4, 4], n0=[210.0, 5, 6, 7])

@@ -21,7 +21,7 @@ from pydrake.systems.primitives import (
 
 from sdt_drake.robot.device import Friction
 from sdt_drake.run.loop import make_loop as closed_loop
-from sdt_drake.run.loop import make_step_loop
+from sdt_drake.run.step_loop import make_step_loop
 from sdt_drake.show.diagrams import dot_text, laid_out
 from sdt_drake.show.diagrams import walk as walked
 from sdt_drake.show.diagrams.layout import Layout

@@ -23,8 +23,9 @@ from matplotlib.transforms import Bbox
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.run.design import make_design
-from sdt_drake.run.loop import make_loop, make_step_loop
+from sdt_drake.run.loop import make_loop
 from sdt_drake.run.scenario import load_scenario
+from sdt_drake.run.step_loop import make_step_loop
 from sdt_drake.show.block_diagrams import (
     dot_text,
     drake_dot_text,

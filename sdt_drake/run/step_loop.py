@@ -1,0 +1,38 @@
+"""One linear speed loop alone, after a step of its reference."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+
+from sdt_drake.systems import AxisProcess, PiSpeedController
+from sdt_drake.systems.gains import SpeedGains
+
+
+def make_step_loop(*, gains: SpeedGains, i_eff: float, structure: str) -> Diagram:
+    """Make one linear speed loop without load or limit (Figures 4 and 5): a step of its reference.
+
+    From time 0 on 1 rad/s is asked of the motor. Output: `state`.
+
+    Args:
+        gains: of one controller, motor side; arrays of length 1.
+        i_eff: inertia, motor side [kg m²].
+        structure: "pi" or "p_in_feedback".
+    """
+    builder = DiagramBuilder()
+    # q_ref, v_ref, vd_ref
+    step = builder.AddNamedSystem("step_reference", ConstantVectorSource(np.array([0.0, 1.0, 0.0])))
+    pi = PiSpeedController(gains=gains, gear_ratio=[1.0], structure=structure)
+    builder.AddNamedSystem("pi_speed_controller", pi)
+    no_load = builder.AddNamedSystem("no_load", ConstantVectorSource(np.zeros(1)))
+    process = AxisProcess(i_eff=[i_eff], gear_ratio=[1.0])
+    builder.AddNamedSystem("axis_process", process)
+    builder.Connect(step.get_output_port(), pi.GetInputPort("reference"))
+    builder.Connect(process.get_output_port(), pi.GetInputPort("state"))
+    builder.Connect(pi.get_output_port(), process.GetInputPort("tau"))
+    builder.Connect(no_load.get_output_port(), process.GetInputPort("load_torque"))
+    builder.ExportOutput(process.get_output_port(), "state")
+    loop = builder.Build()
+    loop.set_name("step_loop")
+    return loop
