@@ -222,7 +222,7 @@ def result(found: Identified) -> list[str]:
     if found.warnings:
         count = len(found.warnings)
         told = "the warning" if count == 1 else f"the {count} warnings"
-        return [said, f"next: {told} below, each with what it asks for"]
+        return [said, f"next: {told} below"]
     return [
         said,
         "next: sdt-drake simulate with the written scenario.yaml, and sdt-drake identify --judge "
