@@ -27,7 +27,7 @@ from sdt_drake.machine.identify.procedure import identify
 
 NEUTRAL = (
     "wrong side (--side) or unit", "at its limit", "hardly excited", "too little excitation",
-    "stands still", "links that can be",
+    "stands still", "links that can be leave",
 )  # fmt: skip
 """Warnings that blame no recording."""
 
@@ -43,7 +43,7 @@ EXPECTED = {
     "speeds_in_degrees": "in degrees",
     "speeds_of_motors": "those of the motor",
     "speeds_late": "speeds are",
-    "clock": "time_factor: 2",
+    "clock": "is a second of the clock",
     "degrees": "angle: deg",
     "torque_late": "torques are recorded late",
     "torque_of_one_late": "joint 2: ",
