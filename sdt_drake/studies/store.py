@@ -35,7 +35,7 @@ _ABOUT = {
     "contents": dict,
 }  # fmt: skip
 _COMPUTED = """
-    SELECT count(*) FROM sqlite_master WHERE type != 'table' OR sql NOT LIKE 'CREATE TABLE %'
+    SELECT count(*) FROM sqlite_master WHERE sql NOT LIKE 'CREATE TABLE %'
     UNION ALL SELECT count(*) FROM pragma_table_xinfo('study') WHERE hidden
     UNION ALL SELECT count(*) FROM pragma_table_xinfo('rows') WHERE hidden
 """

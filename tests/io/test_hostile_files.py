@@ -20,6 +20,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sdt_drake.io.errors import InputError
+from sdt_drake.io.mat import read_mat
 from sdt_drake.io.resources import models_dir
 from sdt_drake.io.tables import read_table, write_table
 from sdt_drake.machine.drive_files import load_drives
@@ -264,6 +265,19 @@ def test_small_files_need_no_more_memory_and_time_than_others(tmp_path):
 def test_a_compressed_file_of_zeros_is_read(tmp_path):
     write_table(tmp_path / "a.parquet", np.arange(1e6), {"q": np.zeros((1_000_000, 4))})
     assert read_table(tmp_path / "a.parquet")[1]["q"].shape == (1_000_000, 4)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_matrices_are_those_of_scipy(compressed, tmp_path):
+    from scipy.io import savemat
+
+    q = np.arange(12, dtype=np.int16).reshape(6, 2)
+    content = {"time": np.arange(6.0), "log": {"q": q, "deeper": {"v": q / 8}}, "text": "a"}
+    savemat(tmp_path / "a.mat", content, do_compression=compressed, oned_as="column")
+    found = read_mat(tmp_path / "a.mat", 10_000)
+    assert set(found) == {"time", "log.q", "log.deeper.v"}
+    np.testing.assert_array_equal(found["log.q"], q)
+    np.testing.assert_array_equal(found["log.deeper.v"], q / 8)
 
 
 # --- other files -----------------------------------------------------------------------------
