@@ -60,6 +60,12 @@ class Numbers:
     style: Style | None
     cut: str = ""
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was left out, in sentences."""
+        told = f"the last line ends too soon, and was left out: {self.cut[:40]}"
+        return (told,) if self.cut else ()
+
     def place(self, row: int) -> str:
         """File and line with a row, from 0."""
         if self.style is None:

@@ -29,6 +29,7 @@ from sdt_drake.robot.deviation import Deviation
 from sdt_drake.robot.device import Friction
 from sdt_drake.robot.robot import Robot, load_robot
 from sdt_drake.run.design import Design, make_design
+from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.run.scenario import Scenario, load_scenario, with_fields
 from sdt_drake.run.simulate import Recording, simulate
 
@@ -120,7 +121,9 @@ def tracked(found: Identified, kind: str) -> None:
     )
     model = make_design(exact.scenario, robot=identified_robot(found), motion=exact.wanted)
     gains = {"kp": model.gains.kp.tolist(), "ki": model.gains.ki.tolist()}
-    gains |= {"position_gain": model.position_gain.tolist(), "omega_r": None, "zeta": None}
+    gains |= {"omega_r": None, "zeta": None}
+    if "position_gain" in CONTROLLERS[exact.scenario.controller.kind].options:
+        gains["position_gain"] = model.position_gain.tolist()
     own = exact.variant(
         with_fields(exact.scenario, {f"controller.{k}": x for k, x in gains.items()})
     )

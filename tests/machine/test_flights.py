@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sdt_drake.io.errors import InputError
+from sdt_drake.io.resources import find_file
 from sdt_drake.machine.fly.flight import (
     FlightColumns,
     load_flight_columns,
@@ -110,6 +111,16 @@ def test_what_looks_wrong_is_told(force, rate, told):
     wrong = make_flight(flight.time, force(flight.specific_force), rate(flight.angular_rate))
     (line,) = suspicious_flight(wrong)
     assert told in line
+
+
+def test_a_last_line_that_was_cut_off_is_told(tmp_path):
+    text = find_file("turn", "flight").read_text(encoding="utf-8").rstrip("\n")
+    cut = tmp_path / "cut.csv"
+    cut.write_text(text[: text.rindex("\n") + 12], encoding="utf-8")
+    flight = read_flight(cut)
+    assert len(flight.time) == len(read_flight("turn").time) - 1
+    (line,) = suspicious_flight(flight)
+    assert line.startswith("cut: the last line ends too soon, and was left out: ")
 
 
 def test_means_around_a_time_keep_the_integral():

@@ -1,7 +1,7 @@
 """Recordings of flights: what their files call the columns, and head motion from there on."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -76,6 +76,7 @@ class Flight:
         specific_force: a - g, (0, 0, +9.81) in level flight [m/s²], shape (N, 3).
         angular_rate: [rad/s], shape (N, 3).
         attitude: bank and pitch [rad], shape (N, 2), where the file has them; for pictures alone.
+        notes: what was left out of its file, in sentences.
     """
 
     name: str
@@ -83,6 +84,7 @@ class Flight:
     specific_force: Array
     angular_rate: Array
     attitude: Array | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -177,11 +179,13 @@ def read_flight(path: str | Path, columns: FlightColumns | str | Path | None = N
     attitude = None
     if all(name in numbers.names for name in _ATTITUDE):
         attitude = np.radians(_columns(numbers, list(_ATTITUDE), "attitude"))
-    return make_flight(time, force, omega, numbers.path.stem, attitude)
+    flight = make_flight(time, force, omega, numbers.path.stem, attitude)
+    return replace(flight, notes=numbers.notes)
 
 
 def suspicious_flight(flight: Flight) -> Iterator[str]:
     """What looks wrong in a flight, in sentences."""
+    yield from (f"{flight.name}: {note}" for note in flight.notes)
     f, omega = flight.specific_force, flight.angular_rate
     size, mean = np.linalg.norm(f, axis=1), f.mean(axis=0)
     low, usual = np.quantile(size, [0.1, 0.5])

@@ -74,9 +74,7 @@ def read_recording(
                 signals[name] = robot.of_joints(signals[name])
             signals[name] += conversions[name][1]
     factor = columns.time_factor if columns.rate is None else None
-    cut = f"the last line ends too soon, and was left out: {numbers.cut[:40]}"
-    notes = (cut,) if numbers.cut else ()
-    return Recorded(numbers.path, time, signals, own, factor, notes)
+    return Recorded(numbers.path, time, signals, own, factor, numbers.notes)
 
 
 def _with_proposal(error: InputError, path: Path, robot: Robot) -> InputError:
