@@ -118,13 +118,17 @@ class Loop(Diagram):
 
         self._hold = None
         if reference == EXTERNAL:
-            _add_input(builder, "reference", 3 * robot.n)
+            _add_input(builder, "reference", PassThrough(3 * robot.n))
         else:
             add("reference_source", ReferenceSource(motion=motion, delay=drive.reference_delay))
             self._hold = hold_of(motion, 3 * robot.n, delay=drive.reference_delay)
             add("zero_order_hold", self._hold)
-        self.controller = controller = self._add_controller(builder, controller)
+        self.controller = controller = _made(design, controller)
         self._table = _add_load_torque(builder, design, controller, widened)
+        if isinstance(controller, PassThrough):
+            _add_input(builder, "tau_cmd", controller)
+        else:
+            add("controller", controller)
         if reference == EXTERNAL:
             _check_no_tables(design, builder)
         add("dynamic_saturation", _limits(design, widened, limited))
@@ -165,13 +169,6 @@ class Loop(Diagram):
             builder.ExportOutput(signals[name], name)
         builder.BuildInto(self)
         self.set_name(f"{design.scenario.plant.kind}_loop")
-
-    def _add_controller(self, builder: DiagramBuilder, controller: System | str | None) -> System:
-        if isinstance(controller, str) and controller == EXTERNAL:
-            return _add_input(builder, "tau_cmd", self.design.robot.n)
-        made = make_controller(self.design) if controller is None else controller
-        checked = _checked_controller(self.design, cast(System, made))  # which refuses a text
-        return builder.AddNamedSystem("controller", checked)
 
     @takes(q=finite("(n,)"), v=finite("(n,)"))
     def rest(self, context: Context, q: Array | None = None, v: Array | None = None) -> None:
@@ -252,6 +249,14 @@ class Loop(Diagram):
 make_loop = Loop  # as it is called beside `make_process` and `make_step_loop`
 
 
+def _made(design: Design, controller: System | str | None) -> System:
+    """The system that commands the torque: of an external controller the input passed through."""
+    if isinstance(controller, str) and controller == EXTERNAL:
+        return PassThrough(design.robot.n)
+    own = make_controller(design) if controller is None else controller
+    return _checked_controller(design, cast(System, own))  # which refuses a text
+
+
 def _checked_controller(design: Design, controller: System) -> System:
     checked_type(controller, System, "controller", "calling its class")
     where, n = in_errors(design, type(controller)), design.robot.n
@@ -277,12 +282,10 @@ def _checked_controller(design: Design, controller: System) -> System:
     return controller
 
 
-def _add_input(builder: DiagramBuilder, name: str, size: int) -> PassThrough:
+def _add_input(builder: DiagramBuilder, name: str, block: PassThrough) -> None:
     """Add an input of the diagram as the signal of that name."""
-    block = PassThrough(size)
     builder.AddNamedSystem(name, block)
     builder.ExportInput(block.get_input_port(), name)
-    return block
 
 
 def _check_no_tables(design: Design, builder: DiagramBuilder) -> None:
