@@ -27,7 +27,7 @@ from sdt_drake.machine.recordings import Recorded
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import Robot, load_robot
 
-MOST = 6.0, 0.8  # times the regressor's CPU time; GB
+MOST = 8.0, 0.8  # times the regressor's CPU time; GB
 
 
 def recording(robot: Robot, seconds: float, rate: float) -> Recorded:
