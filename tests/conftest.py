@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import os
 
+from hypothesis import settings
+
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # or idle threads of it fight for the cores
+
+settings.register_profile("suite", derandomize=True, deadline=None, database=None, max_examples=30)
+settings.load_profile("suite")
 
 
 def pytest_configure(config):

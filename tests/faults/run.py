@@ -1,6 +1,6 @@
 """Seed faults into the package, one at a time, and tell which test catches each of them.
 
-    python tests/faults/run.py                      # all of faults.toml, the likeliest tests first
+    python tests/faults/run.py                      # all faults, the likeliest tests first
     python tests/faults/run.py gravity_sign kp_     # faults whose id contains one of these
     python tests/faults/run.py --tree ../other      # of another checkout, with its own tests
 
@@ -154,7 +154,11 @@ def main() -> None:
     parser.add_argument("--new", action="store_true", help="those only that were never run")
     parser.add_argument("--results", type=Path, default=HERE / "caught.txt")
     options = parser.parse_args()
-    faults = tomllib.loads((HERE / "faults.toml").read_text(encoding="utf-8"))["fault"]
+    faults = [
+        fault
+        for path in sorted(HERE.glob("*.toml"))
+        for fault in tomllib.loads(path.read_text(encoding="utf-8"))["fault"]
+    ]
     part, parts = map(int, options.part.split("/"))
     known = read_results(options.results)
     chosen = [
