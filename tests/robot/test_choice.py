@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 from pydrake.multibody.tree import JacobianWrtVariable
-from test_robot import chain_sdf
+from robots import chain_sdf
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.motion import Motion

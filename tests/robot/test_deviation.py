@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
-from test_robot import ARM, chain_sdf
+from robots import ARM, chain_sdf
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.deviation import Deviation, deviated

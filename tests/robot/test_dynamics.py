@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 from pydrake.multibody.tree import MultibodyForces
-from test_robot import ARM, chain_sdf
+from robots import ARM, chain_sdf
 
 from sdt_drake.robot.dynamics import (
     InertiaRange,

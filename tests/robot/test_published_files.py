@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_robot import ARM
-from test_urdf import URDF
+from robots import ARM, URDF
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.machine.drive_files import Axis, Drives, Samples, samples_from, set_points

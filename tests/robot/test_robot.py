@@ -6,106 +6,10 @@ import re
 
 import numpy as np
 import pytest
+from robots import ARM, chain_names, chain_sdf
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.robot import load_robot
-
-# A planar arm with round numbers. Both joints turn about y; at q = 0 it points along x. Link 1 is
-# 0.8 m long, its centre of mass is at 0.5 m; that of link 2 is 0.3 m from the elbow.
-ARM = """<?xml version="1.0"?>
-<sdf version="1.9" xmlns:drake="http://drake.mit.edu">
-  <model name="arm">
-    <link name="upper">
-      <inertial>
-        <pose>0.5 0 0 0 0 0</pose><mass>4</mass>
-        <inertia><ixx>0.25</ixx><iyy>0.5</iyy><izz>0.6</izz></inertia>
-      </inertial>
-    </link>
-    <link name="lower">
-      <pose relative_to="elbow"/>
-      <inertial>
-        <pose>0.3 0 0 0 0 0</pose><mass>2</mass>
-        <inertia><ixx>0.1</ixx><iyy>0.2</iyy><izz>0.25</izz></inertia>
-      </inertial>
-    </link>
-    <joint name="shoulder" type="revolute">
-      <parent>world</parent><child>upper</child>
-      <axis>
-        <xyz>0 1 0</xyz>
-        <limit><effort>90</effort><velocity>3</velocity><lower>-2</lower><upper>1</upper></limit>
-        <dynamics><damping>0.7</damping></dynamics>
-      </axis>
-      <drake:rotor_inertia>0.01</drake:rotor_inertia>
-      <drake:gear_ratio>10</drake:gear_ratio>
-    </joint>
-    <joint name="elbow" type="revolute">
-      <pose relative_to="upper">0.8 0 0 0 0 0</pose>
-      <parent>upper</parent><child>lower</child>
-      <axis><xyz>0 1 0</xyz><limit><effort>40</effort></limit></axis>
-    </joint>
-  </model>
-</sdf>
-"""
-
-
-def chain_sdf(n: int, *, seed: int = 0, base: bool = False, rotor_inertia: float = 0.01) -> str:
-    """A random chain of n joints, declared in no order, with products of inertia and damping.
-
-    Joint k = 1..n: effort 100 k, rotor inertia k `rotor_inertia`, gear ratio 2, damping 0.1 k. With
-    `base`, the first joint stands on a link that is welded to the world.
-    """
-    rng = np.random.default_rng(seed)
-    parts = []
-    for k, name in enumerate(chain_names(n), start=1):
-        parent = ("base" if base else "world") if k == 1 else f"link_{k - 1}"
-        frame = "__model__" if parent == "world" else parent
-        # Four masses of 1.5 kg: an inertia that a body can have.
-        r = rng.normal(scale=0.3, size=(4, 3))
-        com = r.mean(axis=0)
-        r -= com
-        I = 1.5 * (np.sum(r**2) * np.eye(3) - r.T @ r)  # noqa: E741
-        moments = "".join(
-            f"<i{a}{b}>{float(I[i, j])!r}</i{a}{b}>"
-            for i, a in enumerate("xyz")
-            for j, b in enumerate("xyz")
-            if i <= j
-        )
-        parts.append(
-            f'<link name="link_{k}"><pose relative_to="{name}"/><inertial><mass>6</mass>'
-            f"<pose>{_text(com)} 0 0 0</pose><inertia>{moments}</inertia></inertial></link>"
-        )
-        parts.append(
-            f'<joint name="{name}" type="revolute">'
-            f'<pose relative_to="{frame}">{_text(rng.uniform(-0.5, 0.5, size=6))}</pose>'
-            f"<parent>{parent}</parent><child>link_{k}</child>"
-            f"<axis><xyz>{_text(rng.normal(size=3))}</xyz><limit><effort>{100 * k}</effort></limit>"
-            f"<dynamics><damping>{0.1 * k}</damping></dynamics></axis>"
-            f"<drake:rotor_inertia>{k * rotor_inertia}</drake:rotor_inertia>"
-            "<drake:gear_ratio>2</drake:gear_ratio></joint>"
-        )
-    if base:
-        parts.append(
-            '<link name="base"><inertial><mass>9</mass><inertia><ixx>1</ixx><iyy>1</iyy>'
-            "<izz>1</izz></inertia></inertial></link>"
-        )
-        parts.append(
-            '<joint name="anchor" type="fixed"><parent>world</parent><child>base</child></joint>'
-        )
-    rng.shuffle(parts)
-    return (
-        '<sdf version="1.9" xmlns:drake="http://drake.mit.edu"><model name="chain">'
-        + "".join(parts)
-        + "</model></sdf>"
-    )
-
-
-def chain_names(n: int) -> tuple[str, ...]:
-    """Joints of `chain_sdf`, base to tip: the alphabet would have them the other way round."""
-    return tuple(f"joint_{chr(ord('z') - k)}" for k in range(n))
-
-
-def _text(values) -> str:
-    return " ".join(map(repr, map(float, values)))
 
 
 @pytest.fixture

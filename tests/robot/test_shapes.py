@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from test_urdf import URDF
+from robots import URDF
 
 from sdt_drake.robot.robot import load_robot
 from sdt_drake.robot.shapes import drawable

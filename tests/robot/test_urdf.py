@@ -9,47 +9,10 @@ import pytest
 from pydrake.math import RollPitchYaw
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from test_robot import ARM
+from robots import ARM, URDF
 
 from sdt_drake.io.errors import InputError
 from sdt_drake.robot.robot import load_robot
-
-# The arm of test_robot.py.
-URDF = """<?xml version="1.0"?>
-<robot name="arm" xmlns:drake="http://drake.mit.edu">
-  <material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>
-  <link name="base"/>
-  <link name="upper">
-    <inertial>
-      <origin xyz="0.5 0 0" rpy="0 0 0"/><mass value="4"/>
-      <inertia ixx="0.25" iyy="0.5" izz="0.6" ixy="0" ixz="0" iyz="0"/>
-    </inertial>
-  </link>
-  <link name="lower">
-    <inertial>
-      <origin xyz="0.3 0 0"/><mass value="2"/><inertia ixx="0.1" iyy="0.2" izz="0.25"/>
-    </inertial>
-  </link>
-  <joint name="shoulder" type="revolute">
-    <parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
-    <limit effort="90" velocity="3" lower="-2" upper="1"/><dynamics damping="0.7"/>
-    <safety_controller k_velocity="9"/>
-  </joint>
-  <joint name="elbow" type="continuous">
-    <origin xyz="0.8 0 0"/><parent link="upper"/><child link="lower"/><axis xyz="0 1 0"/>
-    <limit effort="40"/>
-  </joint>
-  <transmission name="drive">
-    <robotNamespace>/arm</robotNamespace>
-    <type>transmission_interface/SimpleTransmission</type>
-    <joint name="shoulder"><hardwareInterface>effort</hardwareInterface></joint>
-    <actuator name="motor">
-      <drake:rotor_inertia value="0.01"/><mechanicalReduction>10</mechanicalReduction>
-    </actuator>
-  </transmission>
-  <gazebo reference="upper"><mu1>0.2</mu1></gazebo>
-</robot>
-"""
 
 FIELDS = ("joint_names", "rotor_inertia", "gear_ratio", "effort_limit", "velocity_limit")
 FIELDS += ("acceleration_limit", "position_lower", "position_upper", "damping")

@@ -1,0 +1,85 @@
+"""Robots, motors, states and motions that hypothesis draws: random, but sensible.
+
+Hypothesis draws the choices; the numbers come from a seed that it draws, in general position.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import strategies as st
+from robots import chain_names, chain_sdf, loaded
+
+from sdt_drake.motion import Motion
+from sdt_drake.robot.motors import Motor
+from sdt_drake.robot.robot import Robot
+
+GENERATORS = st.integers(0, 2**32 - 1).map(np.random.default_rng)
+JOINTS = st.integers(1, 7)
+
+
+def _spread(rng: np.random.Generator, low: float, high: float, n: int) -> np.ndarray:
+    """Numbers of all sizes between two, evenly in their logarithm."""
+    return np.exp(rng.uniform(np.log(low), np.log(high), n))
+
+
+@st.composite
+def robots(
+    draw, joints: st.SearchStrategy[int] = JOINTS, *, coupled: bool = False, head: bool = False
+) -> Robot:
+    """Chains on skew axes, with products of inertia, gears from 0.5 to 200, and joint damping.
+
+    Args:
+        draw: of hypothesis.
+        joints: how many.
+        coupled: whether motors turn with other joints, too, as in wrists.
+        head: whether the last link has a pilot's head.
+    """
+    n, rng = draw(joints), draw(GENERATORS)
+    gear_ratio = np.where(draw(st.booleans()), _spread(rng, 0.5, 200, n), 1.0)
+    motors = {
+        "effort": _spread(rng, 50, 5000, n),
+        "rotor_inertia": draw(st.sampled_from([0.0, 1.0])) * _spread(rng, 1e-4, 0.1, n),
+        "gear_ratio": gear_ratio,
+        "damping": draw(st.sampled_from([0.0, 1.0])) * rng.uniform(0, 3, n),
+    }
+    frame = f'<frame name="head" attached_to="link_{n}"><pose>0.1 -0.2 0.3 1 2 3</pose></frame>'
+    seed, base = int(rng.integers(2**32)), draw(st.booleans())
+    text = chain_sdf(n, seed=seed, base=base, motors=motors, extra=frame * head)
+    names = chain_names(n)
+    for k in range(1, n if coupled else 0):
+        turns, before = float(rng.uniform(-0.5, 0.5) * gear_ratio[k]), names[k - 1]
+        element = f'<sdt:turns_with joint="{before}">{turns!r}</sdt:turns_with></joint>'
+        start = text.index(f'<joint name="{names[k]}"')
+        text = text[:start] + text[start:].replace("</joint>", element, 1)
+    return loaded(text)
+
+
+def states(n: int, count: int = 3) -> st.SearchStrategy[np.ndarray]:
+    """q, v, vd [rad, rad/s, rad/s²] of n joints, shape (3, count, n)."""
+    size = np.array([3.0, 2.0, 5.0])[:, None, None]
+    return GENERATORS.map(lambda rng: size * rng.uniform(-1, 1, (3, count, n)))
+
+
+@st.composite
+def motions(draw, n: int, *, period: float = 0.005, samples: int = 100) -> Motion:
+    """Motions from rest to rest: three harmonics of each joint, up to about 1 rad/s."""
+    rng = draw(GENERATORS)
+    phase = 2 * np.pi * np.linspace(0, 1, samples)
+    harmonics = np.sin(np.multiply.outer(phase, np.arange(1, 4)))
+    v = harmonics @ rng.uniform(-0.3, 0.3, (3, n))
+    v[[0, -1]] = 0
+    return Motion.from_speeds(period, rng.uniform(-2, 2, n), v)
+
+
+@st.composite
+def motors(draw) -> Motor:
+    """Motors with all rules of a catalogue kept; some lose torque with their speed."""
+    rng, kind = draw(GENERATORS), draw(st.sampled_from(["torque motor", "geared motor"]))
+    peak, inertia, mass, constant, ratio = _spread(rng, 1e-2, 1e3, 5).tolist()
+    n1, beyond = rng.uniform(10, 3000, 2).tolist() if draw(st.booleans()) else (None, 0)
+    return Motor(
+        id=f"M{rng.integers(1000)}", kind=kind, source="a test", peak_torque=peak,
+        rated_torque=rng.uniform(0.1, 1) * peak, rotor_inertia=inertia, mass=mass,
+        thermal_time_constant=constant, gear_ratio=1.0 if kind == "torque motor" else ratio,
+        n1_rpm=n1, n0_rpm=None if n1 is None else n1 + beyond,
+    )  # fmt: skip
