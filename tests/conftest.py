@@ -1,20 +1,241 @@
-"""Fixtures for those who run tests; who only starts them needs neither these nor Drake."""
+"""Fixtures for all tests; heavy imports are within them, as pytest's first process needs none."""
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
+import io
 import os
+import pickle
+import shutil
+import signal
+from concurrent.futures import Future
+from copy import copy
+from functools import partial
+from types import SimpleNamespace
 
+import pytest
 from hypothesis import settings
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # or idle threads of it fight for the cores
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # idle threads of it would fight for the cores
 
 settings.register_profile("suite", derandomize=True, deadline=None, database=None, max_examples=30)
 settings.load_profile("suite")
 
 
 def pytest_configure(config):
-    if config.getoption("numprocesses", None):  # they, and all that tests start, compile code once
+    if config.getoption("numprocesses", None):  # its workers, and all they start, compile code once
         os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     else:
-        for name in ("prepared", "browser", "command_line"):
+        for name in ("browser", "command_line"):
             config.pluginmanager.import_plugin(name)
+
+
+# --- every test ------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _ctrl_c_is_heard():
+    """Shells that start pytest by `&` ignore SIGINT, and every process below would inherit that."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _no_screen():
+    import matplotlib
+
+    matplotlib.use("agg")
+
+
+@pytest.fixture(autouse=True)
+def _clean_figures_and_seed():
+    import matplotlib.pyplot as plt
+    import numpy as np
+
+    np.random.seed(0)
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(autouse=True)
+def _wide_terminal(monkeypatch):
+    """Print tables in one piece, so that tests can read them."""
+    from sdt_drake.io import shown
+
+    monkeypatch.setattr(shown, "terminal_width", lambda: 1000)
+
+
+@pytest.fixture(scope="session")
+def _no_home(tmp_path_factory):
+    return tmp_path_factory.mktemp("home")
+
+
+@pytest.fixture(autouse=True)
+def _nothing_is_trusted(_no_home, monkeypatch):
+    """Forget the files that the user, or the test before, trusts."""
+    from sdt_drake.io import trust
+
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(_no_home))
+    monkeypatch.setattr(trust, "_accepted", set())
+    yield
+    shutil.rmtree(_no_home / "sdt_drake", ignore_errors=True)
+
+
+@pytest.fixture(autouse=True)
+def _own_controllers_end_with_their_test(monkeypatch):
+    from sdt_drake.run import kinds
+
+    monkeypatch.setattr(kinds, "_loaded", {})
+    before = dict(kinds.CONTROLLERS)
+    yield
+    kinds.CONTROLLERS.clear()
+    kinds.CONTROLLERS.update(before)
+
+
+# --- made once -------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="session")
+def once(tmp_path_factory, worker_id):
+    """`once(name, make)`: the result of `make(folder)`, made by the first of pytest's processes.
+
+    The folder is new, and for all processes; nothing in it may be changed later.
+    """
+    own = tmp_path_factory.getbasetemp()
+    shared = (own if worker_id == "master" else own.parent) / "shared"
+
+    def get(name, make):
+        folder = shared / name
+        folder.mkdir(parents=True, exist_ok=True)
+        with (shared / f"{name}.pickle").open("a+b") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            file.seek(0)
+            if content := file.read():
+                return pickle.loads(content)
+            made, content = make(folder), io.BytesIO()
+            _Pickler(content).dump(made)
+            file.write(content.getvalue())
+            return made
+
+    return get
+
+
+class _Pickler(pickle.Pickler):
+    """Pickles robots by their files, as Drake's plants cannot be pickled, and waits for futures."""
+
+    def reducer_override(self, thing):
+        from sdt_drake.robot.robot import Robot, load_robot
+
+        if isinstance(thing, Robot):
+            return load_robot, (thing.path,)
+        if isinstance(thing, Future):
+            return partial(SimpleNamespace, result=partial(copy, thing.result())), ()
+        return NotImplemented
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Figures as files of few bytes: drawing takes most of the time of a report."""
+    from matplotlib.figure import Figure
+
+    svg = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
+    monkeypatch.setattr(Figure, "savefig", lambda self, path, **options: path.write(svg))
+
+
+@pytest.fixture(scope="session")
+def _meshcat():
+    """A Meshcat until the end: freed by another thread than its own, it ends the process."""
+    from sdt_drake.show.view3d.viewer import open_meshcat
+
+    return open_meshcat()
+
+
+@pytest.fixture
+def meshcat(_meshcat):
+    """An empty Meshcat."""
+    _meshcat.Delete()
+    return _meshcat
+
+
+@pytest.fixture(scope="session")
+def robot():
+    """The reference device."""
+    from sdt_drake.robot.robot import load_robot
+
+    return load_robot()
+
+
+@pytest.fixture(scope="session")
+def _reference_design(robot):
+    from sdt_drake.run.design import make_design
+    from sdt_drake.run.scenario import load_scenario
+
+    return make_design(load_scenario("coupled_pi_ctc"), robot=robot)
+
+
+@pytest.fixture
+def design(_reference_design):
+    """The design of the shipped scenario coupled_pi_ctc; do not change it."""
+    return _reference_design
+
+
+@pytest.fixture(scope="session")
+def designed(_reference_design):
+    """A design from a shipped scenario and fields by dotted name, along the reference motion.
+
+    `start` and `end` [s] cut the motion; the robot rests for `rest` samples before it. `motion`
+    replaces it.
+    """
+    import numpy as np
+
+    from sdt_drake.motion import Motion
+    from sdt_drake.run.design import make_design
+    from sdt_drake.run.scenario import load_scenario, with_fields
+
+    base = _reference_design
+
+    def cut(start, end, rest):
+        period = base.motion.period
+        v = base.motion.v[round(start / period) : round(end / period) + 1]
+        v = np.vstack([np.zeros((rest, base.robot.n)), v])
+        return Motion.from_speeds(period, base.motion.q[0], v)
+
+    def make(name, fields=None, *, start=0.0, end=None, rest=0, motion=None):
+        along = motion or (base.motion if end is None else cut(start, end, rest))
+        scenario = with_fields(load_scenario(name), fields or {})
+        return make_design(scenario, robot=base.nominal, motion=along)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def _reproduced(once):
+    """What one run of `sdt-drake reproduce` has written and computed."""
+    from sdt_drake.analysis import reproduction as module
+    from sdt_drake.cli.app import main
+
+    def make(folder):
+        computed, reproduce = [], module.reproduce
+
+        def keep(watch):
+            computed.append(reproduce(watch))
+            return computed[0]
+
+        with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()):
+            patch.setattr(module, "reproduce", keep)
+            assert main(["reproduce", "--out", str(folder)]) == 0
+        return folder, computed[0]
+
+    return once("reproduced", make)
+
+
+@pytest.fixture(scope="session")
+def reproduced(_reproduced):
+    """The folder that one run of `sdt-drake reproduce` has written; do not change it."""
+    return _reproduced[0]
+
+
+@pytest.fixture(scope="session")
+def reproduction(_reproduced):
+    """The paper recomputed, in memory; do not change it."""
+    return _reproduced[1]

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import sharing
 from figures import check_same
 
 import sdt_drake
@@ -54,25 +53,23 @@ def files_in(folder):
 
 
 @pytest.fixture(scope="session")
-def ran(tmp_path_factory):
+def ran(once, tmp_path_factory):
     """Folder with a figure, which is drawn once, from elsewhere."""
     elsewhere = tmp_path_factory.mktemp("elsewhere")
 
     def run(name):
-        folder = sharing.folder / f"diagrams_{name}" / "new"
-        arguments = [folder, "--only", name, "--record"]
-
-        def make():
+        def make(folder):
+            arguments = [folder / "new", "--only", name, "--record"]
             if name == "device":  # it is rendered, not in this process
                 command = [sys.executable, SCRIPT, *arguments]
                 subprocess.run(command, cwd=elsewhere, check=True)
             else:
                 run_here(SCRIPT, *arguments, cwd=elsewhere)
-            return True
+            return folder / "new"
 
-        sharing.once(f"diagrams_{name}", make)
+        made = once(f"diagrams_{name}", make)
         assert not any(elsewhere.iterdir())
-        return folder
+        return made
 
     return run
 

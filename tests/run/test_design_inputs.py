@@ -78,6 +78,7 @@ def test_torques_are_computed_once_for_a_robot_and_a_motion(designed, robot, mon
 
     monkeypatch.setattr(plant, "torque_groups", counted)
     scenario = with_fields(designed("axis_pi").scenario, {"controller.model": LIGHT})
+    gc.collect()
     kept = len(plant._along)
     motion = Motion.from_speeds(0.005, np.zeros(4), np.zeros((11, 4)))
     base = make_design(scenario, robot=robot, motion=motion)

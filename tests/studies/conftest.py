@@ -6,7 +6,6 @@ import shutil
 from pathlib import Path
 
 import pytest
-import sharing
 from small_studies import write_files
 
 from sdt_drake.studies.execute import run_study
@@ -15,15 +14,14 @@ from sdt_drake.studies.study import load_study
 
 
 @pytest.fixture(scope="session")
-def files(_shared_runs) -> Path:
+def files(once) -> Path:
     """Read only: motions short and fast, bases axis and coupled, studies of 6 and 30 runs."""
 
-    def make():
-        (folder := sharing.folder / "files").mkdir()
+    def make(folder):
         write_files(folder)
         return folder
 
-    return sharing.once("files", make)
+    return once("files", make)
 
 
 @pytest.fixture
@@ -37,15 +35,14 @@ def desk(tmp_path, monkeypatch) -> Path:
 
 
 @pytest.fixture(scope="session")
-def undisturbed(files) -> Path:
+def undisturbed(files, once) -> Path:
     """many.yaml by one process, from beginning to end; read only."""
 
-    def make():
-        folder = sharing.folder / "undisturbed" / "many"
-        run_study(make_job(*load_study(files / "many.yaml")), folder)
-        return folder
+    def make(folder):
+        run_study(make_job(*load_study(files / "many.yaml")), folder / "many")
+        return folder / "many"
 
-    return sharing.once("undisturbed", make)
+    return once("undisturbed", make)
 
 
 @pytest.fixture

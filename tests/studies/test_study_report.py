@@ -9,7 +9,6 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-import sharing
 from synthetic import CONTROLLERS, make_table, small_table
 
 from sdt_drake.show.documents import render
@@ -22,14 +21,15 @@ def table():
 
 
 @pytest.fixture(scope="module")
-def folder(_shared_runs):
-    return sharing.folder / "study" / "my results"
+def folder(once):
+    """Where report and figures are: a path with a space."""
+    return once("my results", lambda folder: folder)
 
 
 @pytest.fixture(scope="module")
-def made(table, folder):
+def made(table, folder, once):
     """Report and tables; the figures are in the folder; do not change it."""
-    return sharing.once("study_report", lambda: report.make_study_report(table, folder))
+    return once("study_report", lambda _: report.make_study_report(table, folder))
 
 
 def text_of(document):
