@@ -1,4 +1,4 @@
-"""From commanded joint speeds to a motion that the motors can do."""
+"""Planned motions: from commanded joint speeds to a motion within the robot's limits."""
 
 from sdt_drake.motion.command import Command, Course, TimedSegment, command_of, load_command
 from sdt_drake.motion.learned import LearnedReference, load_learned

@@ -1,4 +1,4 @@
-"""Joint speeds that a motion profile commands of a robot, as functions of time."""
+"""Commanded joint speeds as functions of time, made from a motion profile and a robot."""
 
 from __future__ import annotations
 
@@ -20,32 +20,33 @@ from sdt_drake.motion.spin import SpinGeometry, spin_geometry
 from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot.robot import Robot
 
-_SAME_TIME = 1e-9  # s; round-off of sums of durations
+_TIME_TOLERANCE = 1e-9  # s; round-off of sums of durations
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A speed in m pieces, each linear or along half a cosine, and swings beside them.
+    """A joint speed over time: m pieces, each linear or along half a cosine, and added swings.
 
-    Attributes:
-        times: [s], growing, shape (m + 1,).
-        values: speed at these times [rad/s], shape (m + 1,).
-        cosine: whether a piece is along a cosine, shape (m,).
-        swings: each with its start [s].
+    >>> Course.linear([0, 1, 3], [0, 2, 0]).speed(np.array([0.5, 2.0]))
+    array([1., 1.])
     """
 
     times: Array
+    """Ends of the pieces [s], growing, shape (m + 1,)."""
     values: Array
+    """Speed at `times` [rad/s], shape (m + 1,)."""
     cosine: NDArray[np.bool_]
+    """True for a piece along half a cosine, shape (m,)."""
     swings: tuple[tuple[float, Swing], ...] = ()
+    """Swings that are added to the pieces, each with its start [s]."""
 
     @staticmethod
     def linear(times: Sequence[float] | Array, values: Sequence[float] | Array) -> Course:
-        """The course straight from point to point."""
+        """Return the course that is linear between the points."""
         return Course(np.array(times), np.array(values), np.zeros(len(times) - 1, dtype=np.bool_))
 
     def speed(self, time: Array) -> Array:
-        """Speed of the course [rad/s] at `time` [s], shape (N,)."""
+        """Return the speed [rad/s] at `time` [s], shape (N,)."""
         i, s, _ = self._piece(time)
         blended = self.values[i] + np.diff(self.values)[i] * (1 - np.cos(np.pi * s)) / 2
         linear = np.interp(time, self.times, self.values)
@@ -53,19 +54,21 @@ class Course:
         return speed + sum(swing.speed(time - start) for start, swing in self.swings)
 
     def acceleration(self, time: Array) -> Array:
-        """Acceleration of the pieces, without swings [rad/s²], shape (N,); at a jump that of the
-        later piece."""
+        """Return the acceleration of the pieces, without swings [rad/s²], shape (N,).
+
+        At a jump it is that of the later piece.
+        """
         i, s, duration = self._piece(time)
         share = np.where(self.cosine[i], np.pi / 2 * np.sin(np.pi * s), 1.0)
         return np.diff(self.values)[i] / duration * share
 
     def corners(self) -> Array:
-        """Times [s] between which the speed goes one way."""
+        """Return times [s] between which the speed only grows or only falls."""
         swinging = [start + swing.corners() for start, swing in self.swings]
         return np.concatenate([self.times, *swinging])
 
     def _piece(self, time: Array) -> tuple[NDArray[np.intp], Array, Array]:
-        """Number of the piece, share of it that is over [-], and how long it is [s]."""
+        """Return at each time: index of the piece, its elapsed share [-], its duration [s]."""
         last = len(self.cosine) - 1
         i = np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, last)
         duration = np.diff(self.times)[i]
@@ -73,47 +76,53 @@ class Course:
 
 
 class TimedSegment(NamedTuple):
-    """What a track does from `start` to `end` [s], for people."""
+    """A segment of a track with its times, for reports."""
 
     track: str
+    """Joints of the track, separated by " + "."""
     start: float
+    """[s]"""
     end: float
+    """[s]"""
     text: str
+    """Description in a few words."""
 
 
 @dataclass(frozen=True, eq=False)
 class Command:
-    """Commanded joint speeds.
+    """The commanded speeds of all joints, as functions of time. Planners make motions of them.
 
-    Attributes:
-        name: of the motion.
-        duration: [s].
-        q0: joint angles at the start [rad], shape (n,).
-        joints: speed of each joint, base to tip, without alignment.
-        alignment: joint number, spin and geometry of what turns 'up' onto the resultant beside
-            that; None for nothing.
-        timeline: every segment, track after track.
+    >>> command = Command("spin", 2.0, np.zeros(1), (Course.linear([0, 1, 2], [0, 1, 0]),))
+    >>> command.speeds(np.array([0.5, 1.0]))
+    array([[0.5],
+           [1. ]])
     """
 
     name: str
+    """Name of the motion."""
     duration: float
+    """[s]"""
     q0: Array
+    """Joint angles at the start [rad], shape (n,)."""
     joints: tuple[Course, ...]
+    """Speed of each joint, base to tip, without alignment."""
     alignment: tuple[int, Course, SpinGeometry] | None = None
+    """Joint index, spin and geometry of the alignment that is added to `joints`, if any."""
     timeline: tuple[TimedSegment, ...] = ()
+    """All segments, track after track."""
 
     @staticmethod
     def of_motion(name: str, motion: Motion) -> Command:
-        """A motion as what is commanded."""
+        """Return the command that follows the speeds of a motion."""
         joints = tuple(Course.linear(motion.time, v) for v in motion.v.T)
         return Command(name, motion.duration, motion.q[0], joints)
 
     def corners(self) -> Array:
-        """Times [s] between which every speed goes one way, growing."""
+        """Return growing times [s] between which every speed only grows or only falls."""
         return np.unique(np.concatenate([course.corners() for course in self.joints]))
 
     def speeds(self, time: Array) -> Array:
-        """Commanded joint speeds [rad/s] at `time` [s] of shape (N,), shape (N, n)."""
+        """Return the joint speeds [rad/s], shape (N, n), at `time` [s], shape (N,)."""
         v = np.stack([course.speed(time) for course in self.joints], axis=1)
         if self.alignment is not None:
             k, spin, geometry = self.alignment
@@ -122,31 +131,39 @@ class Command:
 
 
 def load_command(path: str | Path, robot: Robot) -> Command:
-    """What a motion profile (YAML), or the shipped one of a name, commands of a robot.
+    """Return the joint speeds that a motion profile commands.
+
+    Args:
+        path: motion profile (YAML), or the name of a shipped one.
+        robot: robot that has the profile's joints.
 
     Raises:
-        InputError: naming the file, the field, and what would be right.
+        InputError: a line for each problem: file, field, what was found and what is accepted.
+
+    >>> from sdt_drake.robot.robot import load_robot
+    >>> command = load_command("graveyard_spin", load_robot())
+    >>> [segment.text for segment in command.timeline]
+    ['to 90 deg/s, cosine', 'hold', 'to 0 deg/s, cosine']
     """
     return command_of(load_profile(path), robot, str(find_file(path, "motion")))
 
 
 def command_of(profile: MotionProfile, robot: Robot, where: str | None = None) -> Command:
-    """The joint speeds that a profile commands of a robot.
+    """Return the joint speeds that a motion profile commands.
 
     Args:
-        profile: what is wanted.
-        robot: has the joints that the tracks name.
-        where: named in errors; by default the motion.
+        profile: motion profile.
+        robot: robot that has the profile's joints.
+        where: place in error messages; the motion's name by default.
 
     Raises:
-        InputError: naming `where`, the track, the segment and what would be right: a number out of
-            range; a joint that the robot does not have, or two tracks for one; segments that
-            overlap or last longer than the motion; a joint that is not at rest at the end; an axis
-            of spin that is not vertical, or one that cannot align.
+        InputError: with `where`, track and segment: a number out of range; an unknown joint, or
+            two tracks for one joint; segments that overlap or end after the motion; a joint in
+            motion at the end; a spin axis that is not vertical, or a joint that cannot align.
     """
     where = where or f"motion '{profile.name}'"
     with within(where):
-        # The file itself was checked when it was read.
+        # The fields were checked when the file was read; only the number of joints is new.
         with retelling(lambda problem: problem._replace(kind="joints")):
             check(profile, n=robot.n)
         return _command(profile, robot)
@@ -175,7 +192,7 @@ def _start(profile: MotionProfile, robot: Robot) -> Array:
 
 
 def _placed_tracks(profile: MotionProfile, robot: Robot) -> list[tuple[str, Track, list[str]]]:
-    """Each track with its place in the file, and those of its segments."""
+    """Return each track with its place in the file and the places of its segments."""
     placed = []
     for i, track in enumerate(profile.tracks):
         place = f"tracks[{i + 1}]"
@@ -198,13 +215,16 @@ def _placed_tracks(profile: MotionProfile, robot: Robot) -> list[tuple[str, Trac
                 )
         own = track.joints[0]
         if own in moved:
-            raise InputError(f"joint '{own}' is moved by {moved[own]} already", place=place)
+            raise InputError(
+                f"joint '{own}' is already moved by {moved[own]}, expected one track for a joint",
+                place=place,
+            )
         moved[own] = place
     return placed
 
 
 def _spin(resultant: Resultant, profile: MotionProfile, robot: Robot, where: str) -> SpinGeometry:
-    """Refuse what would carry the aligned joint elsewhere: nothing inboard turns, but the spin."""
+    """Return the geometry of a spin; refuse inboard joints that move, other than the spin."""
     joint = resultant.align or resultant.spin
     q0, moved = _start(profile, robot), {track.joints[0] for track in profile.tracks}
     for k in range(robot.joint_names.index(joint)):
@@ -221,10 +241,10 @@ def _spin(resultant: Resultant, profile: MotionProfile, robot: Robot, where: str
 def _course(
     track: Track, places: list[str], geometry: SpinGeometry | None, angle: float, duration: float
 ) -> tuple[Course, list[TimedSegment]]:
-    """The speed of a track that starts at `angle` [rad], and its segments with their times."""
+    """Return the speed of a track that starts at `angle` [rad], and its timed segments."""
     times, speeds, cosine, swings, timeline = [0.0], [0.0], [], [], []
 
-    def go_on(time: float, speed: float, *, along_cosine: bool = False) -> None:
+    def extend(time: float, speed: float, *, along_cosine: bool = False) -> None:
         nonlocal angle
         angle += (speeds[-1] + speed) / 2 * (time - times[-1])
         times.append(time)
@@ -233,31 +253,33 @@ def _course(
 
     for place, segment in zip(places, track.segments, strict=True):
         at = times[-1] if segment.at is None else segment.at
-        if at < times[-1] - _SAME_TIME:
+        if at < times[-1] - _TIME_TOLERANCE:
             raise InputError(
-                f"overlap, {at:.6g} s is before the segment before ends, at {times[-1]:.6g} s",
+                f"{at:.6g} s, expected at least {times[-1]:.6g} s, the end of the segment before",
                 place=f"{place}.at",
             )
-        if at > times[-1] + _SAME_TIME:
-            go_on(at, speeds[-1])
+        if at > times[-1] + _TIME_TOLERANCE:
+            extend(at, speeds[-1])
         start = times[-1]
         if start == 0:
             speeds[0] = segment.start_speed(0.0)
         _check_fit(segment, geometry, speeds[-1], place)
         steps = segment.steps(speeds[-1], angle, geometry)
-        if steps[-1][0] <= _SAME_TIME:
-            raise InputError("nothing changes, expected another target or a !Hold", place=place)
+        if steps[-1][0] <= _TIME_TOLERANCE:
+            raise InputError(
+                "the segment changes nothing, expected another target or a !Hold", place=place
+            )
         for time, speed in steps:
-            go_on(start + time, speed, along_cosine=segment.blend == "cosine")
+            extend(start + time, speed, along_cosine=segment.blend == "cosine")
         if isinstance(segment, Swing):
             swings.append((start, segment))
             angle += segment.angle()
         timeline.append(TimedSegment(" + ".join(track.joints), start, times[-1], segment.text()))
     left, given = duration - times[-1], isinstance(segment, Given)
-    if left < -_SAME_TIME or (given and left > _SAME_TIME):
+    if left < -_TIME_TOLERANCE or (given and left > _TIME_TOLERANCE):
         raise InputError(
-            f"ends at {times[-1]:.9g} s, expected {'at' if given else 'by'} the end of "
-            f"the motion, duration {duration:g} s",
+            f"ends at {times[-1]:.9g} s, expected {'exactly' if given else 'at most'} "
+            f"{duration:g} s, the duration of the motion",
             place=place,
         )
     if speeds[-1] != 0 and not given:
@@ -266,24 +288,24 @@ def _course(
             "rest at the end",
             place=place,
         )
-    if left > _SAME_TIME:
-        go_on(duration, 0.0)
+    if left > _TIME_TOLERANCE:
+        extend(duration, 0.0)
     return Course(np.array(times), np.array(speeds), np.array(cosine), tuple(swings)), timeline
 
 
 def _check_fit(segment: Segment, geometry: SpinGeometry | None, speed: float, where: str) -> None:
-    """Refuse a segment that cannot begin at a speed, and a G that the spin cannot make."""
+    """Refuse a segment that cannot start at a speed [rad/s], and a G beyond the spin's limit."""
     expected = 0.0 if isinstance(segment, (Turn, Swing)) else segment.start_speed(speed)
     if speed != expected:
         raise InputError(
-            f"!{type(segment).__name__} at a speed of {np.degrees(speed):g} deg/s, "
+            f"!{type(segment).__name__} starts at a speed of {np.degrees(speed):g} deg/s, "
             + (f"expected {np.degrees(expected):g} deg/s" if expected else "expected rest"),
             place=where,
         )
     to_g = (segment.to_g or 0.0) if isinstance(segment, Ramp) else 0.0
     if geometry is not None and to_g > geometry.largest_g:
         raise InputError(
-            f"{to_g:g} G, expected at most {geometry.largest_g:.3f} G, the "
-            "speed limit of the spin joint",
+            f"{to_g:g} G, expected at most {geometry.largest_g:.3f} G (speed limit of the spin "
+            "joint)",
             place=f"{where}.to_g",
         )

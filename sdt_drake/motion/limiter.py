@@ -1,4 +1,4 @@
-"""The off-line planner of Section 2: commanded speeds to a motion within the motors' torques."""
+"""The limiter, the paper's off-line planner (Section 2): weak motors lag and catch up."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import Robot
 
-# What an overpowered joint may slip, while it is off its command, before the motion is lost:
-_SLIP = 0.01  # of the range of its commanded speeds, and
-_SLIP_SPEED = 1e-3  # rad/s
+# Largest slip of an overpowered joint, away from its command:
+_MAX_SLIP_SHARE = 0.01  # of the range of its commanded speeds [-], plus
+_MAX_SLIP_SPEED = 1e-3  # rad/s
 _MAX_SWEEPS = 1000
-_SHORTEST_LOOK, _LONGEST_LOOK = 16, 1024  # samples
+_MIN_LOOKAHEAD, _MAX_LOOKAHEAD = 16, 1024  # samples
 
 
 def plan_motion(
@@ -37,27 +37,34 @@ def plan_motion(
     period: float = INTERPOLATION_PERIOD,
     torque_margin: float = 1.0,
 ) -> Plan:
-    """Plan a motion; where a motor is too weak, its joint accelerates less and catches up later.
+    """Plan a motion in which a joint beyond its limits accelerates less and catches up later.
 
-    The same where the command asks for more than the acceleration limits of the robot.
+    Limits are those of torque and acceleration. The limiter looks one period ahead, so coupling
+    torques may overpower a motor before the speeds come down. A motion is refused in two cases:
 
-    The limiter looks one period ahead. It can lose a motion for good, when coupling torques grow
-    beyond a motor before the speeds come down. So a motion is refused if a joint is driven away
-    from its command with its motor at full torque, by more than 1 % of the range of its commanded
-    speeds and 1e-3 rad/s, even if it would come back; or if it is not on its command at the end.
+    - A joint is driven away from its command with its motor at full torque, by more than 1 % of the
+      range of its commanded speeds plus 1e-3 rad/s.
+    - A joint is not back on its command at the end.
 
     Args:
-        robot: the robot.
+        robot: robot with its limits.
         command: commanded joint speeds.
         period: interpolation period [s].
         torque_margin: share of the motors' torque that may be used, in (0, 1].
 
     Raises:
-        InputError: if the command does not fit the robot or the period, or the motion cannot be
-            done: naming joint, time, what it needs and what there is.
+        InputError: if the command does not fit the robot or the period; if the motion is refused,
+            with joint, time, needed and available torque.
+
+    >>> from sdt_drake.motion.command import load_command
+    >>> from sdt_drake.robot.robot import load_robot
+    >>> robot = load_robot()
+    >>> plan = plan_motion(robot, load_command("graveyard_spin", robot))
+    >>> plan.motion.duration, plan.limited.any().item()
+    (85.0, False)
     """
     commanded = commanded_motion(robot, command, period)
-    check_no_load_speed(robot, commanded)  # held back there, a joint would get lost
+    check_no_load_speed(robot, commanded)  # a joint held back there would never catch up
     v, limited = _limited_speeds(robot, commanded, torque_margin)
     motion = Motion.from_speeds(period, commanded.q[0], v)
     return checked_plan(robot, motion, commanded, torque_margin, limited)
@@ -66,7 +73,7 @@ def plan_motion(
 def _limited_speeds(
     robot: Robot, commanded: Motion, torque_margin: float
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Speeds that follow the command, shape (N + 1, n), as closely as the torques allow."""
+    """Return the speeds nearest to the command, and where they are limited, (N + 1, n) each."""
     plant, context = robot.plant, robot.plant.CreateDefaultContext()
     period, command = commanded.period, commanded.v
     largest = robot.acceleration_limit + ACCELERATION_TOLERANCE / 2
@@ -74,11 +81,11 @@ def _limited_speeds(
     limited = np.zeros(command.shape, dtype=bool)
     speeds = command.copy()
     q, v = commanded.q[0], command[0]
-    i, look, last = 0, _SHORTEST_LOOK, len(command) - 1
-    with work() as tell:
+    i, look, last = 0, _MIN_LOOKAHEAD, len(command) - 1
+    with work() as report:
         while i < last:
-            tell(i / last)
-            # Most of a motion is its command. Following it is much faster than deciding on it.
+            report(i / last)
+            # Stretches without a limit are copied: much faster than period by period.
             if not limited[i - 1].any():
                 ahead = slice(i, min(i + look, last))
                 shifted = q + (commanded.q[ahead] - commanded.q[i])
@@ -88,26 +95,26 @@ def _limited_speeds(
                 off = (torque < low) | (torque > high) | (np.abs(vd) > largest)
                 beyond = off.any(axis=1)
                 followed = int(np.argmax(beyond)) if beyond.any() else beyond.size
-                look = _SHORTEST_LOOK if beyond.any() else min(2 * look, _LONGEST_LOOK)
+                look = _MIN_LOOKAHEAD if beyond.any() else min(2 * look, _MAX_LOOKAHEAD)
                 q = q + (commanded.q[i + followed] - commanded.q[i])
                 i, v = i + followed, command[i + followed]
                 if not beyond.any():
                     continue
-            wanted = (command[i + 1] - v) / period
-            wish = np.clip(wanted, -largest, largest)
+            commanded_vd = (command[i + 1] - v) / period
+            target = np.clip(commanded_vd, -largest, largest)
             plant.SetPositions(context, q)
             plant.SetVelocities(context, v)
-            M = plant.CalcMassMatrix(context)  # with the motors' inertia
+            M = plant.CalcMassMatrix(context)  # with rotor inertia
             bias = (
                 plant.CalcBiasTerm(context)
                 + robot.damping * v
                 - plant.CalcGravityGeneralizedForces(context)
             )
             available = robot.torque_range(v, torque_margin)
-            vd = limit_accelerations(M, bias, wish, *available)
-            limited[i] = vd != wanted
+            vd = limit_accelerations(M, bias, target, *available)
+            limited[i] = vd != commanded_vd
             v_next = np.where(limited[i], v + vd * period, command[i + 1])
-            guard.check(i, wish, vd, M @ vd + bias + M.diagonal() * (wish - vd), available)
+            guard.check(i, target, vd, M @ vd + bias + M.diagonal() * (target - vd), available)
             q = q + (v + v_next) * (period / 2)
             i, v = i + 1, v_next
             speeds[i] = v
@@ -116,89 +123,102 @@ def _limited_speeds(
 
 
 def limit_accelerations(
-    M: Array, bias: Array, wanted: Array, lowest: Array, highest: Array
+    M: Array, bias: Array, target: Array, lowest: Array, highest: Array
 ) -> Array:
-    """Accelerations [rad/s²] towards `wanted` with `lowest` <= M vd + bias <= `highest` [N m].
+    """Return the accelerations nearest to `target` with lowest <= M vd + bias <= highest.
 
-    Joint after joint from the tip to the base, each as near to its wish as the others leave it,
-    until it is known which motors are at their limit; those joints' accelerations then follow
-    from their torques. These sweeps are coordinate descent on
+    Each joint reaches its target, or its motor is at its torque limit. The sweeps move one joint
+    at a time, from tip to base, as close to its target as its limits allow. They stop when the set
+    of motors at their limit is found; linear equations then give the accelerations. The sweeps are
+    coordinate descent on
 
-        1/2 (vd - wanted)' M (vd - wanted) + (M wanted + bias)' vd
-            + highest' max(wanted - vd, 0) - lowest' max(vd - wanted, 0),
+        1/2 (vd - target)' M (vd - target) + (M target + bias)' vd
+            + highest' max(target - vd, 0) - lowest' max(vd - target, 0).
 
-    which is strictly convex because M is positive definite: there is always one solution, in
-    which each joint has its wish or its motor gives all it has, and the sweeps converge to it.
+    M is positive definite, so this is strictly convex: there is one solution, and they reach it.
+
+    Args:
+        M: mass matrix with rotor inertia, joint side [kg m²], shape (n, n).
+        bias: joint torques at zero acceleration [N m], shape (n,).
+        target: accelerations [rad/s²], shape (n,).
+        lowest, highest: available joint torques [N m], shape (n,).
+
+    >>> M, limit = np.diag([2.0, 1.0]), np.array([3.0, 3.0])
+    >>> limit_accelerations(M, np.zeros(2), np.array([5.0, 1.0]), -limit, limit)
+    array([1.5, 1. ])
     """
-    vd = wanted.copy()
+    vd = target.copy()
     diagonal = M.diagonal()
     for _ in range(_MAX_SWEEPS):
         for k in reversed(range(len(vd))):
             rest = M[k] @ vd - diagonal[k] * vd[k] + bias[k]
             least, most = (lowest[k] - rest) / diagonal[k], (highest[k] - rest) / diagonal[k]
-            vd[k] = min(max(wanted[k], least), most)
-        solution = _with_motors_at_limit(M, bias, wanted, (lowest, highest), vd)
+            vd[k] = min(max(target[k], least), most)
+        solution = _with_motors_at_limit(M, bias, target, (lowest, highest), vd)
         if solution is not None:
             return solution
     raise InputError(f"accelerations within the torque limits not found in {_MAX_SWEEPS} sweeps")
 
 
 def _with_motors_at_limit(
-    M: Array, bias: Array, wanted: Array, available: tuple[Array, Array], estimate: Array
+    M: Array, bias: Array, target: Array, available: tuple[Array, Array], estimate: Array
 ) -> Array | None:
-    """The solution, if `estimate` shows rightly which joints cannot have their wish."""
-    limited = estimate != wanted
+    """Return the solution if the joints that miss their target in `estimate` are the right ones."""
+    limited = estimate != target
     if not limited.any():
         return estimate
-    short = np.sign(wanted - estimate)[limited]  # direction in which the motor gives all it has
+    short = np.sign(target - estimate)[limited]  # sign of the torque of a motor at its limit
     lowest, highest = available
-    gives = np.where(short > 0, highest[limited], lowest[limited])
-    vd = wanted.copy()
-    rest = bias[limited] + M[np.ix_(limited, ~limited)] @ wanted[~limited]
-    vd[limited] = np.linalg.solve(M[np.ix_(limited, limited)], gives - rest)
+    at_limit = np.where(short > 0, highest[limited], lowest[limited])
+    vd = target.copy()
+    rest = bias[limited] + M[np.ix_(limited, ~limited)] @ target[~limited]
+    vd[limited] = np.linalg.solve(M[np.ix_(limited, limited)], at_limit - rest)
     torque = M @ vd + bias
     excess = np.maximum(lowest - torque, torque - highest)
-    holds = np.all(excess <= TORQUE_TOLERANCE / 2) and np.all(short * (wanted - vd)[limited] >= 0)
+    holds = np.all(excess <= TORQUE_TOLERANCE / 2) and np.all(short * (target - vd)[limited] >= 0)
     return vd if holds else None
 
 
 class _LostMotionGuard:
-    """Notices a joint that its motor can no longer hold to its command.
+    """A check for overpowered joints.
 
-    A limited joint lags, but still accelerates towards its command. One that is driven away from
-    it, with its motor at full torque, is overpowered; it slips.
+    A limited joint lags and still accelerates towards its command. An overpowered joint is driven
+    away from its command with its motor at full torque: it slips.
     """
 
     def __init__(self, robot: Robot, commanded: Motion) -> None:
         self._robot, self._commanded = robot, commanded
-        self._largest_slip = _SLIP * np.ptp(commanded.v, axis=0) + _SLIP_SPEED
+        self._max_slip = _MAX_SLIP_SHARE * np.ptp(commanded.v, axis=0) + _MAX_SLIP_SPEED
         self._slip = np.zeros(robot.n)
         self._onset = np.full(robot.n, -1)
         self._needed = np.zeros(robot.n)
         self._available = np.zeros((2, robot.n))
 
     def check(
-        self, i: int, wanted: Array, vd: Array, torque: Array, available: tuple[Array, Array]
+        self, i: int, target: Array, vd: Array, torque: Array, available: tuple[Array, Array]
     ) -> None:
-        """Refuse a joint that has slipped too far by the end of period i.
+        """Refuse a joint that has slipped too far at the end of period i.
 
-        `wanted` and `vd` [rad/s²] are what each joint wishes and gets; `torque` [N m] is what it
-        would need for its wish, beside what the others really do; `available` what there is.
+        Args:
+            i: index of the period.
+            target, vd: targeted and planned accelerations [rad/s²], shape (n,).
+            torque: torque that a joint needs for its target while the others do `vd` [N m], (n,).
+            available: lowest and highest torques [N m], shape (n,) each.
         """
-        limited, period = vd != wanted, self._commanded.period
+        limited, period = vd != target, self._commanded.period
         start = limited & (self._onset < 0)
         self._onset[start] = i
         self._needed[start] = torque[start]
         self._available[:, start] = np.array(available)[:, start]
         self._onset[~limited] = -1
-        away = limited & (vd * wanted <= 0)
+        away = limited & (vd * target <= 0)
         self._slip = np.where(limited, self._slip + away * np.abs(vd) * period, 0.0)
-        k = int(np.argmax(self._slip / self._largest_slip))
-        if self._slip[k] > self._largest_slip[k]:
+        k = int(np.argmax(self._slip / self._max_slip))
+        if self._slip[k] > self._max_slip[k]:
             self._refuse(
                 k,
                 f"by {(i + 1) * period:.3f} s it is driven {self._slip[k]:.4g} rad/s away "
-                f"from its command, allowed are {self._largest_slip[k]:.4g} rad/s",
+                f"from its command, allowed are {self._max_slip[k]:.4g} rad/s",
             )
 
     def check_end(self, v: Array) -> None:
@@ -208,11 +228,11 @@ class _LostMotionGuard:
         if off.any():
             k = int(np.argmax(off))
             ends = f"ends at {v[k]:.4g} rad/s, commanded is {commanded[k]:.4g} rad/s"
-            if self._onset[k] < 0:  # its motor gives what is wished
+            if self._onset[k] < 0:  # not limited by its torque
                 most = self._robot.acceleration_limit[k]
                 raise InputError(
-                    f"motion refused: {self._robot.joint(k)} {ends}; its largest acceleration, "
-                    f"{most:.6g} rad/s², does not bring it back in time"
+                    f"motion refused: {self._robot.joint(k)} {ends}; its acceleration limit, "
+                    f"{most:.6g} rad/s², is too low to catch up in time"
                 )
             self._refuse(k, f"it {ends}")
 
@@ -225,5 +245,5 @@ class _LostMotionGuard:
 
 
 def _range(lowest: float, highest: float) -> str:
-    """For people: "±5", or "-5 to 3" where braking has more."""
+    """Return "±5", or "-5 to 3" if the limits differ."""
     return f"±{highest:.6g}" if highest == -lowest else f"{lowest:.6g} to {highest:.6g}"

@@ -1,4 +1,4 @@
-"""From the file of a motion to its plan."""
+"""Reading of motion profiles and motion files, and planning of their motions."""
 
 from __future__ import annotations
 
@@ -20,33 +20,29 @@ from sdt_drake.robot.robot import Robot, load_robot
 
 
 class Story(NamedTuple):
-    """What a motion is for, for people.
-
-    Attributes:
-        title: of the illusion; "" for none.
-        feels: what the pilot should feel; "" where nobody says.
-        segments: with their times in the planned motion, track after track.
-        illusion: the error of feeling that is meant; None where nobody says.
-    """
+    """The purpose of a motion, for captions and reports; empty if its file does not give it."""
 
     title: str = ""
+    """Name of the illusion."""
     feels: str = ""
+    """Sentence on what the pilot should feel."""
     segments: tuple[TimedSegment, ...] = ()
+    """Segments with their times in the planned motion, track after track."""
     illusion: IntendedIllusion | None = None
+    """Illusion that the motion should give."""
 
 
 def story_of(path: str | Path, robot: Robot, motion: Motion) -> Story:
-    """What the file of a motion, or the shipped one of a name, says beside its numbers.
+    """Return the title, the purpose and the segments that a motion profile gives.
 
-    Without segments and illusion where their times are not known: of a CSV, and of a motion that
-    the planner has made longer; nor are there segments that last for nearly all of it.
-
-    An empty one where the file has none, or is not what the motion was planned of.
+    The story is empty for a CSV and for a file that cannot be read. It has no segments and no
+    illusion if the planner has changed the duration: their times are then unknown. Segments that
+    last for more than 0.9 of the motion are left out.
 
     Args:
-        path: as of `load_plan`.
-        robot: that does it.
-        motion: as planned.
+        path: motion profile or motion file, or the name of a shipped one.
+        robot: robot that does the motion.
+        motion: planned motion.
     """
     try:
         file = find_file(path, "motion")
@@ -63,13 +59,15 @@ def story_of(path: str | Path, robot: Robot, motion: Motion) -> Story:
 
 
 def load_commanded(path: str | Path, robot: Robot, period: float) -> Motion:
-    """What the file of a motion asks for, whether the robot can do it or not.
+    """Return the commanded motion of a file, without a check of the robot's limits.
 
     Args:
-        path, robot, period: as of `load_plan`.
+        path: motion profile (.yaml) or motion file (.csv), or the name of a shipped one.
+        robot: robot with the joints of the motion.
+        period: interpolation period [s].
 
     Raises:
-        InputError: for a file that cannot be used, or does not fit the robot or the period.
+        InputError: if the file is invalid, or does not fit the robot or the period.
     """
     file = find_file(path, "motion")
     with within(file):
@@ -79,7 +77,7 @@ def load_commanded(path: str | Path, robot: Robot, period: float) -> Motion:
 
 
 PLANNERS = {"limiter": plan_motion, "retiming": retime}
-"""Each `(robot, command, *, period, torque_margin) -> Plan`."""
+"""Planners by name: functions `(robot, command, *, period, torque_margin) -> Plan`."""
 
 
 @takes(path=a_path, robot=a(Robot, "sdt_drake.load_robot"), period=positive, torque_margin=share)
@@ -91,21 +89,25 @@ def load_plan(
     torque_margin: float = 1.0,
     planner: str = "limiter",
 ) -> Plan:
-    """Plan the motion of a file, or the shipped one of a name.
+    """Read a motion and plan it.
 
-    A command (.yaml) is planned. So is a CSV, resampled if it has to be; but one that is a motion
-    at `period` already is planned only by the retiming planner, for the limiter just checked.
+    A motion profile (.yaml) is planned. A motion file (.csv) at another period is resampled and
+    planned. A motion file at `period` is planned by the retiming planner, and only checked against
+    the limits by the limiter.
 
     Args:
-        path: of the file, or the name of a shipped motion.
-        robot: that has to do it; the shipped one by default.
-        period: of the samples [s].
-        torque_margin: share of the motors' torque that the motion may take, > 0 and at most 1 [-].
-        planner: one of PLANNERS.
+        path: motion profile or motion file, or the name of a shipped one.
+        robot: robot with its limits; the shipped one by default.
+        period: interpolation period [s].
+        torque_margin: share of the motors' torque that may be used, in (0, 1].
+        planner: "limiter" (a weak joint lags and catches up) or "retiming" (all joints slow down).
 
     Raises:
-        InputError: if there is no such file, or `robot` cannot do the motion; naming an argument
-            that is none.
+        InputError: if an argument or the file is invalid, or the robot cannot do the motion.
+
+    >>> plan = load_plan("graveyard_spin")
+    >>> plan.motion.duration, plan.longer
+    (85.0, 0.0)
     """
     checked_choice(planner, tuple(PLANNERS), "planner")
     robot = load_robot() if robot is None else robot
@@ -119,4 +121,4 @@ def load_plan(
             if loss is None and planner == "limiter":
                 return checked_plan(robot, motion, motion, torque_margin)
             return replace(plan(Command.of_motion(file.stem, motion)), loss=loss)
-    raise InputError(f"{file}: expected a profile (.yaml) or a motion (.csv)")
+    raise InputError(f"{file}: expected a motion profile (.yaml) or a motion file (.csv)")

@@ -1,4 +1,4 @@
-"""What every planner starts from, gives and checks; and how near a motion comes to every limit."""
+"""Plans, the checks that all planners share, and the margins of a motion to its limits."""
 
 from __future__ import annotations
 
@@ -20,50 +20,48 @@ from sdt_drake.robot.robot import Robot
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-INTERPOLATION_PERIOD = 0.005  # s, published
+INTERPOLATION_PERIOD = 0.005
+"""Published interpolation period [s]."""
 TORQUE_TOLERANCE = 1e-6  # N m
 SPEED_TOLERANCE = 1e-9  # rad/s; round-off of a commanded speed
-ACCELERATION_TOLERANCE = 1e-6  # rad/s²; that of a speed, over a period
-_ANGLE_TOLERANCE = 1e-4  # rad, and of its range; what an angle may lose to sampling
-# Beyond any machine; what is near the largest numbers fails in the dynamics:
-_ANY_ANGLE = 1e6  # rad
-_ANY_SPEED = 1e4  # rad/s
-_ANY_ACCELERATION = 1e6  # rad/s²
-_REST = 1e-3  # rad/s; what is slower is at rest
+ACCELERATION_TOLERANCE = 1e-6  # rad/s²; SPEED_TOLERANCE over a period
+_ANGLE_TOLERANCE = 1e-4  # rad, plus this share of the range; loss by sampling
+# Plausible commands: no machine exceeds these, and inverse dynamics overflow far beyond them.
+_MAX_ANGLE = 1e6  # rad
+_MAX_SPEED = 1e4  # rad/s
+_MAX_ACCELERATION = 1e6  # rad/s²
+_MAX_REST_SPEED = 1e-3  # rad/s; a slower joint is at rest
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Plan(Shown):
-    """A motion that the motors can do, and how hard they work.
-
-    Attributes:
-        motion: the reference.
-        torque: joint torque with the motors' inertia at each sample, joint side [N m],
-            shape (N + 1, n).
-        limited: where the planner held a joint back, shape (N + 1, n).
-        torque_margin: share of the motors' torque that was allowed [-].
-        commanded: what was asked for, at the same period.
-        loss: of the resampling of a CSV; None if nothing was resampled.
-    """
+    """A planned motion within the robot's limits, and the torques that it needs."""
 
     motion: Motion
+    """Planned motion."""
     torque: Array
+    """Joint torque with rotor inertia at each sample, joint side [N m], shape (N + 1, n)."""
     limited: NDArray[np.bool_]
+    """True where the planner held a joint back, shape (N + 1, n)."""
     torque_margin: float
+    """Share of the motors' torque that the planner was allowed to use [-]."""
     commanded: Motion
+    """Commanded motion at the same period."""
     loss: Loss | None = None
+    """Loss by resampling of a motion file; None if nothing was resampled."""
 
     @property
     def longer(self) -> float:
-        """How much longer than commanded the motion lasts [s]."""
+        """Duration of the planned motion minus that of the commanded motion [s]."""
         return self.motion.duration - self.commanded.duration
 
     @property
     def angle_lost(self) -> Array:
-        """How far the joints end from where they are commanded [rad], shape (n,)."""
+        """Distance of the joints from their commanded angles at the end [rad], shape (n,)."""
         return np.abs(self.motion.q[-1] - self.commanded.q[-1])
 
     def summary(self) -> Summary:
+        """Return duration, largest torques and the effect of the planner per joint."""
         title = f"of {joint_count(self.motion.n)}: {self.motion.in_time}"
         if self.longer > 0:
             title += f", {self.longer:.6g} s longer than commanded"
@@ -76,25 +74,30 @@ class Plan(Shown):
 
     @takes(robot=a(Robot, "sdt_drake.load_robot"))
     def plot(self, robot: Robot) -> Figure:
-        """Torques and speeds of its robot, with their limits.
+        """Draw the torques and speeds of the motion with the limits of `robot`.
 
         Raises:
-            InputError: for a robot of another number of joints.
+            InputError: if the robot has another number of joints.
         """
         return face().plots_motion.plan("Plan", robot, self, margins(robot, self.motion))
 
     def peak_use(self, robot: Robot) -> Array:
-        """Largest |torque| over the motor's limit [-], shape (n,)."""
+        """Return the largest |torque| over the torque limit of each joint [-], shape (n,)."""
         return np.max(np.abs(self.torque), axis=0) / robot.effort_limit
 
 
 def commanded_motion(robot: Robot, command: Command, period: float) -> Motion:
-    """The command at the interpolation period, whether the robot can do it or not.
+    """Return the command sampled at the interpolation period, without a check of limits.
+
+    Args:
+        robot: robot with the joints of the command.
+        command: commanded joint speeds.
+        period: interpolation period [s].
 
     Raises:
-        InputError: if command, robot and period do not fit each other; if angles, speeds or
-            accelerations are beyond any machine; if a joint loses more than 1e-4 rad and 1e-4 of
-            the range of its angles, as something is too short for the period.
+        InputError: if the number of joints or the period does not fit the command; if angles,
+            speeds or accelerations exceed 1e6 rad, 1e4 rad/s or 1e6 rad/s²; if sampling loses more
+            than 1e-4 rad plus 1e-4 of the range of a joint's angles.
     """
     where = f"motion '{command.name}': "
     if len(command.q0) != robot.n:
@@ -106,27 +109,28 @@ def commanded_motion(robot: Robot, command: Command, period: float) -> Motion:
     time = np.arange(count + 1.0) * period
     with np.errstate(over="ignore", invalid="ignore"):
 
-        def check(values: Array, most: float, unit: str) -> None:
-            for i, k in np.argwhere(~(np.abs(values) <= most)):
+        def check(values: Array, limit: float, unit: str) -> None:
+            for i, k in np.argwhere(~(np.abs(values) <= limit)):
                 raise InputError(
                     f"{where}{robot.joint(k)} at {time[i]:.3f} s: commanded {values[i, k]:.4g} "
-                    f"{unit}, expected at most {most:g} {unit}, as of any machine"
+                    f"{unit}, expected at most {limit:g} {unit}"
                 )
 
         v = command.speeds(time)
-        check(v, _ANY_SPEED, "rad/s")
+        check(v, _MAX_SPEED, "rad/s")
         motion = Motion.from_speeds(period, command.q0, v)
-        check(motion.q, _ANY_ANGLE, "rad")
-        check(motion.vd, _ANY_ACCELERATION, "rad/s²")
+        check(motion.q, _MAX_ANGLE, "rad")
+        check(motion.vd, _MAX_ACCELERATION, "rad/s²")
         _check_sampling(where, robot, command, motion)
     return motion
 
 
 def _check_sampling(where: str, robot: Robot, command: Command, motion: Motion) -> None:
-    """Refuse what is too short for the period: angles by trapezoids, at the corners of speed too.
+    """Refuse a command whose angles change too much by sampling.
 
-    That is exact for a piece that is linear or along half a cosine, however short. The speed of an
-    alignment is 0 where a piece ends; half-way it is not.
+    The exact angles are trapezoids between the samples, the corners of speed and their midpoints.
+    They are exact for linear and cosine pieces of any length. The midpoints are for alignments,
+    whose speed is 0 at both ends of a piece.
     """
     corners = command.corners()
     corners = np.union1d(corners, (corners[1:] + corners[:-1]) / 2)
@@ -138,30 +142,36 @@ def _check_sampling(where: str, robot: Robot, command: Command, motion: Motion) 
     beyond = ~(lost <= _ANGLE_TOLERANCE * (1 + np.ptp(angle, axis=0)))
     for i, k in np.argwhere(beyond):
         raise InputError(
-            f"{where}{_place(robot, motion, i, k)}: commanded for so short that a period of "
-            f"{motion.period:g} s loses {np.degrees(lost[:, k].max()):.3g} deg, expected a "
-            "shorter period, or segments and swings of several periods"
+            f"{where}{_place(robot, motion, i, k)}: a period of {motion.period:g} s loses "
+            f"{np.degrees(lost[:, k].max()):.3g} deg of the command, expected a shorter period, or "
+            "segments and swings of several periods"
         )
 
 
 def checked_torque(robot: Robot, motion: Motion, *, torque_margin: float = 1.0) -> Array:
-    """Joint torques that a motion needs, with the motors' inertia, joint side [N m], (N + 1, n).
+    """Check a motion against all limits and return its joint torques.
 
-    The torques are those at the samples. Until the next one positions and speeds go on, with the
-    same acceleration; how far the torques then grow, `margins` tells.
+    Args:
+        robot: robot with its limits.
+        motion: motion of its joints.
+        torque_margin: share of the motors' torque that may be used, in (0, 1].
+
+    Returns:
+        Torques with rotor inertia at the samples, joint side [N m], shape (N + 1, n). `margins`
+        reports their growth until the next sample.
 
     Raises:
-        InputError: if the motion has another number of joints, or leaves the torque, speed,
-            acceleration or position limits: naming joint, time, what it needs and what there is.
+        InputError: if the number of joints does not fit; if a torque, speed, acceleration or
+            position is beyond its limit, with joint, time, needed and available value.
     """
     torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
-    asked, _ = _of_motors(robot, torque, motion.v)
+    needed, _ = _of_motors(robot, torque, motion.v)
     check_no_load_speed(robot, motion)
-    fastest, quickest = robot.velocity_limit, robot.acceleration_limit
+    v_max, vd_max = robot.velocity_limit, robot.acceleration_limit
     for quantity, values, limits, slack in (
-        ("torque [N m]", asked, robot.torque_range(motion.v, torque_margin), TORQUE_TOLERANCE),
-        ("speed [rad/s]", motion.v, (-fastest, fastest), SPEED_TOLERANCE),
-        ("acceleration [rad/s²]", motion.vd, (-quickest, quickest), ACCELERATION_TOLERANCE),
+        ("torque [N m]", needed, robot.torque_range(motion.v, torque_margin), TORQUE_TOLERANCE),
+        ("speed [rad/s]", motion.v, (-v_max, v_max), SPEED_TOLERANCE),
+        ("acceleration [rad/s²]", motion.vd, (-vd_max, vd_max), ACCELERATION_TOLERANCE),
     ):
         _refuse_beyond(robot, motion, quantity, values, limits, slack)
     check_stops(robot, motion)
@@ -175,7 +185,7 @@ def checked_plan(
     torque_margin: float,
     limited: NDArray[np.bool_] | None = None,
 ) -> Plan:
-    """The plan of a motion; by default one in which no joint is held back.
+    """Check a motion and return its plan; by default no joint was held back.
 
     Raises:
         InputError: as `checked_torque`.
@@ -186,25 +196,26 @@ def checked_plan(
 
 
 def check_no_load_speed(robot: Robot, motion: Motion) -> None:
-    """Raise InputError where a motor has no torque left to drive with, whatever is asked of it:
-    naming joint, time and speed."""
+    """Raise InputError with joint and time if a motor exceeds its no-load speed."""
     if robot.envelope is not None:
-        most = robot.envelope.n0 / robot.gear_ratio
+        limit = robot.envelope.n0 / robot.gear_ratio
         why = f", the no-load speed (n0) by {robot.envelope.source}"
         _, v = _of_motors(robot, motion.v, motion.v)
-        _refuse_beyond(robot, motion, "speed [rad/s]", v, (-most, most), SPEED_TOLERANCE, why)
+        _refuse_beyond(robot, motion, "speed [rad/s]", v, (-limit, limit), SPEED_TOLERANCE, why)
 
 
 def _of_motors(robot: Robot, torque: Array, v: Array) -> tuple[Array, Array]:
-    """Torques and speeds of the motors, by the gear ratio of their own joints: what those would
-    have, where no motor turns with another joint."""
+    """Return torques and speeds of the motors, scaled to the joint side by their gear ratios.
+
+    They equal those of the joints unless motors turn with further joints.
+    """
     if not robot.is_coupled:
         return torque, v
     return robot.motor_torque(torque) * robot.gear_ratio, robot.of_motors(v) / robot.gear_ratio
 
 
 def check_stops(robot: Robot, motion: Motion) -> None:
-    """Raise InputError if a joint leaves its position limits: naming joint, time and angle."""
+    """Raise InputError with joint, time and angle if a joint leaves its position limits."""
     stops = robot.position_lower, robot.position_upper
     _refuse_beyond(robot, motion, "position [rad]", motion.q, stops, 1e-9)
 
@@ -218,6 +229,7 @@ def _refuse_beyond(
     slack: float,
     why: str = "",
 ) -> None:
+    """Raise InputError at the first sample beyond the lower or upper limits by more than slack."""
     lower, upper = (np.broadcast_to(limit, values.shape) for limit in limits)
     beyond = (values < lower - slack) | (values > upper + slack)
     for i, k in np.argwhere(beyond):
@@ -233,11 +245,11 @@ def _place(robot: Robot, motion: Motion, i: int, k: int) -> str:
 
 
 def ends_in_motion(robot: Robot, motion: Motion) -> list[str]:
-    """For people: each joint that starts or ends in motion, and its speed."""
+    """Return a phrase with the speed of each joint that starts or ends in motion."""
     return [
         f"{robot.joint(k)} {when} at {v[k]:.4g} rad/s"
         for v, when in ((motion.v[0], "starts"), (motion.v[-1], "ends"))
-        for k in np.flatnonzero(np.abs(v) > _REST).tolist()
+        for k in np.flatnonzero(np.abs(v) > _MAX_REST_SPEED).tolist()
     ]
 
 
@@ -246,59 +258,51 @@ def ends_in_motion(robot: Robot, motion: Motion) -> list[str]:
 
 @dataclass(frozen=True)
 class Tightest:
-    """The sample at which a limit is used most.
-
-    Attributes:
-        joint: number of the joint, from 0.
-        quantity: "torque", "torque at speed", "speed", "acceleration" or "position".
-        share: of the limit that is used [-].
-        time: [s].
-    """
+    """The sample with the smallest margin."""
 
     joint: int
+    """Index of the joint, from 0."""
     quantity: str
+    """Limit: "torque", "torque at speed", "speed", "acceleration" or "position"."""
     share: float
+    """Used share of the limit [-]."""
     time: float
+    """[s]"""
 
     @property
     def left(self) -> float:
-        """What is left of the limit [-]; negative if it is not kept."""
+        """Margin: unused share of the limit [-]; negative beyond the limit."""
         return 1 - self.share
 
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """A motion against the limits of the robot; joint side.
-
-    Attributes:
-        time: of the samples [s], shape (N + 1,).
-        torque: joint torque with the motors' inertia at the samples [N m], shape (N + 1, n).
-        lowest, highest: torque that the motors can give [N m], shape (N + 1, n): at any speed, or
-            what their torque-speed envelope leaves of it.
-        rms_torque: over the motion [N m], shape (n,).
-        growth: how much larger |torque| is between the samples than at them, at most [N m],
-            shape (n,).
-        to_stop: smallest angle to a stop [rad], shape (n,); inf where there is none.
-        share: share of each limit that is used [-], by quantity, shape (N + 1, n). Only limits
-            that the robot has.
-    """
+    """The margins of a motion to the limits of a robot, joint side."""
 
     time: Array
+    """Times of the samples [s], shape (N + 1,)."""
     torque: Array
+    """Joint torque with rotor inertia at the samples [N m], shape (N + 1, n)."""
     lowest: Array
+    """Lowest available torque at the speed of each sample [N m], shape (N + 1, n)."""
     highest: Array
+    """Highest available torque at the speed of each sample [N m], shape (N + 1, n)."""
     rms_torque: Array
+    """RMS torque over the motion [N m], shape (n,)."""
     growth: Array
+    """Peak of |torque| between the samples minus the peak at them, at least 0 [N m], shape (n,)."""
     to_stop: Array
+    """Smallest distance to a position limit [rad], shape (n,); inf without one."""
     share: dict[str, Array]
+    """Used share of each limit of the robot [-], by quantity (see `Tightest`), (N + 1, n)."""
 
     @property
     def peak_torque(self) -> Array:
-        """Largest |torque| [N m], shape (n,)."""
+        """Largest |torque| at the samples [N m], shape (n,)."""
         return np.abs(self.torque).max(axis=0)
 
     def tightest(self, joint: int) -> Tightest:
-        """Where joint number `joint`, from 0, has the smallest margin."""
+        """Return the sample with the smallest margin of joint index `joint`, from 0."""
         places = []
         for quantity, share in self.share.items():
             i = int(share[:, joint].argmax())
@@ -307,38 +311,43 @@ class Margins:
 
     @property
     def smallest(self) -> Tightest:
-        """Where the whole motion has its smallest margin."""
+        """Sample with the smallest margin of the whole motion."""
         return max(map(self.tightest, range(len(self.rms_torque))), key=lambda place: place.share)
 
 
 def margins(robot: Robot, motion: Motion) -> Margins:
-    """Hold a motion against torque, speed, acceleration and position limits.
+    """Compute the margins of a motion to torque, speed, acceleration and position limits.
 
-    Torque against the motion (braking) is not reduced by the torque-speed envelope of the motors.
-
-    A position is measured from the middle between two stops; towards a single one from where the
-    motion starts.
+    The torque-speed envelope of the motors reduces the torque in the direction of motion, not the
+    braking torque. The share of a position limit is measured from the middle between two limits, or
+    from the start of the motion towards a single one.
 
     Args:
-        robot: the robot, with the envelope of its motors, if any.
-        motion: the motion; it may be beyond the limits.
+        robot: robot with its limits.
+        motion: motion of its joints; it may exceed the limits.
 
     Raises:
-        InputError: for a motion of another number of joints.
+        InputError: if the motion has another number of joints.
+
+    >>> from sdt_drake.motion.load import load_plan
+    >>> from sdt_drake.robot.robot import load_robot
+    >>> place = margins(load_robot(), load_plan("reference").motion).smallest
+    >>> place.joint, place.quantity, place.time, round(place.left, 3)
+    (1, 'torque', 9.0, 0.072)
     """
     torque = inverse_dynamics(robot, motion.q, motion.v, motion.vd)
     limit = np.broadcast_to(robot.effort_limit, torque.shape)
     lowest, highest = robot.torque_range(motion.v)
     signed, v = _of_motors(robot, torque, motion.v)
-    asked = np.abs(signed)
-    share = {"torque": asked / limit}
+    needed = np.abs(signed)
+    share = {"torque": needed / limit}
     if robot.envelope is not None and robot.envelope.limits:
         available = np.where(signed > 0, highest, -lowest)
-        # At n0 nothing is left: what is asked for there is beyond any share.
+        # No torque is available at n0: the share of any needed torque is infinite.
         share["torque at speed"] = np.divide(
-            asked,
+            needed,
             available,
-            out=np.where(asked <= TORQUE_TOLERANCE, 0.0, np.inf),
+            out=np.where(needed <= TORQUE_TOLERANCE, 0.0, np.inf),
             where=available > 0,
         )
     for quantity, values, limit in (
@@ -355,7 +364,7 @@ def margins(robot: Robot, motion: Motion) -> Margins:
         torque=torque,
         lowest=lowest,
         highest=highest,
-        rms_torque=np.sqrt(np.mean(torque[:-1] ** 2, axis=0)),  # the last sample lasts no time
+        rms_torque=np.sqrt(np.mean(torque[:-1] ** 2, axis=0)),  # the last sample has no duration
         growth=_growth(robot, motion, torque),
         to_stop=np.minimum(motion.q - lower, upper - motion.q).min(axis=0),
         share=share,
@@ -363,17 +372,17 @@ def margins(robot: Robot, motion: Motion) -> Margins:
 
 
 def _position_share(q: Array, lower: Array, upper: Array) -> Array:
-    """How much of the way to the stops is used, shape (N + 1, n); 0 where there are none."""
+    """Return the used share of the way to the position limits [-], (N + 1, n); 0 without them."""
     both = np.isfinite(lower) & np.isfinite(upper)
     with np.errstate(invalid="ignore", divide="ignore"):
         start = np.where(both, (lower + upper) / 2, q[0])
         up, down = (q - start) / (upper - start), (start - q) / (start - lower)
-    at_stop = (q <= lower) | (q >= upper)  # also where it starts there, and there is no way to it
+    at_stop = (q <= lower) | (q >= upper)  # also for a start at the limit, without a way to it
     return np.fmax(np.fmax(up, down), at_stop.astype(float))
 
 
 def _growth(robot: Robot, motion: Motion, torque: Array) -> Array:
-    """By how much |torque| exceeds its peak at the samples until the next one, shape (n,)."""
-    # Position and speed move on a little and one way, so the ends of a period tell.
+    """Return the growth of the peak |torque| between samples [N m], shape (n,)."""
+    # Angles and speeds change little and monotonically: the end of each period is checked.
     end = inverse_dynamics(robot, motion.q[1:], motion.v[1:], motion.vd[:-1])
     return np.maximum(np.abs(end).max(axis=0) - np.abs(torque).max(axis=0), 0)

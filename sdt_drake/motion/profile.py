@@ -1,4 +1,4 @@
-"""Motion profiles: what the instructor wants of each joint, or of G, as segments in YAML."""
+"""Motion profiles: the commanded motion of each joint, or the commanded G, as segments in YAML."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,128 +27,137 @@ from sdt_drake.motion.segments import Fourier, Hold, Knots, Oscillation, Ramp, S
 
 @dataclass(kw_only=True)
 class Resultant(Input):
-    """Which joints make a wanted G."""
+    """The joints that make a commanded G."""
 
     spin: Text
-    """The joint whose speed makes it; its axis must be vertical."""
+    """Joint whose speed makes the G; its axis must be vertical."""
     align: Text | None = None
-    """The joint that turns 'up' of what it carries onto the resultant of gravity and
-    centripetal acceleration; none if not given. The tangential acceleration of a changing speed
+    """Joint that turns 'up' of its link onto the resultant of gravity and centripetal
+    acceleration; no alignment by default. The tangential acceleration of a changing speed
     is **not** aligned: it is felt sideways to the arm. The acceleration of this joint jumps a
-    little where a ramp ends."""
+    little at the end of a ramp."""
 
 
 @dataclass(kw_only=True)
 class Track(Input):
-    """Segments, one after the other, of one joint or of a wanted G. Speeds in gaps are held."""
+    """The segments of one joint or of a commanded G, in order. The speed is held in gaps."""
 
     joint: Text | None = None
-    """Name of the joint; or else resultant."""
+    """Name of the joint; alternative to resultant."""
     resultant: Resultant | None = None
-    """Which joints make a wanted G; or else joint."""
+    """Joints that make a commanded G; alternative to joint."""
     segments: Some[
         Annotated[Ramp | Hold | Turn | Knots | Sampled | Oscillation | Fourier, Tagged()]
     ]
-    """In their order in time."""
+    """Segments in order of time."""
 
     def problems(self) -> Problems:
-        """The segments are those of a joint, or those of a resultant."""
+        """Yield each segment that does not fit a track of a joint or of a resultant."""
         yield from either(self, "joint", "resultant")
         for j, segment in enumerate(self.segments):
             place, kind = f"segments[{j + 1}]", type(segment).__name__
             if self.resultant is None:
                 if isinstance(segment, Ramp) and segment.to_g is not None:
-                    yield f"{place}.to_g", "in a track of a joint, expected to_deg_s"
+                    yield f"{place}.to_g", "given in a track of a joint, expected to_deg_s"
             elif isinstance(segment, Hold):
                 continue
             elif not isinstance(segment, Ramp):
-                yield place, f"!{kind} in a track of the resultant, expected !Ramp, !Hold"
+                yield place, f"!{kind} in a track of the resultant, expected !Ramp or !Hold"
             elif segment.to_g is None:
-                yield f"{place}.to_deg_s", "in a track of the resultant, expected to_g"
+                yield f"{place}.to_deg_s", "given in a track of the resultant, expected to_g"
             elif segment.blend == "linear" and self.resultant.align is not None:
                 align = f"the aligned joint '{self.resultant.align}' would have to jump in speed"
                 yield f"{place}.blend", f"'linear', expected cosine: {align}"
 
     @property
     def joints(self) -> list[str]:
-        """The joint whose speed the segments give; of a resultant the aligned one too."""
+        """Names of the moved joints: the joint, or the spin joint and the aligned joint, if any."""
         if self.resultant is None:
             return [self.joint or ""]
         return [j for j in (self.resultant.spin, self.resultant.align) if j is not None]
 
 
 FELT_QUANTITIES = ("roll", "pitch", "roll rate", "pitch rate", "yaw rate")
-"""What can be felt wrongly: angles of the head from the true vertical, rates about its axes."""
+"""Quantities of an illusion: angles of the head from the true vertical, rates about its axes."""
 
 
 @dataclass(kw_only=True)
 class IntendedIllusion(Input):
-    """The illusion that a motion is meant to give: an error of feeling between two times."""
+    """The illusion that a motion should give: an error of the felt motion between two times."""
 
     quantity: Annotated[str, OneOf(FELT_QUANTITIES)]
-    """What is to be felt wrongly: an angle from the true vertical, or a rate about an axis of the
-    head (x forward, y left, z up)."""
+    """Quantity that should be felt wrongly: an angle from the true vertical, or a rate about an
+    axis of the head (x forward, y left, z up)."""
     sign: Annotated[int, Field(ge=-1, le=1)] = setting(unit="-")
-    """1: felt more than it is; -1: less; 0: either. Positive are roll to the right, pitch nose up,
-    and rates about x, y and z."""
+    """Sign of the error, felt minus true: 1, -1, or 0 for either. Roll to the right, pitch nose up
+    and rates about x, y and z are positive."""
     start: NotNegative = setting(unit="s")
-    """From when on it is looked for."""
+    """Start of the interval in which the illusion is expected."""
     end: Positive = setting(unit="s")
-    """Until when."""
+    """End of this interval."""
     from_start: bool = False
-    """Whether it is the change of the error since its start that counts."""
+    """True to evaluate the change of the error since start, not the error itself."""
 
     def problems(self) -> Problems:
-        """It ends after its start."""
+        """Yield an end that is not after the start."""
         if self.end <= self.start:
-            yield "end", f"{self.end:g}, expected more than start, {self.start:g}"
+            yield "end", f"{self.end:g} s, expected more than start, {self.start:g} s"
 
 
 @dataclass(kw_only=True)
 class MotionProfile(Input):
-    """Commanded speeds of the joints."""
+    """The commanded speeds of the joints, with the illusion that they should give."""
 
     name: str = ""
-    """Short name; that of the file by default."""
+    """Short name; the file's name by default."""
     title: str = ""
-    """Of the illusion that it makes."""
+    """Name of the illusion."""
     description: str = ""
-    """One sentence."""
+    """Description in one sentence."""
     feels: str = ""
-    """One sentence: what the pilot should feel."""
+    """Sentence on what the pilot should feel."""
     illusion: IntendedIllusion | None = None
-    """The error of feeling that it is meant to give, which a model of the pilot predicts or not."""
+    """Illusion that the motion should give; `sdt-drake pilot` checks if the model predicts it."""
     notes: str = ""
-    """What is assumed, what a device cannot do, sources."""
+    """Assumptions, limits of the device, sources."""
     duration: Positive = setting(unit="s")
-    """Of the whole motion."""
+    """Duration of the motion."""
     start_deg: EachJoint[Number] | None = setting(None, unit="deg", side="joint")
-    """Joint angles at the start, base to tip; all 0 if not given."""
+    """Joint angles at the start, base to tip; 0 by default."""
     q0: EachJoint[Number] | None = setting(None, unit="rad", side="joint")
-    """The same in rad; one of both."""
+    """Joint angles at the start in rad; alternative to start_deg."""
     tracks: list[Track] = setting([])
-    """What moves; other joints stay where they are."""
+    """Tracks of the joints that move; other joints stay at their start angles."""
     joints: EachJointOrNone[Annotated[Knots | Sampled | Oscillation | Fourier, Tagged()]] = setting(
         []
     )
-    """Instead of tracks, one segment for each joint, base to tip."""
+    """One segment for each joint, base to tip; alternative to tracks."""
 
     def problems(self) -> Problems:
-        """It is said once what moves and where it starts; there is one resultant."""
+        """Yield fields that exclude each other, and every resultant after the first."""
         if bool(self.tracks) == bool(self.joints):
-            yield "tracks", "expected what moves, either here or in joints"
+            yield "tracks", "expected segments either here or in joints"
         if self.start_deg is not None and self.q0 is not None:
-            yield "q0", "beside start_deg, expected one of both"
+            yield "q0", "given beside start_deg, expected only one of the two"
         resultants = [i + 1 for i, track in enumerate(self.tracks) if track.resultant is not None]
         for i in resultants[1:]:
-            yield f"tracks[{i}].resultant", f"tracks[{resultants[0]}] has one already"
+            yield (
+                f"tracks[{i}].resultant",
+                f"a second one after tracks[{resultants[0]}], expected one",
+            )
 
 
 def load_profile(path: str | Path) -> MotionProfile:
-    """A motion profile from YAML, or the shipped one of a name.
+    """Read a motion profile.
+
+    Args:
+        path: YAML file, or the name of a shipped motion.
 
     Raises:
-        InputError: naming the file, the field, and what would be right.
+        InputError: a line for each problem: file, field, what was found and what is accepted.
+
+    >>> load_profile("leans").illusion.quantity
+    'roll'
     """
     profile, file = load_yaml(MotionProfile, path, "motion")
     profile.name = profile.name or file.stem
@@ -156,5 +165,9 @@ def load_profile(path: str | Path) -> MotionProfile:
 
 
 def shipped_motions() -> list[str]:
-    """Names of the training motions that ship with the package: those that a pilot feels."""
+    """Return the names of the shipped training motions, those with an illusion.
+
+    >>> shipped_motions()[:3]
+    ['coriolis', 'g_excess', 'graveyard_spin']
+    """
     return [name for name in shipped("motion") if load_profile(name).feels]

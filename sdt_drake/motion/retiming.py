@@ -1,4 +1,4 @@
-"""The planner that slows down: the commanded path, in the time that the motors need for it."""
+"""The retiming planner: the commanded path in the shortest time within the limits."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from sdt_drake.motion.trajectory import Motion
 from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import Robot
 
-_MOST_PASSES = 30
-_SLOWER = 0.97  # first step of slowing a timing down
-_GROWING = 1.25  # exponent; 0.97, 0.93, 0.89 ... 0.07 after 14 steps
-_CELLS = 2000  # of the grid along the path, beside its corners
-_CORNER = 0.02  # jump of a commanded acceleration, of its range
-_NEAR = 1e-4  # s; how near to a corner the grid goes
-_NO_SHARE = 1e-6  # of s'' in a torque, over that of s'^2
-_ROUND_OFF = 1e-9  # of s'^2
-_LONGEST = 100  # times the commanded duration; beyond, a motion is not what was wanted
-_SAME_SPEED = 1e-3  # of s'; what it may still change with friction
-_SLOWEST = 1e-3  # s' that friction is told of
-_AS_COMMANDED = 1 - 1e-6  # path speed from which on a motion is not held back [-]
-# Of the limits: torque down and up, speed, acceleration.
-_SLACK = np.array(
+_MAX_PASSES = 30
+_SLOWDOWN = 0.97  # first factor on the path speed [-], if tighter limits do not help
+_SLOWDOWN_POWER = 1.25  # growth of the factor: 0.97, 0.93, 0.89 ... 0.07 after 14 passes
+_CELLS = 2000  # cells of the grid along the path, without those at its corners
+_CORNER_JUMP = 0.02  # jump of the commanded acceleration at a corner, over its range [-]
+_CORNER_DISTANCE = 1e-4  # s; distance of grid points from corners
+_MIN_SHARE = 1e-6  # smallest factor of s'' in a torque, over that of s'^2
+_ROUND_OFF = 1e-9  # round-off of s'^2 [-]
+_MAX_SLOWDOWN = 100  # longest duration over the commanded one [-]
+_FRICTION_TOLERANCE = 1e-3  # change of s' between passes with viscous friction [-]
+_MIN_FRICTION_SPEED = 1e-3  # smallest s' in the linearised viscous friction [-]
+_FULL_SPEED = 1 - 1e-6  # path speed at which a motion is not held back [-]
+# Tolerances of the limits: torque down and up, speed, acceleration.
+_TOLERANCES = np.array(
     [[TORQUE_TOLERANCE], [TORQUE_TOLERANCE], [SPEED_TOLERANCE], [ACCELERATION_TOLERANCE]]
 )
 
@@ -47,29 +47,38 @@ def retime(
     period: float = INTERPOLATION_PERIOD,
     torque_margin: float = 1.0,
 ) -> Plan:
-    """Plan a motion that keeps the commanded path; where a motor is too weak, all joints slow down.
+    """Plan a motion along the commanded path; all joints slow down where a motor is too weak.
 
-    The path is q(s), s the commanded time; the result is the s(t) that arrives first with torques,
-    speeds and accelerations within their limits and s' <= 1 (time-optimal path parametrization by
-    reachability analysis, Pham and Pham, IEEE T-RO 34(3) 2018). What is feasible stays as it is.
+    The path is q(s) with the commanded time s. The result is the fastest s(t) with s' <= 1
+    within the limits of torque, speed and acceleration. The method is time-optimal path
+    parametrization by reachability analysis (Pham and Pham, IEEE T-RO 34(3) 2018).
 
-    Drake's `Toppra` does the same by linear programs, but their solver fails where s'' has nothing
-    but round-off in a torque at its limit, as where a motor holds against a centrifugal load. These
-    programs have two unknowns; here they are solved in closed form.
+    A feasible command is returned unchanged. Torques are within their limits at both ends of every
+    period. Positions are off the path by up to a h² / 4 (acceleration a, period h), which does not
+    accumulate.
 
-    Positions are off the path by up to a h² / 4 (acceleration a, period h); this does not add up.
-    The torques are within their limits at both ends of every period.
+    Drake's `Toppra` solves the same linear programs of two unknowns numerically. Its solver fails
+    where the factor of s'' in a torque at its limit is round-off, as for a motor that holds a
+    centrifugal load. Here they are solved in closed form.
 
     Args:
-        robot: the robot.
+        robot: robot with its limits.
         command: commanded joint speeds.
         period: interpolation period [s].
         torque_margin: share of the motors' torque that may be used, in (0, 1].
 
     Raises:
-        InputError: if the command does not fit the robot or the period; if its path leaves the
-            stops or cannot be held against gravity; if it starts or ends in motion too fast for the
-            motors; if it would last 100 times as long as commanded, or a million periods.
+        InputError: if the command does not fit the robot or the period; if the path leaves the
+            position limits or cannot be held against gravity; if its start or end is in motion and
+            beyond the limits; if the motion would last 100 times as long as commanded, or more than
+            a million periods.
+
+    >>> from sdt_drake.motion.command import load_command
+    >>> from sdt_drake.robot.robot import load_robot
+    >>> robot = load_robot()
+    >>> plan = retime(robot, load_command("graveyard_spin", robot), torque_margin=0.01)
+    >>> plan.commanded.duration, plan.motion.duration > 86
+    (85.0, True)
     """
     commanded = commanded_motion(robot, command, period)
     check_stops(robot, commanded)
@@ -79,27 +88,27 @@ def retime(
         return checked_plan(robot, commanded, commanded, torque_margin)
     _check_gravity(robot, commanded, torque)
     path = _Path(robot, commanded, torque)
-    # The path does not know what sampling adds between the points of its grid. So each pass allows
-    # it less, by what the pass before was over. If that leaves too little to hold the links, the
-    # last timing is slowed down: beyond holding, all it needs gets less then.
+    # Sampling between the grid points adds torque. Each pass reduces the limits by the excess of
+    # the pass before. If they no longer suffice to hold the links, the last timing is slowed down:
+    # this reduces all torques but those of gravity.
     s, slower = path.fastest(limits), 1.0
-    longest = min(_LONGEST * commanded.duration, MOST_PERIODS * period)
-    for _ in range(_MOST_PASSES):
+    longest = min(_MAX_SLOWDOWN * commanded.duration, MOST_PERIODS * period)
+    for _ in range(_MAX_PASSES):
         if s is None or s.end_time() / slower > longest:
             break
         motion, path_speed = path.sampled(s, slower)
         excess = _excess(robot, motion, torque_margin)
         if not excess.any():
-            held_back = np.repeat(path_speed[:, None] < _AS_COMMANDED, robot.n, axis=1)
+            held_back = np.repeat(path_speed[:, None] < _FULL_SPEED, robot.n, axis=1)
             return checked_plan(robot, motion, commanded, torque_margin, held_back)
-        limits = limits - 1.1 * excess  # a little more: the last bit would take many passes
+        limits = limits - 1.1 * excess  # 10 % more, as the last bit would take many passes
         within = path.fastest(limits) if slower == 1 else None
-        s, slower = (s, _SLOWER * slower**_GROWING) if within is None else (within, 1.0)
+        s, slower = (s, _SLOWDOWN * slower**_SLOWDOWN_POWER) if within is None else (within, 1.0)
     raise _refusal(robot, command.name, commanded, torque, longest)
 
 
 def _excess(robot: Robot, motion: Motion, torque_margin: float) -> Array:
-    """By how much a motion is at most beyond each limit, (4, n); 0 where it is not."""
+    """Return the largest excess over each limit, shape (4, n); 0 within it."""
     torque = np.vstack(torque_of_periods(robot, motion))
     lowest, highest = robot.torque_range(np.vstack([motion.v[:-1], motion.v[1:]]), torque_margin)
     speed, acceleration = (np.abs(x).max(axis=0) for x in (motion.v, motion.vd))
@@ -111,13 +120,13 @@ def _excess(robot: Robot, motion: Motion, torque_margin: float) -> Array:
             acceleration - robot.acceleration_limit,
         ]
     )
-    return np.where(beyond > _SLACK, beyond, 0.0)
+    return np.where(beyond > _TOLERANCES, beyond, 0.0)
 
 
 def torque_of_periods(robot: Robot, motion: Motion) -> tuple[Array, Array]:
-    """Joint torques at the start and at the end of every period [N m], shape (N, n) each.
+    """Return joint torques at the start and at the end of every period [N m], shape (N, n) each.
 
-    The acceleration is the same at both; position and speed have moved on.
+    Both have the acceleration of the period.
     """
     vd = motion.vd[:-1]
     return (
@@ -127,26 +136,25 @@ def torque_of_periods(robot: Robot, motion: Motion) -> tuple[Array, Array]:
 
 
 class _Path:
-    """The commanded path q(s), and what it takes to move along it.
+    """The commanded path q(s), with the torques and accelerations of motion along it.
 
-    By s'' and x = s'^2 every torque and every acceleration is linear, but for viscous friction,
-    which goes with s'. It is told as x / s', with the s' of the timing before: so it is right where
-    that stays the same, and none at rest. s'' is the same all along a cell of the grid, so x is
-    linear in s there.
+    Torques and accelerations are linear in s'' and x = s'^2, apart from viscous friction. Friction
+    is proportional to s', which is x over the s' of the previous pass: exact once the passes agree.
+    In a cell of the grid s'' is constant and x linear in s.
 
-    A torque-speed envelope is another torque with more friction b, which its falling line makes:
-    |torque| + b |q'| is at most what that line would give at rest.
+    The falling line of a torque-speed envelope is an additional friction b: |torque| + b |q'| is at
+    most the torque of that line at rest.
     """
 
     def __init__(self, robot: Robot, commanded: Motion, torque: Array) -> None:
-        """Of a robot with this largest torque at low speed [N m]."""
+        """Sample the path. `torque` is the torque limit at low speed [N m], shape (n,)."""
         self._commanded = commanded
         # Exact: positions are quadratic between the samples.
         self._q = PiecewisePolynomial.CubicHermite(commanded.time, commanded.q.T, commanded.v.T)
         self._grid = _grid(commanded)
         self._cell = np.diff(self._grid)
         q, self._dq, ddq = (self._q.derivative(k).vector_values(self._grid).T for k in range(3))
-        # At rest it may start from s' = 0; a command that starts in motion keeps its speed.
+        # s' is 0 at an end at rest; at an end in motion it is 1, the commanded speed.
         self._ends = [float(_moves(v)) for v in (commanded.v[0], commanded.v[-1])]
         rest = np.zeros_like(q)
         gravity = inverse_dynamics(robot, q, rest, rest)
@@ -154,9 +162,9 @@ class _Path:
         friction = robot.damping * self._dq
         velocity = inverse_dynamics(robot, q, self._dq, ddq) - gravity - friction
         of_s2, of_x, fixed, rubs = [inertia], [velocity], [gravity], [friction]
-        self._more = []  # torque at rest that the line of an envelope gives beyond the largest
+        self._more = []  # torque of the envelope's line at rest, minus the limit
         if robot.envelope is not None and robot.envelope.limits:
-            lost = torque * robot.envelope.slope  # N m s/rad, by the speed of the motor
+            lost = torque * robot.envelope.slope  # N m s/rad, over motor speed
             more = np.full(robot.n, np.inf)
             self._more = [np.multiply(lost, robot.envelope.n1, out=more, where=lost > 0)]
             of_s2, of_x, fixed = 2 * of_s2, 2 * of_x, 2 * fixed
@@ -168,16 +176,16 @@ class _Path:
         self._fixed = np.hstack([ends[:-1], ends[1:]])
 
     def fastest(self, limits: Array) -> PiecewisePolynomial | None:
-        """The fastest s(t) within the limits; None if there is none."""
+        """Return the fastest s(t) within the limits; None if there is none."""
         if np.any(-limits[0] >= limits[1]) or np.any(limits[2] <= 0):
             return None
-        speed = np.full(self._grid.shape, np.inf)  # at which there is no friction
-        for _ in range(_MOST_PASSES if self._friction.any() else 1):
+        speed = np.full(self._grid.shape, np.inf)  # no friction in the first pass
+        for _ in range(_MAX_PASSES if self._friction.any() else 1):
             found = self._fastest(limits, speed)
             if found is None:
                 return None
             change, speed = np.abs(found - speed), found
-            if change.max() < _SAME_SPEED:
+            if change.max() < _FRICTION_TOLERANCE:
                 break
         pace = (speed[1:] + speed[:-1]) / 2
         if not pace.all():
@@ -186,14 +194,14 @@ class _Path:
         return PiecewisePolynomial.CubicHermite(time, self._grid[None], speed[None])
 
     def _fastest(self, limits: Array, before: Array) -> Array | None:
-        """The largest s' at the points of the grid, with friction as told of the s' before."""
+        """Return the largest s' at the grid points, with friction linearised at the s' `before`."""
         ratio, lowest, highest, most = self._bounds(limits, before)
-        # From the end: the x at each point from which the x at the next one can be reached.
+        # Backward pass: the interval of x at each point from which the next one can be reached.
         low = high = self._ends[1]
         reach = [(low, high)]
         for i in reversed(range(len(most))):
             lowest[i, -1], highest[i, -1] = ratio[i, -1] * low, ratio[i, -1] * high
-            # There is an s'' if no lower bound is above an upper one, of any two rows.
+            # An s'' exists if no lower bound exceeds an upper one, for any two rows.
             slope = ratio[i] - ratio[i][:, None]
             bound = (highest[i] - lowest[i][:, None]) / np.where(slope == 0, np.nan, slope)
             low = np.max(bound, where=slope < 0, initial=0.0)
@@ -202,7 +210,7 @@ class _Path:
                 return None
             low = min(low, high)
             reach.append((low, high))
-        # From the start: the largest s''.
+        # Forward pass: the largest s''.
         x = [self._ends[0]]
         low, high = reach.pop()
         if not low - _ROUND_OFF <= x[0] <= high + _ROUND_OFF:
@@ -213,14 +221,14 @@ class _Path:
         return np.sqrt(x)
 
     def _bounds(self, limits: Array, before: Array) -> tuple[Array, Array, Array, Array]:
-        """lowest <= s'' + ratio x <= highest in each cell, (cells, rows + 1), and the largest x.
+        """Return ratio, lowest, highest, (cells, rows + 1), and the largest x of each cell.
 
-        The last column is for the x at the end of the cell, to be filled in. Where s'' has no
-        share in a torque (a motor holds a link against what only others move; two points before a
-        joint comes to rest evenly), it limits x alone: its s'' would be round-off by round-off.
+        lowest <= s'' + ratio x <= highest. The last column, for x at the end of the cell, is still
+        empty. A torque with a negligible factor of s'' limits x alone: a motor that holds a link
+        against the motion of others; a joint two points before it comes to rest evenly.
         """
-        # Both ends of each cell (columns), by s'' and the x of its start: (cells, rows).
-        of_x = self._of_x + self._friction / np.maximum(before, _SLOWEST)[:, None]
+        # Torques at both ends of each cell, by s'' and by x at its start: (cells, rows).
+        of_x = self._of_x + self._friction / np.maximum(before, _MIN_FRICTION_SPEED)[:, None]
         at_end = self._of_s2[1:] + 2 * self._cell[:, None] * of_x[1:]
         of_s2 = np.hstack([self._of_s2[:-1], at_end])
         of_x = np.hstack([of_x[:-1], of_x[1:]])
@@ -230,7 +238,7 @@ class _Path:
             np.hstack([up, *(up + more for more in self._more), acceleration]),
         )
         sides = np.array([np.tile(side, 2) - self._fixed for side in both])
-        alone = np.abs(of_s2) < _NO_SHARE * np.abs(of_x)
+        alone = np.abs(of_s2) < _MIN_SHARE * np.abs(of_x)
         shared = ~alone & (of_s2 != 0)
         none = np.broadcast_to([[[-np.inf]], [[np.inf]]], sides.shape).copy()
         bounds = np.sort(np.divide(sides, of_s2, out=none, where=shared), axis=0)
@@ -243,9 +251,9 @@ class _Path:
         return ratio, lowest, highest, most
 
     def sampled(self, s: PiecewisePolynomial, slower: float) -> tuple[Motion, Array]:
-        """The motion by s(slower t) at the interpolation period; s' [-] at its samples, (N + 1,).
+        """Return the motion by s(slower t), and s' [-] at its samples, shape (N + 1,).
 
-        A path that starts or ends at rest rests for a period there, so that it meets its end.
+        An end at rest gets a period of rest, so that the samples reach it.
         """
         h, (first, last) = self._commanded.period, self._ends
         at_rest = [int(end == 0) for end in self._ends]
@@ -256,7 +264,7 @@ class _Path:
         return Motion.from_positions(h, self._positions(s_t)), (s_t[2:] - s_t[:-2]) / (2 * h)
 
     def _positions(self, s: Array) -> Array:
-        """Joint positions [rad], shape (N, n); at constant speed beyond the ends."""
+        """Return joint positions at `s` [rad], shape (N, n); at constant speed beyond the ends."""
         c = self._commanded
         within = np.clip(s, 0, c.duration)
         return self._q.vector_values(within).T + (s - within)[:, None] * np.where(
@@ -265,42 +273,42 @@ class _Path:
 
 
 def _grid(commanded: Motion) -> Array:
-    """Where to look [s]: even cells, both sides of every corner, and close to the ends."""
+    """Return grid points [s]: even cells, both sides of each corner, points close to the ends."""
     jump = np.abs(np.diff(commanded.vd, axis=0, prepend=0))
-    corner = np.any(jump > _CORNER * np.ptp(commanded.vd, axis=0), axis=1)
+    corner = np.any(jump > _CORNER_JUMP * np.ptp(commanded.vd, axis=0), axis=1)
     corners = commanded.time[corner]
     end = commanded.duration
-    near_ends = np.array([1e-3, 1e-2]) * commanded.period  # there s' comes from 0
+    near_ends = np.array([1e-3, 1e-2]) * commanded.period  # s' starts from 0 there
     even = np.linspace(0, end, 1 + min(_CELLS, len(commanded.time) - 1))
-    points = np.concatenate([even, corners, corners - _NEAR, near_ends, end - near_ends])
+    points = np.concatenate([even, corners, corners - _CORNER_DISTANCE, near_ends, end - near_ends])
     points = np.unique(points[(points > 0) & (points < end)])
-    apart = np.diff(points, prepend=0.0) > _NEAR / 2
-    inner = points[apart & (end - points > _NEAR / 2)]
+    apart = np.diff(points, prepend=0.0) > _CORNER_DISTANCE / 2
+    inner = points[apart & (end - points > _CORNER_DISTANCE / 2)]
     return np.concatenate([[0.0], inner, [end]])
 
 
 def _moves(v: Array) -> bool:
-    """Whether a joint is commanded to move with these speeds, round-off apart."""
+    """Return True if a joint moves at these speeds [rad/s], up to round-off."""
     return bool(np.any(np.abs(v) > SPEED_TOLERANCE))
 
 
 def _check_gravity(robot: Robot, commanded: Motion, available: Array) -> None:
-    """Refuse a path that a motor cannot hold: the slowest motion needs that torque too."""
+    """Refuse a path that a motor cannot hold against gravity: slowing down does not help."""
     rest = np.zeros_like(commanded.q)
     holding = inverse_dynamics(robot, commanded.q, rest, rest)
     beyond = np.abs(holding) > available + TORQUE_TOLERANCE
     for i, k in np.argwhere(beyond):
         raise InputError(
-            f"motion refused: {robot.joint(k)}, where it is commanded at "
-            f"{commanded.time[i]:.3f} s, needs torque {holding[i, k]:.6g} N m to hold its links, "
-            f"available ±{available[k]:.6g} N m; no slower motion needs less"
+            f"motion refused: {robot.joint(k)}, at its command of {commanded.time[i]:.3f} s, needs "
+            f"torque {holding[i, k]:.6g} N m to hold its links, available ±{available[k]:.6g} N m; "
+            "slowing down does not help"
         )
 
 
 def _refusal(
     robot: Robot, name: str, commanded: Motion, available: Array, longest: float
 ) -> InputError:
-    """What stands in the way of any timing up to the longest [s], as far as it can be told."""
+    """Return the error for a path without a timing up to the longest [s]."""
     starts, ends = torque_of_periods(robot, commanded)
     for v, torque, when in (
         (commanded.v[0], starts[0], "start"),
@@ -309,12 +317,12 @@ def _refusal(
         k = int(np.argmax(np.abs(torque) / available))
         if _moves(v) and np.abs(torque[k]) > available[k]:
             return InputError(
-                f"motion '{name}' refused: its {when} is commanded in motion, there "
-                f"{robot.joint(k)} needs torque {torque[k]:.6g} N m, available "
-                f"±{available[k]:.6g} N m; a path can be slowed down from rest to rest"
+                f"motion '{name}' refused: at its {when}, in motion, {robot.joint(k)} needs torque "
+                f"{torque[k]:.6g} N m, available ±{available[k]:.6g} N m; only a path from rest to "
+                "rest can be slowed down there"
             )
     return InputError(
-        f"motion '{name}' refused: no timing of its path was found that keeps the limits and lasts "
-        f"at most {longest / commanded.duration:.3g} times as long as commanded, "
+        f"motion '{name}' refused: no timing of its path within the limits was found that lasts at "
+        f"most {longest / commanded.duration:.3g} times as long as commanded, "
         f"{commanded.duration:g} s"
     )

@@ -1,5 +1,4 @@
-"""A motion: the reference of all joints at the interpolation period, as Drake trajectories; also
-from CSV files of any sample period, with what that loses."""
+"""Motions of all joints at the interpolation period, and motion files of any sample period."""
 
 from __future__ import annotations
 
@@ -26,22 +25,24 @@ MOTION_COLUMNS = ("q_ref", "v_ref", "vd_ref")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Motion(Shown):
-    """Joint positions, speeds and accelerations at time i * period, i = 0..N; joint side.
+    """Joint positions, speeds and accelerations at times i * period, i = 0..N; joint side.
 
-    The acceleration of sample i holds until sample i + 1, so speeds are piecewise linear and
-    positions piecewise quadratic.
+    The acceleration of sample i holds until sample i + 1: speeds are piecewise linear and positions
+    piecewise quadratic.
 
-    Attributes:
-        period: interpolation period [s].
-        q: positions [rad], shape (N + 1, n).
-        v: speeds [rad/s], shape (N + 1, n).
-        vd: accelerations [rad/s²], shape (N + 1, n); the last row is 0.
+    >>> motion = Motion.from_speeds(0.5, [0.0], [[0.0], [1.0], [1.0]])
+    >>> motion.q.ravel(), motion.vd.ravel()
+    (array([0.  , 0.25, 0.75]), array([2., 0., 0.]))
     """
 
     period: float
+    """Interpolation period [s]."""
     q: Array
+    """Positions [rad], shape (N + 1, n)."""
     v: Array
+    """Speeds [rad/s], shape (N + 1, n)."""
     vd: Array
+    """Accelerations [rad/s²], shape (N + 1, n); the last row is 0."""
 
     def __post_init__(self) -> None:
         positive(self.period, "period")
@@ -49,19 +50,19 @@ class Motion(Shown):
             object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
         shapes = [values.shape for values in (self.q, self.v, self.vd)]
         if len(shapes[0]) != 2 or len(set(shapes)) > 1:
-            told = ", ".join(map(str, shapes))
-            raise InputError(f"of shapes {told}, expected (N + 1, n) of each", place="q, v, vd")
+            found = ", ".join(map(str, shapes))
+            raise InputError(f"shapes {found}, expected (N + 1, n) for each", place="q, v, vd")
 
     @staticmethod
     @takes(period=positive, q0=finite("(n,)"), v=finite("(N + 1, n)"))
     def from_speeds(period: float, q0: Array, v: Array) -> Motion:
-        """The motion through speeds of shape (N + 1, n), starting at `q0` [rad].
+        """Return the motion with speeds `v` [rad/s], shape (N + 1, n), from `q0` [rad], shape (n,).
 
         Raises:
-            InputError: naming the argument that is no such array, or not finite.
+            InputError: if an argument has another shape or is not finite.
         """
         if q0.shape != v.shape[1:]:
-            raise InputError(f"of {len(q0)} joint(s), expected {v.shape[1]}, as v has", place="q0")
+            raise InputError(f"{len(q0)} joint(s), expected {v.shape[1]} as in v", place="q0")
         vd = np.vstack([np.diff(v, axis=0) / period, np.zeros_like(v[:1])])
         steps = (v[1:] + v[:-1]) * (period / 2)
         q = np.vstack([q0, q0 + np.cumsum(steps, axis=0)])
@@ -70,14 +71,14 @@ class Motion(Shown):
     @staticmethod
     @takes(period=positive, q=finite("(N + 3, n)"))
     def from_positions(period: float, q: Array) -> Motion:
-        """The motion by positions `q` at (i - 1) * period, i = 0..N + 2, shape (N + 3, n).
+        """Return the motion through positions at (i - 1) * period, i = 0..N + 2, shape (N + 3, n).
 
-        Its speeds are central differences: v_i = (q_i+1 - q_i-1) / (2 h). So its positions are
-        q_i + (q_i+1 - 2 q_i + q_i-1) / 4; they are off by a h² / 4 where the acceleration is a, and
-        this does not add up.
+        The speeds are central differences: v_i = (q_i+1 - q_i-1) / (2 h). Its positions are then
+        q_i + (q_i+1 - 2 q_i + q_i-1) / 4. The error is a h² / 4 at an acceleration a, and does not
+        accumulate.
 
         Raises:
-            InputError: naming the argument that is no such array, or not finite.
+            InputError: if an argument has another shape or is not finite.
         """
         if len(q) < 3:
             raise InputError(f"{len(q)} row(s), expected at least 3", place="q")
@@ -91,7 +92,7 @@ class Motion(Shown):
 
     @property
     def time(self) -> Array:
-        """i * period [s], shape (N + 1,): the very numbers at which a Drake simulator samples."""
+        """Times i * period [s], shape (N + 1,), bit by bit the sample times of Drake."""
         return np.arange(float(len(self.q))) * self.period
 
     @property
@@ -103,11 +104,12 @@ class Motion(Shown):
     def trajectory(self) -> Trajectory:
         """Joint positions as a Drake trajectory; its derivatives are speed and acceleration.
 
-        A cubic through positions and speeds is exact here: the positions are quadratic.
+        Cubics through positions and speeds are exact: the positions are quadratic.
         """
         return PiecewisePolynomial.CubicHermite(self.time, self.q.T, self.v.T)
 
     def summary(self) -> Summary:
+        """Return duration, and range, largest speed and largest acceleration per joint."""
         degrees = np.degrees(self.q)
         columns = {
             "from [deg]": (".1f", degrees.min(axis=0)),
@@ -119,14 +121,14 @@ class Motion(Shown):
 
     @property
     def in_time(self) -> str:
-        """Duration and period in words."""
+        """Phrase with duration and period."""
         return f"{self.duration:.9g} s in steps of {1000 * self.period:.6g} ms"
 
     def plot(self, joint_names: Sequence[str] = ()) -> Figure:
-        """A figure of positions, speeds and accelerations over time.
+        """Draw positions, speeds and accelerations over time.
 
         Raises:
-            InputError: for another number of names.
+            InputError: if the number of names differs from that of the joints.
         """
         names = joint_names or [f"{k + 1}" for k in range(self.n)]
         if len(names) != self.n:
@@ -134,38 +136,38 @@ class Motion(Shown):
         return face().plots.trajectories("Motion", self, names)
 
     def to_pandas(self) -> pd.DataFrame:
-        """A table of q_ref_k, v_ref_k, vd_ref_k, its index the time.
+        """Return a table of q_ref_k, v_ref_k, vd_ref_k with time as its index.
 
         Raises:
-            InputError: where pandas is not installed.
+            InputError: if pandas is not installed.
         """
         return data_frame(self.time, self.columns)
 
     @property
     def columns(self) -> dict[str, Array]:
-        """Positions, speeds and accelerations by the names that they have in tables."""
+        """Positions, speeds and accelerations by the names of their columns in motion files."""
         return dict(zip(MOTION_COLUMNS, (self.q, self.v, self.vd), strict=True))
 
     @takes(path=a_path)
     def to_csv(self, path: str | Path) -> None:
-        """Write time, q_ref_k, v_ref_k, vd_ref_k, exactly."""
+        """Write a motion file (CSV): time, q_ref_k, v_ref_k, vd_ref_k, without loss of digits."""
         write_table(path, self.time, self.columns)
 
     @staticmethod
     @takes(path=a_path)
     def from_csv(path: str | Path) -> Motion:
-        """Read what `to_csv` writes; further columns are ignored.
+        """Read a motion file that `to_csv` has written; further columns are ignored.
 
         Raises:
-            InputError: naming the file and the line: missing columns, gaps in time, numbers that
-                are not finite, positions or speeds that are not the integral of what follows.
+            InputError: with file and line: missing columns, gaps in time, numbers that are not
+                finite, positions or accelerations that do not fit the speeds.
         """
         time, columns = read_table(path)
         expected = "time, q_ref_k, v_ref_k, vd_ref_k for every joint k"
         check_columns(path, columns, MOTION_COLUMNS, expected)
         if time[0] != 0:
             raise InputError(f"{path}, line 2: time starts at {time[0]:g} s, expected 0")
-        # i * period is what `to_csv` writes; a file with rounded times has its period on average.
+        # `to_csv` writes i * period. Of rounded times the mean step is the period.
         period = float(time[1])
         if abs(period * (len(time) - 1) - time[-1]) > 1e-6 * period:
             period = float(time[-1] / (len(time) - 1))
@@ -174,7 +176,7 @@ class Motion(Shown):
         return motion
 
     def _check_integrals(self, path: str | Path) -> None:
-        """Refuse accelerations and positions that the speeds contradict."""
+        """Refuse accelerations and positions that do not fit the speeds."""
         integral = Motion.from_speeds(self.period, self.q[0], self.v)
         off_speed = np.abs(self.vd - integral.vd) * self.period
         for name, off, own, right in (
@@ -190,47 +192,46 @@ class Motion(Shown):
 
 # --- resampling ------------------------------------------------------------------------------
 
-# What a joint may lose by resampling, of its speeds and of its angles:
-_LOSS = 0.01  # of their range, and
-_LOSS_SIZE = 1e-3  # rad/s, rad
-_BLOCK, _FAR = 10_000, 60  # samples that a spline is made of at a time; see `splined`
+# Largest loss of speeds and angles by resampling:
+_MAX_LOSS_SHARE = 0.01  # of their range [-], plus
+_MAX_LOSS = 1e-3  # rad/s, rad
+_BLOCK, _OVERLAP = 10_000, 60  # samples of the splines in `splined`
 
 
 @dataclass(frozen=True, eq=False)
 class Loss:
-    """Largest differences between a file and the resampled motion, at the samples of the file.
-
-    Attributes:
-        speed: [rad/s], shape (n,).
-        speed_time: when that is, since the first sample [s], shape (n,).
-        position: [rad], shape (n,).
-        position_time: when that is [s], shape (n,).
-        longer: by how much the motion lasts longer than the file [s].
-    """
+    """The largest differences between a motion file and its resampled motion, at its samples."""
 
     speed: Array
+    """Largest difference of speed [rad/s], shape (n,)."""
     speed_time: Array
+    """Time of that difference since the first sample [s], shape (n,)."""
     position: Array
+    """Largest difference of position [rad], shape (n,)."""
     position_time: Array
+    """Time of that difference since the first sample [s], shape (n,)."""
     longer: float
+    """Duration of the motion minus that of the file [s]."""
 
 
 def import_motion(path: str | Path, period: float) -> tuple[Motion, Loss | None]:
-    """A motion from CSV: as it is if it is one of `Motion.to_csv` at `period`, else resampled.
+    """Read a motion file; resample it unless `Motion.to_csv` has written it at `period`.
 
-    Of any other file `time` and v_ref_k or q_ref_k are read. Its times grow, in steps of any
-    length, from any start. Speeds are linear between their samples; positions without speeds lie on
-    a cubic spline. Without positions the motion starts at 0. It ends at the last sample or within a
-    period after it.
+    A file is resampled from its columns `time` and v_ref_k or q_ref_k (k = 1..n). Times start
+    anywhere and grow in steps of any length. Speeds are linear between their samples; positions
+    without speeds lie on a cubic spline. Without positions the motion starts at 0. The motion ends
+    at the last sample or within a period after it.
 
     Args:
-        path: the file.
+        path: motion file (CSV).
         period: interpolation period [s].
 
+    Returns:
+        The motion, and the loss by resampling or None.
+
     Raises:
-        InputError: naming the file, and the line where there is one: what `read_table` or
-            `Motion.from_csv` refuse; neither v_ref nor q_ref; a joint whose speeds or angles lose
-            more than 1 % of their range and 1e-3 rad/s or rad.
+        InputError: with file and line: see `read_table` and `Motion.from_csv`; no column v_ref_k or
+            q_ref_k; a joint that loses more than 1 % of its range plus 1e-3 rad/s or rad.
     """
     time, columns = read_table(path, even=False)
     is_motion = all(name in columns for name in MOTION_COLUMNS)
@@ -242,14 +243,21 @@ def import_motion(path: str | Path, period: float) -> tuple[Motion, Loss | None]
 def resampled(
     where: str | Path, time: Array, q: Array | None, v: Array | None, period: float
 ) -> tuple[Motion, Loss]:
-    """A motion through samples of q [rad], of v [rad/s] or of both, shape (N, n), at growing times
-    [s], and how much of them it loses.
+    """Return a motion through samples at growing times, and the loss by resampling.
+
+    Args:
+        where: file in error messages.
+        time: times of the samples [s], shape (N,).
+        q, v: positions [rad] or speeds [rad/s] or both, shape (N, n).
+        period: interpolation period [s].
 
     Raises:
-        InputError: as `import_motion`, naming `where`.
+        InputError: as `import_motion`.
     """
     if v is not None and q is not None and v.shape != q.shape:
-        raise InputError(f"{where}: q_ref and v_ref differ in their number of joints")
+        raise InputError(
+            f"{where}: {q.shape[1]} column(s) q_ref_k and {v.shape[1]} v_ref_k, expected as many"
+        )
     time = time - time[0]
     last = np.ceil(time[-1] / period - 1e-6) * period
     t = np.arange(whole_periods(last, period, str(where)) + 1.0) * period
@@ -261,30 +269,40 @@ def resampled(
     elif q is not None:
         v, motion = _from_positions(time, q, t, period)
     else:
-        raise InputError(f"{where}: neither v_ref_1 nor q_ref_1, expected time and one for a joint")
+        raise InputError(
+            f"{where}: neither v_ref_1 nor q_ref_1, expected time and one of them for each joint"
+        )
     return motion, _checked_loss(where, motion, time, q, v)
 
 
 def interpolated(t: Array, time: Array, values: Array) -> Array:
-    """Columns of samples at `time`, shape (N, n), linearly at `t`, shape (M,): shape (M, n)."""
+    """Interpolate samples (N, n) at `time` (N,) linearly at `t` (M,); return shape (M, n)."""
     return np.stack([np.interp(t, time, column) for column in values.T], axis=1)
 
 
 def splined(t: Array, time: Array, values: Array, derivative: int = 0) -> Array:
-    """Columns of samples at `time`, shape (N, n), at growing `t`, shape (M,), within these: on the
-    cubic spline through them, or a derivative of it, shape (M, n).
+    """Evaluate the cubic spline through samples, or a derivative of it.
 
-    A polynomial in Drake takes the memory of a hundred samples, so there are never many: a sample
-    that is _FAR others away has less than 2^-_FAR of a say.
+    The spline is made in blocks: one polynomial in Drake takes the memory of a hundred samples.
+    Blocks overlap, as the influence of a sample halves with each sample between.
+
+    Args:
+        t: growing times within `time` [s], shape (M,).
+        time: times of the samples [s], shape (N,).
+        values: samples, shape (N, n).
+        derivative: order of the derivative.
+
+    Returns:
+        Values, shape (M, n).
     """
     if len(time) < 4:  # too few for a spline
         whole = PiecewisePolynomial.FirstOrderHold(time, values.T)
         return np.asarray(whole.derivative(derivative).vector_values(t).T)
     result = np.empty((len(t), values.shape[1]))
-    starts = np.arange(0, max(1, len(time) - _FAR), _BLOCK)
+    starts = np.arange(0, max(1, len(time) - _OVERLAP), _BLOCK)
     places = np.searchsorted(t, [-np.inf, *time[starts[1:]], np.inf])
     for start, *rows in zip(starts, places[:-1], places[1:], strict=True):
-        near = slice(max(0, start - _FAR), start + _BLOCK + _FAR)
+        near = slice(max(0, start - _OVERLAP), start + _BLOCK + _OVERLAP)
         course = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
             time[near], values[near].T
         ).derivative(derivative)
@@ -293,16 +311,17 @@ def splined(t: Array, time: Array, values: Array, derivative: int = 0) -> Array:
 
 
 def _from_positions(time: Array, q: Array, t: Array, period: float) -> tuple[Array, Motion]:
-    """Speeds at the samples, and the motion."""
+    """Return the speeds at the samples, and the motion."""
     v = splined(time, time, q, 1)
     within = np.minimum(t, time[-1])
     positions = splined(within, time, q) + (t - within)[:, None] * v[-1]
-    # What gives the central differences the speeds of the course at its ends.
+    # Extra samples: with them the central differences at the ends are the spline's speeds.
     before, after = positions[1] - 2 * period * v[0], positions[-2] + 2 * period * v[-1]
     return v, Motion.from_positions(period, np.vstack([before, positions, after]))
 
 
 def _checked_loss(where: str | Path, motion: Motion, time: Array, q: Array, v: Array) -> Loss:
+    """Return the loss by resampling; refuse one that is too large."""
     found = []
     for what, unit, given, got in (
         ("speed", "rad/s", v, interpolated(time, motion.time, motion.v)),
@@ -310,13 +329,13 @@ def _checked_loss(where: str | Path, motion: Motion, time: Array, q: Array, v: A
     ):
         off = np.abs(got - given)
         size, at = off.max(axis=0), time[off.argmax(axis=0)]
-        allowed = _LOSS * np.ptp(given, axis=0) + _LOSS_SIZE
+        allowed = _MAX_LOSS_SHARE * np.ptp(given, axis=0) + _MAX_LOSS
         if np.any(size > allowed):
             k = int(np.argmax(size / allowed))
             raise InputError(
                 f"{where}: resampled at {motion.period:g} s joint {k + 1} loses {size[k]:.3g} "
                 f"{unit} of {what} at {at[k]:.6g} s, allowed are {allowed[k]:.3g} {unit} (1 % of "
-                f"its range + {_LOSS_SIZE:g}); expected a smoother motion or a shorter period"
+                f"its range + {_MAX_LOSS:g}); expected a smoother motion or a shorter period"
             )
         found.append((size, at))
     return Loss(*found[0], *found[1], longer=motion.duration - float(time[-1]))

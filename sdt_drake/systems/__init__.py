@@ -1,33 +1,36 @@
 """The Drake blocks, one file per kind.
 
 A block is a LeafSystem, or a Diagram of Drake's own systems, with named ports and a keyword-only
-constructor; each works alone in any DiagramBuilder. It has no state but what it tells of;
-`rest(context, ...)` sets what that starts with, and `context` is its own. Sizes and
-numbers that do not fit are an `InputError`. `connect_by_name` wires the blocks of a builder by the
-signals of their ports, all vectors of length n unless said otherwise:
+constructor. Each works alone in any DiagramBuilder. Its docstring names its state, if it has one;
+`rest(context, ...)` sets the initial state in the block's own context. Sizes and numbers that do
+not fit raise an `InputError`. `connect_by_name` wires the blocks of a builder by the signals of
+their ports. All are vectors of length n unless the table gives another length:
 
     reference            [q_ref, v_ref, vd_ref], joint side [rad, rad/s, rad/s²], length 3n
-    speed_reference      the same with the speed that a position loop asks for
+    speed_reference      reference with the commanded speed of a position loop, length 3n
     state                [q, v] of the plant, joint side [rad, rad/s], length 2n
-    motor_state          the same of the motors, behind elastic joints; joint side
-    measured             the same as an encoder sees it
-    sampled_state        the same, sampled at the instants of the reference
-    load_torque          what the motors turn against, motor side [N m]; of the reference, tau_LD
-                         of Algorithm 1
+    motor_state          [q, v] of the motors of elastic joints, joint side, length 2n
+    measured             [q, v] as measured by an encoder, joint side, length 2n
+    sampled_state        [q, v] sampled at the instants of the reference, joint side, length 2n
+    load_torque          load of the motors, motor side [N m]; for the reference, tau_LD of
+                         Algorithm 1
     alleviating_torque   tau_alleviate of Algorithm 1, motor side [N m]
-    disturbance          what disturbs the load torque, motor side [N m]
-    friction             of the joints, motor side [N m]
-    inertia_share        I_eff over its largest [-]; weighted_reference, weighted_state: of the
-                         speeds that share
-    tau_fb tau_ff tau_cmd tau_limited tau
-                         torque of the motors, motor side [N m]: feedback, feedforward, their sum,
-                         after saturation, as the drives really give it
-    metered              integral of the motors' torque (`add_meter`), over 1e12 limits [s]
-    tau_link             what an elastic joint passes on, motor side [N m]
+    disturbance          disturbance of the load torque, motor side [N m]
+    friction             friction of the joints, motor side [N m]
+    inertia_share        I_eff over its largest value [-]
+    weighted_reference   reference with speeds times inertia_share, length 3n
+    weighted_state       state with speeds times inertia_share, length 2n
+    tau_fb               feedback torque, motor side [N m]
+    tau_ff               feedforward torque, motor side [N m]
+    tau_cmd              commanded torque, their sum, motor side [N m]
+    tau_limited          commanded torque after saturation, motor side [N m]
+    tau                  torque of the motors, motor side [N m]
+    metered              integral of tau (`add_meter`) over 1e12 limits [s]
+    tau_link             torque that an elastic joint transmits to its link, motor side [N m]
 
-The observer of the pilot's orientation stands beside the loop, with ports of length 3 in axes of
-the head: specific_force [m/s²] and angular_rate [rad/s], which it feels as gravity [G], rate
-[rad/s] and acceleration [m/s²].
+The observer of the pilot's orientation has ports of length 3 in axes of the head: inputs
+specific_force [m/s²] and angular_rate [rad/s]; outputs, as felt, gravity [G], rate [rad/s] and
+acceleration [m/s²].
 """
 
 from sdt_drake.systems.axis_process import AxisProcess

@@ -9,12 +9,12 @@ from sdt_drake.io.errors import checked_positive
 
 
 class AxisProcess(Diagram):
-    """n motors with constant inertia, each on its own (Eq. 1).
+    """The axis plant: n independent motors with constant inertia (Eq. 1).
 
         I_eff r dv/dt = tau - load_torque,    dq/dt = v
 
-    Torques and I_eff motor side, q and v joint side. State: q and v. It knows no coupling, gravity
-    or friction but what `load_torque` brings.
+    Torques and I_eff are motor side, q and v joint side. State: q and v. Coupling, gravity and
+    friction act only through `load_torque`.
 
     Args:
         i_eff: effective inertia, motor side [kg m²], shape (n,), > 0.
@@ -49,6 +49,6 @@ class AxisProcess(Diagram):
         builder.BuildInto(self)
 
     def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
-        """Start at q [rad] with v [rad/s], joint side."""
+        """Set the state to q [rad] and v [rad/s], joint side."""
         own = self.GetMutableSubsystemContext(self._motors, context)
         own.SetContinuousState(np.concatenate([q, v]))

@@ -7,16 +7,16 @@ from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 
 
 class Disturbance(SymbolicLaw):
-    """The part of the load that the model does not know (Section 3.4, Figure 6).
+    """A disturbance of the load torque that the controller's model lacks (Section 3.4, Figure 6).
 
         disturbance = A sin(omega_D t) load_torque        [N m], motor side
 
-    so that the true load is tau_LD (1 + A sin(omega_D t)). It does not add it to anything.
+    The disturbed load is tau_LD (1 + A sin(omega_D t)). The output is the disturbance alone.
 
     Args:
         n: number of joints.
         amplitude: A, share of the load torque [-], >= 0.
-        omega_d: omega_D [rad/s], >= 0.
+        omega_d: omega_D, frequency of the disturbance [rad/s], >= 0.
 
     .. pydrake_system::
 

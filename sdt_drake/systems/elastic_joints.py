@@ -10,17 +10,18 @@ from sdt_drake.robot.device import Springs
 
 
 class ElasticJoints(Diagram):
-    """Springs and dampers between the motors and the links, where a joint is elastic.
+    """Springs and dampers between motors and links, at elastic joints.
 
         r I_m dw/dt = tau - tau_link,    dtheta/dt = w
         r tau_link  = k (theta - q) + c (w - v)
 
-    Torques and I_m motor side; theta, w of the motors, q, v of the links, k and c joint side. The
-    plant behind it must not have the rotor inertia of an elastic joint once more. At rigid joints
-    tau_link is tau, and the motor has the state of the link. State: theta and w of the others.
+    Torques and I_m are motor side. theta and w of the motors, q and v of the links, k and c are
+    joint side. The plant behind this block must be without the rotor inertia of elastic joints. At
+    rigid joints tau_link is tau, and the motor has the state of the link. State: theta and w of the
+    elastic joints.
 
     Args:
-        springs: of n joints, at least one of them elastic.
+        springs: springs of n joints, at least one of them elastic.
         rotor_inertia: I_m, motor side [kg m²], shape (n,), > 0 at elastic joints.
         gear_ratio: r [-], shape (n,), > 0.
 
@@ -42,9 +43,9 @@ class ElasticJoints(Diagram):
         self._axes = axes = np.flatnonzero(springs.elastic)
         m, reflected = len(axes), np.diag(1 / (r**2 * np.asarray(rotor_inertia))[axes])
         pick, rigid = np.eye(n)[axes], np.diag(1.0 * ~springs.elastic)
-        both, back = np.kron(np.eye(2), pick), (pick / r).T  # of [q, v]; to the motors' side
+        both, back = np.kron(np.eye(2), pick), (pick / r).T  # select of [q, v]; to motor side
         wound = np.hstack([np.diag(springs.stiffness[axes]), np.diag(springs.damping[axes])])
-        # Inputs in the order tau, q, v; a state [theta, w] of the elastic joints alone.
+        # Inputs in the order tau, q, v; state [theta, w] of the elastic joints alone.
         self._motors = LinearSystem(
             A=np.vstack([np.eye(2 * m)[m:], -reflected @ wound]),
             B=np.vstack([np.zeros((m, 3 * n)), reflected @ np.hstack([pick * r, wound @ both])]),
@@ -58,7 +59,7 @@ class ElasticJoints(Diagram):
         motors = add("motors", self._motors)
         with_motors = add("with_motors", Multiplexer([3 * n, 2 * m]))
         tau_link = add("tau_link", MatrixGain(to_links))
-        # The motors' state apart from tau, or Drake would take it for a function of tau.
+        # A multiplexer without tau: Drake would otherwise treat motor_state as a function of tau.
         states = add("states", Multiplexer([2 * n, 2 * m]))
         motor_state = add("motor_state", MatrixGain(of_motors))
 
@@ -76,6 +77,6 @@ class ElasticJoints(Diagram):
         builder.BuildInto(self)
 
     def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
-        """Start with motors at q [rad] with v [rad/s], joint side, of all n joints."""
+        """Set the state of all n motors to q [rad] and v [rad/s], joint side, shape (n,) each."""
         own = self.GetMutableSubsystemContext(self._motors, context)
         own.SetContinuousState(np.array([q, v])[:, self._axes].ravel())

@@ -11,21 +11,21 @@ from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 
 
 class Encoder(Diagram):
-    """Samples the state every `period` [s], first at time 0, and holds it: [q, v], joint side.
+    """An encoder: samples the state [q, v], joint side, at 0, period, 2 period ... and holds it.
 
-    With a resolution, the positions are those of an incremental encoder on the motor's shaft, and
-    the speeds their differences, which lag by half a period:
+    With a resolution, the positions are those of an incremental encoder on the motor's shaft. The
+    speeds are their differences, which lag by half a period:
 
         q_k = floor(q N r / (2 pi)) 2 pi / (N r),    v_k = (q_k - q_(k-1)) / period
 
-    State: the last sample, or the last two. It does not delay: a sample is in force from its own
-    instant on.
+    State: the last sample, or the last two. The block does not delay: a sample is valid from its
+    own instant on.
 
     Args:
         n: number of joints.
-        period: [s], > 0.
+        period: sample period [s], > 0.
         resolution: N, increments per revolution of the motor [-], shape (n,); ideal by default.
-        gear_ratio: r [-], shape (n,); needed with a resolution.
+        gear_ratio: r [-], shape (n,); required with a resolution.
 
     .. pydrake_system::
 
@@ -55,7 +55,7 @@ class Encoder(Diagram):
             builder.ExportOutput(self._now.get_output_port(), "measured")
         else:
             if gear_ratio is None:
-                raise InputError("missing, expected with a resolution", place="gear_ratio")
+                raise InputError("missing, required with a resolution", place="gear_ratio")
             shaft = checked_positive(gear_ratio, "gear_ratio", n)
             increment = 2 * np.pi / (checked_positive(resolution, "resolution", n) * shaft)
             self._increment = increment
@@ -66,7 +66,7 @@ class Encoder(Diagram):
             one, zero = np.eye(n), np.zeros((n, n))
             difference = np.block([[one, zero], [one / period, -one / period]])
             counts = add("count", SymbolicLaw(inputs={"state": 2 * n}, output="q", law=count))
-            # Updated at the same instants as `now`, `before` sees what `now` held until then.
+            # `before` is updated at the same instants, with the value that `now` held until then.
             self._now, self._before = ZeroOrderHold(period, n), ZeroOrderHold(period, n)
             now, before = add("now", self._now), add("before", self._before)
             samples = add("samples", Multiplexer([n, n]))
@@ -81,7 +81,7 @@ class Encoder(Diagram):
         builder.BuildInto(self)
 
     def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
-        """Start with samples taken at q [rad], moving with v [rad/s] for long; joint side."""
+        """Set the samples of a steady motion through q [rad] at v [rad/s], joint side."""
         now = self.GetMutableSubsystemContext(self._now, context)
         if self._increment is None:
             self._now.SetVectorState(now, np.concatenate([q, v]))

@@ -7,12 +7,12 @@ from sdt_drake.io.errors import checked_count
 
 
 class CtcFeedforward(Diagram):
-    """Computed torque compensation of the load (Section 3.4, Figure 6).
+    """Computed torque compensation: the sum of feedback and feedforward (Section 3.4, Figure 6).
 
         tau_cmd = tau_fb + tau_ff        [N m], motor side
 
-    The paper's tau_ff is the load torque tau_LD: it leaves the joint's own acceleration
-    (d_kk vd_ref) to the feedback. What tau_ff holds is not decided here.
+    The paper's tau_ff is the load torque tau_LD, which leaves the joint's own acceleration
+    (d_kk vd_ref) to the feedback. This block accepts any tau_ff.
 
     Args:
         n: number of motors.

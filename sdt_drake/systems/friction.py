@@ -14,30 +14,30 @@ from sdt_drake.robot.device import (
 )
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 
-_UNIT = 100.0  # z / z_c in a unit of the state; when sliding, z / z_c is in the hundreds
+_UNIT = 100.0  # z / z_c per unit of the state; z / z_c is in the hundreds when sliding
 
 
 class JointFriction(SymbolicLaw):
     """Coulomb, viscous and Stribeck friction that can hold a joint at rest.
 
-    Bristles of length z carry the Coulomb friction like a spring up to z_c; stretched further,
-    they slip (an elastic, perfectly plastic element: it neither creeps under a load below F_c nor
-    drifts when the load oscillates, as LuGre's does):
+    Bristles of length z carry the Coulomb friction like a spring up to z_c, and slip beyond it.
+    This elastic, perfectly plastic element neither creeps under a load below F_c nor drifts under
+    an oscillating load, in contrast to the LuGre model:
 
         dz/dt = v - lambda (z - clip(z, -z_c, z_c))
         F     = F_c clip(z / z_c, -1, 1) + T F_c / z_c max(0, 1 - (z / z_c)²) v
                 + (F_b - F_c) (v / v_s) exp((1 - (v / v_s)²) / 2) + b v + F_0
         friction = F / r                                    [N m], motor side
 
-    with v, z and F joint side. The second term damps a joint that sticks. But for F_0,
-    energy only falls: with W = int F_c clip(z / z_c) dz stored in the bristles, (F - F_0) v - dW/dt
-    is a sum of terms >= 0.
+    v, z and F are joint side. The second term damps a sticking joint. Without F_0 energy only
+    falls: the bristles store W = int F_c clip(z / z_c) dz, and (F - F_0) v - dW/dt is a sum of
+    terms >= 0.
 
-    Sliding, z rests at z_c + v / lambda and F is `sliding_friction`. A load between F_c and F_b
-    does not hold still: it makes the joint creep, at less than v_s. State: z / z_c / 100.
+    In sliding, z is constant at z_c + v / lambda and F is `sliding_friction`. Under a load between
+    F_c and F_b the joint creeps at less than v_s. State: z / z_c / 100.
 
     Args:
-        friction: of n joints, joint side.
+        friction: parameters of n joints, joint side.
         gear_ratio: r [-], shape (n,), > 0.
 
     .. pydrake_system::
@@ -56,7 +56,7 @@ class JointFriction(SymbolicLaw):
         def within(stretch: sym.Expression) -> sym.Expression:
             return sym.min(sym.max(stretch, sym.Expression(-1)), sym.Expression(1))
 
-        # An error-controlled integrator would not see 1e-5 rad, and see nothing but z / z_c.
+        # Scaled for error control: as z [rad] the state would be too small, as z / z_c too large.
         def rates(x: Symbols, state: Symbols) -> list[sym.Expression]:
             stretch = _UNIT * x
             overflow = stretch - [within(u) for u in stretch]
@@ -75,5 +75,5 @@ class JointFriction(SymbolicLaw):
         super().__init__(inputs={"state": 2 * n}, output="friction", law=law, rates=rates, states=n)
 
     def rest(self, context: Context, v: ArrayLike) -> None:
-        """Start with bristles that have slid at v [rad/s], joint side, for long; at rest, loose."""
+        """Set the bristles to steady sliding at v [rad/s], joint side; unloaded at v = 0."""
         context.SetContinuousState(sliding_stretch(self._friction, v) / _UNIT)

@@ -9,14 +9,14 @@ from sdt_drake.systems.wiring import connect_by_name
 
 
 class GainSchedule(Diagram):
-    """Speeds weighted with the inertia, for a PI speed controller that is tuned for the largest.
+    """A gain schedule: speeds weighted with the inertia, for a PI tuned at the largest inertia.
 
         v_ref, v  ->  s v_ref, s v        with s = I_eff / I_eff,max [-]
 
-    Behind it the controller has the gains s K_PS and s K_IS, and so the same natural frequency and
-    damping at every inertia. The weight is inside the integral, so that what has been integrated
-    does not change with s. What K_PS feeds back does: with P in the feedback path a motor at
-    constant speed feels a change of s like a load. Positions and vd_ref pass unchanged.
+    The controller behind this block has the gains s K_PS and s K_IS: the same natural frequency and
+    damping at every inertia. The weight is inside the integral, so a change of s does not change
+    the integral. It changes the proportional feedback: with "p_in_feedback" it acts like a load at
+    constant speed. Positions and vd_ref pass unchanged.
 
     Args:
         n: number of joints.

@@ -1,4 +1,4 @@
-"""Gains of the PI speed controllers, and torque feedforward."""
+"""Gains of the PI speed controllers, and the feedforward torque."""
 
 from __future__ import annotations
 
@@ -14,38 +14,41 @@ from sdt_drake.robot.dynamics import decouple
 from sdt_drake.robot.robot import Robot
 
 STRUCTURES = ("pi", "p_in_feedback")
-"""PI on the speed error, or with the proportional gain in the feedback path (Figure 5)."""
+"""Structures: PI on the speed error, or the proportional gain in the feedback path (Figure 5)."""
 
 
 @dataclass(frozen=True, eq=False)
 class SpeedGains:
-    """Gains of n speed controllers, **motor side**: on motor speed, giving motor torque.
-
-    Attributes:
-        kp: K_PS [N m s/rad], shape (n,).
-        ki: K_IS [N m/rad], shape (n,).
-    """
+    """The gains of n speed controllers, **motor side**: from motor speed to motor torque."""
 
     kp: Array
+    """K_PS, proportional gain [N m s/rad], shape (n,)."""
     ki: Array
+    """K_IS, integral gain [N m/rad], shape (n,)."""
 
 
 def tune(
     i_eff_max: ArrayLike, omega_r: float, zeta: ArrayLike, omega_ratio: float = 0.5
 ) -> SpeedGains:
-    """K_IS = (ratio omega_r)² I_eff,max and K_PS = 2 zeta sqrt(I_eff,max K_IS).
+    """Return the controller gains for a natural frequency and a damping ratio.
 
-    So omega_n = ratio omega_r at the largest inertia; with the paper's 0.5, K_IS = 0.25 omega_r² I
-    and the loop stays an octave below the structure.
+        K_IS = (ratio omega_r)² I_eff,max,    K_PS = 2 zeta sqrt(I_eff,max K_IS)
+
+    The natural frequency is ratio omega_r at the largest inertia. The paper's ratio of 0.5 keeps
+    the loop an octave below the structure.
 
     Args:
         i_eff_max: largest effective inertia, motor side [kg m²], shape (n,).
         omega_r: lowest natural frequency of the structure [rad/s].
-        zeta: damping ratio wanted at the largest inertia [-], shape (n,) or one for all.
+        zeta: damping ratio at the largest inertia [-], shape (n,) or one for all.
         omega_ratio: omega_n / omega_r [-].
 
     Raises:
-        InputError: if the gains are too large or too small for numbers.
+        InputError: if the gains overflow or underflow.
+
+    >>> gains = tune([4.0], omega_r=10.0, zeta=1.0)
+    >>> gains.ki.item(), gains.kp.item()
+    (100.0, 40.0)
     """
     i_eff_max, zeta = np.asarray(i_eff_max, dtype=float), np.asarray(zeta, dtype=float)
     with np.errstate(over="ignore"):
@@ -58,23 +61,24 @@ def tune(
         )
     if np.any(kp <= 0) or np.any(ki <= 0):
         raise InputError(
-            f"{omega_r:g} rad/s gives gains too small for a number, expected more", place="omega_r"
+            f"{omega_r:g} rad/s, expected more: the gains are too small for a number",
+            place="omega_r",
         )
     return SpeedGains(kp=kp, ki=ki)
 
 
 def natural_frequency(gains: SpeedGains, i_eff: ArrayLike) -> Array:
-    """omega_n = sqrt(K_IS / I_eff) [rad/s], from Eq. 5; I_eff motor side [kg m²], shape (n,)."""
+    """Return omega_n = sqrt(K_IS / I_eff) [rad/s] (Eq. 5); I_eff motor side [kg m²], shape (n,)."""
     return np.sqrt(gains.ki / np.asarray(i_eff))
 
 
 def damping_ratio(gains: SpeedGains, i_eff: ArrayLike) -> Array:
-    """zeta = K_PS / (2 sqrt(I_eff K_IS)) [-] (Eq. 6); I_eff motor side [kg m²], shape (n,)."""
+    """Return zeta = K_PS / (2 sqrt(I_eff K_IS)) [-] (Eq. 6); I_eff motor side [kg m²], (n,)."""
     return gains.kp / (2 * np.sqrt(np.asarray(i_eff) * gains.ki))
 
 
 def oscillation_frequency(gains: SpeedGains, i_eff: ArrayLike) -> Array:
-    """omega_0 = omega_n sqrt(1 - zeta²) [rad/s]; 0 where zeta >= 1. I_eff motor side [kg m²]."""
+    """Return omega_0 = omega_n sqrt(1 - zeta²) [rad/s], or 0 at zeta >= 1; I_eff in [kg m²]."""
     zeta = np.minimum(damping_ratio(gains, i_eff), 1.0)
     return natural_frequency(gains, i_eff) * np.sqrt(1 - zeta**2)
 
@@ -82,23 +86,24 @@ def oscillation_frequency(gains: SpeedGains, i_eff: ArrayLike) -> Array:
 # --- torque feedforward ---------------------------------------------------------------------
 
 FEEDFORWARDS = ("none", "ctc", "id")
-"""None, the load torque of Algorithm 1, or the whole inverse dynamics."""
+"""Feedforwards: none, the load torque of Algorithm 1, or the inverse dynamics."""
 
 
 def feedforward_torque(
     feedforward: str, model: Robot, groups: Sequence[ArrayLike], vd: Array, sign: str
 ) -> Array:
-    """What the model says that the motors need, **motor side** [N m], shape (n,) or (N, n).
+    """Return the feedforward torque, **motor side** [N m], shape (n,) or (N, n).
 
         "ctc":  tau_LD of Algorithm 1
         "id":   (inertial + reaction + velocity + gravity + r² I_m vd) / r
 
     Args:
         feedforward: "none", "ctc" or "id".
-        model: what the controller takes the robot for.
-        groups: its torque groups (Eq. 2), joint side: inertial, reaction, velocity, gravity.
+        model: controller's model.
+        groups: torque groups of the model (Eq. 2), joint side [N m]: inertial, reaction, velocity,
+            gravity.
         vd: reference acceleration, joint side [rad/s²].
-        sign: of Algorithm 1's third branch.
+        sign: sign of Algorithm 1's third branch, one of `sdt_drake.robot.dynamics.SIGNS`.
     """
     inertial, reaction, velocity, gravity = (np.asarray(group) for group in groups)
     coupled = reaction + velocity + gravity

@@ -11,18 +11,19 @@ from sdt_drake.robot.robot import Robot
 
 
 class InverseDynamicsController(Diagram):
-    """Computed torque from the whole state: every joint becomes a double integrator.
+    """Computed torque control: feedback of the state makes every joint a double integrator.
 
         r tau_fb = M(q) (vd_ref + 2 zeta omega_n (v_ref - v) + omega_n² (q_ref - q)) + bias(q, v)
 
-    with the inertia of the motors in M, and gravity in bias; q, v joint side, tau_fb motor side
-    [N m]. The state must be sampled at the instants of the reference, as for the position loop. It
-    has no integral: a wrong model leaves an error at rest (Drake's own has one, of the gain 0).
+    M includes the rotor inertia, and bias gravity. q and v are joint side, tau_fb motor side [N m].
+    The state must be sampled at the instants of the reference, as for the position loop. There is
+    no integral action (its gain in Drake's controller is 0): an inexact model leaves an error at
+    rest.
 
     Args:
-        model: what the controller takes the robot for.
+        model: controller's model.
         omega_n: natural frequency of the error [rad/s], shape (n,), > 0.
-        zeta: its damping ratio [-], shape (n,), > 0.
+        zeta: damping ratio of the error [-], shape (n,), > 0.
 
     .. pydrake_system::
 
@@ -33,7 +34,7 @@ class InverseDynamicsController(Diagram):
 
     def __init__(self, *, model: Robot, omega_n: ArrayLike, zeta: ArrayLike) -> None:
         super().__init__()
-        # Drake's own ends the process where their lengths do not fit.
+        # Checked here: Drake's controller ends the process at lengths that do not fit.
         omega_n = checked_positive(omega_n, "omega_n", n := model.n)
         zeta = checked_positive(zeta, "zeta", n)
         law = controllers.InverseDynamicsController(

@@ -1,4 +1,4 @@
-"""Torques of the reference, on line from the MultibodyPlant. No state."""
+"""Torques of the reference, computed online from the MultibodyPlant. No state."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from sdt_drake.robot.dynamics import SIGNS, Loads, decouple, groups_of_sample
 from sdt_drake.robot.robot import Robot
 
 TorqueLaw = Callable[[Sequence[Array], Array, Array], Sequence[Array]]
-"""From the torque groups of Eq. 2, v_ref and vd_ref, joint side, to each output."""
+"""Function of torque groups (Eq. 2), v_ref and vd_ref, joint side; returns all outputs."""
 
 
 class ReferenceTorque(LeafSystem):
-    """Torques that follow from the reference by inverse dynamics; `law` says which.
+    """Torques of the reference by inverse dynamics, combined by `law`.
 
-    With `law(groups, v_ref, vd_ref)`, of the torque groups of Eq. 2 (joint side), for all outputs.
-    It does not sample: with a held input the cache evaluates it once per sample, without delay. It
-    does not see the plant's state.
+    `law(groups, v_ref, vd_ref)` returns all outputs from the torque groups of Eq. 2, joint side.
+    The block does not sample and does not depend on the plant's state. With a held input the cache
+    evaluates it once per sample, without delay.
 
     .. pydrake_system::
 
@@ -35,12 +35,12 @@ class ReferenceTorque(LeafSystem):
         super().__init__()
         self._robot, self._law = robot, law
         self._reference = self.DeclareVectorInputPort("reference", 3 * robot.n)
-        # Without these, Drake takes every output to depend on time, and Python would be called
-        # at every derivative evaluation.
+        # Without prerequisites Drake assumes that outputs depend on time, and would call Python at
+        # every evaluation of derivatives.
         depends_on = {self._reference.ticket()}
 
         def scratch() -> Any:
-            """Of each context of the block: one of the plant to work in, and the torques."""
+            """Make the cache of a context of the block: a context of the plant, and the torques."""
             return AbstractValue.Make([robot.plant.CreateDefaultContext(), ()])
 
         calc = ValueProducer(scratch, cast(Any, self._calc))
@@ -65,7 +65,11 @@ class LoadTorque(ReferenceTorque):
 
         load_torque, alleviating_torque = Algorithm 1 (tau_coupled, d_kk vd_ref) / r
 
-    motor side [N m]. It does not see the motors' inertia (link side, as the paper has it).
+    Both are motor side [N m], without rotor inertia (link side, as in the paper).
+
+    Args:
+        robot: robot or controller's model.
+        algorithm: sign of Algorithm 1's third branch, one of SIGNS.
 
     .. pydrake_system::
 
@@ -75,7 +79,6 @@ class LoadTorque(ReferenceTorque):
     """
 
     def __init__(self, *, robot: Robot, algorithm: str = "consistent") -> None:
-        """Of `robot`; `algorithm`: sign of Algorithm 1's third branch, one of SIGNS."""
         checked_choice(algorithm, SIGNS, "algorithm")
 
         def law(groups: Sequence[Array], _v: Array, _vd: Array) -> Loads:

@@ -7,7 +7,7 @@ from pydrake.systems.primitives import Gain, Integrator, Multiplexer
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import checked_positive
 
-_UNIT = 1e12  # of the integral: so large that no error-controlled integrator sees it
+_UNIT = 1e12  # unit of the integral [-]: makes it negligible in the integrator's error control
 
 
 def add_meter(
@@ -18,25 +18,25 @@ def add_meter(
     tau_limited: OutputPort,
     tau: OutputPort,
 ) -> OutputPort:
-    """Add a meter of the torque's integral to a diagram, to log at the integrator's steps.
+    """Add an integrator of the motors' torque to a diagram, for a log at the integrator's steps.
 
         metered = int tau / (1e12 L) dt
 
-    The integral takes no part in the choice of an integrator's steps: it is as good as the steps
-    that the rest of the diagram needs.
+    The integral does not affect the step size of an error-controlled integrator. It is as accurate
+    as the steps for the other states.
 
     Args:
-        builder: of the diagram.
+        builder: builder of the diagram.
         motor_torque_limit: L, largest torque of the motors [N m], shape (n,), > 0.
-        tau_cmd, tau_limited, tau: torques before and after the saturation, and as the drives give
-            it, motor side [N m], length n.
+        tau_cmd, tau_limited, tau: outputs of length n: torque before saturation, after saturation
+            and of the motors, motor side [N m].
 
     Returns:
-        The three torques and the integral side by side, length 4n.
+        Output of length 4n: the three torques and the integral.
     """
     limit = checked_positive(motor_torque_limit, "motor_torque_limit")
     n = len(limit)
-    # Names of logs: what only measures is no block of a loop.
+    # Named "log.": `blocks_of` leaves measuring blocks out.
     scale = builder.AddNamedSystem("log.scale", Gain(1 / (_UNIT * limit)))
     integral = builder.AddNamedSystem("log.meter", Integrator(n))
     signals = builder.AddNamedSystem("log.signals", Multiplexer([n] * 4))
@@ -51,9 +51,9 @@ def mean_torque(metered: Array, limit: Array, span: Array) -> Array:
     """Return the mean torque of each step [N m], shape (N, n).
 
     Args:
-        metered: integral at the beginning and at the end of N steps, shape (2, N, n).
-        limit: L, as of the meter.
-        span: length of each step [s], shape (N, 1).
+        metered: integral at the start and at the end of N steps [s], shape (2, N, n).
+        limit: L, motor_torque_limit of `add_meter` [N m], shape (n,).
+        span: duration of each step [s], shape (N, 1).
     """
     start, end = metered
     return (end - start) * (_UNIT * limit) / span

@@ -1,4 +1,4 @@
-"""Orientation as a pilot feels it: canals, otoliths, and the brain's model of both."""
+"""The perception of orientation by a pilot: canals, otoliths, and the brain's internal model."""
 
 from dataclasses import dataclass
 from math import pi
@@ -18,49 +18,56 @@ from sdt_drake.robot.head import GRAVITY
 from sdt_drake.systems.symbolic import SymbolicLaw, Symbols
 
 PERCEPTION = "perception model"
-"""Kind of the files that describe one, of `sdt_drake.io.resources.SHIPPED`."""
+"""Kind of the files with perception models, a key of `sdt_drake.io.resources.SHIPPED`."""
 
 _I, _0 = np.eye(3), np.zeros((3, 3))
 
 
 @dataclass(kw_only=True)
 class PerceptionModel(Input):
-    """Gains and time constants of a pilot's sense of orientation, along or about x, y, z of the
-    head: roll, pitch, yaw.
+    """The gains and time constants of a pilot's sense of orientation.
+
+    Lists have a value for each axis x, y, z of the head (roll, pitch, yaw).
     """
 
     source: Text
-    """Who published the numbers, and from what."""
+    """Publication of the numbers, and their origin."""
     k_w: list[Positive] = setting(min_length=3, max_length=3, unit="-")
-    """Gain of the difference of canals and expected canals on the felt rate."""
+    """Gain from the error of the canals (measured minus expected) to the felt rate."""
     k_fw: list[NotNegative] = setting(min_length=3, max_length=3, unit="1/s")
-    """Gain of the tilt error on the felt rate."""
+    """Gain from the tilt error to the felt rate."""
     k_fg: list[NotNegative] = setting(min_length=3, max_length=3, unit="1/s")
-    """Gain of the tilt error on the felt gravity."""
+    """Gain from the tilt error to the felt gravity."""
     k_a: list[Annotated[Number, Field(le=0)]] = setting(min_length=3, max_length=3, unit="-")
-    """Gain of the difference of otoliths and expected otoliths on the felt acceleration."""
+    """Gain from the error of the otoliths (measured minus expected) to the felt acceleration."""
     tau: list[Positive] = setting([5.7] * 3, min_length=3, max_length=3, unit="s")
-    """Time constant with which the cupula swings back."""
+    """Time constant of the cupula's return to rest."""
     tau_a: list[Positive] = setting([80.0] * 3, min_length=3, max_length=3, unit="s")
-    """Time constant with which the canals' nerve adapts."""
+    """Time constant of the adaptation of the canals' nerve."""
     cutoff: Number = setting(2.0, gt=0, le=100, unit="Hz")
-    """Of all senses, and of what the brain expects of them."""
+    """Cut-off frequency of all senses, and of the brain's expectation of them."""
 
 
 def load_perception(name: str) -> PerceptionModel:
-    """Read the model of a file, or of a name that ships, such as "clark2019".
+    """Read a perception model.
+
+    Args:
+        name: YAML file, or the name of a shipped model.
 
     Raises:
         InputError: with a line for each problem.
+
+    >>> load_perception("clark2019").tau
+    [5.7, 5.7, 5.7]
     """
     return load_yaml(PerceptionModel, name, PERCEPTION)[0]
 
 
 class OrientationObserver(Diagram):
-    """Gravity, rotation and acceleration as a pilot in the dark feels them (Merfeld 1993).
+    """The gravity, rotation and acceleration that a pilot in the dark feels (Merfeld 1993).
 
-    In axes of the head, with f = -specific_force / g [G], LP = 1 / (s / omega_c + 1), and a hat on
-    what the brain's internal model expects:
+    In axes of the head, with f = -specific_force / g [G], LP = 1 / (s / omega_c + 1), and a hat for
+    the estimates of the brain's internal model:
 
         y   = LP f                                                   otoliths
         y_w = tau s / (tau s + 1) tau_a s / (tau_a s + 1) LP omega   canals
@@ -70,9 +77,9 @@ class OrientationObserver(Diagram):
         w^r = k_fw e + k_w (y_w - y^_w),  w^ = (k_w + 1) / k_w w^r   felt rate [rad/s]
         dg^/dt = -(k_fg e + w^) x g^                                 felt gravity [G]
 
-    Ports: specific force [m/s²], +9.81 along z at rest, and angular rate [rad/s] of the head in;
-    felt gravity [G], which points down, felt rate [rad/s] and felt acceleration [m/s²] out. It
-    knows no vision, no seat of the pants and no expectation but that of rest.
+    Inputs: specific force [m/s²] of the head, +9.81 along z at rest, and angular rate [rad/s].
+    Outputs: felt gravity [G], which points down, felt rate [rad/s] and felt acceleration [m/s²].
+    The model has neither vision nor touch, and no expectation but rest.
 
     .. pydrake_system::
 
@@ -97,8 +104,10 @@ class OrientationObserver(Diagram):
         builder.BuildInto(self)
 
     def rest(self, context: Context, specific_force: ArrayLike, angular_rate: ArrayLike) -> None:
-        """Start as after long at this specific force [m/s²] and angular rate [rad/s]: upright by
-        the force, the rotation no more felt."""
+        """Set the steady state at a specific force [m/s²] and an angular rate [rad/s].
+
+        The force is then felt as gravity, and the rotation is not felt.
+        """
         own = self.GetMutableSubsystemContext
         f, omega = -np.asarray(specific_force) / GRAVITY, np.asarray(angular_rate)
         own(self._otoliths, context).SetContinuousState(f)
@@ -108,8 +117,9 @@ class OrientationObserver(Diagram):
 
 
 class InternalModel(Diagram):
-    """The brain's model of head and senses, corrected by what the senses tell; the equations are
-    those of `OrientationObserver`.
+    """The brain's model of head and senses, corrected by the senses.
+
+    The equations are in `OrientationObserver`.
 
     .. pydrake_system::
 
@@ -126,7 +136,7 @@ class InternalModel(Diagram):
 
         def tilt_error(otoliths: Symbols, expected: Symbols) -> Symbols:
             normal = _cross(otoliths, expected)
-            # Without a branch: where both are parallel, the normal is zero, and so is the error.
+            # Without a branch: the error is 0 for parallel vectors, as their normal is 0.
             sine = sym.sqrt(normal @ normal + 1e-30)
             return normal * (sym.atan2(sine, otoliths @ expected) / sine)
 
@@ -138,14 +148,14 @@ class InternalModel(Diagram):
         def rates(x: Symbols, error: Symbols, canals: Symbols) -> Symbols:
             gravity, low_pass, cupula = np.split(x, 3)
             rate = felt(x, error, canals)[3:]
-            # The last term keeps |g^| = 1 and is zero there.
+            # The last term is 0 at |g^| = 1, and keeps g^ there.
             turning = _cross(gravity, k_fg * error + rate) + (1 - gravity @ gravity) * gravity
             w_r = k_w / (k_w + 1) * rate
             return np.concatenate([turning, lag * (w_r - low_pass), (low_pass - cupula) / tau])
 
         builder = DiagramBuilder()
         add, connect = builder.AddNamedSystem, builder.Connect
-        # y^' = omega_c (g^ - k_a (y - y^) - y^), of [g^, y].
+        # y^' = omega_c (g^ - k_a (y - y^) - y^), inputs [g^, y].
         self._expected = add("internal_otoliths", LinearSystem(
             A=lag * (K_a - _I), B=lag * np.hstack([_I, -K_a]), C=_I, D=np.zeros((3, 6))
         ))  # fmt: skip
@@ -177,7 +187,7 @@ class InternalModel(Diagram):
         builder.BuildInto(self)
 
     def rest(self, context: Context, f: Array) -> None:
-        """Start with otoliths that have shown f [G] for long, which is taken for gravity."""
+        """Set the steady state with otoliths at f [G], felt as gravity."""
         own = self.GetMutableSubsystemContext
         own(self._expected, context).SetContinuousState(f)
         felt = np.concatenate([f / np.linalg.norm(f), np.zeros(6)])
@@ -185,14 +195,16 @@ class InternalModel(Diagram):
 
 
 def _otoliths(model: PerceptionModel) -> LinearSystem:
-    """From specific force [m/s²] to y [G]."""
+    """Return the otoliths: from specific force [m/s²] to y [G]."""
     lag = 2 * pi * model.cutoff
     return LinearSystem(A=-lag * _I, B=-lag / GRAVITY * _I, C=_I, D=_0)
 
 
 def _canals(model: PerceptionModel) -> LinearSystem:
-    """From omega to y_w [rad/s]; states: omega behind the low pass, then what the cupula and the
-    nerve take off."""
+    """Return the canals: from omega to y_w [rad/s].
+
+    States: omega behind the low pass, and what the cupula and the nerve subtract from it.
+    """
     lag = 2 * pi * model.cutoff
     cupula, nerve = np.diag(1 / np.array(model.tau)), np.diag(1 / np.array(model.tau_a))
     A = np.block([[-lag * _I, _0, _0], [cupula, -cupula, _0], [nerve, -nerve, -nerve]])
@@ -201,5 +213,5 @@ def _canals(model: PerceptionModel) -> LinearSystem:
 
 
 def _cross(a: NDArray[np.object_], b: NDArray[np.object_]) -> Symbols:
-    """The vector product; numpy's takes no symbols in all of its versions."""
+    """Return the vector product; `np.cross` accepts no symbols in some versions of numpy."""
     return np.roll(a, -1) * np.roll(b, -2) - np.roll(a, -2) * np.roll(b, -1)

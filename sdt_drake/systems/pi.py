@@ -10,28 +10,28 @@ from sdt_drake.systems.gains import STRUCTURES, SpeedGains
 
 
 class PiSpeedController(Diagram):
-    """n independent PI speed controllers (Eq. 5, Figure 5), one for each motor.
+    """n independent PI speed controllers, one for each motor (Eq. 5, Figure 5).
 
-    With the motor speeds r v and r v_ref, all motor side:
+    All quantities are motor side, with motor speeds r v and r v_ref:
 
         "pi":             tau_fb = K_IS int(r v_ref - r v) dt + K_PS (r v_ref - r v)
         "p_in_feedback":  tau_fb = K_IS int(r v_ref - r v) dt - K_PS r v
 
-    Both have the same denominator; the second has no zero. It does not limit its output. State: the
+    Both have the same denominator; the second has no zero. The output is not limited. State: the
     integral of the speed error of each motor.
 
-    With anti-windup, (tau - tau_cmd) / K_PS is added to what is integrated (back-calculation):
-    while the motor saturates, the integral follows what the motor can give, with the time constant
-    K_PS / K_IS. The block then has two more inputs, `tau_cmd` and `tau`, before and after the
-    saturation. Without it the integral does not stop when the motor saturates.
+    Anti-windup is by back-calculation: (tau - tau_cmd) / K_PS is added to the integrated error.
+    While a motor saturates, its integral follows the available torque with the time constant
+    K_PS / K_IS. The block then has two more inputs: `tau_cmd` before and `tau` after saturation.
+    Without anti-windup the integral grows on while the motor saturates.
 
     Args:
         gains: K_PS and K_IS, motor side.
-        gear_ratio: r [-], shape (n,).
+        gear_ratio: r [-], shape (n,), > 0.
         structure: "pi" or "p_in_feedback".
-        anti_windup: see above.
-        period: of a sampled controller [s], whose state is sampled at the same instants: the
-            integral grows by period times the error at each. Continuous by default.
+        anti_windup: True to add anti-windup.
+        period: sample period of a sampled controller [s], whose integral grows by period times the
+            error at each sample. Continuous by default.
 
     .. pydrake_system::
 
@@ -88,7 +88,7 @@ class PiSpeedController(Diagram):
         builder.BuildInto(self)
 
     def rest(self, context: Context, tau_integral: ArrayLike) -> None:
-        """Start with an integral that gives `tau_integral` [N m], motor side."""
+        """Set the integral to the torque `tau_integral` [N m], motor side, shape (n,)."""
         integral = self.GetMutableSubsystemContext(self._integral, context)
         start = np.asarray(tau_integral) / self._ki
         if integral.num_continuous_states():

@@ -9,12 +9,12 @@ from sdt_drake.io.errors import checked_positive
 
 
 class PositionLoop(Diagram):
-    """The reference of a speed loop that also keeps the position.
+    """A position loop: the position error corrects the speed reference.
 
-        v_ref + K_V (q_ref - q)  takes the place of  v_ref        [rad/s], joint side
+        speed_reference = [q_ref, v_ref + K_V (q_ref - q), vd_ref]        joint side
 
-    The state must be sampled at the instants of the reference: against the state of now, a held
-    q_ref is late by half its period. It does not limit the speed that it asks for.
+    The state must be sampled at the instants of the reference: a held q_ref lags the continuous
+    state by half its period. The speed is not limited.
 
     Args:
         position_gain: K_V [1/s], shape (n,), > 0.

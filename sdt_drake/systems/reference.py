@@ -1,4 +1,4 @@
-"""The reference, and tables along it. State: the sample that a table holds."""
+"""Sources along a motion: the reference, and tables of signals."""
 
 from __future__ import annotations
 
@@ -15,10 +15,14 @@ from sdt_drake.motion import Motion
 
 
 class ReferenceSource(Diagram):
-    """The reference of the planner, [q_ref, v_ref, vd_ref], over continuous time; joint side.
+    """The reference [q_ref, v_ref, vd_ref] over continuous time, joint side.
 
-    Exact at the samples t = i * period; between them linear in all three. It does not hold: only
-    the zero-order hold behind it makes the steps that the controller sees.
+    It is exact at the samples t = i * period, and linear between them. The steps in front of the
+    controller come from a zero-order hold behind this block.
+
+    Args:
+        motion: motion that the controller tracks.
+        delay: delay of the samples [s]; until then the first sample.
 
     .. pydrake_system::
 
@@ -27,7 +31,6 @@ class ReferenceSource(Diagram):
     """
 
     def __init__(self, *, motion: Motion, delay: float = 0.0) -> None:
-        """Of `motion`; with a `delay` [s] it rests on the first sample for that long."""
         super().__init__()
         samples = np.hstack([motion.q, motion.v, motion.vd])
         builder = DiagramBuilder()
@@ -38,10 +41,15 @@ class ReferenceSource(Diagram):
 
 
 class SignalTable(Diagram):
-    """Signals along a motion, computed before the run: each sample is held from its instant on.
+    """A table of signals along a motion, computed before the run.
 
-    It needs no input, and no Python while the simulation runs; it knows nothing of any other
-    motion.
+    Each sample is held from its own instant on. There are no inputs, and no Python is called during
+    the simulation. State: the held samples.
+
+    Args:
+        motion: motion of the signals.
+        signals: samples by the name of the signal, shape (N + 1, n), at the times of `motion`.
+        delay: delay of the samples [s]; until then the first ones.
 
     .. pydrake_system::
 
@@ -50,7 +58,6 @@ class SignalTable(Diagram):
     """
 
     def __init__(self, *, motion: Motion, signals: Mapping[str, Array], delay: float = 0.0) -> None:
-        """By name, samples of shape (N + 1, n) at the times of `motion`, late by `delay` [s]."""
         super().__init__()
         builder = DiagramBuilder()
         self._holds: list[tuple[ZeroOrderHold, Array]] = []
@@ -64,16 +71,16 @@ class SignalTable(Diagram):
         builder.BuildInto(self)
 
     def rest(self, context: Context) -> None:
-        """Start with the first samples."""
+        """Set the state to the first samples."""
         for hold, first in self._holds:
             hold.SetVectorState(self.GetMutableSubsystemContext(hold, context), first)
 
 
 def hold_of(motion: Motion, size: int, *, delay: float = 0.0) -> ZeroOrderHold:
-    """Drake's hold at the instants at which samples of `motion` arrive, late by `delay` [s].
+    """Return a zero-order hold of Drake at the samples of `motion`, delayed by `delay` [s].
 
-    It does not delay by itself: a sample is in force from its own instant on. (A log sees the
-    values from before the update at its instant.)
+    The hold itself does not delay: a sample is valid from its own instant on. A log contains the
+    values before the update at its instant.
     """
     period = motion.period
     late = delay % period
@@ -82,9 +89,8 @@ def hold_of(motion: Motion, size: int, *, delay: float = 0.0) -> ZeroOrderHold:
 
 
 def sample_source(time: Array, samples: Array) -> TrajectorySource:
-    """Samples of shape (N, size) at `time` [s], linear in between."""
-    # Linear, although often only the samples matter: a piecewise constant trajectory, sampled
-    # exactly at its breaks, may return the segment before. As a B-spline of order 2 it is there in
-    # a twentieth of the time that PiecewisePolynomial.FirstOrderHold takes.
+    """Return a source of samples (N, size) at `time` [s], linear between them."""
+    # Linear: a piecewise constant trajectory may return the segment before a break. A B-spline of
+    # order 2 is made in a twentieth of the time of PiecewisePolynomial.FirstOrderHold.
     basis = BsplineBasis(2, [time[0], *time, time[-1]])
     return TrajectorySource(BsplineTrajectory(basis, list(samples[:, :, np.newaxis])))

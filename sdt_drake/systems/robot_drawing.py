@@ -16,21 +16,28 @@ from sdt_drake.systems.skeleton import skeleton
 
 
 class RobotDrawing(Diagram):
-    """Draws a robot where it is in Meshcat, below the path "/robot", every `period` [s].
+    """A drawing of a robot in Meshcat, below the path "/robot".
 
-    As its **file** draws it; changes in memory are not seen. A mesh that cannot be drawn is left
-    out, and logged. A robot without a single visual gets a drum and an arrow along the axis of each
-    joint, and rods from joint to joint, the last to the centre of mass of the last link; a ring
-    carries a joint whose axis meets the one before, as in a gimbal. It moves nothing.
+    Shapes are those of the robot's **file**; changes in memory are not drawn. Meshes that cannot be
+    drawn are left out and logged. A robot without shapes gets a drum and an arrow along the axis
+    of each joint, and rods to the next joint or the last centre of mass. Axes that meet get rings,
+    as in a gimbal.
 
     .. pydrake_system::
 
         name: RobotDrawing
         input_ports: [state]
 
-    Attributes:
-        plant, scene_graph: what is drawn, and by what.
+    Args:
+        robot: drawn robot.
+        meshcat: Meshcat server.
+        period: publish period [s].
     """
+
+    plant: MultibodyPlant
+    """Plant with the drawn shapes."""
+    scene_graph: SceneGraph
+    """Scene graph of `plant`."""
 
     def __init__(self, *, robot: Robot, meshcat: Meshcat, period: float = 1 / 32) -> None:
         super().__init__()
@@ -44,11 +51,14 @@ class RobotDrawing(Diagram):
 def add_robot_drawing(
     builder: DiagramBuilder, *, robot: Robot, meshcat: Meshcat, period: float = 1 / 32
 ) -> tuple[MultibodyPlant, SceneGraph, bool]:
-    """Add what a `RobotDrawing` is made of: for who draws in many a Meshcat, since pydrake frees no
-    diagram of a Python class, nor the server that it draws in.
+    """Add the parts of a `RobotDrawing` to a builder.
+
+    Use this for many Meshcat servers: pydrake never frees a diagram of a Python class, nor its
+    server.
 
     Returns:
-        What is drawn, by what, and whether the file draws a link that moves.
+        Plant with the drawn shapes, its scene graph, and True if the file has shapes on a moving
+        link.
     """
     scene_graph = SceneGraph()
     builder.AddNamedSystem("scene_graph", scene_graph)
@@ -84,7 +94,7 @@ def add_robot_drawing(
 
 
 def _has_shapes(robot: Robot, plant: MultibodyPlant, scene_graph: SceneGraph) -> bool:
-    """Whether the file draws a link that moves."""
+    """Return True if the file has shapes on a moving link."""
     inspector = scene_graph.model_inspector()
     bodies = [plant.GetJointByName(name).child_body() for name in robot.joint_names]
     shapes = [shape for body in bodies for shape in plant.GetVisualGeometriesForBody(body)]

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import Gain
 
@@ -9,16 +10,17 @@ from sdt_drake.robot.robot import Robot
 
 
 class RobotPlant(Diagram):
-    """All joints moving at once, with the motors' inertia reflected through the gears.
+    """The coupled plant: all joints of a robot with reflected rotor inertia.
 
         joint torque = r tau,    generalised force = -r load_torque
 
-    tau and load_torque (what acts beside the plant's own dynamics: disturbance, friction) motor
-    side [N m]. State: q and v of the joints. It does not limit the torques.
+    tau and load_torque (disturbance, friction) are motor side [N m]. State: q and v of the joints,
+    joint side. Torques are not limited.
 
     Args:
-        robot: what moves.
-        without_rotor: joints whose motor turns apart from them, shape (n,); none by default.
+        robot: simulated robot.
+        without_rotor: True at joints whose motor is a separate inertia, shape (n,); False by
+            default.
 
     .. pydrake_system::
 
@@ -26,9 +28,10 @@ class RobotPlant(Diagram):
         input_ports: [tau, load_torque]
         output_ports: [state]
 
-    Attributes:
-        plant: Drake's.
     """
+
+    plant: MultibodyPlant
+    """Drake's plant of the robot."""
 
     def __init__(self, *, robot: Robot, without_rotor: NDArray[np.bool_] | None = None) -> None:
         super().__init__()
@@ -49,6 +52,6 @@ class RobotPlant(Diagram):
         builder.BuildInto(self)
 
     def rest(self, context: Context, q: ArrayLike, v: ArrayLike) -> None:
-        """Start at q [rad] with v [rad/s]."""
+        """Set the state to q [rad] and v [rad/s], joint side."""
         own = self.GetMutableSubsystemContext(self.plant, context)
         self.plant.SetPositionsAndVelocities(own, np.concatenate([q, v]))

@@ -13,24 +13,24 @@ from sdt_drake.systems.symbolic import Symbols, add_law
 
 
 class DynamicSaturation(Diagram):
-    """The motors' limits, widened by the help of the other motors (Section 3.2, Figure 3).
+    """The motors' torque limits, widened by the alleviating torque (Section 3.2, Figure 3).
 
         tau = clip(tau_cmd, -L + min(a, 0), L + max(a, 0))      [N m], motor side
 
-    with L the largest motor torque and a the alleviating torque. The paper widens the limit in the
-    direction of the reference acceleration; a always has the sign of that. It does not tell the
-    controller that it saturates.
+    L is the largest motor torque, a the alleviating torque. The paper widens the limit in the
+    direction of the reference acceleration; a always has its sign. The controller gets no signal of
+    saturation.
 
-    With a torque-speed envelope, L falls on a straight line from its full value at the motor speed
-    n1 to 0 at n0, in the direction in which the motor turns; against it (braking) the supply
-    voltage limits nothing. The block then has one more input, `state`.
+    A torque-speed envelope reduces L in the direction of motion: along a straight line from its
+    full value at motor speed n1 to 0 at n0. The braking torque is not reduced. The block then has
+    one more input, `state`.
 
     Args:
         motor_torque_limit: L, motor side [N m], shape (n,), > 0.
         gear_ratio: r [-], shape (n,), for the envelope.
         n1, n0: motor speeds of the envelope [rad/s], shape (n,), 0 < n1 < n0, or inf for a motor
             with a constant limit; a constant limit by default.
-        widened: whether there is an input `alleviating_torque`; else a = 0.
+        widened: True for an input `alleviating_torque`; else a = 0.
 
     .. pydrake_system::
 
@@ -68,13 +68,13 @@ class DynamicSaturation(Diagram):
             lower, upper = envelope.range(limit, speed)
             if "alleviating_torque" in signals:
                 lower, upper = widened_by(lower, upper, signals["alleviating_torque"])
-            # In this order NaN becomes a limit: at a NaN in its state Drake integrates for ever.
+            # This order maps NaN to a limit: Drake never ends an integration of NaN.
             tau_cmd = signals["tau_cmd"]
             return [sym.min(sym.max(lower[k], tau_cmd[k]), upper[k]) for k in range(n)]
 
         if len(inputs) > 1:
             add_law(builder, inputs, "tau", law)
-        else:  # Drake's own block is quicker than a law in symbols
+        else:  # Drake's own block is faster than a symbolic law
             constant = builder.AddNamedSystem("law", Saturation(-limit, limit))
             builder.ExportInput(constant.get_input_port(), "tau_cmd")
             builder.ExportOutput(constant.get_output_port(), "tau")

@@ -1,4 +1,4 @@
-"""Robots without shapes as they are drawn: rods, rings where axes meet, arrows along axes."""
+"""Drawings of robots without shapes: rods, rings where axes meet, arrows along axes."""
 
 from __future__ import annotations
 
@@ -16,21 +16,22 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.robot.robot import Robot
 
 JOINT, AXIS, BASE = (0.2, 0.3, 0.5, 1.0), (0.84, 0.47, 0.0, 1.0), (0.5, 0.5, 0.5, 1.0)
-"""Colours of joints, of their axes and of what stands, RGBA in 0..1."""
+"""Colours of joints, axes and the base, RGBA in 0..1."""
 LINKS = (0.62, 0.64, 0.66, 1.0), (0.42, 0.44, 0.47, 1.0)
-"""Colours of links, in turns."""
+"""Alternating colours of links, RGBA in 0..1."""
 
-_THICKEST, _SLENDER = 0.07, 0.024  # radius of a rod [m], and its share of the robot's size
-_SHORT = 0.03  # share of the robot's size: axes that are nearer meet
-_OF_ROD = 0.25  # most of the longest rod, for the radius of a ring on an arm
-_WIDER = 1.3  # radius of a ring over that of the next one within
+_MAX_ROD, _ROD_SHARE = 0.07, 0.024  # radius of a rod: limit [m], share of the robot's size [-]
+_MEETING = 0.03  # largest distance of axes that meet, over the robot's size [-]
+_MAX_RING_SHARE = 0.25  # largest radius of a ring on an arm, over the longest rod [-]
+_RING_RATIO = 1.3  # radius of a ring over that of the next inner one [-]
 _AROUND, _ACROSS = 48, 12  # corners of a ring
 
 
 class Part(NamedTuple):
-    """A shape at a pose in a link; "" is the world."""
+    """A shape at a pose in a link."""
 
     link: str
+    """Name of the link; "" for the world."""
     name: str
     shape: Shape
     pose: RigidTransform
@@ -39,29 +40,27 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Bones:
-    """Joints and links of a robot with all joints at 0, in the world.
-
-    Attributes:
-        links: that the joints carry.
-        poses: of these links.
-        origin: of the joints [m], shape (n, 3).
-        axis: of the joints, of length 1, shape (n, 3).
-        end: from each joint to the next, from the last to its link's centre of mass [m], shape
-            (n, 3).
-        gyration: largest radius of gyration of each link about its centre [m], shape (n,).
-    """
+    """The joints and links of a robot with all joints at 0, in world coordinates."""
 
     links: tuple[str, ...]
+    """Names of the links that the joints carry."""
     poses: tuple[RigidTransform, ...]
+    """Poses of these links."""
     origin: Array
+    """Origins of the joints [m], shape (n, 3)."""
     axis: Array
+    """Axes of the joints, length 1, shape (n, 3)."""
     end: Array
+    """Vector from each joint to the next, or to the last centre of mass [m], shape (n, 3)."""
     gyration: Array
+    """Largest radius of gyration of each link about its centre of mass [m], shape (n,)."""
 
     @property
     def size(self) -> float:
-        """How large the robot is [m]: the way from the world to the last centre of mass; the
-        largest link of a gimbal, which has next to no way."""
+        """Size of the robot [m]: length from the world to the last centre of mass.
+
+        For a gimbal, whose joints have hardly any distance, twice its largest radius of gyration.
+        """
         rods, links = np.linalg.norm(self.end, axis=1).sum(), self.gyration.max()
         way = np.linalg.norm(self.origin[0]) + rods
         return float(max(way, 2 * links * (rods < links / 4), 0.01))
@@ -69,11 +68,11 @@ class Bones:
     @property
     def rod(self) -> float:
         """Radius of rods [m]."""
-        return min(_THICKEST, _SLENDER * self.size)
+        return min(_MAX_ROD, _ROD_SHARE * self.size)
 
 
 def bones(robot: Robot) -> Bones:
-    """Measure a robot; bodies that are welded to each other are one link."""
+    """Return the joints and links of a robot; bodies welded to each other are one link."""
     plant, context = robot.plant, robot.context_at_zero()
     world, joints = plant.world_frame(), [plant.GetJointByName(name) for name in robot.joint_names]
     axis, origin = (
@@ -95,13 +94,13 @@ def bones(robot: Robot) -> Bones:
 
 
 def skeleton(robot: Robot) -> Iterator[Part]:
-    """Draw links as rods from joint to joint, and joints as drums, with an arrow along each axis.
+    """Yield the parts of a drawing: rods as links, drums as joints, an arrow along each axis.
 
-    A link whose next axis meets its own is a ring as large as its radius of gyration, as in a
-    gimbal; the last one is a plate then.
+    A link whose next axis meets its own is a ring of its radius of gyration, as in a gimbal. If it
+    is the last link, it is a plate.
     """
     own = bones(robot)
-    meets = np.linalg.norm(own.end, axis=1) < _SHORT * own.size
+    meets = np.linalg.norm(own.end, axis=1) < _MEETING * own.size
     radius = np.where(meets, _radii(own, meets), 0.0)
     foot = _short_of(own.origin[0], float(radius[0]))
     if np.any(foot):
@@ -121,10 +120,10 @@ _Piece = tuple[str, Shape, RigidTransform, tuple[float, ...]]
 
 
 def arrow(own: Bones, k: int, start: float) -> list[_Piece]:
-    """An arrow along the positive axis of joint k, `start` [m] off its origin."""
+    """Return an arrow along the positive axis of joint k, from `start` [m] off its origin."""
     shaft, tip = start + 0.14 * own.size, 0.06 * own.size
     a, b = own.origin[k] + np.outer([start, shaft], own.axis[k])
-    # A cone has its point at the origin and opens along +z.
+    # MeshcatCone: apex at the origin, open along +z.
     point = RigidTransform(RotationMatrix.MakeFromOneVector(-own.axis[k], 2), b + tip * own.axis[k])
     return [
         ("axis", *_between(a, b, own.rod / 4), AXIS),
@@ -133,7 +132,7 @@ def arrow(own: Bones, k: int, start: float) -> list[_Piece]:
 
 
 def _joint(own: Bones, meets: NDArray[np.bool_], radius: Array, k: int) -> list[_Piece]:
-    """A drum; or two pins, from the ring that carries the joint to the one that it carries."""
+    """Return a drum, or two pins from the outer ring to the ring that the joint carries."""
     origin, axis, hangs = own.origin[k], own.axis[k], bool(k and meets[k - 1])
     if not hangs and not (meets[k] and k < len(meets) - 1):
         half = 2 * own.rod * axis
@@ -146,7 +145,7 @@ def _joint(own: Bones, meets: NDArray[np.bool_], radius: Array, k: int) -> list[
 
 
 def _link(own: Bones, meets: NDArray[np.bool_], radius: Array, k: int) -> _Piece:
-    """A rod to the next joint, a ring through its axis, or the last plate."""
+    """Return a rod to the next joint, a ring through its axis, or a plate for the last link."""
     origin, axis, colour = own.origin[k], own.axis[k], LINKS[k % 2]
     if not meets[k]:
         end = _short_of(own.end[k], float(radius[k + 1]) if k + 1 < len(radius) else 0.0)
@@ -155,39 +154,39 @@ def _link(own: Bones, meets: NDArray[np.bool_], radius: Array, k: int) -> _Piece
         half = own.rod / 2 * axis
         return ("plate", *_between(origin - half, origin + half, radius[k]), colour)
     normal = np.cross(axis, own.axis[k + 1])
-    if np.linalg.norm(normal) < 1e-6:  # one axis
+    if np.linalg.norm(normal) < 1e-6:  # parallel axes
         normal = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     pose = RigidTransform(RotationMatrix.MakeFromOneVector(normal, 2), origin)
     return ("ring", _ring(radius[k], 0.6 * own.rod), pose, colour)
 
 
 def _radii(own: Bones, meets: NDArray[np.bool_]) -> Array:
-    """Radii of rings [m], each wider than the one within."""
+    """Return radii of rings [m], each larger than the next inner one."""
     longest = np.linalg.norm(own.end, axis=1).max()
-    most = _OF_ROD * longest if longest > _SHORT * own.size else np.inf
+    limit = _MAX_RING_SHARE * longest if longest > _MEETING * own.size else np.inf
     radii, within = np.zeros(len(meets)), 0.0
     for k in reversed(range(len(meets))):
-        radii[k] = within = max(min(own.gyration[k], most), _WIDER * within, 3 * own.rod)
+        radii[k] = within = max(min(own.gyration[k], limit), _RING_RATIO * within, 3 * own.rod)
         if k and not meets[k - 1]:
             within = 0.0
     return radii
 
 
 def _short_of(way: Array, radius: float) -> Array:
-    """A way [m] up to a ring around its end; 0 from within."""
+    """Return `way` [m] shortened to a ring of `radius` around its end; 0 from inside."""
     length = float(np.linalg.norm(way))
     return way * (1 - radius / length) if length > radius else 0 * way
 
 
 def _between(a: Array, b: Array, radius: float) -> tuple[Shape, RigidTransform]:
-    """A cylinder from a to b [m]."""
+    """Return a cylinder from a to b [m] and its pose."""
     length = float(np.linalg.norm(b - a))
     turned = RotationMatrix.MakeFromOneVector(b - a, 2) if length > 0 else RotationMatrix()
     return Cylinder(radius, max(length, 1e-6)), RigidTransform(turned, (a + b) / 2)
 
 
 def _ring(radius: float, thickness: float) -> Mesh:
-    """A torus about z, of a radius to the middle of its tube [m]."""
+    """Return a torus about z; `radius` is that of the tube's middle [m]."""
     u, w = np.meshgrid(*(np.arange(m) * 2 * np.pi / m for m in (_AROUND, _ACROSS)), indexing="ij")
     out = radius + thickness * np.cos(w)
     corners = np.stack([out * np.cos(u), out * np.sin(u), thickness * np.sin(w)], axis=-1)

@@ -20,34 +20,31 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """x' = A x + B u (or, sampled, x of the next period), y = C x + D u.
-
-    Attributes:
-        period: sampling period [s]; 0: continuous.
-    """
+    """A linear system: y = C x + D u with x' = A x + B u, or sampled x[i + 1] = A x[i] + B u[i]."""
 
     A: Array
     B: Array
     C: Array
     D: Array
     period: float = 0.0
+    """Sample period [s]; 0 for a continuous system."""
 
     @classmethod
     def of(cls, system: AffineSystem) -> StateSpace:
-        """The linear part of a linear or affine system of Drake's, its offsets left out."""
+        """Return the linear part of a linear or affine system of Drake, without offsets."""
         return StateSpace(system.A(), system.B(), system.C(), system.D(), system.time_period())
 
     def response(self, omega: Array) -> NDArray[np.complex128]:
-        """Frequency response at `omega` [rad/s], shape (len(omega), outputs, inputs)."""
+        """Return the frequency response at `omega` [rad/s], shape (len(omega), outputs, inputs)."""
         s = np.exp(1j * omega * self.period) if self.period else 1j * omega
         resolvent = s[:, None, None] * np.eye(len(self.A)) - self.A
         moving: NDArray[np.complex128] = self.C @ np.linalg.solve(resolvent, self.B + 0j)
         return moving + self.D
 
     def sampled(self, period: float) -> StateSpace:
-        """The system behind zero-order holds, at their samples.
+        """Return the system behind zero-order holds of `period` [s], at their samples.
 
-        Of a system that is sampled itself, `period` is a multiple of its own.
+        For a sampled system, `period` must be a multiple of its own.
         """
         if not self.period:
             continuous = LinearSystem(self.A, self.B, self.C, self.D)
@@ -58,9 +55,9 @@ class StateSpace:
         return StateSpace(A, B, self.C, self.D, period)
 
     def fed_back(self, outputs: slice, inputs: slice) -> StateSpace:
-        """The system with outputs connected to as many inputs, which are then gone.
+        """Return the system with `outputs` connected to `inputs`, which are removed.
 
-        No such input may reach such an output at once.
+        None of these inputs may have direct feedthrough to these outputs.
         """
         C, D = self.C[outputs], np.delete(self.D[outputs], inputs, axis=1)
         into, at_once = self.B[:, inputs], self.D[:, inputs]
@@ -73,9 +70,9 @@ class StateSpace:
         )
 
     def by_differences(self, n: int) -> StateSpace:
-        """The system with outputs n to 2n replaced by differences of the first n per period.
+        """Return the system with outputs n to 2n replaced by differences of the first n per period.
 
-        It has n states more, the last: those outputs at the sample before.
+        It has n additional states at the end: the first n outputs at the previous sample.
         """
         first, none = self.C[:n], np.zeros((len(self.A), n))
         C = np.hstack([self.C, np.zeros((len(self.C), n))])
@@ -84,18 +81,18 @@ class StateSpace:
         return StateSpace(A, np.vstack([self.B, self.D[:n]]), C, self.D, self.period)
 
     def between(self) -> StateSpace:
-        """The system without the states that no input reaches or no output shows."""
+        """Return the system without uncontrollable and unobservable states (structurally)."""
         x = self.is_between()
         return replace(self, A=self.A[np.ix_(x, x)], B=self.B[x], C=self.C[:, x])
 
     def is_between(self) -> NDArray[np.bool_]:
-        """Whether an input reaches a state, and an output shows it, by what is 0 in A, B, C."""
+        """Return True for states on a path from an input to an output, by A, B, C != 0."""
         n = len(self.A)
         leads = np.linalg.matrix_power((self.A != 0) | np.eye(n, dtype=bool), n)  # column to row
         return (leads @ (self.B != 0).any(axis=1)) & ((self.C != 0).any(axis=0) @ leads)
 
     def modes(self) -> NDArray[np.complex128]:
-        """Eigenvalues [1/s]; of a sampled system, the continuous ones that they stand for."""
+        """Return the eigenvalues [1/s]; for a sampled system, their continuous equivalents."""
         eigenvalues = np.linalg.eigvals(self.A).astype(complex)
         if not self.period:
             return eigenvalues
@@ -103,9 +100,10 @@ class StateSpace:
             return np.log(eigenvalues) / self.period
 
     def step(self, duration: float, samples: int) -> tuple[Array, Array]:
-        """Outputs after a step of the one input: time [s] (N + 1,) and y (N + 1, outputs).
+        """Return time [s], (N + 1,), and outputs, (N + 1, outputs), after a step of the one input.
 
-        N is `samples`; of a sampled system less, if it has fewer periods, or up to twice as many.
+        N is `samples`. For a sampled system it is the number of periods if that is smaller, and may
+        be up to twice `samples`.
         """
         system = self if self.period else self.sampled(duration / samples)
         every = max(1, round(duration / system.period) // samples)
@@ -123,18 +121,20 @@ class StateSpace:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(Shown, StateSpace):
-    """A closed loop in state space, with names; speeds, angles and their references joint side,
-    torques motor side.
+    """A closed loop in state space, with names `name_k` for joint k.
 
-    Attributes:
-        states, inputs, outputs: names, `name_k` for joint k.
+    Speeds, angles and their references are joint side, torques motor side.
     """
 
     states: tuple[str, ...] = ()
+    """Names of the states."""
     inputs: tuple[str, ...] = ()
+    """Names of the inputs."""
     outputs: tuple[str, ...] = ()
+    """Names of the outputs."""
 
     def summary(self) -> Summary:
+        """Return the numbers and names of states, inputs and outputs."""
         kind = f"sampled every {1000 * self.period:.6g} ms" if self.period else "continuous"
         rows = []
         for part in ("states", "inputs", "outputs"):
@@ -144,10 +144,10 @@ class LinearModel(Shown, StateSpace):
         return Summary(kind, ("", "number", "names"), rows)
 
     def to_control(self) -> control.StateSpace:
-        """The model as a StateSpace of python-control, with the same names.
+        """Return the model as a StateSpace of python-control, with the same names.
 
         Raises:
-            InputError: where that is not installed.
+            InputError: if python-control is not installed.
         """
         with needing("to_control needs python-control", "sdt_drake[exchange]"):
             import control

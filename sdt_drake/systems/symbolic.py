@@ -14,12 +14,20 @@ TIME = Variable("t")
 
 
 class SymbolicLaw(Diagram):
-    """Vector inputs, one vector output, and if need be a continuous state.
+    """A block of vector inputs, one vector output and an optional continuous state, by formulas.
 
         dx/dt = rates(x, *inputs),    output = law(x, *inputs)
 
-    Both are called once, with arrays of symbols, without x where there is no state. It does not
-    sample, and knows no time but `self.time`, the symbol t, where `timed`.
+    Both functions are called once, with arrays of symbols (without x if there is no state); they
+    return expressions. The block is continuous.
+
+    Args:
+        inputs: lengths of the inputs by name.
+        output: name of the output.
+        law: function that returns the output.
+        rates: function that returns the derivatives of the states.
+        states: number of states.
+        timed: True if `law` or `rates` use the time, the symbol `self.time`.
     """
 
     time = TIME
@@ -34,7 +42,6 @@ class SymbolicLaw(Diagram):
         states: int = 0,
         timed: bool = False,
     ) -> None:
-        """Inputs by name with their lengths; `rates` of `states` states, none by default."""
         super().__init__()
         builder = DiagramBuilder()
         add_law(builder, inputs, output, law, rates=rates, states=states, timed=timed)
@@ -51,12 +58,12 @@ def add_law(
     states: int = 0,
     timed: bool = False,
 ) -> None:
-    """Add the blocks of a `SymbolicLaw`, and export its ports."""
+    """Add the blocks of a `SymbolicLaw` to a builder and export its ports."""
     signals = [np.array([Variable(f"{i}_{k}") for k in range(n)]) for i, n in inputs.items()]
-    # Drake 1.51 aborts on a system of this kind without state in a continuous diagram.
+    # At least one state: without it Drake 1.51 aborts in a continuous diagram.
     x = np.array([Variable(f"x_{k}") for k in range(max(states, 1))])
     arguments = [x, *signals] if states else signals
-    with np.errstate(invalid="ignore"):  # numpy takes symbols for invalid numbers
+    with np.errstate(invalid="ignore"):  # numpy warns of symbols as invalid numbers
         system = SymbolicVectorSystem(
             time=TIME if timed else None,
             state=x,

@@ -9,19 +9,18 @@ from sdt_drake.io.errors import checked_positive
 
 
 class TorqueLoop(Diagram):
-    """What the motors make of the torque that they should give.
+    """The torque loop of the drives: from commanded to real motor torque.
 
         T dtau/dt = (1 + error) tau_limited - tau,    T = 1 / (2 pi bandwidth)
 
-    Torques motor side [N m]. Without a bandwidth it does not lag, without an error it is exact.
-    State, where it lags: the torque over 100 times its limit. It does not limit the torques.
+    Torques are motor side [N m] and not limited. State, if there is a bandwidth: the torque over
+    100 times its limit.
 
     Args:
         motor_torque_limit: largest torque of the motors, motor side [N m], shape (n,), > 0; the
-            size of the signal.
-        bandwidth: frequency at which the gain has fallen by 3 dB [Hz], > 0; infinite by
-            default.
-        error: share of the torque [-], shape (n,); 0 by default.
+            scale of the state.
+        bandwidth: frequency at a gain of -3 dB [Hz], > 0; unlimited by default.
+        error: relative error of the torque [-], shape (n,); 0 by default.
 
     .. pydrake_system::
 
@@ -42,8 +41,8 @@ class TorqueLoop(Diagram):
         limit = checked_positive(motor_torque_limit, "motor_torque_limit")
         gain = np.ones(len(limit)) if error is None else 1 + np.asarray(error)
         self._lag = None
-        # An error-controlled integrator takes 1 N m as seriously as 1 rad/s. In units of 100 limits
-        # the torque is good to 1e-3 of the limit while it settles, the speeds to 1e-5.
+        # Error control treats 1 N m like 1 rad/s. In units of 100 limits the torque is accurate to
+        # 1e-3 of the limit while it settles, and the speeds to 1e-5.
         self._unit = 100 * limit
         if bandwidth is None:
             first = last = builder.AddNamedSystem("gain", Gain(gain))
@@ -59,7 +58,7 @@ class TorqueLoop(Diagram):
         builder.BuildInto(self)
 
     def rest(self, context: Context, tau: ArrayLike) -> None:
-        """Start with motors that give `tau` [N m], motor side, shape (n,)."""
+        """Set the torque of the motors to `tau` [N m], motor side, shape (n,)."""
         if self._lag is not None:
             lag = self.GetMutableSubsystemContext(self._lag, context)
             lag.SetContinuousState(np.asarray(tau) / self._unit)

@@ -1,4 +1,4 @@
-"""Wiring by name: a signal has one name, and goes to every input of that name."""
+"""Wiring by name: an output is connected to every input of the same name."""
 
 from __future__ import annotations
 
@@ -17,23 +17,32 @@ from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 from sdt_drake.io.errors import InputError
 
 Aliases = Mapping[tuple[str, str], str]
-"""Names of signals, by the names of a system and of its port."""
+"""Names of signals by (system, port), for ports of another name than their signal."""
 
 
 def connect_by_name(
     builder: DiagramBuilder, aliases: Aliases | None = None
 ) -> dict[str, OutputPort]:
-    """Connect every free input to the output of its name; one without becomes that of the diagram.
+    """Connect every free input to the output of its name; export inputs without one.
 
     Args:
-        builder: with all systems, each named.
-        aliases: signals of the ports, inputs or outputs, whose own name is another.
+        builder: builder with all systems, each named.
+        aliases: names of signals that differ from the name of their port, by (system, port).
 
     Returns:
-        The outputs by the names of their signals.
+        Outputs by the names of their signals.
 
     Raises:
-        InputError: for two outputs of one name, or an input that its signal does not fit in length.
+        InputError: if two outputs have one name, or an input another length than its signal.
+
+    >>> from pydrake.systems.primitives import Adder, Gain
+    >>> builder = DiagramBuilder()
+    >>> double = builder.AddNamedSystem("double", Gain(2.0, 1))
+    >>> total = builder.AddNamedSystem("total", Adder(2, 1))
+    >>> aliases = {("double", "u0"): "x", ("total", "u0"): "x", ("total", "u1"): "y0"}
+    >>> signals = connect_by_name(builder, aliases)
+    >>> list(signals), builder.Build().num_input_ports()
+    (['y0', 'sum'], 1)
     """
     aliases = aliases or {}
     owners: dict[str, str] = {}
@@ -44,7 +53,7 @@ def connect_by_name(
             name = aliases.get((block, output.get_name()), output.get_name())
             if name in outputs:
                 raise InputError(
-                    f"signal '{name}': an output of {owners[name]} and of {block}, expected one"
+                    f"signal '{name}': output of {owners[name]} and of {block}, expected only one"
                 )
             outputs[name], owners[name] = output, block
     exported = set[str]()
@@ -68,13 +77,17 @@ def connect_by_name(
 def add_logs(
     builder: DiagramBuilder, signals: Mapping[str, OutputPort], period: float | None
 ) -> dict[str, VectorLogSink]:
-    """Log each signal every `period` [s], or at the ends of the integrator's steps if it is None:
-    sinks by the names of signals, one for each port.
+    """Add logs and return their sinks by the names of the signals, one sink for each port.
 
-    A log at an instant sees the values from before the updates at that instant: continuous
-    signals at t, held ones and what follows from them at t-.
+    A log contains the values before the updates at its instant: continuous signals at t, held
+    signals and their consequences at t-.
+
+    Args:
+        builder: builder of the diagram.
+        signals: outputs by name.
+        period: period of the log [s]; None logs at the integrator's steps.
     """
-    sinks: dict[OutputPort, VectorLogSink] = {}  # each costs time at every instant of the log
+    sinks: dict[OutputPort, VectorLogSink] = {}  # one per port, as each sink costs time
     for name, port in signals.items():
         if port not in sinks:
             when = TriggerType.kPerStep if period is None else TriggerType.kPeriodic
@@ -84,7 +97,7 @@ def add_logs(
 
 
 def systems_in(system: System) -> Iterator[System]:
-    """The system itself and, if it is a diagram, all systems in it, however deep."""
+    """Yield a system and, if it is a diagram, all nested systems."""
     yield system
     if isinstance(system, Diagram):
         for inner in system.GetSystems():
@@ -92,13 +105,14 @@ def systems_in(system: System) -> Iterator[System]:
 
 
 def blocks_of(system: System) -> list[System]:
-    """The systems that a loop or another system consists of in the end, without logs."""
+    """Return the innermost systems of a system, without logs."""
     inner = [s for s in systems_in(system) if not isinstance(s, Diagram)]
     return [s for s in inner if not s.get_name().startswith("log.")]
 
 
 def _check_length(block: str, port: InputPort, signal: OutputPort) -> None:
+    """Raise InputError if an input and its signal differ in length."""
     if port.size() != signal.size():
         raise InputError(
-            f"{block}: input '{port.get_name()}' of length {port.size()}, expected {signal.size()}"
+            f"{block}: input '{port.get_name()}' has length {port.size()}, expected {signal.size()}"
         )

@@ -115,7 +115,7 @@ def test_a_robot_without_these_joints_gets_the_reason_for_each(good, desk):
     [
         (["graveyrd_spin"], ["graveyrd_spin: no such motion", "graveyard_spin"]),
         (["nowhere.yaml"], ["nowhere.yaml: no such file"]),
-        (["bad.yaml"], ["bad.yaml: tracks[1].segments[2].at: overlap, 2 s", "3 s"]),
+        (["bad.yaml"], ["bad.yaml: tracks[1].segments[2].at: 2 s, expected at least 3 s", "3 s"]),
         (["leans", "--robot", "arm.sdf"], ["leans.yaml: tracks[1].resultant.spin: ", "elbow"]),
         (["folder.yaml/table.csv"], ["table.csv: is a table, expected a motion"]),
         (["empty.yaml"], ["empty.yaml: empty, expected a mapping with", "tracks"]),

@@ -201,8 +201,8 @@ def test_a_joint_that_is_not_back_on_its_command_at_the_end_is_refused(robot):
     calm = dataclasses.replace(robot, acceleration_limit=np.array([0.3, 9, 9, 9]))
     with pytest.raises(
         InputError,
-        match=r"joint 1 'planetary' ends at 0\.6 rad/s, commanded is 1\.6 rad/s; its largest "
-        r"acceleration, 0\.3 rad/s², does not bring it back in time",
+        match=r"joint 1 'planetary' ends at 0\.6 rad/s, commanded is 1\.6 rad/s; its acceleration "
+        r"limit, 0\.3 rad/s²",
     ):
         plan_motion(calm, spin_up())
 

@@ -221,7 +221,7 @@ def test_sign_and_radius_come_from_the_robot(loaded):
     [
         ({"planetary__xyz": "0 0.1 1"}, "resultant.spin: the axis of 'planetary' is not vertical"),
         ({"roll__xyz": "1 0 0"}, "resultant.align: the axis of 'roll' is not along the path"),
-        ({"roll__pose": "0 0 1 0 0 0"}, "resultant.align: 'planetary' does not carry 'roll' aro"),
+        ({"roll__pose": "0 0 1 0 0 0"}, "resultant.align: 'roll' is not on an arm of 'planetary'"),
     ],
 )
 def test_robots_that_cannot_make_or_align_g_are_refused(loaded, change, message):

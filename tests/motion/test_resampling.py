@@ -105,7 +105,7 @@ def test_a_coarse_period_that_loses_a_swing_is_refused_with_joint_and_time(write
     [
         ("time,v_ref_1\n0,0\n0.2,1\n0.2,0\n", "line 4: time goes from 0.2 to 0.2 s, expected a gr"),
         ("time,v_1\n0,0\n0.1,0\n", "neither v_ref_1 nor q_ref_1"),
-        ("time,v_ref_1,q_ref_1,q_ref_2\n0,0,0,0\n1,0,0,0\n", "differ in their number of joints"),
+        ("time,v_ref_1,q_ref_1,q_ref_2\n0,0,0,0\n1,0,0,0\n", "2 column.s. q_ref_k and 1 v_ref_k"),
         ("time,v_ref_1\n0,0\n1e9,0\n", "expected at least a 1000000th of"),
     ],
 )

@@ -289,7 +289,7 @@ def test_a_stop_on_the_path_is_refused(robot):
     ("plan", "said"),
     [
         (plan_motion, r" at 0\.000 s needs torque {} N m, available ±3 N m"),
-        (retime, r", where it is commanded at 0\.000 s, needs torque {} N m to hold its links, "
+        (retime, r", at its command of 0\.000 s, needs torque {} N m to hold its links, "
          "available ±3 N m"),
     ],
 )  # fmt: skip
@@ -303,7 +303,7 @@ def test_a_motor_that_cannot_hold_its_link_is_refused(tmp_path, plan, said):
 @pytest.mark.parametrize("when, speeds", [("start", (1.0, -1.0)), ("end", (0.0, 1.0))])
 def test_a_command_that_starts_or_ends_too_hard_in_motion_is_refused(robot, when, speeds):
     with pytest.raises(
-        InputError, match=rf"'alone' refused: its {when} is commanded in motion, there joint 1 .* N"
+        InputError, match=rf"'alone' refused: at its {when}, in motion, joint 1 .* N"
     ):
         retime(robot, alone(knots([0, speeds[0]], [1, speeds[1]])), torque_margin=0.05)
 

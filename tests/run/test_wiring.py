@@ -239,7 +239,7 @@ def test_a_controller_of_ones_own_has_all_that_shipped_ones_have(designed, plant
     ("ports", "message"),
     [
         ({"state": ("speed", 8)}, r"^controller \(class Own\): an input 'speed', expected "),
-        ({"state": ("state", 4)}, "^controller: input 'state' of length 4, expected 8$"),
+        ({"state": ("state", 4)}, "^controller: input 'state' has length 4, expected 8$"),
         (
             {"output": ("torque", 4)},
             r"^controller \(class Own\): outputs: torque of length 4, expected tau_cmd",

@@ -110,7 +110,7 @@ def test_works_alone_in_any_builder(name, robot, meshcat):
         ("DynamicSaturation", {"n1": [1.0] * N}, "n1, n0: one is missing, expected both"),
         ("ElasticJoints", {"gear_ratio": [1.0]}, "gear_ratio: .* list of 3"),
         ("Encoder", {"period": 0}, "period: 0, expected a finite number > 0"),
-        ("Encoder", {"resolution": [5.0] * N}, "gear_ratio: missing, expected with a resolution"),
+        ("Encoder", {"resolution": [5.0] * N}, "gear_ratio: missing, required with a resolution"),
         ("GainSchedule", {"n": "3"}, "n: '3', expected a whole number"),
         ("InverseDynamicsController", {"zeta": [1.0]}, "zeta: .* list of 4"),
         ("JointFriction", {"gear_ratio": [1.0]}, "gear_ratio: .* list of 3"),

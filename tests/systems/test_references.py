@@ -134,17 +134,17 @@ def test_signals_go_to_all_inputs_of_their_name_and_what_no_output_has_comes_fro
         (
             {"one": Gain(2.0, 1), "other": Gain(3.0, 1)},
             {},
-            "signal 'y0': an output of one and of other, expected one",
+            "signal 'y0': output of one and of other, expected only one",
         ),
         (
             {"one": Gain(2.0, 1), "other": PassThrough(1)},
             {("other", "y"): "y0"},
-            "signal 'y0': an output of one and of other, expected one",
+            "signal 'y0': output of one and of other, expected only one",
         ),
         (
             {"one": Gain(2.0, 1), "other": PassThrough(3)},
             {("other", "u"): "y0"},
-            "other: input 'u' of length 3, expected 1",
+            "other: input 'u' has length 3, expected 1",
         ),
     ],
     ids=["same name", "same alias", "length"],
