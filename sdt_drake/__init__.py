@@ -1,19 +1,20 @@
 """Motion control of spatial disorientation trainers, as Drake systems diagrams.
 
-What one needs every day is here, and loaded when it is asked for:
+This module offers the functions and classes of daily use and imports each at its first use:
 
     import sdt_drake as sdt
 
-    design = sdt.design(sdt.load("package://sdt/scenarios/coupled_pi_ctc.yaml"))
+    design = sdt.design(sdt.load("coupled_pi_ctc"))
     run = sdt.simulate(design)
     print(sdt.track(run, design.motion).max_abs_speed_error)  # [rad/s], joint side
 
-Its packages, from the bottom up: `io` (files), `robot` (SDF, dynamics), `motion` (profiles and
+The packages, from the bottom up: `io` (files), `robot` (SDF, dynamics), `motion` (profiles and
 planners), `systems` (Drake blocks), `run` (scenario, design, loop, simulation), `analysis` (numbers
-of runs), `studies` (many runs), `machine` (the real one), `show` (figures, reports), `cli`.
+of runs), `studies` (many runs), `machine` (the real machine), `show` (figures, reports), `cli`
+(commands).
 """
 
-TYPE_CHECKING = False  # as `typing` has it, whose import would take half of ours
+TYPE_CHECKING = False  # importing it from `typing` would double the time of our own import
 if TYPE_CHECKING:
     from sdt_drake.analysis.comparison import compare
     from sdt_drake.analysis.linear import linear

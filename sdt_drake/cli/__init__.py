@@ -1,6 +1,6 @@
-"""The commands of `sdt-drake`, each a module.
+"""The commands of `sdt-drake`, one module each.
 
-The docstring of its `run` is its help, with an example; the parameters are its options.
+The docstring of the module's `run` is the help text, its parameters are the options.
 """
 
 COMMANDS = (
@@ -8,4 +8,4 @@ COMMANDS = (
     "simulate", "compare", "pilot", "excite", "identify", "replay", "view", "budget", "bode",
     "stability", "study", "size", "learn", "fly", "diagram", "reference",
 )  # fmt: skip
-"""In the order of --help."""
+"""The names of the commands, in the order of --help."""

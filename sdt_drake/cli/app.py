@@ -25,20 +25,19 @@ BAD_INPUT, FAULT, INTERRUPTED = 2, 70, 130
 
 _HELP = """Motion control of spatial disorientation trainers, in Drake.
 
-What a command works on stands alone: a SCENARIO, MOTION, RECORDING or ROBOT; what it needs beside \
-that follows the name of an option: --scenario, --robot, --drive, --study. With --traceback any \
-command shows where a fault of the program is.
+Name the SCENARIO, MOTION, RECORDING or ROBOT first; pass further files with options: --scenario, \
+--robot, --drive, --study. Add --traceback to any command to see where an internal error occurred.
 
 example: sdt-drake reproduce --out out
 """
 
-_COMPLETION = "Let Tab complete commands, options and names."
+_COMPLETION = "Install completion of commands, options and names by the Tab key."
 
-_LONGEST = 1000  # letters of a line about an error
+_MAX_LINE = 1000  # characters of a printed error
 
 
 def commands(name: str = "") -> App:
-    """The commands with their options; all are imported now if the named one is none of them."""
+    """Make the app with its commands; import them all at once unless `name` is one of them."""
     from cyclopts.help import DefaultFormatter, PanelSpec
     from rich.box import ROUNDED, SIMPLE
 
@@ -47,7 +46,7 @@ def commands(name: str = "") -> App:
         name="sdt-drake",
         help=_HELP,
         version=f"sdt-drake {sdt_drake.__version__}",
-        help_format="plaintext",  # Markdown would take a fifth of the time
+        help_format="plaintext",  # Markdown would add a fifth to the time of --help
         console=console,
         help_formatter=DefaultFormatter(panel_spec=PanelSpec(box=box)),
         default_parameter=Parameter(negative=()),
@@ -58,7 +57,7 @@ def commands(name: str = "") -> App:
         path = f"sdt_drake.cli.{command}:run"
         app.command(path, name=command, sort_key=k, help_format="markdown")
         if name not in (*COMMANDS, "--version"):
-            app[command]  # now, for its help
+            app[command]  # imports it, for its line in --help
     if name not in COMMANDS:
         app.register_install_completion_command(help=_COMPLETION)
     return app
@@ -68,8 +67,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command of the command line.
 
     Returns:
-        The exit code: 0; 1 if runs of a study failed; after one line 2 for bad input, and 70 for
-        what nobody foresaw; 130 if interrupted.
+        The exit code: 0 for success; 1 if failed runs leave a study without an answer; 2 for bad
+        input and 70 for an internal error, both with one line on stderr; 130 if interrupted.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
     _prepare_streams()
@@ -83,20 +82,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = INTERRUPTED
     except CycloptsError as error:
         prog = " ".join(["sdt-drake", *(name for name in arguments[:1] if name in COMMANDS)])
-        told = f"{error}"
-        told = told if told.endswith("...") else told.removesuffix(".")
-        code, lines = BAD_INPUT, [f"{told} (see {prog} --help)"]
+        text = f"{error}"
+        text = text if text.endswith("...") else text.removesuffix(".")
+        code, lines = BAD_INPUT, [f"{text} (see {prog} --help)"]
     except InputError as error:
         code, lines = BAD_INPUT, error.lines
-    except (BrokenPipeError, SystemExit):  # as rich ends then
-        pass  # whoever reads us has enough
+    except (BrokenPipeError, SystemExit):  # rich raises SystemExit for a closed pipe
+        pass  # the reader of our output has ended
     except OSError as error:
         code, lines = BAD_INPUT, [f"{error.filename or 'output'}: {error.strerror or error}"]
     except Exception as error:
         if "--traceback" in arguments:
             traceback.print_exc()
-        fault = f"fault of the program, {type(error).__name__} ({error})"
-        where = f"sdt-drake {shlex.join(arguments)}; --traceback shows where"
+        fault = f"internal error, {type(error).__name__} ({error})"
+        where = f"sdt-drake {shlex.join(arguments)}; add --traceback to see where"
         code, lines = FAULT, [f"{fault}, in: {where}"]
     for line in lines:
         _print_error(line)
@@ -118,21 +117,23 @@ def _run(arguments: Sequence[str]) -> int:
         with asking(_ask), trusting(bool(bound.arguments.get("trust"))):
             code: int | None = command(*bound.args, **bound.kwargs)
         sys.stdout.flush()
-    for warning in caught:  # of libraries; where something went wrong, the error says it better
+    for warning in caught:  # of libraries; after an error they are left out
         _print_error(f"warning: {warning.message}")
     return code or 0
 
 
 def _ask(path: str, digest: str) -> bool:
-    """Whether a Python file may be run: as was answered before, or on a terminal is answered now;
-    the answer is kept."""
+    """Return whether a Python file may be run: from a stored answer, or ask on a terminal.
+
+    The answer "yes" is stored for files with this digest.
+    """
     if is_kept(path, digest):
         return True
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         return False
     bar.end()
     print(_printable(path), f"SHA-256 {digest}", sep="\n", file=sys.stderr)
-    print("is Python that would be run. Trust it? [y/N] ", end="", file=sys.stderr, flush=True)
+    print("This Python file would be run. Trust it? [y/N] ", end="", file=sys.stderr, flush=True)
     trusted = sys.stdin.readline().strip().lower() in ("y", "yes")
     if trusted:
         keep(path, digest)
@@ -145,9 +146,11 @@ def _check_surroundings(is_shown: bool) -> None:
         if is_shown:
             import matplotlib
         else:
-            os.environ["MPLBACKEND"] = "agg"  # whatever a notebook has set: no screen is needed
+            os.environ["MPLBACKEND"] = "agg"  # no screen is needed, also in a notebook
     except FileNotFoundError:
-        raise InputError("the current folder is gone, expected one that is there") from None
+        raise InputError(
+            "the current folder does not exist any more, change to another one"
+        ) from None
     except ValueError as error:
         raise InputError(f"$MPLBACKEND: {error}") from None
 
@@ -155,19 +158,21 @@ def _check_surroundings(is_shown: bool) -> None:
 def _prepare_streams() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")  # a terminal that lacks a letter is no error
-    logging.basicConfig(format="%(message)s")  # before Drake does so, with names of loggers
-    # Drake also logs what it raises. (It sets the logger's level itself, when it is imported.)
+            stream.reconfigure(errors="replace")  # for characters that a terminal lacks
+    logging.basicConfig(format="%(message)s")  # otherwise Drake sets one with names of loggers
+    # Drake logs the errors that it raises, too, and resets the level of its logger when imported.
     logging.getLogger("drake").addFilter(lambda record: False)
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # no folder for its cache, for one
+    logging.getLogger("matplotlib").setLevel(
+        logging.ERROR
+    )  # no warning about a missing cache folder
 
 
 def _print_error(message: str) -> None:
-    """One line, which fits into a terminal and does nothing to it."""
+    """Print one line to stderr, shortened and without control characters."""
     text = " ".join(message.split())
-    if len(text) > _LONGEST:
-        text = f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
-    with contextlib.suppress(OSError):  # a full disk, for one; the exit code tells
+    if len(text) > _MAX_LINE:
+        text = f"{text[: _MAX_LINE // 2]} ... {text[-_MAX_LINE // 2 :]}"
+    with contextlib.suppress(OSError):  # a full disk, for example; the exit code remains
         bar.end()
         print(f"sdt-drake: {_printable(text)}", file=sys.stderr)
 

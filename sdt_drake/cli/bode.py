@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import sdt_drake as sdt
 from sdt_drake.cli import common
 from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust, number
 from sdt_drake.cli.printing import print_joints, say
 from sdt_drake.io.results import RESULT_TABLES
+
+if TYPE_CHECKING:
+    from sdt_drake.analysis.frequency_response import FrequencyResponse
+    from sdt_drake.robot.robot import Robot as RobotModel
 
 
 def run(
@@ -21,14 +25,14 @@ def run(
     changes: Changes = (),
     trust: Trust = False,
 ) -> None:
-    """Tell the frequency response of each joint's loop: bandwidth, margins, peak.
+    """Compute the frequency response of each joint's loop: bandwidth, margins, peak.
 
     example: sdt-drake bode coupled_pi --out bode.png
 
     Args:
-        time: linearise where the motion is at that time [s] (default: for each joint where its
+        time: time of the motion at which to linearise [s] (default: for each joint where its
             inertia is largest for the first time)
-        out: the responses (.csv, .json), or a figure of them (.png, .svg, .pdf)
+        out: file for the responses (.csv, .json), or for a figure of them (.png, .svg, .pdf)
     """
     from sdt_drake.analysis.frequency_response import left_out
 
@@ -38,18 +42,20 @@ def run(
         response = sdt.bode(design, time=time)
     chosen = design.scenario
     title = f"{chosen.name}: {chosen.controller.label}"
-    say(f"{title} on the {chosen.plant.kind} plant")
+    say(f"{chosen.summary().title}: {_verdict(response, design.robot)}")
     print_joints(design.robot.joint_names, response.columns())
-    cut = f"the loop cut at {response.cut}"
+    cut = f"the loop is cut at {response.cut}"
     if response.at_positions:
         cut += f", sampled every {design.motion.period:g} s"
-    say(f"speed of the link over its reference, without feedforward; {cut}")
+    say(f"The response is the link's speed over its reference, without feedforward; {cut}.")
     times = design.motion.time[response.sample]
     if time is None:
         joints = ", ".join(f"{t:.3f}" for t in times)
-        say(f"linear at rest on the motion, where each joint's inertia is largest, at {joints} s")
+        say(f"Each joint is linearised at rest where its inertia is largest, at {joints} s.")
     else:
-        say(f"linear at rest where the motion is at {times[0]:.3f} s")
+        say(
+            f"All joints are linearised at rest, with the angles of the motion at {times[0]:.3f} s."
+        )
     for clause in left_out(design, response):
         say(f"note: {clause}")
     common.deliver(
@@ -58,3 +64,26 @@ def run(
         lambda: sdt.plots.bode(title, response, design.robot.joint_names),
         response.results(title).write,
     )
+
+
+def _verdict(response: FrequencyResponse, robot: RobotModel) -> str:
+    """Return whether the loops are stable, with the smallest margins and bandwidth."""
+    import numpy as np
+
+    if not response.stable.all():
+        joints = ", ".join(robot.joint(k) for k in np.flatnonzero(~response.stable).tolist())
+        return f"unstable: {joints}"
+    said = ["stable"]
+    gain = 20 * np.log10(response.gain_margin)
+    for name, values, unit in (
+        ("phase margin", response.phase_margin, "deg"),
+        ("gain margin", gain, "dB"),
+        ("bandwidth", response.bandwidth, "rad/s"),
+    ):
+        if np.isinf(values).all():
+            said.append(f"{name} unlimited")
+        elif not np.isnan(values).all():
+            k = int(np.nanargmin(values))
+            hertz = f" = {values[k] / (2 * np.pi):.3g} Hz" if unit == "rad/s" else ""
+            said.append(f"smallest {name} {values[k]:.4g} {unit}{hertz} ({robot.joint(k)})")
+    return ", ".join(said)

@@ -25,12 +25,12 @@ def run(
     changes: Changes = (),
     trust: Trust = False,
 ) -> None:
-    """Split the speed error of an axis scenario into its causes.
+    """Split the speed error of a scenario on the axis plant into its causes.
 
     example: sdt-drake budget axis_pi_ctc --out budget.png
 
     Args:
-        out: the parts (.csv, .json), or a figure of them (.png, .svg, .pdf)
+        out: file for the parts (.csv, .json), or for a figure of them (.png, .svg, .pdf)
     """
     import numpy as np
 
@@ -42,8 +42,16 @@ def run(
         budget = error_budget(design)
     signals = {"whole": budget.whole, **budget.parts, "remainder": budget.remainder}
     names = design.robot.joint_names
-    say(f"{design.scenario.name}: RMS of the speed error and of its parts [rad/s]; in brackets the")
-    say("largest. The parts add up to the whole at every instant; their sizes do not.")
+    rms = {name: np.sqrt(np.mean(values**2, axis=0)) for name, values in signals.items()}
+    k = int(rms["whole"].argmax())
+    cause = max((name for name in signals if name != "whole"), key=lambda name: float(rms[name][k]))
+    say(
+        f"{design.scenario.name}: the speed error is largest at {design.robot.joint(k)}, "
+        f"{rms['whole'][k]:.2g} rad/s RMS; its largest part is the {cause}, "
+        f"{rms[cause][k]:.2g} rad/s"
+    )
+    say("RMS of the speed error and of its parts [rad/s]; the largest values are in brackets.")
+    say("The parts add up to the whole at every instant, but their RMS and largest values do not.")
 
     def size(error: Array) -> str:
         return f"{np.sqrt(np.mean(error**2)):.2g} ({np.abs(error).max():.2g})"
@@ -56,7 +64,7 @@ def run(
     columns = {name.replace(" ", "_"): values for name, values in signals.items()}
     about = {
         "title": title,
-        "rms": {x: np.sqrt(np.mean(values**2, axis=0)) for x, values in columns.items()},
+        "rms": dict(zip(columns, rms.values(), strict=True)),
         "largest": {x: np.abs(values).max(axis=0) for x, values in columns.items()},
     }
     units = dict.fromkeys(columns, "rad/s")

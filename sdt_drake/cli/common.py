@@ -1,4 +1,4 @@
-"""What the commands share: types of their options, files to write, errors that name options."""
+"""Parts that commands share: types of options, checks of output files, errors that name options."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from sdt_drake.robot.robot import Robot as RobotModel
     from sdt_drake.run.design import Design
 
-# The heavy imports stand in the functions that run: --help and --version answer at once.
+# Heavy imports are inside functions, so that --help and --version are fast.
 
 MOTION = "reference"
 ROBOT = "sdt"
@@ -34,25 +34,29 @@ ROBOT = "sdt"
 
 
 def _path(_: object, tokens: Sequence[Token]) -> Path:
-    """A path to write to, where ~ is what the shell takes it for."""
+    """Convert an option's value to a path to write to; expand ~ as shells do."""
     text = tokens[0].value
-    if not text:  # which Python takes for the folder we are in
+    if not text:  # for Python the current folder
         raise ValueError("empty, expected a path")
     try:
         return checked_name(text).expanduser()
-    except RuntimeError as error:  # ~nobody
+    except InputError as error:
+        raise ValueError(f"{error}") from None
+    except RuntimeError as error:  # an unknown user in ~user
         raise ValueError(f"{text}: {error}") from None
 
 
 def _changes(_: object, tokens: Sequence[Token]) -> tuple[tuple[str, Any], ...]:
-    """Dotted names of fields, and their values."""
+    """Convert all --set options to dotted field names and values."""
     from sdt_drake.io.yaml_files import parse_yaml
 
     changes = []
     for token in tokens:
         name, equals, value = token.value.partition("=")
         if not name or not equals:
-            raise ValueError(f"'{token.value}', expected FIELD=VALUE, controller.kind=p_pi")
+            raise ValueError(
+                f"'{token.value}', expected FIELD=VALUE, for example controller.kind=p_pi"
+            )
         try:
             changes.append((name.strip(), parse_yaml(value)))
         except InputError as error:
@@ -61,7 +65,7 @@ def _changes(_: object, tokens: Sequence[Token]) -> tuple[tuple[str, Any], ...]:
 
 
 def _whole(_: object, tokens: Sequence[Token]) -> int:
-    """A whole number: cyclopts would round others."""
+    """Convert an option's value to a whole number; cyclopts alone would round others."""
     try:
         return int(tokens[0].value)
     except ValueError:
@@ -69,7 +73,7 @@ def _whole(_: object, tokens: Sequence[Token]) -> int:
 
 
 def number(**bounds: float) -> Parameter:
-    """A finite number within bounds of cyclopts: number(gt=0), number(gte=1, lte=10)."""
+    """Return a parameter for finite numbers within limits: number(gt=0), number(gte=1, lte=10)."""
     accepted = " and ".join(f"{_BOUNDS[kind]} {bound:g}" for kind, bound in bounds.items())
     limits = Number(**bounds), Number(gt=-math.inf, lt=math.inf)
 
@@ -87,17 +91,21 @@ _BOUNDS = {"gt": ">", "gte": ">=", "lt": "<", "lte": "<="}
 
 
 def one_of(*kinds: str, **more: Any) -> Parameter:
-    """A file, or the name of one of these kinds that ships; `more` are those of a parameter."""
+    """Return a parameter for a file, or the name of a shipped file of these kinds.
+
+    `more` are further arguments of cyclopts' Parameter.
+    """
     return Parameter(metavar="NAME|FILE", completer=completion.names(*kinds), **more)
 
 
 Scenario = Annotated[
-    str, one_of("scenario", help="name of one that ships (`sdt-drake scenarios`), or .yaml file")
+    str,
+    one_of("scenario", help="name of a shipped scenario (`sdt-drake scenarios`), or .yaml file"),
 ]
 Motion = Annotated[
-    str, one_of("motion", help="name of one that ships, profile .yaml or motion .csv")
+    str, one_of("motion", help="name of a shipped motion, motion profile .yaml or motion file .csv")
 ]
-Robot = Annotated[str, one_of("robot", help="SDF or URDF file")]
+Robot = Annotated[str, one_of("robot", help="SDF or URDF file, or name of a shipped robot")]
 OtherRobot = Annotated[
     str | None, one_of("robot", help="SDF or URDF file (default: the shipped device)")
 ]
@@ -110,7 +118,7 @@ Changes = Annotated[
         n_tokens=1,
         show_default=False,
         completer=completion.fields,
-        help="a field of the scenario, as if it stood in the file, any number of times: "
+        help="change a field of the scenario; repeat the option for more: "
         "`--set controller.kind=p_pi --set plant.deviation.payload_mass=20`",
     ),
 ]
@@ -118,10 +126,10 @@ Trust = Annotated[
     bool,
     Parameter(
         show_default=False,
-        help="run the Python file that the scenario names, if any, without a question",
+        help="run the Python file that the scenario names without asking",
     ),
 ]
-"""Of every command that loads scenarios; `app` sees to it, before the command begins."""
+"""The option of every command that loads scenarios; `app` handles it before the command runs."""
 Whole = Annotated[int, Parameter(converter=_whole)]
 Target = Annotated[Path, Parameter(converter=_path)]
 Out = Annotated[Path | None, Parameter(converter=_path)]
@@ -130,19 +138,21 @@ Show = Annotated[bool, Parameter(show_default=False, help="open the figure on th
 OmegaR = Annotated[float | None, number(gt=0)]
 Columns = Annotated[
     str | None,
-    Parameter(metavar="FILE", help="YAML file that says what the columns are called"),
+    Parameter(metavar="FILE", help="YAML file with the names of the columns"),
 ]
 Side = Annotated[
     Literal["joint", "motor"] | None,
     Parameter(
-        help="of the torques (default: of the motor in a recording of `simulate`, else of the "
-        "joint)"
+        help="side of the torques (default: motor for a recording of `simulate`, else joint)"
     ),
 ]
 
 
 def refuse(why: str, **given: Any) -> None:
-    """Refuse options that are given where they have no use, by their names in Python."""
+    """Raise InputError if an option in `given` (by its name in Python) has a value.
+
+    `why` is the message: it has no effect here, and what is accepted.
+    """
     for name, value in given.items():
         if all(value is not nothing for nothing in (None, False, ())):
             option = "set" if name == "changes" else name.replace("_", "-")
@@ -150,19 +160,22 @@ def refuse(why: str, **given: Any) -> None:
 
 
 def refuse_changes(changes: Changes, thing: str) -> None:
-    """Refuse --set where no scenario is given that it could change."""
-    refuse(f"changes a scenario, which {thing} is not", changes=changes)
+    """Raise InputError if --set is given, since `thing` is no scenario."""
+    refuse(f"changes fields of a scenario, but {thing} is no scenario", changes=changes)
 
 
 def design_of(
     path: str, changes: Changes = (), check: Callable[[RobotModel], None] | None = None
 ) -> Design:
-    """The design of a scenario, by name or file, with --set; errors name it.
+    """Load a scenario, apply --set, and resolve it to a design.
 
     Args:
-        path: of the scenario.
-        changes: of its fields.
-        check: of its robot, before anything is planned.
+        path: shipped name or file of the scenario.
+        changes: field names and values from --set.
+        check: called with the robot before anything is planned; raises InputError to refuse it.
+
+    Raises:
+        InputError: naming the scenario's file and the --set that is wrong.
     """
     from sdt_drake.run.design import load_device, make_design
     from sdt_drake.run.scenario import load_scenario
@@ -177,17 +190,17 @@ def design_of(
 
 
 def naming_changes(changes: Changes) -> AbstractContextManager[None]:
-    """Errors within name the --set that they are about, or else all."""
+    """Make a context in which errors name the --set that they concern, or else all of them."""
     names = {name: f"--set {name}" for name, _ in changes}
     return naming_fields(names, f" (with --set {', '.join(names)})" if names else "")
 
 
 def naming_fields(options: Mapping[str, str], otherwise: str = "") -> AbstractContextManager[None]:
-    """Errors within about a field name the option that gave it; all others end with `otherwise`.
+    """Make a context in which errors about fields name the option that gave the value.
 
     Args:
-        options: by dotted names of fields.
-        otherwise: see above.
+        options: names of options by dotted names of fields.
+        otherwise: text to append to all other errors.
     """
 
     def named(problem: Problem) -> Problem:
@@ -200,17 +213,17 @@ def naming_fields(options: Mapping[str, str], otherwise: str = "") -> AbstractCo
 
 
 def naming_robot(option: str) -> AbstractContextManager[None]:
-    """Errors within that a motion is none of the robot's name the option that has another robot."""
+    """Make a context in which errors about a motion of another robot name the option to mend it."""
 
     def named(problem: Problem) -> Problem:
-        text = f"{problem}; {option} names the robot of the motion"
+        text = f"{problem}; give the robot of the motion with {option}"
         return Problem(text) if problem.kind == "joints" else problem
 
     return retelling(named)
 
 
 def naming_file(path: str, scenario: str) -> AbstractContextManager[None]:
-    """Errors within name the file of a scenario, not the scenario."""
+    """Make a context in which errors name the file of a scenario in place of its name."""
     own = f"scenario '{scenario}'"
 
     def named(problem: Problem) -> Problem:
@@ -221,7 +234,7 @@ def naming_file(path: str, scenario: str) -> AbstractContextManager[None]:
 
 
 def is_scenario(path: str) -> bool:
-    """Whether this is a scenario, not a motion or a table: the name of a shipped one, or YAML.
+    """Return whether a shipped name or a file is a scenario, and not a motion or a table.
 
     Raises:
         InputError: if there is no such file.
@@ -234,21 +247,20 @@ def is_scenario(path: str) -> bool:
         return False
     try:
         data = read_yaml(file)
-    except InputError:  # whoever loads it says what is wrong
+    except InputError:  # loading it as a scenario raises the error
         return True
     return not isinstance(data, dict) or not {"tracks", "joints"} & data.keys()
 
 
 def check_folder(folder: Path, names: Iterable[str] = ()) -> None:
-    """Refuse a folder, there or still to be made, that cannot be written to, is a file or below
-    one, or a broken link.
+    """Check that an existing or new folder can be written to.
 
     Args:
         folder: the folder.
-        names: of files that will be written there, below it too; refused as `checked_output` does.
+        names: paths within the folder of the files to write; each is checked by `checked_output`.
 
     Raises:
-        InputError: naming the file.
+        InputError: for a file, a broken link, or a place without permission, by its name.
     """
     _check_place(folder)
     for path in (folder / name for name in names):
@@ -260,7 +272,7 @@ def _check_place(folder: Path) -> None:
     for place in (checked_name(folder), *folder.parents):
         if place.is_dir():
             if not os.access(place, os.W_OK | os.X_OK):
-                raise InputError(f"{place}: cannot be written to, expected a folder that can")
+                raise InputError(f"{place}: cannot be written to, choose a folder with permission")
             return
         if place.is_symlink() and not place.exists():
             raise InputError(f"{place}: is a link that leads nowhere, expected a folder")
@@ -269,12 +281,15 @@ def _check_place(folder: Path) -> None:
 
 
 def check_out(out: Path | None, show: bool, kinds: Sequence[str]) -> None:
-    """Refuse --out and --show that could not be written or shown, before anything is computed.
+    """Check, before anything is computed, that --out can be written and --show has a screen.
 
     Args:
-        out: of figures, or else of other kinds.
-        show: whether there has to be a screen.
-        kinds: of files beside those of figures; "" for a folder.
+        out: value of --out, if any.
+        show: whether --show is given.
+        kinds: accepted suffixes beside those of figures; "" for a folder.
+
+    Raises:
+        InputError: naming the option or the file.
     """
     if show:
         from sdt_drake.show.style import check_screen
@@ -282,7 +297,7 @@ def check_out(out: Path | None, show: bool, kinds: Sequence[str]) -> None:
         check_screen("--show")
     if out is None:
         return
-    if out.suffix in FIGURES:  # what cannot be imported, or is interrupted then, costs no work
+    if out.suffix in FIGURES:  # an import that fails or is interrupted now costs no results
         import sdt_drake.show.style  # noqa: F401
     if out.suffix or "" not in kinds:
         check_file(out, [*filter(None, kinds), *FIGURES])
@@ -293,7 +308,7 @@ def check_out(out: Path | None, show: bool, kinds: Sequence[str]) -> None:
 
 
 def check_file(path: Path, suffixes: Sequence[str]) -> None:
-    """Refuse a file to write that is none, of another kind, or below a file; see `replacing`."""
+    """Check that a file can be written and has one of the suffixes; raise InputError if not."""
     checked_output(path)
     checked_suffix(path, suffixes)
     check_folder(path.parent)
@@ -302,12 +317,12 @@ def check_file(path: Path, suffixes: Sequence[str]) -> None:
 def deliver(
     out: Path | None, show: bool, figure: Callable[[], Figure], write: Callable[[Path], object]
 ) -> None:
-    """Do what --out and --show ask for.
+    """Write --out and open --show.
 
     Args:
-        out, show: as `check_out` has found them good.
-        figure: draws it; not called if nobody wants it.
-        write: a file of another kind.
+        out, show: the options, checked by `check_out`.
+        figure: draws the figure; called only if it is needed.
+        write: writes a file that is no figure.
     """
     if out is not None:
         if out.suffix in FIGURES:

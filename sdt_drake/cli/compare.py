@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -11,6 +11,9 @@ from sdt_drake.cli import common, completion
 from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust
 from sdt_drake.cli.printing import print_table, say
 from sdt_drake.io.errors import within
+
+if TYPE_CHECKING:
+    from sdt_drake.analysis.comparison import Comparison
 
 CONTROLLERS = {
     "axis": "pi,pi_ctc,pi_id,p_pi+id,pi_scheduled",
@@ -28,13 +31,13 @@ def run(
     changes: Changes = (),
     trust: Trust = False,
 ) -> None:
-    """Run a scenario with several controllers, side by side.
+    """Run a scenario with several controllers and compare their errors.
 
     example: sdt-drake compare coupled_pi --controllers pi,pi_id,p_pi+id
 
     Args:
-        controllers: kinds of controllers, with +none, +ctc or +id where a kind leaves its
-            feedforward open (default: all that the plant allows)
+        controllers: kinds of controllers, separated by commas; add +none, +ctc or +id to a kind
+            with a choice of feedforward (default: all that the plant allows)
         out: CSV file for the table, or a figure of it (.png, .svg, .pdf)
     """
     from sdt_drake.analysis import comparison
@@ -49,9 +52,9 @@ def run(
     with within(scenario), common.naming_file(scenario, name):
         compared = sdt.compare(design, labels)
     count = f"{len(compared)} controller{'s' if len(compared) > 1 else ''}"
-    say(f"{name}: {count} on the {plant} plant")
+    say(f"{name}: {count} on the {plant} plant{_ranking(compared)}")
     print_table(*comparison.comparison_rows(compared), keys=2)
-    say("speeds and positions are joint side, torques motor side, % of the motor's largest")
+    say("Speeds and positions: joint side. Torques: motor side, in % of the motor's torque limit.")
     for c in compared:
         for line in stops_passed(c.recording, c.design.robot.joint_names):
             say(f"note: {c.label}: {line}")
@@ -59,8 +62,8 @@ def run(
     header, rows = comparison.felt_rows(compared)
     if rows:
         print_table(header, rows)
-        say("share of time in which the pilot could feel the error; largest: multiples of what is")
-        say("just felt, about and along the axes of the head")
+        say("felt: share of the time in which the pilot could feel the error; largest: multiple of")
+        say("the threshold of feeling, about and along the axes of the head")
         say()
     print_table(
         ("controller", "blocks", "needs to know"),
@@ -72,3 +75,11 @@ def run(
         lambda: sdt.plots.comparison(f"{name}: controllers", compared),
         lambda path: comparison.write_comparison(compared, path),
     )
+
+
+def _ranking(compared: Comparison) -> str:
+    """Return the controllers with the smallest and the largest speed error."""
+    errors = {c.label: float(c.tracking.max_abs_speed_error.max()) for c in compared}
+    best, worst = min(errors, key=errors.__getitem__), max(errors, key=errors.__getitem__)
+    said = f"; {best} follows best, with speed errors up to {errors[best]:.4g} rad/s"
+    return said + (f" ({worst}: {errors[worst]:.4g} rad/s)" if best != worst else "")

@@ -1,4 +1,4 @@
-"""Completion by the shell: names of what ships, files, fields of scenarios, controllers."""
+"""Completion by the shell: shipped names, files, fields of scenarios, controllers."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 
 def names(*kinds: str) -> Callable[[CompletionContext], list[str]]:
-    """Complete names of what ships of these kinds, and files."""
+    """Return a completer of shipped names of these kinds, and of files."""
 
     def complete(context: CompletionContext) -> list[str]:
         found = glob.glob(f"{glob.escape(context.incomplete)}*")
-        # What is in a folder comes with it: alone, the shell would take its name for a whole word.
+        # A folder is completed with its content. Alone, the shell would end the word after it.
         below = (x for path in found if os.path.isdir(path) for x in glob.glob(f"{path}/*"))
         return [*shipped(*kinds), *found, *below]
 
@@ -27,7 +27,7 @@ def names(*kinds: str) -> Callable[[CompletionContext], list[str]]:
 
 
 def controllers(context: CompletionContext) -> list[str]:
-    """Complete the last one of a list of controllers."""
+    """Complete the last controller of a list with commas."""
     from sdt_drake.run.kinds import CONTROLLERS
 
     before, comma, _ = context.incomplete.rpartition(",")
@@ -35,13 +35,13 @@ def controllers(context: CompletionContext) -> list[str]:
 
 
 def fields(context: CompletionContext) -> list[str]:
-    """Complete fields of a scenario, with each of their choices, or the default."""
+    """Complete fields of a scenario with each choice, or with the default value."""
     schema = json.loads((models_dir() / "schemas" / "scenario.json").read_text(encoding="utf-8"))
     return [*_fields(schema, schema, "")]
 
 
 def _fields(node: Any, top: Any, name: str) -> Iterator[str]:
-    """Fields below a part of a JSON Schema, as --set takes them."""
+    """Yield FIELD=VALUE for all fields below a node of a JSON Schema."""
     from sdt_drake.io.schema import inner
 
     node = inner(node, top)
@@ -50,5 +50,5 @@ def _fields(node: Any, top: Any, name: str) -> Iterator[str]:
             yield from _fields(field, top, f"{name}.{key}".lstrip("."))
         return
     default = node.get("default")
-    told = "" if default is None or isinstance(default, list) else default
-    yield from (f"{name}={value}" for value in node.get("enum", [told]))
+    shown = "" if default is None or isinstance(default, list) else default
+    yield from (f"{name}={value}" for value in node.get("enum", [shown]))

@@ -1,4 +1,7 @@
-"""What the commands of the same names do, as functions: they return what these print and draw."""
+"""The functions tune, bode, identify, replay, learn and export of `sdt_drake`.
+
+Each computes what the command of its name prints, and returns it.
+"""
 
 from __future__ import annotations
 
@@ -42,23 +45,27 @@ from sdt_drake.studies.study import load_study
 if TYPE_CHECKING:
     from sdt_drake.machine.identify.procedure import Identified
 
-FOUND = ("payload", "friction")
+ONLY = ("payload", "friction")
 
 
 def tune(design: Design | Scenario) -> dict[str, Array]:
-    """Tell the effective inertia along a motion and the gains that follow, as `sdt-drake tune`.
+    """Return the effective inertia along a motion and the tuned gains, as `sdt-drake tune`.
 
-        numbers = sdt.tune(sdt.load("coupled_pi"))
-        print(numbers["i_eff_max"], numbers["kp"])
+    >>> import sdt_drake as sdt
+    >>> sdt.tune(sdt.load("axis_pi"))["ki"].round()  # [N m/rad], motor side
+    array([  4640., 107000., 867000., 273000.])
 
     Args:
-        design: a resolved scenario, or a scenario.
+        design: a scenario or its design.
 
     Returns:
-        Arrays of shape (n,) by name, motor side: i_eff_max, i_eff_median and i_eff_min [kg m²],
-        variation_percent [%], kp [N m s/rad], ki [N m/rad]; at each of the three inertias the
-        damping ratio zeta_max, zeta_median, zeta_min [-] and the natural frequency omega_n_max,
-        omega_n_median, omega_n_min [rad/s]; omega_0 [rad/s] at the largest inertia.
+        Arrays of shape (n,) by name, motor side. Inertia: i_eff_max, i_eff_median, i_eff_min
+        [kg m²], variation_percent [%]. Gains: kp [N m s/rad], ki [N m/rad]. At each of the three
+        inertias: damping ratio zeta_max, zeta_median, zeta_min [-] and natural frequency
+        omega_n_max, omega_n_median, omega_n_min [rad/s]. At the largest: omega_0 [rad/s].
+
+    Raises:
+        InputError: if `design` is neither, or the scenario cannot be resolved.
     """
     return tuning(as_design(design))
 
@@ -70,13 +77,18 @@ def bode(design: Design | Scenario, *, time: float | None = None) -> FrequencyRe
         print(response)  # bandwidth, margins, damping
         response.plot().savefig("bode.png")
 
+    >>> import sdt_drake as sdt
+    >>> sdt.bode(sdt.load("axis_pi"), time=0).bandwidth.round(1)  # [rad/s], shape (n,)
+    array([22.8, 21.9, 21.6, 22.9])
+
     Args:
-        design: a resolved scenario, or a scenario.
-        time: linear where the motion is then [s]; by default for each joint where its inertia is
-            largest for the first time.
+        design: a scenario or its design.
+        time: time of the motion at which the loops are linearised [s]. By default each joint's
+            loop is linearised where its inertia is largest for the first time.
 
     Raises:
-        InputError: for a time beyond the motion, or a controller that cannot be linearised.
+        InputError: for a time after the end of the motion, or a controller that cannot be
+            linearised.
     """
     design = as_design(design)
     if time is None:
@@ -102,33 +114,34 @@ def identify(
     """Identify a robot from recordings, as `sdt-drake identify`.
 
         found = sdt.identify("sdt", "run.csv")
-        print(found)  # what is left of each joint's torque
+        print(found)  # torque not explained [%], by joint
         robot = sdt_drake.machine.identify.model.identified_robot(found)
 
     Args:
-        robot: to start from, or its SDF or URDF file, or the name of one that ships.
-        recordings: files with time [s], q_k [rad] and tau_k [N m] of every joint k, or what
-            `read_recording` makes of them; one, or a list.
-        validate: recordings to judge by; by default the end of each of the others.
-        columns: what the files call their columns, or a mapping file that says so.
-        side: of the torques, "joint" or "motor"; by default that of the motors in a recording of
-            `simulate`, else of the joints.
-        only: "payload" or "friction" to take all else as it is in the file.
-        payload: the link that is meant by it.
-        cutoff: below which torques are compared [Hz]; by default chosen from the recordings.
-        held_out: share of each recording, at its end, to judge by where nothing is to validate [-].
+        robot: the robot before identification, its SDF or URDF file, or the name of a shipped one.
+        recordings: one recording or a list. Each is a file with time [s], q_k [rad] and tau_k
+            [N m] of every joint k, or an object from `read_recording`.
+        validate: held-out recordings; by default the end of each of `recordings` is held out.
+        columns: names of the files' columns, or a YAML file with them.
+        side: side of the torques, "joint" or "motor". The default is "motor" for a recording of
+            `simulate` and "joint" for all others.
+        only: "payload" or "friction" to identify it alone and take all else from the file.
+        payload: the link that `only="payload"` identifies.
+        cutoff: frequency below which torques are compared [Hz]; by default chosen from the
+            recordings.
+        held_out: share at the end of each recording that is held out without `validate` [-].
 
     Returns:
-        Parameters with their uncertainty, and `warnings` of what is suspicious. Figures and files
-        are made of it by `sdt_drake.show.reports.identification` and `identified_files` beside it.
+        Parameters with their uncertainty, and `warnings` about suspicious data.
+        `sdt_drake.show.reports.identification` writes figures and files of it.
 
     Raises:
-        InputError: naming the argument or the recording that cannot be used.
+        InputError: naming the wrong argument or recording.
     """
-    from sdt_drake.machine.identify import procedure  # which needs an extra
+    from sdt_drake.machine.identify import procedure  # needs an extra
 
     if only is not None:
-        checked_choice(only, FOUND, "only")
+        checked_choice(only, ONLY, "only")
     if cutoff is not None:
         positive(cutoff, "cutoff")
     if checked_number(held_out, "held_out", minimum=0, exclusive=True) >= 1:
@@ -159,24 +172,24 @@ def replay(
     columns: str | Path | Columns | None = None,
     side: str | None = None,
 ) -> replaying.Replay:
-    """Run a recorded reference through the loop of a scenario, as `sdt-drake replay`.
+    """Simulate a recorded reference in the loop of a scenario, as `sdt-drake replay`.
 
         replayed = sdt.replay("run.csv", sdt.load("coupled_pi_ctc"))
-        print(replayed)  # what of the recording the simulation explains
+        print(replayed)  # share of the recording that the simulation explains
         replayed.plot().savefig("replay.png")
 
     Args:
-        recording: a file with the reference (q_ref_k [rad] or v_ref_k [rad/s]) and what was
-            measured (some of q_k, v_k, joint side, and tau_k [N m]), or what `read_recording` makes
-            of it.
-        scenario: whose robot and loop it is; its motion has no say.
-        columns, side: as of `identify`.
+        recording: a file with the reference (q_ref_k [rad] or v_ref_k [rad/s], joint side) and
+            measured signals (some of q_k, v_k, joint side, and tau_k [N m]), or an object from
+            `read_recording`.
+        scenario: gives the robot and the loop; its motion is not used.
+        columns, side: as in `identify`.
 
     Returns:
-        The recording beside simulations of it: as the scenario is, and with one thing changed.
+        The recording and simulations of it: one of the scenario as it is, others with one change.
 
     Raises:
-        InputError: naming the argument or the recording that cannot be used.
+        InputError: naming the wrong argument or recording.
     """
     checked_type(scenario, Scenario, "scenario", "sdt_drake.load")
     robot = load_device(scenario)
@@ -196,7 +209,7 @@ def learn(
     report: Callable[[flying.Lessons], None] = lambda lessons: None,
     trust: bool = False,
 ) -> flying.Lessons:
-    """Fly a motion several times and learn from its errors, as `sdt-drake learn`.
+    """Fly a motion several times and learn a reference from its errors, as `sdt-drake learn`.
 
         design = sdt.design(sdt.load("wrong_model", {"controller.kind": "p_pi"}))
         lessons = sdt.learn(design, flights=3)
@@ -204,19 +217,23 @@ def learn(
         better = design.given(lessons.best.learned)
 
     Args:
-        design: a resolved scenario, or a scenario.
-        flights: at most, with the first one.
-        of: what is learned, "reference" or "torque".
-        bandwidth: up to which errors are learned [Hz]; by default as far as the model is trusted.
-        study: file or name of a study whose variables are the uncertainty of the device, which
-            learning must converge for.
-        draws: devices of the study to check, at most.
-        stops: whether to stop where another flight is not worth it.
-        report: called after each flight, with all so far.
-        trust: whether the Python file that the study's scenario may name is run unasked.
+        design: a scenario or its design.
+        flights: largest number of flights, the first included.
+        of: the learned signal, "reference" or "torque".
+        bandwidth: frequency up to which errors are learned [Hz]; by default as far as the
+            controller's model is trusted.
+        study: file or name of a study. Learning must converge for all devices that its variables
+            give.
+        draws: largest number of the study's devices to check.
+        stops: whether to stop when another flight would not improve the result.
+        report: function that is called after each flight with all flights so far.
+        trust: whether a Python file that the study's scenario names is run without asking.
+
+    Returns:
+        All flights with their errors, the best of them, and the reason to stop.
 
     Raises:
-        InputError: naming the argument that is none; if learning would not converge.
+        InputError: naming the wrong argument, or if learning would not converge.
     """
     checked_count(flights, "flights")
     design = as_design(design)
@@ -234,8 +251,10 @@ def learning_filter(
     study: str | Path | None = None,
     draws: int = 20,
 ) -> tuple[LearningFilter, list[Convergence]]:
-    """The filter to learn with, and how it converges on each set of loops; arguments as of
-    `learn`."""
+    """Design the learning filter and check its convergence on each set of loops.
+
+    The arguments are those of `learn`.
+    """
     checked_choice(of, LEARNED, "of")
     checked_count(draws, "draws")
     devices = {}
@@ -257,24 +276,24 @@ def export(
     cam_points: int = 1000,
     title: str = "",
 ) -> list[drive_files.Fed]:
-    """Write a motion as drives, PLCs and ROS 2 read it, as `sdt-drake export`.
+    """Write a motion as files for drives, PLCs and ROS 2, as `sdt-drake export`.
 
         fed = sdt.export(sdt.load("training"), "drives", "exported")
         print(fed[1].source, fed[1].position_error)  # [rad], joint side
 
     Args:
-        design: whose motion it is, or its scenario.
-        drives: of the joints, or a file of them, or the name of one that ships; motor side.
-        folder: for the files, made if it is not there.
-        cam_points: the most points of the cam table.
-        title: of the motion; that of the scenario by default.
+        design: a scenario or its design, which gives the motion and the loop.
+        drives: data of the joints' drives (motor side), a file, or the name of a shipped one.
+        folder: folder for the files, made if it does not exist.
+        cam_points: largest number of points of the cam table.
+        title: title of the motion; by default the scenario's name.
 
     Returns:
-        What the loop of the design makes of the motion, and of what each file holds.
+        Position errors of the design's loop with the planned motion, and with each file's content.
 
     Raises:
-        InputError: naming the argument or the file that cannot be used; for a motion that does not
-            start and end at rest, or is beyond what a drive takes.
+        InputError: naming the wrong argument or file. Also for a motion that does not start and end
+            at rest, or exceeds the range of a drive.
     """
     if checked_count(cam_points, "cam_points") < 2:
         raise InputError(f"cam_points: {cam_points}, expected at least 2")
@@ -299,7 +318,7 @@ def export(
 def _each(
     given: Sequence[str | Path | Recorded] | str | Path | Recorded,
 ) -> Sequence[str | Path | Recorded]:
-    """One recording, or several, as a list."""
+    """Return one or several recordings as a list."""
     return [given] if isinstance(given, str | Path | Recorded) else given
 
 
@@ -317,7 +336,7 @@ def _recorded(
     needs: Sequence[str],
     side: str | None,
 ) -> Recorded:
-    """A recording itself, or that of a file."""
+    """Return a recording, read from its file if needed."""
     if isinstance(given, Recorded):
         return given
     if side is not None:

@@ -27,10 +27,10 @@ def run(
     example: sdt-drake diagram axis_pi_ctc --format svg --out loop.svg
 
     Args:
-        format: of the file (default: by --out, or dot)
-        depth: levels of diagrams to open
-        drake: Drake's own graph; its pictures need Graphviz
-        out: file (default: the scenario's name)
+        format: format of the file (default: that of --out, or dot)
+        depth: number of levels of diagrams to open
+        drake: write Drake's own graph; other formats than dot then need Graphviz
+        out: file for the diagram (default: the scenario's name)
     """
     from sdt_drake.run.loop import make_loop
     from sdt_drake.show.block_diagrams import FORMATS, write_diagram

@@ -26,21 +26,21 @@ def run(
     noise: Annotated[float | None, number(gt=0, lte=1)] = None,
     out: Out = None,
 ) -> None:
-    """Find a motion from which a robot can be identified best, and say how well, before it moves.
+    """Find a motion that identifies a robot best, and predict how well it does.
 
     example: sdt-drake excite sdt --duration 30 --out excite.yaml
 
     Args:
-        duration: of the motion [s]
-        payload: excite for a payload alone, gently, all else being known (without LINK: link
-            'payload')
-        margin: share of the limits of position, speed, acceleration and torque that may be taken
-            (default: 0.8)
-        acceleration: largest ones of the joints [rad/s²] (default: those of the file, else what
-            the motors give)
-        noise: standard deviation of the torques, over the largest torque of each joint
+        duration: duration of the motion [s]
+        payload: excite only the payload, with a gentle motion; all else must be known (default
+            of LINK: payload)
+        margin: share of the limits of position, speed, acceleration and torque to use (default:
+            0.8)
+        acceleration: acceleration limits of the joints [rad/s²] (default: those of the robot's
+            file, else the accelerations that the motors allow)
+        noise: standard deviation of the measured torques, as a share of each joint's torque limit
             (default: 0.01)
-        out: motion file (.yaml)
+        out: motion file (.yaml) to write
     """
     from sdt_drake.analysis.metrics import PARAMETERS_IN_WORDS
     from sdt_drake.io.shown import formatted
@@ -60,24 +60,28 @@ def run(
         target, gently = Target.payload(model, (payload or ["payload"])[0], noise), GENTLY
     found = excite(target, duration, margin=margin, gently=gently, acceleration=acceleration)
     say(
-        f"{model.name}: {duration:g} s in harmonics of {found.base_frequency:g} Hz, "
-        f"condition number {found.condition:.3g}"
+        f"{model.name}: {duration:g} s of motion identify {len(target.names)} parameters with "
+        f"condition number {found.condition:.3g} (harmonics of {found.base_frequency:g} Hz)"
     )
+    if out is None:
+        say("next: write the motion with --out excite.yaml and record it on the machine")
+    else:
+        say(f"next: record {out} on the machine, then sdt-drake identify with the recording")
     if found.fitted < duration:
-        say(f"from {found.fitted:g} s on another motion, which `identify` holds out to judge by")
+        say(f"From {found.fitted:g} s on, another motion follows, which `identify` holds out.")
     for line in assumed(model, acceleration):
         say(f"assumed: {line}")
     columns = [(f"{name} [%]", ".1f", 100 * use) for name, use in found.used.items()]
     print_joints(model.joint_names, columns)
-    say("of the limits; what the arm may hit, and people in it, are not known here")
+    say("in % of the limits; obstacles and people in the machine are not taken into account")
     say()
-    say(f"{'deviation':>12}{'in the file':>14}  identifiable")
+    say(f"{'std':>12}{'in the file':>14}  parameter")
     for name, value, sigma in zip(target.names, target.expected, found.sigma, strict=True):
         known = formatted(0.0 if abs(value) < 1e-9 else value, ".5g")
         say(f"{sigma:12.3g}{known:>14}  {name}")
     say(
-        f"standard deviations to be expected of the first {found.fitted:g} s at {RATE:g} Hz, with "
-        f"a noise of {100 * noise:g} % of each joint's largest torque"
+        f"std: expected standard deviation, from the first {found.fitted:g} s at {RATE:g} Hz with "
+        f"torque noise of {100 * noise:g} % of each joint's torque limit"
     )
     say(PARAMETERS_IN_WORDS)
     if out is not None:

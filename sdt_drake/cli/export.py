@@ -36,51 +36,59 @@ def run(
     example: sdt-drake export graveyard_spin --drive drives --out exported
 
     Args:
-        motion: a scenario, or a motion: name of one that ships, or file
-        drive: encoders, signs, rated torques, units, cycle of the drives; `drives` is an example
+        motion: a scenario or a motion: shipped name or file
+        drive: file with encoders, signs, rated torques, units and cycle of the drives; `drives`
+            is an example
         out: folder for the files
-        fmu: instead, the loop of a SCENARIO as an FMU (FMI 2, .fmu) for other simulators, which
-            need a Python with sdt_drake
-        fmu_input: what the FMU gets: torques, or the reference (then with inverse_dynamics: online)
-        scenario: of a motion: its robot, its planner, and the loop that is fed with what the
-            files hold (default: training: the shipped device, position loops, torque feedforward)
-        cam_points: most points of the cam table
+        fmu: write the loop of a SCENARIO as an FMU (FMI 2, .fmu) for other simulators, in place
+            of files for drives; the simulator needs a Python with sdt_drake
+        fmu_input: input of the FMU: torques, or the reference (needs inverse_dynamics: online)
+        scenario: for a motion: the scenario of its robot, its planner, and the loop that plays
+            the files back (default: training: the shipped device, position loops, torque
+            feedforward)
+        cam_points: largest number of points of the cam table
     """
+    import numpy as np
+
     from sdt_drake.machine.drive_files import FILES, cycles_in_a_period, load_drives
     from sdt_drake.run.design import make_design
     from sdt_drake.run.scenario import load_scenario
 
     if fmu is not None:
-        common.refuse("not with --fmu", drive=drive, scenario=scenario)
+        common.refuse("has no effect with --fmu", drive=drive, scenario=scenario)
         return _write_fmu(motion, changes, fmu, fmu_input)
     if drive is None:
-        raise InputError("--drive: missing, expected a file of drives, or --fmu")
+        raise InputError("--drive: missing, expected a file with data of the drives, or --fmu")
     common.check_folder(out, FILES)
     source, changed = motion, dict(changes)
     if not common.is_scenario(source):
         changed["motion"] = source
         source = scenario or "training"
     elif scenario is not None:
-        raise InputError(f"--scenario: of a motion, {source} is a scenario itself")
+        raise InputError(f"--scenario: has no effect, since {source} is a scenario")
     with common.naming_robot("--scenario"), common.naming_changes(changes):
         design = make_design(load_scenario(source, changed))
     controller, drives = design.scenario.controller, load_drives(drive, design.nominal.n)
     fed = sdt.export(design, drive, out, cam_points=cam_points, title=motion)
     period, cycle = design.motion.period, drives.cycle_time
+    worst = max((x for x in fed if x.source in FILES), key=lambda x: float(x.position_error.max()))
     say(
         f"{motion}: {design.motion.duration:g} s for drives with a cycle of "
-        f"{1e3 * cycle:g} ms, written into {out}"
+        f"{1e3 * cycle:g} ms, written into {out}; largest position error of a loop that plays the "
+        f"files back {np.degrees(worst.position_error.max()):.2g} deg "
+        f"({design.robot.joint(int(worst.position_error.argmax()))}, {worst.source})"
     )
     if abs(period / cycle - round(period / cycle)) > 1e-6:
         say(
-            f"note: the cycle is no whole part of the motion's period, {1e3 * period:g} ms: "
-            "resampled, its speeds linear in between; the loop runs every "
-            f"{1e3 * cycle * cycles_in_a_period(design, drives):g} ms, but from trajectory.yaml"
+            f"note: the motion's period, {1e3 * period:g} ms, is no multiple of the cycle. The "
+            "motion is resampled with linear speeds between samples; the loop that plays it back "
+            f"runs every {1e3 * cycle * cycles_in_a_period(design, drives):g} ms, but every "
+            f"{1e3 * period:g} ms for trajectory.yaml"
         )
     if not controller.takes_feedforward:
         say(
-            f"note: {controller.label} has no place for a torque feedforward: its "
-            "loop is fed without the torques of the files"
+            f"note: {controller.label} takes no torque feedforward, so its loop plays the files "
+            "back without their torques"
         )
     _print_read_back(design, fed, cam_points)
 
@@ -91,9 +99,9 @@ def _write_fmu(scenario: str, changes: Changes, path: Path, inputs: str) -> None
     common.check_file(path, (".fmu",))
     design = common.design_of(scenario, changes)
     write_fmu(design, path, inputs)
-    say(f"{path} written: the loop of {scenario}, {inputs} from outside")
+    say(f"{path} written: the loop of {scenario} with the {inputs} as input")
     say(
-        f"It starts at rest, steps in whole periods of {1e3 * design.reference.period:g} ms, and "
+        f"It starts at rest, takes steps in multiples of {1e3 * design.reference.period:g} ms and "
         "needs a Python with sdt_drake."
     )
 
@@ -103,14 +111,14 @@ def _print_read_back(design: Design, fed: Sequence[Fed], cam_points: int) -> Non
 
     scenario, joints = design.scenario, numbered(design.nominal.joint_names)
     say(
-        f"what the files hold, fed to {scenario.controller.label} on the {scenario.plant.kind} "
-        "plant: largest error from the planned motion"
+        f"Position errors against the planned motion, if {scenario.controller.label} on the "
+        f"{scenario.plant.kind} plant plays each file back:"
     )
     print_table(
         ("from", *(f"{joint} [deg]" for joint in joints)),
         [(x.source, *(f"{error:.2g}" for error in np.degrees(x.position_error))) for x in fed],
     )
     say(
-        f"cam.csv: up to {cam_points} points, cubics between them are at most "
-        f"{np.degrees(fed[-1].position_off.max()):.2g} deg from the motion; it has no torques"
+        f"cam.csv has up to {cam_points} points; the cubics between them are within "
+        f"{np.degrees(fed[-1].position_off.max()):.2g} deg of the motion. It contains no torques."
     )

@@ -31,30 +31,29 @@ def run(
     alone: Flag = False,
     trust: Trust = False,
 ) -> int | None:
-    """Find the motion of a device that a pilot feels most like a recorded flight.
+    """Find the device's motion that feels to the pilot most like a recorded flight.
 
     Ctrl-C ends the search and writes the best motion so far.
 
     example: sdt-drake fly sdt turn --out flown
 
     Args:
-        robot: with a head and at least two joints
-        flight: CSV file of time, specific force and angular rate at the pilot's head (f_x, f_y,
-            f_z, omega_x, omega_y, omega_z; x forward, y left, z up), or one that ships
+        robot: robot with a pilot's head and at least two joints: shipped name, SDF or URDF file
+        flight: CSV file with time, specific force and angular rate at the pilot's head (f_x, f_y,
+            f_z, omega_x, omega_y, omega_z; x forward, y left, z up), or the name of a shipped one
         out: folder for motion.csv, summary.json and report.html
-        columns: YAML file that says what the columns are called, their units, axes and place;
-            `jsbsim` and `recorder` ship
-        approach: from rest to the start of the flight [s]
-        departure: from its end to rest [s]
-        idle_g: G to wait at before and after the flight (default: that of its first and last
-            sample)
-        g_weight: of the error of G; with more, more of the rotation is felt (default: 1.5, or what
-            it takes to lose no more of either than by alignment)
+        columns: YAML file with the names of the columns, their units, axes and position; `jsbsim`
+            and `recorder` are shipped
+        approach: time from rest to the start of the flight [s]
+        departure: time from the end of the flight to rest [s]
+        idle_g: G before and after the flight (default: that of its first and last sample)
+        g_weight: weight of the error of G (default: 1.5, or as much as is needed to be no worse
+            than alignment in G and in rotation)
         torque_margin: share of the motors' torque to use, in (0, 1]
         knot: time between the knots of the motion [s]
-        model: of the pilot, for the felt vertical
-        envelope: scenario whose device has a torque-speed envelope, as of `plan`
-        alone: no search without limits of torque, and no Pareto front
+        model: parameter set of the perception model, for the felt vertical
+        envelope: scenario with the torque-speed envelope of the device, as in `plan`
+        alone: leave out the search without torque limits and the Pareto front
     """
     from sdt_drake.analysis.orientation import CAUTION
     from sdt_drake.cli.plan import driven
@@ -72,12 +71,17 @@ def run(
             torque_margin=torque_margin, g_weight=g_weight, perception=model, compare=not alone,
         )  # fmt: skip
     page = write_flown(out, flown)
-    summary = flown.summary()
+    summary, chosen = flown.summary(), flown.chosen
+    say(
+        f"{recorded.name}: the motion differs from the flight by {chosen.felt_rotation:.1f} deg/s "
+        f"of felt rotation and {chosen.g_error:.3f} G (RMS) and uses up to "
+        f"{100 * chosen.torque.max():.1f} % of the motors' torque"
+    )
     say(summary.title)
     print_table(summary.header, summary.rows)
     say_wrapped(CAUTION)
     say(f"{page} written")
     if flown.numbers["interrupted"]:
-        say("interrupted: this is the best that was found until then")
+        say("interrupted: this is the best motion found so far")
         return _INTERRUPTED
     return None

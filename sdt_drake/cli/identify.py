@@ -31,23 +31,24 @@ def run(
     judge: Annotated[bool, Parameter(negative="")] = False,
     trust: Trust = False,
 ) -> None:
-    """Find the parameters of a robot in recordings, and write the robot that they say.
+    """Identify the parameters of a robot from recordings, and write the identified robot.
 
     example: sdt-drake identify sdt run.csv --out identified
 
     Args:
-        recordings: CSV files with time, q_k and tau_k for every joint k, or of `simulate`; before
-            them friction.yaml, with --judge
-        out: folder for what is found
-        validate: recordings to judge by (default: the end of each of the others)
-        held_out: share of each recording, at its end, to judge by
-        only: find this, and take all else from the file
-        payload: link that --only means
-        cutoff: compare torques below it [Hz] (default: as the same torque is predicted best)
-        scenario: whose motion, drives and controller the written scenario has (default:
-            real_device for the shipped robot, else the cascade of drives on what was recorded)
-        judge: fit and write nothing: tell what ROBOT leaves of the torques, with the friction of a
-            file, as in identify --judge robot.sdf friction.yaml RECORDING
+        recordings: CSV files with time, q_k and tau_k for every joint k, or recordings of
+            `simulate`; with --judge, friction.yaml may come first
+        out: folder for the results
+        validate: held-out recordings (default: the end of each recording is held out)
+        held_out: share of each recording, at its end, that is held out
+        only: identify this alone, and take all else from the robot's file
+        payload: link that `--only payload` identifies
+        cutoff: frequency below which torques are compared [Hz] (default: the one that predicts
+            held-out torques best)
+        scenario: scenario whose motion, drives and controller the written scenario gets (default:
+            real_device for the shipped robot, else the drives' cascade with the recorded motion)
+        judge: identify and write nothing; print the torque that ROBOT does not explain [%], with
+            the friction of a file: identify --judge robot.sdf friction.yaml RECORDING
     """
     if judge:
         _judge(robot, recordings, columns, side, cutoff)
@@ -90,7 +91,10 @@ def run(
 def _judge(
     robot: str, files: list[str], columns: Columns, side: Side, cutoff: float | None
 ) -> None:
-    """Tell what a robot leaves of recordings; the first of the files may be its friction."""
+    """Print the torque of recordings that a robot does not explain.
+
+    The first of the files may contain the friction (.yaml).
+    """
     from sdt_drake.machine.identify import judge as judging
     from sdt_drake.machine.recordings import load_columns, read_recording
     from sdt_drake.show.reports.identification import judged_in_words, judged_table
@@ -99,7 +103,7 @@ def _judge(
     if Path(files[0]).suffix in (".yaml", ".yml"):
         friction, files = judging.load_friction(files[0], model), files[1:]
     if not files:
-        raise InputError("--judge: no recording, expected some after the file of friction")
+        raise InputError("--judge: no recording, expected at least one after the friction file")
     named = load_columns(columns) if columns else None
     recorded = [read_recording(file, model, named, side=side) for file in files]
     judged = judging.judge(model, recorded, friction, cutoff)

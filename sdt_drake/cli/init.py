@@ -16,38 +16,38 @@ from sdt_drake.io.resources import models_dir
 _STARTER = Path(__file__).with_name("starter")
 
 _NEXT = """
-sdt-drake simulate scenario.yaml --out run.png     how well the joints follow
+sdt-drake simulate scenario.yaml --out run.png     errors of the joints
 sdt-drake view scenario.yaml --record run.html     the device in 3D, in the browser
-sdt-drake tune scenario.yaml                       inertia and gains
-sdt-drake pilot scenario.yaml                      what the pilot feels
-sdt-drake plan motion.yaml --robot robot.sdf       what the motion takes of the motors
+sdt-drake tune scenario.yaml                       inertia and controller gains
+sdt-drake pilot scenario.yaml                      motion that the pilot feels
+sdt-drake plan motion.yaml --robot robot.sdf       torques and speeds of the motors
 sdt-drake study study.yaml --workers 2 --out mc    many devices; needs sdt_drake[study]
 
-Change a file, or a field on the way: --set controller.kind=pi
-Every field of every file: sdt-drake reference"""
+Edit the files, or change single fields: --set controller.kind=pi
+All fields of all files: sdt-drake reference"""
 
 _NEXT_OF_OWN = (
-    ("view {robot} --out robot.html", "axes, limits and masses: are they right?"),
-    ("simulate scenario.yaml --out run.html", "how well the joints follow"),
-    ("plan motion.yaml --robot {robot}", "what the motion takes of the motors"),
-    ("size sizing.yaml --workers 2 --out sizing", "motors that are enough; needs sdt_drake[study]"),
-    ("export scenario.yaml --drive drives.yaml --out exported", "the motion, as drives read it"),
-    ("excite {robot} --out excite.yaml", "a motion that shows masses and friction"),
-    ("simulate scenario.yaml --out run.csv", "a recording, to try the next on"),
-    ("identify {robot} run.csv --columns columns.yaml --out found", "what recordings tell"),
+    ("view {robot} --out robot.html", "check axes, limits and masses"),
+    ("simulate scenario.yaml --out run.html", "errors of the joints"),
+    ("plan motion.yaml --robot {robot}", "torques and speeds of the motors"),
+    ("size sizing.yaml --workers 2 --out sizing", "sufficient motors; needs sdt_drake[study]"),
+    ("export scenario.yaml --drive drives.yaml --out exported", "the motion as files for drives"),
+    ("excite {robot} --out excite.yaml", "a motion to identify masses and friction"),
+    ("simulate scenario.yaml --out run.csv", "a simulated recording for the next command"),
+    ("identify {robot} run.csv --columns columns.yaml --out found", "the identified robot"),
     ("study study.yaml --workers 2 --out mc", "many robots; needs sdt_drake[study]"),
 )
 
 
 def _next_of_own(robot: str) -> str:
-    """What to run in the folder of a robot of one's own."""
+    """Return the commands to run next in the folder of your own robot."""
     commands = [command.format(robot=shlex.quote(robot)) for command, _ in _NEXT_OF_OWN]
     width = max(map(len, commands))
     lines = [
         f"sdt-drake {command:{width}}   {text}"
         for command, (_, text) in zip(commands, _NEXT_OF_OWN, strict=True)
     ]
-    last = "What is ASSUMED says so in its file. Every field of every file: sdt-drake reference"
+    last = "Replace the values marked ASSUMED. All fields of all files: sdt-drake reference"
     return "\n".join(["", *lines, "", last])
 
 
@@ -57,21 +57,21 @@ def run(
     *,
     robot: Annotated[
         str | None,
-        one_of("robot", help="SDF or URDF file of a robot of your own (default: a new one)"),
+        one_of("robot", help="SDF or URDF file of your own robot (default: a new example robot)"),
     ] = None,
 ) -> None:
-    """Put a robot, a motion, motors, a scenario and a study into a folder, to make them your own.
+    """Write a robot, a motion, motors, a scenario and a study into a folder, for you to edit.
 
-    With --robot, they are those of a robot that you have, with sizing, drives and columns.
+    With --robot, the files are for your own robot, with a sizing, drives and columns.
 
     example: sdt-drake init my_trainer
 
     Args:
-        folder: new, or empty
+        folder: new or empty folder
     """
     check_folder(folder)
     if folder.is_dir() and any(folder.iterdir()):
-        raise InputError(f"{folder}: is not empty, expected a new folder, or an empty one")
+        raise InputError(f"{folder}: is not empty, expected a new or an empty folder")
     with replacing_files(folder) as new:
         if robot is None:
             names, then = _start(new), _NEXT
@@ -81,17 +81,18 @@ def run(
             own = sdt.load_robot(robot)
             names = write_own(own, new, folder)
             then = _next_of_own(own.path.name)
-        # Beside the files, so that editors check them wherever the folder is copied to.
+        # The schemas are copied, so that editors find them wherever the folder is moved.
         for file in sorted((models_dir() / "schemas").iterdir()):
             write_text(new / "schemas" / file.name, file.read_text(encoding="utf-8"))
+    model = "a new example robot" if robot is None else f"the robot of {robot}"
+    say(f"{folder}: {len(names)} files for {model} written, and schemas for editors")
     for name in names:
-        say(f"{folder / name} written")
-    say(f"{folder / 'schemas'} written: what editors check the files against")
+        say(f"  {name}")
     say(f"\ncd {shlex.quote(str(folder))}{then}")
 
 
 def _start(folder: Path) -> list[str]:
-    """Write the files of an invented device; their names."""
+    """Write the files of an invented device and return their names."""
     files = sorted(_STARTER.iterdir())
     for file in files:
         write_text(folder / file.name, file.read_text(encoding="utf-8"))

@@ -46,40 +46,41 @@ def run(
     changes: Changes = (),
     trust: Trust = False,
 ) -> None:
-    """Fly a motion several times, and learn from its errors what reference to fly next.
+    """Fly a motion several times and learn a better reference from its errors.
 
     example: sdt-drake learn wrong_model --set controller.kind=p_pi --flights 5 --out learned
 
     Args:
-        scenario: name of one that ships, or .yaml file; with --recording for the first one only
-        flights: at most, with the first one (default: 5)
-        of: what is learned: a change of the reference, or a torque feedforward, of which only
-            what changes quickly can be learned unless the scenario's held_speed is mean
-        bandwidth: up to which errors are learned (default: as far as the model is trusted)
-        study: whose variables are the uncertainty of the device, which learning must converge for
-        draws: devices of the study to check, at most (default: 20)
-        all: fly all flights, though another one is not worth it
-        recording: of the real machine instead of simulated flights: one step from one or more
-            recordings of the reference that was flown last
-        motion: that was flown, to be sure (name or file)
-        columns: YAML file with the recordings' columns, as `identify`
-        state: with --recording: what is known so far
+        scenario: shipped name or .yaml file; with --recording only for the first recording
+        flights: largest number of flights, the first included (default: 5)
+        of: signal to learn: a change of the reference, or a torque feedforward (only its quick
+            changes, unless the scenario has held_speed: mean)
+        bandwidth: frequency up to which errors are learned (default: as far as the controller's
+            model is trusted)
+        study: study with the uncertainty of the device; learning must converge for its devices
+        draws: largest number of the study's devices to check (default: 20)
+        all: fly all flights, even if another flight would not improve the result
+        recording: one or more recordings of the real machine flying the last reference; they
+            replace the simulated flights and give one step of learning
+        motion: motion that was flown (shipped name or file), for a check
+        columns: YAML file with the names of the recordings' columns, as in `identify`
+        state: folder that keeps the learned state, with --recording
         out: folder for the learned reference, a scenario with it, and a report (default: learned)
     """
     if not study:
-        common.refuse("is of a study, expected --study", draws=draws)
+        common.refuse("has an effect with --study only", draws=draws)
 
     def checked(design: Design) -> tuple[LearningFilter, list[Convergence]]:
         return _checked_filter(design, of, bandwidth, study or None, draws or _DRAWS)
 
     if recording:
-        why = "is for simulated flights, expected no --recording"
+        why = "has no effect with --recording"
         common.refuse(why, flights=flights, all=all, out=out)
         if state is None:
-            raise InputError("--state: missing, expected the folder that keeps what is learned")
+            raise InputError("--state: missing, expected the folder that keeps the learned state")
         _from_recordings(state, recording, scenario, changes, motion, columns, checked)
         return
-    why = "is for --recording, expected one"
+    why = "has an effect with --recording only"
     common.refuse(why, motion=motion, columns=columns, state=state)
     if scenario is None:
         raise InputError("SCENARIO: missing, expected a scenario to fly")
@@ -94,14 +95,14 @@ def _simulated(
     from sdt_drake.show.documents import REPORT
     from sdt_drake.show.reports import learning as report
 
-    # A scenario that was learned goes on in another folder.
+    # Learning may continue from a learned scenario only in another folder.
     common.check_folder(folder, report.ALL_FILES)
     kept = folder / report.UNFINISHED
     with_them = shlex.quote(str(kept / report.SCENARIO))
-    goes_on = f"sdt-drake learn {with_them} --out OTHER goes on from them"
+    goes_on = f"to continue from them: sdt-drake learn {with_them} --out OTHER"
     if (kept / report.FLIGHTS).exists():
         raise InputError(
-            f"{kept}: has flights of an interrupted run, expected another --out; {goes_on}"
+            f"{kept}: contains flights of an interrupted run, expected another --out; {goes_on}"
         )
     design = common.design_of(path, changes)
     filter_, checks = checked(design)
@@ -109,8 +110,8 @@ def _simulated(
     def tell(lessons: Lessons) -> None:
         report.write_learned(kept, design, lessons)
         numbers = report.flight_numbers(lessons.flights[-1])
-        told = (x if isinstance(x, str) else " ".join(x) for x in numbers.values())
-        say(", ".join(map(" ".join, zip(numbers, told, strict=True))))
+        texts = (x if isinstance(x, str) else " ".join(x) for x in numbers.values())
+        say(", ".join(map(" ".join, zip(numbers, texts, strict=True))))
 
     try:
         lessons = learn(design, filter_, count, stops=stops, report=tell)
@@ -121,21 +122,22 @@ def _simulated(
             report.write_learning_report(new, design, filter_, checks, lessons)
     except KeyboardInterrupt:
         if (kept / report.FLIGHTS).exists():
-            say(f"interrupted; flights so far are kept in {kept}: {goes_on}")
+            say(f"interrupted; the flights so far are in {kept}; {goes_on}")
         raise
     report.remove_unfinished(folder)
     learned, scenario = folder / report.LEARNED, folder / report.SCENARIO
-    say(f"{learned} and {scenario} written: sdt-drake simulate uses them")
+    say(f"{learned} and {scenario} written")
+    say(f"next: sdt-drake simulate {shlex.quote(str(scenario))}")
     say(f"{folder / REPORT} written")
 
 
 def _checked_filter(
     design: Design, of: str, bandwidth: float | None, study: str | None, draws: int
 ) -> tuple[LearningFilter, list[Convergence]]:
-    """The filter, and that it converges, both told.
+    """Design the learning filter, print its convergence, and return both.
 
     Raises:
-        InputError: if it does not.
+        InputError: if learning would not converge.
     """
     import numpy as np
 
@@ -154,8 +156,8 @@ def _checked_filter(
         beyond = int((check.loops.demand.max(axis=1) > 1).sum())
         if beyond:
             say(
-                f"note: {beyond} of {check.loops.name} need more torque than a motor has: there it "
-                "saturates, and learning may not converge"
+                f"note: {beyond} of {check.loops.name} need more torque than a motor has; motors "
+                "saturate there, and learning may not converge"
             )
     say()
     return filter_, checks
@@ -170,22 +172,24 @@ def _from_recordings(
     columns: str | None,
     checked: Checked,
 ) -> None:
-    """Take a step from recordings in the folder of a learning."""
+    """Take a step of learning from recordings in its folder."""
     from sdt_drake.machine.learn.state import SCENARIO, count_flights
 
     common.check_folder(folder)
     if len({Path(path).resolve() for path in paths}) < len(paths):
-        raise InputError("--recording: names a file twice, expected another recording each time")
+        raise InputError("--recording: the same file twice, expected different recordings")
     known = count_flights(folder)
-    with alone_in(folder, lambda: say(f"{folder}: waiting for another learn to end")):
+    with alone_in(folder, lambda: say(f"{folder}: waiting for another sdt-drake learn to end")):
         own = folder / SCENARIO
         if own.exists() == (scenario is not None):
-            text = f"has its scenario, {SCENARIO}; leave SCENARIO away" if scenario else "is new"
-            raise InputError(
-                f"--state {folder}: {text}{'' if scenario else ', expected a SCENARIO'}"
+            text = (
+                f"contains the scenario already, {SCENARIO}; leave out SCENARIO"
+                if scenario
+                else "is new, expected a SCENARIO"
             )
+            raise InputError(f"--state {folder}: {text}")
         if scenario is None:
-            why = f"{folder} has its scenario, {SCENARIO}, which stays as it is"
+            why = f"{folder} contains the scenario, {SCENARIO}, which must not change"
             common.refuse(why, changes=changes)
         design = common.design_of(scenario or f"{own}", changes)
         if motion:
@@ -201,7 +205,10 @@ def _step_in(
     columns: str | None,
     checked: Checked,
 ) -> None:
-    """Take a step where nobody else writes; `known`: how many flights there were at the start."""
+    """Take a step of learning while the folder is locked.
+
+    `known` is the number of flights before the lock was taken.
+    """
     import numpy as np
 
     from sdt_drake.machine.learn.state import State, read_state, teach, write_step
@@ -213,12 +220,16 @@ def _step_in(
     state = read_state(folder, design)
     taught = teach(design, filter_, state, recordings, known)
     flight = taught.flight
+    best = State([*state.flights, flight], []).best
+    path = write_step(folder, design, state, taught)
+    say(f"best so far: {best.flown(folder)}, {np.degrees(best.score):.5f} deg (RMS of all joints)")
+    say(f"{path} written; next: fly it, then learn from its recording")
     for recorded, shift in zip(recordings, flight.shifts, strict=True):
-        say(f"{recorded.path}: the motion begins {1e3 * shift:.2f} ms after its start")
+        say(f"{recorded.path}: the motion begins {1e3 * shift:.2f} ms after the recording's start")
     errors = [
         ("largest error [deg]", ".4f", flight.largest),
-        ("repeats, RMS [deg]" if flight.floor else "RMS error [deg]", ".5f", flight.rms),
-        ("does not repeat, RMS [deg]", ".5f", flight.floor),
+        ("repeatable, RMS [deg]" if flight.floor else "RMS error [deg]", ".5f", flight.rms),
+        ("not repeatable, RMS [deg]", ".5f", flight.floor),
     ]
     print_joints(
         design.robot.joint_names,
@@ -227,15 +238,11 @@ def _step_in(
     for note in taught.notes:
         say(f"note: {note}")
     if not flight.floor:
-        say("note: with several recordings of a flight, what does not repeat is told apart")
-    path = write_step(folder, design, state, taught)
-    say(f"{path} written: fly it, then learn from its recording")
-    best = State([*state.flights, flight], []).best
-    say(f"best so far: {best.flown(folder)}, {np.degrees(best.score):.5f} deg (RMS of all joints)")
+        say("note: with several recordings of a flight, errors that do not repeat are separated")
 
 
 def _check_motion(name: str, design: Design) -> None:
-    """Refuse another motion than that of the state."""
+    """Raise InputError unless `name` is the motion of the state's scenario."""
     import numpy as np
 
     from sdt_drake.run.design import plan_of

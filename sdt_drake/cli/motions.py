@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from sdt_drake.motion import Command
     from sdt_drake.robot.robot import Robot as RobotModel
 
-_LONGEST = 3600  # s; what is computed while one waits
+_MAX_DURATION = 3600  # s; longer motions take too long to plan here
 
 
 def run(
@@ -26,7 +26,7 @@ def run(
     example: sdt-drake motions graveyard_spiral
 
     Args:
-        motion: a motion that ships, or a profile .yaml
+        motion: shipped motion, or motion profile .yaml
     """
     model = sdt.load_robot(robot)
     if motion is None:
@@ -48,8 +48,9 @@ def _print_all(robot: RobotModel) -> None:
         joints = dict.fromkeys(joint for track in profile.tracks for joint in track.joints)
         rows.append((name, profile.title, f"{profile.duration:g}", ", ".join(joints), g))
         sentences.append(f"{name}: {sentence}")
+    say(f"{len(rows)} motions are shipped; for one in full: sdt-drake motions {rows[0][0]}")
     print_table(("motion", "illusion", "duration [s]", "joints", "largest G"), rows)
-    say("largest G: at the pilot's head, on the commanded motion")
+    say("largest G: at the pilot's head, if the joints follow the motion without error")
     say()
     for sentence in sentences:
         say_wrapped(sentence)
@@ -79,34 +80,34 @@ def _print_one(motion: str, robot: RobotModel) -> None:
         for name, angle in zip(robot.joint_names, command.q0, strict=True)
         if angle != 0
     ]
-    say(f"starts at {', '.join(turned) or '0 deg'}; the speed in gaps is held")
+    say(f"starts at {', '.join(turned) or '0 deg'}; speeds are constant between segments")
     if profile.notes:
         say()
         say_wrapped(f"notes: {profile.notes}")
 
 
 def _print_prediction(motion: str, robot: RobotModel) -> None:
-    """Whether gain sets of the pilot's model predict the illusion that is meant."""
+    """Print for each parameter set whether it predicts the intended illusion."""
     from sdt_drake.analysis.illusions import intended_illusion
     from sdt_drake.analysis.orientation import CAUTION
 
     found = intended_illusion(motion, robot)
-    assert found is not None, "the motion says which illusion it is meant to give"
+    assert found is not None, "the profile names its intended illusion"
     for model in found.predicted:
         say_wrapped(found.sentence(model))
     say_wrapped(CAUTION)
 
 
 def _largest_g(command: Command, robot: RobotModel) -> str:
-    """Largest resultant at the head, in G."""
+    """Return the largest resultant at the head [G] as text, "-" without a head."""
     from sdt_drake.motion import INTERPOLATION_PERIOD, commanded_motion
     from sdt_drake.robot.head import has_head, head_motion
 
-    if command.duration > _LONGEST:
-        raise InputError(f"duration: {command.duration:g} s, expected at most {_LONGEST:g} s")
+    if command.duration > _MAX_DURATION:
+        raise InputError(f"duration: {command.duration:g} s, expected at most {_MAX_DURATION:g} s")
     if not has_head(robot):
         return "-"
-    # The planner may be given another period; here any about as long, that divides the duration.
+    # Planners use the given period. Here it is changed a little, so that it divides the duration.
     period = command.duration / math.ceil(command.duration / INTERPOLATION_PERIOD)
     motion = commanded_motion(robot, command, period)
     return f"{head_motion(robot, motion.q, motion.v, motion.vd).resultant_g.max():.2f}"

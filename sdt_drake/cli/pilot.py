@@ -39,64 +39,69 @@ def run(
     changes: Changes = (),
     trust: Trust = False,
 ) -> None:
-    """Show what the pilot feels of a motion, and of the errors of its controller.
+    """Predict the pilot's perception of a motion, and of the controller's errors.
 
     example: sdt-drake pilot coupled_pi --out pilot.png
 
     Args:
-        validate: hold the model of the pilot against what people reported, and tell what it
-            predicts of the training motions
-        pilots: tell how many of that many pilots, who differ as people do, are predicted to feel
-            the illusion of a MOTION
-        scenario: what to run, or what `simulate` wrote (.csv, .mat, .parquet)
-        gains: gains of the pilot's model: a name that ships, or a YAML file
-        out: CSV file for what is felt over time, or a figure of it (.png, .svg, .pdf)
+        validate: compare the perception model with published reports of people, and print its
+            predictions for the training motions
+        pilots: number of pilots with different parameters; print how many of them are predicted
+            to feel the illusion of a MOTION
+        scenario: scenario to run, or a recording that `simulate` wrote (.csv, .mat, .parquet)
+        gains: parameter set of the perception model: shipped name or YAML file
+        out: CSV file for the perception over time, or file for a figure of it (.png, .svg, .pdf)
     """
     import numpy as np
 
     from sdt_drake.analysis.illusions import feel, felt_apart, illusions, intended
     from sdt_drake.analysis.orientation import CAUTION
     from sdt_drake.analysis.tracking import track_head
+    from sdt_drake.systems.orientation import load_perception
 
     if validate or scenario is None:
         if scenario is not None or not validate:
-            raise InputError("expected a scenario, a recording or --validate, one of them")
-        common.refuse("not with --validate", out=out, show=show, changes=changes)
-        common.refuse("of a motion, not with --validate", pilots=pilots)
+            raise InputError("expected either a scenario, a recording, or --validate")
+        common.refuse("has no effect with --validate", out=out, show=show, changes=changes)
+        common.refuse("has no effect with --validate, expected a MOTION", pilots=pilots)
         return _validate(robot or common.ROBOT)
     if pilots is not None:
-        common.refuse("not with --pilots", out=out, show=show, changes=changes)
+        common.refuse("has no effect with --pilots", out=out, show=show, changes=changes)
         return _share(scenario, robot or common.ROBOT, gains, pilots)
     common.check_out(out, show, [".csv"])
+    perception = load_perception(gains)
     name, recording, model, story = _recorded(scenario, robot, changes)
     if recording.q.shape[1] != model.n:
         raise InputError(
             f"{scenario}: recorded with {recording.q.shape[1]} joint(s), "
-            f"but {model.name} has {model.n}; --robot names that of the recording"
+            f"but {model.name} has {model.n}; give the robot of the recording with --robot"
         )
     head = track_head(recording, model)
     period = float(recording.time[1] - recording.time[0])
-    felt = [feel(motion, period, gains) for motion in (head.reference, head.achieved)]
-    say(f"{name}: what the pilot feels; x forward, y left, z up, in the head's axes")
-    print_table(*_motion_rows(head, felt, period))
-    say()
-    say(f"Felt wrongly of what was achieved, by {gains}:")
-    found = [str(illusion) for illusion in illusions(felt[1], head.achieved)]
-    for told in found or ["nothing: no illusion is predicted"]:
-        say(f"  {told}")
-    if story.illusion:
-        meant = intended(name, story.illusion, head.achieved, {gains: felt[1]})
-        say(f"The illusion that is meant: {meant.sentence(gains)}")
-    say(CAUTION)
-    say()
-    print_table(*_felt_rows(head, recording.time))
-    say("multiples of what is just felt; alone: if only the joint angles were off, not the speeds")
+    felt = [feel(motion, period, perception) for motion in (head.reference, head.achieved)]
     say(
-        f"The error could be felt {100 * head.felt.share:.1f} % of the time, "
-        f"by the joint angles alone {100 * head.felt_from_angles.share:.1f} %."
+        f"{name}: the pilot could feel the controller's error {100 * head.felt.share:.1f} % of the "
+        f"time ({100 * head.felt_from_angles.share:.1f} % if only positions were wrong)"
     )
     angle, rate = (np.degrees(x) for x in felt_apart(*felt))
-    say(f"It changes the felt vertical by at most {angle:.2f} deg, felt rotation {rate:.2f} deg/s.")
+    say(
+        f"The error changes the felt vertical by up to {angle:.2f} deg and the felt rotation by up "
+        f"to {rate:.2f} deg/s."
+    )
+    found = [str(illusion) for illusion in illusions(felt[1], head.achieved)]
+    say(f"Illusions predicted for the achieved motion by {gains}:")
+    for text in found or ["none"]:
+        say(f"  {text}")
+    if story.illusion:
+        meant = intended(name, story.illusion, head.achieved, {gains: felt[1]})
+        say(f"Intended illusion: {meant.sentence(gains)}")
+    say(CAUTION)
+    say()
+    print_table(*_motion_rows(head, felt, period))
+    say("axes of the head: x forward, y left, z up")
+    say()
+    print_table(*_felt_rows(head, recording.time))
+    say("multiples of the threshold of feeling")
     common.deliver(
         out,
         show,
@@ -106,7 +111,7 @@ def run(
 
 
 def _validate(robot: str) -> None:
-    """Print what gain sets predict beside what people reported."""
+    """Print predictions of the shipped parameter sets beside published reports of people."""
     from sdt_drake.analysis.illusions import intended_illusions
     from sdt_drake.analysis.orientation import CAUTION
     from sdt_drake.analysis.reported import LEGEND, validate, verdict_of_all
@@ -124,16 +129,14 @@ def _validate(robot: str) -> None:
     for note in reported_notes(rows):
         say_wrapped(note, "- ")
     say()
-    say(
-        "The illusion of each training motion, felt less true [deg] or [deg/s]; ✗ too small to feel"
-    )
+    say("The illusion of each training motion, felt minus true [deg, deg/s]; ✗ too small to feel")
     print_document_table(intended_table(intended_illusions(model)))
     say()
     say_wrapped(CAUTION, "")
 
 
 def _share(motion: str, robot: str, gains: str, count: int) -> None:
-    """Print how many pilots are predicted to feel the illusion of a motion."""
+    """Print how many of `count` pilots are predicted to feel the illusion of a motion."""
     import numpy as np
 
     from sdt_drake.analysis.illusions import LEVELS, PERIOD, illusion_of, planned_head, unit_of
@@ -148,9 +151,9 @@ def _share(motion: str, robot: str, gains: str, count: int) -> None:
         unit = unit_of(own.quantity)
         low, middle, high = np.percentile(own.errors, [5, 50, 95])
         say_wrapped(
-            f"{own} are predicted to feel it: {motion}, {own.quantity} wrong by more than "
-            f"{LEVELS[own.quantity]:g} {unit}; felt less true {middle:+.1f} {unit} in the median, "
-            f"{low:+.1f} to {high:+.1f} in 90 % of them.",
+            f"{own} are predicted to feel the illusion of {motion}: {own.quantity} wrong by more "
+            f"than {LEVELS[own.quantity]:g} {unit}. Felt minus true: median {middle:+.1f} {unit}, "
+            f"{low:+.1f} to {high:+.1f} {unit} for 90 % of the pilots.",
             "",
         )
     say()
@@ -161,7 +164,7 @@ def _share(motion: str, robot: str, gains: str, count: int) -> None:
 def _recorded(
     path: str, robot: str | None, changes: Changes
 ) -> tuple[str, sdt.Recording, RobotModel, Story]:
-    """Name, recording, robot and story of what was asked for."""
+    """Return name, recording, robot and story of a scenario or a recording."""
     from sdt_drake.motion import Story, story_of
     from sdt_drake.robot.head import check_head
 
@@ -170,14 +173,17 @@ def _recorded(
         model = sdt.load_robot(robot or common.ROBOT)
         check_head(model)
         return Path(path).stem, sdt.Recording.load(path), model, Story()
-    common.refuse(f"for a recording only, {path} names its own robot", robot=robot)
+    common.refuse(
+        f"has an effect on recordings only; change the robot of {path} with --set robot={robot}",
+        robot=robot,
+    )
     design = common.design_of(path, changes, check_head)
     story = story_of(design.scenario.motion, design.robot, design.motion)
     return design.scenario.name, sdt.simulate(design), design.robot, story
 
 
 def _motion_rows(head: HeadTracking, felt: Sequence[Percept], period: float) -> Rows:
-    """Header and rows: largest quantities of the reference and of what was achieved."""
+    """Return header and rows of the largest quantities, reference and achieved."""
     import numpy as np
 
     from sdt_drake.analysis.perception import UNPERCEIVED_RATE, canals, false_sensation_after_stop
@@ -196,8 +202,8 @@ def _motion_rows(head: HeadTracking, felt: Sequence[Percept], period: float) -> 
 
     axes = ("roll", "pitch", "yaw")
     labels = ["largest G", "smallest G", *(f"{axis} rate, largest [deg/s]" for axis in axes)]
-    labels += [f"{axis} rate that the canals tell, largest [deg/s]" for axis in axes]
-    after = f"told after the stop, above {UNPERCEIVED_RATE:g} deg/s, for [s]"
+    labels += [f"{axis} rate signalled by the canals, largest [deg/s]" for axis in axes]
+    after = f"after the stop, time with more than {UNPERCEIVED_RATE:g} deg/s signalled [s]"
     labels += [f"{axis} {after}" for axis in axes]
     labels += ["felt roll from the vertical, largest [deg]", "felt pitch, largest [deg]"]
     columns = (labels, values(head.reference, felt[0]), values(head.achieved, felt[1]))
@@ -205,7 +211,7 @@ def _motion_rows(head: HeadTracking, felt: Sequence[Percept], period: float) -> 
 
 
 def _felt_rows(head: HeadTracking, time: Array) -> Rows:
-    """Header and rows: the error in multiples of what is just felt, by channel."""
+    """Return header and rows of the error in multiples of the threshold, by channel."""
     from sdt_drake.analysis.perception import CHANNELS
 
     rows = [
@@ -221,7 +227,7 @@ def _felt_rows(head: HeadTracking, time: Array) -> Rows:
     ]
     header = (
         "felt error", "largest", "at [s]", "above 1 [% of time]",
-        "angles alone, largest", "above 1 [% of time]",
+        "if only positions were wrong, largest", "above 1 [% of time]",
     )  # fmt: skip
     return header, rows
 
@@ -229,7 +235,11 @@ def _felt_rows(head: HeadTracking, time: Array) -> Rows:
 def _write(
     path: Path, time: Array, period: float, head: HeadTracking, felt: Sequence[Percept]
 ) -> None:
-    """Columns name_k, k = 1, 2, 3 along x, y, z of the head; multiple_1..6 as in CHANNELS."""
+    """Write the perception over time to a table.
+
+    Columns name_1, name_2, name_3 are along x, y, z of the head; multiple_1 to multiple_6 are in
+    the order of CHANNELS.
+    """
     from sdt_drake.analysis.perception import canals
     from sdt_drake.io.tables import write_table
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Planner = Literal["limiter", "retiming"]
 
-_ANGLE_LOST = 0.1  # deg; less is not worth a line
+_MIN_ANGLE_LOST = 0.1  # deg; smaller ones are not printed
 
 
 def run(
@@ -37,20 +37,20 @@ def run(
     show: Show = False,
     trust: Trust = False,
 ) -> None:
-    """Plan a motion within the motors' torques.
+    """Plan a motion within the limits of the motors' torques.
 
     example: sdt-drake plan graveyard_spin --planner retiming --out motion.csv
 
     Args:
         period: interpolation period [s]
-        planner: what gives way where a motor is too weak: a joint for a while (limiter), or the
-            time of the whole path (retiming)
+        planner: planner for motors that are too weak: `limiter` slows down single joints for a
+            while, `retiming` slows down all joints and keeps the path
         torque_margin: share of the motors' torque to use, in (0, 1]
-        envelope: scenario whose device has a torque-speed envelope: of chosen motors, or drive.n1
-            and n0; the motion is planned for that device, within it
-        drive_table: positions, speeds and torque pre-control of the motors, motor side, in SI
-            units; `export` writes what drives read
-        out: the motion (.csv), or a figure of torques and speeds (.png, .svg, .pdf)
+        envelope: scenario whose device has a torque-speed envelope (of its motors, or from
+            drive.n1 and n0); the motion is planned for that device
+        drive_table: file for positions, speeds and feedforward torques of the motors (motor side,
+            SI units); `export` writes files for drives
+        out: motion file (.csv), or file for a figure of torques and speeds (.png, .svg, .pdf)
     """
     from sdt_drake.machine.drive_files import samples_of, write_drive_table
     from sdt_drake.motion import load_plan, margins
@@ -88,15 +88,19 @@ def _check_drive_table(table: Path, out: Path | None) -> None:
     with within("--drive-table"):
         common.check_file(table, [".csv"])
     if out is not None and table.resolve() == out.resolve():
-        raise InputError(f"--drive-table: {table} is the file of --out too, expected another one")
+        raise InputError(f"--drive-table: {table} is the file of --out too, expected another file")
 
 
 def driven(path: str, robot: str | None) -> RobotModel:
-    """The device of the scenario of --envelope."""
+    """Return the device of the scenario that --envelope names.
+
+    Raises:
+        InputError: if it has no torque-speed envelope, or --robot is given too.
+    """
     from sdt_drake.robot.motors import as_driven
     from sdt_drake.run.design import load_device
 
-    common.refuse(f"{path} names the robot, with its motors; remove", robot=robot)
+    common.refuse(f"has no effect with --envelope, since {path} names the robot", robot=robot)
     scenario = sdt.load(path)
     model = as_driven(load_device(scenario), scenario.drive)
     if model.envelope is None or not model.envelope.limits:
@@ -113,17 +117,17 @@ def _duration(plan: Plan) -> str:
 
 
 def _print_ends(planner: Planner, robot: RobotModel, plan: Plan) -> None:
-    """Joints that do not end where they are commanded, or do not start and end at rest."""
+    """Print joints that do not end at the commanded angle, or do not start and end at rest."""
     import numpy as np
 
     from sdt_drake.motion import ends_in_motion
 
-    # The retiming rounds its time up: what ends in motion goes on a little, along its path.
+    # The retiming rounds its time up: a motion that ends at speed continues a little.
     lost = np.degrees(plan.angle_lost) if planner == "limiter" else np.zeros(robot.n)
-    for k in np.flatnonzero(lost > _ANGLE_LOST).tolist():
+    for k in np.flatnonzero(lost > _MIN_ANGLE_LOST).tolist():
         say(
-            f"{robot.joint(k)} ends {lost[k]:.1f} deg from where it is commanded: the limiter does "
-            "not catch up; --planner retiming keeps the path"
+            f"{robot.joint(k)} ends {lost[k]:.1f} deg from the commanded angle; the limiter does "
+            "not catch up. To keep the path: --planner retiming"
         )
     moving = ends_in_motion(robot, plan.motion)
     if moving:
@@ -136,9 +140,17 @@ def _print_report(
     import numpy as np
 
     motion = plan.motion
-    is_whole = plan.torque_margin == 1
-    share = "" if is_whole else f" with {100 * plan.torque_margin:.4g} % of the motors' torque"
-    say(f"{name}: {_duration(plan)}, {len(motion.time)} samples, feasible{share}")
+    share = (
+        ""
+        if plan.torque_margin == 1
+        else f" with {100 * plan.torque_margin:.4g} % of the motors' torque"
+    )
+    place = report.smallest
+    say(
+        f"{name}: {_duration(plan)}, feasible{share}; smallest margin "
+        f"{formatted(100 * place.left, '.1f')} % of the whole limit, {place.quantity} of "
+        f"{robot.joint(place.joint)} at {place.time:.3f} s"
+    )
     if robot.envelope is not None:
         say(f"within the torque-speed envelope of {robot.envelope.source}")
     _print_ends(planner, robot, plan)
@@ -171,25 +183,16 @@ def _print_report(
             ("tightest", "", tightest),
         ],
     )
-    _print_margins(robot, report, is_whole)
-
-
-def _print_margins(robot: RobotModel, report: Margins, is_whole: bool) -> None:
-    import numpy as np
-
     for k in np.flatnonzero(np.isfinite(report.to_stop)).tolist():
         say(f"joint {k + 1} comes within {np.degrees(report.to_stop[k]):.1f} deg of a stop")
-    place = report.smallest
-    say(
-        f"smallest margin: {formatted(100 * place.left, '.1f')} %, {place.quantity} of "
-        f"{robot.joint(place.joint)} at {place.time:.3f} s"
-        + ("" if is_whole else ", held against the whole limit")
-    )
     growth = report.growth / robot.effort_limit
     k = int(growth.argmax())
     say(
-        "largest torques, joint side, with the motors' inertia; held: back by the limiter, or all "
-        "joints together by the retiming"
+        "Torques are the largest per joint (joint side, with the motors' inertia). held: time in "
+        "which the limiter slows down the joint, or the retiming all joints"
     )
-    most = "less than 0.0001" if growth[k] < 1e-6 else f"at most {100 * growth[k]:.2g}"
-    say(f"between samples the peaks grow by {most} % of the motor (joint {k + 1})")
+    most = "less than 0.0001" if growth[k] < 1e-6 else f"up to {100 * growth[k]:.2g}"
+    say(
+        f"Between the {len(motion.time)} samples, peak torques exceed those at the samples by "
+        f"{most} % of the motor (joint {k + 1})."
+    )

@@ -1,4 +1,4 @@
-"""What commands print: lines, tables, a progress bar; plain where there is no terminal."""
+"""Output of commands: lines, tables, a progress bar; plain text without a terminal."""
 
 from __future__ import annotations
 
@@ -19,28 +19,27 @@ if TYPE_CHECKING:
 
     from sdt_drake.show.documents import Table
 
-_LATE = 2.0  # s; what is done earlier needs no bar
-
+_BAR_DELAY = 2.0  # s; shorter work shows no bar
 
 console, errors = Console(), Console(stderr=True)
 
 
 class Bar:
-    """The progress bar of a command; without a terminal it draws nothing."""
+    """The progress bar of a command. Without a terminal it draws nothing."""
 
     def __init__(self) -> None:
         self._progress: Progress | None = None
         self.begin()
 
     def begin(self) -> None:
-        """Tell that a command begins."""
+        """Start the time of a new command."""
         self._start = time.monotonic()
 
     def tell(self, done: float, text: str = "") -> None:
-        """Take how much is done, from 0 to 1, 0 when some work begins, and what to say of it."""
+        """Show the share of the work that is done, 0 (it begins) to 1, with a text."""
         if not 0 < done < 1:
             self.end()
-        elif errors.is_terminal and time.monotonic() > self._start + _LATE:
+        elif errors.is_terminal and time.monotonic() > self._start + _BAR_DELAY:
             progress = self._progress or _progress()
             progress.update(progress.task_ids[0], completed=done, description=text)
             if self._progress is None:
@@ -48,7 +47,7 @@ class Bar:
                 progress.start()
 
     def end(self) -> None:
-        """Make room for other lines."""
+        """Remove the bar, so that other lines can be printed."""
         if self._progress is not None:
             self._progress.stop()
             self._progress = None
@@ -64,12 +63,14 @@ def _progress() -> Progress:
 
 
 bar = Bar()
-"""Of the command that runs."""
+"""The progress bar of the running command."""
 
 
 def say(text: str = "", style: str = "") -> None:
-    """Print a line, on a terminal in lines of its width; whoever reads us may have enough, the
-    results are written all the same."""
+    """Print a line, wrapped on a terminal.
+
+    After the reader of a pipe has ended, nothing more is printed; files are still written.
+    """
     bar.end()
     try:
         if console.is_terminal:
@@ -81,13 +82,16 @@ def say(text: str = "", style: str = "") -> None:
 
 
 def stop_printing(stream: TextIO) -> None:
-    """Send the rest of the output nowhere: its reader is gone."""
-    # Python would complain once more at exit.
+    """Send the rest of a stream's output to the null device, because its reader has ended."""
+    # Otherwise Python would report the broken pipe again at exit.
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def say_wrapped(text: str, first: str = "", rest: str = "  ", width: int = 96) -> None:
-    """Print running text in lines of at most so many characters, with what they begin with."""
+    """Print text in lines of at most `width` characters.
+
+    `first` and `rest` are the beginnings of the first line and of the others.
+    """
     width = min(width, console.width) if console.is_terminal else width
     for line in textwrap.wrap(text, width, initial_indent=first, subsequent_indent=rest):
         say(line)
@@ -112,7 +116,7 @@ def print_joints(names: Sequence[str], columns: Sequence[tuple[str, str, Iterabl
     """Print a table with a row for each joint.
 
     Args:
-        names: of the joints.
-        columns: header, format and a value for each joint; NaN is a dash.
+        names: names of the joints.
+        columns: header, format and values, one for each joint; NaN becomes a dash.
     """
     print_table(*by_joint(names, columns))

@@ -17,14 +17,14 @@ _WIDTH = 80  # columns
 
 
 def run(topic: str | None = None, /, *, out: Out = None) -> None:
-    """Tell what each kind of file may hold: fields, units, sides, defaults, choices, meanings.
+    """Print the reference of each kind of file: fields, units, sides, defaults, choices, meanings.
 
     example: sdt-drake reference scenario
 
     Args:
-        topic: a kind of file; all are listed
-        out: the reference of a topic (.md), the JSON Schema of its files for editors (.json);
-            without a topic a folder for both of all
+        topic: kind of file (default: list all kinds)
+        out: file for the reference of the topic (.md) or for the JSON Schema of its files
+            (.json); without a topic, folder for both of all topics
     """
     from sdt_drake.show.reference import FILES, TOPICS, write_reference
 
@@ -50,7 +50,9 @@ def _write(topic: str, out: Path) -> None:
 
     check_file(out, (".md", ".json"))
     if out.suffix == ".json" and topic not in FILES:
-        raise InputError(f"{out}: {topic} has no JSON Schema, only {', '.join(FILES)}")
+        raise InputError(
+            f"{out}: {topic} has no JSON Schema, expected one of {', '.join(FILES)}, or .md"
+        )
     text = schema_text(topic) if out.suffix == ".json" else f"{TOPICS[topic]().markdown()}\n"
     write_text(out, text)
     say(f"{out} written")
@@ -70,7 +72,7 @@ def _print_sheet(title: str, sheet: Sheet) -> None:
     for row in sheet.rows:
         cells = dict(zip(sheet.header[1:-1], row[1:-1], strict=True))
         unit = f"[{unit}]" if (unit := cells.pop("unit", "")) else ""
-        told = [f"{cells.pop('takes', '')} {unit}".strip()]
-        told += [f"{header} {cell}" for header, cell in cells.items() if cell]
-        say_wrapped(f"{row[0]}: {'; '.join(filter(None, told))}", "  ", "  ", _WIDTH)
+        texts = [f"{cells.pop('takes', '')} {unit}".strip()]
+        texts += [f"{header} {cell}" for header, cell in cells.items() if cell]
+        say_wrapped(f"{row[0]}: {'; '.join(filter(None, texts))}", "  ", "  ", _WIDTH)
         say_wrapped(row[-1], "      ", "      ", _WIDTH)

@@ -20,16 +20,16 @@ def run(
     changes: Changes = (),
     trust: Trust = False,
 ) -> None:
-    """Run a recorded reference through the simulated loop, and tell where the two differ and why.
+    """Simulate a recorded reference, and compare the recording with the simulation.
 
     example: sdt-drake replay run.csv coupled_pi_ctc --out replay
 
     Args:
-        recording: CSV file with the reference (q_ref_k or v_ref_k) and what was measured (some of
-            q_k, v_k, tau_k; joint k), or a recording of `simulate`; a torque feedforward in it
-            (tau_ff_k) takes the place of the controller's own
-        out: folder for report, figure and table; or the figure alone (.png, .svg, .pdf), or the
-            table (.csv)
+        recording: CSV file with the reference (q_ref_k or v_ref_k) and measured signals (some of
+            q_k, v_k, tau_k; joint k), or a recording of `simulate`; its torque feedforward
+            (tau_ff_k), if any, replaces the controller's own
+        out: folder for report, figure and table; or file for the figure alone (.png, .svg, .pdf)
+            or the table alone (.csv)
     """
     from sdt_drake.show.documents import plain
     from sdt_drake.show.figures.replay import replay_figure

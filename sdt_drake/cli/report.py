@@ -12,14 +12,14 @@ from sdt_drake.io.errors import InputError
 
 
 def run(folder: Annotated[Target, Parameter(name="DIR")], /) -> None:
-    """Make one self-contained report.html of what reproduce or study wrote.
+    """Write one self-contained report.html from the results of `reproduce` or `study`.
 
-    Studies in folders of DIR become chapters.
+    Studies in folders of DIR become chapters of the report.
 
     example: sdt-drake report out
 
     Args:
-        folder: folder that they wrote
+        folder: folder with the results
     """
     from sdt_drake.show.reports.paper import FILES, write_report
     from sdt_drake.show.reports.study import study_chapter, write_study_report

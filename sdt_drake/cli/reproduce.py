@@ -10,7 +10,7 @@ from sdt_drake.cli.printing import say, say_wrapped
 
 
 def run(*, out: Target = Path("out")) -> None:
-    """Recompute the study of the paper: tables, figures, diagrams, claims.
+    """Reproduce the paper: tables, figures, diagrams, claims.
 
     example: sdt-drake reproduce --out out
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -13,6 +13,10 @@ from sdt_drake.cli.common import Changes, Out, Scenario, Show, Trust, Whole
 from sdt_drake.cli.printing import print_joints, say
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.formats import TABLES
+
+if TYPE_CHECKING:
+    from sdt_drake.analysis.tracking import Tracking
+    from sdt_drake.robot.robot import Robot as RobotModel
 
 
 def run(
@@ -25,14 +29,14 @@ def run(
     changes: Changes = (),
     trust: Trust = False,
 ) -> None:
-    """Run a scenario and show how well the joints follow.
+    """Run a scenario and print the errors of the joints.
 
     example: sdt-drake simulate coupled_pi_ctc --out report.html
 
     Args:
-        out: the recording (.csv, .mat, .parquet), a figure of it (.png, .svg, .pdf), or a report
-            to hand on, with plots to zoom and the run in 3D: one page (.html), or Markdown (.md)
-        joint: show joint K alone (1 is the base; default: all)
+        out: file for the recording (.csv, .mat, .parquet), a figure (.png, .svg, .pdf), or a
+            report with plots to zoom and the run in 3D (.html, or .md for Markdown)
+        joint: show joint K alone, counted from the base, 1 (default: all)
     """
     from sdt_drake.analysis.metrics import columns_of
     from sdt_drake.analysis.tracking import stops_passed
@@ -41,18 +45,16 @@ def run(
     common.check_out(out, show, [*TABLES, ".html", ".md"])
     is_drawn = show or (out is not None and out.suffix not in TABLES)
     if joint is not None and not is_drawn:
-        raise InputError(
-            "--joint: has no effect without a figure, expected --out run.png or --show"
-        )
+        raise InputError("--joint: has no effect without a figure, add --out run.png or --show")
     design = common.design_of(scenario, changes)
     joints = chosen_joints(joint, design.robot.n, "--joint")
     recording = sdt.simulate(design)
     tracking = sdt.track(recording, design.wanted)
     title = design.scenario.summary().title
-    say(title)
+    say(f"{title}: {_verdict(tracking, design.robot)}")
     print_joints(design.robot.joint_names, columns_of(vars(tracking)))
     if design.envelope is not None:
-        say(f"torque-speed envelope: of {design.envelope.source}")
+        say(f"torque-speed envelope from {design.envelope.source}")
     for line in stops_passed(recording, design.robot.joint_names):
         say(f"note: {line}")
 
@@ -67,3 +69,19 @@ def run(
             say(f"{path}: {path.stat().st_size / 1e6:.1f} MB, all in one file")
 
     common.deliver(out, show, lambda: sdt.plots.scope(title, recording, design, joint), write)
+
+
+def _verdict(tracking: Tracking, robot: RobotModel) -> str:
+    """Return the largest errors with their joints, and the longest saturation."""
+    import numpy as np
+
+    position = np.degrees(tracking.max_abs_position_error)
+    speed, saturated = tracking.max_abs_speed_error, 100 * tracking.saturated_fraction
+    k, j, s = (int(values.argmax()) for values in (position, speed, saturated))
+    motors = "no motor saturates"
+    if saturated[s]:
+        motors = f"{robot.joint(s)} saturates {saturated[s]:.2g} % of the time"
+    return (
+        f"largest position error {position[k]:.3g} deg ({robot.joint(k)}), "
+        f"speed error {speed[j]:.3g} rad/s ({robot.joint(j)}); {motors}"
+    )

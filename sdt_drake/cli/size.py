@@ -23,13 +23,13 @@ def run(
     changes: Changes = (),
     trust: Trust = False,
 ) -> int:
-    """Find the motors that are enough, for each controller; report.html says which, and why.
+    """Find the lightest sufficient motors for each controller, with a report of the reasons.
 
     example: sdt-drake size sizing --workers 2 --out sizing
 
     Args:
-        sizing: name of one that ships, or .yaml file
-        out: folder of the study (default: its name)
+        sizing: shipped name or .yaml file of a sizing
+        out: folder for the study (default: its name)
     """
     from sdt_drake.show.documents import REPORT
     from sdt_drake.show.reports.sizing import FILES, write_sizing_report
@@ -54,7 +54,7 @@ def run(
         write_text(new / "sizing.txt", "\n".join(lines) + "\n")
         write_verdicts(verdicts, new / "candidates.csv")
         write_sizing_report(chosen, verdicts, new, failed)
-    say(f"{folder / REPORT} written: the motors, why not others, margins; beside it candidates.csv")
+    say(f"{folder / REPORT} and {folder / 'candidates.csv'} written")
     where = shlex.quote(str(folder))
-    say(f"its runs: sdt-drake study show {where} --out {where}/runs")
+    say(f"next, to see all runs: sdt-drake study show {where} --out {where}/runs")
     return FAILED if failed else 0

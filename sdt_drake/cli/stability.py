@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from sdt_drake.analysis.stability import StabilitySweep
+    from sdt_drake.io.arrays import Array
     from sdt_drake.run.design import Design
 
 SHOWN = (0.1, 0.25, 0.5, 0.75, 1.0, 1.5)
@@ -25,7 +26,7 @@ _OPTIONS = {
     "plant.elasticity.natural_frequency": "--omega-r",
     "plant.elasticity.damping_ratio": "--damping",
 }
-"""What gives the fields of the springs here."""
+"""The options of the command by the fields that they set."""
 
 
 def run(
@@ -39,7 +40,7 @@ def run(
     changes: Changes = (),
     trust: Trust = False,
 ) -> None:
-    """Sweep omega_n / omega_r with elastic joints: damping, overshoot, border of stability.
+    """Find the largest stable gains with elastic joints: sweep omega_n / omega_r.
 
     example: sdt-drake stability coupled_pi --out stability.png
 
@@ -47,9 +48,9 @@ def run(
         omega_r: lowest natural frequency of the structure [rad/s] (default: that of the scenario)
         damping: damping ratio of the elastic joints [-] (default: that of the scenario's
             plant.elasticity, or 0.01)
-        out: the sweeps (.csv, .json), or a figure of them (.png, .svg, .pdf)
+        out: file for the sweeps (.csv, .json), or for a figure of them (.png, .svg, .pdf)
     """
-    from sdt_drake.analysis.stability import IDEAL, SLOWEST, stability_sweep
+    from sdt_drake.analysis.stability import IDEAL, SLOWEST, own_ratio, stability_sweep
     from sdt_drake.robot.device import ENCODERS
     from sdt_drake.run.controllers import controller_class
 
@@ -70,8 +71,12 @@ def run(
             sweeps[encoder][label] = stability_sweep(
                 design, frequency, encoder=encoder, drive=drives[label], damping_ratio=damping
             )
-    say(f"{chosen.name}: {choice.label}, {controller_class(choice.kind).in_words(design)}")
-    say(f"elastic joints of omega_r = {frequency:g} rad/s ({source}), damping ratio {damping:g}")
+    own, names = own_ratio(design, frequency), design.robot.joint_names
+    for encoder, by_drive in sweeps.items():
+        limit = by_drive[label].border  # of the last drive, the scenario's
+        say(f"{chosen.name}, encoder on the {encoder}: {_verdict(own, limit, names)}")
+    say(f"{choice.label}: {controller_class(choice.kind).in_words(design)}")
+    say(f"elastic joints: omega_r = {frequency:g} rad/s ({source}), damping ratio {damping:g}")
     say()
     for encoder, by_drive in sweeps.items():
         for drive, sweep in by_drive.items():
@@ -91,8 +96,23 @@ def run(
     )
 
 
+def _verdict(own: Array, limit: Array, names: Sequence[str]) -> str:
+    """Return whether the scenario's own gains are stable, and the ratios that show it."""
+    beyond = own >= limit
+    told = (
+        f"joint {k + 1} '{name}' (omega_n / omega_r = {own[k]:.3f}, unstable from {limit[k]:.3f})"
+        for k, name in enumerate(names)
+        if beyond[k]
+    )
+    if beyond.any():
+        return f"the scenario's own gains are unstable for {', '.join(told)}"
+    k = int((limit / own).argmin())
+    least = "" if limit[k] == float("inf") else f", unstable from {limit[k]:.3f} (joint {k + 1})"
+    return f"the scenario's own gains are stable at omega_n / omega_r = {own[k]:.3f}{least}"
+
+
 def _columns(sweeps: Mapping[str, Mapping[str, StabilitySweep]]) -> dict[str, NDArray[Any]]:
-    """A row for each encoder, drive and ratio omega_n / omega_r."""
+    """Return the columns of --out, with a row for each encoder, drive and ratio."""
     import numpy as np
 
     every = [(encoder, drive, s) for encoder, by in sweeps.items() for drive, s in by.items()]
@@ -105,13 +125,13 @@ def _columns(sweeps: Mapping[str, Mapping[str, StabilitySweep]]) -> dict[str, ND
 
 
 def _omega_r(design: Design, path: str, given: float | None) -> tuple[float, str]:
-    """Lowest natural frequency of the structure [rad/s], and where it comes from."""
+    """Return the lowest natural frequency of the structure [rad/s] and its source."""
     if given is not None:
         return given, "--omega-r"
     if design.omega_r is None:
         raise InputError(
-            f"--omega-r: missing; {path} gives kp and ki but no controller.omega_r, "
-            "expected the lowest natural frequency of its structure [rad/s]"
+            f"--omega-r: missing, expected the lowest natural frequency of the structure [rad/s], "
+            f"since {path} has kp and ki but no controller.omega_r"
         )
     own, factor = design.scenario.controller.omega_r, design.nominal.frequency_factor
     times = "" if factor == 1 else f", {own:g}, times {factor:.4g} for the device"
@@ -140,33 +160,33 @@ def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
 
 
 def _notes(design: Design, omega_r: float) -> list[str]:
-    """What stands in the sweep for the scenario's own, and what has no meaning there."""
+    """Return notes on the sweep: inertia, sampling, and what of the scenario is left out."""
     from sdt_drake.analysis.stability import own_ratio, stands_alone
     from sdt_drake.run.kinds import CONTROLLERS
 
     plant, choice = design.scenario.plant, design.scenario.controller
     if not stands_alone(design):
         notes = [
-            f"{choice.kind} needs the coupled plant: one joint elastic at a time, the others "
-            "rigid, where its inertia is largest"
+            f"{choice.kind} needs the coupled plant: one joint at a time is elastic, the others "
+            "are rigid. The plant is linearised where the joint's inertia is largest."
         ]
     elif plant.i_eff is None:
-        notes = ["each axis alone, with its largest inertia"]
+        notes = ["Each axis stands alone, with its largest inertia."]
     else:
-        notes = ["each axis alone, with the inertia of plant.i_eff"]
+        notes = ["Each axis stands alone, with the inertia of plant.i_eff."]
     own = " ".join(f"{ratio:.3f}" for ratio in own_ratio(design, omega_r))
-    notes.append(f"omega_n / omega_r of the scenario's own gains there: {own}")
+    notes.append(f"omega_n / omega_r of the scenario's own gains: {own}")
     if design.drive.period is not None and stands_alone(design):
-        notes.append("a sampled drive at its own period")
+        notes.append("The scenario's drive samples with its own period.")
     if "position_gain" in CONTROLLERS[choice.kind].options:
-        notes.append(f"positions sampled every {design.motion.period:g} s")
+        notes.append(f"Positions are sampled every {design.motion.period:g} s.")
     if choice.feedforward_in_use != "none":
-        notes.append("note: the feedforward, which changes no damping and no border, is left out")
+        notes.append("note: the feedforward is left out; it does not affect damping or stability")
     if not plant.friction.is_none:
-        notes.append("note: of friction, only the viscous part counts")
+        notes.append("note: only the viscous part of friction is included")
     if not plant.elasticity.is_rigid:
         notes.append(
-            "note: every joint in turn is elastic with omega_r, whatever plant.elasticity says; "
-            f"its encoder is on the {plant.elasticity.encoder}"
+            "note: each joint in turn is elastic with omega_r, in place of plant.elasticity, whose "
+            f"encoder is on the {plant.elasticity.encoder}"
         )
     return notes

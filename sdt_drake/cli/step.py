@@ -27,11 +27,11 @@ def run(
     example: sdt-drake step --inertia 4.26 --structure p_in_feedback --zeta 0.95 --out step.png
 
     Args:
-        inertia: effective inertia, motor side [kg m²] (default: published, of joint 1)
-        structure: of the controller: P and I on the error, or P in the feedback
+        inertia: effective inertia, motor side [kg m²] (default: published value of joint 1)
+        structure: structure of the controller: P and I on the error, or P in the feedback
         omega_r: lowest natural frequency of the structure [rad/s] (default: 65.991, published)
         zeta: damping ratio [-]
-        out: the response (.csv, .json), or a figure of it (.png, .svg, .pdf)
+        out: file for the response (.csv, .json), or for a figure of it (.png, .svg, .pdf)
     """
     from sdt_drake.analysis.reproduction import step_response
     from sdt_drake.systems.gains import tune
@@ -44,14 +44,16 @@ def run(
         omega_r = paper.OMEGA_R
     step = step_response(structure, zeta, inertia, omega_r)
     published = f" ({' and '.join(taken)} published for the shipped device)" if taken else ""
-    say(
-        f"{step.structure}: inertia {inertia:g} kg m², omega_r = {omega_r:g} rad/s, "
-        f"zeta {zeta:g}{published}"
-    )
-    gains = tune([inertia], omega_r, [zeta])
+    gains, metrics = tune([inertia], omega_r, [zeta]), asdict(step.metrics)
     kp, ki = gains.kp[0], gains.ki[0]
-    say(f"K_PS = {kp:.5g} N m s/rad, K_IS = {ki:.5g} N m/rad, motor side")
-    metrics = asdict(step.metrics)
+    say(
+        f"{step.structure}: the speed settles in {step.metrics.settling_time:.4g} s and overshoots "
+        f"by {step.metrics.overshoot_percent:.2g} %"
+    )
+    say(
+        f"inertia {inertia:g} kg m², omega_r = {omega_r:g} rad/s, zeta {zeta:g}{published}: "
+        f"K_PS = {kp:.5g} N m s/rad, K_IS = {ki:.5g} N m/rad, motor side"
+    )
     for name, value in metrics.items():
         label = name.removesuffix("_percent").replace("_", " ")
         say(f"{label:20s} {value:.5g} {UNITS[name]}")

@@ -20,17 +20,15 @@ if TYPE_CHECKING:
     from sdt_drake.studies.table import StudyTable
 
 FAILED = 1
-"""Exit code where runs have failed, so that there is no answer."""
+"""Exit code if runs failed and left the study without an answer."""
 
 Workers = Annotated[
     Whole | None, Parameter(metavar="N", help="processes on this machine (default: 1)")
 ]
 Cluster = Annotated[
-    str | None, Parameter(metavar="ADDRESS", help="of a Dask scheduler, tcp://HOST:8786")
+    str | None, Parameter(metavar="ADDRESS", help="address of a Dask scheduler, tcp://HOST:8786")
 ]
-Resume = Annotated[
-    bool, Parameter(show_default=False, help="finish the study that the folder holds")
-]
+Resume = Annotated[bool, Parameter(show_default=False, help="finish the study in the folder")]
 
 _USAGE = (
     "sdt-drake study STUDY [--out DIR] [--workers N | --cluster ADDRESS] [--resume] "
@@ -51,18 +49,18 @@ def run(
     changes: Changes = (),
     trust: Trust = False,
 ) -> int:
-    """Run many variants of a scenario, show what came out, or repeat one of them.
+    """Run many variants of a scenario, show the results, or repeat one of the runs.
 
-    `show DIR` makes a page of the study in DIR, `repeat DIR --row N` runs one of its rows again.
+    `show DIR` writes a report of the study in DIR, `repeat DIR --row N` runs one of its rows again.
 
     example: sdt-drake study monte_carlo --workers 2 --out mc
 
     Args:
-        what: name of one that ships, or .yaml file; or `show DIR`, or `repeat DIR`
-        out: folder of the study (default: its name), of the page, or file of the repeated run
-        row: of the run to repeat
+        what: shipped name or .yaml file of a study; or `show DIR`, or `repeat DIR`
+        out: folder for the study (default: its name) or the report, or file for the repeated run
+        row: row of the run to repeat, from 0
     """
-    unused = f"has no use here, expected {_USAGE}"
+    unused = f"has no effect here, expected {_USAGE}"
     match what:
         case ["show" | "repeat" as task, folder]:
             common.refuse(unused, workers=workers, cluster=cluster, resume=resume, changes=changes)
@@ -90,7 +88,7 @@ def run_file(
     resume: bool,
     changes: Changes,
 ) -> int:
-    """Run a study's file; the exit code."""
+    """Run the study of a file and return the exit code."""
     import numpy as np
 
     from sdt_drake.studies.results import read_study_table
@@ -102,18 +100,26 @@ def run_file(
     folder = out or Path(study.name)
     results = run_into(folder, study, base, workers, cluster, resume)
     table = read_study_table(folder)
-    say_failures(table)
-    say(f"{results} written; sdt-drake study show {shlex.quote(str(folder))}")
+    say(study_summary(study.name, table))
+    say(f"{results} written; next: sdt-drake study show {shlex.quote(str(folder))}")
     return 0 if np.isin(table.status, ANSWERS).any() else FAILED
 
 
-def say_failures(table: StudyTable) -> str:
-    """Say what has failed in a study, and return it; "" if nothing has."""
+def study_summary(name: str, table: StudyTable) -> str:
+    """Return the number of runs with a result, and those without and their cause."""
     from sdt_drake.studies.summary import failures
+    from sdt_drake.studies.table import ANSWERS
 
-    if failed := failures(table):
-        say(failed)
-    return failed
+    answered = sum(status in ANSWERS for status in table.status)
+    return "; ".join(
+        filter(
+            None,
+            [
+                f"{name}: {answered} of {len(table) + table.missing} runs have a result",
+                failures(table),
+            ],
+        )
+    )
 
 
 def run_into(
@@ -124,13 +130,15 @@ def run_into(
     cluster: str | None,
     resume: bool,
 ) -> Path:
-    """Run what a study's folder does not have yet; returns the file of results."""
+    """Run all rows that a study's folder does not contain yet, and return the file of results."""
     from sdt_drake.studies.execute import run_study
     from sdt_drake.studies.folder import holds_study
     from sdt_drake.studies.job import make_job
 
     if cluster is not None:
-        common.refuse("not with --cluster, whose processes run the study", workers=workers)
+        common.refuse(
+            "has no effect with --cluster, whose processes run the study", workers=workers
+        )
     common.check_folder(folder)
     try:
         return run_study(
@@ -145,12 +153,12 @@ def run_into(
         bar.end()
         if holds_study(folder):
             where = shlex.quote(str(folder))
-            say(f"interrupted; what is done is kept, --resume --out {where} goes on")
+            say(f"interrupted; finished runs are kept. To continue, add --resume --out {where}")
         raise
 
 
 class Progress:
-    """How far a study is: a bar on a terminal, a few lines elsewhere."""
+    """The progress of a study: a bar on a terminal, a few lines elsewhere."""
 
     def __init__(self) -> None:
         self._start = time.monotonic()
@@ -184,15 +192,13 @@ def repeat(folder: Path, row: int | None, out: Path | None) -> None:
     with Store(folder) as store:
         inputs = store.inputs(row) or study.inputs(row)
     outcomes, recording, wrong = runner.repeat(row, inputs)
-    if wrong:
-        say(f"run failed: {wrong}")
-        say()
+    say(f"{study.name}, row {row}: {f'the run failed: {wrong}' if wrong else 'repeated exactly'}")
     print_table(("input", "value"), [(k, cell(v)) for k, v in inputs.items()])
     for table in outcome_tables(names, outcomes):
         say()
         print_document_table(table)
     if other:
-        say(f"The study was begun with {other}: numbers may differ.")
+        say(f"The study was run with {other}, so numbers may differ.")
     if out is not None:
         recording.to_csv(out)
         say(f"{out} written")
@@ -204,12 +210,13 @@ def show(folder: Path, out: Path | None) -> None:
 
     if out is not None:
         common.check_folder(out)
-    if say_failures(read_study_table(folder)):
-        say()
+    table = read_study_table(folder)
     page, tables = write_study_report(folder, out)
-    for table in tables:
-        say(table.title)
-        print_document_table(table)
-        say()
-    say(f"a run once more, exactly: sdt-drake study repeat {shlex.quote(str(folder))} --row N")
+    say(study_summary(table.name, table))
     say(f"{page} written")
+    say(f"next, to repeat a run: sdt-drake study repeat {shlex.quote(str(folder))} --row N")
+    say()
+    for shown in tables:
+        say(shown.title)
+        print_document_table(shown)
+        say()

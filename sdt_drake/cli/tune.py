@@ -19,9 +19,11 @@ if TYPE_CHECKING:
     from sdt_drake.io.arrays import Array
     from sdt_drake.run.design import Design
 
-_OPTIONS = {"omega_r": "--omega-r", "zeta": "--zeta"}  # of the controller
+_OPTIONS = {"omega_r": "--omega-r", "zeta": "--zeta"}
+"""Options by fields of the controller."""
 _PUBLISHED = "published for the shipped device"
-_BEYOND = 0.01  # of 0.5 omega_r; nobody knows omega_r better
+_TOLERANCE = 0.01
+"""Share of 0.5 omega_r that omega_n may exceed without a note: omega_r is not known better."""
 
 
 def run(
@@ -37,18 +39,19 @@ def run(
     changes: Changes = (),
     trust: Trust = False,
 ) -> None:
-    """Tell the effective inertia along a motion, and the gains that follow.
+    """Compute the effective inertia along a motion, and tune the controller gains.
 
     example: sdt-drake tune coupled_pi --zeta 0.95 0.98 0.99 0.95
 
     Args:
-        what: a scenario, or a motion and its robot: name of one that ships, or file
+        what: scenario, or motion (with --robot): shipped name or file
         period: interpolation period [s] (default: 0.005)
         omega_r: lowest natural frequency of the structure [rad/s] (default: that of the scenario;
             65.991, published, for the shipped device)
         zeta: damping ratio at the largest inertia, each joint [-] (default: that of the scenario;
             published, for the shipped device; else 1)
-        out: the numbers (.csv, .json), or a figure of the effective inertia (.png, .svg, .pdf)
+        out: file for the numbers (.csv, .json), or for a figure of the effective inertia (.png,
+            .svg, .pdf)
     """
     from sdt_drake.robot.dynamics import effective_inertia
 
@@ -57,7 +60,7 @@ def run(
     given = {"omega_r": omega_r, "zeta": zeta}
     if is_scenario:
         for name, value in (("robot", robot), ("period", period)):
-            common.refuse(f"the scenario has it, expected --set {name}=...", **{name: value})
+            common.refuse(f"has no effect on a scenario, use --set {name}=...", **{name: value})
         design = _of_scenario(what, given, changes)
     else:
         common.refuse_changes(changes, what)
@@ -97,8 +100,8 @@ def _of_motion(motion: str, robot: str, period: float | None, given: Mapping[str
     omega_r, zeta = given.values()
     if omega_r is None and not _is_shipped(robot):
         raise InputError(
-            f"--omega-r: missing; {robot} needs the lowest natural frequency of its own "
-            f"structure [rad/s], {paper.OMEGA_R} is that of the shipped device"
+            "--omega-r: missing, expected the lowest natural frequency of the structure of "
+            f"{robot} [rad/s]; {paper.OMEGA_R} is that of the shipped device"
         )
     if omega_r is None:
         omega_r = paper.OMEGA_R
@@ -125,14 +128,14 @@ def _is_shipped(robot: str) -> bool:
 
 
 def _notes(design: Design, is_scenario: bool, given: Mapping[str, Any]) -> Iterator[str]:
-    """Where the numbers are from, and where the rule for omega_n does not hold."""
+    """Yield lines with the sources of the numbers, and joints that break the rule for omega_n."""
     import numpy as np
 
     from sdt_drake.systems.gains import natural_frequency
 
     omega_r = design.omega_r
     if omega_r is None:
-        yield "K_PS, K_IS: the scenario's kp and ki"
+        yield "K_PS and K_IS are kp and ki of the scenario."
         return
     elsewhere = "the scenario's" if is_scenario else _PUBLISHED
     omega_r_from = elsewhere if given["omega_r"] is None else "--omega-r"
@@ -141,17 +144,19 @@ def _notes(design: Design, is_scenario: bool, given: Mapping[str, Any]) -> Itera
         zeta_from = "default"
     yield f"omega_r = {omega_r:g} rad/s ({omega_r_from}), zeta at the largest inertia ({zeta_from})"
     fastest = natural_frequency(design.gains, design.inertia.minimum)
-    too_fast = np.flatnonzero(fastest > 0.5 * omega_r * (1 + _BEYOND)) + 1
+    too_fast = np.flatnonzero(fastest > 0.5 * omega_r * (1 + _TOLERANCE)) + 1
     if len(too_fast):
         joints = ", ".join(map(str, too_fast))
         yield (
-            f"note: omega_n exceeds 0.5 omega_r by more than {100 * _BEYOND:g} % where the "
+            f"note: omega_n exceeds 0.5 omega_r by more than {100 * _TOLERANCE:g} % where the "
             f"inertia is small, joint {joints}"
         )
 
 
 def _print_gains(design: Design, numbers: Mapping[str, Array]) -> None:
     omega_r = design.omega_r
+    kp, ki = (", ".join(f"{x:.4g}" for x in numbers[name]) for name in ("kp", "ki"))
+    say(f"K_PS = {kp} N m s/rad, K_IS = {ki} N m/rad (motor side, joint by joint)")
     unit = " [rad/s]" if omega_r is None else "/omega_r"
     ends = zip(*(numbers[f"omega_n_{x}"] / (omega_r or 1.0) for x in ("max", "min")), strict=True)
     print_joints(

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from sdt_drake.robot.robot import Robot as RobotModel
 
 ROBOTS = (".sdf", ".urdf")
-"""Kinds of files of robots."""
+"""The suffixes of robot files."""
 
 
 def run(
@@ -40,19 +40,18 @@ def run(
     changes: Changes = (),
     trust: Trust = False,
 ) -> None:
-    """Show a motion, or a robot with its axes and masses, in 3D: live in a browser or as a page.
+    """Show a motion, or a robot with its axes and masses, in 3D: in a browser or as a page.
 
     example: sdt-drake view coupled_pi_ctc --record run.html
 
     Args:
-        what: a scenario, which is simulated; a motion, which is planned; a recording or a planned
-            motion; a robot, whose joints turn with sliders: .yaml, .csv, .sdf or .urdf file, or
-            the name of one that ships
-        record: write a page that plays, or has the sliders
+        what: scenario to simulate, motion profile to plan, motion file or recording to play, or
+            robot to turn with sliders: shipped name, or .yaml, .csv, .sdf or .urdf file
+        record: page (.html) to write in place of the live view
         pilot: start with the pilot's own view
-        rate: live: 2 for twice as fast, 0.01 to 1000 (default: 1)
-        port: live: 1024 to 65535 (default: a free one)
-        once: live: stop at the end of the motion
+        rate: live view: speed of the playback, 2 for twice as fast, 0.01 to 1000 (default: 1)
+        port: live view: port, 1024 to 65535 (default: a free one)
+        once: live view: stop at the end of the motion
     """
     from sdt_drake.io.resources import named
     from sdt_drake.robot.head import has_head
@@ -87,13 +86,13 @@ def run(
 
 
 def _announcing(title: str, once: bool, has_head: bool) -> Callable[[str], None]:
-    """Tells the address of a page, and what the felt head in it is."""
+    """Return a function that prints the address of a live view, and what its violet head is."""
     from sdt_drake.analysis.orientation import CAUTION
 
     def announce(address: str) -> None:
-        say(f"{title}: {address}" + ("" if once else "; Ctrl-C ends it"))
+        say(f"{title}: {address}" + ("" if once else "; end it with Ctrl-C"))
         if has_head:
-            say(f"The violet head is the attitude as it is felt. {CAUTION}")
+            say(f"The violet head shows the felt attitude. {CAUTION}")
 
     return announce
 
@@ -111,19 +110,19 @@ def _robot(what: str, record: Path | None, port: int | None, once: bool) -> None
             say()
             print_document_table(table)
         say()
-        say("Sliders, and under Scene the masses, are behind Open Controls.")
+        say("Press Open Controls for sliders of the joints and, under Scene, the masses.")
         announce = _announcing(model.name, once, has_head=False)
         shown.show_robot(model, port=port, once=once, announce=announce)
         return
     shown.robot_html(model, record)
     say(f"{title}; {record} written")
-    say(f"files to run it: sdt-drake init --robot {shlex.quote(what)} DIR")
+    say(f"next, for files to run it: sdt-drake init --robot {shlex.quote(what)} DIR")
 
 
 def _motion(
     what: str, robot: str | None, pilot: bool, changes: Changes
 ) -> tuple[str, RobotModel, Array, Array, Story]:
-    """Title, robot, time [s], joint angles [rad] and story of what was asked for."""
+    """Return title, robot, time [s], joint angles [rad] and story of a motion or a scenario."""
     from sdt_drake.io.resources import find_file, named
     from sdt_drake.motion import INTERPOLATION_PERIOD, Story, load_plan, story_of
     from sdt_drake.robot.head import check_head
@@ -134,7 +133,7 @@ def _motion(
             f"{what}: expected a .yaml, .csv, .mat or .parquet file, or a shipped name"
         )
     if common.is_scenario(what):
-        instead = f"the scenario names the robot, expected --set robot={robot}"
+        instead = f"has no effect on a scenario, use --set robot={robot}"
         common.refuse(instead, robot=robot)
         return _simulated(what, check_head if pilot else None, changes)
     file = find_file(what, *kinds)
@@ -151,7 +150,7 @@ def _motion(
 def _simulated(
     path: str, check: Callable[[RobotModel], None] | None, changes: Changes
 ) -> tuple[str, RobotModel, Array, Array, Story]:
-    """The same of a scenario; one that is too long is not run in vain."""
+    """Simulate a scenario and return the same as `_motion`; check its duration before."""
     from sdt_drake.motion import story_of
     from sdt_drake.show.view3d.scene import check_duration
 
@@ -164,7 +163,7 @@ def _simulated(
 
 
 def _angles(path: Path, robot: RobotModel) -> tuple[Array, Array]:
-    """Time [s] and joint angles [rad] of a table."""
+    """Return time [s] and joint angles [rad] of a table."""
     from sdt_drake.io.tables import check_limits, read_table
 
     time, columns = read_table(path)
@@ -174,7 +173,7 @@ def _angles(path: Path, robot: RobotModel) -> tuple[Array, Array]:
     if q.shape[1] != robot.n:
         raise InputError(
             f"{path}: angles of {q.shape[1]} joint(s), robot '{robot.name}' has {robot.n}; "
-            "--robot names that of the table"
+            "give the robot of the table with --robot"
         )
     check_limits(path, time, columns)
     return time, q

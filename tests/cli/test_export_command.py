@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import csv
-import re
 
-import command_line
 import numpy as np
 import pytest
 from drive_readers import read_csv
-from test_drive_files import AXIS, RATED, drives_with, short_motion
+from test_drive_files import RATED, drives_with, short_motion
 
 from sdt_drake.cli.app import main
 from sdt_drake.machine.drive_files import export, feed
@@ -44,23 +42,6 @@ def test_export_tells_what_a_loop_makes_of_its_files(tmp_path, capsys, monkeypat
     assert error["cam.csv"] == pytest.approx(error["motion, no torque"], rel=0.2)
 
 
-def test_export_says_at_which_period_its_loop_runs_where_that_is_another(good, given, motion):
-    motion.to_csv("../given/m.csv")
-    axes = ", ".join([AXIS + "00}"] * 4)
-    given("d.yaml", f"cycle_time: 0.0015\naxes: [{axes}]\n")
-    drive = ("--drive", "../given/d.yaml")
-    out = good("export", "../given/m.csv", *drive, "--set", "controller.kind=p_pi").out
-    assert "linear in between; the loop runs every 4.5 ms, but from trajectory.yaml" in out
-
-
-def test_export_of_a_scenario_is_of_its_motion_and_its_loop(good, given, motion):
-    motion.to_csv("../given/m.csv")
-    pi = given("pi.yaml", command_line.SCENARIO.replace("motion.yaml", "m.csv"))
-    out = good("export", pi, "--drive", "drives").out
-    assert out.startswith(f"{pi}: {motion.duration:g} s for drives with a cycle of 1 ms")
-    assert "fed to pi on the axis plant" in out
-
-
 @pytest.mark.parametrize("kind", ["pi_ctc", "p_pi+id"])
 @pytest.mark.parametrize("inverse_dynamics", ["table", "online"])
 def test_a_loop_gets_the_torque_of_the_file_and_no_other(
@@ -80,36 +61,6 @@ def test_a_loop_gets_the_torque_of_the_file_and_no_other(
     if feedforward:  # the loop itself gets the torques that are in the file
         own = np.abs(simulate(design).position_error).max(axis=0)
         np.testing.assert_allclose(error["trajectory.yaml"], own, rtol=0.02, atol=1e-6)
-
-
-FOUR = ", ".join([AXIS + "}"] * 4)
-
-
-@pytest.mark.parametrize(
-    ("drives", "told"),
-    [
-        (f"cycle_time: 0.001\naxes: [{FOUR.replace('10', '0.01')}]", "d.yaml: joint .* 32767"),
-        (f"cycle_time: 1e-9\naxes: [{FOUR}]", "d.yaml: cycle_time: 1e-09 s, .* 1000000th of"),
-    ],
-)
-def test_export_refuses_in_one_line_and_writes_nothing(refuse, desk, motion, drives, told):
-    motion.to_csv("m.csv")
-    (desk / "d.yaml").write_text(drives.replace("1e-9", "0.000000001"), encoding="utf-8")
-    assert re.search(told, refuse("export", "m.csv", "--drive", "d.yaml", "--out", "x"))
-
-
-def test_export_writes_all_of_its_files_or_none(refuse, given, desk, motion):
-    moving = given("moving.yaml", command_line.SHORT)
-    told = refuse("export", moving, "--drive", "drives", "--out", "x")
-    assert told.startswith(f"sdt-drake: {moving}: joint 2 'roll' ends")
-    motion.to_csv("m.csv")
-    for name, text in (("cam.csv", "notes"), ("trajectory.yaml", "x: 1")):
-        (desk / name).write_text(text, encoding="utf-8")
-        told = refuse("export", "m.csv", "--drive", "drives", "--out", ".")
-        assert told.startswith(f"sdt-drake: {name}: holds something else")
-        (desk / name).unlink()
-    (desk / "x/read_back.csv").mkdir(parents=True)
-    refuse("export", "m.csv", "--drive", "drives", "--out", "x", saying=("is a folder",))
 
 
 @pytest.mark.parametrize(("kind", "has_torque"), [("p_pi", True), ("p_pi", False), ("pi_id", True)])
@@ -133,13 +84,3 @@ def test_what_was_learned_is_exported_as_it_flew(tmp_path, robot, motion, kind, 
     errors = {x.source: x.position_error for x in feed(design, drives, exported)}
     np.testing.assert_allclose(errors["motion"], flown, rtol=5e-3, atol=1e-9)
     np.testing.assert_allclose(errors["trajectory.yaml"], flown, rtol=5e-3, atol=1e-9)
-
-
-def test_a_controller_with_torques_of_its_own_is_not_fed_any(good, given, motion):
-    motion.to_csv("../given/m.csv")
-    text = command_line.ENDS["coupled"].replace("motion.yaml", "m.csv")
-    given("id.yaml", text.replace("kind: pi", "kind: inverse_dynamics"))
-    out = good("export", "../given/id.yaml", "--drive", "drives").out
-    assert "note: inverse_dynamics has no place for a torque feedforward" in out
-    rows = {row.split("  ")[0]: row.split()[-4:] for row in out.splitlines()}
-    assert rows["motion"] == rows["motion, no torque"] == rows["trajectory.yaml"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from operator import attrgetter
 from pathlib import Path
 
 import command_line
@@ -53,16 +54,6 @@ def test_what_it_says_to_run_runs(own, good, call, tmp_path):
     assert (len(study), row.status) == (16, "ok")
 
 
-def test_what_is_commented_out_is_right_too(own):
-    text = Path("scenario.yaml").read_text(encoding="utf-8")
-    every = re.sub(r"^( *)# (?=[a-z]\w*:)", r"\1", text, flags=re.MULTILINE).replace("#   ", "  ")
-    Path("every.yaml").write_text(every, encoding="utf-8")
-    before, after = load_scenario("scenario.yaml"), load_scenario("every.yaml")
-    assert after.device.motors == ["", "", "T-400"] and not after.plant.elasticity.is_rigid
-    assert (after.drive.period, after.plant.deviation.payload_mass) == (0.001, 20)
-    assert before.device.motors == [] and before.drive.period is None
-
-
 def test_editors_find_the_schemas_wherever_the_folder_is(own, tmp_path):
     here = shutil.copytree(".", tmp_path / "elsewhere")
     for name in ("scenario", "motion", "motors", "study"):
@@ -70,14 +61,6 @@ def test_editors_find_the_schemas_wherever_the_folder_is(own, tmp_path):
         schema = Path(line.split("$schema=")[1])
         assert (here / schema).read_text() == (models_dir() / schema).read_text()
         assert not schema.is_absolute()
-
-
-def test_a_folder_that_is_in_use_is_refused(refuse, desk):
-    (desk / "mine").mkdir()
-    (desk / "mine" / "notes.txt").touch()
-    refuse("init", "mine", saying=["mine: is not empty, expected a new folder"])
-    refuse("init", "mine/notes.txt", saying=["notes.txt: is a file, expected a folder"])
-    refuse("init", "", saying=["empty, expected a path"])
 
 
 # --- of a robot of one's own ----------------------------------------------------------------------
@@ -136,32 +119,6 @@ def test_files_beside_the_run_fit_the_robot(mine):
     )
 
 
-def test_the_rest_of_what_it_says_to_run_runs(good, desk, monkeypatch):
-    (desk / "own.urdf").write_text(owners.RATE_TABLE, encoding="utf-8")
-    lines = re.findall(r"^sdt-drake (.+?)   ", good("init", "--robot", "own.urdf", "m").out, re.M)
-    names = [
-        "view",
-        "simulate",
-        "plan",
-        "size",
-        "export",
-        "excite",
-        "simulate",
-        "identify",
-        "study",
-    ]
-    assert [line.split()[0] for line in lines] == names
-    monkeypatch.chdir(desk / "m")
-    for line in lines:
-        if line.split()[0] in ("plan", "export", "identify") or line.endswith(".csv"):
-            good(*line.split())
-    text = Path("scenario.yaml").read_text(encoding="utf-8")
-    every = re.sub(r"^( *)# (?=[ a-z_]+: )", r"\1", text, flags=re.MULTILINE)
-    Path("every.yaml").write_text(every, encoding="utf-8")
-    after = load_scenario("every.yaml")
-    assert (after.torque_margin, after.plant.friction.coulomb) == (0.9, [0, 0, 0])
-
-
 def test_meshes_are_found_from_the_new_folder(good, desk):
     (desk / "parts").mkdir()
     (desk / "parts" / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "utf-8")
@@ -173,12 +130,22 @@ def test_meshes_are_found_from_the_new_folder(good, desk):
     assert 'filename="../../parts/a.obj"' in (desk / "deep/m/own.urdf").read_text("utf-8")
 
 
-def test_a_joint_that_cannot_be_held_is_refused(refuse, desk):
-    """Links of 2 kg, their centres 0.5 and 1.5 m away: 39.24 N m at the shoulder."""
-    weak = command_line.ARM.replace("<effort>100", "<effort>40")
-    (desk / "weak.sdf").write_text(weak, encoding="utf-8")
-    refuse(
-        "init", "--robot", "weak.sdf", "m",
-        saying=["weak.sdf: joint 1 'shoulder': gravity takes 39.24 N m at 0 deg"],
-    )  # fmt: skip
-    assert not (desk / "m").exists()
+COMMENTED = {  # by what --robot has; a field that is on then, and its value
+    None: ("device.motors", ["", "", "T-400"]),
+    "own.urdf": ("plant.friction.coulomb", [0, 0, 0]),
+}
+
+
+@pytest.mark.parametrize("robot", COMMENTED)
+def test_lines_that_are_commented_out_are_right_too(good, desk, monkeypatch, robot):
+    (desk / "own.urdf").write_text(owners.RATE_TABLE, encoding="utf-8")
+    good("init", "m", *(["--robot", robot] if robot else []))
+    monkeypatch.chdir(desk / "m")
+    text = Path("scenario.yaml").read_text(encoding="utf-8")
+    every = re.sub(r"^( *)# (?=[a-z]\w*:)", r"\1", text, flags=re.MULTILINE)
+    every = re.sub(r"^( *)#   (?=[a-z]\w*:)", r"\1  ", every, flags=re.MULTILINE)
+    Path("every.yaml").write_text(every, encoding="utf-8")
+    field, value = COMMENTED[robot]
+    assert attrgetter(field)(load_scenario("every.yaml")) == value
+    assert attrgetter(field)(load_scenario("scenario.yaml")) != value
+    assert load_scenario("every.yaml").torque_margin == 0.9

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import html
 import json
-import os
 import re
 import shutil
-import sys
 from pathlib import Path
 
 import pytest
@@ -18,9 +15,7 @@ from sdt_drake.cli.app import main
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import write_text
 from sdt_drake.run.scenario import load_scenario
-from sdt_drake.run.simulate import Recording
-from sdt_drake.show.documents import REPORT, TEMPLATES
-from sdt_drake.show.figures import runs as plots
+from sdt_drake.show.documents import REPORT
 from sdt_drake.show.paper_diagrams import DIAGRAMS
 from sdt_drake.show.reports.paper import RECORDING, write_report
 from sdt_drake.show.reports.paper_files import FILES, write_reproduction
@@ -71,23 +66,6 @@ def test_files_are_replaced_foreign_ones_left_with_python_alone(
         assert (used / link).is_file(), link
 
 
-def test_a_figure_that_cannot_be_made_leaves_the_old_results(
-    reproduction, tmp_path, monkeypatch, undrawn
-):
-    for name in ("report.md", "summary.json", "figure2.png"):
-        (tmp_path / name).write_text("old")
-    before = snapshot(tmp_path)
-
-    def broken(*args, **kwargs):
-        raise RuntimeError("no figure today")
-
-    monkeypatch.setattr(plots, "speed_errors", broken)
-    monkeypatch.setattr(Recording, "to_csv", lambda self, path: path.write_text("time"))
-    with pytest.raises(RuntimeError, match="no figure today"):
-        write_reproduction(reproduction, tmp_path, Stopwatch(lambda line: None))
-    assert snapshot(tmp_path) == before
-
-
 # --- the command -------------------------------------------------------------------------------
 
 
@@ -116,15 +94,6 @@ def test_reproduce(good, refuse, desk, quick_study):
     assert re.search(r"^Open out/report.html; \d+\.\d s in all$", out, re.M)
     for place in ("out/report.md", "out/report.md/d"):
         refuse("reproduce", "--out", place, saying=["out/report.md: is a file, expected a folder"])
-
-
-@pytest.mark.parametrize("arguments", [["reproduce"], ["--help"]])
-def test_a_reader_that_has_enough_costs_no_results(desk, monkeypatch, quick_study, arguments):
-    read, write = os.pipe()
-    os.close(read)  # like `| head -0`
-    monkeypatch.setattr(sys, "stdout", os.fdopen(write, "w"))
-    assert main(arguments) == 0
-    assert Path("out/report.md").is_file() or arguments != ["reproduce"]
 
 
 # --- reading again -------------------------------------------------------------------------------
@@ -167,14 +136,6 @@ def change(folder, edit):
     content = json.loads(path.read_text(encoding="utf-8"))
     edit(content)
     path.write_text(json.dumps(content), encoding="utf-8")
-
-
-def test_each_figure_of_the_template_is_on_the_page(folder):
-    page = write_report(folder).read_text(encoding="utf-8")
-    alts = list(map(html.unescape, re.findall(r'<img alt="([^"]*)"', page)))
-    template = (TEMPLATES / "paper.md.j2").read_text(encoding="utf-8")
-    figures = re.findall(r"!\[(.*)\]\(\S+\.(?:png|svg)\)", template)
-    assert len(figures) > len(DIAGRAMS) and alts == figures
 
 
 def test_no_text_of_the_summary_becomes_a_tag(folder):
@@ -227,32 +188,3 @@ def test_what_is_missing_is_named_and_the_old_report_stays(folder, case):
     message = str(caught.value)
     assert expected in message and f"sdt-drake reproduce --out {folder}" in message
     assert "\n" not in message and snapshot(folder) == before
-
-
-@pytest.mark.parametrize(
-    ("what", "said"),
-    [
-        ("file", "file: is a file, expected a folder"),
-        ("file/below", "file: is a file, expected a folder"),
-        ("nowhere", "nowhere: no such folder; run `sdt-drake reproduce --out"),
-        ("empty", "summary.json: is missing; run `sdt-drake reproduce --out"),
-    ],
-)
-def test_a_folder_that_reproduce_did_not_write(tmp_path, capsys, what, said):
-    (tmp_path / "file").write_text("x", encoding="utf-8")
-    (tmp_path / "empty").mkdir()
-
-    assert main(["report", str(tmp_path / what)]) == 2
-    out, err = capsys.readouterr()
-    assert out == "" and err.count("\n") == 1 and said in err
-    assert list((tmp_path / "empty").iterdir()) == []
-
-
-def test_stages_are_told_as_they_pass():
-    told = []
-    watch = Stopwatch(told.append)
-    for name in ("one", "two", "one"):
-        with watch.stage(name):
-            pass
-    assert list(watch.seconds) == ["one", "two"] and len(told) == 3
-    assert all(re.fullmatch(r"  (one|two) +\d+\.\d\d s", line) for line in told)

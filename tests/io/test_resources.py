@@ -140,5 +140,5 @@ def test_set_is_checked_like_a_file(refuse, change, words):
 
 @pytest.mark.parametrize("command", [["tune"], ["view", "--record", "x.html"]])
 def test_set_needs_a_scenario(refuse, command):
-    saying = ["--set: changes a scenario, which leans is not"]
+    saying = ["leans is no scenario"]
     refuse(*command, "leans", "--set", "name=x", saying=saying)

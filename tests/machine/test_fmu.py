@@ -194,15 +194,15 @@ TABLE = ("--fmu", "x.fmu", "--fmu-input", "reference", "--set", "controller.kind
 
 def test_command(good, call, desk):
     said = good("export", "coupled_pi", "--fmu", "loop.fmu").out
-    assert said.startswith("loop.fmu written: the loop of coupled_pi, torque from outside")
+    assert said.startswith("loop.fmu written: the loop of coupled_pi with the torque")
     with running(desk / "loop.fmu") as fmu:
         fmu.begin()
         assert len(fmu.names("tau_cmd")) == 4
     for options, part in (
-        (("--fmu", "x.fmu", "--drive", "drives"), "--drive: not with --fmu"),
+        (("--fmu", "x.fmu", "--drive", "drives"), "--drive: has no effect with --fmu"),
         (("--fmu", "x.txt"), "x.txt: unknown kind of file, expected .fmu"),
         (TABLE, "reference: 'external', but load_torque is computed along the planned motion"),
-        ((), "--drive: missing, expected a file of drives, or --fmu"),
+        ((), "--drive: missing, expected a file with data"),
     ):
         refused(call("export", "coupled_pi", *options), part)
     assert [path.name for path in desk.iterdir()] == ["loop.fmu"]

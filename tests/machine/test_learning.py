@@ -335,7 +335,7 @@ def test_interrupted_in_its_third_flight_it_keeps_two(call, good, refuse, desk, 
         patch.setattr(module, at, interrupted)
         done = call(*command, "--out", "five")
     assert (done.code, done.err) == (130, "")
-    assert "interrupted; flights so far are kept in five/unfinished: sdt-drake learn" in done.out
+    assert "interrupted; the flights so far are in five/unfinished; to continue" in done.out
     files = {"flights.csv", "learned.csv", "scenario.yaml"}
     kept = {"unfinished", *(f"unfinished/{name}" for name in files)}
     assert set(command_line.snapshot(desk / "five")) == kept

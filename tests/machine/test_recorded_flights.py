@@ -268,10 +268,12 @@ def test_the_command_learns_flight_by_flight(good, refuse, desk):
     text = state.read_text(encoding="utf-8")
     state.write_text(text.replace("floor: []", "floor: [1]"), encoding="utf-8")
     refuse(*again, late=True, saying=("state/flight_01.yaml: floor: 1 value(s), expected 4",))
-    refuse(*again, "--set", "period=0.004", saying=("--set: state has its scenario",))
+    refuse(*again, "--set", "period=0.004", saying=("--set: state contains the scenario",))
     for option in (("--flights", "2"), ("--all",), ("--out", "x")):
-        refuse(*again, *option, saying=(f"{option[0]}: is for simulated flights",))
+        refuse(*again, *option, saying=(f"{option[0]}: has no effect with --recording",))
     refuse("learn", "--recording", "flight.csv", saying=("--state: missing",))
     refuse("learn", "--recording", "flight.csv", "--state", "other", saying=("expected a SCEN",))
-    refuse("learn", file, "--state", "state", saying=("--state: is for --recording",))
-    refuse("learn", file, "--draws", "3", saying=("--draws: is of a study, expected --study",))
+    refuse(
+        "learn", file, "--state", "state", saying=("--state: has an effect with --recording only",)
+    )
+    refuse("learn", file, "--draws", "3", saying=("--draws: has an effect with --study only",))

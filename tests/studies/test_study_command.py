@@ -74,7 +74,7 @@ def test_bad_study(refuse, desk, old, new, message):
         ("axis.yaml", "axis.yaml: is a scenario, expected a study"),
         ("few.yaml --workers 0", "--workers: 0, expected a whole number >= 1"),
         ("few.yaml --workers 1000000000", "--workers: 1000000000, expected a whole"),
-        ("few.yaml --workers 2 --cluster tcp://a:1", "--workers: not with --cluster"),
+        ("few.yaml --workers 2 --cluster tcp://a:1", "--workers: has no effect with --cluster"),
         ("few.yaml --cluster nonsense", "--cluster nonsense: cannot be reached"),
         ("few.yaml --cluster ftp://a:1", "unknown address scheme"),
         ("few.yaml --out few.yaml/below", "few.yaml: is a file, expected a folder"),
@@ -82,10 +82,10 @@ def test_bad_study(refuse, desk, old, new, message):
         ("few.yaml --out=", "--out: empty, expected a path"),
         ("few.yaml --resume", "few: holds no study to resume"),
         ("few.yaml --out . --resume", ".: holds no study to resume"),
-        ("few.yaml --row 1", "--row: has no use here"),
+        ("few.yaml --row 1", "--row: has no effect here"),
         ("show nowhere", "nowhere: holds no study"),
         ("show nowhere --out few.yaml", "few.yaml: is a file, expected a folder"),
-        ("show nowhere --workers 2", "--workers: has no use here"),
+        ("show nowhere --workers 2", "--workers: has no effect here"),
         ("repeat nowhere --row 1", "nowhere: holds no study"),
         ("repeat . --row 1", ".: holds no study"),
         ("show", "study: 'show', expected sdt-drake study STUDY [--out"),
@@ -214,7 +214,7 @@ def test_a_finished_study_of_an_older_version_is_shown_and_repeated(copied, undi
     found, whole = map(read_study_table, (copied, undisturbed))
     np.testing.assert_equal(vars(found), vars(whole))
     assert main(["study", "repeat", f"{copied}", "--row", "5"]) == 0
-    assert "The study was begun with package 0.1.0" in capfd.readouterr().out
+    assert "The study was run with package 0.1.0" in capfd.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -224,7 +224,7 @@ def test_a_finished_study_of_an_older_version_is_shown_and_repeated(copied, undi
         ("--row 30", "--row 30, expected 0 to 29"),
         ("--row=-1", "--row -1, expected 0 to 29"),
         ("--row 1 --out x.png", "x.png: unknown kind of file, expected .csv"),
-        ("--row 1 --workers 2", "--workers: has no use here"),
+        ("--row 1 --workers 2", "--workers: has no effect here"),
     ],
 )
 def test_bad_repeat(refuse, undisturbed, arguments, message):
@@ -297,14 +297,18 @@ def test_repeat_from_a_folder_that_was_moved_and_files_that_are_gone(desk, undis
 def test_repeat_says_what_failed(undisturbed, capfd, monkeypatch):
     monkeypatch.setattr("sdt_drake.studies.runs.stops_passed", lambda *_: ["roll, 2 deg", "yaw"])
     assert main(["study", "repeat", str(undisturbed), "--row", "5"]) == 0
-    assert capfd.readouterr().out.startswith("run failed: roll, 2 deg; yaw\n\ninput ")
+    assert capfd.readouterr().out.startswith(
+        "many, row 5: the run failed: roll, 2 deg; yaw\ninput "
+    )
 
 
 def test_shows_what_is_done(copied, capfd, undrawn):
     change(copied, "DELETE FROM rows WHERE row > 4")
     assert len(read_study_table(copied)) == 5
     assert main(["study", "show", f"{copied}"]) == 0
-    assert capfd.readouterr().out.startswith(f"{RUNS - 5} of {RUNS} runs are not done yet\n")
+    assert capfd.readouterr().out.startswith(
+        f"many: 5 of {RUNS} runs have a result; {RUNS - 5} of {RUNS} runs are not done yet\n"
+    )
     assert f"{RUNS - 5} of {RUNS} runs are not done yet." in (copied / "report.html").read_text()
 
 
@@ -334,8 +338,8 @@ def test_failed_runs_are_said_first(copied, files, capfd, monkeypatch, kept, cod
     change(copied, f"UPDATE rows SET {failed} WHERE row >= ?", "no link 'payload'", kept)
 
     assert main(["study", str(files / "many.yaml"), "--out", str(copied), "--resume"]) == code
-    assert capfd.readouterr().out.splitlines()[1] == said
+    assert capfd.readouterr().out.splitlines()[1].endswith(f"; {said}")
     monkeypatch.setattr(report, "write_study_report", lambda _, out: (out / "it", []))
     assert main(["study", "show", str(copied), "--out", "page"]) == 0
     out = capfd.readouterr().out
-    assert out.startswith(said + "\n") and out.endswith("\npage/it written\n")
+    assert out.splitlines()[0].endswith(f"; {said}") and "\npage/it written\n" in out

@@ -1,0 +1,136 @@
+"""Bad use of every command: one line, exit code 2, nothing printed or written.
+
+The command lines are those of bad_use.yaml. Messages are compared with the files in test_bad_use/;
+`--regen-all` renews them.
+"""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from command_line import ARM, AXIS, RUN, SDF, SHORT_MOTION, is_one_line
+from pydrake.systems.analysis import Simulator
+
+from sdt_drake.cli import COMMANDS
+from sdt_drake.cli.app import commands
+from sdt_drake.io.resources import models_dir
+from sdt_drake.io.tables import write_table
+
+TIME = np.arange(251) * 0.005
+ANGLES = np.outer(TIME, [0.2, 0.4, -0.1, 0.3])
+TABLE = yaml.safe_load(Path(__file__).with_name("bad_use.yaml").read_text(encoding="utf-8"))
+ROBOTS = {
+    "negative.sdf": SDF.replace("<mass>300</mass>", "<mass>-300</mass>", 1),
+    "headless.sdf": SDF.replace('<frame name="head"', '<frame name="face"'),
+    "weak.sdf": ARM.replace("<effort>100", "<effort>40"),
+}
+
+
+@pytest.fixture
+def crowded(desk):
+    """A working directory with files to read and files that are in the way."""
+    for name, text in (TABLE["files"] | ROBOTS).items():
+        (desk.parent / "given" / name).write_text(text, encoding="utf-8")
+    for folder in ("folder.png", "used"):
+        (desk / folder).mkdir()
+    for name in ("file", "used/notes.txt", "cam.csv"):
+        (desk / name).write_text("mine")
+    (desk / "other.csv").write_text("date,amount\n")
+    (desk / "other.html").write_text("<p>mine</p>")
+    moved = np.sin(np.pi * TIME / TIME[-1])[:, None] ** 2 * [0.01, 0.02, 0.02, 0.05]
+    write_table(desk / "moved.csv", TIME, {"v_ref": moved})
+    write_table(desk / "all.csv", TIME, {"q": ANGLES, "q_ref": ANGLES, "tau": ANGLES})
+    write_table(desk / "speeds.csv", TIME, {"v": ANGLES})
+    write_table(desk / "three.csv", TIME, {"q": ANGLES[:, :3], "q_ref": ANGLES[:, :3]})
+    write_table(desk / "long.csv", np.array([0, 1800.5, 3601]), {"q": ANGLES[:3]})
+    return desk
+
+
+@pytest.mark.parametrize(
+    ("line", "word"),
+    [
+        ("", "COMMAND"),
+        ("explode", "reproduce, report, init"),
+        ("simulat", 'Did you mean "simulate"?'),
+        ("simulate", "SCENARIO"),
+        ("plan --wide", "--wide (see sdt-drake plan --help)"),
+        ("init ''", "empty, expected a path"),
+    ],
+)
+def test_wrong_usage(refuse, line, word):
+    assert "--help" in refuse(*shlex.split(line), saying=[word])
+
+
+@pytest.fixture
+def nothing_simulated(monkeypatch):
+    """Mistakes are told before a minute is spent."""
+
+    def advance(*_):
+        raise AssertionError("computed in vain")
+
+    monkeypatch.setattr(Simulator, "AdvanceTo", advance)
+
+
+@pytest.mark.parametrize("kind", TABLE["lines"])
+def test_a_mistake_is_one_line(kind, call, crowded, request, file_regression):
+    if kind != "files that are not replaced":  # whose content is looked at when all is computed
+        request.getfixturevalue("nothing_simulated")
+    before = times(crowded.parent)
+    said = []
+    for line in TABLE["lines"][kind]:
+        done = call(*shlex.split(line))
+        assert done.code == 2 and (done.out == "" or kind == "files that are not replaced"), line
+        assert is_one_line(done.err), (line, done.err)
+        assert times(crowded.parent) == before, line
+        said.append(f"$ {line}\n{done.err.removeprefix('sdt-drake: ')}")
+    text = "\n".join(said).replace(str(crowded.parent), "FOLDER")
+    text = text.replace(str(models_dir()), "MODELS")
+    file_regression.check(text, basename=kind.replace(" ", "_"))
+
+
+def times(folder):
+    """All files below a folder, and when they were written."""
+    return {path: path.is_file() and path.stat().st_mtime_ns for path in folder.rglob("*")}
+
+
+POSITIONAL = {
+    "plan": SHORT_MOTION, "export": SHORT_MOTION, "tune": SHORT_MOTION, "pilot": RUN,
+    "excite": "sdt", "identify": "sdt all.csv", "replay": f"all.csv {RUN}", "view": RUN,
+    "study": "monte_carlo", "init": "new", "size": "sizing", "learn": RUN,
+    "fly": "sdt turn --out flown",
+    **dict.fromkeys(("simulate", "compare", "bode", "diagram"), RUN),
+    **dict.fromkeys(("budget", "stability"), AXIS),
+}  # fmt: skip
+"""What each command is about."""
+ONLY_WITH = {
+    ("identify", "--payload"): "--only payload",
+    ("export", "--scenario"): "--drive drives",
+    ("export", "--cam-points"): "--drive drives",
+    ("export", "--fmu-input"): "--fmu loop.fmu",
+    ("learn", "--recording"): "--state s",
+}
+"""Other options without which an option is of no use."""
+NONSENSE = "non\nsense"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_option_refuses_nonsense(name, call, crowded, nothing_simulated):
+    before = times(crowded.parent)
+    options = {
+        option
+        for argument in commands(name)[name].assemble_argument_collection()
+        for option in argument.names
+        if option.startswith("--") and not option.startswith(("--no-", "--empty-"))
+    }
+    assert options or name in ("report", "scenarios")
+    for option in options:
+        others = f"{POSITIONAL.get(name, '')} {ONLY_WITH.get((name, option), '')}".split()
+        kept = [x for k, x in enumerate(others) if option not in (x, *others[max(k - 1, 0) : k])]
+        done = call(name, *kept, f"{option}={NONSENSE}")
+        assert (done.code, done.out) == (2, "") and is_one_line(done.err), (option, done)
+        assert option in done.err or "sense" in done.err, (option, done.err)
+    assert times(crowded.parent) == before
