@@ -1,4 +1,4 @@
-"""Arguments of functions of daily use, checked once, where they come in."""
+"""Checks of the arguments of public functions."""
 
 from __future__ import annotations
 
@@ -15,11 +15,18 @@ from sdt_drake.io.errors import InputError, checked_number, checked_type, one_li
 
 F = TypeVar("F", bound=Callable[..., Any])
 Kind = Callable[[Any, str], object]
-"""Takes a value and the name of its argument: what the function gets, or an InputError."""
+"""A check of an argument's value and name that returns the value or raises InputError."""
 
 
 def takes(**kinds: Kind) -> Callable[[F], F]:
-    """Check arguments of a function, by their names; its defaults are taken as they are."""
+    """Check the named arguments of a function. Defaults are passed unchecked.
+
+    >>> @takes(period=positive)
+    ... def rate(period):
+    ...     return 1 / period
+    >>> rate(0.5)
+    2.0
+    """
 
     def decorated(function: F) -> F:
         signature = inspect.signature(function)
@@ -39,7 +46,7 @@ def takes(**kinds: Kind) -> Callable[[F], F]:
 
 
 def a(kind: type, made_by: str) -> Kind:
-    """An object of a kind, and what makes one."""
+    """Return a check for objects of a type. `made_by` names the function that creates one."""
 
     def checked(value: Any, name: str) -> object:
         checked_type(value, kind, name, made_by)
@@ -49,7 +56,7 @@ def a(kind: type, made_by: str) -> Kind:
 
 
 def a_path(value: Any, name: str) -> str | os.PathLike[str]:
-    """The path of a file, or the name of what ships."""
+    """Check the path of a file or the name of a shipped one."""
     if not isinstance(value, str | os.PathLike):
         raise InputError(
             f"a {type(value).__name__}, expected a path, as a str or a Path", place=name
@@ -58,19 +65,19 @@ def a_path(value: Any, name: str) -> str | os.PathLike[str]:
 
 
 def positive(value: Any, name: str) -> float:
-    """A finite number > 0."""
+    """Return `value` as a finite number > 0."""
     return checked_number(value, name, minimum=0, exclusive=True)
 
 
 def share(value: Any, name: str) -> float:
-    """A number > 0, at most 1."""
+    """Return `value` as a number > 0 and <= 1."""
     if positive(value, name) > 1:
         raise InputError(f"{value}, expected at most 1", place=name)
     return float(value)
 
 
 def finite(shape: str) -> Kind:
-    """An array of finite numbers, of a shape in words: "(N + 1, n)" has two dimensions."""
+    """Return a check for arrays of finite numbers. `shape` gives the dimensions: "(N + 1, n)"."""
 
     def checked(value: Any, name: str) -> Array:
         try:
@@ -91,10 +98,10 @@ def finite(shape: str) -> Kind:
 
 
 def chosen_joints(joint: int | None, n: int, where: str = "joint") -> Sequence[int]:
-    """Indices of the joints to show: all n, from 0, or that one of 1..n.
+    """Return the indices (from 0) of the joints to show: all n, or joint number 1 to n.
 
     Raises:
-        InputError: naming `where`, if there is no such joint.
+        InputError: the robot has no joint of this number.
     """
     if joint is None:
         return range(n)

@@ -1,4 +1,4 @@
-"""The types of arrays: of numbers, also complex ones, of places in others, and of whether."""
+"""Types of arrays: real and complex numbers, indices and masks."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""The one exception that a user's bad input raises; checks of numbers."""
+"""`InputError`, the exception for all bad input of users, and checks of numbers."""
 
 from __future__ import annotations
 
@@ -11,42 +11,41 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-if TYPE_CHECKING:  # numpy takes a tenth of a second, which --help has no use for
+if TYPE_CHECKING:  # import numpy lazily: it would slow down --help by 0.1 s
     from numpy.typing import ArrayLike
 
     from sdt_drake.io.arrays import Array
 
-MOST_PERIODS = 1_000_000
-"""Of a motion: what is planned in a minute, and memory holds; 83 min of 5 ms."""
+MAX_PERIODS = 1_000_000
+"""Largest number of sample periods of a motion: 83 min of 5 ms, planned within a minute."""
 
-
-_MOST_PROBLEMS = 20  # that are told
+MAX_PROBLEMS = 20
+"""Largest number of problems that an `InputError` prints."""
 
 
 class Problem(NamedTuple):
-    """Something wrong with an input, as data; its text is one line: "where: place: found, expected
-    accepted".
+    """A problem of an input. Its text is one line: "where: place: found, expected accepted".
 
-    Attributes:
-        found: what is wrong; the whole sentence where the parts below are empty.
-        accepted: what would be right.
-        place: dotted name of a field, entries counted from 1: "controller.kp[2]".
-        where: the file or the object that has the field.
-        near: names like one that there is none of.
-        kind: "joints" where the input is of another robot, with other joints; "still" where a joint
-            of a robot has nothing to move.
+    >>> print(Problem("-1", "a number > 0", place="period", where="run.yaml"))
+    run.yaml: period: -1, expected a number > 0
     """
 
     found: str
+    """The wrong value or name; a whole sentence if `accepted` is empty."""
     accepted: str = ""
+    """The accepted values."""
     place: str = ""
+    """The dotted name of the field, entries counted from 1: "controller.kp[2]"."""
     where: str = ""
+    """The file or object that contains the field."""
     near: tuple[str, ...] = ()
+    """Known names similar to an unknown one."""
     kind: str = ""
+    """"joints": the input belongs to a robot with other joints. "still": a joint moves no mass."""
 
     @property
     def text(self) -> str:
-        """What was found, and what would be right."""
+        """The problem without its place: what was found and what is accepted."""
         if self.near:
             return f"{self.found}, {meant(self.near)}"
         return f"{self.found}, expected {self.accepted}" if self.accepted else self.found
@@ -56,12 +55,12 @@ class Problem(NamedTuple):
 
 
 class InputError(ValueError):
-    """Input that cannot be used: a `Problem` for each thing that is wrong, a line for each of the
-    first ones.
+    """Bad input of a user: one or several problems, printed one per line.
 
     Args:
-        problems: their data, or texts.
-        place, kind: of problems that are texts, see `Problem`.
+        problems: objects of `Problem`, or texts.
+        place: place of the problems given as texts, see `Problem`.
+        kind: kind of the problems given as texts, see `Problem`.
     """
 
     def __init__(self, *problems: Problem | str, place: str = "", kind: str = "") -> None:
@@ -74,16 +73,16 @@ class InputError(ValueError):
 
     @property
     def problems(self) -> tuple[Problem, ...]:
-        """All that is wrong, in the order in which it was found."""
+        """All problems, in the order in which they were found."""
         return self.args
 
     @property
     def lines(self) -> list[str]:
-        """The first problems for people, and how many more there are."""
+        """The first `MAX_PROBLEMS` problems as text, then the number of the others."""
         lines = [f"{problem}" for problem in self.problems]
-        if len(lines) > _MOST_PROBLEMS:
-            more = f"{len(lines) - _MOST_PROBLEMS} more"
-            lines[_MOST_PROBLEMS:] = [f"{Problem(more, where=self.problems[0].where)}"]
+        if len(lines) > MAX_PROBLEMS:
+            more = f"{len(lines) - MAX_PROBLEMS} more"
+            lines[MAX_PROBLEMS:] = [f"{Problem(more, where=self.problems[0].where)}"]
         return lines
 
     def __str__(self) -> str:
@@ -92,7 +91,7 @@ class InputError(ValueError):
 
 @contextlib.contextmanager
 def retelling(change: Callable[[Problem], Problem]) -> Iterator[None]:
-    """Change the problems of an `InputError`."""
+    """Change each problem of an `InputError` raised in the block."""
     try:
         yield
     except InputError as error:
@@ -100,12 +99,12 @@ def retelling(change: Callable[[Problem], Problem]) -> Iterator[None]:
 
 
 def rewording(line: Callable[[str], str]) -> AbstractContextManager[None]:
-    """Say the lines of an `InputError` in other words."""
+    """Rewrite each line of an `InputError` raised in the block."""
     return retelling(lambda problem: Problem(line(f"{problem}"), kind=problem.kind))
 
 
 def within(where: str | Path) -> AbstractContextManager[None]:
-    """Name the file or object that the problems of an `InputError` are in, if none is named."""
+    """Prefix the problems of an `InputError` raised in the block with their file or object."""
 
     def named(problem: Problem) -> Problem:
         if f"{problem}".startswith(f"{where}"):
@@ -116,31 +115,31 @@ def within(where: str | Path) -> AbstractContextManager[None]:
 
 
 def at(place: str) -> AbstractContextManager[None]:
-    """Name the field that the problems of an `InputError` are in; their own places are in it."""
+    """Prefix the places of the problems of an `InputError` raised in the block with `place`."""
     return retelling(lambda problem: problem._replace(place=dotted(place, problem.place)))
 
 
 def dotted(place: str, name: str) -> str:
-    """The place of a field, or of an entry "[2]", in a place."""
+    """Return the place of a field, or of an entry "[2]", within another place."""
     return f"{place}{name}" if name.startswith("[") else f"{place}.{name}".strip(".")
 
 
 def is_within(name: str, field: str) -> bool:
-    """Whether a dotted name is that of a field, or of a part or an entry of it."""
+    """Check whether a dotted name is `field`, or a part or entry of it."""
     return name.startswith(field) and name[len(field) :][:1] in ("", ".", "[")
 
 
 PART = re.compile(r"(\w+)(?:\[([1-9]\d{0,5})\])?")
-"""Part of a dotted name; entries count from 1."""
+"""Pattern of one part of a dotted name, with an optional entry counted from 1."""
 
 
 def meant(near: Iterable[str]) -> str:
-    """The names like a wrong one, for people: "did you mean 'kind'?"."""
+    """Return a suggestion from similar names: "did you mean 'kind'?"."""
     return f"did you mean {' or '.join(map(repr, near))}?"
 
 
 def one_line(error: object) -> str:
-    """What an error of a library says, in one line that is not too long."""
+    """Return the message of a library's error as one line of at most 300 characters."""
     text = " ".join(str(error).split())
     return text if len(text) <= 300 else f"{text[:300]}..."
 
@@ -148,10 +147,10 @@ def one_line(error: object) -> str:
 def checked_number(
     value: float, where: str, *, minimum: float = -math.inf, exclusive: bool = False
 ) -> float:
-    """`value` as a finite number >= `minimum` (> `minimum` if `exclusive`).
+    """Return `value` as a finite number >= `minimum` (> `minimum` if `exclusive`).
 
     Raises:
-        InputError: naming `where`.
+        InputError: the value is no such number.
     """
     is_number = isinstance(value, Real) and math.isfinite(value)
     if not is_number or value < minimum or (exclusive and value == minimum):
@@ -161,10 +160,10 @@ def checked_number(
 
 
 def checked_count(value: int, where: str) -> int:
-    """`value` if it is a whole number >= 1.
+    """Return `value` as a whole number >= 1.
 
     Raises:
-        InputError: naming `where`.
+        InputError: the value is no such number.
     """
     if not isinstance(value, Integral) or value < 1:
         raise InputError(f"{value!r}, expected a whole number >= 1", place=where)
@@ -172,10 +171,10 @@ def checked_count(value: int, where: str) -> int:
 
 
 def checked_positive(values: ArrayLike, where: str, n: int | None = None) -> Array:
-    """`values` as an array of numbers > 0, one for each joint, shape (n,); of any n by default.
+    """Return `values` as finite numbers > 0, one for each joint, shape (n,); any n by default.
 
     Raises:
-        InputError: naming `where`.
+        InputError: the values are no such numbers.
     """
     import numpy as np
 
@@ -194,10 +193,10 @@ def checked_positive(values: ArrayLike, where: str, n: int | None = None) -> Arr
 
 
 def checked_type(value: object, kind: type, where: str, made_by: str) -> None:
-    """Refuse what is not of a kind; made_by: how one gets it.
+    """Check the type of a value. `made_by` names the function that creates one.
 
     Raises:
-        InputError: naming `where`.
+        InputError: the value has another type.
     """
     if not isinstance(value, kind):
         told = f"a {type(value).__name__}"
@@ -207,10 +206,10 @@ def checked_type(value: object, kind: type, where: str, made_by: str) -> None:
 
 
 def checked_choice(value: str, choices: tuple[str, ...], where: str) -> str:
-    """`value` if it is one of `choices`.
+    """Return `value` if it is one of `choices`.
 
     Raises:
-        InputError: naming `where` and the choices.
+        InputError: the value is none of the choices, which it lists.
     """
     if value not in choices:
         raise InputError(f"'{value}', expected one of {', '.join(choices)}", place=where)
@@ -218,14 +217,14 @@ def checked_choice(value: str, choices: tuple[str, ...], where: str) -> str:
 
 
 def whole_periods(duration: float, period: float, where: str) -> int:
-    """How many periods [s] make up `duration` [s].
+    """Return the number of periods [s] in `duration` [s].
 
     Raises:
-        InputError: if that is not a whole number >= 1.
+        InputError: the duration is no whole multiple of the period, or too long.
     """
-    if not duration / MOST_PERIODS <= period:
+    if not duration / MAX_PERIODS <= period:
         raise InputError(
-            f"period {period:g} s, expected at least a {MOST_PERIODS}th of {duration:g} s",
+            f"period {period:g} s, expected at least a {MAX_PERIODS}th of {duration:g} s",
             place=where,
         )
     count = round(duration / period)
@@ -238,14 +237,18 @@ def whole_periods(duration: float, period: float, where: str) -> int:
 
 @contextlib.contextmanager
 def needing(what: str, extra: str) -> Iterator[None]:
-    """Imports of a package that is not always there; `extra` has it: "sdt_drake[study]".
+    """Import an optional package in the block.
+
+    Args:
+        what: start of the message: what needs the package.
+        extra: extra of this package that installs it: "sdt_drake[study]".
 
     Raises:
-        InputError: starting with `what`, if it is not installed, or cannot be loaded.
+        InputError: the package is not installed or cannot be loaded.
     """
     try:
         yield
     except ModuleNotFoundError:
         raise InputError(f"{what}: pip install '{extra}'") from None
-    except ImportError as error:  # it is there: memory is short, or a library does not fit
+    except ImportError as error:  # installed, but short of memory or incompatible
         raise InputError(f"{what}, which cannot be loaded ({error})") from None

@@ -1,22 +1,23 @@
-"""Models of files: dataclasses whose fields say what they take, checked by pydantic.
+"""Models of files: dataclasses whose fields contain their rules, checked by pydantic.
 
-A rule stands once, at its field, for files, for objects made in Python, and for the reference:
+Each rule stands once, at its field. It applies to files, to objects made in Python, and to the
+reference:
 
     @dataclass
     class Drive(Input):
-        '''Everything is ideal unless given.'''
+        '''The drive between controller and motor, ideal by default.'''
 
         period: Positive | None = setting(None, unit="s")
         '''Sampling period of the speed loop.'''
         n1: EachJoint[Positive] | None = setting(None, unit="rad/s", side="motor")
         '''Motor speed up to which the full torque is available.'''
 
-        def problems(self):  # rules between fields; only asked where each field is right
+        def problems(self):  # rules between fields; called only if each field is valid
             if self.n1 is not None and self.period is None:
                 yield "n1", "needs period"
 
-Fields may be assigned anything in Python, other names are refused; `check` looks at the whole
-object.
+Python may assign any value to a field; `check` then validates the whole object. Assigning to an
+unknown name fails at once.
 """
 
 import dataclasses
@@ -48,21 +49,21 @@ from sdt_drake.io.schema import CONFIG, Schema, adapter, expected, inner, schema
 T = TypeVar("T")
 
 Problems = Iterator[tuple[str, str]]
-"""What is wrong between fields of an object: the dotted name of one, and what would be right."""
+"""Violated rules between fields: the dotted name of a field, and a text."""
 
-_LONGEST = 60  # letters of a value that is told
-_EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")  # a number, but a text to YAML 1.1
+_MAX_SHOWN = 60  # characters of a value in messages
+_EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")  # text in YAML 1.1
 
 
 class FromHere(str):
-    """A text whose relative path starts in the working directory, wherever it stands."""
+    """A path relative to the working directory, not to the folder of the file."""
 
 
 # --- types of fields -------------------------------------------------------------------------
 
 
 def _folder(info: ValidationInfo) -> Path | None:
-    """The folder of the file that is read; None for an object made in Python."""
+    """Return the folder of the file that is read; None for an object made in Python."""
     return (info.context or {}).get("folder")
 
 
@@ -80,30 +81,30 @@ def _of_each_joint(values: list[T], info: ValidationInfo) -> list[T]:
 
 
 Number = Annotated[float, BeforeValidator(_number)]
-"""A finite number; no truth value, and no text but 1e3 of a file."""
+"""A finite number. Truth values and texts are refused, except 1e3 in a file."""
 Positive = Annotated[float, Field(gt=0), BeforeValidator(_number)]
 NotNegative = Annotated[float, Field(ge=0), BeforeValidator(_number)]
 Text = Annotated[str, Field(min_length=1)]
 Some = Annotated[list[T], Field(min_length=1)]
-"""A list that is not empty."""
+"""A list with at least one entry."""
 Names = Annotated[
     list[str],
     BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
     Field(json_schema_extra={"type": ["array", "string"]}),
 ]
-"""A list of texts; one text stands for a list of it."""
+"""A list of texts. A single text is read as a list with one entry."""
 SomeNames = Annotated[Names, Field(min_length=1)]
 EachJointOrNone = Annotated[
     list[T], AfterValidator(_of_each_joint), Field(json_schema_extra={"per_joint": True})
 ]
-"""A list with one value for each joint of the robot, or none at all."""
+"""A list with one value for each joint of the robot, or an empty list."""
 EachJoint = Annotated[EachJointOrNone[T], Field(min_length=1)]
 """A list with one value for each joint of the robot."""
 
 
 @dataclass(frozen=True)
 class OneOf:
-    """Some texts, of which a field takes one."""
+    """The texts that a field accepts."""
 
     choices: Collection[str]
 
@@ -113,8 +114,10 @@ class OneOf:
 
 @dataclass(frozen=True)
 class FileOf:
-    """The name of a file of a kind, of `sdt_drake.io.resources.SHIPPED` where some ship; relative
-    paths start in the folder of the YAML file."""
+    """The path or short name of a file of a kind, see `SHIPPED` in `sdt_drake.io.resources`.
+
+    Relative paths start in the folder of the YAML file.
+    """
 
     kind: str
 
@@ -140,7 +143,7 @@ class FileOf:
 
 
 class Tagged:
-    """A union of models of which the tag of a mapping (`!Name`) chooses one; the first without."""
+    """A union of models. The tag of a mapping (`!Name`) chooses one; without a tag, the first."""
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -160,13 +163,13 @@ def _tag(schema: type) -> str:
 
 
 def setting(default: Any = MISSING, *, unit: str = "", side: str = "", **rules: Any) -> Any:
-    """A field of a model; it must be given if it has no default.
+    """Declare a field of a model. A field without default is required.
 
     Args:
-        default: a model makes its own.
-        unit: of numbers; "-" for shares, factors and counts.
-        side: "joint" or "motor", where that makes a difference.
-        rules: of pydantic's `Field`.
+        default: default value; for a model, its class.
+        unit: unit of numbers; "-" for shares, factors and counts.
+        side: "joint" or "motor", where it matters.
+        rules: arguments of pydantic's `Field`.
     """
     extra: dict[str, Any] = {name: text for name, text in (("unit", unit), ("side", side)) if text}
     if isinstance(default, type):
@@ -179,7 +182,7 @@ def setting(default: Any = MISSING, *, unit: str = "", side: str = "", **rules: 
 
 
 class Input:
-    """Base class of the models, which are dataclasses."""
+    """Base class of all models. Models are dataclasses."""
 
     __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
     __pydantic_config__ = CONFIG
@@ -192,26 +195,26 @@ class Input:
         super().__setattr__(name, value)
 
     def problems(self) -> Problems:
-        """Rules between fields that are right by themselves."""
+        """Yield violated rules between fields. Each field by itself is valid then."""
         yield from ()
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         schema: Any = handler(source)
-        if schema["type"] != "dataclass":  # the model is known already
+        if schema["type"] != "dataclass":  # the schema already exists
             return cast(CoreSchema, schema)
-        ref = schema.pop("ref")  # which now means all of this
-        schema["strict"] = False  # mappings are taken, too
+        ref = schema.pop("ref")  # now refers to the schema with the rules
+        schema["strict"] = False  # accept mappings, too
         ruled = core_schema.no_info_after_validator_function(_ruled, schema)
         return core_schema.with_info_before_validator_function(cls._opened, ruled, ref=ref)
 
     @classmethod
     def _opened(cls, data: Any, info: ValidationInfo) -> dict[str, Any]:
-        """The fields by name, of a mapping or of an object."""
+        """Return the fields of a mapping or object by name."""
         if type(data) is cls:
             return dict(given_fields(data))
         if data is None and _folder(info):
-            return {}  # "friction:" and nothing below it
+            return {}  # a key without a value: "friction:"
         if not isinstance(data, dict) or not _folder(info):
             raise PydanticCustomError("model", "no model")
         tag = data.get("_tag", _tag(cls))
@@ -221,11 +224,11 @@ class Input:
 
 
 class Variant(Input):
-    """Base class of the models that a tag chooses; files have the tag."""
+    """Base class of the models that files choose by a tag."""
 
 
 def given_fields(thing: Any) -> Iterator[tuple[str, Any]]:
-    """Fields of an object; what is missing by default is not given, either."""
+    """Yield names and values of the fields of an object, except those left at None."""
     for field in dataclasses.fields(thing):
         value = _plain(getattr(thing, field.name))
         if value is not None or field.default is not None:
@@ -233,7 +236,7 @@ def given_fields(thing: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _ruled(thing: Input) -> Input:
-    """Ask a model for its rules between fields."""
+    """Check the rules between fields of a model."""
     problems: list[Problem] = []
     try:
         for place, text in thing.problems():
@@ -249,29 +252,29 @@ def _ruled(thing: Input) -> Input:
 
 
 def check(thing: object, where: str = "", n: int | None = None) -> None:
-    """Hold an object made in Python against the rules of its model.
+    """Check an object made in Python against the rules of its model.
 
     Args:
         thing: an instance of a model.
-        where: what errors start with.
-        n: number of joints of the robot; lists for each joint may have any length without it.
+        where: prefix of the messages.
+        n: number of joints of the robot. Without it, lists per joint may have any length.
 
     Raises:
-        InputError: with each problem: field, value, and what would be right.
+        InputError: one problem for each wrong field: its name, its value, and what is accepted.
     """
     _made(type(thing), thing, where, {"n": n})
 
 
 def made(schema: type[T], data: Any, file: Path) -> T:
-    """The object of a model that the content of a YAML file describes.
+    """Make an object of a model from the content of a YAML file.
 
     Args:
         schema: the model.
-        data: the content.
-        file: gives the folder that relative paths start from.
+        data: the content of the file.
+        file: path of the file; relative paths in it start in its folder.
 
     Raises:
-        InputError: as `check`, and for fields that there are none of, or that are missing.
+        InputError: as `check`, and for unknown or missing fields.
     """
     if data is None:
         raise InputError(Problem("empty", expected(schema_of(cast(Any, schema))), where=str(file)))
@@ -295,7 +298,7 @@ def _refused(*problems: Problem) -> PydanticCustomError:
 
 
 def _told(error: ErrorDetails, schema: type, *, is_file: bool) -> Iterator[Problem]:
-    """What pydantic found, in our words: what is accepted follows from the JSON Schema."""
+    """Translate an error of pydantic. The accepted values follow from the JSON Schema."""
     kind, data, names = error["type"], error["input"], error["loc"]
     is_unknown = kind == "unexpected_keyword_argument"
     place, node = _found(schema, names[:-1] if is_unknown else names)
@@ -320,7 +323,7 @@ def _told(error: ErrorDetails, schema: type, *, is_file: bool) -> Iterator[Probl
 
 
 def _found(schema: type, names: Iterable[int | str]) -> tuple[str, Schema]:
-    """The dotted place of a field, and its JSON Schema."""
+    """Return the dotted name of a field and its JSON Schema."""
     place, top = "", schema_of(schema)
     node = top
     for name in names:
@@ -335,7 +338,7 @@ def _found(schema: type, names: Iterable[int | str]) -> tuple[str, Schema]:
 
 
 def _plain(data: Any) -> Any:
-    """Python's own numbers and lists for those of numpy."""
+    """Convert numbers and arrays of numpy to those of Python."""
     if isinstance(data, np.ndarray | np.generic):
         return data.tolist()
     return [_plain(value) for value in data] if isinstance(data, list | tuple) else data
@@ -347,14 +350,14 @@ def _shown(value: Any) -> str:
     if isinstance(value, int) and abs(value) >= 2**64:
         return "a whole number of more than 64 bits"
     text = repr(value)
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+    return text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."
 
 
 # --- names -----------------------------------------------------------------------------------
 
 
 def given(thing: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted names and values of all fields of an object that are not as by default."""
+    """Yield dotted names and values of all fields that differ from their defaults."""
     default = type(thing)()
     for name, value in given_fields(thing):
         if dataclasses.is_dataclass(value):
@@ -364,14 +367,16 @@ def given(thing: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def unknown(place: str, name: str, known: Collection[str]) -> Problem:
-    """The problem of a name that no field has."""
+    """Return the problem of an unknown field name."""
     near = tuple(difflib.get_close_matches(name, known, n=3))
     return Problem("no such field", f"one of {', '.join(known)}", place, near=near)
 
 
 def suggestion(name: str, known: Iterable[str], otherwise: str = "") -> str:
-    """The known name that is like a wrong one, for people: "did you mean 'kind'?"; or else
-    `otherwise`, by default all that is known."""
+    """Return a suggestion for an unknown name: "did you mean 'kind'?".
+
+    Without a similar name, return `otherwise`, by default a list of all known names.
+    """
     known = list(known)
     near = difflib.get_close_matches(name, known, n=3)
     if near:

@@ -1,4 +1,4 @@
-"""Files at the boundary: what is read, what is written whole, and that the two stay apart."""
+"""Reading and writing of files: atomic writes that never replace an input of the command."""
 
 from __future__ import annotations
 
@@ -17,16 +17,15 @@ from pathlib import Path
 
 from sdt_drake.io.errors import InputError, rewording
 
-_inputs: set[Path] | None = None  # that the command has read; None: not kept
-_outputs: set[Path] = set()  # that it is going to replace
+_inputs: set[Path] | None = None  # files read by the command; None: not tracked
+_outputs: set[Path] = set()  # files to be replaced by the command
 
-_IS_READ = "is read by this command, expected another file to write"
+_IS_READ = "is read by this command; choose another file to write"
 
 
 @contextlib.contextmanager
 def keeping_inputs() -> Iterator[None]:
-    """Keep files within: none is replaced that was read, or that begins otherwise than what is
-    written."""
+    """Protect files in the block: inputs and files of another kind are never replaced."""
     global _inputs
     _inputs = set()
     try:
@@ -37,43 +36,43 @@ def keeping_inputs() -> Iterator[None]:
 
 
 def checked_name(path: str | Path) -> Path:
-    """A path that can be shown, and that every system and format takes.
+    """Return `path` if its name is printable UTF-8.
 
     Raises:
-        InputError: if it has control characters, or letters that are not in UTF-8.
+        InputError: the name has control characters or is no UTF-8.
     """
     if has_control_characters(str(path)):
-        raise InputError(f"{path}: control characters or no UTF-8 in a name, expected letters")
+        raise InputError(f"{path}: control characters or no UTF-8 in a name; rename the file")
     return Path(path)
 
 
 def has_control_characters(text: str) -> bool:
-    """Whether there are some, NUL and line breaks too, or halves of letters (surrogates)."""
+    """Check for control characters (also NUL and line breaks) and surrogates."""
     return any(unicodedata.category(letter) in ("Cc", "Cs") for letter in text)
 
 
-def checked_input(path: Path, most: float = math.inf) -> Path:
-    """A file of at most `most` bytes that is going to be read; every reader of files begins here.
+def checked_input(path: Path, max_bytes: float = math.inf) -> Path:
+    """Return the path of a file to be read. Every reader of files begins here.
 
     Raises:
-        InputError: if it is none, longer, or a file that the command writes.
+        InputError: no such file, not a regular file, longer than `max_bytes`, or an output of the
+            command.
     """
     status = _status(path)
     if status is None:
         raise InputError(f"{path}: no such file")
-    if status.st_size > most:
-        raise InputError(f"{path}: {status.st_size} bytes, expected at most {most}")
+    if status.st_size > max_bytes:
+        raise InputError(f"{path}: {status.st_size} bytes, expected at most {max_bytes}")
     if _inputs is not None:
         _inputs.add(path.resolve())
     return _separate(path)
 
 
 def checked_output(path: Path) -> Path:
-    """A file that is going to be written: refused before anything is computed.
+    """Return the path of a file to be written. Call this before the computation.
 
     Raises:
-        InputError: if it is a folder, a device, a link to nothing, or a file that the command
-            reads.
+        InputError: a folder, a device, a broken link, or an input of the command.
     """
     if _status(path) is not None and _inputs is not None:
         _outputs.add(path.resolve())
@@ -81,10 +80,10 @@ def checked_output(path: Path) -> Path:
 
 
 def checked_suffix(path: Path, suffixes: Sequence[str]) -> Path:
-    """A path of one of these kinds.
+    """Return `path` if its suffix is one of `suffixes`.
 
     Raises:
-        InputError: naming them.
+        InputError: another suffix.
     """
     if path.suffix not in suffixes:
         raise InputError(f"{path}: unknown kind of file, expected {', '.join(suffixes)}")
@@ -92,7 +91,7 @@ def checked_suffix(path: Path, suffixes: Sequence[str]) -> Path:
 
 
 def _status(path: Path) -> os.stat_result | None:
-    """Of a regular file; None if there is none."""
+    """Return the status of a regular file; None if it does not exist."""
     checked_name(path)
     if path.name in ("", ".."):
         raise InputError(f"{path}: is a folder, expected a file")
@@ -117,34 +116,34 @@ def _separate(path: Path) -> Path:
     return path
 
 
-def read_text(path: Path, most: int) -> str:
-    """A text in UTF-8, with or without a byte-order mark, of at most `most` bytes.
+def read_text(path: Path, max_bytes: int) -> str:
+    """Return the text of a UTF-8 file, without its byte-order mark.
 
     Raises:
-        InputError: if it is no file, longer, or no UTF-8.
+        InputError: no such file, longer than `max_bytes`, or no UTF-8.
     """
     try:
-        return checked_input(path, most).read_text(encoding="utf-8-sig")
+        return checked_input(path, max_bytes).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read ({error})") from None
 
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` that takes its place only if the block succeeds.
+    """Yield a temporary path that replaces `path` if the block succeeds.
 
     Raises:
-        InputError: if `path` cannot be written, or must not be; see `keeping_inputs`.
+        InputError: `path` cannot be written, or is protected by `keeping_inputs`.
     """
     with replacing_all([path]) as (partial,):
         yield partial
 
 
 def write_text(path: Path, text: str) -> Path:
-    """Write a text file, replaced whole.
+    """Write a text file atomically.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: the file cannot be written.
     """
     with replacing(path) as partial:
         partial.write_text(text, encoding="utf-8")
@@ -152,10 +151,10 @@ def write_text(path: Path, text: str) -> Path:
 
 
 def write_csv(path: Path, header: Iterable[str], rows: Iterable[Iterable[object]]) -> Path:
-    """Write a table of cells, replaced whole.
+    """Write a table of cells atomically as CSV.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: the file cannot be written.
     """
     with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows(itertools.chain([header], rows))
@@ -164,11 +163,10 @@ def write_csv(path: Path, header: Iterable[str], rows: Iterable[Iterable[object]
 
 @contextlib.contextmanager
 def replacing_all(paths: Sequence[Path]) -> Iterator[list[Path]]:
-    """Temporary paths beside several paths, which take their places only if the block succeeds: all
-    or none."""
+    """Yield temporary paths that replace `paths` if the block succeeds: all or none."""
     is_there = [_status(path) is not None for path in paths]
     targets = [path.resolve() for path in paths]
-    # Of names of their own: two processes may write the same file.
+    # Random names, because two processes may write the same file.
     partials = [
         target.with_name(f".{os.urandom(8).hex()}.partial{target.suffix}") for target in targets
     ]
@@ -193,31 +191,30 @@ def replacing_all(paths: Sequence[Path]) -> Iterator[list[Path]]:
 
 
 def _check_replaceable(path: Path, new: Path) -> None:
-    """Refuse to replace what was read, but by the same, and what begins otherwise."""
+    """Refuse to replace an input by other content, or a file of another kind."""
     if path.resolve() in (_inputs or ()) and not filecmp.cmp(path, new, shallow=False):
         raise InputError(f"{path}: {_IS_READ}")
-    if path.suffix == ".txt":  # prose, which may begin with anything
+    if path.suffix == ".txt":  # notes may begin with any text
         return
     with path.open("rb") as old, new.open("rb") as file:
-        if not file.read(4).startswith(old.read(4)):  # an empty one may be replaced
+        if not file.read(4).startswith(old.read(4)):  # empty files may be replaced
             raise InputError(
-                f"{path}: holds something else than what this command writes, expected another name"
+                f"{path}: holds something else than this command writes; choose another name"
             )
 
 
 @contextlib.contextmanager
 def replacing_files(folder: Path, last: str = "") -> Iterator[Path]:
-    """Make a temporary folder, whose files take their places in `folder` if the block succeeds.
+    """Yield a temporary folder whose files move into `folder` if the block succeeds.
 
-    All are written before the first one is replaced. Other files in `folder` stay.
+    All files are written before the first one is replaced. Other files in `folder` stay.
 
     Args:
-        folder: made if it is not there, and removed again if nothing is written.
-        last: name of the file that tells that the others are there; it comes after them.
+        folder: created if missing, and removed again if it stays empty.
+        last: name of the file to move last; its presence marks a complete set.
 
     Raises:
-        InputError: naming the file in `folder` that cannot be written, or must not be; see
-            `keeping_inputs`.
+        InputError: a file in `folder` cannot be written, or is protected by `keeping_inputs`.
     """
     missing = [place for place in (folder, *folder.parents) if not place.exists()]
     new = folder / f".{os.urandom(8).hex()}.partial"
@@ -232,17 +229,17 @@ def replacing_files(folder: Path, last: str = "") -> Iterator[Path]:
     finally:
         shutil.rmtree(new, ignore_errors=True)
         for place in missing:
-            with contextlib.suppress(OSError):  # it is not empty
+            with contextlib.suppress(OSError):  # not empty
                 place.rmdir()
 
 
 def _move(new: Path, folder: Path, last: str) -> None:
-    """Give all files of a folder their places in another one."""
+    """Move all files of a folder into another one, all or none."""
     files = sorted(path for path in new.rglob("*") if path.is_file())
     files.sort(key=lambda path: path.name == last)
     with replacing_all([folder / path.relative_to(new) for path in files]) as partials:
         for path, partial in zip(files, partials, strict=True):
-            shutil.move(path, partial)  # a link of `folder` may lead to another disk
+            shutil.move(path, partial)  # a link in `folder` may point to another disk
 
 
 # --- one process at a time -------------------------------------------------------------------
@@ -250,16 +247,14 @@ def _move(new: Path, folder: Path, last: str) -> None:
 
 @contextlib.contextmanager
 def alone_in(folder: Path, taken: Callable[[], None]) -> Iterator[None]:
-    """Keep other processes that ask for it out of a folder, which is made if it is not there.
-
-    A new folder in which nothing is written is removed again.
+    """Lock a folder for this process during the block.
 
     Args:
-        folder: the folder.
-        taken: called where another process has the folder; unless it raises, this one then waits.
+        folder: created if missing, and removed again if it stays empty.
+        taken: called if another process holds the lock. It may raise; otherwise this process waits.
 
     Raises:
-        InputError: if the folder cannot be made.
+        InputError: the folder cannot be created.
     """
     is_new = not folder.exists()
     with contextlib.ExitStack() as held:
@@ -276,10 +271,10 @@ def alone_in(folder: Path, taken: Callable[[], None]) -> Iterator[None]:
                 taken()
                 fcntl.flock(lock, fcntl.LOCK_EX)
             if folder.exists() and os.path.samestat(os.fstat(lock), folder.stat()):
-                break  # else another process has removed it, which was new
+                break  # otherwise another process removed its new folder: try again
         try:
             yield
         finally:
             if is_new:
-                with contextlib.suppress(OSError):  # it is not empty
+                with contextlib.suppress(OSError):  # not empty
                     folder.rmdir()

@@ -1,4 +1,4 @@
-"""Tables in binary files, .mat of MATLAB and Octave and Parquet, and values in JSON."""
+"""Tables in binary files (.mat of MATLAB and Octave, Parquet), and values in JSON."""
 
 from __future__ import annotations
 
@@ -15,23 +15,22 @@ if TYPE_CHECKING:
 BINARY = (".mat", ".parquet")
 
 TABLES = (".csv", *BINARY)
-"""Kinds of files that tables of joints are read from and written as."""
+"""Suffixes of tables."""
 
 FIGURES = (".png", ".svg", ".pdf")
-"""Kinds of files that figures are written as."""
+"""Suffixes of figures."""
 
+MAX_NUMBERS = 100_000_000
+"""Largest number of values in a table: 0.8 GB. Reading takes up to six times that memory."""
 
-MOST_NUMBERS = 100_000_000
-"""Of a table that is read, 0.8 GB: memory holds up to six times that."""
-
-_FEW = 25_000_000  # that any binary file may hold
+_ALWAYS_ALLOWED = 25_000_000  # numbers in a binary file of any size
 
 
 def check_binary(path: Path) -> None:
-    """Refuse a file of Parquet where pyarrow is not installed.
+    """Check that the library for a binary file is installed.
 
     Raises:
-        InputError: naming the package.
+        InputError: a .parquet file without pyarrow.
     """
     needs = f"{path}: .parquet files need pyarrow, which is not installed"
     if path.suffix == ".parquet":
@@ -40,11 +39,11 @@ def check_binary(path: Path) -> None:
 
 
 def write_binary(path: Path, columns: Mapping[str, Array]) -> None:
-    """Write columns, of shape (N,) or (N, n); in Parquet column k is called name_k.
+    """Write a table as .mat or .parquet, in place.
 
     Args:
-        path: to be written now, in place.
-        columns: by name.
+        path: the file.
+        columns: columns by name, shape (N,) or (N, n). Parquet has name_k for column k.
     """
     if path.suffix == ".mat":
         import scipy.io
@@ -58,7 +57,7 @@ def write_binary(path: Path, columns: Mapping[str, Array]) -> None:
 
 
 def flat(columns: Mapping[str, Array]) -> dict[str, Array]:
-    """Columns of shape (N,), of which those of shape (N, n) are called name_k."""
+    """Split columns of shape (N, n) into name_1 to name_n, each of shape (N,)."""
     result: dict[str, Array] = {}
     for name, values in columns.items():
         whole = {name: values} if values.ndim == 1 else {}
@@ -67,19 +66,19 @@ def flat(columns: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def read_binary(path: Path) -> dict[str, Array]:
-    """The columns of numbers, each of shape (N,), by name; what else there is, is left out.
+    """Read the columns of numbers of a binary file by name, each of shape (N,).
 
     Raises:
-        InputError: naming the file, if it is none of that kind, or the columns differ in length.
+        InputError: not such a file, or columns of different lengths.
     """
     check_binary(path)
     try:
         columns = _read_mat(path) if path.suffix == ".mat" else _read_parquet(path)
     except NotImplementedError:
-        raise InputError(f"{path}: is of version 7.3, expected one saved with -v7") from None
+        raise InputError(f"{path}: MAT file of version 7.3, expected one saved with -v7") from None
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    except Exception as error:  # of many kinds
+    except Exception as error:  # the libraries raise many types
         raise InputError(f"{path}: cannot be read as {path.suffix} ({one_line(error)})") from None
     if len({len(values) for values in columns.values()}) > 1:
         raise InputError(f"{path}: the columns differ in length")
@@ -89,12 +88,12 @@ def read_binary(path: Path) -> dict[str, Array]:
 def _read_mat(path: Path) -> dict[str, Array]:
     from sdt_drake.io.mat import read_mat
 
-    arrays = read_mat(path, 8 * _most(path))
+    arrays = read_mat(path, 8 * _max_numbers(path))
     count = max((max(values.shape) for values in arrays.values()), default=0)
     upright = {
         name: values if len(values) == count else values.T
         for name, values in arrays.items()
-        if count in values.shape  # others are no columns, as a period or masses
+        if count in values.shape  # skip other values, such as a period
     }
     _check_count(path, sum(values.size for values in upright.values()))
     whole = {name: values[:, 0] if name == "time" else values for name, values in upright.items()}
@@ -117,18 +116,23 @@ def _read_parquet(path: Path) -> dict[str, Array]:
     return {name: table[name].to_numpy().astype(float) for name in names}
 
 
-def _most(path: Path) -> int:
-    """Numbers that a file may hold; compression makes some of nothing."""
-    return min(MOST_NUMBERS, _FEW + path.stat().st_size)
+def _max_numbers(path: Path) -> int:
+    """Return how many numbers a file of this size may contain, whatever its compression."""
+    return min(MAX_NUMBERS, _ALWAYS_ALLOWED + path.stat().st_size)
 
 
 def _check_count(path: Path, count: int) -> None:
-    if count > _most(path):
-        raise InputError(f"{count} numbers, expected at most {_most(path)} in a file of its size")
+    most = _max_numbers(path)
+    if count > most:
+        raise InputError(f"{count} numbers, expected at most {most} in a file of its size")
 
 
 def in_json(value: object) -> object:
-    """A value as JSON has it: lists for arrays, null for what is not finite."""
+    """Convert a value for JSON: arrays to lists, numbers that are not finite to null.
+
+    >>> in_json({"zeta": (0.7, float("nan"))})
+    {'zeta': [0.7, None]}
+    """
     if isinstance(value, Mapping):
         return {key: in_json(inner) for key, inner in value.items()}
     import numpy as np

@@ -1,4 +1,4 @@
-"""Rectangular tables of numbers, of text files with any delimiter and of binary files."""
+"""Rectangular tables of numbers from text files with any delimiter, and from binary files."""
 
 from __future__ import annotations
 
@@ -12,69 +12,67 @@ import numpy as np
 from sdt_drake.io.arrays import Array
 from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import checked_input
-from sdt_drake.io.formats import BINARY, MOST_NUMBERS, read_binary
+from sdt_drake.io.formats import BINARY, MAX_NUMBERS, read_binary
 
-MOST_BYTES = 1_000_000_000
-"""Of a table that is read: a recording of an hour."""
+MAX_BYTES = 1_000_000_000
+"""Largest size of a table file: a recording of an hour."""
 
 _SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "spaces"}
 
 Converters = dict[int | str, Callable[[str], float]]
-"""Of cells of columns that are not numbers throughout."""
+"""Functions that read the cells of a column which contains texts or empty cells."""
 
 
 @dataclass(frozen=True)
 class Style:
-    """How a text file with columns is written.
-
-    Attributes:
-        delimiter: between the columns; None: spaces or tabs.
-        header: whether names of the columns come first, perhaps behind a #.
-        skip: how many lines before that say something else; blank ones do not count.
-        decimal: mark in numbers, "." or ",".
-        encoding: of its letters; one that Python knows.
-    """
+    """The format of a text file with columns."""
 
     delimiter: str | None = ","
+    """Separator of the columns; None: spaces or tabs."""
     header: bool = True
+    """A first line with the names of the columns, perhaps after a #."""
     skip: int = 0
+    """Number of lines to skip at the start; blank lines do not count."""
     decimal: str = "."
+    """Decimal mark, "." or ","."""
     encoding: str = "utf-8"
+    """Name of a text encoding of Python."""
 
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
-    """What a file of columns holds.
-
-    Attributes:
-        path: of the file.
-        names: of the columns; "1", "2", ... where it has no header.
-        data: shape (rows, columns); there may be some that are not finite.
-        style: how it is written; of a file that is no text, None.
-        cut: the last line, where it was left out as it ends too soon; else "".
-    """
+    """The content of a file of columns."""
 
     path: Path
+    """The file."""
     names: list[str]
+    """Names of the columns; "1", "2", ... without a header."""
     data: Array
+    """Values, shape (rows, columns). Some may be NaN or infinite."""
     style: Style | None
+    """The format of a text file; None for a binary file."""
     cut: str = ""
+    """The last line, if it is incomplete and was ignored; otherwise ""."""
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was left out, in sentences."""
-        told = f"the last line ends too soon, and was left out: {self.cut[:40]}"
-        return (told,) if self.cut else ()
+        """One sentence for each part of the file that was ignored."""
+        text = f"the last line is incomplete and was ignored: {self.cut[:40]}"
+        return (text,) if self.cut else ()
 
     def place(self, row: int) -> str:
-        """File and line with a row, from 0."""
+        """Return file and line of a row, counted from 0."""
         if self.style is None:
             return f"{self.path}, row {row + 1}"
         line = next(itertools.islice(_rows(self.path, self.style), int(row), None))[0]
         return f"{self.path}, line {line}"
 
     def check_finite(self, columns: Iterable[int]) -> None:
-        """Refuse what is not a finite number, naming line and column."""
+        """Check that columns have finite values only.
+
+        Raises:
+            InputError: another value; the message has its line and column.
+        """
         for column in columns:
             bad = np.flatnonzero(~np.isfinite(self.data[:, column]))
             if len(bad):
@@ -85,29 +83,28 @@ class Numbers:
 
 
 def read_numbers(
-    path: str | Path, style: Style = Style(), *, least: int = 2, logged: bool = False
+    path: str | Path, style: Style = Style(), *, min_rows: int = 2, logged: bool = False
 ) -> Numbers:
-    """Read a rectangular table of numbers, as .mat or .parquet by its suffix, else as text.
+    """Read a rectangular table of numbers from .mat, .parquet or text.
 
     Args:
-        path: of the file.
-        style: how it is written, where it is text.
-        least: how many rows there must be.
-        logged: whether a logger may have written it. Then columns may hold texts or be empty, and
-            are NaN there, and a last line that ends too soon is left out.
+        path: the file.
+        style: format of a text file.
+        min_rows: smallest number of rows.
+        logged: accept files of data loggers. Texts and empty cells are read as NaN, and an
+            incomplete last line is ignored.
 
     Raises:
-        InputError: naming the file, and the line where there is one: no such file, another
-            encoding, no such delimiter, a text for a number, a row of another length, more than
-            MOST_BYTES.
+        InputError: no such file, another encoding or delimiter, a text for a number, a row of
+            another length, or more than MAX_BYTES. The message has the line.
     """
-    path = checked_input(Path(path), MOST_BYTES)
+    path = checked_input(Path(path), MAX_BYTES)
     if path.suffix in BINARY:
         return _binary(path)
-    start = list(itertools.islice(_rows(path, style), least))
+    start = list(itertools.islice(_rows(path, style), min_rows))
     head = _header(path, style) if style.header else None
-    if len(start) < least:
-        raise InputError(f"{path}: fewer than {'two rows' if least == 2 else 'a row'}")
+    if len(start) < min_rows:
+        raise InputError(f"{path}: fewer than {'two rows' if min_rows == 2 else 'a row'}")
     first = start[0][1] if head is None else head.strip().lstrip("#")
     names = [_unquoted(name) for name in first.split(style.delimiter)]
     if len(names) == 1:
@@ -123,7 +120,7 @@ def read_numbers(
         empty, cut, count = _gaps(path, style, len(names), texts)
         texts = empty | texts
         data = _loaded(path, style, len(names), texts, count)
-    if data is None or len(data) < least:
+    if data is None or len(data) < min_rows:
         raise _bad_line(path, len(names), style, texts, " or decimal: comma" * logged)
     if not style.header:
         names = [str(k + 1) for k in range(data.shape[1])]
@@ -131,10 +128,10 @@ def read_numbers(
 
 
 def lines(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
-    """Number and text of each line that is not blank, one by one: a file may be large.
+    """Yield number and text of each line that is not blank.
 
     Raises:
-        InputError: for a file that is not in that encoding.
+        InputError: the file has another encoding.
     """
     utf8 = encoding.lower().replace("_", "-") in ("utf-8", "utf8")
     other = InputError(
@@ -142,7 +139,7 @@ def lines(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
         "UTF-8"
     )
     try:
-        # Spreadsheets put a byte-order mark in front.
+        # Spreadsheets write a byte-order mark first.
         with path.open(encoding="utf-8-sig" if utf8 else encoding) as file:
             for number, line in enumerate(file, start=1):
                 if "\0" in line:  # UTF-16 without a byte-order mark
@@ -156,22 +153,22 @@ def lines(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
 
 
 def is_number(cell: str) -> bool:
-    """Whether a cell of a table is a number."""
+    """Check whether a cell of a table is a number."""
     try:
-        float(_unquoted(cell).replace("_", "?"))  # Python would take 5_0 for a number
+        float(_unquoted(cell).replace("_", "?"))  # Python would read 5_0 as 50
     except ValueError:
         return False
     return True
 
 
 def _header(path: Path, style: Style) -> str:
-    """The line with the names; "" in a file that ends before."""
+    """Return the line with the names; "" if there is none."""
     _, line = next(itertools.islice(lines(path, style.encoding), style.skip, None), (0, ""))
     return line
 
 
 def _rows(path: Path, style: Style) -> Iterator[tuple[int, str]]:
-    """Number and text of each line with numbers, points for decimal commas."""
+    """Yield number and text of each line of numbers, with decimal points."""
     every = itertools.islice(lines(path, style.encoding), style.skip + style.header, None)
     if style.decimal == ".":
         return every
@@ -181,13 +178,12 @@ def _rows(path: Path, style: Style) -> Iterator[tuple[int, str]]:
 def _loaded(
     path: Path, style: Style, width: int, converters: Converters, count: int | None = None
 ) -> Array | None:
-    """The numbers of the first `count` rows, by default of all; None where the file is no table of
-    that width.
+    """Read the first `count` rows, by default all; None if the file is no table of that width.
 
     Raises:
-        InputError: for more than MOST_NUMBERS.
+        InputError: more than MAX_NUMBERS.
     """
-    most = MOST_NUMBERS // width
+    most = MAX_NUMBERS // width
     every = (line for _, line in itertools.islice(_rows(path, style), count or most + 1))
     try:
         data = np.loadtxt(
@@ -199,24 +195,28 @@ def _loaded(
             converters=converters,
         )
     except ValueError as error:
-        if isinstance(error, InputError):  # of the encoding
+        if isinstance(error, InputError):  # another encoding
             raise
         return None
     if len(data) > most:
-        raise InputError(f"{path}: more than {MOST_NUMBERS} numbers, expected at most so many")
+        raise InputError(f"{path}: more than {MAX_NUMBERS} numbers, expected a smaller table")
     return data if data.shape[1] == width else None
 
 
 def _gaps(
     path: Path, style: Style, width: int, texts: Container[int | str]
 ) -> tuple[Converters, str, int]:
-    """How to read columns with empty cells; the last line, if it ends too soon, else ""; how many
-    rows there are before that."""
+    """Find empty cells and an incomplete last line.
+
+    Returns:
+        Converters for the columns with empty cells, the incomplete last line or "", and the number
+        of complete rows.
+    """
     empty: set[int] = set()
     cells: list[str] = []
     last, count = "", 0
     for _, line in _rows(path, style):
-        empty |= _blank(cells)  # of the line before
+        empty |= _blank(cells)  # in the previous line
         cells, last, count = line.rstrip("\r\n").split(style.delimiter), line.strip(), count + 1
     ends = cells[-1]
     is_whole = len(cells) >= width and (width - 1 in texts or not ends.strip() or is_number(ends))
@@ -227,7 +227,7 @@ def _gaps(
 
 
 def _blank(cells: list[str]) -> set[int]:
-    """Places of empty cells."""
+    """Return the indices of empty cells."""
     return {k for k, cell in enumerate(cells) if not cell.strip()}
 
 
@@ -237,7 +237,7 @@ def _number_or_nan(cell: str) -> float:
 
 def _binary(path: Path) -> Numbers:
     columns = read_binary(path)
-    ordered = sorted(columns, key=lambda name: name != "time")  # MATLAB sorts them as it likes
+    ordered = sorted(columns, key=lambda name: name != "time")  # MATLAB may change the order
     if len(columns) == 0 or len(columns[ordered[0]]) < 2:
         raise InputError(f"{path}: fewer than two rows")
     return Numbers(path, ordered, np.stack([columns[name] for name in ordered], axis=1), None)
@@ -248,7 +248,7 @@ def _unquoted(cell: str) -> str:
 
 
 def _check_delimiter(path: Path, line: str, style: Style) -> None:
-    """Refuse a line with another separator than it should have."""
+    """Check that a line has no other separator than the expected one."""
     expected = _SEPARATORS[style.delimiter or " "]
     for separator, name in _SEPARATORS.items():
         if name != expected and len(line.strip().split(separator)) > 1:
@@ -259,14 +259,14 @@ def _check_delimiter(path: Path, line: str, style: Style) -> None:
 
 
 def _is_text(cell: str) -> bool:
-    """Whether a cell was never meant as a number, as 1,5 is."""
+    """Check whether a cell is text, and no misspelt number such as 1,5."""
     return not is_number(cell) and any(map(str.isalpha, cell))
 
 
 def _bad_line(
     path: Path, width: int, style: Style, skipped: Container[int | str], or_else: str
 ) -> InputError:
-    """What is wrong with a file that does not read as a rectangular table of numbers."""
+    """Return the error of a file that is no rectangular table of numbers."""
     for number, line in _rows(path, style):
         fields = line.strip().split(style.delimiter)
         if len(fields) != width:

@@ -1,7 +1,7 @@
-"""How far long work is, told to whoever watches it: the command line does.
+"""Progress of long computations, reported to a watcher such as the command line.
 
 for design in with_progress(designs):
-    ...  # what tells its progress elsewhere is silent here
+    ...  # nested computations do not report their own progress
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from typing import TypeVar
 T = TypeVar("T")
 
 Tell = Callable[[float], None]
-"""Called with the share of some work that is done, from 0 to 1."""
+"""A function called with the completed share of the work, from 0 to 1."""
 
-_LOOKS = 200  # of a loop, at least that many times it is told how far it is
+_MIN_REPORTS = 200  # per loop
 
 
 def _nobody(done: float) -> None:
-    """Watch nothing."""
+    """Ignore a report."""
 
 
-_watch: ContextVar[Tell] = ContextVar("watch", default=_nobody)  # of this thread alone
+_watch: ContextVar[Tell] = ContextVar("watch", default=_nobody)  # one for each thread
 
 
 @contextmanager
 def watching(tell: Tell) -> Iterator[None]:
-    """Within, `tell` gets to know how far the work is; 0 when some begins."""
+    """Report progress in the block to `tell`. Each outermost work starts with 0."""
     token = _watch.set(tell)
     try:
         yield
@@ -38,7 +38,7 @@ def watching(tell: Tell) -> Iterator[None]:
 
 @contextmanager
 def work() -> Iterator[Tell]:
-    """Work that tells how far it is; nothing within it does, nor do other threads."""
+    """Yield a function that reports progress. Nested work and other threads do not report."""
     tell = _watch.get()
     with watching(_nobody):
         tell(0.0)
@@ -47,9 +47,14 @@ def work() -> Iterator[Tell]:
 
 
 def with_progress(items: Iterable[T], count: int | None = None) -> Iterator[T]:
-    """The items of a loop, all like much work; `count` of them, if they have no length."""
+    """Iterate over items of equal cost and report progress.
+
+    Args:
+        items: the items of the loop.
+        count: their number, if they have no length.
+    """
     count = len(items) if isinstance(items, Collection) else count or 1
-    every = max(1, count // _LOOKS)
+    every = max(1, count // _MIN_REPORTS)
     with work() as tell:
         for i, item in enumerate(items):
             if i % every == 0:

@@ -1,4 +1,4 @@
-"""Where files are: those that ship with the package by short names, all others by their paths."""
+"""Locations of files: short names of shipped files, paths of all others."""
 
 from __future__ import annotations
 
@@ -24,19 +24,23 @@ SHIPPED = {
     "flight": "flights/*.csv",
     "columns of a flight": "flights/*.yaml",
 }
-"""By kind, the files below `models/` that ship with the package; their short names are unique."""
+"""Patterns of the shipped files in `models/`, by kind. Their short names are unique."""
 
-_MOST_FILES = 1000  # of a folder, that are looked at for a name like one that is not there
+_MAX_FILES = 1000  # directory entries searched for similar names
 
 
 def models_dir() -> Path:
-    """The folder `models/`: inside an installed package, or beside it in a checkout."""
+    """Return the folder `models/`: inside an installed package, or beside it in a checkout."""
     installed = _PACKAGE / "models"
     return installed if installed.is_dir() else _PACKAGE.parent / "models"
 
 
 def shipped(*kinds: str) -> dict[str, str]:
-    """What ships of these kinds: short names, and the references (package://sdt/...) they mean."""
+    """Return the references (package://sdt/...) of shipped files of some kinds, by short name.
+
+    >>> shipped("drives")
+    {'drives': 'package://sdt/drives.yaml'}
+    """
     models = models_dir()
     patterns = (SHIPPED[kind] for kind in kinds if kind in SHIPPED)
     files = (file for pattern in patterns for file in sorted(models.glob(pattern)))
@@ -44,19 +48,24 @@ def shipped(*kinds: str) -> dict[str, str]:
 
 
 def named(text: str | Path, *kinds: str) -> str:
-    """What `text` means where a file of one of these kinds is wanted.
+    """Return the reference of a short name. A path or reference is returned unchanged.
 
-    The reference of a short name: "coupled_pi" is package://sdt/scenarios/coupled_pi.yaml. Anything
-    else is a path or a reference already.
+    >>> named("coupled_pi", "scenario")
+    'package://sdt/scenarios/coupled_pi.yaml'
     """
     return shipped(*kinds).get(str(text), str(text))
 
 
 def beside(text: str, folder: Path, *kinds: str) -> str:
-    """A text in a YAML file of this folder, where relative paths start, as it is said elsewhere.
+    """Return a file name of a YAML file as a path that is valid outside of its folder.
+
+    Args:
+        text: short name, reference or path as written in the file.
+        folder: folder of the YAML file, where relative paths start.
+        kinds: kinds of files with short names here.
 
     Raises:
-        InputError: for a short name that nothing has.
+        InputError: an unknown short name.
     """
     if not text or named(text, *kinds).startswith("package://"):
         return text
@@ -66,16 +75,16 @@ def beside(text: str, folder: Path, *kinds: str) -> str:
 
 
 def find_file(text: str | Path, *kinds: str, base: Path | None = None) -> Path:
-    """The file that `text` means, to be read.
+    """Find a file to be read.
 
     Args:
-        text: short name, or `package://sdt/...`, of a file that ships, or a path.
-        kinds: of the files that have short names here, of SHIPPED.
-        base: folder that a relative path starts from; the working directory if None.
+        text: short name or reference (`package://sdt/...`) of a shipped file, or a path.
+        kinds: kinds of files, keys of SHIPPED, with short names here.
+        base: folder where relative paths start; the working directory if None.
 
     Raises:
-        InputError: if there is no such file, with names like it and where it was looked for; if it
-            is a folder, a device or a pipe.
+        InputError: no such file (the message has similar names and the searched folder), or a
+            folder, device or pipe.
     """
     checked_name(str(text))
     meant = named(text, *kinds)
@@ -83,18 +92,18 @@ def find_file(text: str | Path, *kinds: str, base: Path | None = None) -> Path:
         path = models_dir() / meant.removeprefix(PACKAGE_PREFIX)
     else:
         path = (base or Path()) / meant
-    if not os.path.exists(path):  # whatever the reason: names that are too long, too
+    if not os.path.exists(path):  # also false for names that are too long
         raise InputError(_missing(meant, path, kinds))
     return checked_input(path)
 
 
 def a_kind(kind: str) -> str:
-    """A kind of file for people: "a scenario", "a file of motors"."""
+    """Return a kind of file with its article: "a scenario", "a file of motors"."""
     return f"a file of {kind}" if kind.endswith("s") else f"a {kind}"
 
 
 def _missing(text: str, path: Path, kinds: tuple[str, ...]) -> str:
-    """For people: that there is no such file, which names are like it, where it was looked for."""
+    """Return the message of a missing file, with similar names and the searched folder."""
     from difflib import get_close_matches
 
     for other in SHIPPED:
@@ -103,7 +112,7 @@ def _missing(text: str, path: Path, kinds: tuple[str, ...]) -> str:
     folder, slash, _ = text.rpartition("/")
     short, there = shipped(*kinds), dict[str, str]()
     with contextlib.suppress(OSError), os.scandir(path.parent) as entries:
-        for file in (Path(entry.name) for entry in islice(entries, _MOST_FILES)):
+        for file in (Path(entry.name) for entry in islice(entries, _MAX_FILES)):
             if file.suffix == path.suffix or file.stem not in there:
                 there[file.stem] = f"{folder}{slash}{file.name}"
     names = there | {name: name for name in short}

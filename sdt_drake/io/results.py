@@ -1,4 +1,4 @@
-"""Numbers of a design as files, with their units."""
+"""Tables of results as .csv or .json files, with units."""
 
 from __future__ import annotations
 
@@ -17,24 +17,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """Numbers of a design, to be written as .csv, the columns alone, or as .json.
-
-    Attributes:
-        about: what holds for all rows, by name: texts, numbers, arrays, or mappings of them.
-        columns: by name: texts or numbers of shape (N,), or numbers of shape (N, n), of which
-            column k is called name_k.
-        units: by name, of what UNITS does not know.
-    """
+    """A table of results. A .csv file has its columns only; a .json file has everything."""
 
     about: Mapping[str, object]
+    """Values that apply to all rows, by name: texts, numbers, arrays, or mappings of them."""
     columns: Mapping[str, ArrayLike]
+    """Columns by name: texts or numbers of shape (N,), or numbers of shape (N, n). Files have
+    name_k for column k."""
     units: Mapping[str, str] = field(default_factory=dict)
+    """Units by name, in addition to UNITS."""
 
     def write(self, path: Path) -> None:
-        """Write them exactly, as the suffix says; what is not finite is null in .json.
+        """Write the table exactly, as .csv or .json. JSON has null for NaN and infinity.
 
         Raises:
-            InputError: if the file cannot be written.
+            InputError: the file cannot be written.
         """
         import numpy as np
 
@@ -66,8 +63,8 @@ UNITS = {
     }.items()
     for name in names.split()
 }
-"""Of the numbers of a design, by name. Inertias and gains are motor side; max, median and min are
-those along a motion."""
+"""Units of results by name. Inertias and gains are motor side; max, median and min are those along
+a motion."""
 
 RESULT_TABLES = (".csv", ".json")
-"""Kinds of files that `Results` are written as."""
+"""Suffixes of the files that `Results` write."""

@@ -1,4 +1,4 @@
-"""What a file may hold: the JSON Schema of its model, and the rows of the reference from that."""
+"""JSON Schemas of the models of files, and the rows of the reference from them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pydantic_core import core_schema
 Schema = dict[str, Any]
 
 CONFIG = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-"""How pydantic checks all models; `schema_of` alone has it read the texts of their fields."""
+"""Configuration of pydantic for all models. Only `schema_of` reads the docstrings of fields."""
 
 _BOUNDS = {">": "exclusiveMinimum", ">=": "minimum", "<=": "maximum", "<": "exclusiveMaximum"}
 _NAMES = {"gt": _BOUNDS[">"], "ge": _BOUNDS[">="], "le": _BOUNDS["<="], "lt": _BOUNDS["<"]}
@@ -22,25 +22,22 @@ _TYPES = {"number": "number", "integer": "whole number", "string": "text", "arra
 
 
 class Entry(NamedTuple):
-    """A field of a file, for people.
-
-    Attributes:
-        name: dotted, from the top of the file; entries of a list are [].
-        takes: type and bounds.
-        unit: with the side, where that makes a difference; "-" for shares, factors and counts.
-        default: what it is where it is not given; "" where it must be.
-        meaning: in words.
-    """
+    """The row of a field in the reference."""
 
     name: str
+    """Dotted name from the top of the file; entries of a list are []."""
     takes: str
+    """Type and limits."""
     unit: str
+    """Unit, with the side where it matters; "-" for shares, factors and counts."""
     default: str
+    """Default value; "" for a required field."""
     meaning: str
+    """Description."""
 
 
 class Part(NamedTuple):
-    """A mapping of a file: its place or tag, what it is, and its fields."""
+    """A mapping of a file: its place or tag, its description, and its fields."""
 
     title: str
     text: str
@@ -51,7 +48,7 @@ class Part(NamedTuple):
 
 
 class _Generator(GenerateJsonSchema):
-    """Tags are no part of JSON: what has several (`!Ramp`, `!Hold`) may be any of them."""
+    """A generator of schemas without tags, because JSON has none: a union accepts any option."""
 
     def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> Schema:
         return {"anyOf": [self.generate_inner(option) for option in schema["choices"].values()]}
@@ -62,19 +59,19 @@ class _Generator(GenerateJsonSchema):
 
 @cache
 def adapter(model: Any) -> TypeAdapter[Any]:
-    """Pydantic's form of a model."""
+    """Return pydantic's validator of a model."""
     return TypeAdapter(model)
 
 
 @cache
 def schema_of(model: Any) -> Schema:
-    """The JSON Schema of a model, as pydantic makes it."""
-    CONFIG["use_attribute_docstrings"] = True  # to find them takes longer than all else of a model
+    """Make the JSON Schema of a model."""
+    CONFIG["use_attribute_docstrings"] = True  # slow, and needed for schemas only
     try:
         made: Schema = _tidied(TypeAdapter(model).json_schema(schema_generator=_Generator))
     finally:
         CONFIG["use_attribute_docstrings"] = False
-    for base in getattr(model, "__bases__", ()):  # pydantic reads the texts of a class's own fields
+    for base in getattr(model, "__bases__", ()):  # pydantic skips docstrings of inherited fields
         if getattr(base, "__dataclass_fields__", None):
             own = made["properties"]
             own |= {name: x | own[name] for name, x in schema_of(base)["properties"].items()}
@@ -82,7 +79,7 @@ def schema_of(model: Any) -> Schema:
 
 
 def _tidied(node: Any) -> Any:
-    """A schema with all bounds by their names in JSON Schema, and texts without line breaks."""
+    """Rename limits to the names of JSON Schema, and remove line breaks from texts."""
     if isinstance(node, list):
         return [_tidied(entry) for entry in node]
     if isinstance(node, dict):
@@ -93,40 +90,40 @@ def _tidied(node: Any) -> Any:
 
 
 def json_schema(model: type, title: str) -> Schema:
-    """The JSON Schema (draft 7, which editors know) of the files of a model.
+    """Make the JSON Schema (draft 7, for editors) of the files of a model.
 
-    It lacks what takes the robot, other files, or several fields at once.
+    The schema lacks rules that need the robot, other files, or several fields.
     """
     top = copy.deepcopy(schema_of(model))
     for mapping in (top, *top.get("$defs", {}).values()):
         if "required" not in mapping:
-            mapping["type"] = ["object", "null"]  # "friction:" and nothing below it
+            mapping["type"] = ["object", "null"]  # a key without a value: "friction:"
         for field in mapping["properties"].values():
             if "unit" in field:
                 field["description"] = f"{field.get('description', '')} [{unit_of(field)}]".strip()
     head = {"$schema": "http://json-schema.org/draft-07/schema#", **top, "title": title}
-    return head | {"patternProperties": {"^_": {}}}  # of anchors; the reader leaves them out
+    return head | {"patternProperties": {"^_": {}}}  # anchors, ignored by the reader
 
 
 def inner(node: Schema, top: Schema) -> Schema:
-    """A field as the mapping, list or value that it is if it is given."""
+    """Return the schema of a field without null, and with its reference resolved."""
     node = _given(node)
     name = node.get("$ref", "").rpartition("/")[2]
     return node | top["$defs"][name] if name else node
 
 
 def _given(node: Schema) -> Schema:
-    """A field without its null."""
+    """Return the schema of a field without null."""
     options = [option for option in node.get("anyOf", []) if option.get("type") != "null"]
     rest = {name: value for name, value in node.items() if name != "anyOf"}
     return rest | options[0] if len(options) == 1 else node
 
 
-# --- for people ------------------------------------------------------------------------------
+# --- texts -----------------------------------------------------------------------------------
 
 
 def expected(node: Schema, *, unit: bool = True) -> str:
-    """What a field takes, for people."""
+    """Return the accepted values of a field as text: "a number > 0 [s]"."""
     node = _given(node)
     if "properties" in node:
         return f"a mapping with {', '.join(node['properties'])}"
@@ -150,27 +147,27 @@ def expected(node: Schema, *, unit: bool = True) -> str:
 
 
 def _bounds(node: Schema, *, unit: bool) -> str:
-    """The bounds of numbers: " > 0 and <= 1 [s]"."""
+    """Return the limits of a number: " > 0 and <= 1 [s]"."""
     told = [f"{sign} {node[name]:.12g}" for sign, name in _BOUNDS.items() if name in node]
     has_unit = unit and node.get("unit", "-") != "-"
     return f" {' and '.join(told)}" * bool(told) + (f" [{node['unit']}]" if has_unit else "")
 
 
 def _models(node: Schema) -> str:
-    """The tags of several models."""
+    """Return the tags of a union of models, "mappings" for one model, "" for none."""
     options = node.get("anyOf", [node])
     names = [option["$ref"].rpartition("/")[2] for option in options if "$ref" in option]
     return ", ".join(f"!{name}" for name in names) if len(names) > 1 else "mappings" * len(names)
 
 
 def unit_of(field: Schema) -> str:
-    """The unit of a field, with the side where that makes a difference."""
+    """Return the unit of a field, with its side where it matters."""
     side = f"{field['side']} side" if "side" in field else ""
     return ", ".join(filter(None, (field.get("unit", ""), side)))
 
 
 def parts(model: type) -> Iterator[Part]:
-    """The mapping that a model stands for, and all within it, each once."""
+    """Yield the mapping of a model and all mappings in it, each once."""
     top = schema_of(model)
     yield from _parts(top, top, "", "", set())
 
@@ -196,7 +193,7 @@ def _parts(mapping: Schema, top: Schema, title: str, prefix: str, seen: set[str]
             yield from _parts(inner(node, top), top, place, f"{place}.", seen)
         for option in node.get("anyOf", []):
             tag = "!" + option["$ref"].rpartition("/")[2]
-            if tag not in seen:  # a tag has the same fields wherever it stands
+            if tag not in seen:  # a tag has the same fields everywhere
                 seen.add(tag)
                 yield from _parts(inner(option, top), top, tag, "", seen)
 
@@ -209,7 +206,7 @@ def _default(field: Schema) -> str:
     if "default" not in field:
         return "as below"
     default = field["default"]
-    if default is None and _given(field) is field:  # none is taken, one has to be given
+    if default is None and _given(field) is field:  # null is refused: the field is required
         return ""
     if default in (None, "", []):
         return "none"

@@ -1,4 +1,4 @@
-"""How objects show themselves: in a line, printed as a small table, in a notebook as a page's."""
+"""Short views of objects: one line, a printed table, or a table in a notebook."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 if TYPE_CHECKING:
     from sdt_drake.io.arrays import Array
 
-_MOST_LINES = 5  # of a header
+_MAX_HEADER_LINES = 5
 
 
 class Summary(NamedTuple):
-    """The gist of an object: a line, and a table whose first `keys` columns name the rows."""
+    """The summary of an object: a line, and a table whose first `keys` columns name the rows."""
 
     title: str
     header: Sequence[str] = ()
@@ -27,9 +27,9 @@ class Summary(NamedTuple):
 
 
 def face() -> ModuleType:
-    """Return the package itself, whose `plots` and `linear` the methods of results call.
+    """Return the package itself. Methods of results call its `plots` and `linear`.
 
-    This is the only import from below of what stands above: results plot themselves for users.
+    This is the only import of a higher layer, so that users can call `run.plot()`.
     """
     import sdt_drake
 
@@ -37,10 +37,10 @@ def face() -> ModuleType:
 
 
 class Shown:
-    """An object that shows its `summary`; to derive from."""
+    """Base class of objects that print their `summary`."""
 
     def summary(self) -> Summary:
-        """What the object is, in a line, and its numbers."""
+        """Return one line about the object, and its numbers."""
         raise NotImplementedError
 
     def __repr__(self) -> str:
@@ -52,7 +52,7 @@ class Shown:
         return "\n".join([title, *aligned(*summary[1:])])
 
     def _repr_html_(self) -> str:
-        """For notebooks."""
+        """Return the summary as HTML, for notebooks."""
         title, header, rows, _ = self.summary()
         told = f"<b>{type(self).__name__}</b> {html.escape(title)}"
         lines = [[f"<th>{html.escape(name)}</th>" for name in header]]
@@ -62,18 +62,22 @@ class Shown:
 
 
 def listed(texts: Sequence[str]) -> str:
-    """Words as a list for people: "a, b and c"."""
+    """Join words to a list.
+
+    >>> listed(["roll", "pitch", "yaw"])
+    'roll, pitch and yaw'
+    """
     return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
 
 
 def by_joint(
     names: Sequence[str], columns: Sequence[tuple[str, str, Iterable[Any]]]
 ) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of a table with a row for each joint, for people.
+    """Return header and rows of a table with one row per joint.
 
     Args:
-        names: of the joints.
-        columns: header, format and a value for each joint; NaN is a dash.
+        names: names of the joints.
+        columns: header, format and values of each column, one value per joint. NaN is a dash.
     """
     cells = [[formatted(x, spec) for x in values] for _, spec, values in columns]
     rows = [list(row) for row in zip(numbered(names), *cells, strict=True)]
@@ -81,24 +85,29 @@ def by_joint(
 
 
 def joint_count(n: int) -> str:
-    """How many joints, for people: "1 joint", "4 joints"."""
+    """Return the number of joints as text: "1 joint", "4 joints"."""
     return f"{n} joint{'s' * (n != 1)}"
 
 
 def numbered(names: Sequence[str]) -> list[str]:
-    """Joints by number and name: "1 planetary"."""
+    """Return number and name of each joint: "1 planetary"."""
     return [f"{k + 1} {name}".strip() for k, name in enumerate(names)]
 
 
 def formatted(value: Any, spec: str) -> str:
-    """A number for people: a dash for NaN, ∞, and never -0.0."""
+    """Format a number, with a dash for NaN, ∞ for infinity, and 0.0 for -0.0."""
     text = format(value, spec).replace("nan", "–").replace("inf", "∞")
     return re.sub(r"^-(?=0[.0]*$)", "", text)
 
 
 def rounded(value: float, std: float) -> str:
-    """A number as far as its standard deviation lets one know it: one digit of that, two where the
-    first is 1."""
+    """Round a number to one digit of its standard deviation, two digits if the first is 1.
+
+    >>> rounded(2.71828, 0.034)
+    '2.72'
+    >>> rounded(2.71828, 0.014)
+    '2.718'
+    """
     if not 0 < std < math.inf:
         return formatted(value, ".4g")
     place = -math.floor(math.log10(std))
@@ -109,7 +118,7 @@ def rounded(value: float, std: float) -> str:
 def of_joints(
     title: str, columns: Mapping[str, tuple[str, Array]], names: Sequence[str] = ()
 ) -> Summary:
-    """Columns with a value for each joint as a summary, by header; joints may have no names."""
+    """Return a summary of columns (format, values) by header, with one value per joint."""
     table = [(header, *column) for header, column in columns.items()]
     return Summary(title, *by_joint(names or [""] * len(table[0][-1]), table))
 
@@ -117,11 +126,11 @@ def of_joints(
 def aligned(
     header: Sequence[str], rows: Sequence[Sequence[str]], keys: int = 1, width: int = 0
 ) -> list[str]:
-    """Lines of a table: the first column to the left, the others to the right.
+    """Format a table: first column left-aligned, others right-aligned.
 
-    One that is wider than `width`, by default the terminal's, or 80 characters, has its headers on
-    several lines; if that is not enough, its columns stand below each other in blocks, each with
-    the first `keys` columns again.
+    A table wider than `width` (by default the terminal, or 80 characters) gets headers of several
+    lines. If it is still too wide, its columns are split into blocks, which repeat the first `keys`
+    columns.
     """
     if not header:
         return []
@@ -137,7 +146,7 @@ def aligned(
 
 
 def terminal_width() -> int:
-    """Width of the terminal, where there is one, or $COLUMNS, or 80 [characters]."""
+    """Return the width of the terminal, $COLUMNS, or 80 [characters]."""
     return shutil.get_terminal_size().columns
 
 
@@ -146,13 +155,14 @@ def _width(columns: Sequence[Sequence[str]]) -> int:
 
 
 def _stacked(column: Sequence[str]) -> list[str]:
-    """A column whose header is on as many lines as its words need, of _MOST_LINES."""
+    """Split the header of a column into lines, up to _MAX_HEADER_LINES."""
     header, *cells = column
     # A unit like [N m s/rad] is one word.
     text = re.sub(r"\[.*\]", lambda unit: unit[0].replace(" ", "\xa0"), header)
     longest = max(map(len, [*cells, *text.split(" ")]))
     lines = textwrap.wrap(text, max(longest, 1), break_long_words=False) or [""]
-    return [*[""] * (_MOST_LINES - len(lines)), *(x.replace("\xa0", " ") for x in lines), *cells]
+    lines = [x.replace("\xa0", " ") for x in lines]
+    return [*[""] * (_MAX_HEADER_LINES - len(lines)), *lines, *cells]
 
 
 def _blocks(keys: list[list[str]], columns: list[list[str]], width: int) -> list[list[list[str]]]:
@@ -170,4 +180,4 @@ def _lines(columns: Sequence[Sequence[str]]) -> list[str]:
     for first, *others in zip(*columns, strict=True):
         right = [cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True)]
         lines.append("  ".join([first.ljust(widths[0]), *right]).rstrip())
-    return list(filter(None, lines))  # headers that are shorter than others'
+    return list(filter(None, lines))  # drop empty header lines

@@ -1,4 +1,4 @@
-"""Tables with named columns, as .csv, .mat or .parquet: `time` first, `name_k` for joint k."""
+"""Tables as .csv, .mat or .parquet: first column `time`, column `name_k` for joint k."""
 
 from __future__ import annotations
 
@@ -21,14 +21,16 @@ if TYPE_CHECKING:
 def write_table(
     path: str | Path, time: Array, columns: Mapping[str, Array], *, first: str = "time"
 ) -> None:
-    """Write `time` [s], shape (N,), and columns of shape (N, n), exactly (17 digits).
+    """Write a table exactly (17 digits), as .csv, .mat or .parquet.
 
-    The suffix says how, one of TABLES. `first` is the name of the first column,
-    where it is not the time.
+    Args:
+        path: the file; its suffix is one of TABLES.
+        time: values of the first column [s], shape (N,).
+        columns: columns by name, each of shape (N, n).
+        first: name of the first column.
 
     Raises:
-        InputError: for another suffix; if the file cannot be written, or needs a package that is
-            not installed.
+        InputError: another suffix, a file that cannot be written, or a missing package.
     """
     path, whole = checked_suffix(Path(path), TABLES), {first: time, **columns}
     if path.suffix in BINARY:
@@ -40,15 +42,19 @@ def write_table(
     rows = np.stack(list(own.values()), axis=1).tolist()
     with replacing(path) as partial, partial.open("w", encoding="utf-8") as file:
         file.write(",".join(own) + "\n")
-        # repr of a float is its shortest exact text, and quicker than a format of fixed width.
+        # repr of a float is its shortest exact text, and faster than a fixed format.
         file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
 
 
 def data_frame(time: Array, columns: Mapping[str, Array]) -> pd.DataFrame:
-    """A table of pandas: time [s] as index, and `name_k` for joint k, of values of shape (N, n).
+    """Make a pandas table with time [s] as index and a column `name_k` for joint k.
+
+    Args:
+        time: shape (N,).
+        columns: columns by name, each of shape (N, n).
 
     Raises:
-        InputError: where pandas is not installed.
+        InputError: pandas is not installed.
     """
     with needing("to_pandas needs pandas", "sdt_drake[exchange]"):
         import pandas as pd
@@ -56,14 +62,14 @@ def data_frame(time: Array, columns: Mapping[str, Array]) -> pd.DataFrame:
 
 
 def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str, Array]]:
-    """The time column, shape (N,), and each group of columns `name_1..name_n`, shape (N, n).
+    """Read a table: the time column, shape (N,), and groups `name_1..name_n`, shape (N, n).
 
-    Columns with other names are left out. The time must grow: in equal steps if `even`.
+    Columns with other names are ignored. The time must increase, in equal steps if `even`.
 
     Raises:
-        InputError: naming the file, and the line where there is one: no such file, not UTF-8, no
-            time column, no commas between the columns, something that is not a finite number, a
-            row of another length, a time that does not grow as it must, more than MOST_BYTES.
+        InputError: no such file, no UTF-8, no time column, another delimiter, a value that is not
+            finite, a row of another length, wrong time steps, or more than MAX_BYTES. The message
+            has the file and the line.
     """
     numbers = read_numbers(path)
     path, names = numbers.path, numbers.names
@@ -81,10 +87,10 @@ def read_table(path: str | Path, *, even: bool = True) -> tuple[Array, dict[str,
 def check_columns(
     path: str | Path, columns: Mapping[str, Array], names: Sequence[str], expected: str
 ) -> None:
-    """Refuse columns of which some are missing, or that differ in their number of joints.
+    """Check that columns exist and have the same number of joints.
 
     Raises:
-        InputError: naming the file, and what was expected.
+        InputError: a missing column, or different numbers of joints.
     """
     for name in names:
         if name not in columns:
@@ -94,28 +100,26 @@ def check_columns(
 
 
 LIMITS = {"q": (1e6, "rad"), "q_ref": (1e6, "rad"), "v": (1e4, "rad/s"), "v_ref": (1e4, "rad/s")}
-"""Of angles and speeds in files, joint side: what is beyond has another unit, or is no motion."""
+"""Largest angles and speeds in files, joint side. Larger ones have another unit, or are errors."""
 
-SHORTEST_STEP = 1e-6
-"""Of time in files [s]."""
+MIN_STEP = 1e-6
+"""Smallest step of the time in files [s]."""
 
 
 def check_limits(path: str | Path, time: Array, columns: Mapping[str, Array]) -> None:
-    """Refuse angles and speeds that no joint has, and time in steps that nobody records.
+    """Check that angles, speeds and time steps are within limits.
 
     Args:
-        path: of the file that holds them.
-        time: in equal steps [s], shape (N,), N >= 2.
-        columns: by name, shape (N, n); those that LIMITS does not name may hold anything.
+        path: the file, for messages.
+        time: time in equal steps [s], shape (N,), N >= 2.
+        columns: columns by name, shape (N, n). Only those in LIMITS are checked.
 
     Raises:
-        InputError: naming the file, the column and the time.
+        InputError: a value beyond its limit; the message has the column and the time.
     """
     step = time[1] - time[0]
-    if step < SHORTEST_STEP:
-        raise InputError(
-            f"{path}: time in steps of {step:g} s, expected at least {SHORTEST_STEP:g} s"
-        )
+    if step < MIN_STEP:
+        raise InputError(f"{path}: time in steps of {step:g} s, expected at least {MIN_STEP:g} s")
     for name, (limit, unit) in LIMITS.items():
         beyond = np.argwhere(np.abs(columns.get(name, np.zeros((0, 0)))) > limit)
         if len(beyond):
@@ -144,7 +148,7 @@ def _check_time(numbers: Numbers, *, even: bool) -> None:
 
 
 def _groups(path: Path, header: list[str]) -> dict[str, list[int]]:
-    """The columns of each `name`: `name_1..name_n`, which must stand in that order."""
+    """Return the indices of the columns `name_1..name_n` by name, and check their order."""
     groups: dict[str, list[int]] = {}
     for column, name in enumerate(header):
         stem, _, k = name.rpartition("_")

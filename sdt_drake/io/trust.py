@@ -1,7 +1,7 @@
 """Trust: the Python files that may be run, by their resolved path and the SHA-256 of their bytes.
 
-Nothing that a file of data names is run before the user has said so: by an answer, which is kept
-in a file of the user's own, or for once by `trust=True` or `--trust`.
+A data file may name a Python file. It is run only with the user's permission: an answer, which is
+stored in the user's folder, or `trust=True` or `--trust` for one call.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.files import checked_input, checked_name, write_text
 
 Ask = Callable[[str, str], bool]
-"""Takes the path and the SHA-256 of a file, and tells whether it may be run."""
+"""A function of the path and the SHA-256 of a file: True if the file may be run."""
 
-_LARGEST = 1_000_000  # bytes of Python
+_MAX_BYTES = 1_000_000  # size of a Python file
 
-_accepted: set[tuple[str, str]] = set()  # in this process: paths and SHA-256
+_accepted: set[tuple[str, str]] = set()  # paths and SHA-256, in this process
 
 
 def trusted_code(file: Path) -> bytes:
-    """The bytes of a Python file that may be run; exactly these are trusted.
+    """Return the bytes of a trusted Python file. Exactly these bytes may be run.
 
     Raises:
-        InputError: if nobody trusts the file; if there is none, or it is too long.
+        InputError: the file is not trusted, missing, or too long.
     """
-    content = checked_input(file, _LARGEST).read_bytes()
+    content = checked_input(file, _MAX_BYTES).read_bytes()
     path, digest = _key(file, content)
     if (path, digest) not in _accepted and not _ask.get()(path, digest):
         raise InputError(
             f"{path}: is Python that would be run, SHA-256 {digest}, and is not trusted; read it, "
-            "then allow it with --trust, in Python trust=True"
+            "then allow it with --trust (in Python: trust=True)"
         )
     _accepted.add((path, digest))
     return content
@@ -49,26 +49,26 @@ def accept(file: Path, content: bytes) -> None:
 
 
 def is_kept(path: str, digest: str) -> bool:
-    """Whether the user's file of trusted files has this one.
+    """Check whether the user's file of trusted files contains this one.
 
     Raises:
-        InputError: if that file is broken.
+        InputError: the file of trusted files is broken.
     """
     return _kept().get(path) == digest
 
 
 def keep(path: str, digest: str) -> None:
-    """Trust a file with this SHA-256 from now on, in the place of an earlier content.
+    """Trust a file with this SHA-256 permanently, instead of an earlier content.
 
     Raises:
-        InputError: if the user's file of trusted files is broken, or cannot be written.
+        InputError: the user's file of trusted files is broken or cannot be written.
     """
     write_text(_place(), json.dumps({**_kept(), path: digest}, indent=1) + "\n")
 
 
 @contextlib.contextmanager
 def asking(ask: Ask) -> Iterator[None]:
-    """Ask this within, where a file would be run that is not accepted yet."""
+    """Call `ask` for each file that would be run in the block and is not accepted yet."""
     before = _ask.set(ask)
     try:
         yield
@@ -77,7 +77,7 @@ def asking(ask: Ask) -> Iterator[None]:
 
 
 def trusting(trust: bool) -> AbstractContextManager[None]:
-    """Trust every Python file within, if `trust`; else nothing changes."""
+    """Trust every Python file in the block if `trust`; otherwise change nothing."""
     return asking(lambda path, digest: True) if trust else nullcontext()
 
 
@@ -89,12 +89,12 @@ def _key(file: Path, content: bytes) -> tuple[str, str]:
 
 
 def _place() -> Path:
-    """The user's file of trusted files; as its rules are, a relative $XDG_CONFIG_HOME is none."""
+    """Return the user's file of trusted files. A relative $XDG_CONFIG_HOME is ignored."""
     own = Path(os.environ.get("XDG_CONFIG_HOME", ""))
     try:
         folder = own if own.is_absolute() else Path("~/.config").expanduser()
     except RuntimeError:
-        raise InputError("trusted files: nobody's home is known, expected $HOME") from None
+        raise InputError("trusted files: no home directory; set $HOME") from None
     return folder / "sdt_drake" / "trusted.json"
 
 

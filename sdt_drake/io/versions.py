@@ -1,4 +1,4 @@
-"""Versions of all that the numbers depend on."""
+"""Versions of the software that results depend on."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 
 def versions() -> dict[str, str]:
-    """Versions of the package, Drake, numpy, scipy and Python."""
+    """Return the versions of the package, Drake, numpy, scipy and Python."""
     return {
         "package": metadata.version("sdt_drake"),
         "drake": metadata.version("drake"),
@@ -20,6 +20,10 @@ def versions() -> dict[str, str]:
 
 
 def other_versions(there: dict[str, str], here: dict[str, str]) -> str:
-    """What is there in another version than here, for people; "" if nothing is."""
+    """Return the versions in `there` that differ from `here`, as text; "" if none.
+
+    >>> other_versions({"drake": "1.50", "numpy": "2.1"}, {"drake": "1.51", "numpy": "2.1"})
+    'drake 1.50 (here: 1.51)'
+    """
     other = [name for name in there if there[name] != here.get(name)]
     return ", ".join(f"{name} {there[name]} (here: {here.get(name)})" for name in other)

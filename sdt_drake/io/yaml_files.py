@@ -1,4 +1,4 @@
-"""YAML files: as plain data, and as objects of models."""
+"""Reading and writing of YAML files, as plain data and as objects of models."""
 
 from __future__ import annotations
 
@@ -16,28 +16,31 @@ from sdt_drake.io.resources import a_kind, find_file
 
 T = TypeVar("T")
 
-_MOST_BYTES = 1_000_000
-_MOST_VALUES = 200_000  # 5 s; lists, mappings and keys too, with what aliases repeat
-_LONGEST_TEXT = 10_000  # letters
-_DEEPEST = 50  # lists and mappings in each other
-_TOO_LARGE = f"too large, expected at most {_MOST_VALUES} values and {_DEEPEST} levels"
+_MAX_BYTES = 1_000_000
+_MAX_VALUES = 200_000  # read in 5 s; counts lists, mappings, keys, and each use of an alias
+_MAX_TEXT = 10_000  # characters
+_MAX_DEPTH = 50  # nested lists and mappings
+_TOO_LARGE = f"too large, expected at most {_MAX_VALUES} values and {_MAX_DEPTH} levels"
 _TEXT, _MERGE = "tag:yaml.org,2002:str", "tag:yaml.org,2002:merge"
 
 
 def load_yaml(
     schema: type[T], path: str | Path, kind: str = "", changes: Mapping[str, Any] | None = None
 ) -> tuple[T, Path]:
-    """The object of the model `schema` that a YAML file describes, and its path.
+    """Read an object of a model from a YAML file.
 
     Args:
         schema: the model, see `sdt_drake.io.fields`.
-        path: of the file.
-        kind: of the file; those of SHIPPED in `sdt_drake.io.resources` have short names.
-        changes: values by dotted names, to be had instead of the file's, or besides.
+        path: the file, or the short name of a shipped one.
+        kind: kind of the file; the keys of SHIPPED in `sdt_drake.io.resources` have short names.
+        changes: values by dotted names that replace or complete those of the file.
+
+    Returns:
+        The object, and the path of the file.
 
     Raises:
-        InputError: with a line for each problem: file, dotted name of the field, value, and what
-            would be right.
+        InputError: one line for each problem: file, dotted name of the field, value, and what is
+            accepted.
     """
     file = find_file(path, kind)
     if file.suffix in _NO_YAML:
@@ -61,7 +64,7 @@ _KEYS = {
     "perception model": {"k_w", "k_fw", "k_fg", "k_a"},
     "columns of a flight": {"force", "omega", "force_unit", "omega_unit", "axes", "lever"},
 }
-"""What only a file of a kind has, of those that may be mistaken for others."""
+"""Keys that identify the kind of a file."""
 
 
 def _refuse_others(data: Any, path: str | Path, kind: str) -> None:
@@ -72,7 +75,7 @@ def _refuse_others(data: Any, path: str | Path, kind: str) -> None:
 
 
 def _from_here(value: Any) -> Any:
-    """A value that does not stand in the file."""
+    """Mark the paths in a value as relative to the working directory."""
     if isinstance(value, dict):
         return {name: _from_here(entry) for name, entry in value.items()}
     if isinstance(value, list):
@@ -81,7 +84,7 @@ def _from_here(value: Any) -> Any:
 
 
 def _put(data: Any, name: str, value: Any) -> None:
-    """Give the field of a dotted name another value; mappings on the way are made."""
+    """Set the field of a dotted name, and create missing mappings on its way."""
     *parents, last = (PART.fullmatch(part) for part in name.split("."))
     wrong = InputError("expected the dotted name of a field, 'controller.kind'", place=name)
     for part in parents:
@@ -105,10 +108,10 @@ def _put(data: Any, name: str, value: Any) -> None:
 
 
 def parse_yaml(text: str) -> Any:
-    """What a text in YAML holds, as `read_yaml`.
+    """Read a YAML text, see `read_yaml`.
 
     Raises:
-        InputError: not YAML, too large, a key that is given twice.
+        InputError: no YAML, too large, or a repeated key.
     """
     try:
         return _Reader(text).data()
@@ -119,15 +122,15 @@ def parse_yaml(text: str) -> Any:
 
 
 def read_yaml(file: Path) -> Any:
-    """What a YAML file holds, as lists, dicts, texts and numbers.
+    """Read a YAML file as lists, dicts, texts and numbers.
 
-    As Drake's own loader does it: the tag of a mapping is its `_tag`, and top-level keys that start
-    with an underscore are left out, so that they can hold anchors.
+    The result equals that of Drake's own loader. The tag of a mapping becomes its `_tag`. Top-level
+    keys that start with an underscore are ignored, so that they can contain anchors.
 
     Raises:
-        InputError: naming the file: not UTF-8, not YAML, too large, a key that is given twice.
+        InputError: no UTF-8, no YAML, too large, or a repeated key. The message has the file.
     """
-    text = read_text(file, _MOST_BYTES)
+    text = read_text(file, _MAX_BYTES)
     with within(file):
         data = parse_yaml(text)
     if not isinstance(data, dict):
@@ -136,16 +139,16 @@ def read_yaml(file: Path) -> Any:
 
 
 def write_yaml(path: str | Path, thing: object) -> None:
-    """Write an object of a model as YAML that `load_yaml` reads, replaced whole.
+    """Write an object of a model as a YAML file for `load_yaml`, atomically.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: the file cannot be written.
     """
     write_text(Path(path), yaml_text(thing))
 
 
 def yaml_text(thing: object) -> str:
-    """An object of a model as YAML, without what is not given."""
+    """Return an object of a model as YAML, without the fields left at None."""
     return yaml.dump(
         thing,
         Dumper=_Writer,
@@ -157,7 +160,7 @@ def yaml_text(thing: object) -> str:
 
 
 class _Writer(yaml.SafeDumper):
-    """YAML of models; lists of numbers and texts stand in a line."""
+    """A writer of models that puts lists of numbers and texts on one line."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
@@ -173,18 +176,19 @@ _Writer.add_multi_representer(Input, _represented)
 
 
 class _Reader(yaml.SafeLoader):
-    """YAML that is small, and says everything once."""
+    """A reader that refuses large files and repeated keys."""
 
     def data(self) -> Any:
+        """Return the content of the only document."""
         self.depth = self.n_nodes = self.n_values = 0
-        self.read: dict[yaml.Node, tuple[Any, int]] = {}  # values, and how many are in them
+        self.read: dict[yaml.Node, tuple[Any, int]] = {}  # value of a node, number of values in it
         node = self.get_single_node()
         return None if node is None else self._value(node, "", 0)
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         self.depth += 1
         self.n_nodes += 1
-        if self.depth > _DEEPEST + 2 or self.n_nodes > _MOST_VALUES:  # before it is all read
+        if self.depth > _MAX_DEPTH + 2 or self.n_nodes > _MAX_VALUES:  # before reading the rest
             raise InputError(_TOO_LARGE)
         node = super().compose_node(parent, index)
         self.depth -= 1
@@ -194,7 +198,7 @@ class _Reader(yaml.SafeLoader):
         before = self.n_values
         value, count = self.read.get(node, (None, 1))
         self.n_values += count
-        if depth > _DEEPEST or self.n_values > _MOST_VALUES:  # an alias within itself, too
+        if depth > _MAX_DEPTH or self.n_values > _MAX_VALUES:  # also an alias within itself
             raise InputError(_TOO_LARGE)
         if node not in self.read:
             value = self._new_value(node, name, depth)
@@ -209,10 +213,10 @@ class _Reader(yaml.SafeLoader):
                 raise _wrong(node, name, f"{node.tag} on a list, expected it on a mapping")
             items = enumerate(node.value)
             return [self._value(item, f"{name}[{i + 1}]", depth + 1) for i, item in items]
-        if len(node.value) > _LONGEST_TEXT:
-            raise _wrong(node, name, f"{len(node.value)} letters, expected at most {_LONGEST_TEXT}")
+        if len(node.value) > _MAX_TEXT:
+            raise _wrong(node, name, f"{len(node.value)} characters, expected at most {_MAX_TEXT}")
         if has_control_characters(re.sub(r"[\t\n]", "", node.value)):
-            raise _wrong(node, name, "control characters in a text, expected letters")
+            raise _wrong(node, name, "control characters in a text; remove them")
         return self.construct_object(node)
 
     def _mapping(self, node: yaml.MappingNode, name: str, depth: int) -> dict[str, Any]:
@@ -220,12 +224,12 @@ class _Reader(yaml.SafeLoader):
         own: dict[str, Any] = {}
         for key, inner in node.value:
             if key.tag not in (_TEXT, _MERGE):
-                told = key.value if isinstance(key, yaml.ScalarNode) else "of several values"
+                text = key.value if isinstance(key, yaml.ScalarNode) else "of several values"
                 raise _wrong(
                     key,
                     name,
-                    f"the key {told} is no text to YAML, which takes yes, no, on and off for truth "
-                    "values; expected the name of a field",
+                    f"the key {text} is no text in YAML (yes, no, on and off are truth values), "
+                    "expected the name of a field",
                 )
             dotted = f"{name}.{key.value}".lstrip(".")
             value = self._value(inner, dotted, depth + 1)

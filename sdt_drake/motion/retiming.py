@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import MOST_PERIODS, InputError
+from sdt_drake.io.errors import MAX_PERIODS, InputError
 from sdt_drake.motion.command import Command
 from sdt_drake.motion.plan import (
     ACCELERATION_TOLERANCE,
@@ -92,7 +92,7 @@ def retime(
     # the pass before. If they no longer suffice to hold the links, the last timing is slowed down:
     # this reduces all torques but those of gravity.
     s, slower = path.fastest(limits), 1.0
-    longest = min(_MAX_SLOWDOWN * commanded.duration, MOST_PERIODS * period)
+    longest = min(_MAX_SLOWDOWN * commanded.duration, MAX_PERIODS * period)
     for _ in range(_MAX_PASSES):
         if s is None or s.end_time() / slower > longest:
             break

@@ -1,4 +1,4 @@
-"""Motors that turn with another joint than their own, too, as those of wrists do."""
+"""Coupled motors, as in wrists: a motor that turns with its own joint and with another one."""
 
 import copy
 import xml.etree.ElementTree as ET
@@ -12,22 +12,22 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.io.shown import listed
 
 TURNS_WITH = "sdt:turns_with"
-"""Element of a joint: how often its motor turns in a turn of another joint, beside its own."""
+"""Element of a joint: turns of its motor per turn of another joint."""
 
-_MOST_COUPLED = 1e6  # condition number of motors over joints
+_MAX_CONDITION = 1e6  # condition number of motor turns per joint turns
 
 
 def coupling_of(root: ET.Element, names: Sequence[str], gear_ratio: Array, file: Path) -> Array:
-    """Read how often each motor turns in a turn of each joint [-], shape (n, n).
+    """Read the turns of each motor per turn of each joint [-], shape (n, n).
 
     Args:
-        root: <sdf> and all below.
-        names: of the joints, base to tip.
-        gear_ratio: of each motor and its own joint, shape (n,).
-        file: what errors name.
+        root: the <sdf> element.
+        names: names of the joints, base to tip.
+        gear_ratio: turns of each motor per turn of its own joint, shape (n,).
+        file: the file, for messages.
 
     Raises:
-        InputError: for a joint that is none or its own, or motors that leave a joint alone.
+        InputError: an unknown joint, a motor coupled to its own joint, or a singular coupling.
     """
     coupling = np.diag(gear_ratio)
     for joint in root.iter("joint"):
@@ -38,27 +38,29 @@ def coupling_of(root: ET.Element, names: Sequence[str], gear_ratio: Array, file:
                 others = ", ".join(x for x in names if x != name)
                 raise InputError(f"{where} joint='{other[:40]}', expected another of {others}")
             coupling[names.index(name), names.index(other)] = float(element.text or 0)
-    if np.linalg.cond(coupling / gear_ratio[:, None]) > _MOST_COUPLED:
-        raise InputError(f"{file}: <{TURNS_WITH}>: the motors cannot turn the joints one by one")
+    if np.linalg.cond(coupling / gear_ratio[:, None]) > _MAX_CONDITION:
+        raise InputError(
+            f"{file}: <{TURNS_WITH}>: the coupling is singular, so that motors cannot turn each "
+            "joint alone"
+        )
     return coupling
 
 
 def in_words(coupling: Array, names: Sequence[str]) -> list[str]:
-    """Tell of each motor that turns with another joint, a sentence each."""
-    told = []
+    """Return one sentence for each coupled motor."""
+    sentences = []
     for k, row in enumerate(coupling):
         others = [f"'{names[j]}' ({row[j]:.6g})" for j in np.flatnonzero(row).tolist() if j != k]
         if others:
-            told.append(
-                f"the motor of '{names[k]}' turns with {listed(others)}, too: motor sides of "
-                "recordings and drive files, and limits of planned motions have it; simulated "
-                "motors turn their own joint alone"
+            sentences.append(
+                f"the motor of '{names[k]}' also turns with {listed(others)}: recordings, drive "
+                "files and limits of planned motions account for it, simulations do not"
             )
-    return told
+    return sentences
 
 
 def without_coupling(root: ET.Element) -> ET.Element:
-    """Copy an SDF as Drake reads it, which knows no coupled motors."""
+    """Copy an SDF without coupled motors, which Drake does not support."""
     root = copy.deepcopy(root)
     for joint in root.iter("joint"):
         for element in joint.findall(TURNS_WITH):

@@ -1,4 +1,4 @@
-"""A robot whose links differ from its file: a controller's model of it, or what it really is."""
+"""Deviations of the links from the robot's file, for a controller's model or a simulated robot."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
@@ -27,37 +27,35 @@ from sdt_drake.robot.sdf import (
     stretched,
 )
 
-_PAYLOAD = "payload"  # that a robot need not have where nothing changes it
+_PAYLOAD = "payload"  # default name; such a link is needed only if the payload changes
 
 
 @dataclass
 class Deviation(Input):
-    """What differs from the links of the robot's file.
+    """Deviations of the links from the robot's file.
 
-    Masses and inertias here are those of the links, joint side. Rotors, gears, limits, damping and
-    kinematics are known exactly.
+    They concern masses and inertias of the links, joint side. Rotors, gears, limits, damping and
+    kinematics do not change.
     """
 
     payload: str = _PAYLOAD
-    """Name of the link that payload_mass and payload_offset change; one that is given has to be
-    there, whether they change it or not."""
+    """Name of the link that payload_mass and payload_offset change. A given name must exist in the
+    file."""
     payload_mass: Number = setting(0.0, unit="kg")
-    """Added to the link's mass; its inertia scales with the mass (the same body, evenly
-    heavier)."""
+    """Mass added to the link. Its inertia scales with its mass."""
     payload_offset: list[Number] = setting([0.0, 0.0, 0.0], min_length=3, max_length=3, unit="m")
-    """Added to the position of the link's centre of mass, in the frame in which `<inertial>` is
-    written: that of the link."""
+    """Shift of the link's centre of mass, in the frame of the link."""
     inertia_scale: Positive = setting(1.0, unit="-")
-    """Factor on masses and inertias of all links, applied after the payload's change. So the
-    links' part of the mass matrix, the velocity torques and the gravity torques all scale with
-    it; what the rotors add to the mass matrix does not."""
+    """Factor on masses and inertias of all links, applied after the payload's change. The links'
+    mass matrix, velocity torques and gravity torques scale with it, the rotors' inertia does
+    not."""
     link_scales: Some[Positive] | None = setting(None, unit="-")
-    """The same factor for each link on its own, in the order of the file."""
+    """Further factor on mass and inertia of each link, in the order of the file."""
     spread: Annotated[str, FileOf("directions")] = ""
-    """File of the directions in which the links are uncertain, as `identify` writes it; none by
+    """File of the directions in which the links are uncertain, written by `identify`. None by
     default."""
     along: Some[Annotated[Number, Field(ge=-10, le=10)]] | None = setting(None, unit="-")
-    """How far along each of these directions, in standard deviations; applied first."""
+    """Change along each of these directions, in standard deviations, applied first."""
 
     def problems(self) -> Problems:
         if self.along and not self.spread:
@@ -65,14 +63,14 @@ class Deviation(Input):
 
     @property
     def exact(self) -> bool:
-        """Whether the model is the robot itself."""
+        """True if nothing deviates."""
         scales = [self.inertia_scale, *(self.link_scales or [])]
         changed = self._changes_payload or any(self.along or [])
         return not changed and all(scale == 1 for scale in scales)
 
     @property
     def _changes_payload(self) -> bool:
-        """Whether there has to be a link `payload`."""
+        """True if the link `payload` changes."""
         return self.payload_mass != 0 or any(x != 0 for x in self.payload_offset)
 
 
@@ -80,19 +78,25 @@ _made: WeakKeyDictionary[Robot, WeakValueDictionary[str, Robot]] = WeakKeyDictio
 
 
 def deviated(robot: Robot, deviation: Deviation, where: str = "deviation") -> Robot:
-    """`robot` with a deviation; itself if there is none, and the same one as long as it is in use.
+    """Return a robot with deviations of its links; `robot` itself if nothing deviates.
 
-    It is counted from `robot` as it is: deviations add up.
+    Deviations add up: they start from `robot` as given. Equal calls return the same object while it
+    is in use.
+
+    >>> from sdt_drake.robot.robot import load_robot
+    >>> heavier = deviated(load_robot(), Deviation(payload_mass=20))
+    >>> heavier.plant.GetBodyByName("payload").default_mass()
+    200.0
 
     Args:
-        robot: stays as it is.
-        deviation: what is different.
-        where: what errors start with.
+        robot: the robot, which does not change.
+        deviation: the deviations.
+        where: prefix of the places in messages.
 
     Raises:
-        InputError: if the payload is no link, or a body is left that cannot be.
+        InputError: no such link, or a body that is physically impossible.
     """
-    if deviation.payload != _PAYLOAD:  # whatever changes, a name that is given is one
+    if deviation.payload != _PAYLOAD:  # check a given name even if nothing changes
         with at(where):
             link_named(parse_xml(robot.sdf, robot.path), deviation.payload, "payload")
     if deviation.exact:
@@ -107,7 +111,7 @@ def deviated(robot: Robot, deviation: Deviation, where: str = "deviation") -> Ro
 
 
 def _apply(deviation: Deviation, robot: Robot, root: ET.Element) -> None:
-    """Put it into the XML of the robot's SDF."""
+    """Apply the deviations to the robot's SDF, in place."""
     if deviation.along:
         _spread(robot, root, find_file(deviation.spread), deviation.along)
     if deviation._changes_payload:
@@ -124,9 +128,8 @@ def _apply(deviation: Deviation, robot: Robot, root: ET.Element) -> None:
 
 
 def _spread(robot: Robot, root: ET.Element, file: Path, along: Sequence[float]) -> None:
-    """Go along directions of a file: ten numbers for each link, in the order of the robot's
-    file."""
-    directions = read_numbers(file, least=1).data[:, 1:]
+    """Move the links along directions of a file: ten numbers for each link, in file order."""
+    directions = read_numbers(file, min_rows=1).data[:, 1:]
     links = links_by_name(root)
     if directions.shape[1] != 10 * len(links) or not np.all(np.isfinite(directions)):
         raise InputError(
@@ -146,11 +149,11 @@ def _spread(robot: Robot, root: ET.Element, file: Path, along: Sequence[float]) 
 
 
 def _add_mass(link: ET.Element, added: float) -> None:
-    """Add mass [kg] to a link, and inertia in proportion."""
+    """Add mass [kg] to a link, and scale its inertia with it."""
     mass, name = float(link.findtext("inertial/mass", "nan")), link.get("name")
     if mass == 0:
         raise InputError(
-            f"link '{name}' has no mass to be scaled, expected another link", place="payload_mass"
+            f"link '{name}' has no mass to scale, expected another link", place="payload_mass"
         )
     if mass + added <= 0:
         raise InputError(

@@ -1,4 +1,4 @@
-"""What a real device adds to a rigid, frictionless plant with ideal drives."""
+"""Drives, elastic joints and friction: deviations of a real device from an ideal one."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -24,39 +24,41 @@ from sdt_drake.robot.envelope import Envelope
 
 # --- drives ----------------------------------------------------------------------------------
 
-SHORTEST_PERIOD = 125e-6  # s; the speed loop of SINAMICS S120, servo control at 4 kHz
+MIN_PERIOD = 125e-6
+"""Shortest drive period [s]: the speed loop of SINAMICS S120, servo control at 4 kHz."""
 
 
 @dataclass
 class Drive(Input):
-    """What lies between the controller's law and the torque of the motors.
+    """The drives between the controller's law and the motors' torque.
 
-    Everything is ideal unless given. Lists have one value for each joint.
+    Everything is ideal by default. Lists have one value for each joint.
     """
 
-    period: Number | None = setting(None, ge=SHORTEST_PERIOD, unit="s")
-    """Sampling period of the speed loop; 125 µs to the interpolation period, which it must
-    divide. Continuous by default."""
+    period: Number | None = setting(None, ge=MIN_PERIOD, unit="s")
+    """Drive period: sample period of the speed loop, from 125 µs to the interpolation period, which
+    it must divide. Continuous by default."""
     torque_bandwidth: Positive | None = setting(None, unit="Hz")
-    """-3 dB frequency of the torque loop, a first-order lag."""
+    """-3 dB frequency of the torque loop, a first-order lag. Unlimited by default."""
     torque_error: EachJoint[Annotated[Number, Field(gt=-1, lt=1)]] | None = setting(None, unit="-")
-    """The motors give (1 + torque_error) of the torque they should."""
+    """Relative error of the motors' torque: they give (1 + torque_error) times their command."""
     encoder_resolution: EachJoint[Annotated[Number, Field(ge=1)]] | None = setting(
         None, unit="1/rev", side="motor"
     )
-    """Increments of each encoder per revolution **of the motor**; speed is then the difference
+    """Increments of each encoder per revolution **of the motor**. The speed is then the difference
     of positions over `period`."""
     n1: EachJoint[Positive] | None = setting(None, unit="rad/s", side="motor")
-    """Motor speed up to which the full torque is available; by default that of the motors of
-    the catalogue that the device has."""
+    """Motor speed up to which the full torque is available. Default: that of the device's motors in
+    the catalogue."""
     n0: EachJoint[Positive] | None = setting(None, unit="rad/s", side="motor")
-    """Motor speed at which none is left to accelerate any more; likewise."""
+    """Motor speed at which no driving torque is left. Default: that of the device's motors in the
+    catalogue."""
     reference_delay: NotNegative = setting(0.0, unit="s")
-    """How late the reference and all that is computed from it arrives."""
+    """Delay of the planned motion and of the feedforward computed from it."""
 
     @property
     def envelope(self) -> Envelope | None:
-        """The envelope that n1 and n0 give; None without them."""
+        """The torque-speed envelope of n1 and n0; None without them."""
         if self.n1 is None or self.n0 is None:
             return None
         n1, n0 = (np.array(speeds, dtype=float) for speeds in (self.n1, self.n0))
@@ -64,7 +66,7 @@ class Drive(Input):
 
     def problems(self) -> Problems:
         if self.encoder_resolution is not None and self.period is None:
-            yield "encoder_resolution", "needs period, to take the speed"
+            yield "encoder_resolution", "needs period, to compute the speed"
         if (self.n1 is None) != (self.n0 is None):
             yield "n1" if self.n1 is None else "n0", "missing, expected n1 and n0 or neither"
         elif self.n1 and self.n0 and any(a >= b for a, b in zip(self.n1, self.n0, strict=False)):
@@ -81,47 +83,45 @@ class Elasticity(Input):
     """Elastic joints, given by their natural frequencies."""
 
     natural_frequency: EachJointOrNone[NotNegative] = setting([], unit="rad/s")
-    """Of each link against its motor at a standstill, the other joints held, where the motion
-    has its largest inertia, of the robot without deviation; 0: this joint is rigid. By default
-    all are."""
+    """Natural frequency of each link against its motor at a standstill, with the other joints held.
+    It applies where the motion has its largest inertia, without deviations. 0: a rigid joint. All
+    joints are rigid by default."""
     damping_ratio: NotNegative = setting(0.01, unit="-")
-    """Of that oscillation."""
+    """Damping ratio of this oscillation."""
     encoder: Annotated[str, OneOf(ENCODERS)] = "motor"
-    """Where the controller measures."""
+    """Side of the joint where the controller measures."""
 
     @property
     def is_rigid(self) -> bool:
-        """Whether no joint is elastic."""
+        """True if no joint is elastic."""
         return not any(self.natural_frequency)
 
 
 @dataclass(frozen=True, eq=False)
 class Springs:
-    """Springs and dampers, **joint side**; arrays of shape (n,), 0 at rigid joints.
-
-    Attributes:
-        elastic: which joints are.
-        stiffness: k [N m/rad].
-        damping: c [N m s/rad].
-    """
+    """Springs and dampers of elastic joints, **joint side**; each of shape (n,), 0 if rigid."""
 
     elastic: NDArray[np.bool_]
+    """True for elastic joints."""
     stiffness: Array
+    """k [N m/rad]."""
     damping: Array
+    """c [N m s/rad]."""
 
 
 def springs_of(elasticity: Elasticity, inertia: Array, gravity_stiffness: Array) -> Springs:
-    """Springs and dampers of a choice: k = omega² d - k_g and c = 2 zeta omega d, so that (k + k_g)
-    / d = omega².
+    """Compute springs and dampers from natural frequencies omega and damping ratio zeta.
+
+    k = omega² d - k_g and c = 2 zeta omega d, so that (k + k_g) / d = omega².
 
     Args:
-        elasticity: gives omega and zeta.
-        inertia: d, of the links that each spring turns, joint side [kg m²], shape (n,).
-        gravity_stiffness: k_g, change of the joint's gravity torque with its angle [N m/rad],
-            shape (n,).
+        elasticity: omega and zeta.
+        inertia: d, inertia of the links beyond each spring, joint side [kg m²], shape (n,).
+        gravity_stiffness: k_g, derivative of the joint's gravity torque with respect to its angle
+            [N m/rad], shape (n,).
 
     Raises:
-        InputError: where gravity alone makes the link swing faster than omega.
+        InputError: gravity alone makes a link swing faster than omega.
     """
     omega = np.array(elasticity.natural_frequency, dtype=float)
     elastic = omega > 0
@@ -147,38 +147,35 @@ def springs_of(elasticity: Elasticity, inertia: Array, gravity_stiffness: Array)
 # --- friction in the joints: Coulomb, viscous, Stribeck --------------------------------------
 
 OVERFLOW_RATE = 400.0
-"""How fast a bristle stretched beyond its limit slips back [1/s]: far above the control loops,
-and slow enough for an explicit integrator at 5 ms."""
+"""Rate at which a bristle stretched beyond its limit relaxes [1/s]. It is far above the control
+loops, and slow enough for an explicit integrator at 5 ms."""
 
 PRESLIDING_DAMPING_TIME = 0.005
-"""Damping of a sticking joint over its stiffness [s]; assumed."""
+"""Damping of a sticking joint divided by its stiffness [s]; assumed."""
 
 
 @dataclass
 class Friction(Input):
-    """Friction of the joints, **joint side**; lists have one value for each joint.
-
-    There is none by default.
-    """
+    """Friction of the joints, **joint side**, none by default. Lists have one value per joint."""
 
     coulomb: EachJoint[NotNegative] | None = setting(None, unit="N m", side="joint")
-    """F_c, friction of a sliding joint at any speed, and the load that a joint at rest holds; 0
-    by default."""
+    """F_c, Coulomb friction: constant friction of a sliding joint, and the load that a joint holds
+    at rest. 0 by default."""
     viscous: EachJoint[NotNegative] | None = setting(None, unit="N m s/rad", side="joint")
-    """b, beside the SDF's own damping; 0 by default."""
+    """b, viscous friction in addition to the SDF's damping. 0 by default."""
     breakaway: EachJoint[NotNegative] | None = setting(None, unit="N m", side="joint")
-    """F_b, largest friction at low speed (Stribeck), at least `coulomb`, which is the default."""
+    """F_b, largest friction at low speed (Stribeck), at least `coulomb`. Default: `coulomb`."""
     stribeck_speed: Positive = setting(0.02, unit="rad/s", side="joint")
-    """v_s, at which friction has that peak."""
+    """v_s, speed of the largest friction."""
     presliding: Positive = setting(1e-05, unit="rad", side="joint")
-    """z_c, how far a joint gives way before it slides."""
+    """z_c, deflection of a joint before it slides."""
     offset: EachJoint[Number] | None = setting(None, unit="N m", side="joint")
-    """F_0, what the motor carries beside all that, at any speed and at rest, as of a
-    counterbalance that no link has; 0 by default."""
+    """F_0, constant torque at any speed and at rest, such as that of a counterbalance. 0 by
+    default."""
 
     @property
     def is_none(self) -> bool:
-        """Whether there is no friction."""
+        """True without friction."""
         return self.coulomb is self.viscous is self.breakaway is self.offset is None
 
     def problems(self) -> Problems:
@@ -189,7 +186,7 @@ class Friction(Input):
 
 @dataclass(frozen=True, eq=False)
 class FrictionParameters:
-    """`Friction` with its defaults filled in: arrays of shape (n,), joint side."""
+    """The friction of n joints, with all defaults: arrays of shape (n,), joint side."""
 
     coulomb: Array
     viscous: Array
@@ -200,7 +197,7 @@ class FrictionParameters:
 
 
 def friction_parameters(friction: Friction, n: int) -> FrictionParameters:
-    """The friction of n joints."""
+    """Return the friction of n joints as arrays, with all defaults."""
 
     def filled(values: list[float] | None, default: Array) -> Array:
         return default if values is None else np.array(values, dtype=float)
@@ -217,14 +214,14 @@ def friction_parameters(friction: Friction, n: int) -> FrictionParameters:
 
 
 def stribeck(s: NDArray[Any]) -> Array:
-    """Stribeck's term over its peak, at a speed over that of the peak: s exp((1 - s²) / 2)."""
+    """Return Stribeck's term relative to its peak, s exp((1 - s²) / 2), with s = v / v_s [-]."""
     return np.asarray(s * np.exp((1 - s * s) / 2))
 
 
 def speed_friction(friction: FrictionParameters, v: NDArray[Any]) -> Array:
-    """Friction of joints at v [rad/s] but for Coulomb's, joint side [N m]; numbers or symbols.
+    """Return the friction without Coulomb's part at v [rad/s], joint side [N m].
 
-    (F_b - F_c) (v / v_s) exp((1 - (v / v_s)²) / 2) + b v + F_0.
+    (F_b - F_c) (v / v_s) exp((1 - (v / v_s)²) / 2) + b v + F_0, for numbers or symbols.
     """
     extra = friction.breakaway - friction.coulomb
     steady = friction.viscous * v + friction.offset
@@ -232,15 +229,19 @@ def speed_friction(friction: FrictionParameters, v: NDArray[Any]) -> Array:
 
 
 def sliding_friction(friction: FrictionParameters, v: ArrayLike) -> Array:
-    """Friction of joints that slide steadily at v [rad/s], shape (n,) or (N, n); F_0 at rest [N m].
+    """Return the friction at steady speed v [rad/s], joint side [N m], shape (n,) or (N, n).
 
-    F_c sign(v) and `speed_friction`, joint side. The Stribeck term has its peak F_b - F_c at v_s.
+    The friction is F_c sign(v) plus `speed_friction`. At rest it is F_0.
+
+    >>> friction = friction_parameters(Friction(coulomb=[10], viscous=[2]), 1)
+    >>> sliding_friction(friction, [-3.0])
+    array([-16.])
     """
     v = np.asarray(v, dtype=float)
     return friction.coulomb * np.sign(v) + speed_friction(friction, v)
 
 
 def sliding_stretch(friction: FrictionParameters, v: ArrayLike) -> Array:
-    """z / z_c of bristles that slide steadily at v [rad/s]; 0 at rest [-]."""
+    """Return the relative bristle deflection z / z_c at steady speed v [rad/s]; 0 at rest [-]."""
     v = np.asarray(v, dtype=float)
     return np.sign(v) + v / (friction.presliding * OVERFLOW_RATE)

@@ -1,4 +1,4 @@
-"""Inverse dynamics by torque groups, their decoupling into loads, and effective inertia."""
+"""Inverse dynamics by torque groups, decoupling into motor loads, and effective inertia."""
 
 from __future__ import annotations
 
@@ -21,44 +21,46 @@ from sdt_drake.robot.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class TorqueGroups:
-    """Joint torques by cause (Eq. 2): **link side**, so without the inertia of the motors.
+    """Joint torques of the links by cause (Eq. 2), joint side, without the motors' inertia.
 
-    All arrays have the shape of the motion, (n,) for a sample or (N, n); joint side.
-
-    Attributes:
-        inertial: d_kk vd_k [N m].
-        reaction: sum over j != k of d_kj vd_j, from the accelerations of other joints [N m].
-        velocity: centrifugal and Coriolis terms, and viscous friction if the SDF has any [N m].
-        gravity: torque that holds the links against gravity [N m].
-        d_kk: diagonal of the mass matrix of the links [kg m²].
+    All arrays have the shape of the motion, (n,) for a sample or (N, n).
     """
 
     inertial: Array
+    """d_kk vd_k [N m]."""
     reaction: Array
+    """Torque from accelerations of other joints: sum over j != k of d_kj vd_j [N m]."""
     velocity: Array
+    """Centrifugal and Coriolis torque, and viscous friction of the file [N m]."""
     gravity: Array
+    """Torque that holds the links against gravity [N m]."""
     d_kk: Array
+    """Diagonal of the links' mass matrix [kg m²]."""
 
     @property
     def coupled(self) -> Array:
-        """tau_coupled: all but the inertial group (Eq. 4) [N m]."""
+        """tau_coupled, the sum of all groups except the inertial one (Eq. 4) [N m]."""
         return self.reaction + self.velocity + self.gravity
 
     @property
     def total(self) -> Array:
-        """tau of Eq. 2: the sum of the four groups [N m]."""
+        """tau of Eq. 2, the sum of the four groups [N m]."""
         return self.inertial + self.coupled
 
 
 def groups_of_sample(
     robot: Robot, context: Context, q_and_v: Array, vd: Array
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """The torque groups of one sample, as fields of `TorqueGroups`: inertial, reaction, velocity,
-    gravity, d_kk.
+    """Compute the torque groups of one sample, without checks: this is an inner loop.
 
-    `context` is scratch of `robot.plant`; q_and_v is [q, v] [rad, rad/s], shape (2n,), and vd
-    [rad/s²] has shape (n,). Nothing is checked here: this is the inner loop of a motion and of the
-    on-line block.
+    Args:
+        robot: the robot.
+        context: a context of `robot.plant`, overwritten.
+        q_and_v: joint positions [rad] and speeds [rad/s], shape (2n,).
+        vd: joint accelerations [rad/s²], shape (n,).
+
+    Returns:
+        inertial, reaction, velocity, gravity, d_kk, as in `TorqueGroups`.
     """
     plant = robot.plant
     plant.SetPositionsAndVelocities(context, q_and_v)
@@ -72,18 +74,20 @@ def groups_of_sample(
 
 
 def inverse_dynamics(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
-    """Joint torque **with the inertia of the motors**, joint side [N m], shape (N, n).
+    """Compute the joint torque **with the motors' inertia**, joint side [N m], shape (N, n).
 
-    It is the total of `torque_groups` and r² I_m vd, by Drake's recursion, which is faster.
+    The result is the total of `torque_groups` plus r² I_m vd. Drake's recursion is faster.
 
     Args:
         robot: the robot.
-        q, v, vd: joint positions [rad], speeds [rad/s] and accelerations [rad/s²], shape (N, n).
+        q: joint positions [rad], shape (N, n).
+        v: joint speeds [rad/s], shape (N, n).
+        vd: joint accelerations [rad/s²], shape (N, n).
 
     Raises:
-        InputError: for a motion of another number of joints.
+        InputError: the motion has another number of joints.
     """
-    if q.shape[1] != robot.n:  # Drake would end the process
+    if q.shape[1] != robot.n:  # otherwise Drake would abort the process
         raise InputError(
             f"{joint_count(q.shape[1])}, robot '{robot.name}' has {robot.n}",
             place="motion",
@@ -100,12 +104,18 @@ def inverse_dynamics(robot: Robot, q: Array, v: Array, vd: Array) -> Array:
 
 
 def torque_groups(robot: Robot, q: ArrayLike, v: ArrayLike, vd: ArrayLike) -> TorqueGroups:
-    """Inverse dynamics of the links by groups (Eq. 2), for a sample or a whole motion.
+    """Compute the links' inverse dynamics by torque groups (Eq. 2), for a sample or a motion.
+
+    >>> from sdt_drake.robot.robot import load_robot
+    >>> groups = torque_groups(load_robot(), [0, 0.5, 0, 0], [0, 0, 0, 0], [0.1, 0, 0, 0])
+    >>> groups.inertial.round(1)
+    array([1721.4,    0. ,    0. ,    0. ])
 
     Args:
         robot: the robot.
-        q, v, vd: joint positions [rad], speeds [rad/s] and accelerations [rad/s²], all of shape
-            (n,) or all of shape (N, n).
+        q: joint positions [rad], shape (n,) or (N, n).
+        v: joint speeds [rad/s], same shape.
+        vd: joint accelerations [rad/s²], same shape.
     """
     q_and_v, vd = np.concatenate([q, v], axis=-1), np.asarray(vd, dtype=float)
     context = robot.plant.CreateDefaultContext()
@@ -119,13 +129,19 @@ def torque_groups(robot: Robot, q: ArrayLike, v: ArrayLike, vd: ArrayLike) -> To
 
 
 def gravity_stiffness(robot: Robot, q: Array) -> Array:
-    """Change of the joints' gravity torques with their angles, joint side [N m/rad], (n, n).
+    """Compute the derivative of the gravity torques with respect to the joint positions.
 
-    Entry (j, k) is that of joint j with the angle of joint k; q [rad] has shape (n,).
+    Args:
+        robot: the robot.
+        q: joint positions [rad], shape (n,).
+
+    Returns:
+        Entry (j, k) is the change of joint j's torque with joint k's position, joint side
+        [N m/rad], shape (n, n).
     """
     step = 1e-5  # rad
     turned = step * np.eye(robot.n)
-    around = q + np.vstack([-turned, turned])  # a row for each joint, turned back and on
+    around = q + np.vstack([-turned, turned])  # one row per joint, turned back and forth
     rest = np.zeros_like(around)
     low, high = np.split(torque_groups(robot, around, rest, rest).gravity, 2)
     return (high - low).T / (2 * step)
@@ -137,16 +153,12 @@ SIGNS = ("consistent", "printed")
 
 
 class Loads(NamedTuple):
-    """Coupling torques of each joint on its motor, **motor side**, shape (n,) or (N, n).
-
-    Attributes:
-        load_torque: tau_LD, what the motor must overcome [N m].
-        alleviating_torque: tau_alleviate, help of the other motors towards the wanted
-            acceleration, with its sign [N m].
-    """
+    """Coupling torques of each joint on its motor, **motor side**, shape (n,) or (N, n)."""
 
     load_torque: Array
+    """tau_LD, torque that the motor must overcome [N m]."""
     alleviating_torque: Array
+    """tau_alleviate, signed help of the other motors towards the planned acceleration [N m]."""
 
 
 def decouple(
@@ -155,22 +167,25 @@ def decouple(
     gear_ratio: ArrayLike,
     sign: str = "consistent",
 ) -> Loads:
-    """Loads of the motors by Algorithm 1 of the paper, from the torque groups of the joints.
+    """Compute the loads of the motors from torque groups by Algorithm 1 of the paper.
 
-    The three branches are one expression. With own = d_kk vd_k, the help is that part of
-    -tau_coupled which points along `own` and does not exceed it:
+    The three branches are one expression. With own = d_kk vd_k, the help is the part of
+    -tau_coupled that has the direction of `own` and does not exceed it:
 
         r tau_alleviate = clip(-tau_coupled, min(own, 0), max(own, 0))
         r tau_LD        = tau_coupled + r tau_alleviate
 
-    so tau_coupled = r (tau_LD - tau_alleviate) holds by construction. The paper prints the third
-    branch (acceleration and coupling opposed, coupling the larger) as tau_LD = -tau_k / r, which
-    breaks that identity by 2 tau_k; `sign="printed"` follows the print.
+    Then tau_coupled = r (tau_LD - tau_alleviate) holds. In the third branch (acceleration and
+    coupling opposed, coupling larger), the paper prints tau_LD = -tau_k / r, which violates this
+    identity by 2 tau_k; `sign="printed"` follows the paper.
+
+    >>> decouple(inertial=[2.0], coupled=[-5.0], gear_ratio=[10])
+    Loads(load_torque=array([-0.3]), alleviating_torque=array([0.2]))
 
     Args:
         inertial: d_kk vd_k, joint side [N m], shape (n,) or (N, n).
         coupled: tau_coupled of Eq. 4, joint side [N m], same shape.
-        gear_ratio: r, motor over joint speed [-], shape (n,).
+        gear_ratio: r, motor speed over joint speed [-], shape (n,).
         sign: "consistent" or "printed".
     """
     own, coupled = np.asarray(inertial, dtype=float), np.asarray(coupled, dtype=float)
@@ -186,23 +201,23 @@ def decouple(
 
 
 def effective_inertia(robot: Robot, d_kk: ArrayLike) -> Array:
-    """I_eff = I_m + d_kk / r² (Eq. 3), **motor side** [kg m²].
+    """Compute I_eff = I_m + d_kk / r² (Eq. 3), **motor side** [kg m²].
 
     Args:
-        robot: gives the rotor inertias I_m and the gear ratios r.
+        robot: the robot, with rotor inertias I_m and gear ratios r.
         d_kk: diagonal of the links' mass matrix, joint side [kg m²], shape (n,) or (N, n).
     """
     return robot.rotor_inertia + np.asarray(d_kk) / robot.gear_ratio**2
 
 
 def where_largest(d_kk: ArrayLike) -> NDArray[np.intp]:
-    """First sample at which each joint's inertia is as large as it gets, round-off apart.
+    """Find the first sample with the largest inertia of each joint, within round-off.
 
     Args:
         d_kk: diagonal of the links' mass matrix, joint side [kg m²], shape (N, n).
 
     Returns:
-        Samples, shape (n,).
+        Indices of samples, shape (n,).
     """
     d_kk = np.asarray(d_kk)
     return np.argmax(d_kk >= (1 - 1e-9) * d_kk.max(axis=0), axis=0)
@@ -210,15 +225,18 @@ def where_largest(d_kk: ArrayLike) -> NDArray[np.intp]:
 
 @dataclass(frozen=True, eq=False)
 class InertiaRange:
-    """How I_eff, motor side [kg m²], varies along a motion; each of shape (n,)."""
+    """The range of I_eff along a motion, motor side [kg m²]; each of shape (n,)."""
 
     maximum: Array
+    """Largest I_eff."""
     median: Array
+    """Median of I_eff over the samples."""
     minimum: Array
+    """Smallest I_eff."""
 
     @staticmethod
     def of(i_eff: Array) -> InertiaRange:
-        """The range of I_eff of shape (N, n)."""
+        """Compute the range of I_eff, shape (N, n)."""
         return InertiaRange(
             maximum=np.max(i_eff, axis=0),
             median=np.median(i_eff, axis=0),
@@ -227,6 +245,6 @@ class InertiaRange:
 
     @property
     def variation_percent(self) -> Array:
-        """(max - min) / max [%], as in Table 1. Round-off of a constant inertia is 0."""
+        """Variation (max - min) / max [%], as in Table 1; 0 for round-off of a constant inertia."""
         variation = 100 * (1 - self.minimum / self.maximum)
         return np.where(variation < 1e-9, 0.0, variation)

@@ -1,6 +1,6 @@
-"""The limits of the motors' torque: how much of it they have at which speed, and with help.
+"""The torque-speed envelope of motors, and the widening of torque limits by coupling torques.
 
-The laws take numbers, or symbols of shape (n,).
+All functions accept numbers, or symbols of shape (n,).
 """
 
 from __future__ import annotations
@@ -19,35 +19,32 @@ _TINY = np.finfo(float).tiny
 
 @dataclass(frozen=True, eq=False)
 class Envelope:
-    """Speeds between which each motor loses its torque, **motor side**; arrays of shape (n,).
-
-    Attributes:
-        n1: up to which the full torque is available [rad/s]; inf for a motor without a limit.
-        n0: at which none is left to drive with [rad/s], > n1; inf for a motor without a limit.
-        source: where the speeds are from, for people.
-    """
+    """The torque-speed envelope of motors, **motor side**. Torque falls linearly from n1 to n0."""
 
     n1: Array
+    """Largest speed with full torque [rad/s], shape (n,); inf if unlimited."""
     n0: Array
+    """Speed without driving torque [rad/s], > n1, shape (n,); inf if unlimited."""
     source: str
+    """Origin of the speeds, as text."""
 
     @property
     def limits(self) -> bool:
-        """Whether any motor loses torque with its speed."""
+        """True if any motor loses torque with speed."""
         return bool(np.isfinite(self.n0).any())
 
     @property
     def slope(self) -> Array:
-        """Share of its torque that a motor loses between n1 and n0, over their difference [s]."""
+        """Share of the torque that a motor loses per speed between n1 and n0 [s], shape (n,)."""
         limited = np.isfinite(self.n0)
         apart = np.subtract(self.n0, self.n1, out=np.ones_like(self.n0), where=limited)
         return np.where(limited, 1 / apart, 0.0)
 
     def left(self, motor_speed: ArrayLike) -> Array:
-        """Share of the torque that is left to drive with [-].
+        """Return the available share of the driving torque [-], shape (..., n).
 
         Args:
-            motor_speed: in the direction of the torque [rad/s], shape (..., n).
+            motor_speed: speed in the direction of the torque [rad/s], shape (..., n).
         """
         w = np.asarray(motor_speed)
         limited = np.isfinite(self.n0)
@@ -55,23 +52,29 @@ class Envelope:
         return np.where(limited, 1 - _positive(1 - _positive((n0 - w) / (n0 - n1))), 1.0)
 
     def range(self, limit: Array, motor_speed: ArrayLike) -> tuple[Array, Array]:
-        """Least and largest torque at a speed; braking is not limited [N m], (..., n) each.
+        """Return the smallest and largest torque at a speed [N m], shape (..., n) each.
+
+        Braking keeps the full torque.
+
+        >>> motor = Envelope(np.array([10.0]), np.array([20.0]), "an example")
+        >>> motor.range(np.array([5.0]), [15.0])
+        (array([-5.]), array([2.5]))
 
         Args:
             limit: largest torque at low speed [N m], shape (n,).
-            motor_speed: [rad/s], shape (..., n).
+            motor_speed: motor speed [rad/s], shape (..., n).
         """
         w = np.asarray(motor_speed)
         return -limit * self.left(-w), limit * self.left(w)
 
 
 def widened(lower: Array, upper: Array, alleviating_torque: NDArray[Any]) -> tuple[Array, Array]:
-    """Limits, each moved away by what the other motors help to its side [N m], (..., n) each."""
+    """Widen torque limits by the help of the other motors [N m], shape (..., n) each."""
     return lower - _positive(-alleviating_torque), upper + _positive(alleviating_torque)
 
 
 def _positive(x: NDArray[Any]) -> Array:
-    """max(x, 0); of symbols with a derivative at 0 as well: that of Drake's max is NaN there."""
+    """Return max(x, 0). Symbols get a derivative at 0, where Drake's max has NaN."""
     if x.dtype != object:
         return np.maximum(x, 0.0)
     return np.array([sym.if_then_else(one > _TINY, one, sym.Expression(0)) for one in x])

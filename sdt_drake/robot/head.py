@@ -1,4 +1,4 @@
-"""Motion of the pilot's head: specific force and angular velocity at the frame `head`."""
+"""The motion of the pilot's head: specific force and angular velocity at the frame `head`."""
 
 from __future__ import annotations
 
@@ -17,32 +17,28 @@ HEAD_FRAME = "head"
 """The SDF frame between the pilot's ears: x forward, y left, z up."""
 
 GRAVITY = UniformGravityFieldElement.kDefaultStrength
-"""What counts as 1 G: Drake's gravity [m/s²]."""
+"""Acceleration of 1 G: Drake's gravity [m/s²]."""
 
 
 @dataclass(frozen=True, eq=False)
 class HeadMotion:
-    """The head at N samples; vectors in the axes of the head (x forward, y left, z up).
-
-    Attributes:
-        specific_force: f = R^T (a - g), what an accelerometer in the head shows [m/s²], shape
-            (N, 3); +9.81 along z for a head that is upright and at rest.
-        angular_velocity: [rad/s], shape (N, 3): about x roll to the right, about y nose down,
-            about z to the left.
-        angular_acceleration: [rad/s²], shape (N, 3).
-        position: in the **world** [m], shape (N, 3).
-        rotation: R, from head to world, shape (N, 3, 3).
-    """
+    """The motion of the head at N samples, in the axes of the head (x forward, y left, z up)."""
 
     specific_force: Array
+    """f = R^T (a - g), as an accelerometer in the head measures it [m/s²], shape (N, 3). An upright
+    head at rest has +9.81 along z."""
     angular_velocity: Array
+    """Angular velocity [rad/s], shape (N, 3): x roll right, y nose down, z to the left."""
     angular_acceleration: Array
+    """Angular acceleration [rad/s²], shape (N, 3)."""
     position: Array
+    """Position in the **world** [m], shape (N, 3)."""
     rotation: Array
+    """R, rotation from head to world, shape (N, 3, 3)."""
 
     @property
     def resultant_g(self) -> Array:
-        """|f| in units of gravity [-], shape (N,)."""
+        """|f| divided by gravity [-], shape (N,)."""
         return np.linalg.norm(self.specific_force, axis=1) / GRAVITY
 
     @cached_property
@@ -52,19 +48,19 @@ class HeadMotion:
 
 
 def has_head(robot: Robot) -> bool:
-    """Whether the file says where the pilot's head is: then what is felt can be told of every run.
+    """Check whether the robot has a frame `head`, which the perception of the pilot needs.
 
-    Of one on the axis plant, too. Its joints move each on its own, but over the same time, and the
-    head is where they put it together: what is felt there is as true as the joints' errors are.
+    Perception also applies to runs on the axis plant. Its joints move independently, but at the
+    same time, and together they place the head.
     """
     return robot.plant.HasFrameNamed(HEAD_FRAME)
 
 
 def check_head(robot: Robot) -> None:
-    """Refuse a robot without a head.
+    """Check that the robot has a pilot's head.
 
     Raises:
-        InputError: saying how to add one.
+        InputError: no head; the message has the element to add.
     """
     if not has_head(robot):
         on = "link" if robot.path.suffix == ".urdf" else "attached_to"
@@ -75,25 +71,33 @@ def check_head(robot: Robot) -> None:
 
 
 def head_motion(robot: Robot, q: ArrayLike, v: ArrayLike, vd: ArrayLike) -> HeadMotion:
-    """Motion of the head for joint angles [rad], speeds [rad/s] and accelerations [rad/s²].
+    """Compute the motion of the head from a motion of the joints.
 
-    From base to tip, in the world: joint k at p_k with axis e_k, r_k from it to the next joint,
+    >>> from sdt_drake.robot.robot import load_robot
+    >>> rest = np.zeros((1, 4))
+    >>> head_motion(load_robot(), rest, rest, rest).specific_force.round(2)
+    array([[0.  , 0.  , 9.81]])
+
+    The recursion goes from base to tip, in the world. Joint k at p_k has the axis e_k, and r_k
+    leads to the next joint:
 
         omega_k = omega_{k-1} + e_k v_k
         alpha_k = alpha_{k-1} + e_k vd_k + omega_{k-1} x e_k v_k
         p_{k+1} = p_k + r_k,   a_{k+1} = a_k + alpha_k x r_k + omega_k x (omega_k x r_k)
 
     Args:
-        robot: with a frame `head`.
-        q, v, vd: shape (N, n) each.
+        robot: a robot with a frame `head`.
+        q: joint positions [rad], shape (N, n).
+        v: joint speeds [rad/s], shape (N, n).
+        vd: joint accelerations [rad/s²], shape (N, n).
 
     Raises:
-        InputError: if the robot has no head.
+        InputError: the robot has no head.
     """
     q, v, vd = (np.asarray(a, dtype=float) for a in (q, v, vd))
     axes, origins, head_at_zero = _chain_at_zero(robot)
     zero = np.zeros((len(q), 3))
-    rotation = np.broadcast_to(np.eye(3), (len(q), 3, 3))  # of a link, from where it is at q = 0
+    rotation = np.broadcast_to(np.eye(3), (len(q), 3, 3))  # of a link, relative to q = 0
     position, acceleration, omega, alpha = zero + origins[0], zero, zero, zero
     for k, (axis_at_zero, to_next) in enumerate(zip(axes, np.diff(origins, axis=0), strict=True)):
         turn = (rotation @ axis_at_zero) * v[:, k, None]
@@ -119,27 +123,30 @@ def head_motion(robot: Robot, q: ArrayLike, v: ArrayLike, vd: ArrayLike) -> Head
 
 
 def head_motion_of_samples(robot: Robot, period: float, q: ArrayLike, v: ArrayLike) -> HeadMotion:
-    """Motion of the head for joints sampled every `period` [s].
+    """Compute the motion of the head from positions and speeds of the joints alone.
 
-    The acceleration of sample i is (v_{i+1} - v_{i-1}) / (2 period), the mean over the two periods
-    around it: centred in time, so it stays in step with q and v, and the same rule for a reference
-    whose acceleration jumps at a sample and for a motion that was measured.
+    The acceleration of sample i is the central difference (v_{i+1} - v_{i-1}) / (2 period). It is
+    centred in time like q and v, for planned and measured motions alike.
 
     Args:
-        robot: with a frame `head`.
-        period: [s].
-        q, v: joint angles [rad] and speeds [rad/s], shape (N, n), N >= 2.
+        robot: a robot with a frame `head`.
+        period: sample period [s].
+        q: joint positions [rad], shape (N, n), N >= 2.
+        v: joint speeds [rad/s], shape (N, n).
 
     Raises:
-        InputError: if the robot has no head.
+        InputError: the robot has no head.
     """
     v = np.asarray(v, dtype=float)
     return head_motion(robot, q, v, np.gradient(v, period, axis=0))
 
 
 def _chain_at_zero(robot: Robot) -> tuple[list[Array], list[Array], Array]:
-    """The chain at q = 0, in the world: axes of the joints between the world and the head, where
-    these and the head are [m], and the head's rotation."""
+    """Return the joints that move the head, at q = 0, in the world.
+
+    Returns:
+        Axes of the joints, origins of the joints and then of the head [m], rotation of the head.
+    """
     check_head(robot)
     plant, head = robot.plant, robot.plant.GetFrameByName(HEAD_FRAME)
     head_pose = head.CalcPoseInWorld(robot.context_at_zero())
@@ -154,7 +161,7 @@ def _chain_at_zero(robot: Robot) -> tuple[list[Array], list[Array], Array]:
 
 
 def turned(axis: Array, angle: Array) -> Array:
-    """Rotations about a unit vector by angles [rad] of shape (N,): (N, 3, 3) (Rodrigues)."""
+    """Return the rotations about a unit vector by angles [rad], shape (N,) (Rodrigues' formula)."""
     x, y, z = axis
     S = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     sine, versine = np.sin(angle)[:, None, None], (1 - np.cos(angle))[:, None, None]

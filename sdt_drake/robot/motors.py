@@ -1,4 +1,4 @@
-"""The motors to choose from, torque motors and geared motors; and a device with chosen ones."""
+"""The catalogue of motors, and a device with chosen motors, gears and structure."""
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, replace
@@ -33,47 +33,47 @@ from sdt_drake.robot.sdf import DRAKE, child, link_named, links_by_name, scale_l
 DEFAULT_CATALOGUE = "package://sdt/motors.yaml"
 
 MOTOR_KINDS = ("torque motor", "geared motor")
-"""Direct drive, or with a gearbox that its numbers contain."""
+"""Kinds of motors: direct drive, or motor with gearbox."""
 
 _RPM = 2 * pi / 60  # rad/s
 
 
 @dataclass(kw_only=True)
 class Motor(Input):
-    """A motor, with its gearbox if it has one; **motor side**."""
+    """A motor with its gearbox, if any; **motor side**."""
 
     id: Text
     """Short name."""
     kind: Annotated[str, OneOf(MOTOR_KINDS)]
-    """Direct drive, or with a gearbox."""
+    """Direct drive, or motor with gearbox."""
     peak_torque: Positive = setting(unit="N m", side="motor")
     """Largest torque."""
     rated_torque: Positive = setting(unit="N m", side="motor")
-    """Torque that it can give for ever (S1), at a standstill or low speed."""
+    """Continuous torque (S1) at a standstill or low speed."""
     rotor_inertia: Positive = setting(unit="kg m²", side="motor")
-    """Of motor and gearbox."""
+    """Inertia of motor and gearbox."""
     n1_rpm: Positive | None = setting(None, unit="rpm", side="motor")
-    """Speed up to which it gives its peak torque; any by default."""
+    """Largest speed with peak torque. Unlimited by default."""
     n0_rpm: Positive | None = setting(None, unit="rpm", side="motor")
-    """Speed at which none is left to drive with; linear between the two. None by default."""
+    """Speed without driving torque; the torque falls linearly from n1_rpm to n0_rpm. Unlimited by
+    default."""
     mass: Positive = setting(unit="kg")
-    """Of motor and gearbox."""
+    """Mass of motor and gearbox."""
     gear_ratio: Positive = setting(1.0, unit="-")
-    """Motor speed over joint speed; of a geared motor by default, unless a device chooses
-    another."""
+    """Motor speed over joint speed, unless the device chooses another ratio."""
     thermal_time_constant: Positive = setting(unit="s")
-    """Of the winding, first order."""
+    """Thermal time constant of the winding (first order)."""
     source: Text
-    """Where the numbers are from."""
+    """Origin of the numbers."""
 
     @property
     def n1(self) -> float:
-        """`n1_rpm` in rad/s; inf without."""
+        """`n1_rpm` in rad/s; inf if unlimited."""
         return inf if self.n1_rpm is None else self.n1_rpm * _RPM
 
     @property
     def n0(self) -> float:
-        """`n0_rpm` in rad/s; inf without."""
+        """`n0_rpm` in rad/s; inf if unlimited."""
         return inf if self.n0_rpm is None else self.n0_rpm * _RPM
 
     def problems(self) -> Problems:
@@ -92,18 +92,18 @@ class Motor(Input):
             yield "gear_ratio", f"{self.gear_ratio:g}, but a torque motor drives directly: 1"
 
     def takes_gear(self, gear_ratio: float) -> bool:
-        """Whether it can have a gear: a torque motor has none."""
+        """Check whether the motor can have this gear ratio. A torque motor drives directly."""
         return self.kind != "torque motor" or gear_ratio == 1
 
 
 @dataclass(kw_only=True)
 class Catalogue(Input):
-    """Motors by their ids."""
+    """A catalogue of motors."""
 
     notes: str = ""
-    """For people."""
+    """Notes for readers."""
     motors: Some[Motor]
-    """In any order."""
+    """The motors, in any order."""
 
     @property
     def ids(self) -> list[str]:
@@ -111,10 +111,10 @@ class Catalogue(Input):
         return [motor.id for motor in self.motors]
 
     def motor(self, id_: str, where: str) -> Motor:
-        """The motor of this id.
+        """Return the motor of this id.
 
         Raises:
-            InputError: naming `where`, and ids like this one.
+            InputError: an unknown id, at the place `where`; the message has similar ids.
         """
         for motor in self.motors:
             if motor.id == id_:
@@ -130,10 +130,13 @@ class Catalogue(Input):
 
 
 def load_catalogue(path: str | Path = DEFAULT_CATALOGUE) -> Catalogue:
-    """A catalogue from YAML.
+    """Read a catalogue of motors from YAML; by default the shipped one.
+
+    >>> load_catalogue().motor("TM-2150", "example").peak_torque
+    2150.0
 
     Raises:
-        InputError: with a line for each problem: file, field, and what would be right.
+        InputError: one line for each problem: file, field, value, and what is accepted.
     """
     return load_yaml(Catalogue, path, "motors")[0]
 
@@ -143,68 +146,73 @@ def load_catalogue(path: str | Path = DEFAULT_CATALOGUE) -> Catalogue:
 
 @dataclass
 class DeviceChoice(Input):
-    """What the device has otherwise than the SDF; planner, controller and plant all know it.
+    """Motors, gears and structure of the device that differ from the robot file.
 
-    Lists have one value for each joint. What stays as in the SDF: kinematics, damping, and the
-    limits of position, speed and acceleration. The torque-speed envelope is that of the motors,
-    chosen, or `fitted` and kept, unless a scenario's `drive` has n1 and n0. Springs of
-    `plant.elasticity` keep their stated frequencies.
+    Planner, controller and plant use this device. Lists have one value for each joint. Kinematics,
+    damping, and the limits of position, speed and acceleration stay as in the file. The
+    torque-speed envelope is that of the chosen motors, or of the kept motors in `fitted`, unless
+    `drive` of the scenario has n1 and n0. Springs of `plant.elasticity` keep their frequencies.
     """
 
     motors: EachJointOrNone[str] = setting([])
-    """Ids of the catalogue; "" keeps the motor of the SDF. All are kept by default."""
+    """Ids of motors in the catalogue; "" keeps the motor of the robot file. All are kept by
+    default."""
     gear_ratio: EachJoint[Positive] | None = setting(None, unit="-")
-    """Motor speed over joint speed; by default that of the chosen motor, or of the SDF where
-    the motor is kept."""
+    """Motor speed over joint speed. Default: that of the chosen motor, or of the robot file if the
+    motor is kept."""
     structure_scale: Positive = setting(1.0, unit="-")
-    """s, factor on masses and inertias of all links but the payload: the thickness of their
+    """s, factor on masses and inertias of all links except the payload: the thickness of their
     walls."""
     payload: str = "payload"
-    """Name of the link that is no structure; "" if all links are."""
+    """Name of the link that does not belong to the structure; "" if all links do."""
     stiffness_exponent: NotNegative = setting(1.0, unit="-")
-    """p; the structure is s^p times as stiff. 1 for walls of the same outline (assumed)."""
+    """p: the stiffness of the structure changes by s^p. 1: walls of the same outline (assumed)."""
     fitted: EachJointOrNone[str] = setting([])
-    """Ids of the motors that the masses of the SDF contain; "" where they contain none."""
+    """Ids of the motors whose mass the robot file already includes; "" for none."""
     catalogue: Annotated[Text, FileOf("motors")] = DEFAULT_CATALOGUE
-    """File of the motors, relative to the scenario's own folder; or the name of one that ships
-    with the package."""
+    """File of the motors, relative to the scenario's folder, or the name of a shipped file."""
 
     @property
     def changes_nothing(self) -> bool:
-        """Whether the device is the SDF as it is."""
+        """True if the device equals the robot file."""
         return not any(self.motors) and self.gear_ratio is None and self.structure_scale == 1
 
     def problems(self) -> Problems:
         if any(self.motors) and not self.fitted:
             yield (
                 "fitted",
-                "missing; the difference of masses needs the motors that those of the SDF contain, "
-                "'' where they contain none",
+                "missing; for each joint, name the motor whose mass the robot file already "
+                "includes, '' if none",
             )
 
 
 def chosen_robot(robot: Robot, choice: DeviceChoice) -> Robot:
-    """The device of a choice of motors, gears and structure: `robot` itself if it changes nothing.
+    """Return the device with chosen motors, gears and structure; `robot` if nothing changes.
 
-    A motor stands on the link that carries its joint, as a point mass where the joint's axis has
-    its origin. Motors are no structure and do not scale: with m_f in the masses of the SDF and m
-    chosen, s (M - m_f) + m = s M + (m - s m_f) is what becomes of a link of mass M.
+    A motor is a point mass on the link that carries its joint, at the origin of the joint's axis.
+    Motors do not belong to the structure and do not scale. A link of mass M with the motor m_f gets
+    the mass s (M - m_f) + m with the motor m.
 
-    The lowest natural frequency of the structure changes by `frequency_factor`, with J the links'
-    inertia about the first joint at q = 0, payload and motors included (assumed):
+    The lowest natural frequency of the structure changes by `frequency_factor`:
 
         omega_r = omega_r0 sqrt(s^p J_0 / J)
 
+    J is the links' inertia about the first joint at q = 0, with payload and motors (assumed).
+
+    >>> from sdt_drake.robot.robot import load_robot
+    >>> chosen_robot(load_robot(), DeviceChoice(gear_ratio=[50, 1, 1, 1])).gear_ratio
+    array([50.,  1.,  1.,  1.])
+
     Args:
-        robot: as its SDF has it.
-        choice: what is different.
+        robot: the robot of the file.
+        choice: the differences from the file.
 
     Raises:
-        InputError: for an unknown motor, or a device that cannot be.
+        InputError: an unknown motor, or a device that is physically impossible.
     """
     if choice == DeviceChoice():
         return robot
-    motors, fitted = _motors(choice, robot.n)  # also of a device that uses none: told at once
+    motors, fitted = _motors(choice, robot.n)  # report unknown motors even if unused
     envelope = _envelope(motors, fitted)
     if choice.changes_nothing:
         return robot if envelope is None else replace(robot, envelope=envelope)
@@ -218,8 +226,7 @@ def chosen_robot(robot: Robot, choice: DeviceChoice) -> Robot:
 
 
 def as_driven(robot: Robot, drive: Drive) -> Robot:
-    """The robot with the torque-speed envelope that is in force: that of the drive, or else its
-    motors'."""
+    """Return the robot with the envelope of its drive; without one, that of its motors."""
     own, motors = drive.envelope, robot.envelope
     if own is None:
         return robot
@@ -229,10 +236,10 @@ def as_driven(robot: Robot, drive: Drive) -> Robot:
 
 
 def motors_in_use(choice: DeviceChoice, n: int) -> list[Motor]:
-    """The motor of each of the n joints: the chosen one, or the fitted one where it is kept.
+    """Return the motor of each joint: the chosen one, or the fitted one if it is kept.
 
     Raises:
-        InputError: for an unknown motor, or a joint that has neither.
+        InputError: an unknown motor, or a joint without a motor.
     """
     in_use = [motor or old for motor, old in zip(*_motors(choice, n), strict=True)]
     for k, motor in enumerate(in_use):
@@ -244,7 +251,7 @@ def motors_in_use(choice: DeviceChoice, n: int) -> list[Motor]:
 
 
 def _envelope(chosen: list[Motor | None], fitted: list[Motor | None]) -> Envelope | None:
-    """The envelope of motors of a catalogue; None where no joint has one."""
+    """Return the envelope of the motors; None if no joint has a motor of the catalogue."""
     motors = [motor or old for motor, old in zip(chosen, fitted, strict=True)]
     if not any(motors):
         return None
@@ -257,7 +264,7 @@ def _envelope(chosen: list[Motor | None], fitted: list[Motor | None]) -> Envelop
 
 
 def _motors(choice: DeviceChoice, n: int) -> tuple[list[Motor | None], list[Motor | None]]:
-    """The chosen and the fitted motor of each joint; None where no id is given."""
+    """Return the chosen and the fitted motor of each joint; None without an id."""
     catalogue = load_catalogue(choice.catalogue)
 
     def found(name: str) -> list[Motor | None]:
@@ -270,7 +277,7 @@ def _motors(choice: DeviceChoice, n: int) -> tuple[list[Motor | None], list[Moto
 
 
 def _fit(root: ET.Element, robot: Robot, choice: DeviceChoice, motors: list[Motor | None]) -> None:
-    """Put motors, gears and the scale of the structure into the XML of an SDF."""
+    """Apply motors, gears and the scale of the structure to an SDF, in place."""
     joints = {joint.get("name"): joint for joint in root.iter("joint")}
     for k, (name, motor) in enumerate(zip(robot.joint_names, motors, strict=True)):
         ratio = motor.gear_ratio if motor else robot.gear_ratio[k]
@@ -300,7 +307,7 @@ def _set(parent: ET.Element, tag: str, value: float) -> None:
 
 
 def _added_masses(motors: list[Motor | None], fitted: list[Motor | None], s: float) -> list[float]:
-    """m - s m_f for each joint [kg]; a motor that is kept is the fitted one."""
+    """Return m - s m_f for each joint [kg]. A kept motor is the fitted one."""
     masses = []
     for motor, old in zip(motors, fitted, strict=True):
         m_f = old.mass if old else 0.0
@@ -310,9 +317,10 @@ def _added_masses(motors: list[Motor | None], fitted: list[Motor | None], s: flo
 
 
 def _with_stators(robot: Robot, added: list[float]) -> Robot:
-    """The robot with a point mass [kg] on the inboard side of each joint; < 0 takes mass away.
+    """Add a point mass [kg], which may be negative, on the inboard side of each joint.
 
-    What stands still needs none."""
+    Links that do not move stay as they are.
+    """
     still = {body.index() for body in robot.plant.GetBodiesWeldedTo(robot.plant.world_body())}
     bodies = {}
     for name, mass in zip(robot.joint_names, added, strict=True):
@@ -334,17 +342,20 @@ def _with_stators(robot: Robot, added: list[float]) -> Robot:
 def with_point_mass(
     mass: float, com: Array, central: Array, added: float, place: Array
 ) -> tuple[float, Array, Array]:
-    """A body and a point: the sum of their masses, its centre, and the inertia about that centre.
+    """Add a point mass to a body.
 
     With d from the body's centre to the point and mu = m m_p / (m + m_p), the inertia grows by
     mu (d² E - d d^T).
 
     Args:
-        mass: of the body [kg].
-        com: its centre of mass [m], shape (3,).
-        central: its inertia about that [kg m²], shape (3, 3).
-        added: mass of the point [kg]; < 0 takes it away.
-        place: of the point [m], shape (3,).
+        mass: mass of the body [kg].
+        com: centre of mass of the body [m], shape (3,).
+        central: inertia of the body about its centre [kg m²], shape (3, 3).
+        added: mass of the point [kg]; a negative mass is removed.
+        place: position of the point [m], shape (3,).
+
+    Returns:
+        Mass, centre of mass and central inertia of both together.
     """
     d, total = place - com, mass + added
     if total <= 0:
@@ -354,6 +365,6 @@ def with_point_mass(
 
 
 def _first_inertia(robot: Robot) -> float:
-    """J: inertia of the links about the first joint at q = 0, joint side [kg m²]."""
+    """Return J, the links' inertia about the first joint at q = 0, joint side [kg m²]."""
     M = robot.plant.CalcMassMatrix(robot.context_at_zero())
     return M[0, 0] - robot.reflected_inertia[0]

@@ -1,4 +1,4 @@
-"""An SDF or URDF file as a validated serial robot: its plant, motors, gears and limits."""
+"""`Robot`, a validated serial robot from an SDF or URDF file: plant, motors, gears and limits."""
 
 from __future__ import annotations
 
@@ -36,55 +36,51 @@ from sdt_drake.robot.rounding import fill_zeros
 from sdt_drake.robot.sdf import check_sdf, mass_and_inertia, parse_xml, read_robot_file
 
 _NO_STOP = 1e16  # rad
-_STILL = "still"  # kind of error: a joint has nothing to move
+_STILL = "still"  # kind of problem: a joint moves no mass
 
 DEFAULT_ROBOT = "package://sdt/sdt.sdf"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Robot(Shown):
-    """A serial chain of n revolute joints, each with a motor and a gear, base to tip.
-
-    Attributes:
-        name: of the model.
-        path: of the SDF or URDF file.
-        plant: finalized continuous MultibodyPlant. Velocity k and actuator k belong to joint k;
-            rotor inertias are reflected in its mass matrix; it has **no effort limits** (the
-            saturation block is the one limiter of a loop).
-        joint_names: base to tip.
-        rotor_inertia: I_m of motor and gearbox, motor side [kg m²], shape (n,).
-        gear_ratio: r, motor speed over joint speed [-], shape (n,).
-        coupling: motor speeds = coupling @ joint speeds [-], shape (n, n); diag(r) but for a
-            motor that turns with another joint, too, as those of wrists do.
-        effort_limit: largest torque, **joint side** [N m], shape (n,).
-        velocity_limit: largest joint speed [rad/s], inf where the file gives none, shape (n,).
-        acceleration_limit: largest joint acceleration [rad/s²], of `<drake:acceleration>`, inf
-            where the file gives none, shape (n,).
-        position_lower, position_upper: joint stops [rad], ±inf where there are none, shape (n,).
-        damping: viscous friction of the joints, joint side [N m s/rad], shape (n,).
-        sdf: text of the SDF that the plant was parsed from, without shapes; also of a URDF.
-        frequency_factor: lowest natural frequency of the structure over that of the file [-].
-        envelope: torque of the motors over their speed; None where nothing is known of it.
-        accepted: what of the file was taken otherwise than it stands there, or left, in sentences.
-    """
+    """A serial chain of n revolute joints, each with a motor and a gear, from base to tip."""
 
     name: str
+    """Name of the model."""
     path: Path
+    """The SDF or URDF file."""
     plant: MultibodyPlant
+    """Finalized continuous plant. Velocity k and actuator k belong to joint k. Its mass matrix
+    contains the rotors. It has **no effort limits**: the saturation block limits the torque."""
     joint_names: tuple[str, ...]
+    """Names of the joints, base to tip."""
     rotor_inertia: Array
+    """I_m of motor and gearbox, motor side [kg m²], shape (n,)."""
     gear_ratio: Array
+    """r, motor speed over joint speed [-], shape (n,)."""
     coupling: Array
+    """Motor speeds per joint speeds [-], shape (n, n): diag(r), and further entries for coupled
+    motors, as in wrists."""
     effort_limit: Array
+    """Largest torque, **joint side** [N m], shape (n,)."""
     velocity_limit: Array
+    """Largest joint speed [rad/s], shape (n,); inf if unlimited."""
     acceleration_limit: Array
+    """Largest joint acceleration, `<drake:acceleration>` [rad/s²], shape (n,); inf if unlimited."""
     position_lower: Array
+    """Lower joint stops [rad], shape (n,); -inf without a stop."""
     position_upper: Array
+    """Upper joint stops [rad], shape (n,); inf without a stop."""
     damping: Array
+    """Viscous friction of the joints, joint side [N m s/rad], shape (n,)."""
     sdf: str
+    """The SDF of the plant as text, without shapes, also if the file is a URDF."""
     frequency_factor: float = 1.0
+    """Lowest natural frequency of the structure over that of the file [-]."""
     envelope: Envelope | None = None
+    """Torque-speed envelope of the motors; None if unknown."""
     accepted: tuple[str, ...] = ()
+    """One sentence for each number of the file that was corrected or ignored."""
 
     @property
     def n(self) -> int:
@@ -108,28 +104,28 @@ class Robot(Shown):
 
     @cached_property
     def reflected_inertia(self) -> Array:
-        """r² I_m: what the motors add to the diagonal of the mass matrix [kg m²], shape (n,)."""
+        """r² I_m, the motors' part of the mass matrix, joint side [kg m²], shape (n,)."""
         return self.gear_ratio**2 * self.rotor_inertia
 
     @property
     def is_coupled(self) -> bool:
-        """Whether a motor turns with another joint than its own, too."""
+        """True if a motor also turns with another joint."""
         return bool(np.count_nonzero(self.coupling) > self.n)
 
     def of_motors(self, angles: ArrayLike) -> Array:
-        """Angles, speeds or accelerations of the motors of those of the joints, (..., n) each."""
+        """Convert angles, speeds or accelerations from joint side to motor side, shape (..., n)."""
         return np.asarray(angles, dtype=float) @ self.coupling.T
 
     def of_joints(self, angles: ArrayLike) -> Array:
-        """Angles, speeds or accelerations of the joints of those of the motors, (..., n) each."""
+        """Convert angles, speeds or accelerations from motor side to joint side, shape (..., n)."""
         return np.asarray(angles, dtype=float) @ np.linalg.inv(self.coupling).T
 
     def motor_torque(self, torque: ArrayLike) -> Array:
-        """Torques of the motors [N m] of those of the joints [N m], shape (..., n) each."""
+        """Convert torques [N m] from joint side to motor side, shape (..., n)."""
         return np.asarray(torque, dtype=float) @ np.linalg.inv(self.coupling)
 
     def joint_torque(self, torque: ArrayLike) -> Array:
-        """Torques of the joints [N m] of those of the motors [N m], shape (..., n) each."""
+        """Convert torques [N m] from motor side to joint side, shape (..., n)."""
         return np.asarray(torque, dtype=float) @ self.coupling
 
     @property
@@ -140,11 +136,11 @@ class Robot(Shown):
         return np.minimum(self.velocity_limit, self.envelope.n0 / self.gear_ratio)
 
     def torque_range(self, v: ArrayLike, share: float = 1.0) -> tuple[Array, Array]:
-        """Least and largest torque of the motors, joint side [N m], shape (..., n) each.
+        """Return the torque range of the motors, joint side [N m], shape (..., n) each.
 
         Args:
             v: joint speeds [rad/s], shape (..., n).
-            share: of the motors' torque [-].
+            share: usable share of the motors' torque [-].
         """
         v, limit = np.asarray(v, dtype=float), share * self.effort_limit
         if self.envelope is None:
@@ -152,23 +148,23 @@ class Robot(Shown):
         return self.envelope.range(limit, self.of_motors(v))
 
     def context_at_zero(self) -> Context:
-        """A context of the plant with all joints at 0."""
+        """Create a context of the plant with all joints at 0."""
         context = self.plant.CreateDefaultContext()
         self.plant.SetPositions(context, np.zeros(self.n))
         return context
 
     def joint(self, k: int) -> str:
-        """For people: "joint 2 'roll'" for k = 1."""
+        """Return number and name of the joint with index k: "joint 2 'roll'" for k = 1."""
         return f"joint {k + 1} '{self.joint_names[k]}'"
 
     def joint_at_zero(self, name: str) -> tuple[Array, Array]:
-        """Axis and origin [m] of a joint in the world, each of shape (3,), with all joints at 0."""
+        """Return axis and origin [m] of a joint in the world, with all joints at 0, shape (3,)."""
         joint = cast(RevoluteJoint, self.plant.GetJointByName(name))
         pose = joint.frame_on_parent().CalcPoseInWorld(self.context_at_zero())
         return pose.rotation().matrix() @ joint.revolute_axis(), pose.translation()
 
     def make_plant(self) -> MultibodyPlant:
-        """A copy of the plant that a diagram can own."""
+        """Copy the plant, for a diagram that owns it."""
         return cast(MultibodyPlant, self.plant.Clone())
 
 
@@ -176,25 +172,31 @@ class Robot(Shown):
 def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
     """Load and validate a serial robot.
 
-    What Drake would silently misread, repair or ignore is refused: numbers that are none, masses
-    and inertias that are missing or impossible, `<friction>`, actuators without a limit. A link
-    that is said to have no mass is accepted, and logged, where its joint has others to move.
+    Content that Drake would silently misread, repair or ignore is refused: malformed numbers,
+    missing or impossible masses and inertias, `<friction>`, actuators without a limit. A link with
+    mass 0 is accepted, and logged, if its joint moves other mass.
+
+    >>> robot = load_robot("sdt")
+    >>> robot.joint_names
+    ('planetary', 'roll', 'pitch', 'yaw')
+    >>> robot.motor_torque_limit.round(1)
+    array([ 203.2, 3950. , 2150. , 2150. ])
 
     Args:
-        path: an SDF or URDF file, or the short name of a robot that ships with the package.
+        path: an SDF or URDF file, or the short name of a shipped robot.
 
     Raises:
-        InputError: naming the file, the link or joint, and the number.
+        InputError: a wrong file; the message has the file, the link or joint, and the number.
     """
     file = find_file(path, "robot")
-    root, told = read_robot_file(file)
+    root, changes = read_robot_file(file)
     try:
         robot = _checked_robot(file, root)
     except InputError as error:
         filled = fill_zeros(root) if error.problems[0].kind == _STILL else []
         if not filled:
             raise
-        told += filled
+        changes += filled
         robot = _checked_robot(file, root)
     plant = robot.plant
     still = _welded_to(plant.world_body(), plant)
@@ -202,27 +204,27 @@ def load_robot(path: str | Path = DEFAULT_ROBOT) -> Robot:
     moving = [body for body in bodies if body.index() not in still]
     massless = [body.name() for body in moving if body.default_mass() == 0]
     if massless:
-        told.append(f"accepted without mass: {', '.join(massless)}")
-    robot = replace(robot, accepted=(*told, *robot.accepted))
+        changes.append(f"accepted without mass: {', '.join(massless)}")
+    robot = replace(robot, accepted=(*changes, *robot.accepted))
     for text in robot.accepted:
-        _say_once(f"{file}: {text}")
+        _log_once(f"{file}: {text}")
     return robot
 
 
 @cache
-def _say_once(text: str) -> None:
+def _log_once(text: str) -> None:
     logging.getLogger(__name__).warning(text)
 
 
 def edited(robot: Robot, edit: Callable[[ET.Element], None]) -> Robot:
-    """Another robot from the text of this one, so that edits add up; its file stays as it is.
+    """Make another robot from the edited SDF of this one. Edits add up; no file changes.
 
     Args:
-        robot: stays as it is, too.
-        edit: changes the XML in place, <sdf> and all below, before it is checked and parsed.
+        robot: the robot, which does not change.
+        edit: a function that changes the <sdf> element in place.
 
     Raises:
-        InputError: as `load_robot` does, if no robot could be as the edit leaves it.
+        InputError: the edited SDF is wrong, as in `load_robot`.
     """
     root = parse_xml(robot.sdf, robot.path)
     edit(root)
@@ -236,8 +238,8 @@ def edited(robot: Robot, edit: Callable[[ET.Element], None]) -> Robot:
 
 
 def _checked_robot(file: Path, root: ET.Element) -> Robot:
-    """The robot of this SDF, which is that of the file, or an edited one."""
-    told = check_sdf(root, file)
+    """Check an SDF, from a file or edited, and make its robot."""
+    corrected = check_sdf(root, file)
     text = ET.tostring(root, encoding="unicode")
     plant = _parse(file, root)
     joints = _chain(plant, file)
@@ -266,37 +268,36 @@ def _checked_robot(file: Path, root: ET.Element) -> Robot:
         position_upper=_stops([j.position_upper_limits()[0] for j in joints]),
         damping=np.array([j.default_damping_vector()[0] for j in joints]),
         sdf=text,
-        accepted=(*told, *in_words(coupling, names)),
+        accepted=(*corrected, *in_words(coupling, names)),
     )
 
 
 def _stops(limits: Sequence[float]) -> Array:
-    """Limits of positions [rad], ±inf for what is none: SDF files say ±1e16 there, by custom."""
+    """Convert position limits [rad]: ±1e16, which many SDF files contain, means unlimited."""
     stops = np.array(limits)
     return np.where(np.abs(stops) < _NO_STOP, stops, np.copysign(np.inf, stops))
 
 
-# --- what the parsed plant tells -------------------------------------------------------------
+# --- the parsed plant ------------------------------------------------------------------------
 
-
-_PLACE = re.compile(r"<(data|literal)-string>\S* |error: ")  # not that of the file
+_PLACE = re.compile(r"<(data|literal)-string>\S* |error: ")  # places in Drake's messages
 
 
 def _parse(file: Path, root: ET.Element) -> MultibodyPlant:
-    """The plant of an SDF, not finalized; without what only we know."""
+    """Parse the plant of an SDF, without finalizing it."""
     text = ET.tostring(without_coupling(root), encoding="unicode")
     plant = MultibodyPlant(time_step=0.0)
     parser = Parser(plant)
     parser.SetStrictParsing()
     try:
         parser.AddModelsFromString(text, "sdf")
-    except Exception as error:  # of many kinds, for instance for a version that is no number
+    except Exception as error:  # Drake raises many types
         raise InputError(f"{file}: {_PLACE.sub('', one_line(error))}") from None
     return plant
 
 
 def _chain(plant: MultibodyPlant, file: Path) -> list[RevoluteJoint]:
-    """The revolute joints, base to tip; welded bodies count as one."""
+    """Return the revolute joints, base to tip. Welded bodies count as one."""
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
     for joint in joints:
         if not isinstance(joint, RevoluteJoint | WeldJoint):
@@ -329,7 +330,7 @@ def _welded_to(body: RigidBody, plant: MultibodyPlant) -> set[object]:
 
 
 def _actuators(plant: MultibodyPlant, joints: Sequence[Joint], file: Path) -> list[JointActuator]:
-    """The actuator of each joint, in the order of the joints, with sound motor data."""
+    """Check the motors, and return the actuators in the order of the joints."""
     found = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
     by_joint = {actuator.joint().index(): actuator for actuator in found}
     for joint in joints:
@@ -353,9 +354,9 @@ def _actuators(plant: MultibodyPlant, joints: Sequence[Joint], file: Path) -> li
 def _replace_actuators(
     plant: MultibodyPlant, joints: Sequence[Joint], old: list[JointActuator]
 ) -> None:
-    """Put the actuators in the order of the joints and take their effort limits away.
+    """Put the actuators in the order of the joints and remove their effort limits.
 
-    A plant clamps its actuation by itself, silently; a loop has one limiter, its saturation block.
+    Otherwise the plant would silently limit its torque. The saturation block does that in a loop.
     """
     motors = [(a.name(), a.default_rotor_inertia(), a.default_gear_ratio()) for a in old]
     for actuator in old:
@@ -367,7 +368,7 @@ def _replace_actuators(
 
 
 def _check_dynamics(plant: MultibodyPlant, joints: list[RevoluteJoint], file: Path) -> None:
-    """Every joint has something to move."""
+    """Check that every joint moves some mass."""
     M = plant.CalcMassMatrix(plant.CreateDefaultContext())
     eigenvalues = np.linalg.eigvalsh(M)
     if eigenvalues[0] <= 1e-12 * eigenvalues[-1]:
@@ -380,7 +381,7 @@ def _check_dynamics(plant: MultibodyPlant, joints: list[RevoluteJoint], file: Pa
 
 
 def _check_inertias_kept(plant: MultibodyPlant, root: ET.Element, file: Path) -> None:
-    """Every link of the plant has the mass and the trace of inertia that the XML gives it."""
+    """Check that Drake kept mass and inertia of every link."""
     for link in root.iter("link"):
         where = f"{file}: link '{link.get('name')}'"
         mass, inertia = mass_and_inertia(link, where)
@@ -393,7 +394,7 @@ def _check_inertias_kept(plant: MultibodyPlant, root: ET.Element, file: Path) ->
 
 
 def parts_of(body: RigidBody) -> tuple[float, Array, Array]:
-    """Mass [kg], centre of mass [m] and central inertia [kg m²] of a link, in its frame."""
+    """Return mass [kg], centre of mass [m] and central inertia [kg m²] of a link, in its frame."""
     inertia = body.default_spatial_inertia()
     com = inertia.get_com()
     return inertia.get_mass(), com, inertia.Shift(com).CalcRotationalInertia().CopyToFullMatrix3()

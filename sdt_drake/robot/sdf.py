@@ -1,4 +1,4 @@
-"""The XML of a robot: read from SDF or URDF, checked for what a parser would misread, changed."""
+"""The XML of a robot: reading SDF and URDF, checks that Drake's parser omits, and edits."""
 
 from __future__ import annotations
 
@@ -20,14 +20,17 @@ from sdt_drake.robot.rounding import last_digit, nearest_inertia
 from sdt_drake.robot.urdf import sdf_of_urdf
 
 DRAKE = "drake:"
-"""Prefix of Drake's own elements; it goes by that alone, whatever address it is declared with."""
+"""Prefix of Drake's own elements. Drake ignores the address of this namespace."""
 
 
 def read_robot_file(file: Path) -> tuple[ET.Element, list[str]]:
-    """What an SDF or URDF says of the motion of its robot, as an SDF; and what of it has no say.
+    """Read a robot as SDF, from an SDF or URDF file, without shapes.
+
+    Returns:
+        The <sdf> element, and one sentence for each ignored number.
 
     Raises:
-        InputError: if it is neither, or no XML.
+        InputError: another suffix, or no XML.
     """
     if file.suffix not in (".sdf", ".urdf"):
         raise InputError(f"{file}: expected an .sdf or .urdf file")
@@ -36,21 +39,28 @@ def read_robot_file(file: Path) -> tuple[ET.Element, list[str]]:
 
 
 def parse_xml(data: bytes | str, file: Path, *, shapes: bool = False) -> ET.Element:
-    """The elements of an XML text, prefixes as they are written; comments left out, and shapes
-    where they are not asked for; with shapes, other files that are included.
+    """Parse an XML text without comments, with prefixes as written.
 
-    What Drake is given is written anew from these. So it sees no comment, entity or section within
-    a number, at which its own XML parser would stop reading.
+    Drake gets a text written from the result. Drake's own parser would stop reading a number at a
+    comment, entity or section.
+
+    Args:
+        data: the text.
+        file: the file, for messages.
+        shapes: keep shapes, and omit <include> instead.
+
+    Raises:
+        InputError: malformed XML, a <!DOCTYPE>, or too many elements.
     """
     builder, reader, path = ET.TreeBuilder(), expat.ParserCreate(), []
     left_out, count = {"include"} if shapes else _SHAPES, itertools.count()
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         path.append(tag)
-        if len(path) > _DEEPEST:
-            raise InputError(f"{file}: more than {_DEEPEST} elements within each other")
-        if next(count) == _MOST:
-            raise InputError(f"{file}: more than {_MOST} elements, expected a robot")
+        if len(path) > _MAX_DEPTH:
+            raise InputError(f"{file}: more than {_MAX_DEPTH} nested elements, expected a robot")
+        if next(count) == _MAX_ELEMENTS:
+            raise InputError(f"{file}: more than {_MAX_ELEMENTS} elements, expected a robot")
         if not left_out.intersection(path):
             builder.start(tag, attributes)
 
@@ -77,19 +87,19 @@ def parse_xml(data: bytes | str, file: Path, *, shapes: bool = False) -> ET.Elem
     return builder.close()
 
 
-_DEEPEST, _MOST = 50, 20_000  # elements
-_PARTS, _MOST_PARTS = ("link", "joint", "frame"), 1000  # Drake takes the time of their square
-_SHAPES = {"visual", "collision", f"{DRAKE}collision_filter_group"}  # nothing touches anything here
+_MAX_DEPTH, _MAX_ELEMENTS = 50, 20_000
+_PARTS, _MAX_PARTS = ("link", "joint", "frame"), 1000  # Drake's time grows with their square
+_SHAPES = {"visual", "collision", f"{DRAKE}collision_filter_group"}  # there is no contact here
 
 
-# --- what is refused -------------------------------------------------------------------------
+# --- checks ----------------------------------------------------------------------------------
 
-# Numbers of an SDF that move a robot, and how many there may be in one element.
+# Elements with numbers, and the allowed counts of numbers in each.
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 _LIMITS = ("lower", "upper", "effort", "velocity", f"{DRAKE}acceleration")  # may be infinite
-_POSITIVE = ("velocity", f"{DRAKE}acceleration")  # Drake takes a speed < 0 for no limit
+_POSITIVE = ("velocity", f"{DRAKE}acceleration")  # Drake reads a speed < 0 as unlimited
 _MOTOR = (f"{DRAKE}rotor_inertia", f"{DRAKE}gear_ratio")
-# Elements that must be zero, because nothing here models them.
+# Elements that must be zero, because they are not modelled.
 _ZERO = {
     "friction": "Drake would drop it",
     "spring_stiffness": "springs are not supported",
@@ -99,23 +109,23 @@ _SCALARS = ("mass", *_MOMENTS, *_LIMITS, *_MOTOR, TURNS_WITH, "damping", *_ZERO)
 _COUNTS = {"pose": (0, 6, 7), "xyz": (3,)} | dict.fromkeys(_SCALARS, (1,))
 _PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
-# Elements without effect here, and where those with a prefix have one.
+# Elements without effect here, and the allowed parents of elements with a prefix.
 _UNKNOWN = {"include", "mimic", "axis2", "fluid_added_mass"}
 _DRAKES = {*(("joint", tag) for tag in (*_MOTOR, TURNS_WITH)), ("limit", f"{DRAKE}acceleration")}
 _OWN = TURNS_WITH.partition(":")[0] + ":"
-_LONGEST_NAME = 100
+_MAX_NAME = 100  # characters
 
 
 def check_sdf(root: ET.Element, file: Path) -> list[str]:
-    """Refuse what the SDF parser would misread, fill in, replace or drop without an error.
+    """Check for content that Drake's parser would misread, complete, replace or ignore.
 
-    Inertias that no body can have by rounding alone become the nearest that one can, in place.
+    An inertia that became impossible by rounding is replaced by the nearest possible one, in place.
 
     Returns:
-        A sentence for each of these.
+        One sentence for each replaced inertia.
 
     Raises:
-        InputError: naming the file, the link or joint, and the element.
+        InputError: such content; the message has the file, the link or joint, and the element.
     """
     if root.tag != "sdf" or not re.fullmatch(r"1\.\d\d?", root.get("version", "")):
         given = _short(f"{root.tag} version='{root.get('version', '')}'")
@@ -125,9 +135,9 @@ def check_sdf(root: ET.Element, file: Path) -> list[str]:
         raise InputError(f"{file}: {len(models)} models, expected one")
     for element in root.iter():
         _check_name(element, file)
-    if sum(element.tag in _PARTS for element in root.iter()) > _MOST_PARTS:
+    if sum(element.tag in _PARTS for element in root.iter()) > _MAX_PARTS:
         raise InputError(
-            f"{file}: more than {_MOST_PARTS} links, joints and frames, expected a robot"
+            f"{file}: more than {_MAX_PARTS} links, joints and frames, expected a robot"
         )
     parts = set(models[0])
     inside = set(models[0].iter())
@@ -138,21 +148,21 @@ def check_sdf(root: ET.Element, file: Path) -> list[str]:
         for element in below:
             _check_element(element, f"{file}: {name}")
     links = [(link, f"link '{link.get('name')}'") for link in root.iter("link")]
-    told = [_check_inertial(link, f"{file}: {name}") for link, name in links]
-    return [f"{name}: {text}" for (_, name), text in zip(links, told, strict=True) if text]
+    texts = [_check_inertial(link, f"{file}: {name}") for link, name in links]
+    return [f"{name}: {text}" for (_, name), text in zip(links, texts, strict=True) if text]
 
 
 def _check_name(element: ET.Element, file: Path) -> None:
     name = element.get("name", "a name")
-    if not name.isprintable() or not 0 < len(name) <= _LONGEST_NAME:
+    if not name.isprintable() or not 0 < len(name) <= _MAX_NAME:
         raise InputError(
             f"{file}: <{_short(element.tag)}> has the name {_short(name)!r}, expected 1 to "
-            f"{_LONGEST_NAME} characters that can be printed"
+            f"{_MAX_NAME} printable characters"
         )
 
 
 def _check_element(element: ET.Element, where: str) -> None:
-    """Every number is one, every element is read, and has an effect."""
+    """Check that all numbers of an element are valid, and that all its children have an effect."""
     children = Counter((child.tag, child.get("name") or child.get("joint")) for child in element)
     drakes = [tag for parent, tag in _DRAKES if parent == element.tag]
     for tag, name in children:
@@ -177,10 +187,10 @@ def _check_element(element: ET.Element, where: str) -> None:
 
 
 def numbers(element: ET.Element, where: str) -> list[float]:
-    """The numbers of an element; what Drake's parser would read up to some letter is none.
+    """Read the numbers of an element. Drake's parser would silently stop at the first letter.
 
     Raises:
-        InputError: naming `where`, if one is none, or there are too few or too many of them.
+        InputError: a malformed number, or the wrong count of numbers.
     """
     text = (element.text or "").strip(_BLANK)
     words = re.split(f"[{_BLANK}]+", text) if text else []
@@ -206,8 +216,14 @@ def _short(text: str) -> str:
 
 
 def _check_inertial(link: ET.Element, where: str) -> str:
-    """No mass and no inertia, or mass > 0 and principal moments that some body can have; what
-    rounding has changed of them is put right, and told."""
+    """Check mass and inertia of a link, and correct an inertia impossible by rounding, in place.
+
+    Returns:
+        A sentence on the correction; "" if there is none.
+
+    Raises:
+        InputError: mass or inertia is impossible.
+    """
     mass, inertia = mass_and_inertia(link, where)
     if mass < 0:
         raise InputError(f"{where}: <mass> {mass:g} kg, expected a number >= 0")
@@ -215,7 +231,7 @@ def _check_inertial(link: ET.Element, where: str) -> str:
     if mass == 0 and np.any(moments != 0):
         raise InputError(
             f"{where}: <inertia> without <mass>, expected both zero, or a small mass with an "
-            "inertia that keeps the triangle inequality (J about one axis: J/2 about the others)"
+            "inertia that obeys the triangle inequality (J about one axis, J/2 about the others)"
         )
     missed = float(moments[2] - moments[0] - moments[1])
     if missed <= 1e-12 * moments[2] and moments[0] >= 0:
@@ -226,7 +242,7 @@ def _check_inertial(link: ET.Element, where: str) -> str:
         _write_inertia(link, nearest)
         return (
             f"inertia misses the triangle inequality by {missed:.2g} kg m², within its last "
-            f"printed digit, {digit:g}; taken as the nearest that a body can have"
+            f"printed digit, {digit:g}; set to the nearest possible inertia"
         )
     if moments[0] < 0:
         raise InputError(
@@ -239,20 +255,20 @@ def _check_inertial(link: ET.Element, where: str) -> str:
 
 
 def mass_and_inertia(link: ET.Element, where: str) -> tuple[float, Array]:
-    """Mass [kg] and central inertia [kg m²], shape (3, 3), along the axes of <inertial>.
+    """Read mass [kg] and central inertia [kg m²], shape (3, 3), along the axes of <inertial>.
 
     Raises:
-        InputError: naming `where`, if a number is missing for which Drake would take 1.
+        InputError: a missing number, for which Drake would use 1.
     """
     mass = link.find("inertial/mass")
     if mass is None:
-        raise InputError(f"{where}: no <mass>; Drake would take 1 kg")
+        raise InputError(f"{where}: no <mass>; Drake would use 1 kg")
     inertia = np.zeros((3, 3))
     for key in _MOMENTS:
         i, j = "xyz".index(key[1]), "xyz".index(key[2])
         element = link.find(f"inertial/inertia/{key}")
         if element is None and i == j:
-            raise InputError(f"{where}: no <{key}>; Drake would take 1 kg m²")
+            raise InputError(f"{where}: no <{key}>; Drake would use 1 kg m²")
         if element is not None:
             inertia[i, j] = inertia[j, i] = numbers(element, where)[0]
     return numbers(mass, where)[0], inertia
@@ -262,15 +278,15 @@ def mass_and_inertia(link: ET.Element, where: str) -> tuple[float, Array]:
 
 
 def links_by_name(root: ET.Element) -> dict[str, ET.Element]:
-    """All links, in the order of the file."""
+    """Return all links by name, in the order of the file."""
     return {link.get("name", ""): link for link in root.iter("link")}
 
 
 def link_named(root: ET.Element, name: str, where: str) -> ET.Element:
-    """The link of this name.
+    """Return the link of this name.
 
     Raises:
-        InputError: starting with `where`, and listing the links, if there is none of this name.
+        InputError: no such link, at the place `where`; the message lists the links.
     """
     links = links_by_name(root)
     if name not in links:
@@ -279,7 +295,7 @@ def link_named(root: ET.Element, name: str, where: str) -> ET.Element:
 
 
 def child(parent: ET.Element, tag: str) -> ET.Element:
-    """The child of this tag; made if there is none."""
+    """Return the child of this tag, and create it if missing."""
     found = parent.find(tag)
     return ET.SubElement(parent, tag) if found is None else found
 
@@ -294,7 +310,7 @@ def shift_link(link: ET.Element, offset: Sequence[float]) -> None:
     """Move a link's centre of mass by `offset` [m], in the frame of the link."""
     pose = child(child(link, "inertial"), "pose")
     if not (pose.text or "").strip():  # at the link's origin
-        pose.attrib.clear()  # it might ask for a quaternion
+        pose.attrib.clear()  # such as the format of a quaternion
         pose.text = "0 0 0 0 0 0"
     values = (pose.text or "").split()
     position = [repr(float(x) + float(dx)) for x, dx in zip(values[:3], offset, strict=True)]
@@ -302,13 +318,14 @@ def shift_link(link: ET.Element, offset: Sequence[float]) -> None:
 
 
 def set_inertia(link: ET.Element, mass: float, com: Array, central: Array) -> None:
-    """Give a link another body.
+    """Set mass, centre of mass and inertia of a link.
 
     Args:
         link: the link.
-        mass: [kg].
+        mass: mass [kg].
         com: centre of mass in the frame of the link [m], shape (3,).
-        central: inertia about it, along the axes of that frame [kg m²], shape (3, 3).
+        central: inertia about the centre of mass, along the axes of this frame [kg m²], shape
+            (3, 3).
     """
     inertial = child(link, "inertial")
     inertial.clear()
@@ -318,26 +335,32 @@ def set_inertia(link: ET.Element, mass: float, com: Array, central: Array) -> No
 
 
 def _write_inertia(link: ET.Element, inertia: Array) -> None:
-    """Give a link other moments of inertia, along the axes of its <inertial>."""
+    """Set the moments of inertia of a link, along the axes of its <inertial>."""
     moments = child(child(link, "inertial"), "inertia")
     for i, j in zip(*np.triu_indices(3), strict=True):
         child(moments, f"i{'xyz'[i]}{'xyz'[j]}").text = repr(float(inertia[i, j]))
 
 
 # --- pseudo-inertia --------------------------------------------------------------------------
-# [Sigma h; h' m] with h = m c and Sigma the second moments of the mass about the origin of a frame;
-# a body can be if it is positive definite (Wensing, Kim, Slotine 2018, see identification).
+# [Sigma h; h' m] with h = m c and Sigma the second moments of the mass about the origin of a frame.
+# A body is possible if this matrix is positive definite (Wensing, Kim, Slotine 2018).
 
 
 def pseudo_inertia(mass: float, com: Array, central: Array) -> Array:
-    """Pseudo-inertia of a body, shape (4, 4): mass [kg], centre [m], inertia about it [kg m²]."""
+    """Compute the pseudo-inertia of a body, shape (4, 4).
+
+    Args:
+        mass: mass [kg].
+        com: centre of mass [m], shape (3,).
+        central: inertia about the centre of mass [kg m²], shape (3, 3).
+    """
     sigma = np.trace(central) / 2 * np.eye(3) - central + mass * np.outer(com, com)
     h = mass * np.asarray(com)[:, None]
     return np.block([[sigma, h], [h.T, np.array([[mass]])]])
 
 
 def body_of(pseudo: Array) -> tuple[float, Array, Array]:
-    """Mass, centre and central inertia of a pseudo-inertia."""
+    """Return mass, centre of mass and central inertia of a pseudo-inertia."""
     mass = float(pseudo[3, 3])
     com = pseudo[:3, 3] / mass
     sigma = pseudo[:3, :3] - mass * np.outer(com, com)
@@ -345,11 +368,11 @@ def body_of(pseudo: Array) -> tuple[float, Array, Array]:
 
 
 SYMMETRIC = tuple(zip(*np.triu_indices(4), strict=True))
-"""Entries of a symmetric (4, 4) matrix that say all of it."""
+"""Indices of the ten independent entries of a symmetric (4, 4) matrix."""
 
 
 def symmetric(entries: Array) -> Array:
-    """The symmetric (4, 4) matrix of the ten entries SYMMETRIC."""
+    """Make the symmetric (4, 4) matrix of the ten entries SYMMETRIC."""
     matrix = np.zeros((4, 4))
     for value, (i, j) in zip(entries, SYMMETRIC, strict=True):
         matrix[i, j] = matrix[j, i] = value
@@ -357,8 +380,12 @@ def symmetric(entries: Array) -> Array:
 
 
 def stretched(pseudo: Array, change: Array) -> Array:
-    """L exp(S) L' of P = L L': another body that can be, whatever the symmetric S, of which
-    `change` has the ten entries."""
+    """Change a pseudo-inertia P = L L' to L exp(S) L', which is possible for any symmetric S.
+
+    Args:
+        pseudo: P, shape (4, 4).
+        change: the ten entries of S, see SYMMETRIC.
+    """
     root = np.linalg.cholesky(pseudo)
     values, vectors = np.linalg.eigh(symmetric(change))
     return np.asarray(root @ (vectors * np.exp(values)) @ vectors.T @ root.T)

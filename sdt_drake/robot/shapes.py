@@ -1,4 +1,4 @@
-"""The shapes of a robot's file, without those that cannot be drawn."""
+"""The shapes of a robot's file, for drawing."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from sdt_drake.robot.robot import Robot
 from sdt_drake.robot.sdf import parse_xml
 
 MESHES = (".obj", ".gltf", ".vtk")
-"""Kinds of meshes that Drake draws."""
+"""Suffixes of the meshes that Drake draws."""
 
 _NAMING = re.compile(r"(?:mtllib|map_|bump|disp|decal|refl)[^\r\n]*")
 
 
 def drawable(robot: Robot) -> tuple[str, list[str]]:
-    """Read the file of a robot for drawing: its text, with meshes by their whole paths.
+    """Read a robot's file for drawing, with absolute paths of its meshes.
 
     Returns:
-        The text, and a sentence for each mesh that is left out: its file, its link, and why.
+        The text of the file, and one sentence for each omitted mesh: link, mesh and reason.
     """
     root = parse_xml(robot.path.read_bytes(), robot.path, shapes=True)
-    told = []
+    omitted = []
     for link in root.iter("link"):
         for collision in link.findall("collision"):
             link.remove(collision)
@@ -32,13 +32,12 @@ def drawable(robot: Robot) -> tuple[str, list[str]]:
             why = [text for mesh in visual.iter("mesh") if (text := _placed(mesh, robot.path))]
             if why:
                 link.remove(visual)
-                told.append(f"link '{link.get('name')}': mesh {why[0]}")
-    return ET.tostring(root, encoding="unicode"), told
+                omitted.append(f"link '{link.get('name')}': mesh {why[0]}")
+    return ET.tostring(root, encoding="unicode"), omitted
 
 
 def mesh_files(robot: Robot) -> dict[str, Path]:
-    """Files of the meshes that a robot's file names beside itself or in a package, by their
-    URIs."""
+    """Find the mesh files beside a robot's file or in its package, by URI."""
     root = parse_xml(robot.path.read_bytes(), robot.path, shapes=True)
     uris = {
         text for mesh in root.iter("mesh") if not (text := _uri(mesh)).startswith(PACKAGE_PREFIX)
@@ -52,17 +51,17 @@ def _uri(mesh: ET.Element) -> str:
 
 
 def _placed(mesh: ET.Element, file: Path) -> str:
-    """Give a mesh its whole path; or why it cannot be drawn."""
+    """Set the absolute path of a mesh. Return why it cannot be drawn, or ""."""
     uri, text = mesh.find("uri"), _uri(mesh)
     if text.startswith(PACKAGE_PREFIX) and ".." not in text:
         return ""
     path = _found(text, file)
     if path is None:
-        return f"{text} is not there"
+        return f"{text} is missing"
     if path.suffix.lower() not in MESHES:
-        return f"{text} is not drawn, expected one of {', '.join(MESHES)}"
+        return f"{text} has an unsupported format, expected one of {', '.join(MESHES)}"
     if outside := _outside(path):
-        return f"{text} has materials or pictures elsewhere, {outside}"
+        return f"{text} refers to a file outside of its folder, {outside}"
     if uri is None:
         mesh.set("filename", f"file://{path}")
     else:
@@ -71,9 +70,11 @@ def _placed(mesh: ET.Element, file: Path) -> str:
 
 
 def _outside(mesh: Path) -> str:
-    """What an .obj names for its looks beyond the folder above its own, or its materials do; "" if
-    nothing. Whatever it is, Drake would put it into the page."""
-    if mesh.suffix.lower() != ".obj":  # Drake itself keeps to the folder of a .gltf
+    """Return a file outside of the folder above an .obj that it or its materials refer to, or "".
+
+    Drake would embed this file in the page, whatever it contains.
+    """
+    if mesh.suffix.lower() != ".obj":  # Drake itself restricts .gltf to its folder
         return ""
     words = _words(mesh)
     materials = [place for word in words if (place := mesh.parent / word).is_file()]
@@ -83,12 +84,12 @@ def _outside(mesh: Path) -> str:
 
 
 def _words(file: Path) -> list[str]:
-    """All words in lines that name other files."""
+    """Return all words of the lines that refer to other files."""
     return " ".join(_NAMING.findall(file.read_bytes().decode("latin-1"))).replace("\0", "").split()
 
 
 def _found(text: str, file: Path) -> Path | None:
-    """The file of a URI; packages are folders above the robot's file, by their names."""
+    """Find the file of a URI. A package is a folder of its name above the robot's file."""
     kind, slashes, rest = text.rpartition("://")
     places = [file.parent / unquote(rest)]
     if slashes and kind != "file":

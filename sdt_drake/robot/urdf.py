@@ -1,4 +1,4 @@
-"""A URDF in the words of an SDF, so that there is one way to read, check and change a robot."""
+"""Conversion of URDF to SDF, so that robots are checked and edited in one format."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sdt_drake.io.fields import suggestion
 from sdt_drake.io.shown import listed
 from sdt_drake.robot.coupling import TURNS_WITH
 
-# Elements that are read, by their parent: their attributes. Numbers stay texts, as in the file.
+# Attributes of the accepted elements, by parent and element.
 _READ = {
     "/robot": {"name", "version"},
     "robot/link": {"name"},
@@ -41,30 +41,33 @@ _READ = {
     "transmission/mechanicalReduction": set(),
 }
 _TYPES = {"revolute": "revolute", "continuous": "revolute", "fixed": "fixed"}
-# Elements that say nothing of bodies and motors.
+# Elements without data on bodies and motors.
 _IGNORED = {"gazebo", "material", "calibration", "safety_controller", "self_collision_checking"}
 _IGNORED |= {"hardwareInterface", "offset", "robotNamespace", "ros2_control"}
 _IGNORED |= {"ignoreTransmissionAbsoluteEncoder"}
-_OF_OTHERS = ("D", "K", "mu_coulomb", "mu_viscous")  # of <dynamics>, without a meaning in URDF
+_IGNORED_DYNAMICS = ("D", "K", "mu_coulomb", "mu_viscous")  # have no meaning in URDF
 
 
 def sdf_of_urdf(robot: ET.Element, file: Path) -> tuple[ET.Element, list[str]]:
-    """The same robot as an SDF, its root link fixed to the world; and what has no say, in words.
+    """Convert a URDF to SDF, with its root link fixed to the world.
 
-    A joint without a transmission has a motor, too, of the effort of its <limit>. The inertia of
-    the root does not matter and is not read. Other links without <inertial> have no mass; those of
-    joints that turn have to say so.
+    A joint without a transmission also gets a motor, with the effort of its <limit>. The inertia of
+    the root has no effect and is ignored. A link without <inertial> has no mass; links of revolute
+    joints must have an <inertial>.
 
     Args:
-        robot: what a URDF has outermost; elements that say nothing of bodies and motors go.
-        file: what errors name.
+        robot: the <robot> element, from which ignored elements are removed.
+        file: the file, for messages.
+
+    Returns:
+        The <sdf> element, and one sentence for each ignored number.
 
     Raises:
-        InputError: for whatever would not be read or be read twice, and instead of guesses.
+        InputError: an unknown, repeated or missing element.
     """
-    told = _without_say(robot) + [
-        f"transmission '{transmission.get('name')}': <offset> {text} has no say: it is where a "
-        "motor has its zero"
+    ignored = _remove_meaningless(robot) + [
+        f"transmission '{transmission.get('name')}': <offset> {text} is ignored: the zero position "
+        "of a motor has no effect"
         for transmission in robot.iter("transmission")
         for text in (offset.text or "" for offset in transmission.iter("offset"))
         if text.strip().strip("0.")
@@ -77,7 +80,7 @@ def sdf_of_urdf(robot: ET.Element, file: Path) -> tuple[ET.Element, list[str]]:
     links = robot.findall("link")
     names = [link.get("name", "") for link in links]
     if "world" not in names and any(_end(j, "parent") == "world" for j in inboard.values()):
-        names.append("world")  # it need not be said
+        names.append("world")  # need not be declared
     roots = [name for name in names if name not in inboard]
     if len(roots) != 1:
         raise InputError(f"{file}: {len(roots)} links that no joint carries, expected one")
@@ -99,15 +102,18 @@ def sdf_of_urdf(robot: ET.Element, file: Path) -> tuple[ET.Element, list[str]]:
         name = frame.get("name", "")
         new = ET.SubElement(model, "frame", name=name, attached_to=frame.get("link", ""))
         new.append(_pose(frame, f"{file}: frame '{name}'"))
-    return sdf, told
+    return sdf, ignored
 
 
-def _without_say(robot: ET.Element) -> list[str]:
-    """Leave out numbers of published files that have no meaning in URDF; in sentences."""
-    told = []
+def _remove_meaningless(robot: ET.Element) -> list[str]:
+    """Remove numbers of published files that have no meaning in URDF, one sentence each."""
+    sentences = []
     for joint in robot.findall("joint"):
         left = [
-            (e, name) for e in joint.findall("dynamics") for name in _OF_OTHERS if name in e.attrib
+            (e, name)
+            for e in joint.findall("dynamics")
+            for name in _IGNORED_DYNAMICS
+            if name in e.attrib
         ]
         for limit in joint.findall("limit"):
             if joint.get("type") == "continuous" and {"lower", "upper"} <= limit.attrib.keys():
@@ -116,14 +122,14 @@ def _without_say(robot: ET.Element) -> list[str]:
             del element.attrib[name]
         if left:
             names = listed([f"{name} of <{element.tag}>" for element, name in left])
-            told.append(
-                f"joint '{joint.get('name')}': {names} mean nothing there, and were left out"
+            sentences.append(
+                f"joint '{joint.get('name')}': {names} have no meaning in URDF and were ignored"
             )
-    return told
+    return sentences
 
 
 def _check(parent: str, element: ET.Element, where: str) -> None:
-    """Everything that is there is read, and read once."""
+    """Check that each element and attribute is known, and no element is repeated."""
     key = f"{parent}/{element.tag}"
     if key not in _READ:
         known = [tag for above, _, tag in (x.partition("/") for x in _READ) if above == parent]
@@ -147,8 +153,7 @@ def _check(parent: str, element: ET.Element, where: str) -> None:
 
 
 def _motors(robot: ET.Element, file: Path) -> dict[str, list[ET.Element]]:
-    """Rotor inertia, gear ratio and coupling, as an SDF has them, of each joint with a
-    transmission."""
+    """Return rotor inertia, gear ratio and coupling as elements of SDF, by joint."""
     motors: dict[str, list[ET.Element]] = {}
     for transmission in robot.findall("transmission"):
         where = f"{file}: transmission '{transmission.get('name')}'"
@@ -167,7 +172,7 @@ def _motors(robot: ET.Element, file: Path) -> dict[str, list[ET.Element]]:
         if size == 1:
             for reduction in transmission.iter("mechanicalReduction"):
                 text = (reduction.text or "").strip()
-                if text not in ("1", "1.0"):  # else the ratio is that of Drake's element, if any
+                if text not in ("1", "1.0"):  # otherwise <drake:gear_ratio> counts, if any
                     motors[names[0]].append(_leaf("drake:gear_ratio", text))
         else:
             ratios = [_reduction(part, where) for part in (*joints, *actuators)]
@@ -177,11 +182,11 @@ def _motors(robot: ET.Element, file: Path) -> dict[str, list[ET.Element]]:
     return motors
 
 
-_TRANSMISSIONS = {"SimpleTransmission": 1, "DifferentialTransmission": 2}  # joints of each
+_TRANSMISSIONS = {"SimpleTransmission": 1, "DifferentialTransmission": 2}  # number of joints
 
 
 def _reduction(part: ET.Element, where: str) -> float:
-    """The reduction of a joint or actuator of a differential, 1 by default."""
+    """Read the reduction of a joint or actuator of a differential, 1 by default."""
     text = part.findtext("mechanicalReduction", "1").strip()
     try:
         ratio = float(text)
@@ -189,7 +194,7 @@ def _reduction(part: ET.Element, where: str) -> float:
         ratio = 0.0
     if not 0 < abs(ratio) < 1e9:
         raise InputError(
-            f"{where}: <mechanicalReduction> is '{text[:40]}', expected a number, no 0"
+            f"{where}: <mechanicalReduction> is '{text[:40]}', expected a number other than 0"
         )
     return ratio
 
@@ -197,10 +202,10 @@ def _reduction(part: ET.Element, where: str) -> float:
 def _differential(
     joint_1: float, joint_2: float, motor_1: float, motor_2: float
 ) -> list[tuple[float, float]]:
-    """Turns of either motor in a turn of its own joint, and in one of the other.
+    """Compute the turns of each motor per turn of its own joint, and of the other joint.
 
     The motors of ROS's DifferentialTransmission turn n_1 (r_1 v_1 + r_2 v_2) and n_2 (r_1 v_1 -
-    r_2 v_2). A motor that turns against its joint is counted the other way.
+    r_2 v_2). The sign of a motor that turns against its joint is reversed.
     """
     rows = [(motor_1 * joint_1, motor_1 * joint_2), (-motor_2 * joint_2, motor_2 * joint_1)]
     return [(abs(own), other if own > 0 else -other) for own, other in rows]
@@ -211,12 +216,10 @@ def _add_link(model: ET.Element, old: ET.Element, joint: ET.Element | None, wher
     if joint is not None:
         ET.SubElement(link, "pose", relative_to=joint.get("name", ""))
     new = ET.SubElement(link, "inertial")
-    inertial = old.find("inertial") if joint is not None else None  # a root stands still
+    inertial = old.find("inertial") if joint is not None else None  # the root does not move
     if inertial is None:
         if joint is not None and joint.get("type") != "fixed":
-            raise InputError(
-                f"{where}: no <inertial>; write its mass and inertia, 0 if it has none"
-            )
+            raise InputError(f"{where}: no <inertial>; add its mass and inertia, 0 if it has none")
         inertial = _NO_MASS
     new.append(_pose(inertial.find("origin"), where))
     for mass in inertial.findall("mass"):
@@ -260,13 +263,13 @@ def _add_ends(joint: ET.Element, parent: str, child: str) -> None:
 
 
 def _end(joint: ET.Element, which: str) -> str:
-    """Name of the link "parent" or "child" of a joint; empty if there is none."""
+    """Return the link in <parent> or <child> of a joint; "" if there is none."""
     element = joint.find(which)
     return "" if element is None else element.get("link", "")
 
 
 def _pose(origin: ET.Element | None, where: str) -> ET.Element:
-    """An <origin>, or what else has xyz and rpy."""
+    """Convert an element with xyz and rpy, such as <origin>, to a <pose>."""
     given = {} if origin is None else origin.attrib
     parts = [given.get(name, "0 0 0") for name in ("xyz", "rpy")]
     for part in parts:

@@ -70,7 +70,7 @@ def test_what_is_read_is_not_replaced(path, alias, order):
     first, second = steps if order == "read first" else reversed(steps)
     with keeping_inputs():
         first()
-        with pytest.raises(InputError, match="is read by this command, expected another file"):
+        with pytest.raises(InputError, match="is read by this command; choose another file"):
             second()
     write(path.parent / alias)  # of another command, or of Python
 
@@ -101,7 +101,7 @@ def test_a_file_of_another_kind_is_not_replaced(path, old, kept):
     path.write_text(old)
     with keeping_inputs():
         if kept:
-            with pytest.raises(InputError, match="holds something else than what this command"):
+            with pytest.raises(InputError, match="holds something else than this command"):
                 write(path)
         else:
             write(path)

@@ -217,7 +217,7 @@ def sdf(inside: str) -> bytes:
 
 BOMBS = {
     "inflating.mat": (inflating_mat, "bytes without compression"),
-    "nested.mat": (nested_mat, "in each other"),
+    "nested.mat": (nested_mat, "20 nested"),
     "inflating.parquet": (inflating_parquet, "60000000 numbers, expected at most 25"),
     "children.sdf": (lambda: sdf("<a/>" * 100_000), "more than 20000 elements"),
     "frames.sdf": (
@@ -225,7 +225,7 @@ BOMBS = {
         "more than 1000 links, joints and frames",
     ),
     "deep.yaml": (lambda: b"zeta: " + b"[" * 900_000, "50 levels"),
-    "deep.sdf": (lambda: b"<a>" * 3_000_000, "more than 50 elements within each other"),
+    "deep.sdf": (lambda: b"<a>" * 3_000_000, "more than 50 nested elements"),
     "digits.csv": (lambda: b"time,q_1\n0," + b"9" * 9_000_000 + b"\n1,2\n", "q_1 is inf"),
 }
 """What makes each file, and what is said of it."""

@@ -31,7 +31,7 @@ BAD = {
     "long": ("#" * 1_000_001, "1000001 bytes, expected at most 1000000"),
     "a long text": (
         f"a: 1\nname: {'x' * 10_001}",
-        "line 2: name: 10001 letters, expected at most",
+        "line 2: name: 10001 characters, expected at most",
     ),
     "a number of many digits": (f"name: {'1' * 5000}", "not valid YAML"),
     "nul": ('name: "a\\0b"', "line 1: name: control characters in a text"),
@@ -39,7 +39,7 @@ BAD = {
     "an escape": ('"\\e[31m": 1', "line 1: control characters in a text"),
     "yes": (
         "name: a\nyes: 1\n",
-        "line 2: the key yes is no text to YAML, which takes",
+        "line 2: the key yes is no text in YAML",
     ),
     "off": ("off: 1\n", "line 1: the key off is no text"),
     "a number": ("1: 1\n", "line 1: the key 1 is no text"),
@@ -107,7 +107,7 @@ def test_a_table_is_no_yaml(tmp_path):
 
 
 def test_too_many_values_are_refused_before_all_is_read(monkeypatch, tmp_path):
-    monkeypatch.setattr(yaml_files, "_MOST_VALUES", 100)
+    monkeypatch.setattr(yaml_files, "_MAX_VALUES", 100)
     (tmp_path / "a.yaml").write_text("name: [" + 200 * "1, ")  # nor seen that it never ends
     with pytest.raises(InputError, match="too large"):
         read_yaml(tmp_path / "a.yaml")

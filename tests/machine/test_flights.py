@@ -120,7 +120,7 @@ def test_a_last_line_that_was_cut_off_is_told(tmp_path):
     flight = read_flight(cut)
     assert len(flight.time) == len(read_flight("turn").time) - 1
     (line,) = suspicious_flight(flight)
-    assert line.startswith("cut: the last line ends too soon, and was left out: ")
+    assert line.startswith("cut: the last line is incomplete and was ignored: ")
 
 
 def test_means_around_a_time_keep_the_integral():

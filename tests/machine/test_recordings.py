@@ -265,7 +265,7 @@ def test_empty_columns_and_a_line_that_was_cut_off(tmp_path, table, robot):
     for cut in (empty[-1][:40], f"{lines[-1]},-"):
         recorded = logged([*empty[:-1], cut], end="")
         np.testing.assert_allclose(recorded.signals["tau"], table[:-1, 5:])
-        assert recorded.notes[0].startswith("the last line ends too soon, and was left out: 0.04")
+        assert recorded.notes[0].startswith("the last line is incomplete and was ignored: 0.04")
     with pytest.raises(InputError, match=r"line 3: .*value\(s\), expected 10"):
         logged([*empty[:2], empty[2][:40], *empty[3:]])
     with pytest.raises(InputError, match="line 6: tau_1 is nan"):

@@ -336,7 +336,7 @@ def test_what_would_last_a_hundred_times_as_long_is_refused(robot, course, margi
 
 
 def test_what_would_last_more_periods_than_a_motion_may_have_is_refused(robot, monkeypatch):
-    monkeypatch.setattr(retiming, "MOST_PERIODS", 840)
+    monkeypatch.setattr(retiming, "MAX_PERIODS", 840)
     assert retime(robot, SHORT, torque_margin=0.5).motion.duration < 4.2
     with pytest.raises(InputError, match=r"'short' refused: .* 1\.05 times as long .*, 4 s"):
         retime(robot, SHORT, torque_margin=0.4)

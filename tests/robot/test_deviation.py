@@ -179,7 +179,7 @@ def test_a_link_without_mass_gets_none(load):
     zero = "<mass>0</mass><inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia>"
     robot = load(ARM[:start] + zero + ARM[end:])
     assert total_mass(deviated(robot, Deviation(inertia_scale=1.5))) == 3.0
-    with pytest.raises(InputError, match="payload_mass: link 'upper' has no mass to be scaled"):
+    with pytest.raises(InputError, match="payload_mass: link 'upper' has no mass to scale"):
         deviated(robot, Deviation("upper", payload_mass=1.0))
 
 

@@ -31,7 +31,7 @@ def test_an_inertia_that_rounding_broke_is_the_nearest_that_a_body_can_have(load
     np.testing.assert_allclose(np.diag(inertia), [0.255, 0.505, 0.76], rtol=1e-12)
     assert robot.accepted == (
         "link 'upper': inertia misses the triangle inequality by 0.01 kg m², within its last "
-        "printed digit, 0.01; taken as the nearest that a body can have",
+        "printed digit, 0.01; set to the nearest possible inertia",
     )
     assert [r.message for r in caplog.records] == [f"{robot.path}: {robot.accepted[0]}"]
 
@@ -68,7 +68,7 @@ def test_a_zero_by_rounding_moves_a_joint_that_nothing_else_would(load):
     np.testing.assert_allclose(
         np.diag(parts_of(robot.plant.GetBodyByName("lower"))[2]), [0.003, 0.0005, 0.003]
     )
-    assert robot.accepted == ("link 'lower': iyy printed as 0, taken as 0.0005 kg m²",)
+    assert robot.accepted == ("link 'lower': iyy printed as 0, set to 0.0005 kg m²",)
     with pytest.raises(InputError, match="joint 'elbow': inertia about its axis"):
         load(text.replace("0.000", "0").replace("0.003", "3"))
 
@@ -78,7 +78,7 @@ def test_zeros_of_motors_have_no_say(load, offset, told):
     joint = '<joint name="shoulder"><hardware'
     text = URDF.replace(joint, joint.replace("><", f"><offset>{offset}</offset><"))
     robot = load(text)
-    assert len(robot.accepted) == told and all("1.57 has no say" in x for x in robot.accepted)
+    assert len(robot.accepted) == told and all("1.57 is ignored" in x for x in robot.accepted)
     np.testing.assert_array_equal(robot.gear_ratio, [10, 1])
 
 
@@ -88,7 +88,7 @@ def test_what_has_no_meaning_in_a_urdf_is_left_out(load):
     robot = load(text)
     assert np.isinf(robot.position_upper[1]) and robot.position_upper[0] == 1
     np.testing.assert_array_equal(robot.damping, [0.7, 0])
-    left = "mean nothing there, and were left out"
+    left = "have no meaning in URDF and were ignored"
     named = [f"{x} of <dynamics>" for x in ("D", "K", "mu_coulomb")]
     assert robot.accepted == (
         f"joint 'shoulder': {', '.join(named)} and mu_viscous of <dynamics> {left}",
@@ -113,7 +113,7 @@ def wrist(load):
 
 def test_a_motor_that_turns_with_another_joint(wrist):
     np.testing.assert_array_equal(wrist.coupling, MATRIX)
-    assert wrist.is_coupled and "turns with 'shoulder' (-2), too" in wrist.accepted[0]
+    assert wrist.is_coupled and "also turns with 'shoulder' (-2)" in wrist.accepted[0]
     # Motor speeds: 10 x 1 = 10, -2 x 1 + 4 x 3 = 10. Torques by power: 5 x 10 - 2 x 7, 4 x 7.
     np.testing.assert_allclose(wrist.of_motors([1, 3]), [10, 10])
     np.testing.assert_allclose(wrist.of_joints([10, 10]), [1, 3])
@@ -160,7 +160,7 @@ def test_a_differential_of_ros(load):
         (
             "<drake:rotor_inertia>",
             '<sdt:turns_with joint="elbow">-20</sdt:turns_with><drake:rotor_inertia>',
-            "the motors cannot turn the joints one by one",
+            "motors cannot turn each joint alone",
         ),
     ],
 )

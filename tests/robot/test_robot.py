@@ -206,7 +206,7 @@ BAD = [
         "<include> in <model> is not supported",
     ),
     ("<sdf", "<!DOCTYPE sdf><sdf", "<!DOCTYPE> is not supported"),
-    ("<mass>2", 100 * "<a>" + 100 * "</a>" + "<mass>2", "more than 50 elements within"),
+    ("<mass>2", 100 * "<a>" + 100 * "</a>" + "<mass>2", "more than 50 nested elements"),
     ("</sdf>", '<model name="two"/></sdf>', "2 models, expected one"),
     (_END, '<link name="upper"/></model>', "link 'upper' more than once"),
     ("<child>lower", "<child>nothing", "nothing"),

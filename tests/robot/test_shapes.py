@@ -44,9 +44,9 @@ def test_a_mesh_is_found(drawn, tmp_path, uri, place):
 @pytest.mark.parametrize(
     "uri, why",
     [
-        ("none.obj", "none.obj is not there"),
-        ("package://other/a.gltf", "package://other/a.gltf is not there"),
-        ("a.dae", "a.dae is not drawn, expected one of .obj, .gltf, .vtk"),
+        ("none.obj", "none.obj is missing"),
+        ("package://other/a.gltf", "package://other/a.gltf is missing"),
+        ("a.dae", "a.dae has an unsupported format, expected one of .obj, .gltf, .vtk"),
     ],
 )
 def test_a_mesh_that_cannot_be_drawn_is_named(drawn, uri, why):
@@ -68,7 +68,7 @@ def test_the_looks_of_a_mesh_are_no_other_files(drawn, tmp_path, mesh, materials
     (urdf / "a.obj").write_text(mesh, encoding="utf-8")
     (urdf / "a.mtl").write_text(materials, encoding="utf-8")
     _, (told,) = drawn("a.obj")
-    assert "a.obj has materials or pictures elsewhere" in told
+    assert "a.obj refers to a file outside of its folder" in told
 
 
 def test_the_looks_of_a_mesh_may_be_beside_its_folder(drawn, tmp_path):
@@ -79,4 +79,4 @@ def test_the_looks_of_a_mesh_may_be_beside_its_folder(drawn, tmp_path):
 
 
 def test_a_package_is_not_left(drawn):
-    assert "is not there" in drawn("package://sdt/../../a.obj")[1][0]
+    assert "is missing" in drawn("package://sdt/../../a.obj")[1][0]

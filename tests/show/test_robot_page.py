@@ -65,7 +65,7 @@ def test_the_page_turns_the_joints_as_drake_does(own, open_page, tmp_path):
     drawn = [np.reshape(matrix, (4, 4)).T for matrix in shown]
     np.testing.assert_allclose(drawn, poses(own, q, ["link_3", "link_7"]), atol=1e-6)
     assert "seven: 7 joints turn 16.08 kg." in text
-    assert "link 'link_4': mesh none.obj is not there" in text
+    assert "link 'link_4': mesh none.obj is missing" in text
 
 
 def test_numbers_of_the_rate_table(tmp_path):

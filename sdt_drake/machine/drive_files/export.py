@@ -10,7 +10,7 @@ import numpy as np
 
 from sdt_drake.analysis.threads import threads
 from sdt_drake.io.arrays import Array
-from sdt_drake.io.errors import MOST_PERIODS, InputError, within
+from sdt_drake.io.errors import MAX_PERIODS, InputError, within
 from sdt_drake.io.files import replacing_files
 from sdt_drake.io.results import Results
 from sdt_drake.machine.drive_files import formats
@@ -99,9 +99,9 @@ def export(
             numbers beyond what a drive takes.
     """
     robot, motion = design.nominal, design.motion
-    if motion.duration > MOST_PERIODS * drives.cycle_time:
+    if motion.duration > MAX_PERIODS * drives.cycle_time:
         raise InputError(
-            f"{source}: cycle_time: {drives.cycle_time:g} s, expected at least a {MOST_PERIODS}th "
+            f"{source}: cycle_time: {drives.cycle_time:g} s, expected at least a {MAX_PERIODS}th "
             f"of the motion's {motion.duration:g} s"
         )
     with within(title):
