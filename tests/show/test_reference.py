@@ -60,7 +60,7 @@ def test_every_field_has_a_meaning_and_every_number_a_unit(schema):
 
 def test_checks_do_not_look_for_texts_in_the_source():
     """It takes longer than all else of a model."""
-    text = "Sampling period of the speed loop"
+    text = "sample period of the speed loop"
     assert text in str(schema_of(Scenario)) and text not in str(adapter(Scenario).core_schema)
 
 
