@@ -117,7 +117,7 @@ def test_borders_of_sampled_drives_on_elastic_joints(designed, scenario, period,
     drive = design.scenario.drive
     sweep = stability_sweep(design, 65.991, encoder="motor", drive=drive, damping_ratio=0.01)
     for joint, border in told.items():
-        assert sweep.border[joint - 1] == pytest.approx(border, abs=0.0051)
+        assert sweep.unstable_from[joint - 1] == pytest.approx(border, abs=0.0051)
         assert f"{border}" in FINDINGS
 
 

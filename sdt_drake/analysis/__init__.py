@@ -1,1 +1,1 @@
-"""What a recording is worth: metrics, verdicts, figures, report."""
+"""Numbers of runs and loops: tracking, margins, budgets, perception, the paper's claims."""

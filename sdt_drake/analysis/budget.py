@@ -1,4 +1,4 @@
-"""Error budget: which part of the speed error comes from what, by leaving it out of the loop."""
+"""Error budget: the share of each cause in the speed error, found by removing it from the loop."""
 
 from __future__ import annotations
 
@@ -20,57 +20,57 @@ from sdt_drake.run.tuning import Feedforward
 
 PARTS = ("reference lag", "load", "disturbance", "saturation")
 
-_ACCURACY = 2e-6  # of which the axis plant takes a twentieth: errors are good to 1e-7 rad/s
+_ACCURACY = 2e-6
+"""Accuracy of the integrator, tightened 20-fold on the axis plant; errors good to 1e-7 rad/s."""
+
 _SMOOTH = {"plant.friction": Friction(), "controller.friction_compensation": False}
-_FINER = 1e6  # increments of encoders: none to be seen
+_RESOLUTION_FACTOR = 1e6
+"""Factor on the increments per turn; encoders so fine have no effect."""
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorBudget:
-    """The speed error of a run, and what it consists of; joint side, shape (N + 1, n) [rad/s].
-
-    Attributes:
-        time: [s], shape (N + 1,).
-        whole: the speed error.
-        parts: by name. "reference lag": the loop follows its reference late, with no load at all.
-            "load": what the load torque does, less what the feedforward takes of it.
-            "disturbance": what the model does not know of the load. "saturation": the run less
-            the same one with motors that do not saturate.
-        remainder: what friction does, less what its compensation takes of it, and increments of
-            encoders; without both, 0.
-    """
+    """A speed error and its parts; joint side [rad/s], shape (N + 1, n)."""
 
     time: Array
+    """Time of the samples [s], shape (N + 1,)."""
     whole: Array
+    """Speed error of the run."""
     parts: Mapping[str, Array]
+    """Parts by name. "reference lag": error of the loop without load. "load": effect of the load
+    torque that the feedforward leaves. "disturbance": effect of the unmodelled part of the load.
+    "saturation": error of the run less that of the same run with unlimited motors."""
     remainder: Array
+    """Effect of encoder increments, and of the friction that its compensation leaves; 0 without
+    both."""
 
 
 def error_budget(design: Design) -> ErrorBudget:
-    """Run a design on the axis plant, and leave out one cause after the other: limits of the
-    motors, friction and increments of encoders, disturbance, load.
+    """Return the error budget of a design on the axis plant.
 
-    What a run loses is due to what it lacks. Without limits and friction the loop is linear, and
-    the order does not matter. On the coupled plant the load cannot be left out: it is a function of
-    the motion.
+    The design runs without one cause after the other: motor limits, friction and encoder
+    increments, disturbance, load. The change of the error is the part of the cause. Without limits
+    and friction the loop is linear, and the order of removal does not matter. On the coupled plant
+    the load depends on the motion and cannot be removed.
 
     Raises:
-        InputError: for the coupled plant, or a scenario with on-line inverse dynamics.
+        InputError: the plant is coupled, the inverse dynamics is on-line, or the scenario has a
+            learned reference.
     """
     scenario = design.scenario
     if scenario.plant.kind != "axis":
         raise InputError(
-            "coupled, but an error budget adds responses up, which only the axis "
-            "plant allows; expected axis",
+            "coupled; an error budget adds up responses, which is valid on the axis plant only; "
+            "expected axis",
             place="plant.kind",
         )
     if scenario.learned:
-        raise InputError("has no part in an error budget; remove", place="learned")
+        raise InputError("has no part in an error budget; remove it", place="learned")
     if scenario.inverse_dynamics != "table":
-        raise InputError("online, but an error budget needs table", place="inverse_dynamics")
+        raise InputError("online; an error budget requires table", place="inverse_dynamics")
     smooth = with_fields(scenario, _SMOOTH)
     if (increments := scenario.drive.encoder_resolution) is not None:
-        smooth.drive.encoder_resolution = [_FINER * x for x in increments]
+        smooth.drive.encoder_resolution = [_RESOLUTION_FACTOR * x for x in increments]
     calm = with_fields(smooth, {"disturbance.amplitude": 0.0})
 
     def exact(scenario: Scenario, fed: Feedforward | None = None) -> Design:
@@ -92,7 +92,7 @@ def error_budget(design: Design) -> ErrorBudget:
 
 
 def _own_feedforward(design: Design) -> Feedforward:
-    """The part of the feedforward that an axis needs without load: its inertia, with "id" alone."""
+    """Return the feedforward of an axis without load: its inertia torque for "id", else none."""
     choice = design.scenario.controller
     if choice.feedforward_in_use != "id":
         return Feedforward()

@@ -1,6 +1,6 @@
-"""The paper's claims, each with what was computed here and a verdict made from the numbers.
+"""The paper's claims, each with the computed value and a verdict that follows from the numbers.
 
-What the claims say, and why they hold or not, stands in pages/claims.yaml.
+Statements and reasons are in claims.yaml.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml  # of Drake itself
+import yaml  # a dependency of Drake
 
 from sdt_drake.analysis import paper
 from sdt_drake.analysis.comparison import Compared
@@ -27,8 +27,8 @@ NOT_COMPARABLE = "not comparable"
 VERDICTS = (REPRODUCED, NOT_REPRODUCED, NOT_COMPARABLE)
 
 STEP_TOLERANCE = 0.01
-"""Relative difference at which a step metric still agrees with the printed one; at least half a
-unit of the last printed digit."""
+"""Largest relative difference between an agreeing step metric and the printed one [-]. Half a unit
+of the last printed digit always agrees."""
 
 _UNPUBLISHED = (
     "the device's geometry, masses and the data of Figure 2 are not published; ours are calibrated "
@@ -38,38 +38,40 @@ _UNPUBLISHED = (
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper, and what became of it.
-
-    Attributes:
-        id: short name.
-        statement: what the paper says, in our words.
-        published: its value.
-        computed: ours.
-        verdict: one of VERDICTS.
-        why: reason, in one or two sentences.
-    """
+    """A claim of the paper and its verdict."""
 
     id: str
+    """Short name."""
     statement: str
+    """The paper's claim in our words, with its place in the paper."""
     published: object
+    """The paper's value."""
     computed: object
+    """The value computed here."""
     verdict: str
+    """One of VERDICTS."""
     why: str
+    """Reason of the verdict, in one or two sentences."""
 
 
 @dataclass(frozen=True)
 class _Found:
-    """What was computed for a claim, whether it holds then, and the numbers in its words."""
+    """A computed value of a claim."""
 
     id: str
+    """Short name of the claim."""
     computed: object
+    """The value computed here."""
     holds: bool
+    """True if the value supports the claim."""
     published: object = None
+    """The paper's value; None where claims.yaml has it."""
     numbers: Mapping[str, object] = field(default_factory=dict)
+    """Numbers that fill the braces in the texts of claims.yaml."""
 
 
 def judge_claims(results: Reproduction) -> list[Claim]:
-    """Judge all claims of the paper, in its order."""
+    """Return all claims of the paper with their verdicts, in the order of the paper."""
     finders = (_figure4, _table1, _frequencies, _algorithm1, _tracking, _inertia, _coupled)
     found = {f.id: f for find in finders for f in find(results)}
     claims = []
@@ -91,12 +93,16 @@ def judge_claims(results: Reproduction) -> list[Claim]:
 
 @cache
 def _texts() -> Any:
-    """What claims.yaml says of each claim, in the order of the paper."""
+    """Return the texts of claims.yaml, in the order of the paper."""
     return yaml.safe_load(Path(__file__).with_name("claims.yaml").read_text(encoding="utf-8"))
 
 
 def agrees_as_printed(computed: float, printed: str) -> bool:
-    """Whether `computed`, rounded to the digits of `printed`, is the same number."""
+    """Return whether `computed`, rounded to the digits of `printed`, is the same number.
+
+    >>> agrees_as_printed(0.954, "0.95"), agrees_as_printed(0.956, "0.95")
+    (True, False)
+    """
     if not np.isfinite(computed):
         return False
     unit = Decimal(1).scaleb(int(Decimal(printed).as_tuple().exponent))
@@ -244,12 +250,12 @@ def _coupled(results: Reproduction) -> Iterator[_Found]:
 
 
 def _joint_2(run: Compared) -> float:
-    """Largest speed error of joint 2 [rad/s]."""
+    """Return the largest speed error of joint 2 [rad/s]."""
     return float(run.tracking.max_abs_speed_error[1])
 
 
 def _change(results: Reproduction, controller: str, sign: str) -> np.ndarray:
-    """Of the largest speed errors with the smallest inertia, shape (n,) [%]."""
+    """Return the change of the largest speed errors from largest to smallest inertia [%], (n,)."""
     at_min, at_max = (
         results.axis(controller, sign, process).tracking.max_abs_speed_error
         for process in ("i_eff_min", "i_eff_max")
@@ -258,26 +264,29 @@ def _change(results: Reproduction, controller: str, sign: str) -> np.ndarray:
 
 
 def _steady(run: Compared) -> dict[str, float]:
-    """Largest error of joints 2 and 4 where their speed is constant [rad/s]."""
+    """Return the largest speed errors of joints 2 and 4 at constant speed [rad/s]."""
     errors = run.tracking.constant_speed_error
     return {"joint 2": float(errors[1]), "joint 4": float(errors[3])}
 
 
 def _share_of_speed(run: Compared) -> dict[str, float]:
-    """The same over the largest speed of the joint [%]."""
+    """Return the errors of `_steady` over the largest speed of their joint [%]."""
     share = 100 * run.tracking.constant_speed_error / np.abs(run.recording.v_ref).max(axis=0)
     return {"share_2": share[1], "share_4": share[3]}
 
 
 def _middle_error(run: Compared) -> float:
-    """Largest error of joint 2 at its constant speed in the middle of the motion [rad/s]."""
+    """Return the largest error of joint 2 at constant speed from 11 to 16.5 s [rad/s]."""
     time = run.recording.time
     return float(np.abs(run.recording.speed_error[(time > 11) & (time < 16.5), 1]).max())
 
 
 def _jump_before_peak(run: Compared, joint: int) -> tuple[float, float]:
-    """Largest change of the load within a period [N m] in the 0.1 s before the largest error,
-    and how long before it was [s]."""
+    """Return the largest jump of the load in the 0.1 s before the largest error.
+
+    Returns:
+        Change of the load torque within one period [N m], and its lead over the error [s].
+    """
     period = run.design.motion.period
     peak = int(np.argmax(np.abs(run.recording.speed_error[:, joint])))
     start = max(peak - round(0.1 / period), 0)

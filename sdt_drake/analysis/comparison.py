@@ -1,4 +1,4 @@
-"""Controllers side by side on one scenario: errors, motors, and what each has to know."""
+"""Comparison of controllers on one scenario: errors, motor torques, and required model data."""
 
 from __future__ import annotations
 
@@ -42,40 +42,37 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """The run of one controller, and what it is worth.
-
-    Attributes:
-        label: of the controller, as in the comparison, "p_pi+id".
-        design: what was run.
-        recording: of the run.
-    """
+    """The run of one controller and its metrics."""
 
     label: str
+    """Label of the controller, e.g. "p_pi+id"."""
     design: Design
+    """Design of the run."""
     recording: Recording
+    """Recording of the run."""
 
     @cached_property
     def tracking(self) -> Tracking:
-        """How well the joints follow."""
+        """Tracking errors of the joints."""
         return track(self.recording, self.design.wanted)
 
     @cached_property
     def motors(self) -> MotorUse:
-        """What the run takes of the motors."""
+        """Motor torques of the run."""
         return motor_use(self.recording, self.design.robot)
 
     @cached_property
     def head(self) -> HeadTracking:
-        """How well the pilot's head follows.
+        """Tracking errors of the pilot's head.
 
         Raises:
-            InputError: if the robot has no head.
+            InputError: the robot has no head.
         """
         return track_head(self.recording, self.design.robot)
 
     @cached_property
     def metrics(self) -> dict[str, Array]:
-        """Values of each joint by name of METRICS, in the units of computation, shape (n,)."""
+        """Values of METRICS for each joint by name, in computed units (SI), shape (n,)."""
         return asdict(self.tracking) | {
             "rms_torque_share": self.motors.rms_share,
             "peak_torque_share": self.motors.peak_share,
@@ -83,19 +80,19 @@ class Compared:
 
     @cached_property
     def blocks(self) -> int:
-        """Number of Drake systems in the loop, those in sub-diagrams one by one."""
+        """Number of Drake systems in the loop, including those inside sub-diagrams."""
         return len(blocks_of(make_loop(self.design)))
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """What must be known to commission the controller."""
+        """Model data that the controller requires for commissioning."""
         choice = self.design.scenario.controller
         needs = CONTROLLERS[choice.kind].needs_with(choice.feedforward_in_use)
         return (*needs, "joints' friction") if choice.friction_compensation else needs
 
 
 class Comparison(list[Compared], Shown):
-    """Controllers side by side on one scenario, in their order."""
+    """Runs of one scenario with several controllers, in the order of the labels."""
 
     def summary(self) -> Summary:
         scenario = self[0].design.scenario
@@ -108,14 +105,14 @@ class Comparison(list[Compared], Shown):
     __repr__ = Shown.__repr__  # not that of a list
 
     def plot(self) -> Figure:
-        """A figure of errors and torques of all controllers, side by side."""
+        """Return a figure of errors and torques by controller, side by side."""
         return face().plots.comparison(f"Comparison {self.summary().title}", self)
 
     def to_pandas(self) -> pd.DataFrame:
-        """METRICS in their computed units (SI), a row for each controller and joint.
+        """Return METRICS in their computed units (SI), a row for each controller and joint.
 
         Raises:
-            InputError: where pandas is not installed.
+            InputError: pandas is not installed.
         """
         with needing("to_pandas needs pandas", "sdt_drake[exchange]"):
             import pandas as pd
@@ -124,15 +121,24 @@ class Comparison(list[Compared], Shown):
 
 
 def compare(design: Design | Scenario, labels: Sequence[str]) -> Comparison:
-    """Run the scenario of a design with other controllers; everything else stays.
+    """Run the scenario of a design with each of several controllers.
+
+    Robot, motion and all other settings stay the same.
+
+        >>> import sdt_drake as sdt
+        >>> scenario = sdt.load("package://sdt/scenarios/coupled_pi.yaml")
+        >>> short = sdt.Motion.from_speeds(0.005, [0] * 4, [[0.001 * i] * 4 for i in range(20)])
+        >>> compared = sdt.compare(sdt.design(scenario, motion=short), ["pi", "p_pi+id"])
+        >>> [f"{run.label}: {run.tracking.max_abs_speed_error[1]:.4f} rad/s" for run in compared]
+        ['pi: 0.0111 rad/s', 'p_pi+id: 0.0005 rad/s']
 
     Args:
-        design: gives scenario, robot and motion; or the scenario, with its own.
-        labels: kinds of controllers, with a feedforward where the kind leaves it open: "pi",
-            "p_pi+id".
+        design: the design, or a scenario.
+        labels: kinds of controllers, with "+" and a feedforward where the kind takes that option:
+            "pi", "p_pi+id".
 
     Raises:
-        InputError: for a label that is unknown or twice there, or a kind that the plant rules out.
+        InputError: a label is unknown or repeated, or the plant excludes its kind.
     """
     check_labels(labels)
     design = as_design(design)
@@ -144,19 +150,19 @@ def compare(design: Design | Scenario, labels: Sequence[str]) -> Comparison:
 
 
 def design_with(design: Design, label: str) -> Design:
-    """The design of the same scenario with another controller.
+    """Return the design of the same scenario with another controller.
 
     Raises:
-        InputError: for an unknown label, or a kind that the plant rules out.
+        InputError: the label is unknown, or the plant excludes its kind.
     """
     return design.variant(with_controller(design.scenario, label))
 
 
 def with_controller(scenario: Scenario, label: str) -> Scenario:
-    """A copy of a scenario with another controller; options that it would not use are left out.
+    """Return a copy of a scenario with another controller, without options that it does not take.
 
     Raises:
-        InputError: for an unknown label.
+        InputError: the label is unknown.
     """
     kind, feedforward = _parsed(label, "controllers")
     scenario = copy.deepcopy(scenario)
@@ -171,10 +177,10 @@ def with_controller(scenario: Scenario, label: str) -> Scenario:
 
 
 def check_labels(labels: Sequence[str], where: str = "controllers") -> None:
-    """Refuse labels that name no controller, or one twice.
+    """Check that each label names a controller and none is repeated.
 
     Raises:
-        InputError: naming `where` and what would be right.
+        InputError: `where`, the label that was found, and the accepted ones.
     """
     if isinstance(labels, str):
         raise InputError(f"'{labels}', expected a list of labels: ['{labels}']", place=where)
@@ -183,7 +189,9 @@ def check_labels(labels: Sequence[str], where: str = "controllers") -> None:
             f"{one_line(labels)}, expected a list of labels: ['pi', 'pi_id']", place=where
         )
     if not labels:
-        raise InputError(f"none given, expected some of {', '.join(CONTROLLERS)}", place=where)
+        raise InputError(
+            f"none given, expected at least one of {', '.join(CONTROLLERS)}", place=where
+        )
     seen = set()
     for label in labels:
         kind, feedforward = _parsed(label, where)
@@ -193,7 +201,7 @@ def check_labels(labels: Sequence[str], where: str = "controllers") -> None:
 
 
 def _parsed(label: str, where: str) -> tuple[str, str | None]:
-    """Kind and feedforward of "p_pi+id"; no feedforward where none is given."""
+    """Return kind and feedforward of a label "p_pi+id"; the feedforward is None without "+"."""
     kind, plus, feedforward = label.partition("+")
     checked_choice(kind, tuple(CONTROLLERS), where)
     if not plus:
@@ -204,7 +212,7 @@ def _parsed(label: str, where: str) -> tuple[str, str | None]:
 
 
 def run_of(label: str, design: Design) -> Compared:
-    """Run a design, as one controller of a comparison."""
+    """Run a design and return its entry of a comparison."""
     return Compared(label, design, simulate(design))
 
 
@@ -218,7 +226,7 @@ _FELT = [
 
 
 def comparison_rows(compared: Sequence[Compared]) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of the table: a row for each controller and joint."""
+    """Return header and rows of the table of errors: a row for each controller and joint."""
     rows = []
     for c in compared:
         for k, name in enumerate(c.design.robot.joint_names):
@@ -228,8 +236,11 @@ def comparison_rows(compared: Sequence[Compared]) -> tuple[list[str], list[list[
 
 
 def felt_rows(compared: Sequence[Compared]) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of what the pilot could feel of the errors; the largest as multiples of what
-    is just felt, about and along the axes of the head. A row for each controller with a head."""
+    """Return header and rows of the table of felt errors.
+
+    The largest errors are multiples of their threshold, about and along the axes of the head. Only
+    robots with a head have a row.
+    """
     rows = []
     for c in compared:
         if has_head(c.design.robot):
@@ -239,17 +250,17 @@ def felt_rows(compared: Sequence[Compared]) -> tuple[list[str], list[list[str]]]
 
 
 def _felt(compared: Compared) -> tuple[float, float, str, float, str]:
-    """One for each of _FELT."""
+    """Return the values of the columns _FELT."""
     felt = compared.head.felt
     (about, rotation), (along, force) = felt.worst_rotation, felt.worst_force
     return 100 * felt.share, rotation, about, force, along
 
 
 def write_comparison(compared: Sequence[Compared], path: str | Path) -> None:
-    """Write the tables as CSV: a row for each controller and joint, full precision.
+    """Write both tables as one CSV: a row for each controller and joint, full precision.
 
     Raises:
-        InputError: if the file cannot be written.
+        InputError: the file cannot be written.
     """
     has_heads = all(has_head(c.design.robot) for c in compared)
     felt_header = _FELT if has_heads else []

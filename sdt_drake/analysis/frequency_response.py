@@ -1,4 +1,4 @@
-"""Frequency responses of the closed loops, and what they are judged by."""
+"""Frequency responses of the loops, and their margins and bandwidths."""
 
 from __future__ import annotations
 
@@ -19,49 +19,48 @@ from sdt_drake.run.design import Design
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_AS_AT_REST = 0.1  # rad, and powers of omega; what a loop gain may still turn and change there
+_MAX_STATIC_CHANGE = 0.1
+"""Largest phase [rad] and slope [powers of omega] of a loop gain that counts as constant."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrequencyResponse(Shown):
-    """Frequency responses of each joint's loop; arrays of shape (len(omega), n) or (n,).
-
-    Attributes:
-        omega: [rad/s], shape (len(omega),).
-        tracking: v / v_ref of the link, all loops closed, without feedforward [-].
-        loop_gain: of the loop, cut at the motor's torque, the others closed [-]. Where
-            the position is sampled around a faster speed loop, it is cut at those samples, with
-            z = exp(j omega T) of their period T: the margins are those of the position loop.
-        bandwidth: where |tracking| has fallen by 3 dB for good [rad/s]; NaN if beyond the range.
-        peak_db: largest |tracking| [dB].
-        peak_omega: where [rad/s].
-        crossover: where |loop_gain| falls below 1 for the last time [rad/s]; NaN if nowhere.
-        phase_margin: smallest angle of the loop gain to -180 deg where its size is 1 [deg].
-        gain_margin: how much of that joint's gain, the others' as they are, brings a mode to the
-            border of stability: the smallest factor above 1 [-]; inf if there is none in the range.
-        gain_reduction: the same, the largest factor below 1 [-]; 0 if there is none.
-        modulus_margin: smallest distance of the loop gain to -1 [-].
-        damping: smallest damping ratio of the modes between v_ref and v, all loops closed [-].
-        stable: whether every mode between v_ref and v decays (those at rest apart: positions).
-        sample: of the motion, around which each joint's loop is linear.
-        at_positions: whether loops are cut at the samples of the position.
-    """
+    """Frequency responses of each joint's loop; arrays of shape (len(omega), n) or (n,)."""
 
     omega: Array
+    """Frequencies [rad/s], shape (len(omega),)."""
     tracking: Complex
+    """Response v / v_ref of the link, all loops closed, without feedforward [-]."""
     loop_gain: Complex
+    """Gain of the loop that is cut at the motor torque, all other loops closed [-]. A position loop
+    around a faster speed loop is cut at its samples instead: z = exp(j omega T), with its sample
+    period T. The margins are then those of the position loop."""
     bandwidth: Array
+    """Frequency above which |tracking| stays below -3 dB [rad/s]; NaN if beyond the range."""
     peak_db: Array
+    """Largest |tracking| [dB]."""
     peak_omega: Array
+    """Frequency of the largest |tracking| [rad/s]."""
     crossover: Array
+    """Highest frequency at which |loop_gain| falls below 1 [rad/s]; NaN if there is none."""
     phase_margin: Array
+    """Smallest angle between loop gain and -180 deg where |loop_gain| is 1 [deg]."""
     gain_margin: Array
+    """Smallest factor above 1 on this joint's gain alone that makes the loop marginally stable [-];
+    inf (unlimited) if there is none in the range."""
     gain_reduction: Array
+    """Largest factor below 1 on this joint's gain alone that makes the loop marginally stable [-];
+    0 if there is none."""
     modulus_margin: Array
+    """Smallest distance between loop gain and -1 [-]."""
     damping: Array
+    """Smallest damping ratio of the modes between v_ref and v, all loops closed [-]."""
     stable: NDArray[np.bool_]
+    """True if every mode between v_ref and v decays; free positions do not count."""
     sample: NDArray[np.intp]
+    """Sample of the motion at which each joint's loop is linearised."""
     at_positions: bool = False
+    """True if loops are cut at the samples of the position."""
 
     def summary(self) -> Summary:
         n = len(self.bandwidth)
@@ -69,13 +68,13 @@ class FrequencyResponse(Shown):
         return Summary(title, *by_joint([""] * n, self.columns()))
 
     def plot(self, design: Design | None = None) -> Figure:
-        """A figure of magnitude and phase; with a design, names of the joints."""
+        """Return a figure of magnitude and phase; a design gives the joints their names."""
         names = [""] * len(self.bandwidth) if design is None else design.robot.joint_names
         title = "Frequency response" if design is None else design.scenario.summary().title
         return face().plots.bode(title, self, names)
 
     def results(self, title: str) -> Results:
-        """The numbers to write: omega, and of each joint magnitude and phase of both responses."""
+        """Return the numbers of a file: omega, and magnitude and phase of both responses."""
         columns = {"omega": self.omega}
         for name, values in (("tracking", self.tracking), ("loop_gain", self.loop_gain)):
             columns[f"{name}_magnitude"] = np.abs(values)
@@ -87,7 +86,7 @@ class FrequencyResponse(Shown):
 
     @property
     def cut(self) -> str:
-        """Where loops are cut, in words."""
+        """Place where the loops are cut, for texts."""
         return "the position" if self.at_positions else "the motor"
 
     @property
@@ -98,8 +97,7 @@ class FrequencyResponse(Shown):
         return np.where(np.isinf(margins), np.nan, margins)
 
     def columns(self) -> list[tuple[str, str, NDArray[Any]]]:
-        """What it says of each joint, for tables: header, format, values; NaN where there is
-        none."""
+        """Return the columns of a table by joint: header, format, values (NaN: there is none)."""
         rise, fall = self.gain_margins_db
         return [
             ("bandwidth [rad/s]", ".2f", self.bandwidth),
@@ -118,21 +116,30 @@ class FrequencyResponse(Shown):
 def frequency_response(
     design: Design, *, sample: int | None = None, points: int = 4000
 ) -> FrequencyResponse:
-    """Frequency responses around a sample of the motion, at rest.
+    """Return frequency responses and margins around a sample of the motion, at rest.
+
+    The model includes drive lag, elastic joints, viscous friction and every sample period. Motor
+    limits and dry friction have no frequency response and are left out.
+
+        >>> import sdt_drake as sdt
+        >>> design = sdt.design(sdt.load("package://sdt/scenarios/axis_pi.yaml"))
+        >>> response = frequency_response(design, points=200)
+        >>> print(*(f"{margin:.0f} deg" for margin in response.phase_margin))
+        75 deg 76 deg 76 deg 75 deg
 
     Args:
-        design: a resolved scenario. The drive's lag, elastic joints and all sampling in the loop
-            count; limits, and friction but for its viscous part, have no frequency response.
-        sample: of the motion; by default for each joint the first where its inertia is largest.
-        points: of omega, from 1/1000 to 100 times the natural frequency of the speed loops (further
-            with elastic joints); of a sampled loop, to the Nyquist frequency of its slowest part.
+        design: the design to analyse.
+        sample: index of the sample; by default, for each joint, that of its largest inertia.
+        points: number of frequencies, from 1/1000 to 100 times the natural frequency of the speed
+            loops (further with elastic joints). Sampled loops end at the Nyquist frequency of their
+            slowest part.
     """
     n = design.robot.n
     largest = where_largest(design.torques.d_kk).tolist()
     samples = largest if sample is None else [sample] * n
     loops = {i: linearise(design, i) for i in set(samples)}
     top = 100 * design.omega_n.max()
-    if design.springs is not None:  # far above, the gains have nothing but the rotors to turn
+    if design.springs is not None:  # far above resonance, the gains act on the rotors alone
         rotors = np.where(design.springs.elastic, design.robot.rotor_inertia, np.inf)
         top = max(top, 10 * np.max(design.gains.kp / rotors))
     period = loops[samples[0]].opened.period
@@ -150,7 +157,7 @@ def frequency_response(
             stable[k] = is_stable(closed.modes(), design.omega_n[k])
             damping[k] = least_damping(closed, design.omega_n[k])
     size = np.abs(tracking)
-    factors = [_border_gains(omega, gain[:, k]) for k in range(n)]
+    factors = [_critical_gains(omega, gain[:, k]) for k in range(n)]
     return FrequencyResponse(
         omega=omega,
         tracking=tracking,
@@ -171,25 +178,27 @@ def frequency_response(
 
 
 def left_out(design: Design, response: FrequencyResponse) -> list[str]:
-    """What the numbers of a design's loops do not tell, a clause each, for people."""
+    """Return the restrictions on the numbers of a response, a clause each."""
     friction = design.scenario.plant.friction
     clauses = {
         "the margins are those of the position loops; controller.kind pi has those of the speed "
         "loops": response.at_positions,
-        "of friction, only the viscous part has a frequency response": not friction.is_none,
-        "the margins of an unstable loop say nothing": not response.stable.all(),
+        "only viscous friction has a frequency response": not friction.is_none,
+        "the margins of an unstable loop have no meaning": not response.stable.all(),
     }
     return [clause for clause, holds in clauses.items() if holds]
 
 
 def is_stable(modes: Complex, omega_n: float) -> bool:
-    """Whether all modes [1/s] decay; those that rest (positions) do not count."""
+    """Return whether all modes [1/s] decay; modes at rest (free positions) do not count."""
     return bool(np.all(modes.real < 1e-6 * omega_n))
 
 
 def _last_fall(omega: Array, size: Array, level: float) -> float:
-    """Where `size` falls below `level` for the last time, between points straight in the
-    logarithms; NaN if it does not end below."""
+    """Return the highest frequency at which `size` falls below `level` [rad/s].
+
+    Between points the logarithms are linear. NaN if the last point is not below.
+    """
     above = np.flatnonzero(size >= level)
     if len(above) == 0 or above[-1] == len(size) - 1:
         return float("nan")
@@ -199,7 +208,10 @@ def _last_fall(omega: Array, size: Array, level: float) -> float:
 
 
 def _phase_margin(gain: Complex) -> float:
-    """Between points angle and logarithm of the size are straight; NaN without a crossover."""
+    """Return the smallest phase margin of all crossovers [deg]; NaN without a crossover.
+
+    Between points angle and logarithm of the size are linear.
+    """
     size = np.log(np.abs(gain))
     i = np.flatnonzero((size[:-1] >= 0) != (size[1:] >= 0))
     share = size[i] / (size[i] - size[i + 1])
@@ -207,28 +219,27 @@ def _phase_margin(gain: Complex) -> float:
     return float(min(np.degrees(np.abs(np.angle(-crossing))), default=np.nan))
 
 
-def _border_gains(omega: Array, gain: Complex) -> Array:
-    """Factors that bring the loop gain to -1: one over its size where it is real and negative.
+def _critical_gains(omega: Array, gain: Complex) -> Array:
+    """Return the factors that bring the loop gain to -1: 1 / |gain| where it is real and negative.
 
-    Between points angle and logarithm of the size are straight; the Nyquist frequency of a sampled
-    loop, where its gain is real, is the last point. The first stands for a standstill, if the gain
-    is as good as constant there: against gravity that overturns a link, where less gain holds it no
-    longer.
+    Between points angle and logarithm of the size are linear. The last point of a sampled loop is
+    its Nyquist frequency, where the gain is real. The first point stands for frequency 0 if the
+    gain is constant there: too little gain then cannot hold a link that gravity overturns.
     """
     angle, size = np.angle(-gain), np.log(np.abs(gain))
     i = np.flatnonzero((angle[:-1] * angle[1:] <= 0) & (np.abs(np.diff(angle)) < np.pi))
     share = angle[i] / (angle[i] - angle[i + 1] + 1e-300)
     crossed = size[i] + share * (size[i + 1] - size[i])
     slope = (size[1] - size[0]) / np.log(omega[1] / omega[0])
-    is_border = [np.hypot(angle[0], slope) < _AS_AT_REST, abs(angle[-1]) < 1e-6]
-    return np.exp(-np.append(crossed, size[[0, -1]][is_border]))
+    is_real = [np.hypot(angle[0], slope) < _MAX_STATIC_CHANGE, abs(angle[-1]) < 1e-6]
+    return np.exp(-np.append(crossed, size[[0, -1]][is_real]))
 
 
 def unwrapped_degrees(response: Complex, *, at_crossover: bool = False) -> Array:
-    """Phase of complex numbers along their first axis, without jumps [deg].
+    """Return the phase of complex numbers along their first axis, without jumps [deg].
 
-    It starts between -180 and 180 deg; or it has between -270 and 90 deg where the size falls
-    below 1 for the last time, for loop gains, whose phase at low frequency says little.
+    The phase starts between -180 and 180 deg. With `at_crossover`, as usual for loop gains, it lies
+    between -270 and 90 deg at the highest frequency with a size of 1 or more.
     """
     phase = np.degrees(np.unwrap(np.angle(response), axis=0))
     if not at_crossover:

@@ -1,6 +1,6 @@
-"""Illusions that the observer predicts: felt minus true of a motion of the head.
+"""Illusions that the observer predicts: felt minus true orientation of the pilot's head.
 
-A training motion says in its file which illusion it is meant to give.
+The file of a training motion names the illusion that it is intended to cause.
 """
 
 from __future__ import annotations
@@ -29,67 +29,66 @@ from sdt_drake.robot.robot import Robot
 from sdt_drake.systems.orientation import PERCEPTION, PerceptionModel
 
 LEVELS = dict(zip(FELT_QUANTITIES, (1.7, 1.7, *[UNPERCEIVED_RATE] * 3), strict=True))
-"""Errors of feeling that count as an illusion: the threshold of tilts at 0.15 Hz [deg] (Suri &
-Clark 2020) and the rotation that goes unperceived [deg/s]."""
+"""Smallest errors that count as an illusion, by quantity. Angles: the tilt threshold at 0.15 Hz
+(Suri & Clark 2020) [deg]. Rates: the rate of unperceived rotation [deg/s]."""
 
 PERIOD = 0.02
-"""Of planned motions as they are felt [s]."""
+"""Sample period of planned motions for the observer [s]."""
 
 
 @dataclass(frozen=True)
 class Illusion:
-    """The stretch of a motion with the largest error of feeling of a quantity.
-
-    Attributes:
-        quantity: of LEVELS; angles from the true vertical, rates about the head's axes.
-        felt, true: at its largest error [deg] or [deg/s].
-        at: when that is [s].
-        start, end: between which the error is above its level [s].
-    """
+    """The largest illusion of one quantity in a motion."""
 
     quantity: str
+    """A key of LEVELS: angle from the true vertical, or rate about an axis of the head."""
     felt: float
+    """Felt value at the largest error [deg] or [deg/s]."""
     true: float
+    """True value at the largest error [deg] or [deg/s]."""
     at: float
+    """Time of the largest error [s]."""
     start: float
+    """First time of the stretch around `at` with an error above its level [s]."""
     end: float
+    """Last time of that stretch [s]."""
 
     @property
     def error(self) -> float:
-        """Felt minus true, at its largest [deg] or [deg/s]."""
+        """Largest felt minus true value [deg] or [deg/s]."""
         return self.felt - self.true
 
     def __str__(self) -> str:
         unit = unit_of(self.quantity)
         return (
-            f"{self.quantity}: felt {self.felt:.1f} {unit} at {self.at:.1f} s where it is "
-            f"{self.true:.1f}; wrong from {self.start:.1f} s for {self.end - self.start:.1f} s"
+            f"{self.quantity}: felt {self.felt:.1f} {unit}, true {self.true:.1f} {unit} at "
+            f"{self.at:.1f} s; illusion from {self.start:.1f} to {self.end:.1f} s"
         )
 
 
 def unit_of(quantity: str) -> str:
-    """The unit of a quantity of LEVELS."""
+    """Return the unit of a quantity of LEVELS."""
     return "deg/s" if quantity.endswith("rate") else "deg"
 
 
 def feel(head: HeadMotion, period: float, model: str | PerceptionModel) -> Percept:
-    """What is felt of a motion of the head, sampled every `period` [s]."""
+    """Return the percept of a head motion that is sampled every `period` [s]."""
     time = period * np.arange(len(head.specific_force), dtype=float)
     return perceive(time, head.specific_force, head.angular_velocity, model)
 
 
 def true_attitude(head: HeadMotion) -> tuple[Array, Array]:
-    """Roll and pitch of the head from the vertical [rad], as of a `Percept`."""
+    """Return true roll and pitch of the head [rad], with the signs of a `Percept`."""
     return attitude(-head.rotation[:, 2])
 
 
 def quantities(felt: Percept, head: HeadMotion) -> dict[str, tuple[Array, Array]]:
-    """Felt and true values of what LEVELS names [deg], [deg/s]."""
+    """Return felt and true values by quantity of LEVELS [deg], [deg/s]."""
     values = {}
     for name, own, true in zip(
         ("roll", "pitch"), (felt.roll, felt.pitch), true_attitude(head), strict=True
     ):
-        apart = np.degrees(np.angle(np.exp(1j * (own - true))))  # over the top, too
+        apart = np.degrees(np.angle(np.exp(1j * (own - true))))  # also across 180 deg
         values[name] = np.degrees(true) + apart, np.degrees(true)
     for k, name in enumerate(("roll rate", "pitch rate", "yaw rate")):
         values[name] = np.degrees(felt.rate[:, k]), np.degrees(head.angular_velocity[:, k])
@@ -97,7 +96,7 @@ def quantities(felt: Percept, head: HeadMotion) -> dict[str, tuple[Array, Array]
 
 
 def illusions(felt: Percept, head: HeadMotion) -> list[Illusion]:
-    """The largest illusion of each quantity of which there is one."""
+    """Return the largest illusion of each quantity whose error exceeds its level."""
     found = []
     for name, (own, true) in quantities(felt, head).items():
         error = np.abs(own - true)
@@ -112,7 +111,7 @@ def illusions(felt: Percept, head: HeadMotion) -> list[Illusion]:
 
 
 def felt_apart(first: Percept, second: Percept) -> tuple[float, float]:
-    """The largest angle between two felt verticals [rad] and difference of felt rates [rad/s]."""
+    """Return largest angle between felt verticals [rad] and difference of felt rates [rad/s]."""
     apart = np.linalg.norm(second.gravity - first.gravity, axis=1)
     rates = np.linalg.norm(second.rate - first.rate, axis=1)
     return float(2 * np.arcsin(np.minimum(apart / 2, 1)).max()), float(rates.max())
@@ -120,41 +119,43 @@ def felt_apart(first: Percept, second: Percept) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Intended:
-    """The illusion that a motion is meant to give, and what gain sets predict of it.
-
-    Attributes:
-        motion: its name.
-        quantity: of LEVELS.
-        predicted: largest error of feeling in the direction that is meant [deg] or [deg/s], by set.
-    """
+    """The intended illusion of a motion, and its predictions by parameter set."""
 
     motion: str
+    """Name of the motion."""
     quantity: str
+    """A key of LEVELS."""
     predicted: Mapping[str, float]
+    """Largest felt minus true value in the intended direction by parameter set [deg] or [deg/s]."""
 
     def is_predicted(self, model: str) -> bool:
-        """Whether a set predicts it, large enough to be noticed."""
+        """Return whether a parameter set predicts the illusion above its level."""
         return abs(self.predicted[model]) > LEVELS[self.quantity]
 
     def sentence(self, model: str) -> str:
-        """What a set predicts of it, in words."""
+        """Return the prediction of a parameter set as a sentence."""
         unit, error = unit_of(self.quantity), self.predicted[model]
         if self.is_predicted(model):
-            return f"{model} predicts it: {self.quantity} felt {error:+.1f} {unit} off."
+            return f"{model} predicts the illusion: {self.quantity} felt {error:+.1f} {unit} off."
         return (
-            f"{model} does not predict it: {self.quantity} felt at most {abs(error):.1f} {unit} "
-            f"off, which is noticed from {LEVELS[self.quantity]:g} {unit} on."
+            f"{model} does not predict the illusion: {self.quantity} felt at most {abs(error):.1f} "
+            f"{unit} off, noticed from {LEVELS[self.quantity]:g} {unit} on."
         )
 
 
 def intended_illusion(motion: str, robot: Robot, models: Sequence[str] = ()) -> Intended | None:
-    """Predict the illusion that a motion is meant to give, by default with all sets.
+    """Predict the intended illusion of a motion.
+
+    Args:
+        motion: name or file of the motion.
+        robot: the robot that flies it.
+        models: parameter sets; all shipped ones by default.
 
     Returns:
-        None for a motion whose file does not say which it is.
+        The prediction; None for a motion whose file names no illusion.
 
     Raises:
-        InputError: if the robot cannot do the motion, or has no head.
+        InputError: the robot cannot follow the motion, or has no head.
     """
     meant = illusion_of(motion)
     if meant is None:
@@ -169,31 +170,31 @@ def intended_illusion(motion: str, robot: Robot, models: Sequence[str] = ()) -> 
 def intended(
     motion: str, meant: IntendedIllusion, head: HeadMotion, felt: Mapping[str, Percept]
 ) -> Intended:
-    """Hold what is felt of a motion of the head, by gain set, against the illusion meant."""
+    """Return the intended illusion of a motion, from the percept of each parameter set."""
     errors = {model: largest_error(own, head, meant) for model, own in felt.items()}
     return Intended(motion, meant.quantity, errors)
 
 
 def intended_illusions(robot: Robot) -> list[Intended]:
-    """Predict the illusion of each shipped training motion with all sets."""
+    """Predict the illusion of each shipped training motion with all shipped parameter sets."""
     found = [intended_illusion(motion, robot) for motion in shipped_motions()]
     return [one for one in found if one is not None]
 
 
 def planned_head(motion: str, robot: Robot) -> HeadMotion:
-    """The head along a motion as it is planned, by name or file, every PERIOD."""
+    """Return the head motion of a planned motion (name or file), sampled every PERIOD."""
     planned = load_plan(motion, robot, period=PERIOD).motion
     return head_motion_of_samples(robot, PERIOD, planned.q, planned.v)
 
 
 def illusion_of(motion: str | Path) -> IntendedIllusion | None:
-    """The illusion that a motion is meant to give, by name or file; None if it does not say."""
+    """Return the intended illusion of a motion (name or file); None if its file names none."""
     file = find_file(motion, "motion")
     return load_profile(file).illusion if file.suffix in (".yaml", ".yml") else None
 
 
 def largest_error(felt: Percept, head: HeadMotion, meant: IntendedIllusion) -> float:
-    """The largest error of feeling of the sign that is meant, 0 if there is none."""
+    """Return the largest felt minus true value of the intended sign; 0 if there is none."""
     own, true = quantities(felt, head)[meant.quantity]
     error = (own - true)[(felt.time >= meant.start) & (felt.time <= meant.end)]
     error = error - error[0] * meant.from_start

@@ -1,7 +1,7 @@
-"""Linear analysis of the loops: Drake's linearisation of process and feedback, closed in numpy.
+"""Linear models of the loops: process and feedback linearised by Drake and closed in numpy.
 
-Process and feedback are linearised apart, so that every sampled part is closed exactly, with its
-own period: what is slower sees the zero-order-hold map of all that is faster.
+Process and feedback are linearised separately, so that each sampled part is closed exactly with its
+own period. A slower part is closed around the zero-order-hold map of the faster parts.
 """
 
 from __future__ import annotations
@@ -25,26 +25,23 @@ from sdt_drake.systems.wiring import blocks_of
 
 @dataclass(frozen=True, eq=False)
 class LinearLoop:
-    """A loop of n joints, linear around a sample of its motion at rest, and cut once for each.
+    """A loop of n joints, linear around a sample of its motion at rest, and cut once per joint.
 
-    The cut is at the torque that the feedback asks of the motor, where that is the only way round:
-    in a continuous loop, or one that is sampled with one period. A feedback that also takes samples
-    of a slower period is cut there, at the positions; what is faster stays closed.
-
-    Attributes:
-        opened: from [where it is cut (n), reference (3n), tau_ff (n)] to [measured (2n),
-            state (2n), tau_fb (n)].
-        at_positions: whether it is cut at the sampled positions that the feedback takes.
-        n: number of joints.
+    Loops with one period, or without any, are cut at the torque command of the feedback. A feedback
+    that also measures positions with a slower period is cut at these samples; its faster loop stays
+    closed.
     """
 
     opened: StateSpace
+    """Open loop from [cut (n), reference (3n), tau_ff (n)] to [measured (2n), state (2n), tau_fb
+    (n)]."""
     at_positions: bool
+    """True if the loop is cut at the sampled positions."""
     n: int
+    """Number of joints."""
 
     def loop_gain(self, omega: Array) -> NDArray[np.complex128]:
-        """-(what comes back / what goes out) at the cut of each joint, all others closed; shape
-        (len(omega), n)."""
+        """Return the loop gain at the cut of each joint, all others closed [-], (len(omega), n)."""
         n = self.n
         H = -self.opened.response(omega)[:, self._back, :n]
         gain = np.empty((len(omega), n), dtype=complex)
@@ -56,9 +53,9 @@ class LinearLoop:
         return gain
 
     def tracking(self, omega: Array) -> NDArray[np.complex128]:
-        """v / v_ref of each joint's link, all loops closed, no feedforward: (len(omega), n).
+        """Return v / v_ref of each joint's link, all loops closed [-], shape (len(omega), n).
 
-        q_ref and vd_ref are the integral and the derivative of v_ref.
+        There is no feedforward; q_ref and vd_ref are the integral and the derivative of v_ref.
         """
         n, s = self.n, 1j * omega[:, None]
         v = self.whole().response(omega)[:, 3 * n : 4 * n]
@@ -66,28 +63,28 @@ class LinearLoop:
         return q_ref / s + v_ref + s * vd_ref
 
     def whole(self) -> StateSpace:
-        """The closed loop from [reference (3n), tau_ff (n)] to [measured (2n), state (2n), tau_fb
-        (n)].
+        """Return the closed loop of all joints.
 
-        tau_ff is added to the feedback, motor side [N m]. The states are those of the process,
-        then those of the feedback.
+        Inputs are [reference (3n), tau_ff (n)], outputs [measured (2n), state (2n), tau_fb (n)].
+        tau_ff is added to the feedback torque [N m], motor side. States of the process come before
+        those of the feedback.
         """
         return self.opened.fed_back(self._back, slice(0, self.n))
 
     @property
     def _back(self) -> slice:
-        """Of the outputs, what comes back to the cut."""
+        """Outputs that are fed back to the cut."""
         return slice(self.n) if self.at_positions else slice(4 * self.n, None)
 
     def closed(self, k: int) -> StateSpace:
-        """The closed loop from v_ref of joint k to v of its link; q_ref is the integral of v_ref.
+        """Return the closed loop from v_ref of joint k to v of its link, minimal.
 
-        vd_ref is 0: a step has none. Of the states only those that come between: on decoupled axes
-        those of joint k.
+        q_ref is the integral of v_ref, and vd_ref is 0. States that are not between input and
+        output are removed: on decoupled axes, those of the other joints.
         """
         loop, n = self.whole(), self.n
         q_ref, v_ref = loop.B[:, [k]], loop.B[:, [n + k]]
-        rest = float(loop.period > 0)  # what keeps q_ref: x+ = x, or x' = 0
+        rest = float(loop.period > 0)  # integrator of q_ref: x+ = x, or x' = 0
         A = np.block([[loop.A, q_ref], [np.zeros((1, len(loop.A))), np.full((1, 1), rest)]])
         B = np.vstack([v_ref, np.full((1, 1), loop.period or 1.0)])
         C = np.append(loop.C[[3 * n + k]], [[0.0]], axis=1)
@@ -95,14 +92,23 @@ class LinearLoop:
 
 
 def linear(design: Design | Scenario, sample: int = 0) -> LinearModel:
-    """The closed loop of a design around a sample of its motion, at rest there, with names.
+    """Return the closed loop of a design as a linear model with named states, inputs and outputs.
 
-    Inputs are q_ref, v_ref, vd_ref and tau_ff, a torque that is added to the feedback's; outputs
-    q, v and tau_cmd. What counts and what does not, `linearise` says.
+    The loop is linearised around a sample of the motion, at rest. Inputs are q_ref, v_ref, vd_ref
+    (joint side) and tau_ff, a torque added to the feedback (motor side); outputs are q, v and
+    tau_cmd. `linearise` lists the effects that the model includes.
+
+        >>> import sdt_drake as sdt
+        >>> model = sdt.linear(sdt.load("package://sdt/scenarios/axis_pi.yaml"))
+        >>> model.A.shape, model.inputs[4:8], model.period
+        ((12, 12), ('v_ref_1', 'v_ref_2', 'v_ref_3', 'v_ref_4'), 0.0)
+
+    Args:
+        design: the design, or a scenario.
+        sample: index of the sample of the motion.
 
     Raises:
-        InputError: for a sample that the motion does not have, or a controller that cannot be
-            linearised.
+        InputError: the motion has no such sample, or the controller cannot be linearised.
     """
     design = as_design(design)
     last = len(design.motion.v) - 1
@@ -111,7 +117,7 @@ def linear(design: Design | Scenario, sample: int = 0) -> LinearModel:
         raise InputError(f"{sample!r}, expected a whole number from 0 to {last}", place="sample")
     loop = linearise(design, sample).whole()
     n, kind = design.robot.n, design.scenario.controller.kind
-    torque = np.hstack([np.zeros((n, 3 * n)), np.eye(n)])  # that is added to the feedback's
+    torque = np.hstack([np.zeros((n, 3 * n)), np.eye(n)])  # tau_ff is added to the feedback
     loop = replace(
         loop,
         C=loop.C[2 * n :],
@@ -120,7 +126,7 @@ def linear(design: Design | Scenario, sample: int = 0) -> LinearModel:
     process, feedback = make_process(design), controller_class(kind).linear(design, sample)
     states = [*_of_joints(n, "q", "v"), *_state_names(process)[2 * n :]]
     own = _state_names(feedback)
-    # Positions one period before: of the drive's samples, then of those of the reference.
+    # Positions one period earlier: at the drive's samples, then at those of the reference.
     late = [*_of_joints(n, "q_before"), *own, *_of_joints(n, "q_sampled_before")]
     states += late if len(loop.A) > len(states) + len(own) else own
     names = tuple(x for x, there in zip(states, loop.is_between(), strict=False) if there)
@@ -133,11 +139,12 @@ def linear(design: Design | Scenario, sample: int = 0) -> LinearModel:
 
 
 def _of_joints(n: int, *names: str) -> list[str]:
+    """Return the names with the number of each joint, "q_1" to "q_n" for "q"."""
     return [f"{name}_{k + 1}" for name in names for k in range(n)]
 
 
 def _state_names(system: System) -> list[str]:
-    """Of the continuous state, or else the discrete one, by the names of the blocks."""
+    """Return names of the states, after the blocks that own them."""
     names = []
     for block in blocks_of(system):  # in the order of their states
         context = block.CreateDefaultContext()
@@ -147,25 +154,25 @@ def _state_names(system: System) -> list[str]:
 
 
 def linearise(design: Design, sample: int = 0) -> LinearLoop:
-    """The loop of a design, linear around a sample of its motion, at rest there.
+    """Return the loop of a design, linear around a sample of its motion, at rest.
 
-    What is sampled in the loop counts as it is sampled, each part with its own period: the drive's
-    speed loop, the position loop of a cascade, a controller of the whole state. The model is exact
-    at the samples of the slowest. With encoders of a resolution speeds are differences of
-    positions, as in the loop, and increments count as small.
+    Each sampled part has its own period: the speed loop of the drive, the position loop of a
+    cascade, a controller of the whole state. The model is exact at the samples of the slowest part.
+    With encoders of finite resolution, speeds are differences of positions, as in the loop; the
+    increments themselves are left out.
     """
     return close(design, linear_process(design, sample), linear_feedback(design, sample))
 
 
 def close(design: Design, process: StateSpace, feedback: StateSpace) -> LinearLoop:
-    """The loop of a process and a feedback, each part sampled as in the loop of the design."""
+    """Return the loop of a process and a feedback, each sampled as in the design."""
     n, period = design.robot.n, design.reference.period
-    is_late = design.drive.encoder_resolution is not None  # speeds are differences
+    is_late = design.drive.encoder_resolution is not None  # speeds are then differences
     by_state, by_samples = (
         bool(feedback.B[:, ports].any() or feedback.D[:, ports].any())
         for ports in (slice(3 * n, 5 * n), slice(5 * n, None))
     )
-    # The samples are all that the torque comes of, and it changes with them alone.
+    # The torque depends on the slow samples alone, and changes only at these.
     is_slow = by_samples and not by_state and not len(feedback.between().A)
     step = period if is_slow else feedback.period or design.drive.period or 0.0
     if step:
@@ -182,15 +189,15 @@ def close(design: Design, process: StateSpace, feedback: StateSpace) -> LinearLo
 
 
 def _in_series(process: StateSpace, feedback: StateSpace) -> StateSpace:
-    """A feedback that measures a process, not yet closed.
+    """Return process and feedback in series, the loop still open.
 
-    From [torque (n), samples (2n), reference (3n), tau_ff (n)] to [measured (2n), state (2n),
-    tau_fb (n)].
+    Inputs are [torque (n), samples (2n), reference (3n), tau_ff (n)], outputs [measured (2n),
+    state (2n), tau_fb (n)].
     """
     n, x = process.B.shape[1], len(feedback.A)
     by_reference, by_state, by_samples = np.hsplit(feedback.B, [3 * n, 5 * n])
     D_reference, D_state, D_samples = np.hsplit(feedback.D, [3 * n, 5 * n])
-    measured, torque = process.C[: 2 * n], process.B  # which reaches neither output at once: D is 0
+    measured, torque = process.C[: 2 * n], process.B  # no direct feedthrough: D is 0
     none, no_torque, at_once = np.zeros((len(torque), 5 * n)), np.zeros((x, n)), np.zeros((n, n))
     return StateSpace(
         A=np.block([[process.A, np.zeros((len(torque), x))], [by_state @ measured, feedback.A]]),
@@ -202,7 +209,7 @@ def _in_series(process: StateSpace, feedback: StateSpace) -> StateSpace:
 
 
 def linear_process(design: Design, sample: int = 0) -> StateSpace:
-    """The process from tau_cmd (n) to [measured (2n), state (2n)], linear and continuous."""
+    """Return the continuous linear process from tau_cmd (n) to [measured (2n), state (2n)]."""
     diagram, n = make_process(design), design.robot.n
     at = np.concatenate([design.motion.q[sample], np.zeros(n)])
     context = diagram.CreateDefaultContext()
@@ -216,13 +223,13 @@ def linear_process(design: Design, sample: int = 0) -> StateSpace:
 
 
 def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
-    """The feedback from [reference (3n), state (2n), sampled_state (2n)] to tau_fb (n), linear, of
-    the period of its own states.
+    """Return the linear feedback, with the period of its own states.
 
-    Encoders are ideal and never late.
+    Inputs are [reference (3n), state (2n), sampled_state (2n)], the output is tau_fb (n).
+    Encoders are ideal and without delay.
 
     Raises:
-        InputError: for a controller that cannot be linearised.
+        InputError: the controller cannot be linearised.
     """
     n = design.robot.n
     controller = controller_class(design.scenario.controller.kind).linear(design, sample)
@@ -245,11 +252,11 @@ def linear_feedback(design: Design, sample: int = 0) -> StateSpace:
 
 
 def _hold_still(diagram: Diagram, context: Context, first: int) -> None:
-    """Give motors, springs and torque loops what the plant needs to stay where it is.
+    """Set torques and internal states so that the plant stays at rest at its state.
 
-    Away from equilibrium a linearisation would have the change of M(q) times an acceleration in
-    it. The plant's state, the first in the diagram, stays; all others and the torque enter the
-    derivatives linearly, so one step of Newton's method is exact.
+    Otherwise the linearisation would contain the change of M(q) times an acceleration. The first
+    `first` states (positions and speeds) stay. The other states and the torque enter the
+    derivatives linearly, so one Newton step is exact.
     """
     taylor = _taylor(diagram, context, "tau_cmd", "state")
     state = context.get_continuous_state_vector().CopyToVector()
@@ -262,6 +269,7 @@ def _hold_still(diagram: Diagram, context: Context, first: int) -> None:
 
 
 def _taylor(system: System, context: Context, input_name: str, output_name: str) -> StateSpace:
+    """Return Drake's linearisation of a system from one named port to another."""
     taylor = FirstOrderTaylorApproximation(
         system,
         context,

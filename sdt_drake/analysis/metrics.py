@@ -1,4 +1,4 @@
-"""What is measured of a run: title, unit and format of each number, for all tables and figures."""
+"""Metrics of a run: title, unit and format of each number, for all tables and figures."""
 
 from __future__ import annotations
 
@@ -12,35 +12,38 @@ from sdt_drake.io.shown import formatted
 
 
 class Metric(NamedTuple):
-    """How a number is shown.
-
-    Attributes:
-        title: in words.
-        unit: of the number shown; "" for one that nothing is known of.
-        factor: from the number computed (SI; shares between 0 and 1) to the one shown.
-        format: in tables.
-        column: title and unit where several metrics stand side by side.
-    """
+    """Title, unit and format of a number in tables and figures."""
 
     title: str
+    """Name of the number in words."""
     unit: str
+    """Unit of the shown number; "" if it is unknown."""
     factor: float = 1.0
+    """Shown over computed number (SI units; shares between 0 and 1)."""
     format: str = ".4g"
+    """Format of the shown number in tables."""
     column: str = ""
+    """Header of the column where several metrics are side by side."""
 
     @property
     def label(self) -> str:
-        """Title and unit, for an axis or the head of a table."""
+        """Title and unit, for an axis or the header of a table."""
         return f"{self.title} [{self.unit}]" if self.unit else self.title
 
     def text(self, value: float | None) -> str:
-        """A computed number as tables show it; a dash for none."""
+        """Return a computed number as tables show it; a dash for None."""
         return "–" if value is None else formatted(self.factor * value, self.format)
 
 
 def plain_number(value: float) -> str:
-    """A number that has no format of its own: two decimals, or else four digits; no power of ten
-    but for what is next to nothing."""
+    """Return a number that has no format of its own as text.
+
+    Numbers from 1000 have no decimals, from 10 two decimals, others four digits. Only numbers below
+    1e-4 have a power of ten.
+
+    >>> plain_number(4711.2), plain_number(47.112), plain_number(0.47112), plain_number(4.7e-5)
+    ('4711', '47.11', '0.4711', '4.7e-05')
+    """
     size = abs(value)
     if size >= 1000:
         return f"{value:.0f}"
@@ -70,24 +73,30 @@ METRICS: dict[str, Metric] = {
     "stretch": Metric("stretch of the motion", "% of its time", 100),
     "felt_share": Metric("error that can be felt", "% of time", 100, ".1f", "felt [% of time]"),
 }
-"""By name; `name_k` is that of joint k. Less is better for each of them. Speeds and positions are
-joint side; torques are shares of what the motor can give."""
+"""Metrics by name; an outcome `name_k` is that of joint k. Smaller is better for each. Speeds and
+positions are joint side; torques are shares of the motor's limit."""
 
 COMPARED = tuple(name for name, metric in METRICS.items() if metric.column)[:-1]
-"""The metrics of each joint by which controllers are compared, in the order of tables."""
+"""Names of the joint metrics in which controllers are compared, in the order of tables."""
 
 
 def columns_of(values: Mapping[str, Array]) -> list[tuple[str, str, Array]]:
-    """Columns of the metrics that are COMPARED, for tables with a row for each joint: title,
-    format, and the values shown, shape (n,)."""
+    """Return columns of the COMPARED metrics: header, format and shown values, shape (n,).
+
+    Args:
+        values: computed values by name of METRICS, shape (n,); others are ignored.
+    """
     own = ((METRICS[name], values[name]) for name in COMPARED if name in values)
     return [(metric.column, metric.format, metric.factor * x) for metric, x in own]
 
 
 def family_of(name: str) -> tuple[str, int | None]:
-    """Metric and joint (1..n) of an outcome: ("rms_speed_error", 2); None for no joint.
+    """Return metric and joint (1..n) of an outcome; the joint is None if the name has none.
 
-    Only METRICS have joints; another name is one of its own.
+    Only METRICS have joints; any other name is returned whole.
+
+    >>> family_of("rms_speed_error_2"), family_of("cost_2")
+    (('rms_speed_error', 2), ('cost_2', None))
     """
     match = re.fullmatch(r"(.+)_([1-9]\d*)", name)
     if match and match[1] in METRICS:
@@ -96,12 +105,12 @@ def family_of(name: str) -> tuple[str, int | None]:
 
 
 def metric_of(name: str) -> Metric:
-    """How an outcome is shown; one that is not known, by its name and as it is."""
+    """Return the metric of an outcome; an unknown one has its name as title and no unit."""
     return METRICS.get(family_of(name)[0], Metric(name, ""))
 
 
 PARAMETERS_IN_WORDS = (
-    "parameters of a body: mass, first moments hx, hy, hz (mass times place of its centre) and "
+    "parameters of a body: mass, first moments hx, hy, hz (mass times position of its centre) and "
     "inertias Ixx to Izz, in the frame of the joint that turns it"
 )
-"""Names of what identification finds of a link."""
+"""Legend of the identified parameters of a link."""

@@ -1,6 +1,6 @@
-"""Orientation that a pilot feels over a recorded motion of the head, by the observer.
+"""Predicted orientation that a pilot perceives during a recorded motion of the head.
 
-`sdt_drake.analysis.reported` holds the predictions against what people reported.
+`sdt_drake.analysis.reported` compares the predictions with reports of people.
 """
 
 from __future__ import annotations
@@ -30,39 +30,39 @@ CAUTION = (
     "Predicted by a model of attentive people in the dark; people differ widely, and it is no "
     "medical statement."
 )
-"""What a prediction is and is not, for wherever one is shown."""
+"""Caveat that accompanies every shown prediction."""
 
-SHORTEST, LONGEST = 0.01, 0.1
-"""Time between samples: the observer is not sampled more often than each SHORTEST [s], its senses
-have 2 Hz; beyond LONGEST [s] a recording does not hold what they follow."""
+MIN_PERIOD = 0.01
+"""Shortest sample period of the observer [s]; its senses have a cut-off of 2 Hz."""
+
+MAX_PERIOD = 0.1
+"""Longest accepted sample period of a recording [s]; the senses follow faster motion."""
 
 WEIGHTLESS = 0.01 * GRAVITY
-"""Specific force that has no direction to feel [m/s²]."""
+"""Smallest specific force with a perceived direction [m/s²]."""
 
 ACCURACY = 1e-4
-"""Of the integrator; felt angles are good to 0.01 deg, felt rates to 0.1 deg/s."""
+"""Accuracy of the integrator; felt angles are good to 0.01 deg, felt rates to 0.1 deg/s."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Percept(Shown):
-    """Orientation that a pilot is predicted to feel, at N samples, in axes of the head.
-
-    Attributes:
-        model: of the observer, with the source of its gains.
-        time: [s], shape (N,).
-        specific_force, angular_rate: of the head [m/s²], [rad/s], shape (N, 3).
-        gravity: felt [G], shape (N, 3), of length 1; points down.
-        rate: felt [rad/s], shape (N, 3).
-        acceleration: felt [m/s²], shape (N, 3).
-    """
+    """Predicted perception of a pilot at N samples, in axes of the head."""
 
     model: PerceptionModel
+    """Parameter set of the observer, with its source."""
     time: Array
+    """Time of the samples [s], shape (N,)."""
     specific_force: Array
+    """True specific force of the head [m/s²], shape (N, 3)."""
     angular_rate: Array
+    """True angular rate of the head [rad/s], shape (N, 3)."""
     gravity: Array
+    """Felt direction down [-], unit length, shape (N, 3)."""
     rate: Array
+    """Felt angular rate [rad/s], shape (N, 3)."""
     acceleration: Array
+    """Felt linear acceleration [m/s²], shape (N, 3)."""
 
     @property
     def roll(self) -> Array:
@@ -91,25 +91,25 @@ class Percept(Shown):
         return Summary(title, ("", "smallest", "largest", "at the end"), rows)
 
     def plot(self) -> Figure:
-        """A figure of felt attitude, and of felt beside true rates."""
+        """Return a figure of the felt attitude, and of felt beside true rates."""
         return face().plots_pilot.percept("Felt orientation", self)
 
     def to_pandas(self) -> pd.DataFrame:
-        """A table of gravity, rate and acceleration along x, y, z (1, 2, 3), its index the time.
+        """Return a table of gravity, rate and acceleration along x, y, z (1, 2, 3) over time.
 
         Raises:
-            InputError: where pandas is not installed.
+            InputError: pandas is not installed.
         """
         return data_frame(self.time, self.columns)
 
     @property
     def columns(self) -> dict[str, Array]:
-        """What is felt, by name, as tables hold it."""
+        """Felt signals by name, in the order of tables."""
         return {name: getattr(self, name) for name in ("gravity", "rate", "acceleration")}
 
 
 def attitude(down: Array) -> tuple[Array, Array]:
-    """Roll and pitch [rad] of a head with this direction down in its axes, shape (N, 3)."""
+    """Return roll and pitch [rad] of a head, from the direction down in its axes, shape (N, 3)."""
     x, y, z = down.T
     return np.arctan2(-y, -z), np.arctan2(-x, np.hypot(y, z))
 
@@ -121,24 +121,32 @@ def perceive(
     angular_rate: Array,
     model: str | PerceptionModel = "clark2019",
 ) -> Percept:
-    """Predict what a pilot feels of a motion of the head, which has been for long as at its start.
+    """Predict the orientation that a pilot perceives during a motion of the head.
 
-        felt = sdt.perceive(time, specific_force, angular_rate, model="slow_yaw")
-        print(felt)
-        felt.plot().savefig("felt.png")
+    Before the first sample, the head has long had the force and rate of that sample.
+
+        >>> import numpy as np, sdt_drake as sdt
+        >>> time = np.arange(0, 20, 0.05)
+        >>> force = np.tile([0.0, 0, 9.81], (len(time), 1))
+        >>> rate = np.outer(time > 1, [0, 0, np.radians(60)])  # yaw to the left
+        >>> felt = sdt.perceive(time, force, rate, model="slow_yaw")
+        >>> print(f"felt yaw rate after 19 s: {np.degrees(felt.rate[-1, 2]):.0f} of 60 deg/s")
+        felt yaw rate after 19 s: 14 of 60 deg/s
+
+    `felt.plot()` draws the result.
 
     Args:
-        time: [s], rising, shape (N,).
+        time: time of the samples [s], rising, shape (N,).
         specific_force: a - g [m/s²], (0, 0, +9.81) at rest; x forward, y left, z up, shape (N, 3).
-        angular_rate: of the head, in its axes [rad/s], shape (N, 3).
-        model: gains and time constants, by the name of a set that ships, or a YAML file.
+        angular_rate: rate of the head in its axes [rad/s], shape (N, 3).
+        model: parameter set: the name of a shipped one, a YAML file, or a PerceptionModel.
 
     Raises:
-        InputError: for arrays that do not fit, samples too far apart, or weightlessness.
+        InputError: shapes differ, samples are too far apart, or the head is weightless.
     """
     _check(time, specific_force, angular_rate)
     chosen = model if isinstance(model, PerceptionModel) else load_perception(model)
-    count = max(round(np.ptp(time) / max(float(np.diff(time).mean()), SHORTEST)), 1)
+    count = max(round(np.ptp(time) / max(float(np.diff(time).mean()), MIN_PERIOD)), 1)
     period = float(np.ptp(time)) / count
 
     builder = DiagramBuilder()
@@ -158,7 +166,7 @@ def perceive(
     context = simulator.get_mutable_context()
     observer.rest(observer.GetMyMutableContextFromRoot(context), specific_force[0], angular_rate[0])
     simulator.Initialize()
-    simulator.AdvanceTo((count + 0.5) * period)  # so that the last sample is logged for sure
+    simulator.AdvanceTo((count + 0.5) * period)  # half a period more logs the last sample for sure
 
     at = time[0] + period * np.arange(count + 1)
     logged = log.FindLog(context).data()[:, : count + 1]
@@ -167,23 +175,23 @@ def perceive(
 
 
 def _check(time: Array, specific_force: Array, angular_rate: Array) -> None:
-    """Refuse samples that the observer cannot be run over."""
+    """Check that the observer can run over the samples."""
     for name, array in (("specific_force", specific_force), ("angular_rate", angular_rate)):
         if array.shape != (len(time), 3):
             raise InputError(f"{name}: of shape {array.shape}, expected ({len(time)}, 3)")
     steps = np.diff(time)
     if not len(steps) or steps.min() <= 0:
         raise InputError("time: expected at least 2 samples, each later than the one before")
-    too_long = steps > LONGEST * (1 + 1e-9)
+    too_long = steps > MAX_PERIOD * (1 + 1e-9)
     if too_long.any():
         first = too_long.argmax()
         raise InputError(
             f"time: {steps[first]:g} s between samples at {time[first]:g} s, expected at most "
-            f"{LONGEST:g} s"
+            f"{MAX_PERIOD:g} s"
         )
     size = np.linalg.norm(specific_force, axis=1)
     if size.min() < WEIGHTLESS:
         raise InputError(
             f"specific_force: {size.min():.3g} m/s² at {time[size.argmin()]:g} s, expected at "
-            f"least {WEIGHTLESS:.2g} m/s²: the model feels nothing weightless"
+            f"least {WEIGHTLESS:.2g} m/s²: a weightless head has no perceived vertical"
         )

@@ -1,4 +1,4 @@
-"""What the paper publishes. Nothing here is computed, and no result depends on it but verdicts.
+"""Numbers that the paper publishes; only the verdicts on its claims depend on them.
 
 Vidakovic, Kvrgic, et al., "Computed torque control for a spatial disorientation trainer", Facta
 Universitatis, Series: Mechanical Engineering 18(2), 2020, doi 10.22190/FUME190919003V.
@@ -7,7 +7,7 @@ Universitatis, Series: Mechanical Engineering 18(2), 2020, doi 10.22190/FUME1909
 from __future__ import annotations
 
 OMEGA_R = 65.991
-"""Lowest natural frequency of the structure [rad/s]: 10.5028 Hz, from CAE software."""
+"""Lowest natural frequency of the structure [rad/s]: 10.5028 Hz, from CAE software (Section 4)."""
 
 TABLE1: dict[str, tuple[str, ...]] = {
     "i_eff_max": ("4.26", "98.01", "796.3", "250.28"),
@@ -31,12 +31,12 @@ FIGURE4_ZETA: dict[str, float] = {"pi": 1.0, "p_in_feedback": 0.95}
 """Damping ratio of each structure in Figure 4 [-]."""
 
 OMEGA_0_OVER_OMEGA_N = "0.32"
-"""Oscillation over natural frequency for zeta = 0.95, as printed [-]."""
+"""Oscillation over natural frequency for zeta = 0.95, as printed in Section 4 [-]."""
 
 JOINT2_PI_MAX_ERROR: dict[str, float] = {"i_eff_max": 1.08, "i_eff_min": 1.204}
-"""Largest speed error of joint 2 with PI alone, by inertia of the process [rad/s] (Figure 8)."""
+"""Largest speed error of joint 2 with PI alone, by inertia of the process [rad/s] (Section 4)."""
 
 
 def table1(key: str) -> list[float]:
-    """A column of Table 1 as numbers, joints 1 to 4."""
+    """Return a column of Table 1 as numbers, joints 1 to 4."""
     return [float(text) for text in TABLE1[key]]

@@ -1,6 +1,6 @@
-"""Pilots who differ as far as people were reported to, and how many of them feel an illusion.
+"""Populations of pilots with reported variability, and the share that feels an illusion.
 
-How people differ stands in pilots.yaml, with sources.
+The variability, with sources, is in pilots.yaml.
 """
 
 from __future__ import annotations
@@ -24,19 +24,16 @@ from sdt_drake.systems.orientation import PerceptionModel, load_perception
 
 @dataclass(frozen=True)
 class Feeling:
-    """How many pilots are predicted to feel an illusion.
-
-    Attributes:
-        quantity: of LEVELS.
-        errors: largest error of feeling of each pilot [deg] or [deg/s], shape (N,).
-    """
+    """The predicted illusion of each pilot of a population."""
 
     quantity: str
+    """A key of LEVELS."""
     errors: Array
+    """Largest felt minus true value of each pilot [deg] or [deg/s], shape (N,)."""
 
     @property
     def count(self) -> int:
-        """How many feel more than what counts as an illusion."""
+        """Number of pilots with an error above the level of LEVELS."""
         return int((np.abs(self.errors) > LEVELS[self.quantity]).sum())
 
     def __str__(self) -> str:
@@ -49,12 +46,19 @@ class Feeling:
 
 
 def draw_pilots(model: PerceptionModel, count: int, seed: int = 0) -> list[PerceptionModel]:
-    """Pilots around a gain set; the same for a seed, and the first ones of any larger count."""
+    """Return random pilots around a parameter set.
+
+    The same seed gives the same pilots; a larger count continues the list.
+    """
     return [_pilot(model, np.random.default_rng([seed, k])) for k in range(count)]
 
 
 def _pilot(model: PerceptionModel, random: np.random.Generator) -> PerceptionModel:
-    """Felt yaw lasts (k_w + 1) tau, but for adaptation: what is drawn of it makes k_w about z."""
+    """Return one random pilot.
+
+    Felt yaw lasts about (k_w + 1) tau (without adaptation); k_w about z follows from its random
+    duration.
+    """
     people = _people()
     cupula, (low, high) = people["cupula"], people["yaw"]["range"]
     slowness = random.normal(1, cupula["deviation"] / cupula["mean"])
@@ -73,14 +77,15 @@ def feelings(
     count: int,
     seed: int = 0,
 ) -> list[Feeling]:
-    """Count the pilots who are predicted to feel an illusion.
+    """Predict the illusions of a population of pilots.
 
     Args:
-        meant: the illusion; None for an error of any quantity, at any time.
-        head: motion of the head, sampled every `period` [s].
-        model: gain set that pilots are drawn around.
-        count: of pilots.
-        seed: of what is drawn.
+        meant: the intended illusion; None for errors of any quantity at any time.
+        head: motion of the head.
+        period: its sample period [s].
+        model: parameter set around which pilots are drawn.
+        count: number of pilots.
+        seed: seed of the random draw.
     """
     end = period * len(head.specific_force)
     always = [IntendedIllusion(quantity=own, sign=0, start=0, end=end) for own in LEVELS]
@@ -91,17 +96,20 @@ def feelings(
         return [largest_error(felt, head, one) for one in sought]
 
     pilots = draw_pilots(load_perception(model), count, seed)
-    with threads(2) as pool:  # Drake steps without the interpreter's lock
+    with threads(2) as pool:  # Drake steps without the interpreter lock
         rows = list(with_progress(pool.map(errors, pilots), count))
     columns = np.array(rows).T
     return [Feeling(one.quantity, own) for one, own in zip(sought, columns, strict=True)]
 
 
 def differences() -> list[str]:
-    """How the pilots differ and how they do not, with sources, in sentences."""
+    """Return sentences on the parameters that differ between pilots, and those that do not."""
     people = _people()
-    told = [f"Pilots differ in {people[k]['changes']}: {people[k]['source']}." for k in _DRAWN]
-    return [*told, f"No spread was found of {people['same_for_all']}: these are the set's own."]
+    drawn = [f"Pilots differ in {people[k]['changes']}: {people[k]['source']}." for k in _DRAWN]
+    return [
+        *drawn,
+        f"No spread was found of {people['same_for_all']}: all pilots have the set's own.",
+    ]
 
 
 _DRAWN = ("cupula", "yaw")
@@ -109,4 +117,5 @@ _DRAWN = ("cupula", "yaw")
 
 @cache
 def _people() -> Any:
+    """Return the content of pilots.yaml."""
     return read_yaml(Path(__file__).with_name("pilots.yaml"))

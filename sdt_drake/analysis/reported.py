@@ -1,6 +1,6 @@
-"""Predictions of the observer held against what people reported, with verdicts from the numbers.
+"""Predictions of the observer compared with reports of people, with verdicts from the numbers.
 
-The motions, what people reported of them and the sources stand in reported.yaml.
+Motions, reports and sources are in reported.yaml.
 """
 
 from __future__ import annotations
@@ -23,69 +23,69 @@ from sdt_drake.robot.head import GRAVITY
 from sdt_drake.systems.orientation import PERCEPTION
 
 GROUPS = ("yaw decay", "gondola turns")
-"""Groups of motions that a gain set should pass both."""
+"""Groups of motions; a parameter set should pass both."""
 
 LEGEND = (
-    "✓ within one standard deviation, or the range, of what people reported; else by how many of "
-    "them, or halves of the range, the prediction is off; – no spread is known."
+    "✓: within one standard deviation of the reported mean, or within the reported range. A signed "
+    "number: distance from that mean in standard deviations, or from the middle of that range in "
+    "half ranges. –: no spread is known."
 )
 
-_PERIOD = 0.02  # of the motions [s]
-_ARM = 7.25  # of the centrifuge whose gondola turns were reported [m]
+_PERIOD = 0.02
+"""Sample period of the motions [s]."""
+
+_ARM = 7.25
+"""Arm length of the centrifuge in the reports of gondola turns [m]."""
 
 Head = tuple[Array, Array, Array]
 """A motion of the head: time [s] (N,), specific force [m/s²] and angular rate [rad/s] (N, 3)."""
 
 Feel = Callable[[Array, Array, Array], Percept]
 Numbers = Iterator[tuple[str, float]]
-"""What a gain set predicts of a motion, by the ids of reported.yaml."""
+"""Ids of reported.yaml with the predictions of a parameter set for one motion."""
 
 
 @dataclass(frozen=True)
 class Judged:
-    """What people reported of a motion, beside what gain sets predict.
-
-    Attributes:
-        id: short name.
-        stimulus: the motion.
-        quantity: what was reported, with its unit.
-        mean: of what people reported, or the middle of a range; NaN if there is no number.
-        spread: its standard deviation, or half of the range; NaN where none is known.
-        is_range: whether it is that.
-        source: of what was reported, and of whom.
-        group: what a set has to pass as a whole.
-        predicted: by gain set.
-    """
+    """A reported perception of a motion, and its predictions by parameter set."""
 
     id: str
+    """Short name."""
     stimulus: str
+    """The motion."""
     quantity: str
+    """The reported quantity, with its unit."""
     mean: float
+    """Mean of the reports, or middle of their range; NaN if there is no number."""
     spread: float
+    """Standard deviation of the reports, or half of their range; NaN if unknown."""
     is_range: bool
+    """True if the reports are given as a range."""
     source: str
+    """Source of the reports, and their subjects."""
     group: str
+    """Group of motions that a parameter set passes or fails as a whole."""
     predicted: Mapping[str, float]
+    """Predictions by parameter set."""
 
     @property
     def reported(self) -> str:
-        """What people reported, in words."""
+        """Reported value as text: "20 ± 13.5" or "13 to 20"."""
         if self.is_range:
             return f"{self.mean - self.spread:g} to {self.mean + self.spread:g}"
         spread = "" if np.isnan(self.spread) else f" ± {self.spread:g}"
         return f"{formatted(self.mean, 'g')}{spread}"
 
     def deviations(self, name: str) -> float:
-        """How many spreads the prediction of a set lies above what was reported [-]; NaN where
-        there is no spread."""
+        """Return a set's prediction less the mean, in spreads [-]; NaN if none is known."""
         return (self.predicted[name] - self.mean) / self.spread
 
     def passes(self, name: str) -> bool:
-        """Whether a prediction lies within one standard deviation, or within the range."""
+        """Return whether a set's prediction lies within one standard deviation, or in the range."""
         return abs(self.deviations(name)) <= 1
 
     def verdict(self, name: str) -> str:
-        """What the numbers say of the prediction of a set."""
+        """Return the verdict on a set's prediction as text."""
         deviations = self.deviations(name)
         if np.isnan(deviations):
             return "not judged, no spread is known"
@@ -96,19 +96,19 @@ class Judged:
         by = "" if self.is_range else f" by {abs(deviations):.1f} standard deviations"
         return f"too {high_or_low}{by}"
 
-    def told(self, name: str) -> str:
-        """The prediction of a set with its verdict as a sign; see LEGEND."""
+    def cell(self, name: str) -> str:
+        """Return a set's prediction with its verdict as a sign; see LEGEND."""
         deviations = self.deviations(name)
         sign = "–" if np.isnan(deviations) else "✓" if self.passes(name) else f"{deviations:+.1f}"
         return f"{self.predicted[name]:.1f} {sign}"
 
 
 def validate(models: Sequence[str] = ()) -> list[Judged]:
-    """Predict each motion of reported.yaml with gain sets, by default all that ship."""
+    """Predict each motion of reported.yaml with parameter sets, by default all shipped ones."""
     models = models or tuple(shipped(PERCEPTION))
     pairs = [(motion, model) for motion in _MOTIONS for model in models]
     predicted: dict[str, dict[str, float]] = {}
-    with threads(2) as pool:  # Drake steps without the interpreter's lock
+    with threads(2) as pool:  # Drake steps without the interpreter lock
         results = pool.map(lambda pair: list(pair[0](partial(perceive, model=pair[1]))), pairs)
         for (_, model), numbers in zip(pairs, results, strict=True):
             for id_, value in numbers:
@@ -117,21 +117,20 @@ def validate(models: Sequence[str] = ()) -> list[Judged]:
 
 
 def verdict_of_all(rows: Sequence[Judged]) -> str:
-    """Which sets pass all of each of GROUPS, in a sentence."""
+    """Return a sentence with the sets that pass all motions of each of GROUPS."""
     models = list(rows[0].predicted)
     passing = {
         group: [m for m in models if all(row.passes(m) for row in rows if row.group == group)]
         for group in GROUPS
     }
     both = [m for m in models if all(m in passing[group] for group in GROUPS)]
-    told = " and ".join(
-        f"{group} by {listed(names) if names else 'none'}" for group, names in passing.items()
-    )
-    start = f"{listed(both)} pass" if both else "No gain set passes"
-    return f"{start} both: of what people reported, {told}."
+    each = "; ".join(f"{group}: {listed(names) or 'none'}" for group, names in passing.items())
+    who = f"{listed(both)} pass" if both else "No parameter set passes"
+    return f"{who} both groups of reported motions ({each})."
 
 
 def _judged(text: Mapping[str, Any], predicted: Mapping[str, float]) -> Judged:
+    """Return an entry of reported.yaml with its predictions."""
     low, high = text.get("range", (np.nan, np.nan))
     return Judged(
         **{name: text[name] for name in ("id", "stimulus", "quantity", "source", "group")},
@@ -144,10 +143,11 @@ def _judged(text: Mapping[str, Any], predicted: Mapping[str, float]) -> Judged:
 
 @cache
 def _texts() -> Any:
+    """Return the entries of reported.yaml."""
     return read_yaml(Path(__file__).with_name("reported.yaml"))
 
 
-# --- the motions, and what is read off them --------------------------------------------------
+# --- the motions, and the quantities predicted of them ---------------------------------------
 
 
 def _yaw(feel: Feel) -> Numbers:
@@ -196,7 +196,7 @@ _MOTIONS = (_yaw, _forward, _turn_156, _turn_2, _coriolis)
 
 
 def _samples(duration: float) -> Head:
-    """Upright and at rest."""
+    """Return time, specific force and angular rate of a head that is upright and at rest."""
     time = _PERIOD * np.arange(round(duration / _PERIOD) + 1, dtype=float)
     force, rate = np.zeros((2, len(time), 3))
     force[:, 2] = GRAVITY
@@ -204,8 +204,12 @@ def _samples(duration: float) -> Head:
 
 
 def _gondola(angle_deg: float, rise: float, hold: float) -> Head:
-    """A turn to the left on the arm, facing forward; the gondola rolls along the resultant, but for
-    the tangential force, which stays along x. The arm's acceleration is constant while it rises."""
+    """Return the head motion of a left turn in a gondola on an arm, facing forward.
+
+    The gondola rolls along the resultant of gravity and centripetal force, to `angle_deg`; the
+    tangential force stays along x. The arm accelerates uniformly for `rise` [s], then turns
+    uniformly for `hold` [s].
+    """
     time, force, rate = _samples(rise + hold)
     largest = np.sqrt(GRAVITY * np.tan(np.radians(angle_deg)) / _ARM)
     rising, omega = time < rise, largest * np.minimum(time / rise, 1)
@@ -219,7 +223,7 @@ def _gondola(angle_deg: float, rise: float, hold: float) -> Head:
 
 
 def _fading(time: Array, values: Array, start: float, end: float = np.inf) -> float:
-    """How long after `start` values are first down to 37 % of those at it [s]; NaN if never."""
+    """Return the time from `start` until values first fall to 37 % [s]; NaN if they do not."""
     since = (time >= start - 1e-9) & (time <= end)
     below = np.abs(values[since]) <= 0.37 * abs(values[since][0])
     return float(time[since][below.argmax()] - start) if below.any() else np.nan

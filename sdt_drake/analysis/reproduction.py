@@ -1,4 +1,4 @@
-"""The paper recomputed: Table 1, step responses, tracking runs."""
+"""Reproduction of the paper: Table 1, step responses, tracking runs."""
 
 from __future__ import annotations
 
@@ -28,99 +28,92 @@ from sdt_drake.run.step_loop import make_step_loop
 from sdt_drake.systems.gains import damping_ratio, natural_frequency, oscillation_frequency, tune
 
 Announce = Callable[[str], None]
+"""A function that shows one line of progress."""
 
 
 @dataclass(frozen=True, eq=False)
 class StepResponse:
-    """A simulated step of motor speed from 0 to 1 rad/s.
-
-    Attributes:
-        structure: "pi" or "p_in_feedback".
-        zeta: damping ratio [-].
-        time: [s], shape (N,).
-        speed: [rad/s], shape (N,).
-        metrics: of `speed`.
-    """
+    """A simulated step of motor speed from 0 to 1 rad/s."""
 
     structure: str
+    """Structure of the PI controller, "pi" or "p_in_feedback"."""
     zeta: float
+    """Damping ratio [-]."""
     time: Array
+    """Time since the step [s], shape (N,)."""
     speed: Array
+    """Speed of the motor [rad/s], shape (N,)."""
     metrics: StepMetrics
+    """Metrics of `speed`."""
 
 
 class Case(NamedTuple):
-    """What tells a tracking run of the reproduction from the others.
-
-    Attributes:
-        plant: "axis" or "coupled".
-        process: inertia of an axis loop, "i_eff_max" or "i_eff_min"; "multibody" for a coupled one.
-        algorithm: "printed" or "consistent".
-        controller: its kind.
-        disturbance_amplitude: of the load [-].
-    """
+    """The identifying settings of a tracking run of the reproduction."""
 
     plant: str
+    """Kind of plant, "axis" or "coupled"."""
     process: str
+    """Inertia of an axis loop, "i_eff_max" or "i_eff_min"; "multibody" for a coupled plant."""
     algorithm: str
+    """Sign of Algorithm 1, "printed" or "consistent"."""
     controller: str
+    """Kind of controller."""
     disturbance_amplitude: float = 0.0
+    """Amplitude of the disturbance, as a share of the load [-]."""
 
 
 @dataclass(eq=False)
 class Reproduction:
-    """What the paper's claims are held against, computed.
-
-    Attributes:
-        design: the coupled PI + CTC run, whose inertia and gains come from the SDF.
-        steps: responses of axis 1 by structure (Figure 4).
-        runs: tracking runs in the order of the report.
-        more_runs: of the coupled plant under more controllers than the paper has; they may go on.
-        reported: what people reported of motions beside what the pilot's model predicts, likewise.
-        wall_time_s: by stage [s].
-    """
+    """The computed results behind the verdicts on the paper's claims."""
 
     design: Design
+    """Design of the coupled PI + CTC run; its inertia and gains follow from the SDF."""
     steps: dict[str, StepResponse]
+    """Step responses of axis 1 by structure (Figure 4)."""
     runs: dict[Case, Compared]
+    """Tracking runs in the order of the report."""
     more_runs: list[Future[Compared]]
+    """Runs of the coupled plant with controllers that are not in the paper; possibly unfinished."""
     reported: Future[list[Judged]]
+    """Reported perceptions beside predictions of the pilot's model; possibly unfinished."""
     wall_time_s: dict[str, float] = field(default_factory=dict)
+    """Wall time by stage [s]."""
 
     def axis(
         self, controller: str, algorithm: str = "printed", process: str = "i_eff_max"
     ) -> Compared:
-        """A run on decoupled axes, as the paper has it: with CTC the load is disturbed."""
+        """Return a run on decoupled axes; with CTC it has the paper's disturbance."""
         return self.runs[Case("axis", process, algorithm, controller, _AMPLITUDE[controller])]
 
     def coupled(self, controller: str, algorithm: str = "consistent") -> Compared:
-        """A run on the coupled plant, undisturbed."""
+        """Return a run on the coupled plant without disturbance."""
         return self.runs[Case("coupled", "multibody", algorithm, controller)]
 
     @cached_property
     def beyond(self) -> list[Compared]:
-        """The coupled plant under the paper's controllers and more; waits until they have run."""
+        """Runs of the coupled plant with all controllers; waits until they are finished."""
         more = (future.result() for future in self.more_runs)
         return [self.coupled("pi"), self.coupled("pi_ctc"), *more]
 
 
 class Stopwatch:
-    """Wall time of each stage of a computation, told as it goes."""
+    """A clock for the stages of a computation, with a line of progress after each."""
 
-    def __init__(self, tell: Announce) -> None:
+    def __init__(self, announce: Announce) -> None:
         self.seconds: dict[str, float] = {}
-        self._tell = tell
+        self._announce = announce
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
+        """Add the wall time of the block to the stage `name` and announce it."""
         start = time.perf_counter()
         yield
         self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
-        self._tell(f"  {name:28s} {self.seconds[name]:6.2f} s")
+        self._announce(f"  {name:28s} {self.seconds[name]:6.2f} s")
 
 
 def reproduce(watch: Stopwatch) -> Reproduction:
-    """Compute everything that the paper's claims are held against."""
+    """Compute all results that the verdicts on the paper's claims depend on."""
     with watch.stage("robot, motion, loads"):
         design = make_design(load_scenario("package://sdt/scenarios/coupled_pi_ctc.yaml"))
     with watch.stage("step responses"):
@@ -132,15 +125,20 @@ def reproduce(watch: Stopwatch) -> Reproduction:
     # No Python runs inside these loops.
     with watch.stage("simulations"), threads(2) as pool:
         runs = pool.map(_run, repeat(design), _CASES)
-        # These may run while files are written.
-        more = [pool.submit(run_of, label, design_with(design, label)) for label in _BEYOND]
+        # Files may be written before these runs are finished.
+        more = [pool.submit(run_of, label, design_with(design, label)) for label in _NOT_IN_PAPER]
         reported = pool.submit(validate)
         by_case = dict(zip(_CASES, with_progress(runs, len(_CASES)), strict=True))
     return Reproduction(design, steps, by_case, more, reported, watch.seconds)
 
 
 def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> StepResponse:
-    """Simulate the step of one axis until it has settled.
+    """Simulate the step response of one axis until it has settled.
+
+        >>> response = step_response("pi", zeta=1.0, i_eff=4.26, omega_r=65.991)  # Figure 4
+        >>> metrics = response.metrics
+        >>> print(f"{metrics.rise_time:.3f} s, {metrics.overshoot_percent:.2f} %")
+        0.022 s, 13.53 %
 
     Args:
         structure: "pi" or "p_in_feedback".
@@ -150,11 +148,11 @@ def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> 
             of it.
 
     Raises:
-        InputError: for values out of range.
+        InputError: a value is out of range.
     """
     if not 0.01 <= zeta <= 100:
         raise InputError(f"{zeta:g}, expected 0.01 to 100", place="zeta")
-    checked_number(omega_r, "omega_r", minimum=_SLOWEST)
+    checked_number(omega_r, "omega_r", minimum=_MIN_OMEGA_R)
     gains = tune([i_eff], omega_r, [zeta])
     # The slowest pole decays like zeta omega_n (zeta < 1) or omega_n / (2 zeta).
     duration = 16.5 * max(zeta, 1 / zeta) / (0.5 * omega_r)
@@ -173,7 +171,7 @@ def step_response(structure: str, zeta: float, i_eff: float, omega_r: float) -> 
 
 
 def tuning(design: Design) -> dict[str, Array]:
-    """Inertia along the motion and what the gains make of it, motor side, by name, shape (n,)."""
+    """Return inertia, gains, damping ratios and natural frequencies by name, motor side, (n,)."""
     inertia, gains = design.inertia, design.gains
     numbers = {
         "i_eff_max": inertia.maximum,
@@ -196,7 +194,7 @@ _TABLE1 = (
 
 
 def table1_rows(design: Design) -> list[dict[str, Any]]:
-    """Table 1 from the SDF and the motion; one row for each joint, with the published one."""
+    """Return Table 1 from the SDF and the motion: a row for each joint, with the published one."""
     found, rows = tuning(design), []
     for k in range(design.robot.n):
         computed = {name: float(found[name][k]) for name in _TABLE1}
@@ -206,11 +204,16 @@ def table1_rows(design: Design) -> list[dict[str, Any]]:
 
 
 _STEP_ACCURACY = 7e-6
-_SLOWEST = 1e-6  # rad/s; in the time that slower ones take, angles grow beyond what can be resolved
-_STEP_SAMPLES = 5_001  # denser at the start, for the fast one of two poles and for the first peak
+"""Accuracy of the integrator for step responses."""
+
+_MIN_OMEGA_R = 1e-6
+"""Smallest omega_r [rad/s]; slower responses reach angles beyond double precision."""
+
+_STEP_SAMPLES = 5_001
+"""Samples of a step response; they are denser at the start, for the faster pole and the peak."""
 
 _AMPLITUDE = {"pi": 0.0, "pi_ctc": 0.05}
-"""Of the disturbance in the paper's models."""
+"""Amplitude of the disturbance in the paper's models by kind of controller [-]."""
 
 _CASES = [
     Case("axis", process, algorithm, controller, amplitude)
@@ -225,11 +228,15 @@ _CASES = [
     Case("coupled", "multibody", "consistent", "pi_ctc", 0.05),
 ]
 
-_BEYOND = ("pi_id", "p_pi", "p_pi+ctc", "p_pi+id", "pi_scheduled", "inverse_dynamics")
+_NOT_IN_PAPER = ("pi_id", "p_pi", "p_pi+ctc", "p_pi+id", "pi_scheduled", "inverse_dynamics")
+"""Labels of controllers that the paper does not have."""
 
 
 def _run(base: Design, case: Case) -> Compared:
-    """On decoupled axes inertia is the published one, or that less its published variation."""
+    """Run a case.
+
+    On decoupled axes the inertia is the published I_eff,max, or that less its published variation.
+    """
     scenario = load_scenario(f"package://sdt/scenarios/{case.plant}_{case.controller}.yaml")
     scenario.algorithm = case.algorithm
     scenario.disturbance.amplitude = case.disturbance_amplitude

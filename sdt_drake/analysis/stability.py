@@ -1,14 +1,13 @@
-"""How stiff a structure has to be: a scenario's loops against an elastic joint.
+"""Stability sweep: the required stiffness of the structure for the loops of a scenario.
 
-The paper chooses omega_n = 0.5 omega_r, citing a rule of thumb. Here the rule is tried: each joint
-of the device becomes two masses, rotor and link, with a spring that gives the locked-rotor
-frequency omega_r, under the controller of the scenario, its gains scaled to omega_n = ratio *
-omega_r.
+The paper chooses omega_n = 0.5 omega_r by a rule of thumb. The sweep tests this rule. Each joint
+becomes two masses, rotor and link, with a spring of the locked-rotor frequency omega_r. The
+scenario's controller acts on them, with gains scaled to omega_n = ratio * omega_r.
 
-Each axis stands alone, with its largest inertia. On the coupled plant a smaller inertia, or what
-the other joints do, can bring the border down where speed is measured on the link: `simulate` with
-`plant.elasticity` shows it. A controller of all joints at once cannot stand alone: that is swept on
-the coupled plant, one joint elastic at a time, where its inertia is largest.
+Each axis is swept alone, with its largest inertia. With encoders on the links, the coupled plant
+can become unstable at a smaller ratio, by a smaller inertia or the motion of other joints.
+`simulate` with `plant.elasticity` shows this. A controller of the whole state is swept on the
+coupled plant, one joint elastic at a time, where its inertia is largest.
 """
 
 from __future__ import annotations
@@ -31,33 +30,35 @@ from sdt_drake.run.kinds import CONTROLLERS
 from sdt_drake.systems.gains import SpeedGains, natural_frequency
 from sdt_drake.systems.state_space import StateSpace
 
-SLOWEST = 0.1
-"""Least omega_r of a sweep [rad/s]: slower than that is round-off of a sampled loop."""
+MIN_OMEGA_R = 0.1
+"""Smallest omega_r of a sweep [rad/s]; slower modes are lost in round-off of a sampled loop."""
 
 IDEAL = Drive()
+"""A drive without lag, sample period, torque error or encoder increments."""
 
 RATIOS = np.round(np.arange(0.1, 1.5001, 0.05), 10)
-"""omega_n / omega_r."""
+"""Default ratios omega_n / omega_r of a sweep [-]."""
+
+_STEP_TIME = 20.0
+"""Duration of the step responses [1 / omega_n]."""
+
+_STEP_SAMPLES = 1000
+"""Samples of the step response of a continuous loop."""
 
 
 @dataclass(frozen=True, eq=False)
 class StabilitySweep:
-    """Loops of n joints with elastic joints, over omega_n / omega_r; arrays (len(ratio), n).
-
-    Attributes:
-        ratio: omega_n / omega_r [-], shape (len(ratio),).
-        damping: smallest damping ratio of any mode of the loop; below 0 it is unstable [-].
-        overshoot_percent: of the link's speed after a step of its reference [%], where q_ref is
-            the integral of that and vd_ref is 0; NaN if unstable. Of a sampled loop it is that of
-            the samples.
-        border: smallest ratio at which the loop is unstable, to 1e-3, shape (n,); inf if it is
-            stable at every ratio.
-    """
+    """Damping and overshoot of n elastic joints over omega_n / omega_r; arrays (len(ratio), n)."""
 
     ratio: Array
+    """Ratios omega_n / omega_r [-], shape (len(ratio),)."""
     damping: Array
+    """Smallest damping ratio of the loop's modes [-]; below 0 the loop is unstable."""
     overshoot_percent: Array
-    border: Array
+    """Overshoot of the link's speed after a step of v_ref, q_ref its integral and vd_ref 0 [%].
+    Sampled loops have that of their samples, unstable loops NaN."""
+    unstable_from: Array
+    """Smallest unstable ratio, to 1e-3 [-], shape (n,); inf if there is none."""
 
 
 def stability_sweep(
@@ -71,22 +72,29 @@ def stability_sweep(
 ) -> StabilitySweep:
     """Sweep omega_n / omega_r of the scenario's controller on every joint of a robot.
 
+        >>> import sdt_drake as sdt
+        >>> design = sdt.design(sdt.load("package://sdt/scenarios/axis_pi.yaml"))
+        >>> sweep = stability_sweep(design, omega_r=65.991, encoder="link", ratios=[0.2, 0.4])
+        >>> print(f"joint 1 is unstable from omega_n = {sweep.unstable_from[0]:.2f} omega_r")
+        joint 1 is unstable from omega_n = 0.35 omega_r
+
     Args:
-        design: gives the robot, its inertia, and the controller: its kind and structure, the
-            damping ratios of its gains, and K_V, in proportion to omega_n unless it was chosen.
-        omega_r: locked-rotor frequency of each elastic joint, at least SLOWEST [rad/s].
-        encoder: where the controller measures, "motor" or "link".
-        drive: of the motors; ideal by default. Its delay of the reference does not matter here.
-        ratios: omega_n / omega_r [-], growing.
-        damping_ratio: of the elastic joints [-].
+        design: design with the robot and the controller. The kind and structure of the controller
+            and the damping ratios of its gains stay. K_V is proportional to omega_n unless the
+            scenario sets it.
+        omega_r: locked-rotor frequency of each elastic joint, at least MIN_OMEGA_R [rad/s].
+        encoder: place of the encoder, "motor" or "link".
+        drive: drive of the motors, ideal by default; its delay of the reference has no effect.
+        ratios: ratios omega_n / omega_r, growing [-].
+        damping_ratio: damping ratio of the elastic joints [-].
 
     Raises:
-        InputError: for a robot without rotor inertia, or what does not fit the scenario.
+        InputError: the robot has no rotor inertia, or an argument does not fit the scenario.
     """
     ratios = np.atleast_1d(np.asarray(ratios, dtype=float))
     n = design.robot.n
     rigid = _slow_design(design, drive)
-    # Alone, an axis has its largest gains.
+    # Scheduled gains of a single axis are largest at its largest inertia.
     alone, d_kk = stands_alone(design), design.torques.d_kk
     samples = rigid.inertia_share.argmax(axis=0) if alone else where_largest(d_kk)
 
@@ -95,7 +103,7 @@ def stability_sweep(
         return linear_feedback(_tuned(rigid, omega_n), sample)
 
     shape = len(ratios), n
-    damping, overshoot, border = np.empty(shape), np.full(shape, np.nan), np.empty(n)
+    damping, overshoot, unstable_from = np.empty(shape), np.full(shape, np.nan), np.empty(n)
 
     def sweep_joint(k: int, sample: int) -> None:
         frequencies = [omega_r if j == k else 0.0 for j in range(n)]
@@ -111,41 +119,37 @@ def stability_sweep(
             closed = loop(ratio)
             damping[i, k] = least_damping(closed, ratio * omega_r)
             if damping[i, k] > 0:
-                _, speed = closed.step(_SHOWN / (ratio * omega_r), _STEPS)
+                _, speed = closed.step(_STEP_TIME / (ratio * omega_r), _STEP_SAMPLES)
                 overshoot[i, k] = 100 * max(speed.max() - 1, 0.0)
-        border[k] = _border(damping_at, ratios, damping[:, k])
+        unstable_from[k] = _unstable_from(damping_at, ratios, damping[:, k])
 
     for k, sample in enumerate(with_progress(samples.tolist())):
         sweep_joint(k, sample)
-    return StabilitySweep(ratios, damping, overshoot, border)
-
-
-_SHOWN, _STEPS = 20.0, 1000  # of a step response: 1 / omega_n, and samples of a continuous loop
+    return StabilitySweep(ratios, damping, overshoot, unstable_from)
 
 
 def stands_alone(design: Design) -> bool:
-    """Whether the controller can be swept on each axis alone."""
+    """Return whether the controller can be swept on each axis alone."""
     return "axis" in CONTROLLERS[design.scenario.controller.kind].plants
 
 
 def own_ratio(design: Design, omega_r: float) -> Array:
-    """omega_n / omega_r of the scenario's own gains at the inertia of the sweep [-], shape (n,)."""
+    """Return omega_n / omega_r of the scenario's own gains at the sweep's inertia [-], (n,)."""
     return natural_frequency(design.gains, design.i_eff) / omega_r
 
 
 def least_damping(loop: StateSpace, omega_n: float) -> float:
-    """Smallest damping ratio -Re(s) / |s| of all modes of a loop with that omega_n [-].
+    """Return the smallest damping ratio -Re(s) / |s| of a loop's modes [-].
 
-    A free position neither decays nor grows; what is 1e4 times slower than the loop is one, with
-    its round-off.
+    Free positions do not count: they are modes more than 1e4 times slower than `omega_n` [rad/s].
     """
     modes = loop.modes()
     moving = modes[np.abs(modes) > 1e-4 * omega_n]
-    return float(np.min(-moving.real / np.abs(moving), initial=1.0))  # 1, where nothing moves
+    return float(np.min(-moving.real / np.abs(moving), initial=1.0))  # 1 without any mode
 
 
 def _slow_design(design: Design, drive: Drive) -> Design:
-    """The scenario's loops at omega_n = 1 rad/s, on the plant of the sweep, with rigid joints."""
+    """Return the design at omega_n = 1 rad/s, on the plant of the sweep, with rigid joints."""
     scenario = copy.deepcopy(design.scenario)
     scenario.plant.elasticity = Elasticity()
     if stands_alone(design):
@@ -156,29 +160,31 @@ def _slow_design(design: Design, drive: Drive) -> Design:
     choice = scenario.controller
     choice.kp, choice.ki = slow.kp.tolist(), slow.ki.tolist()
     choice.omega_r = choice.zeta = None
-    choice.omega_ratio = 0.5  # its default: with kp and ki no other is allowed
+    choice.omega_ratio = 0.5  # the default: no other value is accepted with kp and ki
     return design.variant(scenario)
 
 
 def _tuned(slow: Design, omega_n: float) -> Design:
+    """Return a design of omega_n = 1 rad/s with gains for another omega_n [rad/s]."""
     gains = _scaled(slow.gains, omega_n)
     choice = replace(slow.scenario.controller, kp=gains.kp.tolist(), ki=gains.ki.tolist())
     return replace(slow, scenario=replace(slow.scenario, controller=choice))
 
 
 def _elastic_process(rigid: Design, elasticity: Elasticity, sample: int) -> StateSpace:
+    """Return the linear process of a rigid design with elastic joints."""
     plant = replace(rigid.scenario.plant, elasticity=elasticity)
     return linear_process(rigid.variant(replace(rigid.scenario, plant=plant)), sample)
 
 
 def _scaled(gains: SpeedGains, factor: ArrayLike) -> SpeedGains:
-    """Gains of the same damping ratios, omega_n times `factor`."""
+    """Return gains of the same damping ratios with omega_n times `factor`."""
     factor = np.asarray(factor)
     return SpeedGains(kp=factor * gains.kp, ki=factor**2 * gains.ki)
 
 
-def _border(damping_at: Callable[[float], float], ratios: Array, damping: Array) -> float:
-    """Where the damping first falls below 0, by bisection."""
+def _unstable_from(damping_at: Callable[[float], float], ratios: Array, damping: Array) -> float:
+    """Return the smallest ratio of negative damping, found by bisection; inf if there is none."""
     unstable = np.flatnonzero(damping < 0)
     if len(unstable) == 0:
         return float("inf")

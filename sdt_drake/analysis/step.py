@@ -12,37 +12,38 @@ from sdt_drake.io.arrays import Array
 
 @dataclass(frozen=True)
 class StepMetrics:
-    """What a step response is judged by; NaN where the response never gets there.
-
-    Attributes:
-        rise_time: from the first crossing of 10 % to the first of 90 % [s].
-        settling_time: from the step to the **last** entry into the band [s].
-        overshoot_percent: how far the peak is beyond the final value, of the step [%].
-        peak: value farthest from the start in the direction of the step [unit of y].
-        peak_time: when [s].
-        steady_state_error: last sample less `y_final` [unit of y].
-    """
+    """Metrics of a step response; NaN if the response does not reach a level."""
 
     rise_time: float
+    """Time from the first crossing of 10 % to the first crossing of 90 % [s]."""
     settling_time: float
+    """Time from the step to the **last** entry into the settling band [s]."""
     overshoot_percent: float
+    """Distance of the peak beyond the final value, in percent of the step [%]."""
     peak: float
+    """Value farthest from the start in the direction of the step [unit of y]."""
     peak_time: float
+    """Time from the step to the peak [s]."""
     steady_state_error: float
+    """Last sample less `y_final` [unit of y]."""
 
 
 def step_metrics(
     t: ArrayLike, y: ArrayLike, *, y0: float, y_final: float, band: float = 0.02
 ) -> StepMetrics:
-    """Metrics of a response `y` from `y0` towards `y_final`.
+    """Return the metrics of a response `y` from `y0` to `y_final`.
 
     Crossings are interpolated between samples. The step may go up or down, and from or to zero.
+
+        >>> metrics = step_metrics([0, 1, 2, 3, 4], [0, 1, 2.2, 2, 2], y0=0, y_final=2)
+        >>> round(metrics.overshoot_percent, 6), metrics.peak_time, metrics.steady_state_error
+        (10.0, 2.0, 0.0)
 
     Args:
         t: time [s], growing, t[0] the time of the step; shape (N,).
         y: response, shape (N,).
         y0: value before the step.
-        y_final: value that the response should reach, not y0.
+        y_final: final value of an ideal response; differs from y0.
         band: half width of the settling band, as a share of the step [-].
     """
     t, y = np.asarray(t, dtype=float), np.asarray(y, dtype=float)
@@ -59,20 +60,23 @@ def step_metrics(
 
 
 def _first_reach(t: Array, response: Array, level: float) -> float:
+    """Return the time at which the response first reaches the level; NaN if it does not."""
     reached = np.flatnonzero(response >= level)
     return _crossing(t, response - level, reached[0] if len(reached) else len(t))
 
 
 def _settled(t: Array, deviation: Array, band: float) -> float:
-    """When |deviation| exceeds the band for the last time; NaN if it still does at the end."""
+    """Return the last time with |deviation| above the band; NaN if that is the end."""
     outside = np.flatnonzero(np.abs(deviation) > band)
     last = outside[-1] if len(outside) else -1
     return _crossing(t, deviation - np.copysign(band, deviation[last]), last + 1)
 
 
 def _crossing(t: Array, f: Array, i: int) -> float:
-    """Where f crosses zero between samples i - 1 and i: at the first sample for 0, NaN after the
-    last one."""
+    """Return the time of the zero of f between samples i - 1 and i.
+
+    That is the first sample for i = 0, and NaN after the last one.
+    """
     if not 0 < i < len(t):
         return float(t[0]) if i == 0 else float("nan")
     share = f[i - 1] / (f[i - 1] - f[i])

@@ -1,4 +1,4 @@
-"""Simulations side by side: Drake steps without the interpreter's lock."""
+"""Threads for parallel simulations; Drake steps without the interpreter lock."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from contextlib import contextmanager
 
 @contextmanager
 def threads(count: int) -> Iterator[ThreadPoolExecutor]:
-    """A pool that goes on after the block with what it has; not if that was interrupted."""
+    """Open a pool of threads. Work that is left at the end of the block goes on in the background.
+
+    An exception in the block cancels the remaining work.
+    """
     pool = ThreadPoolExecutor(max_workers=count)
     try:
         yield pool

@@ -1,4 +1,4 @@
-"""Tracking metrics of a recording: joints, motors, and the pilot's head."""
+"""Tracking metrics of a simulated run: joints, motors, and the pilot's head."""
 
 from __future__ import annotations
 
@@ -19,27 +19,24 @@ from sdt_drake.robot.robot import Robot
 from sdt_drake.run.simulate import Recording
 
 SETTLED_AFTER = 1.0
-"""How long a joint must have had constant speed before its error counts as steady [s]."""
+"""Time of constant speed after which the error of a joint counts as steady [s]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tracking(Shown):
-    """How well each joint follows; joint side, each of shape (n,).
-
-    Attributes:
-        max_abs_speed_error: [rad/s].
-        rms_speed_error: [rad/s].
-        constant_speed_error: largest |speed error| in the constant-speed segments, from
-            SETTLED_AFTER on [rad/s]; NaN for a joint that has none.
-        saturated_fraction: share of the time in which the motor gives less than is asked [-].
-        max_abs_position_error: [rad].
-    """
+    """Tracking errors of each joint; joint side, each of shape (n,)."""
 
     max_abs_speed_error: Array
+    """Largest |speed error| [rad/s]."""
     rms_speed_error: Array
+    """RMS speed error [rad/s]."""
     constant_speed_error: Array
+    """Largest |speed error| at constant speed, from SETTLED_AFTER on [rad/s]; NaN for a joint
+    without such a segment."""
     saturated_fraction: Array
+    """Share of time in which the motor saturates [-]."""
     max_abs_position_error: Array
+    """Largest |position error| [rad]."""
 
     def summary(self) -> Summary:
         n = len(self.rms_speed_error)
@@ -48,16 +45,27 @@ class Tracking(Shown):
 
 
 def track(recording: Recording, motion: Motion) -> Tracking:
-    """Metrics of a recording of `motion`.
+    """Return the tracking errors of a run along a motion.
+
+        >>> import sdt_drake as sdt
+        >>> scenario = sdt.load("package://sdt/scenarios/axis_pi.yaml")
+        >>> short = sdt.Motion.from_speeds(0.005, [0] * 4, [[0.001 * i] * 4 for i in range(40)])
+        >>> design = sdt.design(scenario, motion=short)
+        >>> print(*sdt.track(sdt.simulate(design), design.motion).max_abs_speed_error.round(4))
+        0.012 0.0128 0.0125 0.012
+
+    Args:
+        recording: recording of the run.
+        motion: planned motion of the run.
 
     Raises:
-        InputError: if they are none, or the motion has other samples or joints than the recording.
+        InputError: an argument has another type, or the motion has other samples or joints.
     """
     checked_type(recording, Recording, "recording", "sdt_drake.simulate")
     checked_type(motion, Motion, "motion", "sdt_drake.plan, or a design,")
-    run, asked = recording.summary().title, motion.summary().title
-    if run != asked:
-        raise InputError(f"{asked}, expected that of the recording, {run}", place="motion")
+    expected, found = recording.summary().title, motion.summary().title
+    if found != expected:
+        raise InputError(f"{found}, expected that of the recording, {expected}", place="motion")
     error = recording.speed_error
     steady = constant_speed_segments(motion)
     in_segments = np.where(steady, np.abs(error), -np.inf).max(axis=0)
@@ -71,7 +79,7 @@ def track(recording: Recording, motion: Motion) -> Tracking:
 
 
 def constant_speed_segments(motion: Motion) -> NDArray[np.bool_]:
-    """Samples at which a joint moves and its speed is constant for SETTLED_AFTER, (N + 1, n)."""
+    """Return the samples at which a joint has moved uniformly for SETTLED_AFTER, (N + 1, n)."""
     constant = (np.abs(motion.vd) < 1e-9) & (np.abs(motion.v) > 1e-9)
     needed = round(SETTLED_AFTER / motion.period)
     index = np.arange(len(constant))[:, None]
@@ -81,22 +89,20 @@ def constant_speed_segments(motion: Motion) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, eq=False)
 class MotorUse:
-    """What a run takes of the motors; each of shape (n,).
-
-    Attributes:
-        peak_torque: largest magnitude, motor side [N m].
-        rms_torque: over the run, motor side [N m].
-        peak_share, rms_share: the same over the motor's largest torque [-].
-    """
+    """Motor torques of a run; each of shape (n,)."""
 
     peak_torque: Array
+    """Largest |torque|, motor side [N m]."""
     rms_torque: Array
+    """RMS torque over the run, motor side [N m]."""
     peak_share: Array
+    """Peak torque over the torque limit of the motor [-]."""
     rms_share: Array
+    """RMS torque over the torque limit of the motor [-]."""
 
 
 def motor_use(recording: Recording, robot: Robot) -> MotorUse:
-    """Torques of a run against the motors of `robot`."""
+    """Return motor torques of a run, also as shares of the motor limits of `robot`."""
     peak = recording.tau_peak.max(axis=0)
     rms = np.sqrt(np.mean(recording.tau_rms[1:] ** 2, axis=0))
     limit = robot.motor_torque_limit
@@ -104,7 +110,7 @@ def motor_use(recording: Recording, robot: Robot) -> MotorUse:
 
 
 def stops_passed(recording: Recording, joint_names: Sequence[str]) -> list[str]:
-    """A line for each joint that passes a stop: when it does, where, and how far it goes."""
+    """Return a line for each joint that passes a stop, with time, angle and distance."""
     beyond = recording.beyond_stop
     return [
         f"joint {k + 1} {joint_names[k]} passes its stop at {recording.time[i]:.3f} s, at "
@@ -117,26 +123,24 @@ def stops_passed(recording: Recording, joint_names: Sequence[str]) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class HeadTracking:
-    """How well the pilot's head follows the motion that was wanted.
-
-    Attributes:
-        reference, achieved: motion of the head.
-        felt: their difference, as far as the pilot could feel it.
-        felt_from_angles: the same if only the joint angles were off, and speeds and accelerations
-            those of the reference: what a loss of position does, mostly by tilting the head.
-    """
+    """Tracking errors of the pilot's head, and how far the pilot could feel them."""
 
     reference: HeadMotion
+    """Head motion of the planned motion."""
     achieved: HeadMotion
+    """Head motion of the run."""
     felt: FeltDifference
+    """Felt difference between both."""
     felt_from_angles: FeltDifference
+    """Felt difference if only positions were wrong, with speeds and accelerations of the planned
+    motion. Its main effect is a tilt of the head."""
 
 
 def track_head(recording: Recording, robot: Robot) -> HeadTracking:
-    """How well the head follows along a recording.
+    """Return the tracking errors of the head along a recording.
 
     Raises:
-        InputError: if the robot has no head, or not as many joints as the recording.
+        InputError: the robot has no head, or another number of joints than the recording.
     """
     run, period = recording, float(recording.time[1] - recording.time[0])
     reference, achieved, moved_away = (

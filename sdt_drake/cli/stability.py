@@ -50,13 +50,13 @@ def run(
             plant.elasticity, or 0.01)
         out: file for the sweeps (.csv, .json), or for a figure of them (.png, .svg, .pdf)
     """
-    from sdt_drake.analysis.stability import IDEAL, SLOWEST, own_ratio, stability_sweep
+    from sdt_drake.analysis.stability import IDEAL, MIN_OMEGA_R, own_ratio, stability_sweep
     from sdt_drake.robot.device import ENCODERS
     from sdt_drake.run.controllers import controller_class
 
     common.check_out(out, show, RESULT_TABLES)
     if omega_r is not None:
-        checked_number(omega_r, "--omega-r", minimum=SLOWEST)
+        checked_number(omega_r, "--omega-r", minimum=MIN_OMEGA_R)
     design = common.design_of(scenario, changes)
     chosen, choice = design.scenario, design.scenario.controller
     frequency, source = _omega_r(design, scenario, omega_r)
@@ -121,7 +121,9 @@ def _columns(sweeps: Mapping[str, Mapping[str, StabilitySweep]]) -> dict[str, ND
     columns = {"encoder": np.repeat(encoders, counts), "drive": np.repeat(drives, counts)}
     for name in ("ratio", "damping", "overshoot_percent"):
         columns[name] = np.concatenate([getattr(sweep, name) for sweep in of_each])
-    return columns | {"unstable_from": np.repeat([s.border for s in of_each], counts, axis=0)}
+    return columns | {
+        "unstable_from": np.repeat([s.unstable_from for s in of_each], counts, axis=0)
+    }
 
 
 def _omega_r(design: Design, path: str, given: float | None) -> tuple[float, str]:
@@ -155,8 +157,8 @@ def _print_sweep(sweep: StabilitySweep, joint_names: tuple[str, ...]) -> None:
         )
         for i in shown
     ]
-    border = np.where(np.isinf(sweep.border), np.nan, sweep.border)
-    print_joints(joint_names, [*columns, ("unstable from", ".3f", border)])
+    first = np.where(np.isinf(sweep.unstable_from), np.nan, sweep.unstable_from)
+    print_joints(joint_names, [*columns, ("unstable from", ".3f", first)])
 
 
 def _notes(design: Design, omega_r: float) -> list[str]:

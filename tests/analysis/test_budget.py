@@ -234,10 +234,10 @@ def test_envelope_counts_as_saturation(designed, budgets, short):
 
 
 def test_coupled_plant_is_refused(designed):
-    with pytest.raises(InputError, match=r"plant\.kind: coupled, .*expected axis"):
+    with pytest.raises(InputError, match=r"plant\.kind: coupled; .*expected axis"):
         error_budget(designed("coupled_pi", end=0.1))
 
 
 def test_online_inverse_dynamics_is_refused(designed):
-    with pytest.raises(InputError, match=r"inverse_dynamics: online, .*needs table"):
+    with pytest.raises(InputError, match=r"inverse_dynamics: online; .*requires table"):
         error_budget(designed("axis_pi_ctc", {"inverse_dynamics": "online"}, end=0.1))

@@ -152,7 +152,7 @@ def test_reasons_have_the_numbers(claims, study):
     for id_, words in {
         "variation_joint_4": "last link",
         "omega_0k": "0.312",
-        "table1_ki": "joints 1, 2, 3 agree, and K_IS,4 is 2.72e5",
+        "table1_ki": "joints 1, 2, 3 and 2.72e5 for K_IS,4",
         "algorithm1_split": "+tau_k / r",
         "joint2_pi_error_i_eff_max": "0.91",
         "figure4_p_in_feedback": "2 %",

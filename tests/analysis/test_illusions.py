@@ -63,7 +63,7 @@ def test_an_illusion_has_its_peak_start_and_end(robot):
     assert found == Illusion("yaw rate", *map(pytest.approx, (-20, 0, 3, 2.14, 4.74), [0.01] * 5))
     assert found.error == pytest.approx(-20)
     assert str(found) == (
-        "yaw rate: felt -20.0 deg/s at 3.0 s where it is 0.0; wrong from 2.1 s for 2.6 s"
+        "yaw rate: felt -20.0 deg/s, true 0.0 deg/s at 3.0 s; illusion from 2.1 to 4.7 s"
     )
 
 
@@ -122,7 +122,7 @@ def test_an_own_motion_says_which_illusion_it_is_meant_to_give(robot, tmp_path):
     found = intended_illusion(str(own), robot, ["slow_yaw"])
     assert found.predicted["slow_yaw"] == 0 and not found.is_predicted("slow_yaw")
     assert found.sentence("slow_yaw") == (
-        "slow_yaw does not predict it: roll felt at most 0.0 deg off, which is noticed from 1.7 "
+        "slow_yaw does not predict the illusion: roll felt at most 0.0 deg off, noticed from 1.7 "
         "deg on."
     )
     assert illusion_of("reference") is None

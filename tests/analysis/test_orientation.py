@@ -155,7 +155,7 @@ def test_agrees_with_the_law_integrated_by_hand():
 
 def test_the_rate_of_the_samples_matters_little(monkeypatch):
     usual = felt_of(perceive(*flight()))
-    monkeypatch.setattr(orientation, "SHORTEST", 0.001)
+    monkeypatch.setattr(orientation, "MIN_PERIOD", 0.001)
     finer = felt_of(perceive(*flight(period=0.001)))[::10]
     np.testing.assert_allclose(usual[:, :3], finer[:, :3], atol=2e-4)
     np.testing.assert_allclose(usual[:, 3:], finer[:, 3:], atol=5e-3)

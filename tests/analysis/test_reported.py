@@ -43,8 +43,8 @@ def test_forward_and_backward_are_the_same_to_the_model(rows):
 
 def test_no_set_passes_both(rows):
     said = verdict_of_all(list(rows.values()))
-    assert said.startswith("No gain set passes both") and "gondola turns by none" in said
-    assert "yaw decay by irmak2023, rader2009 and slow_yaw" in said
+    assert said.startswith("No parameter set passes both") and "gondola turns: none" in said
+    assert "yaw decay: irmak2023, rader2009 and slow_yaw" in said
     by_hand = {
         (row.id, name): abs(row.predicted[name] - row.mean) <= row.spread
         for row in rows.values()

@@ -211,7 +211,7 @@ def test_the_position_loop_of_a_cascade_is_swept(designed, encoder, position_gai
                 expected = 100 * (max(speeds) - 1)
                 assert sweep.overshoot_percent[i, k] == pytest.approx(expected, abs=0.1)
         border = border_by_hand(damping_at, SOME)
-        assert sweep.border[k] == pytest.approx(border, abs=1e-3)
+        assert sweep.unstable_from[k] == pytest.approx(border, abs=1e-3)
 
 
 @pytest.mark.parametrize("encoder", ENCODERS)
@@ -264,7 +264,7 @@ def test_border_is_where_the_damping_changes_its_sign(design, sweeps, encoder, d
                 return by_samples(inertia, k, ratio, encoder, DRIVE)
             return by_polynomial(inertia, k, ratio, encoder)
 
-        found = sweeps[encoder, drive].border[k]
+        found = sweeps[encoder, drive].unstable_from[k]
         assert found == pytest.approx(border_by_hand(damping_at), abs=1e-3), k
         if np.isfinite(found):
             assert damping_at(found) < 0 < damping_at(found - 1e-3)

@@ -183,7 +183,7 @@ def test_page_shows_felt_beside_true_attitude(page, robot):
     assert "attitude as it is felt" in page.inner_text("#sdt-legend")
     legend = page.inner_text("#sdt-legend")
     assert CAUTION in legend
-    assert "A <b> lean. clark2019 does not predict it: yaw rate felt at most 0.0 deg" in legend
+    assert "A <b> lean. clark2019 does not predict the illusion: yaw rate felt at" in legend
     for k in (15, 55):
         seek(page, frames.time[k])
         np.testing.assert_allclose(place_of(page, ["felt"]), head.position[k], atol=1e-4)

@@ -12,7 +12,7 @@ from sdt_drake.show.documents import Table
 def reported_table(rows: Sequence[Judged]) -> Table:
     """What people reported, and what each set predicts with its verdict; see `reported_notes`."""
     models = list(rows[0].predicted)
-    cells = [[row.id, row.reported, *map(row.told, models)] for row in rows]
+    cells = [[row.id, row.reported, *map(row.cell, models)] for row in rows]
     return Table(["motion", "people", *models], cells)
 
 
