@@ -73,7 +73,7 @@ def run(
             )
     own, names = own_ratio(design, frequency), design.robot.joint_names
     for encoder, by_drive in sweeps.items():
-        limit = by_drive[label].border  # of the last drive, the scenario's
+        limit = by_drive[label].unstable_from  # of the last drive, the scenario's
         say(f"{chosen.name}, encoder on the {encoder}: {_verdict(own, limit, names)}")
     say(f"{choice.label}: {controller_class(choice.kind).in_words(design)}")
     say(f"elastic joints: omega_r = {frequency:g} rad/s ({source}), damping ratio {damping:g}")
