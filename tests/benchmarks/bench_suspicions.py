@@ -27,7 +27,7 @@ from sdt_drake.machine.identify.procedure import identify
 
 NEUTRAL = (
     "wrong side (--side) or unit", "at its limit", "hardly excited", "too little excitation",
-    "stands still", "links that can be leave",
+    "stands still", "physically consistent links",
 )  # fmt: skip
 """Warnings that blame no recording."""
 
@@ -54,9 +54,9 @@ EXPECTED = {
     "per_mille": "per mille",
     "swapped": "tau_2 and tau_3 swapped",
     "reversed_order": "from the tip to the base",
-    "torque_sign": "of the other sign",
-    "direction": "counted the other way",
-    "zero": "a zero of q_2",
+    "torque_sign": "with the opposite sign",
+    "direction": "the opposite direction of joint",
+    "zero": "an offset of q_2",
     "ceiling": "upside down",
     "wall": "as on a wall",
     "tilt": "turned by 20 degrees",

@@ -1,2 +1,4 @@
-"""From a recorded flight to a motion of a device: read `flight`, `alignment`, `program`, `option`,
-`procedure`."""
+"""Motions of a device that reproduce a recorded flight.
+
+Read in this order: `flight`, `alignment`, `program`, `option`, `procedure`.
+"""

@@ -1,4 +1,7 @@
-"""Starts and baselines: the device aligned with the flight's force, and a classical washout."""
+"""Starts and baselines of the search: alignment with the flight's force, and a classical washout.
+
+An alignment turns the device so that the head has the direction and size of the flight's force.
+"""
 
 from __future__ import annotations
 
@@ -12,22 +15,27 @@ from sdt_drake.io.arrays import Array
 from sdt_drake.machine.fly.program import SPEED_SHARE, Aim
 from sdt_drake.robot.head import GRAVITY, head_motion
 
-_STEPS, _FIRST_STEPS = 3, 30  # of Newton, at each knot and at the first one
-_HELD, _FIRST_HELD = 0.05, 1e-3  # weight of the way from the knot before
-_FARTHEST = 0.3  # rad, or rad/s of an arm, in a step of Newton
-_SLOWEST = 0.05  # rad/s; where an arm at rest does not know which way it will turn
-_WASHOUT = 1.0  # s; with which a rotation that was followed is taken back
-_TILT = 1.0  # s; low pass of the force that a washout tilts to
+_STEPS, _FIRST_STEPS = 3, 30  # Newton steps at each knot, and at the first one
+_HELD, _FIRST_HELD = 0.05, 1e-3  # weight of the distance from the knot before
+_MAX_STEP = 0.3  # of Newton's method [rad, or rad/s of an arm]
+_MIN_ARM_SPEED = 0.05  # rad/s; keeps the sense of rotation of the arm
+_WASHOUT = 1.0  # time constant of the return from a rotation [s]
+_TILT = 1.0  # time constant of the low pass of the tilt [s]
 
 Start = tuple[int, float]
-"""Sense in which the arm turns, 1 or -1, and the angle [rad] that the last joint starts at."""
+"""Sense of rotation of the arm, 1 or -1, and first angle of the last joint [rad]."""
 
 
 def aligned(aim: Aim, starts: Sequence[Start]) -> Array:
-    """Angles at which the head shows the flight's force at each knot, at rest but for the arm.
+    """Return angles at which the head has the flight's force at each knot.
 
-    Where there is an arm, what stands for its angle is its speed [rad/s]. A knot follows from the
-    one before by Newton's method, held to it where the force leaves the choice.
+    All joints are at rest, except for an arm at constant speed. Its speed [rad/s] takes the place
+    of its angle. Each knot follows from the one before by Newton's method, and stays close to it
+    where the force does not decide.
+
+    Args:
+        aim: The aim.
+        starts: Senses of rotation and first angles.
 
     Returns:
         Angles [rad], shape (starts, N, n).
@@ -54,9 +62,9 @@ def aligned(aim: Aim, starts: Sequence[Start]) -> Array:
             A = J.transpose(0, 2, 1) @ J + held * np.eye(n)
             b = np.einsum("sij,si->sj", J, goal - shown[:, 0]) - held * (x - before)
             step = np.linalg.solve(A, b[..., None])[..., 0]
-            x = np.clip(x + np.clip(step, -_FARTHEST, _FARTHEST), lower, upper)
+            x = np.clip(x + np.clip(step, -_MAX_STEP, _MAX_STEP), lower, upper)
             if aim.arm:
-                x[:, 0] = spin * np.maximum(spin * x[:, 0], _SLOWEST)
+                x[:, 0] = spin * np.maximum(spin * x[:, 0], _MIN_ARM_SPEED)
         return x
 
     x = followed(x, aim.force[0] / GRAVITY, _FIRST_STEPS, _FIRST_HELD)
@@ -68,7 +76,7 @@ def aligned(aim: Aim, starts: Sequence[Start]) -> Array:
 
 
 def _static_force(aim: Aim, x: Array) -> Array:
-    """Force that the head shows with an arm at constant speed, and all else at rest [G]."""
+    """Return the head's force with an arm at constant speed and all else at rest [G]."""
     q, v = x.copy(), np.zeros_like(x)
     if aim.arm:
         q[:, 0], v[:, 0] = 0.0, x[:, 0]
@@ -76,7 +84,18 @@ def _static_force(aim: Aim, x: Array) -> Array:
 
 
 def angles(aim: Aim, x: Array, smooth: float, approach: float, departure: float) -> Array:
-    """Angles [rad] of an alignment, smoothed over a time [s]; the arm from rest, and back."""
+    """Return smoothed angles of an alignment, with an arm that starts and ends at rest.
+
+    Args:
+        aim: The aim.
+        x: Result of `aligned` for one start, shape (N, n).
+        smooth: Standard deviation of the Gaussian filter [s].
+        approach: Time from rest to the flight [s].
+        departure: Time from the flight to rest [s].
+
+    Returns:
+        Angles [rad], shape (N, n).
+    """
     q = gaussian_filter1d(x, smooth / aim.knot, axis=0, mode="nearest")
     if aim.arm:
         time = aim.knot * np.arange(aim.count)
@@ -90,10 +109,11 @@ def angles(aim: Aim, x: Array, smooth: float, approach: float, departure: float)
 
 
 def washed_out(aim: Aim, x: Array) -> Array:
-    """What a classical washout asks for, as `aligned` does: the arm and a tilt give the force's
-    low-frequency part, the gimbals follow the rate's high-frequency part and give it back.
+    """Return the angles of a classical washout, in the form of `aligned`, shape (N, n).
 
-    The rate through a high pass and an integrator is tau LP(rate) with the same tau.
+    The arm and a tilt give the low-frequency part of the force. The gimbals follow the
+    high-frequency part of the rate and return. A high pass and an integrator of the rate are
+    together tau LP(rate), with the same time constant tau.
     """
     tilt = low_pass(x, _TILT, aim.knot)
     turned = _WASHOUT * low_pass(aim.rate - aim.rate[0], _WASHOUT, aim.knot)
@@ -107,12 +127,13 @@ def washed_out(aim: Aim, x: Array) -> Array:
         axis=2,
     )  # fmt: skip
     square = J.transpose(0, 2, 1) @ J + _HELD * np.eye(J.shape[2])
-    asked = np.linalg.solve(square, J.transpose(0, 2, 1) @ turned[..., None])[..., 0]
-    tilt[:, first:] += asked
+    gimbals = np.linalg.solve(square, J.transpose(0, 2, 1) @ turned[..., None])[..., 0]
+    tilt[:, first:] += gimbals
     return np.asarray(np.clip(tilt, *_stops(aim)))
 
 
 def _stops(aim: Aim) -> tuple[Array, Array]:
+    """Return lower and upper limits of the angles [rad]; none for an arm."""
     lower, upper = aim.lower.copy(), aim.upper.copy()
     if aim.arm:
         lower[0], upper[0] = -np.inf, np.inf

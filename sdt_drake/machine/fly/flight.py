@@ -1,4 +1,4 @@
-"""Recordings of flights: what their files call the columns, and head motion from there on."""
+"""Recordings of flights, read from files with any columns and units into motion of the head."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -25,9 +25,9 @@ _FORCES = {"m/s2": 1.0, "g": GRAVITY, "ft/s2": 0.3048}
 _RATES = {"rad/s": 1.0, "deg/s": np.pi / 180}
 _AXES = {"flu": (1.0, 1.0, 1.0), "frd": (1.0, -1.0, -1.0)}
 _ATTITUDE = ("bank_deg", "pitch_deg")
-_FASTEST, _TYPICAL = 2 * np.pi, 1.0  # rad/s; at most, and in the mean: faster is no aircraft
-_LONGEST = 3600.0  # s
-_SLOWEST = 2.0  # Hz
+_MAX_RATE, _MAX_MEAN_RATE = 2 * np.pi, 1.0  # angular rates of aircraft [rad/s]
+_MAX_DURATION = 3600.0  # s
+_MIN_SAMPLE_RATE = 2.0  # Hz
 
 
 _THREE: dict[str, Any] = {"min_length": 3, "max_length": 3}
@@ -36,28 +36,29 @@ _Direction = Annotated[Number, Field(ge=-1, le=1)]
 
 @dataclass
 class FlightColumns(Layout):
-    """How a flight recording's file says what it holds; the default is that of this package.
+    """The columns of a flight recording's file, with their units and axes.
 
-    A column is named by its name or, counted from 1, its number.
+    The default is the package's own format. Columns are given by name, or by number from 1.
     """
 
     force: list[str] = setting(["f_x", "f_y", "f_z"], **_THREE)
-    """Columns of specific force (what accelerometers show) along x, y, z."""
+    """Columns of specific force along x, y, z, as accelerometers measure it."""
     omega: list[str] = setting(["omega_x", "omega_y", "omega_z"], **_THREE)
     """Columns of angular rate about x, y, z."""
     force_unit: Annotated[str, OneOf(tuple(_FORCES))] = "m/s2"
-    """"m/s2", "g" or "ft/s2"."""
+    """Unit of forces: "m/s2", "g" or "ft/s2"."""
     omega_unit: Annotated[str, OneOf(tuple(_RATES))] = "rad/s"
-    """"rad/s" or "deg/s"."""
+    """Unit of rates: "rad/s" or "deg/s"."""
     axes: Annotated[str, OneOf(tuple(_AXES))] = "flu"
-    """"flu", x forward, y left, z up; or "frd", x forward, y right, z down."""
+    """Axes: "flu" (x forward, y left, z up) or "frd" (x forward, y right, z down)."""
     force_direction: list[_Direction] = setting([1.0] * 3, unit="-", **_THREE)
-    """1, or -1 where a column counts the other way than `axes` say, as the load factor of
-    recorders, which is positive upwards."""
+    """Direction of each force column: 1, or -1 for the opposite sign of `axes`, such as a load
+    factor that is positive upwards with axes "frd"."""
     omega_direction: list[_Direction] = setting([1.0] * 3, unit="-", **_THREE)
-    """Likewise."""
+    """Direction of each rate column: 1, or -1 for the opposite sign of `axes`."""
     lever: list[Number] = setting([0.0] * 3, unit="m", **_THREE)
-    """Where it was measured, from the pilot's head, x forward, y left, z up; 0 by default."""
+    """Position of the sensor relative to the pilot's head, x forward, y left, z up; 0 by
+    default."""
 
     def problems(self) -> Problems:
         yield from Layout.problems(self)
@@ -68,23 +69,20 @@ class FlightColumns(Layout):
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """Motion of a pilot's head in flight, in its axes: x forward, y left, z up.
-
-    Attributes:
-        name: for people.
-        time: growing [s], from 0, shape (N,).
-        specific_force: a - g, (0, 0, +9.81) in level flight [m/s²], shape (N, 3).
-        angular_rate: [rad/s], shape (N, 3).
-        attitude: bank and pitch [rad], shape (N, 2), where the file has them; for pictures alone.
-        notes: what was left out of its file, in sentences.
-    """
+    """The motion of a pilot's head in flight, in axes x forward, y left, z up."""
 
     name: str
+    """Name in reports."""
     time: Array
+    """Increasing times from 0 [s], shape (N,)."""
     specific_force: Array
+    """Acceleration minus gravity, (0, 0, +9.81) in level flight [m/s²], shape (N, 3)."""
     angular_rate: Array
+    """Angular rate [rad/s], shape (N, 3)."""
     attitude: Array | None = None
+    """Bank and pitch for figures [rad], shape (N, 2); None if the file has none."""
     notes: tuple[str, ...] = ()
+    """Parts of the file that are not used, as sentences."""
 
     @property
     def duration(self) -> float:
@@ -92,15 +90,17 @@ class Flight:
         return float(self.time[-1])
 
     def at(self, time: Array) -> tuple[Array, Array]:
-        """Specific force and angular rate, the first before the flight, the last after it; shape
-        (M, 3) each."""
+        """Return specific force and angular rate at times [s], shape (M, 3) each.
+
+        Before and after the flight they are those of the first and last sample.
+        """
         return (
             interpolated(time, self.time, self.specific_force),
             interpolated(time, self.time, self.angular_rate),
         )
 
     def means(self, time: Array, width: float) -> tuple[Array, Array]:
-        """The same, as means over `width` [s] around each time."""
+        """Return means of force and rate over `width` [s] around each time, shape (M, 3) each."""
         longer = np.concatenate([[time[0] - width], self.time, [time[-1] + width]])
         values = np.hstack(self.at(longer))
         sums = np.asarray(cumulative_trapezoid(values, longer, axis=0, initial=0))
@@ -117,35 +117,52 @@ def make_flight(
     name: str = "flight",
     attitude: Array | None = None,
 ) -> Flight:
-    """A flight of arrays, as `Flight` describes them.
+    """Make a flight from arrays.
+
+        >>> import numpy as np
+        >>> time = np.arange(0.0, 3.0, 0.1)
+        >>> level = np.tile([0.0, 0.0, 9.81], (30, 1))
+        >>> round(make_flight(time, level, 0 * level).duration, 3)
+        2.9
+
+    Args:
+        time: Increasing times [s], shape (N,).
+        specific_force: Acceleration minus gravity [m/s²], shape (N, 3), axes x forward, y left,
+            z up.
+        angular_rate: Angular rate [rad/s], shape (N, 3), in the same axes.
+        name: Name in reports.
+        attitude: Bank and pitch for figures [rad], shape (N, 2).
 
     Raises:
-        InputError: for arrays that do not fit, samples too far apart, or more than an hour.
+        InputError: Shapes differ, times do not increase, samples are too far apart, or the flight
+            lasts more than an hour.
     """
     for what, values in (("specific_force", specific_force), ("angular_rate", angular_rate)):
         if values.shape != (len(time), 3):
-            raise InputError(f"of shape {values.shape}, expected ({len(time)}, 3)", place=what)
+            raise InputError(f"shape {values.shape}, expected ({len(time)}, 3)", place=what)
     steps = np.diff(time)
     if len(time) < 2 or steps.min() <= 0:
         raise InputError(
             "expected at least 2 samples, each later than the one before", place="time"
         )
-    if steps.max() > 1 / _SLOWEST:
-        i = int(steps.argmax())
+    if steps.max() > 1 / _MIN_SAMPLE_RATE:
+        i, most = int(steps.argmax()), 1 / _MIN_SAMPLE_RATE
         raise InputError(
-            f"{steps[i]:g} s between samples at {time[i]:g} s, expected at most {1 / _SLOWEST:g} s",
+            f"{steps[i]:g} s between samples at {time[i]:g} s, expected at most {most:g} s",
             place="time",
         )
-    if time[-1] - time[0] > _LONGEST:
-        raise InputError(f"{time[-1] - time[0]:g} s, expected at most {_LONGEST:g} s", place="time")
+    if time[-1] - time[0] > _MAX_DURATION:
+        raise InputError(
+            f"{time[-1] - time[0]:g} s, expected at most {_MAX_DURATION:g} s", place="time"
+        )
     return Flight(name, time - time[0], specific_force, angular_rate, attitude)
 
 
 def load_flight_columns(path: str | Path) -> FlightColumns:
-    """The mapping file of a flight recording.
+    """Load the mapping file of a flight recording.
 
     Raises:
-        InputError: naming the file, the field, and what would be right.
+        InputError: A field is bad; the error gives the file, the field and the accepted values.
     """
     return load_yaml(FlightColumns, path, "columns of a flight")[0]
 
@@ -153,15 +170,18 @@ def load_flight_columns(path: str | Path) -> FlightColumns:
 def read_flight(path: str | Path, columns: FlightColumns | str | Path | None = None) -> Flight:
     """Read a recording of a flight.
 
-    Where it was measured with a lever l from the head, the head has f - alpha x l - omega x (omega
-    x l), with alpha from differences of the rate.
+    With a lever l from the head to the sensor, the head's force is f - alpha x l - omega x (omega x
+    l). The angular acceleration alpha follows from differences of the rate.
+
+        >>> read_flight("turn").duration
+        73.9
 
     Args:
-        path: of the file, or the name of a flight that ships.
-        columns: what its file calls them, a mapping file, or the name of one that ships.
+        path: Path of the file, or the name of a shipped flight.
+        columns: Names and units of the columns, a mapping file, or the name of a shipped one.
 
     Raises:
-        InputError: naming the file, and the column or line.
+        InputError: The file cannot be read; the error gives the file, and the column or line.
     """
     if isinstance(columns, str | Path):
         columns = load_flight_columns(columns)
@@ -184,41 +204,44 @@ def read_flight(path: str | Path, columns: FlightColumns | str | Path | None = N
 
 
 def suspicious_flight(flight: Flight) -> Iterator[str]:
-    """What looks wrong in a flight, in sentences."""
+    """Yield suspicions about a flight, as sentences."""
     yield from (f"{flight.name}: {note}" for note in flight.notes)
     f, omega = flight.specific_force, flight.angular_rate
     size, mean = np.linalg.norm(f, axis=1), f.mean(axis=0)
     low, usual = np.quantile(size, [0.1, 0.5])
     k = int(np.argmax(np.abs(mean)))
-    told = ""
+    doubt = ""
     if 0.5 < usual < 4 and low > 0.3 and size.max() < GRAVITY:
-        told = f"its force is {usual:.3g} m/s² for most of the time: in g? (force_unit: g)"
+        doubt = f"its median force is {usual:.3g} m/s²: is it in g? (force_unit: g)"
     elif low < GRAVITY / 2:
-        told = (
-            f"its force is below {low:.3g} m/s² for a tenth of the time: was gravity taken off? An "
-            "accelerometer shows 9.81 m/s² at rest; add it before"
+        doubt = (
+            f"its force is below {low:.3g} m/s² for a tenth of the time: was gravity subtracted? "
+            "An accelerometer measures 9.81 m/s² at rest; add gravity"
         )
     elif low > 2 * GRAVITY:
-        told = f"its force is never below {low / GRAVITY:.3g} G: in ft/s²? (force_unit: ft/s2)"
+        doubt = (
+            f"its force is above {low / GRAVITY:.3g} G for nine tenths of the time: is it in "
+            "ft/s²? (force_unit: ft/s2)"
+        )
     elif k != 2:
-        told = (
-            f"its mean force is along {'xyz'[k]}, {mean[k]:.3g} m/s²: are force's columns in "
-            "another order? Expected are the pilot's x forward, y left, z up"
+        doubt = (
+            f"its mean force is along {'xyz'[k]}, {mean[k]:.3g} m/s²: are the columns of force in "
+            "another order? Expected: x forward, y left, z up"
         )
     elif mean[2] < 0:
-        told = f"its mean force along z is {mean[2]:.3g} m/s²: is z down? (axes: frd)"
-    if told:
-        yield f"{flight.name}: {told}"
+        doubt = f"its mean force along z is {mean[2]:.3g} m/s²: is z down? (axes: frd)"
+    if doubt:
+        yield f"{flight.name}: {doubt}"
     fastest, typical = np.abs(omega).max(), np.linalg.norm(omega, axis=1).mean()
-    if fastest > _FASTEST or typical > _TYPICAL:
+    if fastest > _MAX_RATE or typical > _MAX_MEAN_RATE:
         yield (
-            f"{flight.name}: it turns at up to {fastest:.3g} rad/s, {typical:.3g} rad/s in the "
-            "mean: in degrees? (omega_unit: deg/s)"
+            f"{flight.name}: its angular rate is {typical:.3g} rad/s on average, up to "
+            f"{fastest:.3g} rad/s: is it in degrees? (omega_unit: deg/s)"
         )
 
 
 def _columns(numbers: Numbers, names: list[str], what: str) -> Array:
-    """Columns by their names or numbers, shape (N, len(names))."""
+    """Return columns given by names or numbers, shape (N, len(names))."""
     places = []
     for name in names:
         place = place_of(numbers, name)

@@ -1,4 +1,4 @@
-"""A motion beside a flight: what is lost of it, and what is felt."""
+"""Comparison of a motion of the device with a flight: errors of G and rotation, and the percept."""
 
 from __future__ import annotations
 
@@ -21,59 +21,56 @@ from sdt_drake.systems.orientation import PerceptionModel
 
 @dataclass(frozen=True, eq=False)
 class Option:
-    """A motion beside the flight.
-
-    Attributes:
-        name: for people.
-        robot: that moves.
-        motion: from rest to rest.
-        flight: as flown.
-        starts_at: when the flight starts in the motion [s].
-        model: of the pilot.
-    """
+    """A motion of the device, compared with the flight."""
 
     name: str
+    """Name in reports."""
     robot: Robot
+    """The device."""
     motion: Motion
+    """The motion, from rest to rest."""
     flight: Flight
+    """The flight."""
     starts_at: float
+    """Time at which the flight starts in the motion [s]."""
     model: PerceptionModel
+    """The perception model of the pilot."""
 
     @cached_property
     def time(self) -> Array:
-        """Of the motion, from the start of the flight [s], shape (N + 1,)."""
+        """Times of the motion from the start of the flight [s], shape (N + 1,)."""
         return self.motion.time - self.starts_at
 
     @property
     def within(self) -> slice:
-        """Samples of the flight."""
+        """The samples of the motion during the flight."""
         period = self.motion.period
         first = round(self.starts_at / period)
         return slice(first, first + round(self.flight.duration / period) + 1)
 
     @cached_property
     def head(self) -> HeadMotion:
-        """Of the device."""
+        """The motion of the head on the device."""
         return head_motion(self.robot, self.motion.q, self.motion.v, self.motion.vd)
 
     @cached_property
     def force_error(self) -> Array:
-        """Specific force beyond that of the flight [m/s²], shape (N + 1, 3)."""
+        """Specific force minus that of the flight [m/s²], shape (N + 1, 3)."""
         return np.asarray(self.head.specific_force - self.flight.at(self.time)[0])
 
     @cached_property
     def rate_error(self) -> Array:
-        """Rate beyond that of the flight [rad/s], shape (N + 1, 3)."""
+        """Angular rate minus that of the flight [rad/s], shape (N + 1, 3)."""
         return np.asarray(self.head.angular_velocity - self.flight.at(self.time)[1])
 
     @cached_property
     def felt_rate_error(self) -> Array:
-        """The same after the canals' high pass [rad/s], shape (N + 1, 3)."""
+        """Error of the angular rate after the canals' high pass [rad/s], shape (N + 1, 3)."""
         return self.rate_error - low_pass(self.rate_error, CANAL, self.motion.period)
 
     @cached_property
     def torque(self) -> Array:
-        """Torques at start and end of every period, over what the motors have [-], (2N, n)."""
+        """Torques at the start and end of every period over the motors' limits, shape (2N, n)."""
         torque = np.vstack(torque_of_periods(self.robot, self.motion))
         low, high = self.robot.torque_range(np.vstack([self.motion.v[:-1], self.motion.v[1:]]))
         return np.where(
@@ -82,34 +79,36 @@ class Option:
 
     @cached_property
     def percept(self) -> Percept | None:
-        """What the pilot feels on the device; None if the model has no answer."""
+        """The percept on the device; None if the model has no solution."""
         return percept_of(self.model, self.motion.time, self.head.specific_force,
                         self.head.angular_velocity)  # fmt: skip
 
     @property
     def g_error(self) -> float:
-        """Root of the mean square of the force error's length, over the flight [G]."""
+        """RMS length of the force error during the flight [G]."""
         return float(np.sqrt((self.force_error[self.within] ** 2).sum(axis=1).mean()) / GRAVITY)
 
     @property
     def felt_rotation(self) -> float:
-        """Root of the sum over axes of the felt rate error's mean squares, in flight [deg/s]."""
+        """RMS length of the felt rate error during the flight [deg/s]."""
         return _felt(self.felt_rate_error[self.within])
 
     @property
     def felt_rotation_from_zero(self) -> float:
-        """Felt rotation error with the high pass started at zero with the flight [deg/s]: the
-        rotation that the device has by then is felt as one that begins."""
+        """Felt rotation error with a high pass that starts at zero with the flight [deg/s].
+
+        The rotation that the device has at that time is felt as one that begins.
+        """
         error, period = self.rate_error[self.within], self.motion.period
         faded = np.exp(-period / CANAL * np.arange(len(error)))[:, None]
         return _felt(error - low_pass(error, CANAL, period) + faded * error[0])
 
     def beside(self, other: Option) -> tuple[float, float]:
-        """G error and felt rotation error over those of another motion [-]."""
+        """Return G error and felt rotation error over those of another motion [-]."""
         return self.g_error / other.g_error, self.felt_rotation / other.felt_rotation
 
     def figures(self, felt: Percept | None) -> dict[str, float | None]:
-        """What is lost of the flight, and how hard the motors work; `felt` is that in flight."""
+        """Return the errors and the largest share of torque; `felt` is the percept in flight."""
         over = np.abs(self.force_error[self.within]) / np.array(LINEAR)
         return {
             "g_error_rms": self.g_error,
@@ -121,7 +120,7 @@ class Option:
         }
 
     def _felt_vertical(self, felt: Percept | None) -> float | None:
-        """RMS of the angle between the verticals that are felt [deg]."""
+        """Return the RMS angle between the felt verticals on the device and in flight [deg]."""
         if felt is None or self.percept is None:
             return None
         time = self.time[self.within]
@@ -133,12 +132,12 @@ class Option:
 
 
 def _felt(rate: Array) -> float:
-    """Root of the sum over axes of the mean squares [deg/s]; `rate` in rad/s, shape (N, 3)."""
+    """Return the RMS length [deg/s] of a rate [rad/s], shape (N, 3)."""
     return float(np.degrees(np.sqrt((rate**2).mean(axis=0).sum())))
 
 
 def percept_of(model: PerceptionModel, time: Array, force: Array, rate: Array) -> Percept | None:
-    """What is felt; None where the model has no answer, as weightless."""
+    """Return the percept; None if the model has no solution, such as without weight."""
     try:
         return perceive(time, force, rate, model)
     except InputError:

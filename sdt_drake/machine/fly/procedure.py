@@ -1,4 +1,4 @@
-"""From a flight to a motion of a device that is felt most like it: `fly`."""
+"""Search for the motion of a device that is felt most like a flight: `fly`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from sdt_drake.io.shown import Shown, Summary, formatted
 from sdt_drake.machine.fly.alignment import Start, aligned, angles, washed_out
 from sdt_drake.machine.fly.flight import Flight, FlightColumns, read_flight
 from sdt_drake.machine.fly.option import Option, percept_of
-from sdt_drake.machine.fly.program import MOST_STEPS, Aim, Course, fitted, rated, solve
+from sdt_drake.machine.fly.program import MAX_STEPS, Aim, Course, fitted, rated, solve
 from sdt_drake.motion.plan import INTERPOLATION_PERIOD, checked_torque
 from sdt_drake.motion.retiming import torque_of_periods
 from sdt_drake.motion.trajectory import Motion
@@ -30,56 +30,53 @@ from sdt_drake.robot.robot import Robot, load_robot
 from sdt_drake.systems.orientation import PerceptionModel, load_perception
 
 SEATS = (0.0, np.pi / 2, -np.pi / 2)
-"""Angles of the last joint that a search starts from [rad]."""
+"""First angles of the last joint for the search [rad]."""
 
 SMOOTH = (1.0, 2.0)
-"""Smoothing of alignments [s]; a search starts from the first."""
+"""Smoothing times of alignments [s]; the search starts from the first."""
 
 FRONT = (0.1, 0.3, 3.0, 10.0)
-"""Weights of G on the Pareto front, over the one that was asked for [-]."""
+"""Weights of the G error on the Pareto front over the given weight [-]."""
 
-_BESIDE = 0.05  # weight of errors before and after the flight
-_SEARCH = 0.6  # share of the work, where it is compared
-_SENSED = 0.02  # s; between samples of a flight that the observer gets
-_WASHED = 0.2  # s; smoothing of a washout
-_WEIGHT = 1.5  # of the G error, to begin with
-_WEIGHINGS, _STEEP = 4, 3.0  # G error falls as about the third root of its weight
-_SAFE, _NEAR = 0.97, 0.05  # of the G error of alignment, aimed at where the weight is changed
+_WEIGHT_BESIDE = 0.05  # weight of errors before and after the flight
+_SEARCH_SHARE = 0.6  # share of the search in the work, with comparisons
+_SENSED_PERIOD = 0.02  # sample period for the perception model [s]
+_WASHED_SMOOTH = 0.2  # smoothing time of a washout [s]
+_WEIGHT = 1.5  # first weight of the G error
+_WEIGHINGS, _EXPONENT = 4, 3.0  # changes of the weight; weight over G error, as a power
+_GOAL, _TOLERANCE = 0.97, 0.05  # G error to aim at, over that of alignment
 _POLISHES, _POLISH_STEPS, _FRONT_STEPS = 5, 6, 10
-_OVER = 0.002  # of the torque that may be used; by so much more may be needed between the knots
-_VERTICAL = 1e-6  # of an axis; as far as it may lean
+_OVERSHOOT = 0.002  # torque between knots that may exceed the limit, over the limit
+_MAX_TILT = 1e-6  # of a vertical axis [rad]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Flown(Shown):
-    """A motion that is felt most like a flight, beside others.
-
-    Attributes:
-        chosen: the motion.
-        alignment: the best of the alignments of the device with the flight's force.
-        washout: of a classical washout.
-        unlimited: the motion without limits of torque; None if it was not asked for.
-        front: weights of G over the one that was asked for, and motions, from the smallest.
-        felt: in flight; None where the model has no answer.
-        numbers: what summary.json holds.
-    """
+    """The motion that is felt most like a flight, with other motions to compare."""
 
     chosen: Option
+    """The best motion."""
     alignment: Option
+    """The best alignment of the device with the flight's force."""
     washout: Option
+    """The motion of a classical washout."""
     unlimited: Option | None
+    """The best motion without limits of torque; None with `compare=False`."""
     front: tuple[tuple[float, Option], ...]
+    """Weights of the G error over the given one, in increasing order, with their motions."""
     felt: Percept | None
+    """The percept in flight; None if the model has no solution."""
     numbers: dict[str, object]
+    """The content of summary.json."""
 
     @property
     def motion(self) -> Motion:
-        """The motion, from rest to rest."""
+        """The best motion, from rest to rest."""
         return self.chosen.motion
 
     @property
     def options(self) -> list[Option]:
-        """The motion, and what it is compared with."""
+        """The best motion, and the motions to compare."""
         others = [self.alignment, self.washout, self.unlimited]
         return [self.chosen, *(one for one in others if one is not None)]
 
@@ -94,7 +91,7 @@ class Flown(Shown):
             rows.append((one.name, f"{one.g_error:.3f}", f"{one.felt_rotation:.1f}", angle,
                          f"{100 * (torque or 0):.1f}"))  # fmt: skip
         flight = self.chosen.flight
-        title = f"{flight.name}: {flight.duration:.6g} s from {self.chosen.starts_at:g} s on, RMS"
+        title = f"{flight.name}: RMS errors over {flight.duration:.6g} s of flight"
         return Summary(title, header, rows)
 
 
@@ -113,32 +110,32 @@ def fly(
     perception: str | PerceptionModel = "slow_yaw",
     compare: bool = True,
 ) -> Flown:
-    """Find the motion of a device that a pilot feels most like a flight.
+    """Find the motion of a device that is felt most like a flight.
 
         flown = sdt.fly("sdt", "turn.csv")
         print(flown)
         flown.motion.to_csv("motion.csv")
 
-    The same input gives the same motion. An interrupt (Ctrl-C) ends the search, and the best motion
-    so far is made to keep the limits.
+    The same input gives the same motion. An interrupt (Ctrl-C) ends the search. The best motion so
+    far is then changed to keep the limits.
 
     Args:
-        robot: with a head and at least two joints, its file, or the name of one that ships.
-        flight: a recording, or its file.
-        columns: what the file calls its columns, a mapping file, or the name of one that ships.
-        approach: from rest to the start of the flight [s].
-        departure: from its end to rest [s].
-        idle_g: resultant to wait at before and after the flight [G]; by default that of its first
-            and last sample.
-        knot: time between knots [s].
-        torque_margin: share of the motors' torque that may be used [-].
-        g_weight: of the G error beside the felt rotation error; with more, less of the first [-].
-            By default 1.5, or what it takes to lose no more of either than by alignment.
-        perception: model of the pilot, for the felt vertical.
-        compare: whether to find the motion without limits of torque, and the Pareto front.
+        robot: A device with a head and at least two joints, its file, or the name of a shipped one.
+        flight: A flight, its file, or the name of a shipped one.
+        columns: Names and units of the columns, a mapping file, or the name of a shipped one.
+        approach: Time from rest to the start of the flight [s].
+        departure: Time from the end of the flight to rest [s].
+        idle_g: Resultant before and after the flight [G]; by default that of its first and last
+            sample.
+        knot: Time between knots of the search [s].
+        torque_margin: Share of the motors' torque to use [-].
+        g_weight: Weight of the G error over that of the felt rotation error [-]. A larger weight
+            gives a smaller G error. By default 1.5, changed if alignment has a smaller error.
+        perception: Perception model for the felt vertical, or its name.
+        compare: True to find the motion without limits of torque and the Pareto front, too.
 
     Raises:
-        InputError: for a flight or a robot that cannot be used, or no motion within its limits.
+        InputError: The flight or the device cannot be used, or no motion keeps the limits.
     """
     robot = robot if isinstance(robot, Robot) else load_robot(robot)
     flight = flight if isinstance(flight, Flight) else read_flight(flight, columns)
@@ -153,13 +150,13 @@ def fly(
         name: getattr(aim, name)[::2] for name in ("force", "rate", "weight")
     })  # fmt: skip
     option = partial(Option, robot=robot, flight=flight, starts_at=approach, model=model)
-    every = np.linspace(0.0, flight.duration, math.ceil(flight.duration / _SENSED) + 1)
+    every = np.linspace(0.0, flight.duration, math.ceil(flight.duration / _SENSED_PERIOD) + 1)
     felt = percept_of(model, every, *flight.at(every))
 
     def shown(name: str, course: Course) -> Option:
         return option(name, motion=course.motion(INTERPOLATION_PERIOD))
 
-    with work() as tell:
+    with work() as report:
         starts = [(sense, seat) for sense in ((1, -1) if aim.arm else (1,)) for seat in SEATS]
         x = aligned(aim, starts)
         alignments = [
@@ -168,8 +165,9 @@ def fly(
             for k in range(len(SEATS)) for smooth in SMOOTH
         ]  # fmt: skip
         aligned_best = min(alignments, key=lambda one: one.felt_rotation)
-        washout = fitted(aim, angles(aim, washed_out(aim, x[0]), _WASHED, *ends))
-        search = _Search(lambda done: tell(done * (_SEARCH if compare else 1)), len(starts) + 1)
+        washout = fitted(aim, angles(aim, washed_out(aim, x[0]), _WASHED_SMOOTH, *ends))
+        part = _SEARCH_SHARE if compare else 1.0
+        search = _Search(lambda done: report(part * done), len(starts) + 1)
         search.run(rough, [angles(rough, one[::2], SMOOTH[0], *ends) for one in x])
         search.refine(aim)
         if g_weight is None:
@@ -183,10 +181,10 @@ def fly(
                 free = replace(aim, torque_share=np.inf)
                 unlimited = shown("without limits of torque", solve(free, chosen, lambda *_: None))
                 for point in _front(aim, chosen):
-                    tell(_SEARCH + (1 - _SEARCH) * len(front) / (len(FRONT) + 1))
+                    report(part + (1 - part) * len(front) / (len(FRONT) + 1))
                     front.append(point)
     best = shown("this motion", chosen)
-    with within("no motion was found within the limits, the best one"):
+    with within("no motion keeps the limits; the best one found"):
         checked_torque(robot, best.motion)
     points = tuple(
         (w, best if course is chosen else shown(f"weight of G {w:g}", course))
@@ -207,7 +205,7 @@ def fly(
         "without_torque_limits": unlimited and unlimited.figures(felt),
         "front": [{"g_weight": w * aim.g_weight, **one.figures(None)} for w, one in points],
         "g_weight": aim.g_weight,
-        "starts": search.told(starts, shown),
+        "starts": search.ends(starts, shown),
         "interrupted": search.interrupted,
         "cpu_s": cpu,
     }
@@ -218,17 +216,16 @@ _Found = tuple[Aim, Course]
 
 
 class _Search:
-    """Searches from several starts, of which the best is improved; what an interrupt leaves of that
-    is kept."""
+    """A search from several starts that improves the best result and keeps it on an interrupt."""
 
-    def __init__(self, tell: Callable[[float], None], count: int) -> None:
-        self._tell, self._count = tell, count
-        self._ends: list[_Found] = []  # of each start
-        self._later: list[_Found] = []
+    def __init__(self, report: Callable[[float], None], count: int) -> None:
+        self._report, self._count = report, count
+        self._ends: list[_Found] = []  # results of the starts
+        self._later: list[_Found] = []  # improvements
         self.interrupted = False
 
     def run(self, aim: Aim, starts: Sequence[Array]) -> None:
-        """Search from angles of each start, shape (N, n)."""
+        """Search from the angles of each start, shape (N, n)."""
         with self.keeping():
             for q in starts:
                 self._improve(self._ends, aim, fitted(aim, q))
@@ -236,29 +233,34 @@ class _Search:
             raise KeyboardInterrupt
 
     def refine(self, aim: Aim) -> None:
-        """Search from the best, with half its time between knots."""
+        """Improve the best course with half the time between knots."""
         if self.interrupted:
             return
         with self.keeping():
             self._improve(self._later, aim, self.best[1].refined())
 
     def weigh(self, losses: Callable[[Course], tuple[float, float]]) -> None:
-        """Change the weight of G until its loss and that of rotation are at most 1; where both
-        cannot be, that of G is."""
+        """Change the weight of the G error until neither error is larger than that of alignment.
+
+        If both cannot be reached, the G error has priority.
+
+        Args:
+            losses: Function from a course to its two errors over those of alignment [-].
+        """
         for _ in range(_WEIGHINGS):
             if self.interrupted:
                 return
             with self.keeping():
                 aim, course = self.best
                 g, rotation = losses(course)
-                if g <= 1 and (rotation <= 1 or g >= _SAFE - _NEAR):
+                if g <= 1 and (rotation <= 1 or g >= _GOAL - _TOLERANCE):
                     return
-                factor = np.clip((g / _SAFE) ** _STEEP, min(FRONT), max(FRONT))
+                factor = np.clip((g / _GOAL) ** _EXPONENT, min(FRONT), max(FRONT))
                 other = replace(aim, g_weight=float(factor) * aim.g_weight)
                 self._improve(self._later, other, course, _FRONT_STEPS)
 
     def polish(self) -> None:
-        """Keep the limits between the knots too, also after an interrupt."""
+        """Change the best course to keep the limits between knots, also after an interrupt."""
         for _ in range(_POLISHES):
             with self.keeping():
                 aim, course = self.best
@@ -268,19 +270,21 @@ class _Search:
                 self._improve(self._later, tighter, course, _POLISH_STEPS)
 
     def _improve(
-        self, found: list[_Found], aim: Aim, start: Course, most_steps: int = MOST_STEPS
+        self, found: list[_Found], aim: Aim, start: Course, max_steps: int = MAX_STEPS
     ) -> None:
+        """Append the course that a search from `start` finds."""
+
         def watch(best: Course, done: float) -> None:
             found[-1] = aim, best
             finished = len(self._ends) + len(self._later) - 1
-            self._tell(min((finished + done) / self._count, 1.0))
+            self._report(min((finished + done) / self._count, 1.0))
 
         found.append((aim, rated(aim, start)))
-        solve(aim, start, watch, most_steps)
+        solve(aim, start, watch, max_steps)
 
     @contextmanager
     def keeping(self) -> Iterator[None]:
-        """Keep what there is when an interrupt ends the work within."""
+        """Keep the results when an interrupt ends the work in the block."""
         try:
             yield
         except KeyboardInterrupt:
@@ -288,11 +292,11 @@ class _Search:
 
     @property
     def best(self) -> _Found:
-        """The improved course, else the best end of a start so far, and its aim."""
+        """The last improvement, or the best result of a start, with its aim."""
         return self._later[-1] if self._later else min(self._ends, key=lambda one: one[1].merit)
 
-    def told(self, starts: list[Start], shown: Callable[[str, Course], Option]) -> object:
-        """What each start has led to."""
+    def ends(self, starts: list[Start], shown: Callable[[str, Course], Option]) -> object:
+        """Return the result of each start."""
         rows = []
         for (sense, seat), (_, course) in zip(starts, self._ends, strict=False):
             figures = shown("", course).figures(None)
@@ -303,7 +307,7 @@ class _Search:
 
 
 def _check(robot: Robot, knot: float, approach: float, idle_g: float | None) -> None:
-    """Refuse what no motion can be found for."""
+    """Refuse options and robots without a solution."""
     check_head(robot)
     if robot.n < 2:
         raise InputError(f"{robot.path}: 1 joint, expected at least 2")
@@ -320,13 +324,13 @@ def _aim(
     robot: Robot, flight: Flight, ends: tuple[float, float], idle_g: float | None,
     knot: float, torque_margin: float, g_weight: float,
 ) -> Aim:  # fmt: skip
-    """The flight at knots, with approach and departure, and the limits of the robot."""
+    """Return the flight at knots, with approach and departure, and the limits of the robot."""
     approach, departure = ends
     count = 2 * math.ceil((approach + flight.duration + departure) / (2 * knot) - 1e-9) + 1
     time = knot * np.arange(float(count)) - approach
     force, rate = flight.means(time, knot)
     flies = (time > -1e-9) & (time < flight.duration + 1e-9)
-    weight = np.repeat(np.where(flies, 1.0, _BESIDE)[:, None], 6, axis=1)
+    weight = np.repeat(np.where(flies, 1.0, _WEIGHT_BESIDE)[:, None], 6, axis=1)
     if idle_g is not None:
         idles = (time > -approach / 2) & (time < flight.duration + departure / 2) & ~flies
         weight[idles, :3] = 1.0
@@ -338,16 +342,15 @@ def _aim(
         robot=robot, knot=knot, force=force, rate=rate, weight=weight, g_weight=g_weight,
         torque_share=torque_margin, lower=robot.position_lower, upper=robot.position_upper,
         torque_less=np.zeros(robot.n),
-        arm=bool(np.linalg.norm(np.cross(axis, down)) < _VERTICAL),
+        arm=bool(np.linalg.norm(np.cross(axis, down)) < _MAX_TILT),
     )  # fmt: skip
 
 
 def _tightened(aim: Aim, course: Course) -> Aim | None:
-    """The aim with tighter limits, by what a course is beyond them between its knots; None where
-    it keeps them."""
+    """Return the aim with limits tightened by their excess between knots; None without excess."""
     robot, motion = aim.robot, course.motion(INTERPOLATION_PERIOD)
     torque = np.vstack(torque_of_periods(robot, motion))
-    share = min(aim.torque_share * (1 + _OVER), 1.0)
+    share = min(aim.torque_share * (1 + _OVERSHOOT), 1.0)
     low, high = robot.torque_range(np.vstack([motion.v[:-1], motion.v[1:]]), share)
     over = np.maximum(np.maximum(torque - high, low - torque).max(axis=0), 0)
     beyond = np.maximum(motion.q - robot.position_upper, robot.position_lower - motion.q)
@@ -364,7 +367,7 @@ def _tightened(aim: Aim, course: Course) -> Aim | None:
 
 
 def _front(aim: Aim, chosen: Course) -> Iterator[tuple[float, Course]]:
-    """Courses with other weights of G, each from its neighbour."""
+    """Yield courses with other weights of the G error, each found from its neighbour."""
     above = sorted(factor for factor in FRONT if factor > 1)
     below = sorted((factor for factor in FRONT if factor < 1), reverse=True)
     for factors in (above, below):

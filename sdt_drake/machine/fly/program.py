@@ -1,16 +1,16 @@
-"""The motion that is felt most like a flight, by sequential quadratic programs.
+"""Sequential quadratic programs for the motion that is felt most like a flight.
 
-Unknown are q, v and a of each joint at knots, a straight between them, so that v and q are exact:
+Variables are q, v and a of each joint at knots. Between knots a is linear, so v and q are exact:
 
     minimise    sum over knots of  h w [ |W H (f - f_air) / s_f|² + |(e - LP e) / s_w|² ]
                                    + h RHO |jerk|²
     subject to  |v| and |a| and q within the limits of the joints, |torque| within those of the
                 motors, rest at both ends
 
-where e is the error of the head's rate, LP the canals' low pass, s_f and s_w the thresholds, w a
-weight that is small before and after the flight, W that of G beside rotation, and H that of forces
-across the pilot's z beside those along it. Each program is the problem made linear at the motion
-before, within a region in which that is trusted.
+f is the specific force, f_air that of the flight, e the error of the head's rate and LP the canals'
+low pass. s_f and s_w are thresholds of perception. The weight w is small before and after the
+flight. W is the weight of forces over rotation, H that of forces across the pilot's z over those
+along it. Each program is the problem linearised at the motion before, within a trust region.
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ from sdt_drake.robot.head import head_motion
 from sdt_drake.robot.robot import Robot
 
 RATE = np.radians(1.58 * np.array(AXES))
-"""Change of rotation about x, y, z that is just felt [rad/s]; see `AXES`."""
+"""Threshold of perception of the rotation about x, y, z [rad/s]; see `AXES`."""
 
 HORIZONTAL = 2.0
-"""Weight of forces across the pilot's z beside those along it [-]; rotation hardly suffers."""
+"""Weight of forces across the pilot's z over those along it [-], with little effect on rotation."""
 
 RHO = 0.1
-"""Weight of the jerk [s⁶/rad²/s]; small beside what is felt."""
+"""Weight of the jerk [s⁶/rad²/s], small beside felt errors."""
 
 SPEED_SHARE = 0.98
-"""Share of the joints' speed that a motion may take [-]."""
+"""Share of the joints' speed limit that a motion uses [-]."""
 
-MOST_STEPS = 60
-"""Programs of a search [-]."""
+MAX_STEPS = 60
+"""Largest number of programs in a search [-]."""
 
-_REGION, _LARGEST_REGION, _SMALLEST_REGION = 0.3, 1.0, 1e-3  # rad, and rad/s of an arm
-_SETTLED = 3e-3  # of the cost; a step that promises less is the last one
+_REGION, _MAX_REGION, _MIN_REGION = 0.3, 1.0, 1e-3  # trust region [rad, and rad/s of an arm]
+_MIN_GAIN = 3e-3  # of a step, over the cost; a smaller expected gain ends the search
 _OPTIONS = SolverOptions()
 for _name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
     _OPTIONS.SetOption(ClarabelSolver.id(), _name, 1e-6)
@@ -55,34 +55,32 @@ _FIT = 1e-4  # weight of the jerk beside that of angles [s⁶]
 
 @dataclass(frozen=True, eq=False)
 class Aim:
-    """Head motion to be had at knots, and the limits of the device.
-
-    Attributes:
-        robot: with a frame `head`.
-        knot: time between knots [s].
-        force: specific force [m/s²], shape (N, 3).
-        rate: angular rate [rad/s], shape (N, 3).
-        weight: of the errors of force and rate at each knot [-], shape (N, 6).
-        g_weight: W² [-].
-        torque_share: of the motors' torque that may be used [-]; inf: any torque.
-        lower, upper: angles of the joints [rad], shape (n,).
-        torque_less: taken off the torque that may be used [N m], shape (n,).
-        arm: whether joint 1 turns about the vertical, so that its angle is not felt.
-        penalty: cost of a torque that is one limit too large, for a second.
-    """
+    """The desired head motion at knots, and the limits of the device."""
 
     robot: Robot
+    """The device with a frame `head`."""
     knot: float
+    """Time between knots [s]."""
     force: Array
+    """Specific force [m/s²], shape (N, 3)."""
     rate: Array
+    """Angular rate [rad/s], shape (N, 3)."""
     weight: Array
+    """Weights of the errors of force and rate at each knot [-], shape (N, 6)."""
     g_weight: float
+    """Weight W² of force errors [-]."""
     torque_share: float
+    """Share of the motors' torque to use [-]; inf for unlimited torque."""
     lower: Array
+    """Lower limits of the angles [rad], shape (n,)."""
     upper: Array
+    """Upper limits of the angles [rad], shape (n,)."""
     torque_less: Array
+    """Reduction of the torque limits [N m], shape (n,)."""
     arm: bool
+    """True if joint 1 turns about the vertical, so that its angle is not felt."""
     penalty: float = 5e3
+    """Cost per second of a torque that exceeds its limit by the limit."""
 
     @property
     def count(self) -> int:
@@ -92,21 +90,18 @@ class Aim:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Angles, speeds and accelerations at knots, shape (N, n) each; see `Aim`.
-
-    Attributes:
-        knot: time between knots [s].
-        merit: what is minimised: of what is felt, of jerk, and of torque beyond what may be used.
-    """
+    """Angles, speeds and accelerations of the joints at knots, shape (N, n) each; see `Aim`."""
 
     knot: float
+    """Time between knots [s]."""
     q: Array
     v: Array
     a: Array
     merit: float = math.inf
+    """The minimised cost of felt errors, jerk and excess torque."""
 
     def motion(self, period: float) -> Motion:
-        """The course at the interpolation period, which divides the time between knots."""
+        """Return the motion at a period [s] that divides the time between knots."""
         steps = round(self.knot / period)
         i, within = np.divmod(np.arange((len(self.q) - 1) * steps + 1), steps)
         i, t = np.minimum(i, len(self.q) - 2), (within * period)[:, None]
@@ -117,7 +112,7 @@ class Course:
         return Motion.from_speeds(period, self.q[0], v)
 
     def refined(self) -> Course:
-        """The same course with another knot in the middle between any two."""
+        """Return the same course with an additional knot in the middle between any two."""
         t = self.knot / 2
         q, v, a = (x[:-1] for x in (self.q, self.v, self.a))
         jerk = np.diff(self.a, axis=0) / self.knot
@@ -133,34 +128,34 @@ class Course:
 
 
 Watch = Callable[[Course, float], None]
-"""Called with the best course so far and the share of the work that is done."""
+"""Function of the best course so far and the completed share of the work; it may raise."""
 
 
-def solve(aim: Aim, start: Course, watch: Watch, most_steps: int = MOST_STEPS) -> Course:
-    """The best course near `start`; whoever watches may raise, and then has had the best."""
+def solve(aim: Aim, start: Course, watch: Watch, max_steps: int = MAX_STEPS) -> Course:
+    """Find the best course near `start`."""
     best, region = rated(aim, start), _REGION
-    for step in range(most_steps):
-        watch(best, step / most_steps)
+    for step in range(max_steps):
+        watch(best, step / max_steps)
         proposed, promised = _step(aim, best, region)
         gain = best.merit - proposed.merit
         if gain <= 0:
             region *= 0.4
-            if region < _SMALLEST_REGION:
+            if region < _MIN_REGION:
                 break
             continue
         if gain > 0.75 * promised:
-            region = min(1.5 * region, _LARGEST_REGION)
+            region = min(1.5 * region, _MAX_REGION)
         elif gain < 0.25 * promised:
             region /= 2
         best = proposed
-        if promised < _SETTLED * best.merit:
+        if promised < _MIN_GAIN * best.merit:
             break
     watch(best, 1.0)
     return best
 
 
 def fitted(aim: Aim, q: Array) -> Course:
-    """The course within the joints' limits that is nearest to angles of shape (N, n)."""
+    """Return the course within the joints' limits that is closest to angles, shape (N, n)."""
     program = _Quadratic(aim)
     one = np.eye(aim.robot.n)
     program.squares(program.q, np.broadcast_to(one, (aim.count, *one.shape)), -q)
@@ -170,7 +165,7 @@ def fitted(aim: Aim, q: Array) -> Course:
 
 
 def rated(aim: Aim, course: Course) -> Course:
-    """The course with its merit."""
+    """Return the course with its merit."""
     error = _head(aim.robot, course.q, course.v, course.a) - np.hstack([aim.force, aim.rate])
     error[:, 3:] -= low_pass(error[:, 3:], CANAL, aim.knot)
     error *= _scale(aim) * aim.weight
@@ -185,19 +180,19 @@ def rated(aim: Aim, course: Course) -> Course:
 
 
 def _scale(aim: Aim) -> Array:
-    """From errors of force and rate to what is minimised, shape (6,)."""
+    """Return the factors from errors of force and rate to the cost, shape (6,)."""
     force = np.array([HORIZONTAL, HORIZONTAL, 1.0]) / LINEAR
     return np.concatenate([math.sqrt(aim.g_weight) * force, 1 / RATE])
 
 
 def _head(robot: Robot, q: Array, v: Array, a: Array) -> Array:
-    """Specific force and rate of the head, shape (N, 6)."""
+    """Return specific force and rate of the head, shape (N, 6)."""
     head = head_motion(robot, q, v, a)
     return np.hstack([head.specific_force, head.angular_velocity])
 
 
 def _torque_use(aim: Aim, q: Array, v: Array, a: Array) -> Array:
-    """Torque over what may be used of it: 1 at its limit, -1 at the least, shape (N, n)."""
+    """Return the torque over its usable range, from -1 to 1, shape (N, n)."""
     torque = inverse_dynamics(aim.robot, q, v, a)
     low, high = aim.robot.torque_range(v, aim.torque_share)
     low, high = low + aim.torque_less, high - aim.torque_less
@@ -205,7 +200,7 @@ def _torque_use(aim: Aim, q: Array, v: Array, a: Array) -> Array:
 
 
 def _jacobian(of: Callable[..., Array], course: Course, step: float) -> Array:
-    """Change of a function of q, v, a, row by row, with each of these: shape (N, rows, 3n)."""
+    """Return the derivatives of a function of q, v, a at each knot, shape (N, rows, 3n)."""
     parts = np.stack([course.q, course.v, course.a])
     count, n = course.q.shape
     moved = np.repeat(parts[None], 6 * n, axis=0).reshape(3, n, 2, 3, count, n)
@@ -219,14 +214,14 @@ def _jacobian(of: Callable[..., Array], course: Course, step: float) -> Array:
 
 
 def _step(aim: Aim, course: Course, region: float) -> tuple[Course, float]:
-    """The best course of the problem made linear, within the region, and the gain it promises."""
+    """Return the best course of the linearised problem within the region, and its expected gain."""
     program, n, scale = _Quadratic(aim, max(course.merit, 1.0)), aim.robot.n, _scale(aim)
     at = np.hstack([course.q, course.v, course.a])
     J = _jacobian(lambda q, v, a: _head(aim.robot, q, v, a), course, 1e-5)
     off = _head(aim.robot, course.q, course.v, course.a) - np.hstack([aim.force, aim.rate])
     off -= np.einsum("nij,nj->ni", J, at)
     sensed = program.lagged(J[:, 3:, : 2 * n], off[:, 3:])
-    # Of each knot: J x + off - (0, LP e), with its weight.
+    # Errors at each knot: J x + off - (0, LP e), with their weights.
     lag = np.zeros((aim.count, 6, 3))
     lag[:, 3:] = -np.eye(3)
     weight = math.sqrt(aim.knot) * aim.weight * scale
@@ -256,7 +251,7 @@ def _step(aim: Aim, course: Course, region: float) -> tuple[Course, float]:
 class _Quadratic:
     """A quadratic program in q, v and a of all knots, with exact integration between them.
 
-    Its cost is counted in `unit`, or numbers would be too large for the solver.
+    The cost is divided by `unit`, because the solver requires numbers of about 1.
     """
 
     def __init__(self, aim: Aim, unit: float = 1.0) -> None:
@@ -285,17 +280,19 @@ class _Quadratic:
             self._between(np.broadcast_to(-limit, variables.shape), limit, variables)
 
     def _between(self, lower: Array, upper: Array, variables: Array) -> None:
+        """Keep variables between limits."""
         lower, upper = (np.broadcast_to(x, variables.shape).ravel() for x in (lower, upper))
         self._program.AddBoundingBoxConstraint(lower, upper, variables.ravel())
 
     def _equal(self, blocks: list[Array], variables: list[Array], value: Array | float) -> None:
+        """Keep the sum of blocks times variables equal to a value."""
         matrix = sp.csc_matrix(sp.hstack(blocks))
         right = np.broadcast_to(value, matrix.shape[:1]).astype(float)
         unknown = np.concatenate([one.ravel() for one in variables])
         self._program.AddLinearEqualityConstraint(matrix, right, unknown)
 
     def squares(self, variables: Array, A: Array, b: Array) -> None:
-        """Add |A x + b|² of each knot, shapes (N, m), (N, r, m) and (N, r)."""
+        """Add the cost |A x + b|² of each knot, shapes (N, m), (N, r, m) and (N, r)."""
         turned = A.transpose(0, 2, 1)
         Q = 2 / self._unit * turned @ A + 1e-9 * np.eye(A.shape[2])
         c = 2 / self._unit * np.einsum("nij,nj->ni", turned, b)
@@ -303,7 +300,7 @@ class _Quadratic:
             self._program.AddQuadraticCost(*one, is_convex=True)
 
     def jerk(self, weight: float) -> None:
-        """Add the squares of the jerk, each with this weight."""
+        """Add the cost of the squared jerk with a weight."""
         n = self._aim.robot.n
         size = 2 / self._unit * weight / self._aim.knot**2
         Q = size * np.kron([[1, -1], [-1, 1]], np.eye(n))
@@ -311,17 +308,17 @@ class _Quadratic:
             self._program.AddQuadraticCost(Q, np.zeros(2 * n), pair, is_convex=True)
 
     def bounds(self, lower: Array, upper: Array) -> None:
-        """Keep the angles within these."""
+        """Keep the angles within limits [rad]."""
         self._between(lower, upper, self.q)
-        if self._aim.arm:  # its angle is not felt: from 0 on
+        if self._aim.arm:  # its angle is not felt, so it begins at 0
             self._program.AddBoundingBoxConstraint(0, 0, self.q[:1, 0])
 
     def near(self, variables: Array, values: Array, region: float) -> None:
-        """Keep variables near values."""
+        """Keep variables within a region around values."""
         self._between(values - region, values + region, variables)
 
     def lagged(self, J: Array, off: Array) -> Array:
-        """The canals' low pass of e = J (q, v) + off, as variables of shape (N, 3)."""
+        """Return the canals' low pass of e = J (q, v) + off, as variables, shape (N, 3)."""
         count, n = self.q.shape
         ratio = self._aim.knot / CANAL
         phi, b = math.exp(-ratio), -math.expm1(-ratio) / ratio
@@ -334,13 +331,13 @@ class _Quadratic:
              -mean @ _blocks(J[:, :, n:])],
             [z, self.q, self.v], mean @ off.ravel(),
         )  # fmt: skip
-        # At the first knot the device is at rest, so e is what it is, and long has been.
+        # The device has been at rest before the first knot, so the low pass is in steady state.
         start = -self._aim.rate[0]
         self._program.AddBoundingBoxConstraint(start, start, z[0])
         return z
 
     def torques(self, aim: Aim, course: Course, at: Array) -> None:
-        """Keep the torques within what may be used; what is beyond costs."""
+        """Limit the torques by a cost of their excess."""
         count, n = course.q.shape
 
         def use(q: Array, v: Array, a: Array) -> Array:
@@ -363,26 +360,26 @@ class _Quadratic:
             )
 
     def excess(self) -> float:
-        """Torque beyond what may be used, summed over knots [-]."""
+        """Return the excess of torque over the limits, summed over knots [-]."""
         return float(self.value(self._slack).sum()) if len(self._slack) else 0.0
 
     def value(self, variables: Array) -> Array:
-        """What the solution gives to variables."""
+        """Return the values of variables in the solution."""
         return np.asarray(self._result.GetSolution(variables), dtype=float)
 
     def succeeded(self) -> bool:
-        """Whether the solver has found the solution."""
+        """Return True if the solver has found the solution."""
         return bool(self._result.is_success())
 
     def solved(self) -> Course:
-        """The solution."""
+        """Solve the program and return the course."""
         self._result = ClarabelSolver().Solve(self._program, None, _OPTIONS)
         q, v, a = map(self.value, (self.q, self.v, self.a))
         return Course(self._aim.knot, q, v, a)
 
 
 def _blocks(blocks: Array) -> sp.bsr_matrix:
-    """A block-diagonal matrix of blocks of shape (N, r, m)."""
+    """Return the block-diagonal matrix of blocks, shape (N, r, m)."""
     count, rows, columns = blocks.shape
     shape = (count * rows, count * columns)
     return sp.bsr_matrix((blocks, np.arange(count), np.arange(count + 1)), shape=shape)

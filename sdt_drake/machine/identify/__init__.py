@@ -1,4 +1,4 @@
-"""From recordings of a robot to its parameters, and how sure they are.
+"""Identification: a robot's parameters and their uncertainty, estimated from recordings.
 
-It knows robots, recordings and dynamics, and nothing of studies or pages.
+This package depends on robots, recordings and dynamics, not on studies or reports.
 """

@@ -1,10 +1,10 @@
-"""What else columns of a recording could mean, and whether that explains the torques better.
+"""Alternative meanings of a recording's columns that explain the torques better than the mapping.
 
-An alternative has one name: two torques swapped, columns from the tip to the base, a sign, a zero
-that is off by a right angle, another direction of gravity. Each is judged twice, with the friction
-of every joint free: by any links, which the motion alone ties to each other, and by the links of
-the file. The score of an alternative is the logarithm of the ratio of what is left (RMS), summed
-over the joints, for both. Blocks of time tell how sure it is.
+An alternative is one change: two torques swapped, columns from tip to base, a sign, an offset of a
+position by a right angle, or another gravity. Each is tested twice, with free friction
+at every joint: with the best links, and with the links of the file. A score is the logarithm of the
+ratio of the residuals (RMS, before over after), summed over the joints. The two scores are added.
+The spread over blocks of time gives the standard error.
 """
 
 from __future__ import annotations
@@ -23,95 +23,89 @@ from sdt_drake.machine.identify.estimation import solved
 from sdt_drake.machine.identify.regressor import Bodies
 from sdt_drake.robot.robot import Robot
 
-_ROWS = 400  # that are compared
-_FLOOR = 0.03  # of a torque: less is explained by nothing that has a name
-_ODD = 0.5  # of a torque left by the file's links: where all leave less, nothing is tried
-_BETTER, _BY_ANY, _BY_FILE = 2.0, 0.5, 4.0  # scores; see `Better`
-_AS_GOOD = 0.5  # less of a score: told as well
-_BLOCKS, _SURE = 10, 3.0  # of time; standard errors
-_TILTED = 3.0  # degrees, from where on gravity has another direction
-_ROUNDS = 3
-_WIDTHS = (0.02, 0.1)  # of the largest speed, over which friction changes its sign
-_RIGHT = np.pi / 2
+_MAX_ROWS = 400  # compared samples
+_FLOOR = 0.03  # residual that remains in any case, over the torque
+_MIN_RESIDUAL = 0.5  # residual of the file's links over the torque; below it, nothing is tried
+_MIN_SCORE, _MIN_FREE_SCORE, _MIN_FILE_SCORE = 2.0, 0.5, 4.0  # see `Better`
+_MAX_BEHIND = 0.5  # score; readings this close to the best are reported, too
+_BLOCKS, _MIN_SIGMAS = 10, 3.0  # blocks of time; standard errors of a score
+_MIN_TILT = 3.0  # degrees between two directions of gravity
+_ROUNDS = 3  # iterations of the weights
+_WIDTHS = (0.02, 0.1)  # widths of the sign change of friction over the largest speed
+_RIGHT = np.pi / 2  # rad
 
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """How columns are read.
-
-    Attributes:
-        words: what they are then, as the end of "are explained by ...".
-        write: what a mapping file would say; "" where none can.
-        order: whose torques the columns are, shape (n,).
-        whole: whether positions are in that order, too.
-        turned: 1, or -1 for a joint whose position counts the other way, shape (n,).
-        sign: 1, or -1 for a torque that does, shape (n,).
-        offset: added to positions [rad], shape (n,).
-        gravity: in the world [m/s²], shape (3,).
-    """
+    """A meaning of the columns of a recording."""
 
     words: str
+    """The end of the sentence "torques are explained by ..."."""
     write: str
+    """The entry in a mapping file; "" where none can express it."""
     order: Index
+    """The joints that the torque columns belong to, from 0, shape (n,)."""
     whole: bool
+    """True if positions are in that order, too."""
     turned: Array
+    """1, or -1 for a position with the opposite sign, shape (n,)."""
     sign: Array
+    """1, or -1 for a torque with the opposite sign, shape (n,)."""
     offset: Array
+    """Values added to positions [rad], shape (n,)."""
     gravity: Array
+    """Gravity in the world frame [m/s²], shape (3,)."""
 
 
 class Left(NamedTuple):
-    """What is left of torques: squares in each row over those of what is no friction, shape (M, n);
-    and the parameters of the links that leave it, shape (11 n,).
-
-    Attributes:
-        free: by any links.
-        file: by those of the file.
-        links: that leave `free`.
-    """
+    """Squared residuals over the mean square of the torque without friction."""
 
     free: Array
+    """Residuals of the best links, shape (M, n)."""
     file: Array
+    """Residuals of the links of the file, shape (M, n)."""
     links: Array
+    """Parameters of the best links, shape (11 n,)."""
 
 
 class Better(NamedTuple):
-    """An alternative that explains torques better.
+    """An alternative that explains torques better than the mapping.
 
-    It has a score of _BETTER by any links and those of the file together; of _BY_ANY by any links,
-    or, as a file may be wrong where the motion alone decides nothing, of _BY_FILE by the file's.
-
-    Attributes:
-        reading: what the columns are.
-        score: see above.
-        before, after: RMS of what the file's links leave of each torque [-], shape (n,).
-        any_before, any_after: likewise, any links.
+    Its total score is above _MIN_SCORE. Its score with the best links is above _MIN_FREE_SCORE, or
+    its score with the links of the file is above _MIN_FILE_SCORE. The second test has the higher
+    limit because a file may be wrong.
     """
 
     reading: Reading
+    """The alternative meaning of the columns."""
     score: float
+    """The total score."""
     before: Array
     after: Array
+    """`before` and `after`: RMS residual of the file's links over each torque [-], shape (n,)."""
     any_before: Array
     any_after: Array
+    """`any_before` and `any_after`: RMS residual of the best links [-], shape (n,)."""
 
 
 def better_readings(
     robot: Robot, eq: Equations, factor: Array, *, by_file: bool = True
 ) -> list[Better]:
-    """Alternatives that explain the torques better than the mapping does, the best first: those
-    that explain them as well as the best one; none where the mapping is not to blame.
+    """Return the alternatives that explain the torques better than the mapping, the best first.
+
+    The list contains the best one and those that are nearly as good. It is empty if the mapping
+    explains the torques.
 
     Args:
-        robot: of the file.
-        eq: the equations.
-        factor: of each torque, to the unit that it is in, shape (n,).
-        by_file: whether the links of the file may decide, too.
+        robot: The robot of the file.
+        eq: The equations of the recordings.
+        factor: Factors from each torque to N m, joint side, shape (n,).
+        by_file: True if the links of the file may decide, too.
     """
     plain = _as_read(robot)
     judge = _Judge(robot, _Rows.of(eq, factor), plain.gravity)
     now = judge.left(plain)
-    if np.all(_rms(now.file) < _ODD):
+    if np.all(_rms(now.file) < _MIN_RESIDUAL):
         return []
     found = []
     for reading in (*_alternatives(plain), judge.other_gravity(plain)):
@@ -121,36 +115,31 @@ def better_readings(
         of_any, of_file = _score(now.free, left.free), _score(now.file, left.file)
         both = of_any + of_file
         score, error = both.mean(), both.std(ddof=1) / np.sqrt(_BLOCKS)
-        decides = of_any.mean() > _BY_ANY or (
-            by_file and of_any.mean() > -_BY_ANY and of_file.mean() > _BY_FILE
+        decides = of_any.mean() > _MIN_FREE_SCORE or (
+            by_file and of_any.mean() > -_MIN_FREE_SCORE and of_file.mean() > _MIN_FILE_SCORE
         )
-        if score > max(_BETTER, _SURE * error) and decides and of_file.mean() > 0:
+        if score > max(_MIN_SCORE, _MIN_SIGMAS * error) and decides and of_file.mean() > 0:
             sizes = map(_rms, (now.file, left.file, now.free, left.free))
             found.append(Better(reading, float(score), *sizes))
     found.sort(key=lambda one: -one.score)
-    return [one for one in found if one.score > found[0].score - _AS_GOOD]
+    return [one for one in found if one.score > found[0].score - _MAX_BEHIND]
 
 
 def _score(before: Array, after: Array) -> Array:
-    """In each block of time, shape (_BLOCKS,)."""
+    """Return the score in each block of time, shape (_BLOCKS,)."""
     blocks = np.array_split(np.arange(len(before)), _BLOCKS)
     ratio = [before[b].mean(axis=0) / after[b].mean(axis=0) for b in blocks]
     return 0.5 * np.log(ratio).sum(axis=1)
 
 
 def _rms(left: Array) -> Array:
-    """Over all rows, shape (n,)."""
+    """Return the RMS over all rows, shape (n,)."""
     return np.asarray(np.sqrt(left.mean(axis=0)))
 
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Some rows of equations.
-
-    Attributes:
-        q, v, vd, tau: as of `Equations`, shape (M, n).
-        moves: which count, shape (M, n).
-    """
+    """A selection of rows of the equations; fields as in `Equations`, shape (M, n)."""
 
     q: Array
     v: Array
@@ -160,14 +149,14 @@ class _Rows:
 
     @staticmethod
     def of(eq: Equations, factor: Array) -> _Rows:
-        """About _ROWS of those for fitting, evenly; torques times a factor, shape (n,)."""
+        """Select up to _MAX_ROWS fitted rows, evenly; multiply torques by `factor`, shape (n,)."""
         fit = np.flatnonzero(eq.fit & eq.moves.any(axis=1))
-        few = fit[np.unique(np.linspace(0, len(fit) - 1, min(len(fit), _ROWS)).astype(int))]
+        few = fit[np.unique(np.linspace(0, len(fit) - 1, min(len(fit), _MAX_ROWS)).astype(int))]
         return _Rows(*(x[few] for x in (eq.q, eq.v, eq.vd, eq.tau * factor, eq.moves)))
 
 
 def _as_read(robot: Robot) -> Reading:
-    """The columns as the mapping has them."""
+    """Return the meaning of the columns that the mapping gives."""
     ones = np.ones(robot.n)
     gravity = Bodies.of(robot).gravity
     order = np.arange(robot.n)
@@ -175,7 +164,7 @@ def _as_read(robot: Robot) -> Reading:
 
 
 def _alternatives(plain: Reading) -> Iterator[Reading]:
-    """All that are tried but for gravity."""
+    """Yield all alternatives except other directions of gravity."""
     n = len(plain.order)
     order = np.arange(n)
 
@@ -195,17 +184,17 @@ def _alternatives(plain: Reading) -> Iterator[Reading]:
                       "tip", order=order[::-1], whole=True)  # fmt: skip
     for k in range(n):
         sign = other(k, -1.0, 1.0)
-        told = _list(sign)
-        yield replace(plain, words=f"tau_{k + 1} of the other sign",
-                      write=f"torque_factor: {told}", sign=sign)  # fmt: skip
-        yield replace(plain, words=f"q_{k + 1} of the other sign",
-                      write=f"direction: {told}, torque_factor: {told}", turned=sign)  # fmt: skip
-        words = f"joint {k + 1} counted the other way"
-        yield replace(plain, words=words, write=f"direction: {told}", turned=sign, sign=sign)
+        signs = _list(sign)
+        yield replace(plain, words=f"tau_{k + 1} with the opposite sign",
+                      write=f"torque_factor: {signs}", sign=sign)  # fmt: skip
+        write = f"direction: {signs}, torque_factor: {signs}"
+        yield replace(plain, words=f"q_{k + 1} with the opposite sign", write=write, turned=sign)
+        words = f"the opposite direction of joint {k + 1}"
+        yield replace(plain, words=words, write=f"direction: {signs}", turned=sign, sign=sign)
         for turn in (_RIGHT, -_RIGHT, 2 * _RIGHT):
             offset = other(k, turn, 0.0)
             degrees = round(np.degrees(turn))
-            yield replace(plain, words=f"a zero of q_{k + 1} that is off by {degrees} degrees",
+            yield replace(plain, words=f"an offset of q_{k + 1} by {degrees} degrees",
                           write=f"position_offset: {_list(offset)}", offset=offset)  # fmt: skip
 
 
@@ -214,16 +203,16 @@ def _list(values: Array | Index) -> str:
 
 
 class _Judge:
-    """What is left of the torques by each way of reading the columns."""
+    """A calculator of the residual torques of each alternative."""
 
     def __init__(self, robot: Robot, rows: _Rows, gravity: Array):
         self.robot, self.rows, self.gravity = robot, rows, gravity
         self.file = rigid_parameters(robot)
         self.scale = rigid_scale(robot)
-        self.columns = rigid_columns(robot, rows.q, rows.v, rows.vd)  # as the mapping has them
+        self.columns = rigid_columns(robot, rows.q, rows.v, rows.vd)
 
     def left(self, reading: Reading) -> Left:
-        """What is left by a reading."""
+        """Return the residuals of a reading."""
         seen = self._without_friction(reading)
         tau = self.rows.tau[:, reading.order]
         floor = (_FLOOR * tau) ** 2 + 1e-300
@@ -245,18 +234,21 @@ class _Judge:
         return Left(of(links), of(self.file), links)
 
     def other_gravity(self, plain: Reading) -> Reading | None:
-        """The direction of gravity that the torques tell, if it is not that of the file: of its
-        links first, then of any. To all links torques are linear in gravity."""
+        """Return a reading with the direction of gravity that fits the torques best.
+
+        The direction is fitted with the links of the file first, then with the best links. Torques
+        are linear in gravity. None if gravity is zero or has the direction of the file.
+        """
         size = float(np.linalg.norm(plain.gravity))
         if size == 0:
             return None
         reading, links = plain, self.file
         for _ in range(_ROUNDS):
             unit = (*np.eye(3), np.zeros(3))
-            told = [self._without_friction(replace(plain, gravity=x)) for x in unit]
+            parts = [self._without_friction(replace(plain, gravity=x)) for x in unit]
             A, b = np.zeros((3, 3)), np.zeros(3)
-            for k, (Y0, y) in enumerate(told[3]):
-                X = np.column_stack([told[i][k][0] @ links - Y0 @ links for i in range(3)])
+            for k, (Y0, y) in enumerate(parts[3]):
+                X = np.column_stack([parts[i][k][0] @ links - Y0 @ links for i in range(3)])
                 off = y - Y0 @ links
                 weight = 1 / max(float(np.mean(y**2)), 1e-300)
                 A, b = A + weight * X.T @ X, b + weight * X.T @ off
@@ -266,16 +258,19 @@ class _Judge:
             links = self.left(reading).links
         cosine = float(reading.gravity @ plain.gravity) / size**2
         angle = float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
-        if angle < _TILTED:
+        if angle < _MIN_TILT:
             return None
         stands = "upside down, as on a ceiling" if angle > 165 else f"turned by {angle:.0f} degrees"
         stands += ", as on a wall" * (75 < angle < 105)
-        told_as = ", ".join(f"{x + 0.0:.2f}" for x in np.round(reading.gravity / size, 2))
-        return replace(reading, words=f"a base {stands}: gravity along [{told_as}] of the file")
+        axis = ", ".join(f"{x + 0.0:.2f}" for x in np.round(reading.gravity / size, 2))
+        return replace(reading, words=f"a base {stands}: gravity along [{axis}] of the file")
 
     def _without_friction(self, reading: Reading) -> list[tuple[Array, Array]]:
-        """Columns of the rigid parameters and torque of each joint, what any friction of it
-        explains taken out of both, shapes (M, 11 n) and (M,); 0 where the joint rests."""
+        """Return the columns of the rigid parameters and the torque of each joint.
+
+        The part that the joint's friction can explain is removed from both by projection. Shapes
+        (M, 11 n) and (M,); 0 where the joint rests.
+        """
         rows, order = self.rows, reading.order
         places = order if reading.whole else np.arange(len(order))
         q, v, vd = (x[:, places] for x in (rows.q, rows.v, rows.vd))

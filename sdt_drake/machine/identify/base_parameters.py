@@ -1,4 +1,4 @@
-"""Base parameters: the combinations of parameters that the torques of the joints can tell.
+"""Base parameters: the combinations of parameters that determine the joint torques.
 
 Gautier and Khalil, "Direct calculation of minimum set of inertial parameters of serial robots",
 IEEE Trans. Robotics and Automation 6(3), 1990; by QR as in Gautier, "Numerical calculation of the
@@ -17,32 +17,32 @@ from sdt_drake.io.errors import InputError
 from sdt_drake.machine.identify.regressor import PARAMETERS, Bodies, regressor
 from sdt_drake.robot.robot import Robot
 
-_SAMPLES = 200
-_NOTHING = 1e-4
-"""Of a column that is scaled to one, what no recording could show: files of robots say pi / 2 as
-1.5708, which ties parameters to 1e-5 that are tied for good."""
+_SAMPLES = 200  # random states that reveal which columns are dependent
+_MIN_COLUMN = 1e-4
+"""Smallest independent part of a column of length 1. Robot files round pi / 2 to 1.5708, which
+leaves 1e-5 of a column that is dependent in truth."""
 
-_TIE = 1e-6
-"""Smallest tie between columns that are scaled to one."""
+_MIN_TIE = 1e-6
+"""Smallest coefficient between columns of length 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class BaseParameters:
-    """W phi = W[:, independent] beta with beta = combination @ phi, for every W of these columns.
+    """The base parameters beta = combination @ phi of parameters phi.
 
-    Attributes:
-        names: of all p parameters.
-        independent: those that the r base parameters beta are named after, shape (r,).
-        combination: what beta is of all parameters, shape (r, p); 1 in the columns `independent`.
+    W phi = W[:, independent] beta for every matrix W of these columns.
     """
 
     names: tuple[str, ...]
+    """Names of all p parameters."""
     independent: Index
+    """Indices of the parameters that name the r base parameters, shape (r,)."""
     combination: Array
+    """Coefficients of all parameters in beta, shape (r, p); 1 in the columns `independent`."""
 
     @cached_property
     def words(self) -> list[str]:
-        """Each base parameter as the sum that it is: "Izz of arm + 6.76 mass of gondola"."""
+        """Each base parameter as a sum of parameters: "Izz of arm + 6.76 mass of gondola"."""
         return [
             self._sum(row, own) for row, own in zip(self.combination, self.independent, strict=True)
         ]
@@ -53,58 +53,54 @@ class BaseParameters:
 
     @cached_property
     def identifiable(self) -> list[str]:
-        """How each parameter can be identified, shape (p,): "alone", "in combination" or "not at
-        all"."""
-        # Its own part of its projection onto the row space: 1 where beta determines it.
+        """The identifiability of each parameter: "alone", "in combination" or "not at all"."""
+        # Diagonal of the projection onto the row space: 1 where beta determines the parameter.
         own = np.diagonal(np.linalg.pinv(self.combination) @ self.combination)
-        said = {True: "alone", False: "in combination"}
-        return ["not at all" if x < 1e-6 else said[bool(x > 1 - 1e-6)] for x in own]
+        words = {True: "alone", False: "in combination"}
+        return ["not at all" if x < 1e-6 else words[bool(x > 1 - 1e-6)] for x in own]
 
 
 def rigid_columns(
     robot: Robot, q: Array, v: Array, vd: Array, gravity: Array | None = None
 ) -> Array:
-    """Columns of the torques of links and motors, joint side, shape (N, n, 11 n).
+    """Return the columns of the torques of links and motors, joint side, shape (N, n, 11 n).
 
-    Those of `regressor`, and for each motor that of its reflected inertia r² I_m; see
-    `rigid_names` and `rigid_parameters`. Arguments as of `regressor`.
+    The first 10 n columns are those of `regressor`, with its arguments. The last n belong to the
+    reflected inertias r² I_m of the motors. See `rigid_names` and `rigid_parameters`.
     """
     motors = vd[:, :, None] * np.eye(robot.n)
     return np.concatenate([regressor(robot, q, v, vd, gravity), motors], axis=2)
 
 
 def rigid_names(robot: Robot) -> tuple[str, ...]:
-    """Names of `rigid_columns`: "hx of gondola + payload", "motor inertia of roll"."""
+    """Return the names of `rigid_columns`: "hx of gondola + payload", "motor inertia of roll"."""
     links = [f"{name} of {body}" for body in Bodies.of(robot).names for name in PARAMETERS]
     return (*links, *(f"motor inertia of {joint}" for joint in robot.joint_names))
 
 
 def rigid_parameters(robot: Robot) -> Array:
-    """The parameters of the robot's file, for `rigid_columns`, shape (11 n,)."""
+    """Return the parameters of the robot's file in the order of `rigid_columns`, shape (11 n,)."""
     return np.concatenate([Bodies.of(robot).parameters.ravel(), robot.reflected_inertia])
 
 
 @dataclass(frozen=True, eq=False)
 class Unknown:
-    """Which of `rigid_columns` are unknown; the others are those of the robot's file.
-
-    Attributes:
-        columns: the unknown ones.
-        base: base parameters of these.
-    """
+    """The selection of parameters to identify; the others keep the values of the robot's file."""
 
     columns: Index
+    """Indices of the unknown columns of `rigid_columns`."""
     base: BaseParameters
+    """Base parameters of the unknown columns."""
 
     @property
     def independent(self) -> Index:
-        """The columns that the base parameters are named after."""
+        """The columns of `rigid_columns` that name the base parameters, shape (r,)."""
         return self.columns[self.base.independent]
 
     @staticmethod
     def everything(robot: Robot) -> Unknown:
-        """Links and motors."""
-        # Masses are last: they are what can be said by others; motors after them.
+        """Select the parameters of all links and motors."""
+        # Masses come after other link parameters, which can express them; motors are last.
         links = np.arange(10 * robot.n)
         is_mass = links % 10 == 0
         order = [*links[~is_mass], *links[is_mass], *range(10 * robot.n, 11 * robot.n)]
@@ -112,7 +108,7 @@ class Unknown:
 
     @staticmethod
     def body(robot: Robot, link: str) -> Unknown:
-        """The ten parameters of the body that a link is part of.
+        """Select the ten parameters of the body that contains a link.
 
         Raises:
             InputError: if no joint turns such a link.
@@ -121,18 +117,18 @@ class Unknown:
         found = [k for k, name in enumerate(names) if link in name.split(" + ")]
         if not found:
             there = "; ".join(names)
-            raise InputError(f"{robot.path}: no link '{link}' that moves, expected one of {there}")
+            raise InputError(f"{robot.path}: no moving link '{link}', expected one of {there}")
         columns = 10 * found[0] + np.arange(len(PARAMETERS))
         return _unknown(robot, columns, np.array([*range(1, 10), 0]))
 
     @staticmethod
     def nothing() -> Unknown:
-        """All is known."""
+        """Select no parameter: all keep the values of the file."""
         return Unknown(np.arange(0), BaseParameters((), np.arange(0), np.zeros((0, 0))))
 
 
 def _unknown(robot: Robot, columns: Index, order: Index) -> Unknown:
-    """The unknown columns, tied as in random motions: what is tied there is tied always."""
+    """Return the base parameters of these columns, by their dependence in random states."""
     q, v, vd = np.random.default_rng(0).uniform(-np.pi, np.pi, (3, _SAMPLES, robot.n))
     every = rigid_columns(robot, q, v, vd).reshape(-1, 11 * robot.n)
     names = tuple(rigid_names(robot)[i] for i in columns)
@@ -140,21 +136,21 @@ def _unknown(robot: Robot, columns: Index, order: Index) -> Unknown:
 
 
 def base_parameters_of(columns: Array, names: tuple[str, ...], order: Index) -> BaseParameters:
-    """Base parameters of any columns, links and motors or not.
+    """Return the base parameters of any columns.
 
     Args:
         columns: W of torque = W phi, without noise, shape (rows, p), rows > p.
-        names: of the parameters.
-        order: in which parameters are taken for independent where they are, shape (p,).
+        names: Names of the parameters.
+        order: Priority of the parameters as independent ones, shape (p,).
     """
     size = np.linalg.norm(columns, axis=0)
-    scale = np.where(size > _NOTHING * size.max(), size, np.inf)  # the rest has no effect at all
+    scale = np.where(size > _MIN_COLUMN * size.max(), size, np.inf)  # others have no effect
     scaled = columns / scale
-    # |R_ii| is what of a column those before it do not say.
-    is_free = np.abs(np.diagonal(np.linalg.qr(scaled[:, order], mode="r"))) > _NOTHING
+    # |R_ii| is the part of a column that is independent of those before it.
+    is_free = np.abs(np.diagonal(np.linalg.qr(scaled[:, order], mode="r"))) > _MIN_COLUMN
     free, tied = order[is_free], order[~is_free]
     ties = np.linalg.lstsq(scaled[:, free], scaled[:, tied], rcond=None)[0]
-    ties = np.where(np.abs(ties) > _TIE, ties, 0.0) * size[tied] / size[free, None]
+    ties = np.where(np.abs(ties) > _MIN_TIE, ties, 0.0) * size[tied] / size[free, None]
     combination = np.zeros((len(free), len(names)))
     combination[:, free] = np.eye(len(free))
     combination[:, tied] = ties

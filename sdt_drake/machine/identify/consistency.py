@@ -1,25 +1,24 @@
-"""Links that can be: the nearest to the robot's file that move as was measured.
+"""Physically consistent links: the closest to the robot's file that explain the measurements.
 
-The ten parameters of a body are those of some distribution of mass if and only if its
-pseudo-inertia
+Ten parameters belong to a distribution of mass if and only if the pseudo-inertia
 
     P = [Sigma h; h' m],  Sigma = trace(I) / 2 - I
 
 is positive definite (Wensing, Kim, Slotine, "Linear matrix inequalities for physically consistent
-inertial parameter identification", IEEE Robotics and Automation Letters 3(1), 2018). How far it is
-from that of the file is measured by the entropic divergence of Lee, Wensing and Park, "Geometric
-robot dynamic identification: a convex programming approach", IEEE Trans. Robotics 36(2), 2020,
+inertial parameter identification", IEEE Robotics and Automation Letters 3(1), 2018). The distance
+from the pseudo-inertia P0 of the file is the entropic divergence of Lee, Wensing and Park,
+"Geometric robot dynamic identification: a convex programming approach", IEEE Trans. Robotics 36(2),
+2020,
 
     D = trace(P0^-1 P) - log det(P0^-1 P) - 4
 
-which does not depend on frames and units. First, links that can be are found that leave the least
-of the torques: those minimise (beta - beta_measured)' X'WX (beta - beta_measured). What a recording
-decides is decided there, and the file has no say. Then, among all with base parameters within a
-standard deviation of these, the links with the smallest
+which does not depend on frames and units. The calculation has two steps:
 
-    sum of D + motors' (a / a0 - 1)² / 2
-
-so that the file decides alone what the recording leaves open.
+1. Find the consistent links with the smallest residual torques. They minimise
+   (beta - beta_measured)' X'WX (beta - beta_measured). The file has no influence here.
+2. Among all consistent links within a standard deviation of these base parameters, minimise the sum
+   of D and of (a / a0 - 1)² / 2 of the motors. The file decides only what the recording leaves
+   open.
 """
 
 from __future__ import annotations
@@ -38,51 +37,49 @@ from sdt_drake.machine.identify.regressor import Bodies
 from sdt_drake.robot.robot import Robot
 from sdt_drake.robot.sdf import SYMMETRIC, body_of, pseudo_inertia, symmetric
 
-_LEAST = 1e-3  # of a motor's scale: rotors have inertia
-_TOOL = (0.05, 0.1)  # of the robot's mass, and of its reach: what a light link may carry
-_QUICK = 50.0  # rad/s², of a motor that turns nothing but itself; those of small joints are quicker
+_MIN_MOTOR = 1e-3  # smallest reflected inertia over its scale
+_TOOL = (0.05, 0.1)  # tool that a light link may carry: share of the robot's mass and reach
+_MOTOR_ACCELERATION = 50.0  # rad/s² that the largest torque gives a motor without load, typically
 
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A link of the robot's file.
-
-    Attributes:
-        name: of the link.
-        body: joint that turns it, from 0.
-        pseudo: pseudo-inertia in the frame of that body, shape (4, 4).
-        to_link: pose of that frame in the frame of the link, shape (4, 4).
-    """
+    """A link of the robot's file."""
 
     name: str
+    """The link's name."""
     body: int
+    """The joint that turns it, from 0."""
     pseudo: Array
+    """Pseudo-inertia in the frame of the joint's body, shape (4, 4)."""
     to_link: Array
+    """Pose of the body's frame in the link's frame, shape (4, 4)."""
 
     def inertial(self, pseudo: Array) -> tuple[float, Array, Array]:
-        """Mass [kg], centre [m], central inertia [kg m²] in the link's frame, of another pseudo."""
+        """Return mass [kg], centre [m] and central inertia [kg m²] in the link's frame.
+
+        Args:
+            pseudo: Pseudo-inertia in the frame of the joint's body, shape (4, 4).
+        """
         return body_of(self.to_link @ pseudo @ self.to_link.T)
 
 
 @dataclass(frozen=True, eq=False)
 class Consistent:
-    """What can be: links and motors, the nearest to what was measured.
-
-    Attributes:
-        links: those that were free.
-        pseudo: their pseudo-inertias, each of shape (4, 4).
-        motors: reflected inertia of every motor [kg m²], shape (n,).
-        beta: base parameters of it, shape (r,).
-    """
+    """The physically consistent links and motors that are closest to the measurements."""
 
     links: list[Link]
+    """The links that were free."""
     pseudo: list[Array]
+    """Identified pseudo-inertias of these links, each of shape (4, 4)."""
     motors: Array
+    """Reflected inertia of every motor [kg m²], shape (n,)."""
     beta: Array
+    """Base parameters of these links and motors, shape (r,)."""
 
 
 def links_of(robot: Robot) -> list[Link]:
-    """The moving links of a robot."""
+    """Return the moving links of a robot."""
     plant, context = robot.plant, robot.plant.CreateDefaultContext()
     links = []
     for k, name in enumerate(robot.joint_names):
@@ -99,7 +96,7 @@ def links_of(robot: Robot) -> list[Link]:
 
 
 def parameters_of(pseudo: Array) -> Array:
-    """The ten parameters of `regressor` that a pseudo-inertia stands for; linear in it."""
+    """Return the ten parameters of `regressor` of a pseudo-inertia; linear in it."""
     sigma = pseudo[:3, :3]
     moments = np.trace(sigma) * np.eye(3) - sigma
     return np.array([pseudo[3, 3], *pseudo[:3, 3], *moments[np.triu_indices(3)]])
@@ -113,19 +110,19 @@ def nearest_consistent(
     misfit: Array,
     covariance: Array,
 ) -> Consistent:
-    """The robot nearest to `robot` among those that can be and explain the torques best.
+    """Return the consistent links and motors closest to `robot` that explain the torques best.
 
     Args:
-        robot: of the file.
-        unknown: what was measured.
-        free: names of the links that may change; without the bodies that are unknown, none.
-        beta: the measured base parameters, shape (r,).
-        misfit: their covariance as least squares has it, in noise that is not coloured: its inverse
-            tells how much more of the torques another beta leaves, shape (r, r).
-        covariance: how sure they are, shape (r, r).
+        robot: The robot of the file.
+        unknown: The parameters that were measured.
+        free: Names of the links that may change.
+        beta: Measured base parameters, shape (r,).
+        misfit: Covariance of beta for white noise, shape (r, r). Its inverse weights deviations
+            from beta by the residual torque that they add.
+        covariance: Covariance of beta for coloured noise, shape (r, r).
 
     Raises:
-        InputError: if the solver finds none.
+        InputError: The solver finds no consistent links.
     """
     every = links_of(robot)
     links = [link for link in every if link.name in free and link.pseudo[3, 3] > 0]
@@ -150,31 +147,31 @@ def nearest_consistent(
 
 @dataclass(frozen=True, eq=False)
 class _Space:
-    """Links that can be, and motors.
-
-    Attributes:
-        robot: of the file.
-        unknown: what was measured.
-        links: the free ones.
-        is_free: motors that are, shape (n,).
-        fixed: what all parameters have of the others, shape (11 n,).
-    """
+    """The set of consistent links and motors."""
 
     robot: Robot
+    """The robot of the file."""
     unknown: Unknown
+    """The parameters that were measured."""
     links: list[Link]
+    """The free links."""
     is_free: NDArray[np.bool_]
+    """Mask of the free motors, shape (n,)."""
     fixed: Array
+    """Contribution of fixed links and motors to all parameters, shape (11 n,)."""
 
     def explaining(self, beta: Array, misfit: Array) -> Array:
-        """All parameters, shape (11 n,), that explain the torques best."""
+        """Return the parameters that explain the torques best, shape (11 n,)."""
         program, unknowns, effect, missed, _ = self._program(beta, misfit, near=False)
         program.Add2NormSquaredCost(np.eye(len(beta)), np.zeros(len(beta)), missed)
         return self.fixed + effect @ self._solved(program, unknowns)
 
     def nearest(self, beta: Array, covariance: Array) -> tuple[Array, Array]:
-        """Variables, and all parameters, of the robot nearest to the file within a standard
-        deviation of base parameters."""
+        """Find the robot closest to the file within a standard deviation of beta.
+
+        Returns:
+            The variables of the program, and all parameters, shape (11 n,).
+        """
         program, unknowns, effect, missed, one = self._program(beta, covariance, near=True)
         program.AddBoundingBoxConstraint(1, 1, one)
         program.AddLorentzConeConstraint(np.concatenate([one, missed]))
@@ -184,9 +181,16 @@ class _Space:
     def _program(
         self, beta: Array, covariance: Array, *, near: bool
     ) -> tuple[MathematicalProgram, Array, Array, Array, Array]:
-        """A program, its variables, what they do to all parameters, and by how many standard
-        deviations they miss beta: variables, so that the solver's tolerance is of these; `near`
-        costs how far links are from those of the file."""
+        """Make a program in which links and motors are consistent.
+
+        Args:
+            near: True to add the distance from the file as a cost.
+
+        Returns:
+            The program; its variables; their effect on all parameters, shape (11 n, variables);
+            variables for the deviation from beta in standard deviations, shape (r,); a variable
+            for the constant 1.
+        """
         program, robot = MathematicalProgram(), self.robot
         parts = [_add_link(program, robot, link, near=near) for link in self.links]
         if self.is_free.any():
@@ -211,7 +215,7 @@ class _Space:
         result = ClarabelSolver().Solve(program)
         if not result.is_success():
             raise InputError(
-                f"{self.robot.path}: no links that can be have the measured parameters "
+                f"{self.robot.path}: no physically consistent links have the measured parameters "
                 f"({result.get_solution_result().name})"
             )
         return np.asarray(result.GetSolution(unknowns))
@@ -220,7 +224,11 @@ class _Space:
 def _add_link(
     program: MathematicalProgram, robot: Robot, link: Link, *, near: bool
 ) -> tuple[Array, Array]:
-    """Variables Z of a link, 1 for that of the file, and what they do to all parameters."""
+    """Add variables Z of a link, 1 for the link of the file.
+
+    Returns:
+        The ten variables, and their effect on all parameters, shape (11 n, 10).
+    """
     Z = program.NewSymmetricContinuousVariables(4)
     if near:
         program.AddMaximizeLogDeterminantCost(Z)
@@ -234,10 +242,10 @@ def _add_link(
 def _add_motors(
     program: MathematicalProgram, robot: Robot, is_free: NDArray[np.bool_], *, near: bool
 ) -> tuple[Array, Array]:
-    """Variables of the free motors, and what they do to all parameters."""
+    """Add variables of the free motors; return them and their effect on all parameters."""
     scale = motor_scale(robot)
     motors = program.NewContinuousVariables(int(is_free.sum()))
-    program.AddBoundingBoxConstraint(_LEAST, np.inf, motors)
+    program.AddBoundingBoxConstraint(_MIN_MOTOR, np.inf, motors)
     was = (robot.reflected_inertia / scale)[is_free]
     if near:
         program.AddQuadraticErrorCost(np.eye(len(was)), was, motors)
@@ -246,8 +254,11 @@ def _add_motors(
 
 
 def effect_of(robot: Robot, link: Link, factor: Array) -> Array:
-    """What the ten entries SYMMETRIC of Z do to all parameters, shape (11 n, 10), where a link has
-    the pseudo-inertia F Z F' in the frame of its body, F the factor of shape (4, 4)."""
+    """Return the effect of the entries SYMMETRIC of Z on all parameters, shape (11 n, 10).
+
+    The link has the pseudo-inertia F Z F' in the frame of its body, with the factor F, shape
+    (4, 4).
+    """
     effect = np.zeros((11 * robot.n, 10))
     units = map(symmetric, np.eye(10))
     own = [parameters_of(factor @ unit @ factor.T) for unit in units]
@@ -256,28 +267,32 @@ def effect_of(robot: Robot, link: Link, factor: Array) -> Array:
 
 
 def motor_scale(robot: Robot) -> Array:
-    """How large reflected inertias of motors are: those of the file, or where it gives none what
-    the largest torque turns at `_QUICK`, as wrists' motors have more than their links [kg m²],
-    shape (n,)."""
+    """Return the typical reflected inertia of each motor [kg m²], shape (n,).
+
+    It is that of the file. Where the file has none, it is the inertia that the largest torque
+    accelerates at `_MOTOR_ACCELERATION`.
+    """
     given = robot.reflected_inertia
-    return np.asarray(np.where(given > 0, given, robot.effort_limit / _QUICK))
+    return np.asarray(np.where(given > 0, given, robot.effort_limit / _MOTOR_ACCELERATION))
 
 
 def rigid_scale(robot: Robot) -> Array:
-    """How large the parameters of links and motors are, in the order of `rigid_columns`, shape
-    (11 n,): by mass and radius of gyration about the joint's frame."""
+    """Return the typical size of each parameter of `rigid_columns`, shape (11 n,).
+
+    Sizes of links follow from the mass and the radius of gyration about the joint's frame.
+    """
     bodies = Bodies.of(robot)
     own, trace = bodies.parameters[:, 0], bodies.parameters[:, [4, 7, 9]].sum(axis=1) / 2
     mass = np.maximum(own, _TOOL[0] * own.sum())
     reach = np.linalg.norm(bodies.position, axis=1).sum()
     gyration = np.maximum(trace / np.maximum(own, 1e-9), (_TOOL[1] * reach) ** 2)  # m²
-    # Of mass, first moments and inertias.
+    # One column of mass, three of first moments, six of inertias.
     links = np.repeat(mass * gyration ** np.array([[0], [0.5], [1]]), [1, 3, 6], axis=0).T
     return np.concatenate([links.ravel(), motor_scale(robot)])
 
 
 def _root(pseudo: Array) -> Array:
-    """L of P = L L', of a body that has some extent in all directions."""
+    """Return L of P = L L', for the body made at least slightly extended in all directions."""
     sigma = pseudo[:3, :3] - np.outer(pseudo[:3, 3], pseudo[:3, 3]) / pseudo[3, 3]
     least = 1e-4 * max(float(np.linalg.eigvalsh(sigma)[-1]), 1e-6 * pseudo[3, 3])
     values, vectors = np.linalg.eigh(sigma)
@@ -287,7 +302,7 @@ def _root(pseudo: Array) -> Array:
 
 
 def _whitening(covariance: Array) -> Array:
-    """W of S^-1 = W' W."""
+    """Return W of S^-1 = W' W for a covariance S."""
     size = np.sqrt(np.diagonal(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
     return (vectors / np.sqrt(np.maximum(values, 1e-12))).T / size

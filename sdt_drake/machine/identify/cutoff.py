@@ -1,16 +1,15 @@
-"""The frequency below which torques are compared, and where speeds come from: by what is held out.
+"""Choice of the cut-off frequency of the compared torques, and of the source of speeds.
 
-Each cut-off c makes a prediction of the same torque y, the one below the highest cut-off F: columns
-and torques below c give parameters, and these with the columns below c the prediction. With noise
-of the torque that has nothing to do with that of positions, the mean square of y less the
-prediction is that of the noise below F, which is the same for all c, and the error of the
-prediction: what of the motion lies above c, what noise of positions brings in below it, and what of
-the parameters is wrong. A lower cut-off gains nothing by comparing less. Fits are to other parts of
-the time than errors are of, by cross-validation within what is for fitting: no choice sees what is
-held out to judge.
+Every cut-off c predicts the same torque y, which contains all frequencies up to the highest cut-off
+F. Columns and torques below c give parameters. The parameters and the columns below c give the
+prediction. The mean square of the difference has two parts, if the noise of torques and positions
+is independent. One is the noise of y, which is the same for all c. The other is the error of the
+prediction: motion above c, noise of positions below c, and wrong parameters. So a lower cut-off
+has no advantage from comparing less. Parameters are fitted to other windows of time than those that
+are predicted (cross-validation). Held-out data take no part.
 
-By Parseval's theorem one spectrum of the columns, in Hann windows, gives the normal equations of
-all cut-offs.
+By Parseval's theorem, one spectrum of the columns in Hann windows gives the normal equations of all
+cut-offs.
 """
 
 from __future__ import annotations
@@ -29,40 +28,39 @@ from sdt_drake.machine.identify.filtering import Smooth, Stretch, amplitude_left
 from sdt_drake.robot.robot import Robot
 
 CUTOFFS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 20.0)
-"""Cut-offs that are tried [Hz]; no higher than a tenth of the samples' rate."""
+"""Cut-offs that are tried [Hz], up to a tenth of the sample rate."""
 
-_AS_WELL = 0.07  # of an error: cut-offs that leave no more are as good as the best
-_SHARE = 0.1  # of the rate of samples, the highest cut-off
-_LONGEST, _WINDOWS = 10.0, 6.0  # s, of a window, and how many of them the longest stretch has
-_PERIODS = 4.0  # of a cut-off, in a window
-_BEYOND = 1.5  # times the highest cut-off, from where filters leave nothing
-_FOLDS = 5
-_ROUNDS = 4
-_WIDTHS = (0.05, 0.2)  # of sigmoids, over the largest speed: friction that no law is chosen for yet
+_TOLERANCE = 0.07  # relative error within which cut-offs are as good as the best
+_MAX_SHARE = 0.1  # highest cut-off over the sample rate
+_MAX_WINDOW, _WINDOWS = 10.0, 6.0  # length of a window [s]; windows in the longest stretch
+_PERIODS = 4.0  # least periods of a cut-off in a window
+_STOP_BAND = 1.5  # frequency above which filters leave nothing, over the highest cut-off
+_FOLDS = 5  # cross-validation
+_ROUNDS = 4  # iterations of the weights
+_WIDTHS = (0.05, 0.2)  # widths of sigmoids over the largest speed, in place of a friction law
 
 
 class Choice(NamedTuple):
-    """A cut-off frequency [Hz], and whether recorded speeds are used."""
+    """The chosen cut-off frequency and source of speeds."""
 
     cutoff: float
+    """Cut-off frequency [Hz]."""
     speeds: bool
+    """True if recorded speeds are used, False if positions are differentiated."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Spectra:
-    """Columns of windows of time, of joint k [rigid, friction, torque] by frequency.
-
-    Attributes:
-        frequency: [Hz], shape (F,).
-        windows: shape (windows, n, F, columns), complex.
-        moves: joints that move, shape (n,).
-        rigid: number of base parameters.
-    """
+    """Spectra of the columns [rigid, friction, torque] of each joint in windows of time."""
 
     frequency: Array
+    """Frequencies [Hz], shape (F,)."""
     windows: Array
+    """Complex spectra, shape (windows, n, F, columns)."""
     moves: Array
+    """Mask of the joints that move, shape (n,)."""
     rigid: int
+    """Number of base parameters."""
 
 
 def chosen(
@@ -72,15 +70,17 @@ def chosen(
     stretches: Sequence[Stretch],
     cutoff: float | None = None,
 ) -> Choice:
-    """Choose the middle of the cut-offs that predict the same torque as well as the best one, and
-    recorded speeds where they predict it better than differentiated positions.
+    """Choose the cut-off frequency and the source of speeds with the smallest prediction error.
+
+    The choice is the geometric middle of the cut-offs that are as good as the best one. Recorded
+    speeds are used where they predict torques better than differentiated positions do.
 
     Args:
-        robot: gives what is known.
-        unknown: what is not.
-        prior: of the base parameters.
-        stretches: what is for fitting, with recorded speeds or without.
-        cutoff: given, so that the speeds alone are chosen [Hz].
+        robot: The robot with its known parameters.
+        unknown: The parameters to identify.
+        prior: Prior of the base parameters.
+        stretches: Fitted stretches, with or without recorded speeds.
+        cutoff: A fixed cut-off [Hz]; then only the source of speeds is chosen.
     """
     top = cutoff or highest(stretches)
     best, least = Choice(top, speeds=False), np.inf
@@ -95,22 +95,23 @@ def chosen(
         error = np.array([_error(spectra, prior, c, top) for c in tried])
         if error.min() < least:
             least = error.min()
-            as_well = np.array(tried)[error <= least + np.log1p(_AS_WELL)]
-            best = Choice(float(np.sqrt(as_well[0] * as_well[-1])), speeds)
+            good = np.array(tried)[error <= least + np.log1p(_TOLERANCE)]
+            best = Choice(float(np.sqrt(good[0] * good[-1])), speeds)
     return best
 
 
 def highest(stretches: Sequence[Stretch]) -> float:
-    """The highest cut-off that is tried [Hz]."""
-    return min(CUTOFFS[-1], _SHARE / max(one.period for one in stretches))
+    """Return the highest cut-off that is tried [Hz]."""
+    return min(CUTOFFS[-1], _MAX_SHARE / max(one.period for one in stretches))
 
 
 def _spectra(robot: Robot, unknown: Unknown, stretches: Sequence[Stretch], top: float) -> _Spectra:
+    """Return the spectra of stretches, for cut-offs up to `top` [Hz]."""
     motions = [smooth(one, top) for one in stretches]
     slowest, fastest = slowest_and_fastest(motions, top)
-    lasts = min(_LONGEST, max(len(m.time) * m.period for m in motions) / _WINDOWS)
+    lasts = min(_MAX_WINDOW, max(len(m.time) * m.period for m in motions) / _WINDOWS)
     counts = [round(lasts / motion.period) for motion in motions]
-    below = min(2 + int(_BEYOND * top * lasts), *(1 + count // 2 for count in counts))
+    below = min(2 + int(_STOP_BAND * top * lasts), *(1 + count // 2 for count in counts))
     windows = []
     for motion, count in zip(motions, counts, strict=True):
         window = motion.period * np.hanning(count)[:, None]
@@ -125,7 +126,7 @@ def _spectra(robot: Robot, unknown: Unknown, stretches: Sequence[Stretch], top: 
 def _columns(
     robot: Robot, unknown: Unknown, motion: Smooth, part: slice, slowest: Array, fastest: Array
 ) -> Array:
-    """Columns of some samples, shape (n, N, columns)."""
+    """Return the columns [rigid, friction, torque] of some samples, shape (n, N, columns)."""
     v = motion.v[part]
     rigid = rigid_columns(robot, motion.q[part], v, motion.vd[part])
     is_known = np.ones(rigid.shape[2], dtype=bool)
@@ -138,28 +139,32 @@ def _columns(
 
 
 def _error(spectra: _Spectra, prior: Prior, cutoff: float, top: float) -> float:
-    """Mean over the joints of the log of the RMS that predictions below a cut-off leave of the
-    torque below `top`, in windows of time that their parameters have not seen."""
+    """Return the logarithm of the RMS prediction error of the torque below `top`.
+
+    It is the mean over the joints, in windows that the parameters were not fitted to.
+    """
     X, below = spectra.windows, spectra.frequency < 2 * cutoff
     keep = amplitude_left(spectra.frequency, cutoff)
     seen = keep[below, None] * X[:, :, below]
-    grams = (seen.conj().swapaxes(2, 3) @ seen).real  # of each window and joint
+    grams = (seen.conj().swapaxes(2, 3) @ seen).real  # each window and joint
     every = np.arange(len(X))
     left = np.zeros(X.shape[1])
     for fold in np.array_split(every, min(_FOLDS, len(X))):
         apart = (every < fold[0] - 1) | (every > fold[-1] + 1)  # windows overlap by a half
         size = 2 * cutoff / spectra.frequency[1] * apart.sum()
         x = _fitted(grams[apart].sum(axis=0), prior, spectra.rigid, size)
-        told = keep[:, None] * np.einsum("wkfp,kp->wkf", X[fold][..., :-1], x).swapaxes(1, 2)
-        wanted = amplitude_left(spectra.frequency, top)[:, None] * X[fold][..., -1].swapaxes(1, 2)
-        left += np.sum(np.abs(wanted - told) ** 2, axis=(0, 1))
+        predicted = keep[:, None] * np.einsum("wkfp,kp->wkf", X[fold][..., :-1], x).swapaxes(1, 2)
+        y = amplitude_left(spectra.frequency, top)[:, None] * X[fold][..., -1].swapaxes(1, 2)
+        left += np.sum(np.abs(y - predicted) ** 2, axis=(0, 1))
     shares = np.log(np.maximum(left[spectra.moves], 1e-300)) / 2
     return float(shares.sum() / max(len(shares), 1))
 
 
 def _fitted(grams: Array, prior: Prior, r: int, size: float) -> Array:
-    """Parameters of each joint's columns, shape (n, columns - 1): base parameters, the same for
-    all, and friction; each joint is weighted by what it leaves, of `size` samples."""
+    """Fit base parameters and friction; return those of each joint, shape (n, columns - 1).
+
+    Joints are weighted by their residuals. `size` is the number of independent samples.
+    """
     n, f = len(grams), grams.shape[1] - 1 - r
     places = [np.r_[:r, r + k * f : r + (k + 1) * f] for k in range(n)]
     left = grams[:, -1, -1]

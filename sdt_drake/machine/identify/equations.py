@@ -1,4 +1,4 @@
-"""Recordings as equations: what was measured, and what each unknown parameter has to do with it."""
+"""Linear equations of recordings: measured torques and their columns of unknown parameters."""
 
 from __future__ import annotations
 
@@ -21,48 +21,46 @@ from sdt_drake.machine.identify.filtering import (
 from sdt_drake.machine.identify.friction import FrictionLaw, Term, laws, terms_of
 from sdt_drake.robot.robot import Robot
 
-_BLOCK = 20_000  # samples, each of which has hundreds of numbers in columns
-_MARGIN = 8.0  # periods of the cut-off, after which a filter has forgotten all but 1e-8
+_BLOCK_SAMPLES = 20_000  # samples in memory at once; each has hundreds of numbers
+_MARGIN = 8.0  # overlap in periods of the cut-off, after which a filter's response is below 1e-8
 
-_SLOW = 0.01
-"""Of the largest speed: below that, nobody takes a joint to slide."""
+_SLIDING_SPEED = 0.01
+"""Speed above which a joint slides, over its largest speed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """tau = known + rigid beta + friction, below a cut-off frequency; M rows for each joint.
+    """The equations tau = known + rigid beta + friction below a cut-off frequency, joint side.
 
-    All joint side.
-
-    Attributes:
-        time: [s], shape (M,).
-        source: which recording a row is of, shape (M,).
-        part: which stretch of them all, shape (M,).
-        q, v, vd: [rad, rad/s, rad/s²], shape (M, n).
-        tau: measured [N m], shape (M, n).
-        known: what the robot's file says of that, without friction [N m], shape (M, n).
-        nominal: the torque that the whole file predicts, with its damping [N m], shape (M, n).
-        rigid: columns of the base parameters, shape (M, n, r).
-        laws: of friction, which each joint may follow.
-        friction: their columns, shape (M, n, terms).
-        moves: whether a joint moves, shape (M, n); where it rests, friction may be anything.
-        fit: whether a row is for fitting, or held out, shape (M,).
+    There are M rows for each of n joints.
     """
 
     time: Array
+    """Time in the recording [s], shape (M,)."""
     source: Index
+    """Index of the recording of each row, shape (M,)."""
     part: Index
+    """Index of the stretch of each row, shape (M,)."""
     q: Array
     v: Array
     vd: Array
+    """`q`, `v`, `vd`: position, speed, acceleration [rad, rad/s, rad/s²], shape (M, n)."""
     tau: Array
+    """Measured torque [N m], shape (M, n)."""
     known: Array
+    """Torque of the known parameters, without friction [N m], shape (M, n)."""
     nominal: Array
+    """Torque that the robot's file predicts, with its damping [N m], shape (M, n)."""
     rigid: Array
+    """Columns of the base parameters, shape (M, n, r)."""
     laws: tuple[tuple[FrictionLaw, ...], ...]
+    """Candidate friction laws of each joint."""
     friction: Array
+    """Columns of the friction terms, shape (M, n, terms)."""
     moves: Mask
+    """Mask of joints in motion, shape (M, n). Friction is undetermined at rest."""
     fit: Mask
+    """Mask of fitted rows; the others are held out, shape (M,)."""
 
     @property
     def n(self) -> int:
@@ -71,15 +69,15 @@ class Equations:
 
     @cached_property
     def terms(self) -> list[tuple[Term, ...]]:
-        """Which columns of friction belong to each joint."""
+        """The terms of the columns of friction of each joint."""
         return list(map(terms_of, self.laws))
 
     @cached_property
     def augmented(self) -> list[Array]:
-        """For each joint [rigid, friction, what they have to explain], shape (M, r + terms + 1)."""
-        left = self.tau - self.known
+        """The columns [rigid, friction, tau - known] of each joint, shape (M, r + terms + 1)."""
+        unknown = self.tau - self.known
         return [
-            np.column_stack([self.rigid[:, k], self.friction[:, k], left[:, k]])
+            np.column_stack([self.rigid[:, k], self.friction[:, k], unknown[:, k]])
             for k in range(self.n)
         ]
 
@@ -91,15 +89,15 @@ def equations(
     cutoff: float,
     candidates: Callable[[float], tuple[FrictionLaw, ...]] = laws,
 ) -> Equations:
-    """The equations of recordings.
+    """Make the equations of recordings.
 
     Args:
-        robot: gives what is known, and the nominal torque.
-        unknown: what is not.
-        parts: of each stretch the number of its recording, the time at which what is held out
-            begins [s] (inf: all is for fitting), and itself.
-        cutoff: below which torques are compared [Hz].
-        candidates: laws of friction for joints that move at up to a speed [rad/s].
+        robot: The robot with its known parameters.
+        unknown: The parameters to identify.
+        parts: For each stretch, the index of its recording, the time from which it is held out
+            [s] (inf: all is fitted), and the stretch.
+        cutoff: Cut-off frequency of the compared torques [Hz].
+        candidates: Function from a joint's largest speed [rad/s] to its candidate friction laws.
     """
     motions = [smooth(stretch, cutoff) for *_, stretch in parts]
     slowest, fastest = slowest_and_fastest(motions, cutoff)
@@ -126,23 +124,27 @@ def equations(
 
 
 def slowest_and_fastest(motions: Sequence[Smooth], cutoff: float) -> tuple[Array, Array]:
-    """Of each joint the speed below which nobody knows its sign, and the largest [rad/s]; the
-    former is inf where speeds are more noise than motion: such a joint rests."""
+    """Return the smallest speed with a sure sign and the largest speed of each joint [rad/s].
+
+    The former is inf for a joint at rest, whose speeds are more noise than motion.
+    """
     fastest = np.max([np.abs(m.v).max(axis=0) for m in motions], axis=0) + 1e-6
     below = [zero_phase_low_pass(m.v, 2 * cutoff, m.period) for m in motions]
     motion = np.max([np.std(v, axis=0) for v in below], axis=0)
     noise = np.max([np.std(m.v - v, axis=0) for m, v in zip(motions, below, strict=True)], axis=0)
-    slowest = np.maximum(noise, _SLOW * fastest) + 1e-9
+    slowest = np.maximum(noise, _SLIDING_SPEED * fastest) + 1e-9
     return np.where(noise > motion, np.inf, slowest), fastest
 
 
 def _blocks(motion: Smooth, cutoff: float) -> Iterator[tuple[Smooth, Index]]:
-    """A motion in blocks that memory holds as columns, and the samples of each that are compared;
-    blocks overlap by as much as filters have to know."""
+    """Yield a motion in overlapping blocks, each with the indices of its compared samples.
+
+    The overlap is as long as the response of the filters.
+    """
     count = len(motion.time)
     margin = int(_MARGIN / (cutoff * motion.period))
     for at in np.array_split(
-        np.arange(count)[compared(count, cutoff, motion.period)], 1 + count // _BLOCK
+        np.arange(count)[compared(count, cutoff, motion.period)], 1 + count // _BLOCK_SAMPLES
     ):
         first = max(0, at[0] - margin) if len(at) else 0
         block = slice(first, at[-1] + 1 + margin if len(at) else count)
@@ -161,8 +163,7 @@ def _rows(
     slowest: Array,
     at: Index,
 ) -> dict[str, Any]:
-    """The fields of `Equations` that some samples of a motion have, by name; of friction (M, n,
-    terms)."""
+    """Return the fields of `Equations` that depend on the samples, by name."""
     columns = rigid_columns(robot, motion.q, motion.v, motion.vd)
     parameters = rigid_parameters(robot)
     is_known = np.ones(len(parameters), dtype=bool)
@@ -182,7 +183,7 @@ def _rows(
         "friction": np.stack(friction, axis=1),
         "moves": (np.abs(motion.v) > slowest).astype(float),
     }
-    few = {  # a joint at a time, and copies: what filters make of all samples is large
+    few = {  # one joint at a time, and copies, so that no large array stays in memory
         name: np.stack(
             [zero_phase_low_pass(x, cutoff, motion.period)[at] for x in values.swapaxes(0, 1)],
             axis=1,

@@ -1,15 +1,14 @@
-"""Weighted, robust least squares of all joints at once, and how sure it is.
+"""Weighted, robust least squares of all joints at once, with the covariance of the result.
 
-Each joint is weighted by its own residual, and what is far off counts less (Huber, "Robust
-estimation of a location parameter", Annals of Mathematical Statistics 35(1), 1964). Filtered
-residuals are coloured: neighbours tell the same. So the covariance is not that of independent
-samples, but
+Each joint is weighted by its own residual, and outliers count less (Huber, "Robust estimation of a
+location parameter", Annals of Mathematical Statistics 35(1), 1964). Filtered residuals are
+correlated in time, so the covariance is
 
     (X' W X)^-1 X' W Gamma W X (X' W X)^-1
 
-with the covariance Gamma of residuals that have, at every frequency, the power that they are seen
-to have (as in Janot, Vandanjon, Gautier, "A generic instrumental variable approach for industrial
-robot identification", IEEE Trans. Control Systems Technology 22(1), 2014, who whiten instead).
+Gamma is the covariance of residuals with the power spectrum that they have in the recording.
+Janot, Vandanjon and Gautier whiten instead ("A generic instrumental variable approach for
+industrial robot identification", IEEE Trans. Control Systems Technology 22(1), 2014).
 """
 
 from __future__ import annotations
@@ -23,69 +22,63 @@ from sdt_drake.io.arrays import Array, Index
 from sdt_drake.machine.identify.equations import Equations
 from sdt_drake.machine.identify.friction import USUAL, FrictionLaw
 
-_HUBER = 2.5  # residuals up to so many standard deviations count fully
-_ROUNDS = 8
-_ROUND_OFF = 1e-14  # of the largest eigenvalue
-_FOLDS = 5
-_PASSES = 2
-_WORTH = 0.98
-"""A law with more parameters must leave less than this of what a simpler one leaves."""
+_HUBER = 2.5  # standard deviations up to which residuals count fully
+_ROUNDS = 8  # iterations of the weights
+_ROUND_OFF = 1e-14  # relative to the largest eigenvalue
+_FOLDS = 5  # cross-validation
+_PASSES = 2  # over the joints, to choose friction laws
+_MAX_RATIO = 0.98
+"""Largest error of a friction law over that of a law with fewer parameters, for it to be chosen."""
 
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What is believed of the base parameters before anything is measured: not much.
+    """The wide prior distribution of the base parameters.
 
-    It decides alone where a recording says nothing, and has no weight where it says something.
-
-    Attributes:
-        mean: of the base parameters, shape (r,).
-        precision: inverse of their covariance, shape (r, r).
+    It decides only the parameters that a recording does not excite.
     """
 
     mean: Array
+    """Mean of the base parameters, shape (r,)."""
     precision: Array
+    """Inverse of the covariance, shape (r, r)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What the equations say: parameters, and how sure they are.
-
-    Attributes:
-        beta: base parameters, shape (r,).
-        laws: of friction, one for each joint.
-        friction: parameters of their terms, joint by joint, shape (f,).
-        covariance: of beta and friction together, shape (r + f, r + f).
-        misfit: the same as least squares alone has it, in noise that is not coloured: its inverse
-            is what other parameters leave more of the weighted torques.
-        days: what each recording alone would add to beta and friction, to first order, shape
-            (recordings, r + f); their spread widens `covariance`.
-        condition: of the equations, scaled to columns of one.
-        rivals: for each joint other laws that the data do not tell from its own, with the
-            parameters of their terms; none where the laws were given.
-    """
+    """The parameters that solve the equations, with their covariance."""
 
     beta: Array
+    """Base parameters, shape (r,)."""
     laws: tuple[FrictionLaw, ...]
+    """The friction law of each joint."""
     friction: Array
+    """Parameters of the friction terms, joint by joint, shape (f,)."""
     covariance: Array
+    """Covariance of beta and friction, shape (r + f, r + f)."""
     misfit: Array
+    """Covariance of beta and friction in white noise, shape (r + f, r + f). Its inverse weights
+    changes of the parameters by the residual torque that they add."""
     days: Array
+    """Difference of each recording's own parameters from beta and friction, to first order, shape
+    (recordings, r + f). The spread widens `covariance`."""
     condition: float
+    """Condition number of the equations with columns of length 1."""
     rivals: tuple[list[tuple[FrictionLaw, Array]], ...]
+    """Other laws of each joint that explain the data as well, with their parameters; empty if the
+    laws were given."""
 
     def friction_of(self, k: int) -> slice:
-        """Where in `friction` the parameters of joint k are, from 0."""
+        """Return the place of joint k's parameters in `friction`, k from 0."""
         return _joint_part(self.laws, k)
 
     def friction_torque(self, eq: Equations, friction: Array) -> Array:
-        """Friction torque in every row of equations, of these parameters, joint side [N m], shape
-        (M, n)."""
+        """Return the torque of friction parameters, joint side [N m], shape (M, n)."""
         r = len(self.beta)
         return np.stack([X[:, r:] @ friction for X in _columns(eq, self.laws)], axis=1)
 
     def torque(self, eq: Equations) -> Array:
-        """Predicted torque in every row of equations, joint side [N m], shape (M, n)."""
+        """Return the predicted torque in every row of equations, joint side [N m], shape (M, n)."""
         x = np.concatenate([self.beta, self.friction])
         return eq.known + np.stack([X @ x for X in _columns(eq, self.laws)], axis=1)
 
@@ -94,10 +87,9 @@ def estimate(eq: Equations, prior: Prior, chosen: Sequence[FrictionLaw] | None =
     """Estimate base parameters and friction from equations.
 
     Args:
-        eq: its rows `fit` are used.
-        prior: of the base parameters.
-        chosen: a law of friction for each joint; by default what is left in data that were not
-            fitted decides.
+        eq: The equations; only rows with `fit` are used.
+        prior: Prior of the base parameters.
+        chosen: The friction law of each joint. By default cross-validation chooses them.
     """
     given, chosen = chosen is not None, list(chosen or [USUAL] * eq.n)
     rivals: list[list[tuple[FrictionLaw, Array]]] = [[] for _ in chosen]
@@ -111,7 +103,7 @@ def estimate(eq: Equations, prior: Prior, chosen: Sequence[FrictionLaw] | None =
     r = eq.rigid.shape[2]
     covariance, misfit, condition = _covariance(eq, prior, x, weights, X)
     days = _days(eq, x, weights, X, misfit)
-    # The mean of recordings is no surer than their spread tells.
+    # The standard error of the mean over recordings is at least that of their spread.
     mean = np.sum(days**2, axis=0) / max(1, len(days) * (len(days) - 1))
     wider = np.sqrt(np.maximum(1.0, mean / np.diagonal(covariance)))
     return Estimate(
@@ -130,13 +122,13 @@ def estimate(eq: Equations, prior: Prior, chosen: Sequence[FrictionLaw] | None =
 
 
 def _joint_part(chosen: Sequence[FrictionLaw], k: int) -> slice:
-    """Where the friction of joint k is, behind the base parameters."""
+    """Return the place of joint k's friction parameters among those of all joints."""
     start = sum(len(law.terms) for law in chosen[:k])
     return slice(start, start + len(chosen[k].terms))
 
 
 def _columns(eq: Equations, chosen: Sequence[FrictionLaw]) -> list[Array]:
-    """For each joint the columns of all that is to be found, shape (M, p)."""
+    """Return the columns of all unknown parameters for each joint, shape (M, p)."""
     r, f = eq.rigid.shape[2], sum(len(law.terms) for law in chosen)
     columns = []
     for k, law in enumerate(chosen):
@@ -152,7 +144,7 @@ def _columns(eq: Equations, chosen: Sequence[FrictionLaw]) -> list[Array]:
 def _robust(
     eq: Equations, prior: Prior, chosen: Sequence[FrictionLaw]
 ) -> tuple[Array, Array, list[Array]]:
-    """Solution, weights of all rows, shape (M, n), and columns."""
+    """Return the solution, the weights of all rows, shape (M, n), and the columns."""
     X = _columns(eq, chosen)
     y = eq.tau - eq.known
     used = eq.moves & eq.fit[:, None]
@@ -160,7 +152,7 @@ def _robust(
         np.sum(used * y**2, axis=0) / np.maximum(used.sum(axis=0), 1), 1e-300
     )
     r = len(prior.mean)
-    places = [np.flatnonzero(np.any(Xk, axis=0)) for Xk in X]  # friction of others has no part
+    places = [np.flatnonzero(np.any(Xk, axis=0)) for Xk in X]  # other joints' friction is 0
     owns = [(at, Xk[:, at]) for at, Xk in zip(places, X, strict=True)]
     for _ in range(_ROUNDS):
         H, h = np.zeros((X[0].shape[1],) * 2), np.zeros(X[0].shape[1])
@@ -177,21 +169,21 @@ def _robust(
 
 
 def solved(H: Array, h: Array) -> Array:
-    """Normal equations, scaled; what no equation has is 0."""
+    """Solve the normal equations H x = h; unknowns without an equation are 0."""
     size = np.sqrt(np.maximum(np.diagonal(H), 1e-300))
     scaled = H / np.outer(size, size) + 1e-13 * np.eye(len(H))
     return np.asarray(np.linalg.solve(scaled, h / size) / size)
 
 
 def _spread(left: Array) -> float:
-    """Standard deviation of what most of the residuals are of, which some outliers are not."""
+    """Return a robust standard deviation of residuals, given their absolute values."""
     return max(float(np.median(left)) / 0.6745, 1e-9) if len(left) else 1.0
 
 
 def _covariance(
     eq: Equations, prior: Prior, x: Array, weights: Array, X: list[Array]
 ) -> tuple[Array, Array, float]:
-    """Covariance of x, that in white noise, and the condition number of the scaled equations."""
+    """Return the covariance of x, that in white noise, and the condition number."""
     r = len(prior.mean)
     information = np.sum([Xk.T @ (weights[:, k, None] * Xk) for k, Xk in enumerate(X)], axis=0)
     size = np.sqrt(np.maximum(np.diagonal(information), 1e-300))
@@ -214,29 +206,31 @@ def _covariance(
 
 
 def _days(eq: Equations, x: Array, weights: Array, X: list[Array], misfit: Array) -> Array:
-    """What each recording alone would add to the parameters, shape (recordings, p): a step of
-    Newton's method from those of all, with as much information as all have on average."""
+    """Return the difference of each recording's own parameters from x, shape (recordings, p).
+
+    It is a step of Newton's method from x, with the mean information of all recordings.
+    """
     sources = np.unique(eq.source[eq.fit])
     left = weights * (eq.tau - eq.known - np.stack([Xk @ x for Xk in X], axis=1))
     slopes = [
         sum(Xk[rows].T @ left[rows, k] for k, Xk in enumerate(X))
         for rows in (eq.fit & (eq.source == source) for source in sources)
     ]
-    away = np.array(slopes) - np.mean(slopes, axis=0)  # of a prior, which is of no recording
+    away = np.array(slopes) - np.mean(slopes, axis=0)  # without the slope of the prior
     return np.asarray(len(sources) * away @ misfit)
 
 
 def _coloured(X: Array, w: Array, left: Array, inverse: Array) -> Array:
-    """X' W Gamma W X for what is left of a joint in a stretch: frequency by frequency.
+    """Return X' W Gamma W X of a joint's residuals in a stretch, summed over frequencies.
 
-    W left counts, as the fit has it: nothing where the joint rests, less where it is far off. Its
-    power is that of the time in which the joint moves, when alone it meets X.
+    Gamma has the spectrum of the weighted residuals: weights are 0 at rest, smaller for outliers.
+    Power is related to the time in which the joint moves.
     """
     used = w > 0
     count, moving = len(left), max(used.sum(), 1)
     X = X * used[:, None]
     F, spectrum = np.fft.rfft(X, axis=0), np.abs(np.fft.rfft(w * left)) ** 2 / moving
-    # A fit takes its share of what there was at the frequencies of its columns.
+    # The fit has removed a share of the noise at the frequencies of its columns.
     weighted = np.fft.rfft(w[:, None] * X, axis=0)
     taken = np.einsum("fi,ij,fj->f", weighted.conj(), inverse, F).real / moving
     window = np.ones(min(max(3, int(np.sqrt(len(spectrum)))), len(spectrum)))
@@ -249,20 +243,21 @@ def _coloured(X: Array, w: Array, left: Array, inverse: Array) -> Array:
     return np.asarray((F.conj().T @ ((power * twice)[:, None] * F)).real / count)
 
 
-# --- which law of friction -------------------------------------------------------------------
+# --- friction laws ---------------------------------------------------------------------------
 
 
 class _Selection:
-    """Grams of folds and joints: friction can be left out of them, and errors be told by them.
+    """A selection of friction laws by cross-validation.
 
-    Each joint's own friction is eliminated, so that all laws are tried with all base parameters.
+    It holds X' W X of every fold and joint. From these follow fits and errors of every law. The
+    friction of each joint is eliminated, so that each law is tried with all base parameters free.
     """
 
     def __init__(self, eq: Equations, prior: Prior, weights: Array):
         self.eq, self.prior = eq, prior
         self.r = eq.rigid.shape[2]
         rows = np.flatnonzero(eq.fit)
-        folds = np.array_split(rows, _FOLDS)  # of neighbours: what is near tells the same
+        folds = np.array_split(rows, _FOLDS)  # neighbouring rows are correlated
         self.grams = np.array(
             [
                 [X[fold].T @ (weights[fold, k, None] * X[fold]) for fold in folds]
@@ -271,20 +266,20 @@ class _Selection:
         )
         self.whole = self.grams.sum(axis=1, keepdims=True)
         self.rest = self.whole - self.grams  # shape (n, folds, ., .)
-        self.left: list[dict[FrictionLaw, Array]] = [
-            {} for _ in range(eq.n)
-        ]  # by each law, of each fold
+        self.left: list[dict[FrictionLaw, Array]] = [{} for _ in range(eq.n)]  # by fold
 
     def best(self, k: int, chosen: Sequence[FrictionLaw]) -> FrictionLaw:
-        """The law of joint k that leaves least of what it was not fitted to; the simplest of those
-        that leave as little."""
+        """Return the law of joint k with the least error in other folds; if similar, a simple one.
+
+        A law with more parameters must reduce the error to _MAX_RATIO.
+        """
         others = self._others(k, chosen, self.rest)
         found, least, limit = USUAL, np.inf, np.inf
         candidates = self.eq.laws[k]
         size = candidates[0].size
         for law in candidates:
             if law.size > size:
-                size, limit = law.size, _WORTH * least
+                size, limit = law.size, _MAX_RATIO * least
             self.left[k][law] = self._left(k, self._places(k, law), *others)
             left = float(self.left[k][law].sum())
             if left < min(least, limit):
@@ -292,8 +287,10 @@ class _Selection:
         return found
 
     def rivals(self, k: int, chosen: Sequence[FrictionLaw]) -> list[tuple[FrictionLaw, Array]]:
-        """Laws of joint k, with parameters, that leave more than the chosen one by less than the
-        standard error of the difference, as the folds tell it."""
+        """Return laws of joint k, with parameters, that are nearly as good as the chosen one.
+
+        Their error is larger by less than its standard error over the folds.
+        """
         others, found = self._others(k, chosen, self.whole), []
         for law, left in self.left[k].items():
             more = left - self.left[k][chosen[k]]
@@ -303,7 +300,7 @@ class _Selection:
         return found
 
     def _others(self, k: int, chosen: Sequence[FrictionLaw], grams: Array) -> tuple[Array, Array]:
-        """Normal equations of beta alone, by the belief and all joints but k."""
+        """Return the normal equations of beta alone: the prior and all joints except k."""
         A, b = self.prior.precision, self.prior.precision @ self.prior.mean
         for j, law in enumerate(chosen):
             if j != k:
@@ -312,11 +309,11 @@ class _Selection:
         return A, b
 
     def _places(self, k: int, law: FrictionLaw) -> Index:
-        """Columns of a law."""
+        """Return the columns of a law."""
         return np.array([self.r + self.eq.terms[k].index(term) for term in law.terms])
 
     def _without_friction(self, grams: Array, at: Index) -> tuple[Array, Array]:
-        """Normal equations of beta alone, when friction always takes what suits it best."""
+        """Return the normal equations of beta with the friction parameters eliminated."""
         r = self.r
         cross = grams[:, at, :r], grams[:, at, -1:]
         own = _firm(grams[np.ix_(np.arange(len(grams)), at, at)])
@@ -325,7 +322,7 @@ class _Selection:
         return grams[:, :r, :r] - left @ A, grams[:, :r, -1] - (left @ b)[..., 0]
 
     def _left(self, k: int, at: Index, A: Array, b: Array) -> Array:
-        """Sums of squares of joint k that fits leave in the folds that they have not seen."""
+        """Return the squared residuals of joint k in each fold, fitted to the other folds."""
         beta, friction = self._solved(self.rest[k], at, A, b)
         z = np.concatenate([beta, friction, -np.ones((_FOLDS, 1, 1))], axis=1)
         cut = np.array([*range(self.r), *at, self.grams.shape[-1] - 1])
@@ -333,7 +330,7 @@ class _Selection:
         return np.asarray((np.swapaxes(z, 1, 2) @ seen @ z)[:, 0, 0])
 
     def _solved(self, grams: Array, at: Index, A: Array, b: Array) -> tuple[Array, Array]:
-        """Base parameters and friction of a joint, columns in each fold."""
+        """Return base parameters and friction of a joint, a column for each fold."""
         own = self._without_friction(grams, at)
         beta = np.linalg.solve(A + own[0], (b + own[1])[..., None])
         friction = np.linalg.solve(
@@ -344,7 +341,7 @@ class _Selection:
 
 
 def _firm(grams: Array) -> Array:
-    """Grams that can be solved, where columns are alike or empty, too; shape (folds, f, f)."""
+    """Return X' W X made regular for equal or empty columns, shape (folds, f, f)."""
     diagonal = np.einsum("fii->fi", grams)
     least = 1e-12 + 1e-9 * diagonal.max(axis=1, keepdims=True)
     return np.asarray(grams + np.eye(grams.shape[1]) * np.maximum(1e-9 * diagonal, least)[:, None])

@@ -1,9 +1,9 @@
-"""Exciting motions: from which the parameters of a robot can be told best, before anybody moves it.
+"""Exciting motions: motions that determine the parameters of a robot as exactly as possible.
 
-Periodic Fourier series that start and end at rest (Swevers et al., "Optimal robot excitation and
-identification", IEEE Trans. Robotics and Automation 13(5), 1997), optimised for the information of
-the base parameters (D-optimality): log det of the inverse of the covariance that least squares,
-weighted by the noise of the torques, would have. It does not depend on how parameters are scaled.
+They are periodic Fourier series that start and end at rest (Swevers et al., "Optimal robot
+excitation and identification", IEEE Trans. Robotics and Automation 13(5), 1997). They maximise the
+information about the base parameters (D-optimality): log det of the inverse covariance of weighted
+least squares. It does not depend on the scale of the parameters.
 """
 
 from __future__ import annotations
@@ -26,46 +26,44 @@ from sdt_drake.motion.profile import MotionProfile, Track
 from sdt_drake.motion.segments import Fourier
 
 MARGIN, GENTLY = 0.8, 0.3
-"""Share of speed, acceleration, torque and range that a motion may take: of all, and where it is
-for the payload alone, of speeds and accelerations."""
+"""Share of all limits that a motion uses, and further factor on speeds and accelerations for a
+payload [-]."""
 
 HELD_OUT = 1 / 3
-"""Share of the periods that are another motion."""
+"""Share of the periods for the second motion, which `identify` holds out [-]."""
 
-RATE = 200.0  # samples that are recorded in a second [Hz]
+RATE = 200.0  # assumed sample rate of the recording [Hz]
 
-_BASE_PERIODS = (10.0, 5.0)  # s, of the first harmonic, about: heavy robots are slow
+_BASE_PERIODS = (10.0, 5.0)  # approximate periods of the first harmonic [s]; heavy robots are slow
 _HARMONICS = 5
-_GRID, _FINER = 48, 2  # samples in a period, for the optimisation; times as many at its end
-_FINE = 400  # and for what the motion comes to
-_STARTS = 40
-_STEP = 1e-6  # of a coefficient, for the gradient
-_STRICTNESS, _STRICTER = 100.0, 10.0  # of the penalty of a sample; times as much at the end
-_SOFT = 0.95  # of the limits, from where on a penalty grows
+_GRID, _FINER = 48, 2  # samples in a period of the optimisation; factor for its last part
+_FINE = 400  # samples in a period of the result
+_STARTS = 40  # random motions to choose starts from
+_STEP = 1e-6  # difference of a coefficient for the gradient
+_STRICTNESS, _STRICTER = 100.0, 10.0  # weight of the penalty; factor for the last part
+_SOFT = 0.95  # share of the limits at which the penalty begins
 _FIRST_ROUNDS, _SHRINKINGS = 12, 50
-_OTHERS, _HALVINGS, _SAFE = 8, 10, 0.98  # motions to judge by: how many are tried, and how large
+_OTHERS, _HALVINGS, _SAFE = 8, 10, 0.98  # held-out motion: candidates, bisections, share of limits
 _SEARCH = {True: (6, 100, _FINER), False: (2, 50, 1)}
-"""Of up to four joints, and of more, whose rounds take longer: how many starts are tried of each
-base period, rounds of the best one, and how much finer its samples are."""
+"""Effort for up to four joints, and for more: starts for each base period, iterations from the best
+start, and factor on its samples."""
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Fourier series of all joints, which start and end at rest: linear in their coefficients.
+    """The Fourier series of all joints that start and end at rest, linear in their coefficients.
 
-    A joint has its middle [rad], and weights of the columns of `rest`.
-
-    Attributes:
-        n: number of joints.
-        period: of the first harmonic [s].
+    The coefficients of a joint are its middle [rad] and weights of the columns of `rest`.
     """
 
     n: int
+    """Number of joints."""
     period: float
+    """Period of the first harmonic [s]."""
 
     @cached_property
     def rest(self) -> Array:
-        """Orthonormal [sine, cosine] with neither speed nor acceleration at the start."""
+        """Orthonormal columns [sine, cosine] with zero speed and acceleration at the start."""
         order = np.arange(1.0, _HARMONICS + 1)
         nothing = np.zeros(_HARMONICS)
         laws = np.array([[*order, *nothing], [*nothing, *order**2]])
@@ -77,8 +75,10 @@ class Series:
         return 1 + self.rest.shape[1]
 
     def bases(self, count: int) -> tuple[Array, Array, Array]:
-        """What position, speed and acceleration are of the coefficients of a joint, at `count` even
-        times of a period, each of shape (count, size)."""
+        """Return the matrices from coefficients to position, speed and acceleration.
+
+        They are for `count` even times in a period, shape (count, size) each.
+        """
         omega = 2 * np.pi / self.period * np.arange(1, _HARMONICS + 1)
         phase = np.outer(np.arange(count) * self.period / count, omega)
         sine, cosine = np.sin(phase), np.cos(phase)
@@ -90,40 +90,42 @@ class Series:
         return tuple(np.hstack([middle, x @ self.rest]) for middle, x in parts)  # type: ignore
 
     def segment(self, coefficients: Array, lasts: float) -> Fourier:
-        """A joint's motion over some time [s], a multiple of the period, of its coefficients, shape
-        (size,)."""
+        """Return a joint's motion over `lasts` [s], a multiple of the period.
+
+        Args:
+            coefficients: Coefficients of the joint, shape (size,).
+            lasts: Duration [s].
+        """
         sine, cosine = np.split(coefficients[1:] @ self.rest.T, 2)
         return Fourier(period=self.period, sine=sine.tolist(), cosine=cosine.tolist(), end=lasts)
 
     def start(self, coefficients: Array) -> Array:
-        """Where motions of coefficients of shape (n, size) start [rad], shape (n,)."""
+        """Return the start [rad], shape (n,), of a motion of coefficients, shape (n, size)."""
         cosine = coefficients[:, 1:] @ self.rest.T[:, _HARMONICS:]
         return np.asarray(coefficients[:, 0] + cosine.sum(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """An exciting motion, and what may be expected of it.
+    """An exciting motion, and the accuracy to expect from it.
 
-    At its end comes another motion, of a third of the periods, to judge by what the first one
-    tells: again the same would judge noise alone. `identify` holds out the last third.
-
-    Attributes:
-        profile: the motion.
-        fitted: how long the first motion lasts [s].
-        target: what it is for.
-        condition: of the equations, their columns scaled to one [-].
-        sigma: standard deviation of what is to be found, in its units, shape (p,).
-        used: largest share of the limits of the robot, by quantity, shape (n,); of those that are
-            `assumed` where its file has none.
+    The last third of the periods is a different motion, which `identify` holds out. A repetition of
+    the first motion would only show the noise.
     """
 
     profile: MotionProfile
+    """The motion profile."""
     fitted: float
+    """Duration of the first motion [s]."""
     target: Target
+    """The parameters to identify."""
     condition: float
+    """Condition number of the equations, with columns of length 1 [-]."""
     sigma: Array
+    """Expected standard deviation of each parameter, in its unit, shape (p,)."""
     used: dict[str, Array]
+    """Largest share of the robot's limits by quantity [-], shape (n,). Where the file has no limit,
+    see `assumed`."""
 
     @property
     def base_frequency(self) -> float:
@@ -132,7 +134,7 @@ class Excitation:
 
     @property
     def segments(self) -> list[list[Fourier]]:
-        """Of each joint, one after the other."""
+        """The segments of each joint in the order of time."""
         every = [track.segments for track in self.profile.tracks]
         return [[one for one in each if isinstance(one, Fourier)] for each in every]
 
@@ -140,11 +142,11 @@ class Excitation:
         """Write the motion file.
 
         Raises:
-            InputError: if it cannot be written.
+            InputError: The file cannot be written.
         """
         profile = self.profile
         lines = [
-            "# Periodic motion to identify a robot from, of `sdt-drake excite`",
+            "# Periodic motion that excites a robot for identification, made by `sdt-drake excite`",
             f"name: {profile.name}",
             f"duration: {profile.duration!r}  # s",
             f"q0: {_rounded(profile.q0 or [])}  # rad",
@@ -171,17 +173,17 @@ def excite(
     gently: float = 1.0,
     acceleration: Sequence[float] | None = None,
 ) -> Excitation:
-    """The motion of a duration [s] that tells most of a target, and another one to judge by.
+    """Find the motion that determines the parameters of a target best.
 
     Args:
-        target: what is to be found.
-        duration: of the motion [s].
-        margin: share of the robot's limits that it may take, in (0, 1].
-        gently: share of that for speeds and accelerations, in (0, 1].
-        acceleration: limits in place of those of the file, n of them [rad/s²].
+        target: The parameters to identify.
+        duration: Duration of the motion [s].
+        margin: Share of the robot's limits that the motion may use, in (0, 1].
+        gently: Further factor on the limits of speed and acceleration, in (0, 1].
+        acceleration: Limits in place of those of the file [rad/s²], length n.
 
     Raises:
-        InputError: if no motion is within the limits.
+        InputError: No motion is within the limits.
     """
     from scipy.optimize import minimize
 
@@ -208,7 +210,7 @@ def excite(
             begin = problem.starts()[:starts]
             tried += [better(problem, x, _FIRST_ROUNDS) for x in begin]
         _, problem, x = min(tried, key=lambda found: found[0])
-        # What is beyond a limit in the end shrinks the motion, and costs more than a stricter look.
+        # A motion beyond a limit is shrunk at the end, so the last part has a stricter penalty.
         stricter = _Problem(target, problem.series, limits, finer * _GRID, _STRICTER * _STRICTNESS)
         _, problem, x = better(stricter, x, last_rounds)
     series, coefficients = problem.series, problem.shrunk(problem.coefficients(x[None])[0])
@@ -219,7 +221,7 @@ def excite(
     parts = [(coefficients, (periods - judged) * series.period)]
     if judged:
         parts.append((problem.another(coefficients), judged * series.period))
-    samples = parts[0][1] * RATE / _FINE  # of a recording for each row
+    samples = parts[0][1] * RATE / _FINE  # recorded samples for each row
     sigma, condition = _expected(columns.reshape(len(q) * robot.n, -1), samples)
     limits = Limits.of(robot, 1.0, acceleration=acceleration)
     use = limits.use(q, v, vd, torque).max(axis=1)
@@ -234,8 +236,10 @@ def excite(
 
 
 class _Problem:
-    """Minus the information, and what limits take; coefficients in shares of what moves a joint as
-    far and as fast as it may, so that all are of one size."""
+    """The problem to minimise: a penalty of exceeded limits minus the information.
+
+    Variables are shares of the coefficients that use a joint's limits, so all have a similar size.
+    """
 
     def __init__(
         self,
@@ -249,16 +253,16 @@ class _Problem:
         self.bases, self.strictness = series.bases(grid), strictness
         q, v, vd = (np.linalg.norm(x, axis=0).max() / np.sqrt(grid) for x in self.bases)
         sizes = [limits.range / q, limits.speed / v, limits.acceleration / vd]
-        self.size = np.min(sizes, axis=0)  # of coefficients, (n,)
+        self.size = np.min(sizes, axis=0)  # typical coefficients, shape (n,)
 
     def coefficients(self, x: Array) -> Array:
-        """Of shares, shape (B, n size): shape (B, n, size)."""
+        """Return the coefficients, shape (B, n, size), of shares x, shape (B, n size)."""
         shares = x.reshape(len(x), self.series.n, -1)
         middle = self.limits.middle + self.limits.range * shares[:, :, 0]
         return np.concatenate([middle[:, :, None], self.size[:, None] * shares[:, :, 1:]], axis=2)
 
     def values(self, x: Array) -> Array:
-        """Of several motions at once, shape (B,)."""
+        """Return the value of each of B motions, shape (B,)."""
         target, count = self.target, len(x)
         q, v, vd = _motion(self.coefficients(x), self.bases)
         flat = [y.reshape(-1, target.robot.n) for y in (q, v, vd)]
@@ -270,19 +274,21 @@ class _Problem:
         return penalty - _information(columns)
 
     def value_and_slope(self, x: Array) -> tuple[float, Array]:
-        """At one motion, by differences: all of them are motions of one call."""
+        """Return value and gradient at one motion, by differences, in one call of `values`."""
         values = self.values(np.vstack([x, x + _STEP * np.eye(len(x))]))
         return float(values[0]), (values[1:] - values[0]) / _STEP
 
     def starts(self) -> Array:
-        """Random motions, large and small, the best first, shape (_STARTS, n size)."""
+        """Return random motions, large and small, the best first, shape (_STARTS, n size)."""
         x = np.random.default_rng(0).normal(0, 1, (_STARTS, self.series.n * self.series.size))
         x *= np.geomspace(0.02, 0.4, _STARTS)[:, None]
         return np.asarray(x[np.argsort(self.values(x))])
 
     def another(self, coefficients: Array) -> Array:
-        """Another motion from the same start, within the limits: the one of random ones, as large
-        as they may be, that tells most; shape (n, size)."""
+        """Return another motion from the same start within the limits, shape (n, size).
+
+        It is the one with the most information of _OTHERS random motions of the largest size.
+        """
         rng, start = np.random.default_rng(1), self.series.start(coefficients)
         bases, found = self.series.bases(2 * self.bases[0].shape[0]), []
         for _ in range(_OTHERS):
@@ -303,10 +309,10 @@ class _Problem:
         return max(found, key=lambda one: one[0])[1]
 
     def shrunk(self, coefficients: Array) -> Array:
-        """The same within the limits, if it is a little beyond; shape (n, size).
+        """Shrink a motion until it is within the limits, shape (n, size).
 
         Raises:
-            InputError: if no size is.
+            InputError: A motion of size 0 exceeds a limit.
         """
         fine = self.series.bases(_FINE)
         for _ in range(_SHRINKINGS):
@@ -314,7 +320,7 @@ class _Problem:
             use = self.limits.use(q, v, vd, self.target.rows(q, v, vd)[1]).max(axis=1)
             if use.max() <= 1:
                 return coefficients
-            # All joints shrink together where a torque is beyond, of which any may be the cause.
+            # All joints shrink together if a torque is too large: any joint may be the cause.
             factor = np.minimum(1 / np.maximum(use[:3].max(axis=0), 1), min(1 / use[3].max(), 1))
             towards = np.where(factor < 1, 0.999 * factor, 1.0)[:, None]
             still = np.zeros_like(coefficients)
@@ -322,33 +328,33 @@ class _Problem:
             coefficients = still + towards * (coefficients - still)
         k = int(use.max(axis=0).argmax())
         raise InputError(
-            f"{self.target.robot.path}: joint {k + 1} needs more torque than it may take even at "
-            "rest, expected stronger motors or a larger --margin"
+            f"{self.target.robot.path}: joint {k + 1} exceeds its torque limit even at rest, "
+            "expected a stronger motor or a larger --margin"
         )
 
 
 def _from(start: Array, series: Series, x: Array) -> Array:
-    """Coefficients of which the motion starts there, by another middle; shape (n, size)."""
+    """Return x with other middles, so that the motion begins at `start`, shape (n, size)."""
     moved = x.copy()
     moved[:, 0] += start - series.start(x)
     return moved
 
 
 def _motion(coefficients: Array, bases: tuple[Array, Array, Array]) -> list[Array]:
-    """q, v, vd of coefficients of shape (B, n, size), each of shape (B, N, n)."""
+    """Return q, v, vd, shape (B, N, n) each, of coefficients, shape (B, n, size)."""
     return [np.einsum("ts,bns->btn", basis, coefficients) for basis in bases]
 
 
 def _information(columns: Array) -> Array:
-    """log det of X' X for X of shape (B, rows, p), each: shape (B,)."""
-    scale = np.sqrt(np.mean(columns**2, axis=(0, 1))) + 1e-12  # of numbers alone: it is put back
+    """Return log det of X' X for each X of `columns`, shape (B, rows, p): shape (B,)."""
+    scale = np.sqrt(np.mean(columns**2, axis=(0, 1))) + 1e-12  # for exact numbers; added again
     X = columns / scale
     gram = np.einsum("bip,biq->bpq", X, X, optimize=True) + 1e-9 * np.eye(X.shape[2])
     return np.asarray(np.linalg.slogdet(gram)[1] + 2 * np.log(scale).sum())
 
 
 def _expected(columns: Array, samples: float) -> tuple[Array, float]:
-    """Standard deviations of the parameters, and the condition number of the scaled columns."""
+    """Return standard deviations of the parameters, and the condition number."""
     scale = np.linalg.norm(columns, axis=0)
     _, singular, Vt = np.linalg.svd(columns / scale, full_matrices=False)
     with np.errstate(divide="ignore"):

@@ -22,28 +22,28 @@ from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.robot import DEFAULT_ROBOT, Robot, load_robot
 from sdt_drake.run.scenario import ControllerChoice, Scenario, load_scenario, save_scenario
 
-_OWN = "real_device"  # the shipped device's scenario with what a real one has
-_MARGIN = 0.9  # of limits, and of the torque that gravity leaves, that a motion may take
-_MOST = 0.98  # of the largest torque, that a motor may need to stand
-_OMEGA_R = 60.0  # rad/s, lowest natural frequency of robots of which nobody says one; assumed
+_OWN = "real_device"  # scenario of the shipped device with real drives and sensors
+_MARGIN = 0.9  # share of the limits that a motion uses; of torque, after gravity
+_MAX_STANDING = 0.98  # share of the largest torque that a motor may need at standstill
+_OMEGA_R = 60.0  # assumed lowest natural frequency of other robots [rad/s]
 
 FILES = (
     *("robot.sdf", "motion.csv", "friction.yaml", "scenario.yaml"),
     *("uncertainty.csv", "uncertain.yaml", "uncertainty.yaml"),
 )
-"""Names of the files that `write_files` writes; some robots need only a part of them."""
+"""Names of the files that `write_files` writes; not every robot needs all of them."""
 
 
 def base_scenario(robot: Robot, base: str | None = None) -> Scenario:
-    """The scenario that the identified robot gets its motion, drives and controller from.
+    """Return the scenario with the motion, drives and controller for the identified robot.
 
     Args:
-        robot: that recordings are of.
-        base: name or file of a scenario of that robot; by default one that ships, or, for other
-            robots than the shipped one, the cascade of drives with feedforward, without a motion.
+        robot: The recorded robot.
+        base: Name or file of a scenario of that robot. The default for the shipped robot is a
+            shipped scenario; for others, a cascade with feedforward and no motion.
 
     Raises:
-        InputError: for a bad scenario, or one of a robot with other joints.
+        InputError: The scenario is bad, or its robot has other joints.
     """
     if base is None and robot.joint_names == load_robot(DEFAULT_ROBOT).joint_names:
         base = _OWN
@@ -52,8 +52,8 @@ def base_scenario(robot: Robot, base: str | None = None) -> Scenario:
         names = load_robot(scenario.robot).joint_names
         if names != robot.joint_names:
             raise InputError(
-                f"--scenario {base}: is of a robot with joints {', '.join(names)}, expected "
-                f"{', '.join(robot.joint_names)}, as in {robot.path}"
+                f"--scenario {base}: its robot has joints {', '.join(names)}, expected "
+                f"{', '.join(robot.joint_names)} as in {robot.path}"
             )
         return scenario
     scenario = Scenario(motion="")
@@ -69,14 +69,14 @@ def write_files(
     """Write the identified robot, and a scenario and a study that use it, into a folder.
 
     Args:
-        found: what was identified.
-        robot: the identified one.
-        friction: of it.
-        scenario: `base_scenario`; without a motion it gets the recorded one.
-        folder: to write to; it exists.
+        found: The identification.
+        robot: The identified robot.
+        friction: Friction of the identified robot.
+        scenario: A `base_scenario`. Without a motion, the recorded motion is used.
+        folder: An existing folder.
 
     Returns:
-        What was done to the motion, in sentences.
+        Changes of the recorded motion, as sentences.
     """
     scenario, notes = copy.deepcopy(scenario), list[str]()
     save_robot(found, folder / "robot.sdf")
@@ -95,24 +95,29 @@ def write_files(
 
 
 def recorded_motion(found: Identified, robot: Robot, period: float) -> tuple[Motion, list[str]]:
-    """The longest stretch of the first recording as a motion at `period` [s], as smooth as torques
-    were compared and as slow as the limits of the robot ask for; and what was done, in words."""
+    """Return the longest stretch of the first recording as a motion at `period` [s].
+
+    It is as smooth as the compared torques, and slowed down to the limits of the robot.
+
+    Returns:
+        The motion, and its changes as sentences.
+    """
     longest = max(stretches(found.recordings[0])[0], key=lambda part: len(part.q) * part.period)
     recorded = smooth(longest, found.cutoff / ABOVE)
     slower, standing = _slower(robot, recorded)
-    stuck = standing > _MOST * robot.effort_limit
+    stuck = standing > _MAX_STANDING * robot.effort_limit
     notes = [
-        f"motion.csv: {robot.joint(k)} needs {standing[k]:.4g} N m to stand where it was recorded, "
-        f"nearly or more than the {robot.effort_limit[k]:.4g} N m of the robot's file: simulate "
-        "refuses it until <effort> is raised"
+        f"motion.csv: {robot.joint(k)} needs {standing[k]:.4g} N m at standstill in the recorded "
+        f"positions, expected less than the limit of {robot.effort_limit[k]:.4g} N m in the "
+        "robot's file; raise <effort>, or simulate will refuse this motion"
         for k in np.flatnonzero(stuck).tolist()
     ]
     if notes:
         slower = 1.0
     elif slower > 1:
         notes = [
-            f"motion.csv: what was recorded, {slower:.3g} times slower: limits of the robot's file "
-            "allow no more"
+            f"motion.csv: the recorded motion, {slower:.3g} times slower to keep the limits of the "
+            "robot's file"
         ]
     time = np.arange(recorded.time[0], recorded.time[-1], period / slower)
     v = interpolated(time, recorded.time, recorded.v) / slower
@@ -120,10 +125,12 @@ def recorded_motion(found: Identified, robot: Robot, period: float) -> tuple[Mot
 
 
 def _slower(robot: Robot, motion: Smooth) -> tuple[float, Array]:
-    """How many times slower a motion has to be for the robot's limits, and the largest torque at
-    standstill in its poses, joint side [N m], shape (n,).
+    """Return the factor s by which a motion has to be slower to keep the robot's limits.
 
-    Slowed down by s, speeds are v / s, and torques are those at standstill and 1 / s² of the rest.
+    Then speeds are v / s. Torques are those at standstill plus the rest over s².
+
+    Returns:
+        The factor, and the largest torque at standstill, joint side [N m], shape (n,).
     """
     rest = np.zeros_like(motion.q)
     standing = inverse_dynamics(robot, motion.q, rest, rest)
@@ -141,6 +148,7 @@ def _slower(robot: Robot, motion: Smooth) -> tuple[float, Array]:
 def _write_study(
     found: Identified, robot: Robot, friction: PlantFriction, scenario: Scenario, folder: Path
 ) -> None:
+    """Write a study in which links and friction vary by their standard deviations."""
     text = Path(__file__).with_name("uncertainty.yaml").read_text(encoding="utf-8")
     along = directions(found, robot)
     if len(along):
@@ -148,8 +156,7 @@ def _write_study(
             folder / "uncertainty.csv", np.arange(1.0, len(along) + 1), {"entry": along},
             first="direction",
         )  # fmt: skip
-        # The directions are in the scenario of the study alone, which is the identified robot
-        # itself.
+        # Only the scenario of the study has the directions; with all at 0, it is the same robot.
         spread = copy.deepcopy(scenario)
         spread.name = "uncertain"
         spread.plant.deviation = Deviation(spread="uncertainty.csv", along=[0.0] * len(along))

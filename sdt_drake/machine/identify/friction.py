@@ -1,9 +1,9 @@
-"""Laws of friction that a joint may follow, linear in their parameters but for a shape.
+"""Candidate friction laws of a joint, linear in their parameters for a given shape.
 
-The shape (a speed, a width) is one of few values over the range of speeds of the recording; the
-rest is linear. Stribeck's term is that of `sdt_drake.robot.device`; sigmoid with an offset in
-speed as in Petrone, Ferrentino, Chiacchio, "The dynamic model of the UR10 robot and its ROS2
-integration", IEEE Trans. Industrial Informatics 2025.
+The shape (a speed, a width) is one of a few values over the range of recorded speeds. The Stribeck
+term is that of `sdt_drake.robot.device`. The sigmoid with an offset in speed is that of Petrone,
+Ferrentino, Chiacchio, "The dynamic model of the UR10 robot and its ROS2 integration", IEEE Trans.
+Industrial Informatics 2025.
 """
 
 from __future__ import annotations
@@ -16,30 +16,29 @@ import numpy as np
 from sdt_drake.io.arrays import Array
 from sdt_drake.robot.device import stribeck
 
-# Shares of the largest speed: widths of sigmoids, and of Stribeck's peak.
+# Widths of sigmoids and of the Stribeck peak, over the largest speed.
 _WIDTHS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 _PEAKS = (0.005, 0.007, 0.01, 0.014, 0.02, 0.03, 0.04, 0.06, 0.1, 0.2, 0.4)
-_OFFSETS = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)  # of the width of a sigmoid
+_OFFSETS = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)  # zeros of a sigmoid over its width
 
 
 @dataclass(frozen=True)
 class Term:
-    """A part of the friction of a joint, times a parameter.
-
-    Attributes:
-        kind: viscous [N m s/rad], viscous forwards (at v > 0 alone), and as forces [N m] coulomb,
-            offset, stribeck, sigmoid.
-        width: speed of a Stribeck peak, or of a sigmoid [rad/s].
-        middle: speed at which a sigmoid is zero [rad/s].
-    """
+    """A term of a friction law: a function of the speed, times a parameter."""
 
     kind: str
+    """Kind: "viscous" or "viscous forwards" (only at v > 0), parameter in N m s/rad; "coulomb",
+    "offset", "stribeck" or "sigmoid", parameter in N m."""
     width: float = 0.0
+    """Speed of a Stribeck peak, or width of a sigmoid [rad/s]."""
     middle: float = 0.0
+    """Speed at which a sigmoid is zero [rad/s]."""
 
     def at(self, v: Array, slowest: float) -> Array:
-        """The torque of this term for a parameter of one, at speeds v [rad/s]; below `slowest`,
-        signs fade."""
+        """Return the torque for a parameter of 1 at speeds v [rad/s].
+
+        The sign of Coulomb friction changes smoothly below `slowest` [rad/s].
+        """
         if self.kind == "offset":
             return np.ones_like(v)
         if self.kind == "stribeck":
@@ -54,14 +53,16 @@ class Term:
 
 @dataclass(frozen=True)
 class FrictionLaw:
-    """A candidate for the friction of a joint: `name`, and its terms."""
+    """A candidate friction law of a joint."""
 
     name: str
+    """Name in reports."""
     terms: tuple[Term, ...]
+    """Terms of the sum."""
 
     @property
     def size(self) -> int:
-        """How many numbers a fit chooses: parameters, widths and middles."""
+        """Number of fitted values: parameters, widths and middles."""
         return len(self.terms) + sum((t.width > 0) + (t.kind == "sigmoid") for t in self.terms)
 
 
@@ -70,7 +71,7 @@ USUAL = FrictionLaw("coulomb and offset", (VISCOUS, COULOMB, OFFSET))
 
 
 def laws(fastest: float) -> tuple[FrictionLaw, ...]:
-    """Candidate laws for a joint that moves at up to `fastest` [rad/s], the simpler ones first."""
+    """Return candidate laws for speeds up to `fastest` [rad/s], the simpler ones first."""
     found = [
         FrictionLaw("viscous", (VISCOUS,)),
         FrictionLaw("coulomb", (VISCOUS, COULOMB)),
@@ -93,5 +94,5 @@ def laws(fastest: float) -> tuple[FrictionLaw, ...]:
 
 
 def terms_of(candidates: Sequence[FrictionLaw]) -> tuple[Term, ...]:
-    """The terms of several laws, each once."""
+    """Return the terms of several laws, each once."""
     return tuple(dict.fromkeys(term for law in candidates for term in law.terms))

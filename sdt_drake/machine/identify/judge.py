@@ -1,4 +1,4 @@
-"""A robot judged by recordings as it is: what links, motors and friction leave of the torques."""
+"""Validation of a robot by recordings, without any fit."""
 
 from __future__ import annotations
 
@@ -24,19 +24,16 @@ from sdt_drake.robot.robot import Robot
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Judged(Shown):
-    """What a robot leaves of recorded torques.
-
-    Attributes:
-        robot: that is judged.
-        cutoff: below which torques are compared [Hz].
-        left: RMS of what is left where a joint moves, over the RMS of its torque, shape (n,).
-        left_without: the same without friction.
-    """
+    """The share of recorded torques that a robot does not explain."""
 
     robot: Robot
+    """The robot to validate."""
     cutoff: float
+    """Cut-off frequency of the compared torques [Hz]."""
     left: Array
+    """Torque not explained [-]: RMS residual over RMS torque while the joint moves, shape (n,)."""
     left_without: Array
+    """Torque not explained by the robot without friction [-], shape (n,)."""
 
     def summary(self) -> Summary:
         columns = {
@@ -48,10 +45,10 @@ class Judged(Shown):
 
 
 def load_friction(path: str | Path, robot: Robot) -> Friction:
-    """The friction of a robot in a file such as `identify` writes.
+    """Load the friction of a robot from a file such as `identify` writes.
 
     Raises:
-        InputError: for a bad file, or one of another number of joints.
+        InputError: The file is bad, or has another number of joints.
     """
     friction, file = load_yaml(Friction, path)
     for name in ("coulomb", "viscous", "breakaway", "offset"):
@@ -69,16 +66,16 @@ def judge(
     friction: Friction | None = None,
     cutoff: float | None = None,
 ) -> Judged:
-    """Judge a robot by recordings, of which nothing is fitted.
+    """Compare a robot's torques with recordings, without any fit.
 
     Args:
-        robot: with its links, motors and damping.
-        recordings: with q and tau.
-        friction: of its joints, joint side; none by default.
-        cutoff: below which torques are compared [Hz]; by default `cutoff.chosen`.
+        robot: The robot with its links, motors and damping.
+        recordings: Recordings with q and tau.
+        friction: Friction of the joints, joint side; none by default.
+        cutoff: Cut-off frequency of the compared torques [Hz]; by default `cutoff.chosen`.
 
     Raises:
-        InputError: for recordings that say nothing.
+        InputError: No joint moves, or a torque is constant.
     """
     parts, _ = parts_of((), recordings, 1.0)
     nothing = Unknown.nothing()
@@ -90,7 +87,7 @@ def judge(
     values = np.stack([own.viscous, own.coulomb, own.offset, own.breakaway - own.coulomb], axis=1)
     rubs = np.einsum("mkt,kt->mk", eq.friction, values)
     if not eq.moves.any():
-        raise InputError(f"{recordings[0].path}: no joint moves, but for noise")
+        raise InputError(f"{recordings[0].path}: no joint moves more than the noise")
     with np.errstate(invalid="ignore"):  # a joint that never moves
         left, without = (
             np.sqrt(

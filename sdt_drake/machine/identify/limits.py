@@ -1,4 +1,4 @@
-"""Limits of a motion that excites a robot: those of its file, and what is assumed without them."""
+"""Limits of an exciting motion: those of the robot's file, and assumed ones where it has none."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from sdt_drake.io.arrays import Array
-from sdt_drake.machine.identify.targets import ANY_SPEED
+from sdt_drake.machine.identify.targets import MAX_SPEED
 from sdt_drake.robot.robot import Robot
 
-_POSES = 200  # in which inertias are looked at
+_POSES = 200  # random poses for the least inertia
 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What a motion may take; joint side, each of shape (n,).
-
-    Attributes:
-        middle, range: positions are within range of the middle [rad].
-        speed, acceleration, torque: largest ones [rad/s, rad/s², N m]; inf for none.
-    """
+    """The limits of a motion, joint side, each of shape (n,)."""
 
     middle: Array
+    """Middle of the position range [rad]."""
     range: Array
+    """Largest distance from the middle [rad]."""
     speed: Array
+    """Largest speed [rad/s]."""
     acceleration: Array
+    """Largest acceleration [rad/s²]."""
     torque: Array
+    """Largest torque [N m]."""
 
     @staticmethod
     def of(
@@ -36,16 +36,20 @@ class Limits:
         gently: float = 1.0,
         acceleration: Sequence[float] | None = None,
     ) -> Limits:
-        """The share `margin` of the limits of a robot; of speeds and accelerations `gently` of
-        that. What the file does not limit is as `assumed` says; acceleration: other limits than
-        the file's, n of them [rad/s²].
+        """Return shares of a robot's limits; missing limits are replaced as in `assumed`.
+
+        Args:
+            robot: The robot of the file.
+            margin: Share of all limits [-].
+            gently: Further factor on speeds and accelerations [-].
+            acceleration: Limits in place of those of the file [rad/s²], length n.
         """
         lower = np.where(np.isinf(robot.position_lower), -np.pi, robot.position_lower)
         upper = np.where(np.isinf(robot.position_upper), np.pi, robot.position_upper)
-        speed = np.minimum(robot.velocity_limit, ANY_SPEED)
+        speed = np.minimum(robot.velocity_limit, MAX_SPEED)
         highest = robot.acceleration_limit if acceleration is None else np.array(acceleration)
         if np.isinf(highest).any():
-            highest = np.where(np.isinf(highest), _what_motors_give(robot), highest)
+            highest = np.where(np.isinf(highest), _motor_acceleration(robot), highest)
         return Limits(
             middle=(lower + upper) / 2,
             range=margin * np.maximum(upper - lower, 1e-3) / 2,
@@ -55,7 +59,7 @@ class Limits:
         )
 
     def use(self, q: Array, v: Array, vd: Array, torque: Array) -> Array:
-        """Share of each limit that a motion uses, shape (4, ..., n)."""
+        """Return the share of each limit that a motion uses, shape (4, ..., n)."""
         return np.abs(
             [
                 (q - self.middle) / self.range,
@@ -66,9 +70,8 @@ class Limits:
         )
 
 
-def _what_motors_give(robot: Robot) -> Array:
-    """Largest torque over the least inertia about each joint, in many poses [rad/s²], shape (n,):
-    in others the torque alone limits."""
+def _motor_acceleration(robot: Robot) -> Array:
+    """Return the largest torque over the least inertia of many poses [rad/s²], shape (n,)."""
     plant, rng = robot.plant, np.random.default_rng(0)
     context, inertias = plant.CreateDefaultContext(), []
     for q in rng.uniform(-np.pi, np.pi, (_POSES, robot.n)):
@@ -78,18 +81,18 @@ def _what_motors_give(robot: Robot) -> Array:
 
 
 def assumed(robot: Robot, acceleration: Sequence[float] | None = None) -> list[str]:
-    """What is assumed where the robot's file has no limits, in sentences."""
-    said = []
+    """Return the assumptions for limits that the robot's file does not have, as sentences."""
+    notes = []
     if acceleration is None and np.isinf(robot.acceleration_limit).any():
         highest = Limits.of(robot, 1.0).acceleration
         values = ", ".join(f"{x:.3g}" for x in highest)
-        said.append(
-            f"accelerations are limited to {values} rad/s²: where the file has none "
-            "(<drake:acceleration>), by the largest torque over the least inertia; "
-            "--acceleration says what the drives allow"
+        notes.append(
+            f"accelerations are limited to {values} rad/s²: without a limit in the file "
+            "(<drake:acceleration>), to the largest torque over the least inertia; "
+            "--acceleration sets the limits of the drives"
         )
-    if np.any(robot.velocity_limit > ANY_SPEED):
-        said.append(f"no joint moves faster than {ANY_SPEED:g} rad/s, whatever its file allows")
+    if np.any(robot.velocity_limit > MAX_SPEED):
+        notes.append(f"speeds are limited to {MAX_SPEED:g} rad/s; limits of the file are higher")
     if np.isinf(robot.position_lower).any() or np.isinf(robot.position_upper).any():
-        said.append("joints without stops turn by at most half a turn to both sides of 0")
-    return said
+        notes.append("joints without stops turn by at most half a turn to both sides of 0")
+    return notes

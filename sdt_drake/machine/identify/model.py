@@ -1,5 +1,7 @@
-"""What was identified as files of a robot: an SDF, friction as a scenario has it, and directions in
-which links may differ from that, along which a study can draw."""
+"""Files of an identified robot: SDF, friction, and directions of uncertainty of its links.
+
+A study draws robots along these directions.
+"""
 
 from __future__ import annotations
 
@@ -19,45 +21,42 @@ from sdt_drake.robot.device import PRESLIDING_DAMPING_TIME, Friction
 from sdt_drake.robot.robot import Robot, edited
 from sdt_drake.robot.sdf import DRAKE, SYMMETRIC, links_by_name, parse_xml, set_inertia
 
-_SPREAD = 0.5  # of links about those of the file, where nothing was measured
-_PEAKS = (0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s, of Stribeck friction
-_WORTH = 0.5  # of what is left, for a peak to be believed: it trades with the other two
-_SEEN = 0.1  # of its height, where a peak shows: one that no speed comes near could be any size
-_PLACES = 200
-_STIFFEST = 5e3  # rad/s, of a joint that sticks: far above every loop, and quick to simulate
+_SPREAD = 0.5  # relative standard deviation of links that were not measured
+_PEAKS = (0.005, 0.01, 0.02, 0.05, 0.1)  # speeds of a Stribeck peak [rad/s]
+_MAX_RATIO = 0.5  # residual with a Stribeck peak over that without, for it to be used
+_MIN_VISIBLE = 0.1  # share of a peak's height that recorded speeds reach, for it to be used
+_PLACES = 200  # speeds at which friction laws are compared
+_MAX_STICKING = 5e3  # natural frequency of a sticking joint [rad/s], far above every loop
 
 
 @dataclass(frozen=True, eq=False)
 class PlantFriction:
-    """Friction as `plant.friction` of a scenario has it, the nearest to the identified laws.
+    """The friction of a scenario (`plant.friction`) that is closest to the identified laws.
 
-    But for an offset, that is the same both ways, and never drives.
-
-    Attributes:
-        friction: joint side; beside the damping of the robot's file.
-        std: standard deviations of coulomb [N m] and viscous [N m s/rad], shape (2, n): by noise,
-            by how far the values are apart that other laws give, where data do not decide, and by
-            the spread between recordings.
-        between: share of a value that is the spread between recordings, shape (2, n); 0 of one.
-        undecided: the share of these variances that is of the laws, the larger one, shape (n,).
-        left: RMS difference to what of the laws is the same both ways, at the recorded speeds, over
-            the RMS of this, shape (n,).
+    Apart from an offset, it is the same in both directions and always brakes.
     """
 
     friction: Friction
+    """Friction in addition to the damping of the robot's file, joint side."""
     std: Array
+    """Standard deviations of Coulomb [N m] and viscous friction [N m s/rad], shape (2, n). They
+    contain noise, the differences of equally good laws, and the spread between recordings."""
     between: Array
+    """Spread between recordings over the value [-], shape (2, n); 0 for one recording."""
     undecided: Array
+    """Share of the variance that comes from equally good laws [-], shape (n,)."""
     left: Array
+    """RMS difference from the symmetric part of the identified law at the recorded speeds, over
+    the RMS of that part [-], shape (n,)."""
 
 
 def identified_robot(found: Identified) -> Robot:
-    """The robot with its links and motors as identified."""
+    """Return the robot with the identified links and motors."""
     return edited(found.nominal, lambda root: _put(found, root))
 
 
 def _put(found: Identified, root: ET.Element) -> None:
-    """Into the XML of an SDF: links that were free, and rotors."""
+    """Put identified links and rotors into the XML of an SDF."""
     elements = links_by_name(root)
     for link, pseudo in zip(found.consistent.links, found.consistent.pseudo, strict=True):
         set_inertia(elements[link.name], *link.inertial(pseudo))
@@ -72,8 +71,7 @@ def _put(found: Identified, root: ET.Element) -> None:
 
 
 def save_robot(found: Identified, path: Path) -> None:
-    """Write the robot as an SDF file: that of the file it began with, with its shapes if it is
-    one."""
+    """Write the identified robot as an SDF file; shapes are kept if the robot's file is an SDF."""
     file, text = found.nominal.path, found.nominal.sdf
     is_sdf = file.suffix == ".sdf"
     root = parse_xml(file.read_bytes() if is_sdf else text, file, shapes=is_sdf)
@@ -82,25 +80,26 @@ def save_robot(found: Identified, path: Path) -> None:
         root.set("xmlns:sdt", "urn:sdt_drake")
     _put(found, root)
     for mesh in root.iter("uri"):
-        if mesh.text and "://" not in mesh.text:  # beside the file it was read from
+        if mesh.text and "://" not in mesh.text:  # relative to the file that it was read from
             mesh.text = str((file.parent / mesh.text).resolve())
     ET.indent(root)
     write_text(path, ET.tostring(root, encoding="unicode") + "\n")
 
 
 def directions(found: Identified, robot: Robot) -> Array:
-    """Changes S of the links' pseudo-inertias, L exp(S) L', a standard deviation of each.
+    """Return directions of uncertainty: changes S of pseudo-inertias L exp(S) L'.
 
-    Drawn independently, to first order they have the identified covariance of the base parameters;
-    where nothing was measured, they are spread by half of what they are in the file. As L exp(S) L'
-    is always a body that can be, so is every draw. Motors stay.
+    Each direction is one standard deviation. Independent draws along them have the identified
+    covariance of the base parameters, to first order. Parameters that were not measured vary by
+    half of their value in the file. Every draw is physically consistent, since L exp(S) L' is
+    positive definite. Motors do not change.
 
     Args:
-        found: what was identified.
-        robot: the identified one.
+        found: The identification.
+        robot: The identified robot.
 
     Returns:
-        Shape (r, 10 links): the entries SYMMETRIC of S for each link of the file, in its order.
+        The entries SYMMETRIC of S for each link in the order of the file, shape (r, 10 links).
     """
     names = [link.name for link in found.consistent.links]
     order = list(links_by_name(parse_xml(robot.sdf, robot.path)))
@@ -113,12 +112,12 @@ def directions(found: Identified, robot: Robot) -> Array:
             effect[:, at : at + 10] = effect_of(robot, link, factor)
     A = found.unknown.base.combination @ effect[found.unknown.columns]
     r = len(A)
-    # Of S as of a symmetric matrix: its entries off the diagonal stand for two.
+    # Entries of S off the diagonal stand for two entries of the matrix.
     weight = np.tile([1.0 if i == j else np.sqrt(0.5) for i, j in SYMMETRIC], len(order))
     believed = (_SPREAD * weight) ** 2
     S = found.estimate.covariance[:r, :r]
     spread = (A * believed) @ A.T
-    # Both what was believed and what was measured; then its principal directions.
+    # Posterior of prior and measurement; then its principal directions.
     gain = spread @ np.linalg.pinv(spread + S, rcond=1e-14, hermitian=True)
     posterior = spread - gain @ spread
     values, vectors = np.linalg.eigh((posterior + posterior.T) / 2)
@@ -128,7 +127,7 @@ def directions(found: Identified, robot: Robot) -> Array:
 
 
 def plant_friction(found: Identified) -> PlantFriction:
-    """The friction of a scenario that is nearest to the identified laws."""
+    """Return the friction of a scenario that is closest to the identified laws."""
     robot, estimate = found.nominal, found.estimate
     r = len(estimate.beta)
     covariance = estimate.covariance[r:, r:]
@@ -146,7 +145,7 @@ def plant_friction(found: Identified) -> PlantFriction:
     best, peak = simple, None
     for width in _PEAKS:
         tried = [_nearest(v, tau, width) for v, tau in zip(speeds, wanted, strict=True)]
-        if sum(left for _, left in tried) < (_WORTH if peak is None else 1.0) * sum(
+        if sum(left for _, left in tried) < (_MAX_RATIO if peak is None else 1.0) * sum(
             x for _, x in best
         ):
             best, peak = tried, width
@@ -180,12 +179,13 @@ def plant_friction(found: Identified) -> PlantFriction:
 
 
 def _between(days: Array, values: Array) -> Array:
-    """Standard deviation between recordings over the value, shape (n, 2): that of each joint, or
-    where it is larger that of all, as two recordings of one joint may be alike by chance.
+    """Return the standard deviation between recordings over the value, shape (n, 2).
+
+    Recordings of one joint may agree by chance. So it is at least the RMS over all joints.
 
     Args:
-        days: what each recording adds, shape (recordings, n, 2).
-        values: of friction, shape (n, 2).
+        days: Difference of each recording from the value, shape (recordings, n, 2).
+        values: Friction, shape (n, 2).
     """
     if len(days) < 2:
         return np.zeros_like(values)
@@ -194,42 +194,41 @@ def _between(days: Array, values: Array) -> Array:
 
 
 def _softest(found: Identified, coulomb: Array) -> float:
-    """How far joints may give way before they slide, so that light ones can be simulated [rad]."""
+    """Return the presliding distance [rad] that lets light joints be simulated."""
     robot = identified_robot(found)
     context, rows = robot.plant.CreateDefaultContext(), found.equations.q
     least = np.full(robot.n, np.inf)
     for q in rows[:: max(1, len(rows) // 50)]:
         robot.plant.SetPositions(context, q)
         least = np.minimum(least, np.diagonal(robot.plant.CalcMassMatrix(context)))
-    return float(np.max(PRESLIDING_DAMPING_TIME * coulomb / least) / _STIFFEST)
+    return float(np.max(PRESLIDING_DAMPING_TIME * coulomb / least) / _MAX_STICKING)
 
 
 def _speeds(v: Array) -> Array:
-    """Speeds at which a joint was seen, as often as there, without their signs [rad/s]."""
+    """Return absolute speeds with the distribution of the recorded ones [rad/s]."""
     return np.quantile(np.abs(v), np.linspace(0.02, 1, _PLACES)) if len(v) else np.ones(1)
 
 
 def _half(terms: tuple[Term, ...], v: Array, sign: int) -> Array:
-    """What terms of friction do against the motion, the same both ways (sign -1), or in one
-    direction whichever way it goes (1), shape (places, terms)."""
+    """Return the odd (sign -1) or even (sign 1) part of friction terms, shape (places, terms)."""
     least = 1e-9
     columns = [(term.at(v, least) + sign * term.at(-v, least)) / 2 for term in terms]
     return np.column_stack(columns)
 
 
 def _basis(v: Array, peak: float | None) -> Array:
-    """Viscous, Coulomb and, with a peak at some speed, Stribeck friction."""
+    """Return columns of viscous, Coulomb and, with a peak [rad/s], Stribeck friction."""
     columns = [v, np.ones_like(v)]
     if peak is not None:
         shown = Term("stribeck", peak).at(v, 1.0)
-        columns.append(shown if shown.max() > _SEEN else np.zeros_like(v))
+        columns.append(shown if shown.max() > _MIN_VISIBLE else np.zeros_like(v))
     return np.column_stack(columns)
 
 
 def _nearest(v: Array, tau: Array, peak: float | None) -> tuple[Array, float]:
-    """Viscous, Coulomb, Stribeck >= 0, and the share of tau that they leave."""
+    """Fit viscous, Coulomb and Stribeck friction >= 0; return them and the relative residual."""
     basis = _basis(v, peak)
     size = np.linalg.norm(basis, axis=0)
-    size[size == 0] = 1.0  # a peak that was not seen gets nothing
+    size[size == 0] = 1.0  # a peak that no recorded speed reaches is 0
     x, left = nnls(basis / size, tau)
     return x / size, float(left / max(np.linalg.norm(tau), 1e-12))

@@ -1,4 +1,4 @@
-"""From recordings to a robot: cut-off frequency, friction, base parameters, links that can be."""
+"""Identification of a robot: cut-off, friction, base parameters, physically consistent links."""
 
 from __future__ import annotations
 
@@ -22,7 +22,13 @@ from sdt_drake.machine.identify.consistency import (
 from sdt_drake.machine.identify.cutoff import CUTOFFS, Choice, chosen
 from sdt_drake.machine.identify.equations import Equations, equations
 from sdt_drake.machine.identify.estimation import Estimate, Prior, estimate
-from sdt_drake.machine.identify.filtering import FEWEST, HIGHEST, Stretch, spread, stretches
+from sdt_drake.machine.identify.filtering import (
+    MAX_CUTOFF_SHARE,
+    MIN_SAMPLES,
+    Stretch,
+    spread,
+    stretches,
+)
 from sdt_drake.machine.identify.suspicions import (
     misread,
     standing_still,
@@ -33,62 +39,63 @@ from sdt_drake.machine.recordings import Recorded, check_different, check_record
 from sdt_drake.robot.robot import Robot
 
 HELD_OUT = 1 / 3
-"""Of each recording, its end, if none are named to validate."""
+"""Share at the end of each recording that is held out, without recordings to validate [-]."""
 
-MOST_ROWS = 20_000
-"""Of equations, about: a row takes the memory of a thousand numbers. Of longer recordings parts are
-compared."""
+MAX_ROWS = 20_000
+"""Approximate largest number of rows of the equations. A row takes about 8 kB. Of longer
+recordings, parts are compared."""
 
-_ALIKE, _NEARLY_ALL = 0.15, 0.9  # of the usual size of a state, and the share of states
-_ROWS = 4.0  # in a period of the cut-off
-_BELIEF = 1.0  # standard deviation of a parameter over its scale, before anything is measured
+_MAX_DISTANCE, _REPEATED = 0.15, 0.9  # distance of similar states over their spread; their share
+_ROWS_PER_PERIOD = 4.0  # rows in a period of the cut-off
+_PRIOR_STD = 1.0  # prior standard deviation of a parameter over its typical size
 
 Parts = list[tuple[int, float, Stretch]]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identified(Shown):
-    """What recordings say of a robot.
-
-    Attributes:
-        nominal: the robot of the file.
-        unknown: what was to be found.
-        recordings: what it was found from, then what it was judged by.
-        equations: all rows, of fitting and of judging.
-        estimate: base parameters and friction.
-        consistent: links and motors that can be.
-        friction: parameters of friction beside these, as in `estimate`, shape (f,).
-        predicted: torque of the consistent robot with friction, joint side [N m], shape (M, n).
-        cutoff: below which torques were compared [Hz].
-        speeds: whether recorded speeds were used.
-        notes: what was done to the recordings, in words.
-        warnings: what is suspicious, in words.
-    """
+    """The result of an identification."""
 
     nominal: Robot
+    """The robot of the file."""
     unknown: Unknown
+    """The parameters to identify."""
     recordings: tuple[Recorded, ...]
+    """The fitted recordings, then those to validate."""
     equations: Equations
+    """All rows, fitted and held out."""
     estimate: Estimate
+    """Base parameters and friction by least squares."""
     consistent: Consistent
+    """Physically consistent links and motors."""
     friction: Array
+    """Friction parameters for the consistent links, in the order of `estimate`, shape (f,)."""
     predicted: Array
+    """Torque of the consistent robot with friction, joint side [N m], shape (M, n)."""
     cutoff: float
+    """Cut-off frequency of the compared torques [Hz]."""
     speeds: bool
+    """True if recorded speeds were used."""
     notes: tuple[str, ...]
+    """Changes of the recordings, as sentences."""
     warnings: tuple[str, ...]
+    """Suspicions, as sentences."""
 
     def summary(self) -> Summary:
-        left = {"left by the file [%]": self.equations.nominal, "identified [%]": self.predicted}
+        left = {"by the file [%]": self.equations.nominal, "identified [%]": self.predicted}
         columns = {name: (".2f", 100 * self.left(tau, held_out=True)) for name, tau in left.items()}
         files = ", ".join(recorded.path.name for recorded in self.recordings)
-        title = f"{self.nominal.name} from {files}: left of torques, held out"
+        title = f"{self.nominal.name} from {files}: torque not explained, in held-out data"
         return of_joints(title, columns, self.nominal.joint_names)
 
     def left(self, predicted: Array, *, held_out: bool) -> Array:
-        """RMS of what a prediction leaves, over the RMS of the measured torque, shape (n,).
+        """Return the torque not explained by a prediction [-], shape (n,).
 
-        Where a joint rests, friction may be anything: that does not count.
+        It is the RMS residual over the RMS torque while the joint moves.
+
+        Args:
+            predicted: Predicted torque, joint side [N m], shape (M, n).
+            held_out: True for held-out rows, False for fitted ones.
         """
         eq = self.equations
         rows = (eq.fit != held_out)[:, None] & eq.moves
@@ -110,17 +117,17 @@ def identify(
     """Identify a robot from recordings.
 
     Args:
-        robot: where to start from; gives the kinematics, and what is not to be found.
-        recordings: with q and tau.
-        validate: recordings to judge by; by default the last third of each of the others.
-        only: "payload" or "friction" to take everything else as it is in the file.
-        payload: the link that is meant by it.
-        cutoff: below which torques are compared [Hz]; by default `cutoff.chosen`.
-        held_out: share of each recording, at its end, to judge by where nothing is to validate.
+        robot: The robot with its kinematics and known parameters.
+        recordings: Recordings with q and tau.
+        validate: Recordings to hold out; by default the last third of each of the others.
+        only: "payload" or "friction" to keep all other parameters of the file.
+        payload: The link that `only="payload"` identifies.
+        cutoff: Cut-off frequency of the compared torques [Hz]; by default `cutoff.chosen`.
+        held_out: Share at the end of each recording to hold out, if nothing is to validate.
 
     Raises:
-        InputError: for recordings that say nothing: too short, no torque, nothing moves; for one
-            that is there twice, a payload that is no link, a cut-off that samples know nothing of.
+        InputError: A recording is too short, is given twice, has a constant torque or no motion.
+            The payload is no moving link. The cut-off is too high for the sample rate.
     """
     path = recordings[0].path
     check_different([*recordings, *validate])
@@ -143,14 +150,13 @@ def identify(
     with retelling(lambda problem: problem._replace(found="; ".join([problem.found, *wrong]))):
         consistent = nearest_consistent(robot, unknown, free, found.beta, N[:r, :r], S[:r, :r])
     change = consistent.beta - found.beta
-    # What friction has to do with the base parameters, it follows them.
+    # Friction changes with the base parameters by their correlation.
     friction = found.friction + N[r:, :r] @ np.linalg.solve(N[:r, :r], change)
     predicted = eq.known + np.einsum("mkr,r->mk", eq.rigid, consistent.beta)
     predicted = predicted + found.friction_torque(eq, friction)
     before, after = (np.sqrt(np.diagonal(x)) for x in (np.linalg.inv(prior.precision), S[:r, :r]))
-    least, rubs = found.torque(eq), found.friction_torque(eq, found.friction)
     if not spoilt and not wrong:
-        warnings += suspicious_torques(robot, eq, least, predicted, rubs, cutoff)
+        warnings += suspicious_torques(robot, eq, found, predicted, cutoff)
     warnings += weakly_excited(found.condition, before, after, unknown.base.words)
     return Identified(
         nominal=robot,
@@ -171,13 +177,17 @@ def identify(
 def parts_of(
     recordings: Sequence[Recorded], validate: Sequence[Recorded], held_out: float
 ) -> tuple[Parts, list[str]]:
-    """The stretches of recordings, each with where what is held out begins, and what was done."""
+    """Return the stretches of recordings, and notes on their changes.
+
+    Each stretch is a tuple of the index of its recording, the time from which it is held out [s],
+    and the stretch.
+    """
     parts: Parts = []
     notes = []
     for number, recorded in enumerate((*recordings, *validate)):
         _check_alive(recorded)
-        found, said = stretches(recorded)
-        notes += [f"{recorded.path.name}: {line}" for line in (*recorded.notes, *said)]
+        found, changes = stretches(recorded)
+        notes += [f"{recorded.path.name}: {line}" for line in (*recorded.notes, *changes)]
         held_from = -np.inf if number >= len(recordings) else np.inf
         if not validate:
             start, end = found[0].start, found[-1].end
@@ -189,19 +199,18 @@ def parts_of(
 def _choice(
     robot: Robot, unknown: Unknown, prior: Prior, parts: Parts, cutoff: float | None
 ) -> Choice:
-    """The cut-off, unless one is given, and whether speeds are the recorded ones: by what is for
-    fitting alone."""
+    """Choose the cut-off, unless it is given, and the source of speeds, by the fitted data."""
     fitted = [(source, end, stretch.before(end)) for source, end, stretch in parts]
-    fitted = [part for part in fitted if len(part[2].q) > FEWEST]
+    fitted = [part for part in fitted if len(part[2].q) > MIN_SAMPLES]
     if not fitted:
         return Choice(cutoff or CUTOFFS[0], speeds=False)
     return chosen(robot, unknown, prior, [one for *_, one in few_of(fitted, CUTOFFS[-1])], cutoff)
 
 
 def few_of(parts: Parts, cutoff: float) -> Parts:
-    """As much of long recordings as takes about MOST_ROWS, each its share."""
+    """Select parts of long recordings for about MAX_ROWS rows, the same for each recording."""
     sources = sorted({source for source, *_ in parts})
-    seconds = MOST_ROWS / (_ROWS * cutoff) / len(sources)
+    seconds = MAX_ROWS / (_ROWS_PER_PERIOD * cutoff) / len(sources)
     few: Parts = []
     for source in sources:
         own = [(held_from, stretch) for other, held_from, stretch in parts if other == source]
@@ -211,67 +220,68 @@ def few_of(parts: Parts, cutoff: float) -> Parts:
 
 
 def _left_out(parts: Parts, few: Parts) -> Iterator[str]:
-    """The sentence on what `few_of` leaves out."""
+    """Yield a sentence on the parts that `few_of` leaves out."""
     lasts, whole = (sum(x.end - x.start for *_, x in every) for every in (few, parts))
     if lasts < whole:
-        told = f"{lasts:.3g} s of {whole:.3g} s, in {len(few)} parts evenly over it"
-        yield f"long: compared are {told}"
+        yield f"{lasts:.3g} s of {whole:.3g} s are compared, in {len(few)} evenly spread parts"
 
 
 def _speeds_in_words(parts: Parts, used: bool) -> Iterator[str]:
-    """The sentence on where speeds come from, if some were recorded."""
+    """Yield a sentence on the source of speeds, if some were recorded."""
     if all(stretch.v is not None for *_, stretch in parts):
         one, other = ("recorded", "differentiated")[:: 1 if used else -1]
-        yield f"speeds are the {one} ones: torques are predicted better with them than the {other}"
+        yield f"{one} speeds are used: they predict torques better than {other} ones"
 
 
 def _repeated(eq: Equations) -> Iterator[str]:
-    """The sentence on a motion that is held out, where the fit has seen it all."""
-    sizes = [np.maximum(x.std(axis=0), 1e-9) for x in (eq.q, eq.v, eq.vd)]  # a joint may stand
+    """Yield a sentence if the held-out data repeat the fitted motion."""
+    sizes = [np.maximum(x.std(axis=0), 1e-9) for x in (eq.q, eq.v, eq.vd)]  # 0 of a joint at rest
     states = np.hstack([x / size for x, size in zip((eq.q, eq.v, eq.vd), sizes, strict=True)])
     away, _ = cKDTree(states[eq.fit]).query(states[~eq.fit])
-    if np.mean(away < _ALIKE * np.sqrt(states.shape[1])) > _NEARLY_ALL:
+    if np.mean(away < _MAX_DISTANCE * np.sqrt(states.shape[1])) > _REPEATED:
         yield (
-            "what is held out repeats the motion that was fitted: it judges noise, and no other "
-            "motion (--validate names a recording of one)"
+            "the held-out data repeat the fitted motion, so they show only the noise; give a "
+            "recording of another motion with --validate"
         )
 
 
 def _check_alive(recorded: Recorded) -> None:
-    """Refuse a recording in which there is nothing to be seen."""
+    """Refuse a recording with a constant torque or without motion."""
     q, tau = recorded.signals["q"], recorded.signals["tau"]
     dead = np.flatnonzero(np.ptp(tau, axis=0) == 0)
     if len(dead):
-        what = "zero" if not tau[0, dead[0]] else f"{tau[0, dead[0]]:g} N m"
-        raise InputError(f"{recorded.path}: tau_{dead[0] + 1} is {what} all the time")
+        raise InputError(
+            f"{recorded.path}: tau_{dead[0] + 1}: {tau[0, dead[0]]:g} N m in all samples, expected "
+            "measured torques"
+        )
     if np.all(np.ptp(q, axis=0) < 1e-6):
         raise InputError(f"{recorded.path}: no joint moves")
 
 
 def _check_cutoff(cutoff: float | None, parts: Parts) -> None:
-    """Refuse a frequency that filters would leave as it is."""
-    most = HIGHEST / max(stretch.period for *_, stretch in parts)
+    """Refuse a cut-off that is too high for the sample rate."""
+    most = MAX_CUTOFF_SHARE / max(stretch.period for *_, stretch in parts)
     if cutoff is not None and cutoff >= most:
         raise InputError(
-            f"--cutoff: {cutoff:g} Hz, expected less than {most:.4g} Hz, {HIGHEST:g} "
-            "of the samples' rate"
+            f"--cutoff: {cutoff:g} Hz, expected less than {most:.4g} Hz, {MAX_CUTOFF_SHARE:g} of "
+            "the sample rate"
         )
 
 
 def _check_rows(eq: Equations, cutoff: float, path: Path) -> None:
-    """Refuse recordings of which nothing is left to fit, or to judge by."""
-    for rows, what in ((eq.fit, "to fit"), (~eq.fit, "to judge by")):
+    """Refuse recordings without rows to fit or to hold out."""
+    for rows, what in ((eq.fit, "fit"), (~eq.fit, "hold out")):
         if not rows.any():
             raise InputError(
-                f"{path}: compared below {cutoff:.3g} Hz nothing is left {what}, expected a "
-                "longer recording, another --held-out or a higher --cutoff"
+                f"{path}: too short to {what} anything below {cutoff:.3g} Hz, expected a longer "
+                "recording, another --held-out or a higher --cutoff"
             )
     if not eq.moves.any():
-        raise InputError(f"{path}: no joint moves, but for noise")
+        raise InputError(f"{path}: no joint moves more than the noise")
 
 
 def _unknown(robot: Robot, only: str | None, payload: str) -> tuple[Unknown, list[str]]:
-    """What is to be found, and the links that may change."""
+    """Return the parameters to identify, and the names of the links that may change."""
     if only == "friction":
         return Unknown.nothing(), []
     if only == "payload":
@@ -280,9 +290,12 @@ def _unknown(robot: Robot, only: str | None, payload: str) -> tuple[Unknown, lis
 
 
 def belief(robot: Robot, unknown: Unknown) -> Prior:
-    """Prior of the base parameters: those of the file, good to the scale of what they are made
-    of."""
-    whole = _BELIEF * rigid_scale(robot)
+    """Return the prior of the base parameters.
+
+    The mean is that of the file. The standard deviation follows from the typical size of the
+    parameters.
+    """
+    whole = _PRIOR_STD * rigid_scale(robot)
     K = unknown.base.combination
     covariance = (K * whole[unknown.columns] ** 2) @ K.T
     mean = K @ rigid_parameters(robot)[unknown.columns]

@@ -20,35 +20,33 @@ from sdt_drake.robot.head import turned
 from sdt_drake.robot.robot import Robot
 
 PARAMETERS = ("mass", "hx", "hy", "hz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
-"""Of a body: m [kg], h = m c [kg m], I about the origin of its frame [kg m²]."""
+"""Parameters of a body: m [kg], h = m c [kg m], I about the origin of its frame [kg m²]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """What turns with each joint, welded links as one body; frame k lies on the axis of joint k.
+    """The bodies that joints turn, with welded links as one body.
 
-    Frame k is the one in which the robot's file gives the axis: that of the joint on its child
-    link. In most files it is the frame of that link.
-
-    Attributes:
-        names: links of each body, "gondola + payload".
-        rotation, position: of frame k in frame k - 1 (of the world for the first) at q_k = 0,
-            shapes (n, 3, 3) and (n, 3) [m].
-        axis: of joint k in frame k, unit vectors, shape (n, 3).
-        gravity: in the world [m/s²], shape (3,).
-        parameters: those of the robot, shape (n, 10); see PARAMETERS.
+    Frame k has its origin on the axis of joint k. It is the joint's frame on its child link, in
+    which the file gives the axis. In most files it is the frame of that link.
     """
 
     names: tuple[str, ...]
+    """Links of each body, "gondola + payload"."""
     rotation: Array
+    """Rotation matrix of frame k in frame k - 1 (or the world) at q_k = 0, shape (n, 3, 3)."""
     position: Array
+    """Origin of frame k in frame k - 1 (or the world) [m], shape (n, 3)."""
     axis: Array
+    """Unit vector of the axis of joint k in frame k, shape (n, 3)."""
     gravity: Array
+    """Gravity in the world frame [m/s²], shape (3,)."""
     parameters: Array
+    """Parameters of the robot's bodies, shape (n, 10); see PARAMETERS."""
 
     @staticmethod
     def of(robot: Robot) -> Bodies:
-        """The bodies of a robot."""
+        """Return the bodies of a robot."""
         plant, context = robot.plant, robot.context_at_zero()
         joints = [plant.GetJointByName(name) for name in robot.joint_names]
         names, rotation, position, axis, parameters = [], [], [], [], []
@@ -72,26 +70,35 @@ class Bodies:
 
 
 def regressor(robot: Robot, q: Array, v: Array, vd: Array, gravity: Array | None = None) -> Array:
-    """Y of tau = Y phi: joint torques that rigid links need, **joint side**, without the motors.
+    """Return Y of tau = Y phi, the torque of rigid links without motors, **joint side**.
 
     With phi = Bodies.of(robot).parameters.ravel(), Y phi is the total of `torque_groups` of a robot
     without joint damping.
 
+        >>> import numpy as np
+        >>> from sdt_drake.robot.robot import load_robot
+        >>> robot, still = load_robot("sdt"), np.zeros((1, 4))
+        >>> phi = Bodies.of(robot).parameters.ravel()
+        >>> regressor(robot, np.array([[0, 0.5, 0, 0]]), still, still) @ phi  # gravity [N m]
+        array([[...]])
+
     Args:
-        robot: gives axes, places and gravity; its masses have no say.
-        q, v, vd: joint positions [rad], speeds [rad/s], accelerations [rad/s²], shape (N, n).
-        gravity: in the world [m/s²], shape (3,); by default that of the robot.
+        robot: The robot with its kinematics and gravity; its masses have no effect.
+        q: Joint positions [rad], shape (N, n).
+        v: Joint speeds [rad/s], shape (N, n).
+        vd: Joint accelerations [rad/s²], shape (N, n).
+        gravity: Gravity in the world frame [m/s²], shape (3,); by default that of the robot.
 
     Returns:
-        Shape (N, n, 10 n): columns 10 k to 10 k + 9 are those of the body that joint k turns.
+        Y, shape (N, n, 10 n). Columns 10 k to 10 k + 9 belong to the body that joint k turns.
     """
     bodies = Bodies.of(robot)
     samples, n = q.shape
     Y = np.zeros((samples, n, 10 * n))
-    J = np.zeros((samples, n, 6))  # rows: twist of the body per joint speed, in the body's frame
+    J = np.zeros((samples, n, 6))  # rows: twist of the body over joint speed, in the body's frame
     omega, alpha = np.zeros((2, samples, 3))
     gravity = bodies.gravity if gravity is None else gravity
-    a = np.broadcast_to(-gravity, (samples, 3))  # of the frame's origin, less gravity
+    a = np.broadcast_to(-gravity, (samples, 3))  # acceleration of the frame's origin less gravity
     for k in range(n):
         axis, p = bodies.axis[k], bodies.position[k]
         R = bodies.rotation[k] @ turned(axis, q[:, k])
@@ -108,7 +115,7 @@ def regressor(robot: Robot, q: Array, v: Array, vd: Array, gravity: Array | None
 
 
 def _wrench(a: Array, omega: Array, alpha: Array) -> Array:
-    """A of [moment, force] = A phi about the origin of the body's frame, shape (N, 6, 10).
+    """Return A of [moment, force] = A phi about the origin of the body's frame, shape (N, 6, 10).
 
     moment = h x a + I alpha + omega x (I omega),  force = m a + alpha x h + omega x (omega x h)
     """
@@ -122,7 +129,7 @@ def _wrench(a: Array, omega: Array, alpha: Array) -> Array:
 
 
 def _cross(x: Array) -> Array:
-    """The matrices of x times a vector, shape (..., 3, 3)."""
+    """Return the matrices of the cross product with x, shape (..., 3, 3)."""
     matrix = np.zeros((*x.shape, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         matrix[..., i, j], matrix[..., j, i] = -x[..., k], x[..., k]
@@ -130,7 +137,7 @@ def _cross(x: Array) -> Array:
 
 
 def _times_inertia(x: Array) -> Array:
-    """L of I x = L [Ixx, Ixy, Ixz, Iyy, Iyz, Izz], shape (N, 3, 6)."""
+    """Return L of I x = L [Ixx, Ixy, Ixz, Iyy, Iyz, Izz], shape (N, 3, 6)."""
     L = np.zeros((len(x), 3, 6))
     for column, (i, j) in enumerate(zip(*np.triu_indices(3), strict=True)):
         L[:, i, column], L[:, j, column] = x[:, j], x[:, i]

@@ -1,10 +1,10 @@
-"""What rigid links and friction leave, and what it looks like: torques that are recorded late,
-springs, hysteresis, something that acts on a position, friction that changes.
+"""Likely causes of the residual torque that rigid links and friction do not explain.
 
-Links and friction of each joint are free here, and are taken out of all that is compared. A cause
-is told by the share of the rest (its square) that columns of that cause explain. A delay d of the
-torques makes tau(t + d) what links and friction explain, which is solved by Gauss and Newton's
-method; its interval is that of the jackknife over blocks of time.
+Causes are delayed torques, springs, hysteresis, a force that depends on the position, and changing
+friction. Links and friction of each joint are free and are removed from all signals by projection.
+The measure of a cause is the share of the squared residual that its columns explain. With a delay
+d, links and friction explain tau(t + d). The delay is found by the Gauss-Newton method, its
+interval by the jackknife over blocks of time.
 """
 
 from __future__ import annotations
@@ -18,68 +18,71 @@ from scipy.interpolate import BSpline, make_interp_spline
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.machine.identify.equations import Equations
 
-_BLOCKS, _SURE = 10, 5.0  # of time; standard errors of a delay that is told
-_SHORTEST = 2e-3  # s, of a delay that is told
-_GAIN = 0.01  # of the square of what is left, by a delay that is told
-_ROUNDS = 4
-_FARTHEST = 0.35  # of a period of what is compared: beyond, no delay is found by a slope
-_APART = 0.7  # of a delay: joints agree that differ by less
-_LITTLE, _SOME, _MUCH = 0.03, 0.06, 0.3  # of a torque, left: more has a name
-_EXPLAINS, _CLEARLY, _AS_WELL = 0.6, 0.75, 0.12  # of the square of what is left
-_LATE = 0.25  # likewise, by a delay that is sure
-_RANK = 1e-7
-_BUILT_UP = (0.003, 0.01, 0.03)  # of a joint's reach, over which friction builds up
+_BLOCKS, _MIN_SIGMAS = 10, 5.0  # blocks of time; standard errors of a reported delay
+_MIN_DELAY = 2e-3  # s
+_MIN_GAIN = 0.01  # share of the squared residual that a reported delay explains
+_ROUNDS = 4  # iterations of the delay
+_MAX_DELAY = 0.35  # in periods of the cut-off: a gradient finds no longer delay
+_MAX_DIFFERENCE = 0.7  # between delays of joints that agree, over the delay
+_LITTLE, _SOME, _MUCH = 0.03, 0.06, 0.3  # residual over the torque
+_EXPLAINS, _CLEARLY, _SIMILAR = 0.6, 0.75, 0.12  # shares of the squared residual
+_LATE = 0.25  # share of the squared residual by a significant delay
+_RANK = 1e-7  # relative size of independent columns
+_BUILT_UP = (0.003, 0.01, 0.03)  # angle over which friction builds up, over the joint's range
 
 CAUSES = {
     "late": "a torque that is recorded late",
     "springs": "springs in its gear",
-    "hysteresis": "play or friction that builds up over an angle at reversals",
-    "position": "something that acts on its position, as a counterbalance or a cable",
+    "hysteresis": "play, or friction that builds up over an angle at reversals",
+    "position": "something that acts on its position, such as a counterbalance or a cable",
     "load": "friction that grows with the torque",
-    "drift": "friction that changed within the recording, as with temperature",
+    "drift": "friction that changed within the recording, for example with temperature",
 }
-"""Causes of what is left, in words."""
+"""Causes of residual torque in words."""
 
 
 @dataclass(frozen=True, eq=False)
 class Delay:
-    """How late torques are recorded [s]: of all joints, and of each, with standard errors.
-
-    Attributes:
-        common, error: of all.
-        each, errors: shape (n,); NaN of a joint that does not move.
-        gain: share of the square of what is left that the common one explains.
-    """
+    """The delay of recorded torques behind positions."""
 
     common: float
+    """Common delay of all joints [s]."""
     error: float
+    """Standard error of the common delay [s]."""
     each: Array
+    """Delay of each joint [s], shape (n,); NaN without motion."""
     errors: Array
+    """Standard error of each delay [s], shape (n,); NaN without motion."""
     gain: float
+    """Share of the squared residual that the common delay explains [-]."""
 
     @property
-    def is_told(self) -> bool:
-        """Whether it is sure, worth to be corrected, and that of the joints: they agree, and half
-        of them tell it alone."""
+    def is_significant(self) -> bool:
+        """True for a significant and relevant delay on which the joints agree.
+
+        At least half of the joints have a significant delay of their own.
+        """
         known = np.isfinite(self.each)
         each, errors = self.each[known], self.errors[known]
-        is_sure = abs(self.common) > max(_SURE * self.error, _SHORTEST) and self.gain > _GAIN
-        agree = np.abs(each - self.common) < np.maximum(4 * errors, _APART * abs(self.common))
+        is_large = abs(self.common) > max(_MIN_SIGMAS * self.error, _MIN_DELAY)
+        apart = np.abs(each - self.common)
+        agree = apart < np.maximum(4 * errors, _MAX_DIFFERENCE * abs(self.common))
         by_itself = each * np.sign(self.common) > 3 * errors
-        return bool(is_sure and agree.all() and by_itself.mean() >= 0.5)
+        is_relevant = is_large and self.gain > _MIN_GAIN
+        return bool(is_relevant and agree.all() and by_itself.mean() >= 0.5)
 
     @property
     def words(self) -> str:
-        """With 95 % intervals."""
+        """The delays with 95 % intervals."""
         each = ", ".join(
             "–" if np.isnan(d) else f"{1e3 * d:.1f} ± {2e3 * e:.1f}"
             for d, e in zip(self.each, self.errors, strict=True)
         )
-        return f"{1e3 * self.common:.1f} ± {2e3 * self.error:.1f} ms, by joints {each} ms"
+        return f"{1e3 * self.common:.1f} ± {2e3 * self.error:.1f} ms (of the joints: {each} ms)"
 
 
 def delay_of(eq: Equations, cutoff: float) -> Delay:
-    """How late torques are recorded; cutoff: below which they are compared [Hz]."""
+    """Return the delay of torques that are compared below `cutoff` [Hz]."""
     joints = [_Joint(eq, k) for k in range(eq.n)]
     common = _delay([one for one in joints if one.moves], cutoff)
     each = [_delay([one], cutoff) if one.moves else (np.nan, np.nan, 0.0) for one in joints]
@@ -89,29 +92,32 @@ def delay_of(eq: Equations, cutoff: float) -> Delay:
 
 
 def unexplained(eq: Equations, delay: Delay) -> Iterator[str]:
-    """What links and friction leave of each joint, in sentences; a common delay that is told is
-    taken out before."""
+    """Yield sentences on the residual torque of each joint and its likely causes.
+
+    A significant common delay is corrected first.
+    """
+    common = delay.common if delay.is_significant else 0.0
     for k in range(eq.n):
         one = _Joint(eq, k)
         if not one.moves:
             continue
-        left, _ = one.seen(delay.common if delay.is_told else 0.0)
+        left, _ = one.seen(common)
         size = float(left @ left)
         share = float(np.sqrt(size / max(one.spread, 1e-300)))
         explains = {name: _explained(left, one.without(C)) for name, C in one.causes().items()}
         best = max(explains.values())
-        apart = abs(delay.each[k] - (delay.common if delay.is_told else 0.0))
-        is_late = explains["late"] > max(_LATE, best - _AS_WELL) and apart > max(
-            _SURE * delay.errors[k], _SHORTEST
+        is_late = explains["late"] > max(_LATE, best - _SIMILAR) and (
+            abs(delay.each[k] - common) > max(_MIN_SIGMAS * delay.errors[k], _MIN_DELAY)
         )
-        told = f"joint {k + 1}: {100 * share:.0f} % of its torque is no rigid link and no friction"
+        text = f"joint {k + 1}: rigid links and friction do not explain {100 * share:.0f} % of its "
+        text += "torque"
         has_name = share > _LITTLE and best > (_EXPLAINS if share > _SOME else _CLEARLY)
         if not is_late and not has_name:
             if share > _MUCH:
-                yield told
+                yield text
             continue
         likely = sorted(
-            (name for name in explains if explains[name] > best - _AS_WELL),
+            (name for name in explains if explains[name] > best - _SIMILAR),
             key=lambda name: -explains[name],
         )
         words = [CAUSES[name] for name in likely]
@@ -119,11 +125,11 @@ def unexplained(eq: Equations, delay: Delay) -> Iterator[str]:
             d, e = delay.each[k], delay.errors[k]
             words[likely.index("late")] = f"a torque that is {1e3 * d:.1f} ± {2e3 * e:.1f} ms late"
         one_of = "one of " * (len(words) > 1) + "; ".join(words)
-        yield f"{told}; {100 * best:.0f} % of that (of its square) looks like {one_of}"
+        yield f"{text}; {100 * best:.0f} % of the squared residual looks like {one_of}"
 
 
 class _Joint:
-    """Torque of a joint over the stretches of a recording, links and friction taken out."""
+    """The torque of a joint over the stretches of a recording, without links and friction."""
 
     def __init__(self, eq: Equations, k: int):
         self.eq, self.k = eq, k
@@ -145,12 +151,14 @@ class _Joint:
                 self.splines.append((at, make_interp_spline(eq.time[at], eq.tau[at, k], k=5)))
 
     def without(self, values: Array) -> Array:
-        """Of columns (or one) in the rows where the joint moves, what is no link and no
-        friction."""
+        """Return columns (or one) without the part that links and friction explain.
+
+        Rows are those in which the joint moves.
+        """
         return np.asarray(values - self.basis @ (self.basis.T @ values))
 
     def torque(self, shift: float, order: int = 0) -> Array:
-        """The torque, or a derivative of it, at a later time; in the rows where it moves."""
+        """Return the torque, or a derivative, later by `shift` [s], in the rows with motion."""
         whole = np.zeros(len(self.eq.tau))
         for at, spline in self.splines:
             time = np.clip(self.eq.time[at] + shift, self.eq.time[at[0]], self.eq.time[at[-1]])
@@ -158,11 +166,11 @@ class _Joint:
         return whole[self.rows]
 
     def seen(self, shift: float) -> tuple[Array, Array]:
-        """What is left of the torque at a later time, and of its slope."""
+        """Return the residual of the torque later by `shift` [s], and that of its slope."""
         return self.without(self.torque(shift)), self.without(self.torque(shift, 1))
 
     def causes(self) -> dict[str, Array]:
-        """Columns of each of CAUSES."""
+        """Return the columns of each of CAUSES."""
         eq, k, rows = self.eq, self.k, self.rows
         q, v, load = eq.q[rows, k], eq.v[rows, k], np.abs(eq.nominal[rows, k])
         slides = np.tanh(v / max(0.05 * float(np.abs(v).max()), 1e-12))
@@ -182,8 +190,8 @@ class _Joint:
 
 
 def _delay(joints: Sequence[_Joint], cutoff: float) -> tuple[float, float, float]:
-    """Delay, its standard error, and the share of the square of what is left that it explains."""
-    most, d = _FARTHEST / cutoff, 0.0
+    """Return a delay [s], its standard error [s], and the share of the squared residual."""
+    most, d = _MAX_DELAY / cutoff, 0.0
     parts = []
     for _ in range(_ROUNDS):
         parts = [one.seen(d) for one in joints]
@@ -202,8 +210,10 @@ def _delay(joints: Sequence[_Joint], cutoff: float) -> tuple[float, float, float
 
 
 def _sums(parts: Sequence[tuple[Array, Array]]) -> Array:
-    """Of each block of time what is left times the slope, and the square of that, each joint by
-    what it leaves, shape (_BLOCKS, 2)."""
+    """Return sums of residual times slope and of squared slope in blocks of time.
+
+    Joints are weighted by their residuals. Shape (_BLOCKS, 2).
+    """
     sums = np.zeros((_BLOCKS, 2))
     for left, slope in parts:
         weight = _weight(left)
@@ -220,15 +230,17 @@ def _weight(left: Array) -> float:
 
 
 def _explained(left: Array, columns: Array) -> float:
-    """Share of the square of what is left that columns explain."""
+    """Return the share of a squared residual that columns explain."""
     Q, R = np.linalg.qr(columns)
     used = np.abs(np.diagonal(R)) > _RANK * max(float(np.abs(R).max()), 1e-300)
     return float(np.sum((Q[:, used].T @ left) ** 2) / max(float(left @ left), 1e-300))
 
 
 def _built_up(eq: Equations, k: int, share: float) -> Array:
-    """Friction that builds up over a share of the joint's reach after each reversal, from -1 to 1,
-    shape (M,)."""
+    """Return friction that builds up over an angle after each reversal, from -1 to 1, shape (M,).
+
+    The angle is a share of the joint's range.
+    """
     q = eq.q[:, k]
     steps = np.diff(q, prepend=q[0]) / max(share * float(np.ptp(q)), 1e-12)
     steps[np.flatnonzero(np.diff(eq.part, prepend=eq.part[0]))] = 0.0

@@ -1,4 +1,4 @@
-"""Recordings of robots: what their files call the columns, and the same for all from there on."""
+"""Recordings of robots, read from files with any columns and units into SI units, joint side."""
 
 from sdt_drake.machine.recordings.checks import Finding, check_recording
 from sdt_drake.machine.recordings.columns import (

@@ -1,4 +1,4 @@
-"""Mapping files: how a recording's file is read, and what it calls its columns."""
+"""Mapping files: the format of a recording's file, and the names of its columns."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,93 +26,95 @@ DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
 ANGLES = ("q", "v", "q_ref", "v_ref", "vd_ref")
 TORQUES = ("tau", "tau_mean", "tau_ff")
 RECORDED_SIGNALS = (*ANGLES, *TORQUES)
-"""Of each joint: position, speed, torque of the motor, its mean over the period that ends there;
-what was asked for; torque fed forward."""
+"""Signals of each joint: position, speed, references of position, speed and acceleration. Motor
+torque, its mean over the sample period before, torque feedforward."""
 
 
 @dataclass
 class Layout(Input):
-    """How a file of columns is read, and how it says when its rows are."""
+    """The format of a file of columns, and the time of its rows."""
 
     delimiter: Annotated[str, OneOf(tuple(DELIMITERS))] = "comma"
-    """Between columns: comma, semicolon, tab or space (any blanks)."""
+    """Delimiter between columns: comma, semicolon, tab or space (any blanks)."""
     header: bool = True
-    """Whether a line with names comes first."""
+    """True if a line with column names comes first."""
     decimal: Annotated[str, OneOf(tuple(DECIMALS))] = "point"
     """Decimal mark in the numbers: point or comma."""
     encoding: str = "utf-8"
-    """Encoding of the letters, such as latin-1 or utf-16."""
+    """Encoding of the text, such as latin-1 or utf-16."""
     skip: int = setting(0, ge=0, le=1000, unit="-")
-    """Lines before that."""
+    """Number of lines to skip before the header or the first row."""
     time: str = "time"
-    """Column of the time; "" where there is none, but a rate."""
+    """Column of the time; "" if the file has none, then give `rate`."""
     time_factor: Positive = setting(1.0, unit="s")
-    """What a 1 in that column is."""
+    """Unit of the time column: 0.001 for milliseconds."""
     rate: Positive | None = setting(None, unit="Hz")
-    """Samples in a second, where there is no time."""
+    """Sample rate of a file without a time column."""
 
     @property
     def style(self) -> Style:
-        """How its text is written."""
+        """Format of the text."""
         delimiter, decimal = DELIMITERS[self.delimiter], DECIMALS[self.decimal]
         return Style(delimiter, self.header, self.skip, decimal, self.encoding)
 
     def problems(self) -> Problems:
         if self.decimal == self.delimiter == "comma":
-            yield "decimal", "comma, expected another than the delimiter"
+            yield "decimal", "comma is the delimiter, too; expected point, or another delimiter"
         try:
             "".encode(self.encoding)
         except (LookupError, ValueError):
             yield "encoding", f"'{self.encoding}', expected one such as utf-8, latin-1, utf-16"
         if (self.time == "") == (self.rate is None):
-            text = (
-                "missing, expected one where time is empty" if not self.time else "needs time: ''"
-            )
-            yield "rate", text
+            missing = "missing, expected a rate because time is ''"
+            yield "rate", "expected only with time: ''" if self.time else missing
 
 
 @dataclass
 class Columns(Layout):
-    """How a recording's file says what it holds; the default is that of this package.
+    """The columns of a recording's file, with their units; the default is the package's own format.
 
-    A signal is a list of columns, one for each joint from the base to the tip, by their names or,
-    counted from 1, their numbers; or one text in which {k} stands for the number of the joint, from
-    1: `q: Axis{k}.Position`. What is not there has none: [].
+    A signal is a list of columns, one for each joint from base to tip. Columns are given by name,
+    or by number from 1. One text with {k} for the number of the joint, from 1, stands for the
+    whole list: `q: Axis{k}.Position`. An empty list, [], is a signal that the file does not have.
+
+        >>> Columns(q=["Axis{k}.Position"], angle="deg").q
+        ['Axis{k}.Position']
     """
 
     q: SomeNames = setting(["q_{k}"])
     """Columns of the positions."""
     v: Names = setting(["v_{k}"])
-    """Columns of the speeds, which are not needed."""
+    """Columns of the speeds (optional)."""
     tau: SomeNames = setting(["tau_{k}"])
     """Columns of the torques."""
     tau_mean: Names = setting(["tau_mean_{k}"])
-    """Columns of the mean torques since the sample before; `identify` prefers them."""
+    """Columns of the mean torques over the sample period before; `identify` prefers them."""
     q_ref: Names = setting(["q_ref_{k}"])
     """Columns of the position reference, for `replay`."""
     v_ref: Names = setting(["v_ref_{k}"])
-    """Columns of the speed reference, likewise."""
+    """Columns of the speed reference, for `replay`."""
     vd_ref: Names = setting(["vd_ref_{k}"])
-    """Columns of the acceleration reference, likewise."""
+    """Columns of the acceleration reference, for `replay`."""
     tau_ff: Names = setting(["tau_ff_{k}"])
-    """Columns of the torque feedforward, likewise."""
+    """Columns of the torque feedforward, for `replay`."""
     angle: Annotated[str, OneOf(("rad", "deg"))] = "rad"
-    """"rad" or "deg", of positions and speeds."""
+    """Unit of positions and speeds: "rad" or "deg"."""
     position_side: Annotated[str, OneOf(SIDES)] = "joint"
-    """"joint" or "motor", of positions, speeds and accelerations; those of motors are divided by
-    the gear ratios."""
+    """Side of positions, speeds and accelerations: "joint" or "motor". Those of motors are divided
+    by the gear ratios."""
     side: Annotated[str, OneOf(SIDES)] | None = None
-    """"joint" or "motor", of torques. That of a recording of `simulate` is known."""
+    """Side of torques: "joint" or "motor". The default is the motor side for recordings of
+    `simulate`, else the joint side."""
     position_offset: EachJoint[Number] | None = setting(None, unit="rad", side="joint")
-    """Added to q and q_ref; 0 by default."""
+    """Values added to q and q_ref of each joint; 0 by default."""
     direction: EachJoint[Annotated[Number, Field(ge=-1, le=1)]] | None = setting(None, unit="-")
-    """1, or -1 for a joint whose positions, speeds and torques are counted the other way than
-    in the robot's file; 1 by default."""
+    """Direction of each joint: 1, or -1 if positions, speeds and torques have the opposite sign
+    of the robot's file; 1 by default."""
     torque_delay: Number = setting(0.0, ge=-1, le=1, unit="s")
-    """By how much tau is recorded later than positions, as half the period of a drive that
-    holds it."""
+    """Delay of recorded torques behind positions, such as half the period of a drive that holds
+    them."""
     torque_factor: EachJoint[Number] | None = setting(None, unit="N m per unit")
-    """What turns the columns of torques, perhaps currents, into torques; 1 by default."""
+    """Factor from each torque or current column to N m; 1 by default."""
 
     def problems(self) -> Problems:
         yield from Layout.problems(self)
@@ -123,9 +125,9 @@ class Columns(Layout):
 
 
 def load_columns(path: str | Path) -> Columns:
-    """The mapping file of a recording.
+    """Load the mapping file of a recording.
 
     Raises:
-        InputError: naming the file, the field, and what would be right.
+        InputError: A field is bad; the error gives the file, the field and the accepted values.
     """
     return load_yaml(Columns, path)[0]

@@ -1,4 +1,4 @@
-"""A mapping proposed for a recording's file, from its first lines."""
+"""Proposal of a mapping for a recording's file, from its first lines."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -14,10 +14,10 @@ from sdt_drake.io.numbers import is_number, read_numbers
 from sdt_drake.machine.recordings.columns import DECIMALS, DELIMITERS, Columns
 from sdt_drake.machine.recordings.times import likely_factor
 
-_START = 65536  # bytes that are looked at
-_LINES = 40
-_LARGEST = 4 * np.pi  # rad; what is beyond is in degrees
-_QUANTITIES = {  # by parts of names, the first that fits
+_START = 65536  # bytes that are read
+_LINES = 40  # lines that are read
+_MAX_RADIANS = 4 * np.pi  # larger positions are in degrees
+_QUANTITIES = {  # regular expressions for names; the first that fits counts
     "torque": r"torq|tau|moment|drehm|effort|\bmom\b|\bnm\b",
     "current": r"curr|strom|\biq?\b|amp",
     "vd": r"acc|ddq|qdd|beschl|\bvd\b",
@@ -38,26 +38,27 @@ _DEGREES = r"deg|grad|°"
 
 @dataclass(frozen=True)
 class _Head:
-    """The beginning of a file: how it is written, names of its columns, and rows of texts."""
+    """The beginning of a file: its format, the names of its columns, and rows of texts."""
 
     style: dict[str, Any]
     names: list[str]
     rows: list[list[str]]
 
     def numbers(self, name: str) -> np.ndarray[Any, Any]:
-        """The numbers of a column that can be read."""
+        """Return the numbers of a column that can be read."""
         at, mark = self.names.index(name), DECIMALS[self.style.get("decimal", "point")]
         cells = [row[at].replace(mark, ".") for row in self.rows]
         return np.array([float(cell) for cell in cells if is_number(cell)])
 
 
 def proposal(path: Path, joints: Sequence[str]) -> str:
-    """What the columns of a file probably are, with a mapping file as YAML of one line; "" where no
-    positions are recognised, or all is as by default.
+    """Return the likely meaning of a file's columns, with a mapping file in one line of YAML.
+
+    The text is "" if no positions are recognised, or if the default mapping fits.
 
     Args:
-        path: of the file.
-        joints: names of the robot's joints.
+        path: Path of the file.
+        joints: Names of the robot's joints.
     """
     head = _head(path, len(joints))
     if head is None:
@@ -70,27 +71,29 @@ def proposal(path: Path, joints: Sequence[str]) -> str:
     for signal, columns in found.items():
         mapping[signal] = _in_short(columns)
     words = " ".join(map(_words, found["q"]))
-    if re.search(_DEGREES, words) or np.abs(head.numbers(found["q"][0])).max(initial=0) > _LARGEST:
-        mapping["angle"], units["q"] = "deg", ": degrees"
+    largest = np.abs(head.numbers(found["q"][0])).max(initial=0)
+    if re.search(_DEGREES, words) or largest > _MAX_RADIANS:
+        mapping["angle"], units["q"] = "deg", " in degrees"
     if "tau" in found:
         words = _words(found["tau"][0])
         if re.search("motor", words):
-            mapping["side"], units["tau"] = "motor", ": of the motor"
+            mapping["side"], units["tau"] = "motor", ", motor side"
         if _quantity(words) == "current":
-            units["tau"] = ": a current, which needs torque_factor [N m/A]"
+            units["tau"] = ", a current, which needs torque_factor [N m/A]"
     default = Columns()
     mapping = {name: x for name, x in mapping.items() if getattr(default, name) not in (x, [x])}
     if not mapping:
         return ""
-    is_told = ("q", "tau", "v")
-    told = [f"{s}_1 is probably '{found[s][0]}'{units[s]}" for s in is_told if s in found]
+    signals = [s for s in ("q", "tau", "v") if s in found]
+    likely = ", ".join(f"{s}_1 is probably '{found[s][0]}'{units[s]}" for s in signals)
     text = yaml.safe_dump(
         mapping, default_flow_style=True, width=np.inf, sort_keys=False, allow_unicode=True
     )
-    return f"{', '.join(told)}; as a mapping file (--columns): {text.strip()}"
+    return f"{likely}; as a mapping file (--columns): {text.strip()}"
 
 
 def _head(path: Path, n: int) -> _Head | None:
+    """Read the beginning of a file; None if no table with more than n columns is found."""
     if path.suffix in BINARY:
         numbers = read_numbers(path)
         return _Head(
@@ -102,7 +105,7 @@ def _head(path: Path, n: int) -> _Head | None:
     lines = [line for line in text.splitlines() if line.strip()][:_LINES]
     style: dict[str, Any] = {"encoding": encoding} if encoding != "utf-8" else {}
     for name in ("semicolon", "tab", "comma", "space"):
-        table = [line.split(DELIMITERS[name]) for line in lines[:-1]]  # the last one may be cut
+        table = [line.split(DELIMITERS[name]) for line in lines[:-1]]  # the last may be cut
         if not table or len(table[-1]) <= n:
             continue
         if any(not is_number(x) and is_number(x.replace(",", ".")) for x in table[-1]):
@@ -120,7 +123,7 @@ def _head(path: Path, n: int) -> _Head | None:
 
 
 def _decoded(start: bytes) -> tuple[str, str]:
-    """The text of bytes, of which a letter may be cut off, and its encoding."""
+    """Return the text and the encoding of bytes that may end within a letter."""
     if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return start.decode("utf-16", errors="ignore"), "utf-16"
     try:
@@ -130,7 +133,7 @@ def _decoded(start: bytes) -> tuple[str, str]:
 
 
 def _time(head: _Head) -> dict[str, Any]:
-    """The column of times, and its unit by its name or, else, by its steps."""
+    """Return the column of times, and its unit by its name or its steps."""
     name = next((x for x in head.names if re.search(_TIME, _words(x))), None)
     if name is None:
         return {}
@@ -142,27 +145,27 @@ def _time(head: _Head) -> dict[str, Any]:
 
 
 def _signals(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[str]]:
-    """Columns of each signal that is recognised, one for each joint."""
+    """Return the columns of each recognised signal, one for each joint."""
     found: dict[str, list[str]] = {}
     for columns in _families(names, joints):
         words = _words(columns[0])
         signal: str | None = _quantity(words)
         if signal in ("torque", "current"):
-            is_fed, is_wanted = re.search(_FED, words), re.search(_REFERENCE, words)
-            signal = "tau_ff" if is_fed else None if is_wanted else "tau"
+            is_fed, is_reference = re.search(_FED, words), re.search(_REFERENCE, words)
+            signal = "tau_ff" if is_fed else None if is_reference else "tau"
             if signal and re.search("mean", words):
                 signal = "tau_mean"
         elif signal and re.search(_REFERENCE, words):
             signal += "_ref"
         elif signal == "vd":
-            signal = None  # measured accelerations have no use
+            signal = None  # measured accelerations are not used
         if signal:
             found.setdefault(signal, columns)
     return found
 
 
 def _families(names: Sequence[str], joints: Sequence[str]) -> Iterator[list[str]]:
-    """Columns of which there is one for each joint, alike but for its number or its name."""
+    """Yield columns whose names differ only by the number or name of the joint."""
     n, families = len(joints), dict[str, dict[int, str]]()
     for name in names:
         for match in re.finditer(r"\d+", name):
@@ -177,18 +180,18 @@ def _families(names: Sequence[str], joints: Sequence[str]) -> Iterator[list[str]
 
 
 def _quantity(words: str) -> str | None:
+    """Return the first quantity of _QUANTITIES that fits; None if none does."""
     return next((name for name, parts in _QUANTITIES.items() if re.search(parts, words)), None)
 
 
 def _words(name: str) -> str:
-    """A name in small letters, its words and units apart: "Achse1.IstPos_deg", "achse ist pos
-    deg"."""
+    """Split a name into lower-case words: "Achse1.IstPos_deg" gives "achse ist pos deg"."""
     name = re.sub(r"(?<=[a-z])(?=[A-Z])|[\W\d_]", " ", name.replace("°", " deg "))
     return re.sub(" +", " ", name.lower()).strip()
 
 
 def _in_short(columns: list[str]) -> str | list[str]:
-    """One text with {k} for columns that are alike but for their number, from 1."""
+    """Return one text with {k} for columns that differ only by their number, from 1."""
     for match in re.finditer("1", columns[0]):
         pattern = f"{columns[0][: match.start()]}{{k}}{columns[0][match.end() :]}"
         if all(pattern.replace("{k}", str(k)) == x for k, x in enumerate(columns, start=1)):

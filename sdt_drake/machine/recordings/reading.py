@@ -1,4 +1,4 @@
-"""Recordings read from files, in SI units, joint side."""
+"""Reader of recordings into SI units, joint side."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -31,21 +31,27 @@ def read_recording(
     needs: Sequence[str] = ("q", "tau"),
     side: str | None = None,
 ) -> Recorded:
-    """Read a recording.
+    """Read a recording of a robot.
+
+        >>> from sdt_drake.robot.robot import load_robot
+        >>> robot = load_robot("sdt")
+        >>> read_recording("run.csv", robot, Columns(angle="deg"))
+        Traceback (most recent call last):
+        sdt_drake.io.errors.InputError: run.csv: no such file
 
     Args:
-        path: of the file.
-        robot: whose joints it has; gives the gear ratios.
-        columns: what its file calls them; where none are given and its names are others, the error
-            proposes some.
-        needs: of RECORDED_SIGNALS, what must be there; others are read if they are.
-        side: of the torques, whatever `columns` say; where neither says it, that of the motors if
-            `simulate` has written the file, else the joints'.
+        path: Path of the file.
+        robot: The recorded robot, with its gear ratios.
+        columns: Names and units of the columns. Without them and with other names in the file, the
+            error contains a proposal.
+        needs: Signals of RECORDED_SIGNALS that must be there; others are read if present.
+        side: Side of the torques, "joint" or "motor"; overrides `columns`. The default is the motor
+            side for files of `simulate`, else the joint side.
 
     Raises:
-        InputError: naming the file, and the column or line: what `read_numbers` refuses, a column
-            that is missing, or there twice, another number of joints, a time that does not grow,
-            or in steps that nobody records in, a number that is not finite.
+        InputError: The file cannot be read. A column is missing, given twice or not finite. The
+            number of joints differs. Times do not grow, or their steps are not those of a recorder.
+            The error gives the file, and the column or line.
     """
     if columns is None:
         try:
@@ -67,7 +73,7 @@ def read_recording(
             signals[name] = numbers.data[:, found]
             if name == "tau" and columns.torque_delay != 0:
                 signals[name] = interpolated(time + columns.torque_delay, time, signals[name])
-            signals[name] *= conversions[name][0]  # in place: a file may be long
+            signals[name] *= conversions[name][0]  # in place, to save memory
             if side == "motor" and name in TORQUES:
                 signals[name] = robot.joint_torque(signals[name])
             if columns.position_side == "motor" and name in ANGLES:
@@ -78,14 +84,14 @@ def read_recording(
 
 
 def _with_proposal(error: InputError, path: Path, robot: Robot) -> InputError:
-    """An error with a mapping that would perhaps read the file."""
+    """Return the error with a proposed mapping, if the file can be recognised."""
     from sdt_drake.machine.recordings.proposal import proposal
 
     if not path.is_file():
         return error
     try:
         proposed = proposal(path, robot.joint_names)
-    except InputError:  # of a binary file, the same again
+    except InputError:  # a binary file that cannot be read
         return error
     first, *others = error.problems
     return (
@@ -96,8 +102,10 @@ def _with_proposal(error: InputError, path: Path, robot: Robot) -> InputError:
 
 
 def _conversions(n: int, columns: Columns) -> dict[str, tuple[Array, Array]]:
-    """Factor and offset of each signal to SI units, counted as in the robot's file, shapes (n,);
-    the offset is added on the joint side."""
+    """Return factor and offset of each signal to SI units, shape (n,) each.
+
+    Offsets are added on the joint side. Signs are those of the robot's file.
+    """
     angle = np.pi / 180 if columns.angle == "deg" else 1.0
     direction, offset, torque = (
         np.full(n, default) if values is None else _each(values, name, n)
@@ -115,6 +123,7 @@ def _conversions(n: int, columns: Columns) -> dict[str, tuple[Array, Array]]:
 
 
 def _each(values: list[float], name: str, n: int) -> Array:
+    """Return one value for each of n joints."""
     if len(values) != n:
         raise InputError(f"{name}: {len(values)} value(s), but the robot has {n} joint(s)")
     return np.array(values)

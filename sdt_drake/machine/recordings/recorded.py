@@ -9,40 +9,35 @@ import numpy as np
 from sdt_drake.io.arrays import Array, Index
 from sdt_drake.io.errors import InputError
 
-_GAP = 4.0  # of the usual step
+_GAP = 4.0  # length of a gap over the median step
 
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """A recording of a robot, **joint side**, as it was sampled.
-
-    Attributes:
-        path: of the file.
-        time: growing, not always in equal steps [s], shape (N,).
-        signals: those of RECORDED_SIGNALS that there are [rad, rad/s, rad/s², N m], each of shape
-            (N, n).
-        of_links: whether q and v are those of the links, as `simulate` writes them, and not of what
-            encoders are on.
-        time_factor: what a 1 in the column of times was taken for [s]; None without such a column.
-        notes: what was done to read it, in words.
-    """
+    """A recording of a robot, **joint side**, as it was sampled."""
 
     path: Path
+    """Path of the file."""
     time: Array
+    """Increasing times [s], shape (N,); steps may differ."""
     signals: dict[str, Array]
+    """The recorded ones of RECORDED_SIGNALS [rad, rad/s, rad/s², N m], each of shape (N, n)."""
     of_links: bool = False
+    """True if q and v belong to the links, as `simulate` writes them; False for encoders."""
     time_factor: float | None = 1.0
+    """Assumed unit of the time column [s]; None without one."""
     notes: tuple[str, ...] = ()
+    """Changes of the data on reading, as sentences."""
 
     @property
     def gaps(self) -> Index:
-        """Rows, from 0, after which nobody knows what happened until the next one."""
+        """Indices of the rows before a gap in time, from 0."""
         steps = np.diff(self.time)
         return np.flatnonzero(steps > _GAP * np.median(steps))
 
     @property
     def gaps_in_words(self) -> str:
-        """How many gaps there are, and where the longest one is; "" for none."""
+        """Number of gaps, and the place of the longest one; "" for none."""
         if not len(self.gaps):
             return ""
         steps = np.diff(self.time)
@@ -52,10 +47,10 @@ class Recorded:
 
 
 def check_different(recordings: Sequence[Recorded]) -> None:
-    """Refuse a recording that says what another one does, whatever their files are called.
+    """Refuse two recordings with the same data.
 
     Raises:
-        InputError: naming both files.
+        InputError: Two recordings are equal; the error gives both files.
     """
     for i, one in enumerate(recordings):
         for other in recordings[:i]:
@@ -64,5 +59,5 @@ def check_different(recordings: Sequence[Recorded]) -> None:
                 x is y or (y is not None and np.array_equal(x, y)) for x, y in pairs
             ):
                 raise InputError(
-                    f"{one.path}: holds the same as {other.path}, expected another recording"
+                    f"{one.path}: has the same data as {other.path}, expected another recording"
                 )

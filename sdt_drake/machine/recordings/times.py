@@ -1,4 +1,4 @@
-"""Times of the rows of a recording, and units that they may be in."""
+"""Times of the rows of a recording, and their likely unit."""
 
 from pathlib import Path
 
@@ -11,18 +11,17 @@ from sdt_drake.machine.recordings.columns import Layout
 from sdt_drake.machine.recordings.places import missing, place_of
 from sdt_drake.machine.recordings.recorded import Recorded
 
-_LEAST_RATE, _USUAL_RATE, _MOST_RATE = 5.0, 300.0, 1e5  # Hz; of samples of a robot that moves
+_MIN_RATE, _USUAL_RATE, _MAX_RATE = 5.0, 300.0, 1e5  # sample rates of robots [Hz]
 _UNITS = {1e-9: "nanoseconds", 1e-6: "microseconds", 1e-3: "milliseconds", 1.0: "seconds",
           60.0: "minutes", 3600.0: "hours", 86400.0: "days"}  # fmt: skip
-_SHORTEST, _LONGEST = 0.5, 10.0  # of a motion, that a recording of it lasts
+_MIN_LENGTH, _MAX_LENGTH = 0.5, 10.0  # duration of a recording over that of its motion
 
 
 def times_of(numbers: Numbers, columns: Layout) -> Array:
-    """Times of the rows, from 0 [s].
+    """Return the times of the rows, from 0 [s].
 
     Raises:
-        InputError: naming the file and the line, for a time that is missing, does not grow, or goes
-            in steps that nobody records in.
+        InputError: Times are missing, do not grow, or have steps that are not those of a recorder.
     """
     time = _times(numbers, columns)
     _check_rate(numbers.path, columns, time)
@@ -30,13 +29,14 @@ def times_of(numbers: Numbers, columns: Layout) -> Array:
 
 
 def likely_factor(step: float) -> float:
-    """The unit that times in such steps are in [s]: seconds, if a robot may be recorded so."""
-    if _LEAST_RATE <= 1 / step <= _MOST_RATE:
+    """Return the likely unit [s] of times with this step: 1 if the rate is that of a recorder."""
+    if _MIN_RATE <= 1 / step <= _MAX_RATE:
         return 1.0
     return min(_UNITS, key=lambda x: abs(np.log(x * step * _USUAL_RATE)))
 
 
 def _times(numbers: Numbers, columns: Layout) -> Array:
+    """Return the times of the rows, from 0 [s]."""
     if columns.rate is not None:
         return np.arange(len(numbers.data)) / columns.rate
     place = place_of(numbers, columns.time)
@@ -55,12 +55,11 @@ def _times(numbers: Numbers, columns: Layout) -> Array:
 
 
 def _check_rate(path: Path, columns: Layout, time: Array) -> None:
-    """Refuse samples that are much slower or faster than those of a robot, naming the setting of
-    `Columns` that would make sense."""
+    """Refuse a rate that is not that of a recorder; the error gives a likely setting."""
     rate = 1 / float(np.median(np.diff(time)))
-    if _LEAST_RATE <= rate <= _MOST_RATE:
+    if _MIN_RATE <= rate <= _MAX_RATE:
         return
-    if columns.rate is not None:  # in kHz, or a period
+    if columns.rate is not None:  # perhaps in kHz, or a period
         hints = {x: f"rate: {x:g}" for x in (1e3 * rate, 1e-3 * rate, 1 / rate)}
     else:
         counted = rate * columns.time_factor
@@ -69,22 +68,23 @@ def _check_rate(path: Path, columns: Layout, time: Array) -> None:
             for x, unit in _UNITS.items()
         }
     better = min(hints, key=lambda x: abs(np.log(x / _USUAL_RATE)))
-    is_likely = _LEAST_RATE <= better <= _MOST_RATE
+    is_likely = _MIN_RATE <= better <= _MAX_RATE
     raise InputError(
         f"{path}: {columns.time or 'rate'}: {len(time)} samples in {time[-1]:.4g} s, "
-        f"{rate:.4g} Hz, expected {_LEAST_RATE:g} to {_MOST_RATE:g} Hz"
+        f"{rate:.4g} Hz, expected {_MIN_RATE:g} to {_MAX_RATE:g} Hz"
         + f"; {hints[better]} in the mapping file (--columns)"
         * is_likely
     )
 
 
 def other_unit(recorded: Recorded, moving: float) -> str:
-    """A unit of time in which a recording of a motion would be as long as that, as the end of a
-    sentence; "" for none, or if it is.
+    """Return a unit of time in which a recording would be as long as a motion.
+
+    The result is the end of a sentence, or "" if no other unit fits.
 
     Args:
-        recorded: what seems to be of another motion.
-        moving: how long the motion moves [s].
+        recorded: A recording that does not fit the motion.
+        moving: Time in which the motion moves [s].
     """
     if recorded.time_factor is None:
         return ""
@@ -93,8 +93,8 @@ def other_unit(recorded: Recorded, moving: float) -> str:
         for x in (recorded.time[-1], np.median(np.diff(recorded.time)))
     )
     factor = min(_UNITS, key=lambda x: abs(np.log(x * lasts / moving)))
-    fits = _SHORTEST <= factor * lasts / moving <= _LONGEST
-    is_likely = fits and _LEAST_RATE <= 1 / (factor * step) <= _MOST_RATE
+    fits = _MIN_LENGTH <= factor * lasts / moving <= _MAX_LENGTH
+    is_likely = fits and _MIN_RATE <= 1 / (factor * step) <= _MAX_RATE
     if factor == recorded.time_factor or not is_likely:
         return ""
     return (

@@ -18,7 +18,7 @@ from sdt_drake.io.formats import in_json
 from sdt_drake.io.shown import numbered
 from sdt_drake.machine.fly.option import Option
 from sdt_drake.machine.fly.procedure import Flown
-from sdt_drake.machine.fly.program import MOST_STEPS
+from sdt_drake.machine.fly.program import MAX_STEPS
 from sdt_drake.motion import margins
 from sdt_drake.robot.head import GRAVITY
 from sdt_drake.show.documents import MARKDOWN, REPORT, Report, Table, render
@@ -86,7 +86,7 @@ def fly_report(flown: Flown, folder: Path) -> Report:
         motors=bool(flown.unlimited) and _costs(figures[0], figures[3]),
         compared=Table(*flown.summary()[1:3]),
         starts=_starts(flown),
-        most_steps=MOST_STEPS,
+        most_steps=MAX_STEPS,
         limits=_limits(best),
         attached=attached,
         not_shown=not_shown,
