@@ -171,7 +171,7 @@ def test_identify_takes_names_and_files(designed, tmp_path):
     found = sdt.identify("sdt", tmp_path / "run.csv", only="friction")
     coulomb = plant_friction(found).friction.coulomb
     np.testing.assert_allclose(coulomb[2:], [10, 20], rtol=1e-3)  # that go both ways
-    assert found.nominal.name == "sdt" and "left by the file [%]" in str(found)
+    assert found.nominal.name == "sdt" and "torque not explained" in str(found)
 
 
 def test_export_takes_a_motion_from_rest_to_rest(tmp_path, robot):

@@ -69,11 +69,11 @@ def test_a_written_robot_is_judged_by_another_recording_without_a_fit(
 
 BAD = [
     (["--held-out", "1.5"], '"1.5" for --held-out. Expected a number > 0 and < 1'),
-    (["--cutoff", "0.1"], "compared below 0.1 Hz nothing is left"),
+    (["--cutoff", "0.1"], "anything below 0.1 Hz"),
     (["--cutoff", "900"], "--cutoff: 900 Hz"),
-    (["--held-out", "0.9999"], "nothing is left to fit"),
-    (["--held-out", "0.0001"], "nothing is left to judge by"),
-    (["--only", "payload", "--payload", "seat"], "no link 'seat'"),
+    (["--held-out", "0.9999"], "too short to fit"),
+    (["--held-out", "0.0001"], "too short to hold out"),
+    (["--only", "payload", "--payload", "seat"], "no moving link 'seat'"),
     (["--columns", "names.yaml"], "no column 'mean_1' (tau_mean)"),
 ]
 

@@ -32,21 +32,24 @@ def test_what_looks_wrong_is_said(robot, true):
     q, tau = recorded.signals["q"], recorded.signals["tau"]
     assert "are its positions in degrees?" in suspicions(robot, changed(recorded, q=np.degrees(q)))
     motors = suspicions(robot, changed(recorded, tau=tau / robot.gear_ratio))
-    assert "tau_1: about 0.0161 times the torque of the file: of the motors (--side mot" in motors
+    assert (
+        "tau_1: about 0.0161 times the torque of the file: is it of the motors (--side mot"
+        in motors
+    )
     for unit, factor in (("kN m", 1000), ("N mm", 0.001)):
         other = suspicions(robot, changed(recorded, tau=tau / factor))
         assert (
-            f" times the torque of the file: in {unit} (torque_factor: "
+            f" times the torque of the file: is it in {unit} (torque_factor: "
             f"[{factor}, {factor}, {factor}, {factor}] in the mapping file)?"
         ) in other
-        assert "friction does" not in other and unit not in motors
+        assert "drives" not in other and unit not in motors
     sign = suspicions(robot, changed(recorded, tau=tau * [1, 1, -1, 1]))
-    assert "explained by tau_3 of the other sign (torque_factor: [1, 1, -1, 1] in" in sign
-    assert "links of the file leave 193 to 8 %" in sign
+    assert "by tau_3 with the opposite sign (torque_factor: [1, 1, -1, 1] in" in sign
+    assert "by 8 % instead of 193 % with the file's links" in sign
     swapped = suspicions(robot, changed(recorded, tau=tau[:, [0, 2, 1, 3]]))
     assert "by tau_2 and tau_3 swapped (tau: in the order [1, 3, 2, 4]" in swapped
     speeds = suspicions(robot, changed(recorded, v=np.degrees(np.gradient(q, 0.01, axis=0))))
-    assert "v_1: is 57.3 times the change of q_1: one of them is in degrees" in speeds
+    assert "v_1: is 57.3 times the derivative of q_1: one of them is in degrees" in speeds
     limit = robot.effort_limit * 0.1
     assert "motor 2 is at its limit for" in suspicions(
         replace(robot, effort_limit=limit), changed(recorded, tau=np.clip(tau, -limit, limit))
@@ -59,12 +62,12 @@ def test_what_looks_wrong_is_said(robot, true):
 def test_a_wrong_file_is_no_wrong_sign(robot, true):
     """A tool that the file does not have may turn its torque round, but not that of friction."""
     found = identify(robot, [recorded_of(true, seconds=8.0)], cutoff=3.0)
-    eq, friction = found.equations, found.estimate.friction_torque(found.equations, found.friction)
-    turned = replace(eq, nominal=-eq.nominal)
-    for nominal, sign, is_said in ((turned, 1, False), (eq, -9, True)):
-        predicted = found.predicted
-        said = suspicious_torques(robot, nominal, predicted, predicted, sign * friction, 3.0)
-        assert any("drives as no friction does" in line for line in said) == is_said
+    eq, one = found.equations, found.estimate
+    turned, driving = replace(eq, nominal=-eq.nominal), replace(one, friction=-9 * one.friction)
+    unsure = replace(driving, covariance=1e6 * one.covariance)
+    for rows, estimate, count in ((turned, one, 0), (eq, driving, 4), (eq, unsure, 0)):
+        lines = suspicious_torques(robot, rows, estimate, found.predicted, 3.0)
+        assert sum("drives instead of braking" in line for line in lines) == count
 
 
 def test_joints_that_rest_where_they_are_judged_are_told(robot, true):
@@ -72,13 +75,13 @@ def test_joints_that_rest_where_they_are_judged_are_told(robot, true):
     q, third = np.array(recorded.signals["q"]), len(recorded.time) // 3
     q[-third - 200 :, 2] = q[-third - 200, 2]
     said = suspicions(robot, changed(recorded, q=q))
-    assert "joint 3 stands still in all that is held out: nothing judges its torque" in said
+    assert "joint 3 stands still in the held-out data: its torque is not validated" in said
     assert said.count("stands still") == 1
     flipped = changed(recorded, q=q[::-1].copy())
     judged = identify(robot, [flipped], held_out=1 / 4, cutoff=3.0)
     assert not any("stands still" in line for line in judged.warnings)
     first = identify(robot, [flipped], held_out=0.7, cutoff=3.0).warnings
-    assert any("joint 3 stands still but in what is held out" in line for line in first)
+    assert any("joint 3 stands still in the fitted data" in line for line in first)
 
 
 def test_a_joint_without_stops_may_turn_on_and_on(robot, true):
@@ -95,16 +98,18 @@ def test_a_joint_without_stops_may_turn_on_and_on(robot, true):
 def test_recordings_that_say_nothing_are_refused(robot, true):
     recorded = recorded_of(true)
     tau, q = recorded.signals["tau"], recorded.signals["q"]
-    with pytest.raises(InputError, match=r"truth\.csv: tau_2 is zero all the time"):
+    with pytest.raises(InputError, match=r"truth\.csv: tau_2: 0 N m in all samples"):
         identify(robot, [changed(recorded, tau=tau * [1, 0, 1, 1])])
     again = replace(changed(recorded, tau=tau.copy()), path=Path("copy.csv"))
     for more in ({"validate": [again]}, {"recordings": [recorded, again]}):
-        with pytest.raises(InputError, match=r"^copy\.csv: holds the same as truth\.csv, expected"):
+        with pytest.raises(
+            InputError, match=r"^copy\.csv: has the same data as truth\.csv, expected"
+        ):
             identify(robot, **{"recordings": [recorded], **more})
     with pytest.raises(InputError, match=r"truth\.csv: no joint moves"):
         identify(robot, [changed(recorded, q=np.zeros_like(q))])
     noise = 1e-5 * np.random.default_rng(0).normal(size=q.shape)
-    with pytest.raises(InputError, match=r"truth\.csv: no joint moves, but for noise"):
+    with pytest.raises(InputError, match=r"truth\.csv: no joint moves more than the noise"):
         identify(robot, [changed(recorded, q=noise)])
     noisy = identify(robot, [changed(recorded, q=q * [1, 1, 0, 1] + noise)], cutoff=3.0)
     assert any("joint 3 stands still" in line for line in noisy.warnings)

@@ -63,7 +63,7 @@ def test_recorded_speeds_are_used_where_they_are_better(robot, clean):
     assert not choice(robot, changed(noisy, v=bad)).speeds
     for recorded, said in ((good, "recorded"), (bad, "differentiated")):
         found = identify(robot, [changed(noisy, v=recorded)])
-        assert f"speeds are the {said} ones" in " / ".join(found.notes)
+        assert f"{said} speeds are used" in " / ".join(found.notes)
         assert found.speeds == (said == "recorded")
 
 

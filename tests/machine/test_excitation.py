@@ -128,9 +128,9 @@ def test_what_a_file_does_not_limit_is_assumed_and_told(arm, capsys):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ("--payload hand", "no link 'hand' that moves, expected one of upper; lower"),
+        ("--payload hand", "no moving link 'hand', expected one of upper; lower"),
         ("--margin 1.2", '"1.2" for --margin. Expected a number > 0 and <= 1'),
-        ("--margin 0.2", "joint 1 needs more torque than it may take even at rest"),
+        ("--margin 0.2", "joint 1 exceeds its torque limit even at rest"),
         ("--noise 0", '"0.0" for --noise. Expected a number > 0 and <= 1'),
         ("--duration nan", '"nan" for --duration. Expected a number >= 1'),
         ("--duration 12.3456", "--duration: 12.3456 s is not a whole multiple of the period 0.005"),

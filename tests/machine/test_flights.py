@@ -99,7 +99,7 @@ def test_the_shipped_flight_looks_right():
     ("force", "rate", "told"),
     [
         (lambda f: f / GRAVITY, lambda w: w, "in g"),
-        (lambda f: f - [0, 0, GRAVITY], lambda w: w, "was gravity taken off"),
+        (lambda f: f - [0, 0, GRAVITY], lambda w: w, "was gravity subtracted"),
         (lambda f: f[:, [2, 0, 1]], lambda w: w, "another order"),
         (lambda f: f * [1, 1, -1], lambda w: w, "is z down"),
         (lambda f: f / 0.3048, lambda w: w, "in ft/s²"),
@@ -138,7 +138,7 @@ def test_means_around_a_time_keep_the_integral():
     [
         ([0.0, 0.1, 0.1], "each later than the one before"),
         ([0.0, 0.1, 5.0], "4.9 s between samples at 0.1 s"),
-        ([0.0, 0.1], r"of shape \(3, 3\), expected \(2, 3\)"),
+        ([0.0, 0.1], r"shape \(3, 3\), expected \(2, 3\)"),
     ],
 )
 def test_arrays_that_are_no_flight_are_refused(time, told):

@@ -74,7 +74,7 @@ def test_a_payload_far_heavier_than_its_link_is_written_as_it_was_measured(tmp_p
     assert np.linalg.norm(com - centre) < 0.01
     free = found.left(found.estimate.torque(found.equations), held_out=True)
     assert np.all(found.left(found.predicted, held_out=True) < 1.1 * free)
-    assert not any("links that can be" in line for line in found.warnings)
+    assert not any("physically consistent" in line for line in found.warnings)
 
 
 def test_joints_of_which_links_explain_less_are_told_with_numbers(found):
@@ -85,7 +85,7 @@ def test_joints_of_which_links_explain_less_are_told_with_numbers(found):
     worse[:, 1] += 0.05 * error
     (line,) = inconsistent(eq, free, worse)
     assert re.match(
-        r"joint 2: links that can be leave 5\.\d % of its torque, base .* \d\.\d %$", line
+        r"joint 2: physically consistent links do not explain 5\.\d % .* \d\.\d %$", line
     )
     worse[:, 1] += 0.2 * error
     (line,) = inconsistent(eq, free, worse)
@@ -142,7 +142,7 @@ def test_a_motion_that_is_judged_by_itself_is_named(robot, true):
             Path("r.csv"), 0.01 * np.arange(len(rows)), {"q": q[rows], "tau": tau[rows]}
         )
         notes = identify(robot, [recorded], cutoff=5.0).notes
-        assert any(line.startswith("what is held out repeats") for line in notes) == expected
+        assert any("repeat the fitted motion" in line for line in notes) == expected
 
 
 def test_the_result_comes_first_with_its_numbers(found):
@@ -175,7 +175,7 @@ def test_the_recorded_motion_is_as_slow_as_the_limits_ask_for(found, true):
     assert notes == [] and motion.duration == pytest.approx(20, abs=0.1)
     few = replace(strong, velocity_limit=0.5 * np.abs(motion.v).max(axis=0))
     slow, (said,) = recorded_motion(found, few, 0.005)
-    assert re.match(r"motion.csv: what was recorded, 2\.\d* times slower", said)
+    assert re.match(r"motion.csv: the recorded motion, 2\.\d* times slower", said)
     assert np.all(np.abs(slow.v).max(axis=0) < few.velocity_limit)
     np.testing.assert_allclose(slow.q[-1], motion.q[-1], atol=0.01)
     tau, still = (inverse_dynamics(true, motion.q, k * motion.v, k * motion.vd) for k in (1, 0))
@@ -186,4 +186,4 @@ def test_the_recorded_motion_is_as_slow_as_the_limits_ask_for(found, true):
     tau = inverse_dynamics(true, slow.q, slow.v, slow.vd)
     assert np.all(np.abs(tau).max(axis=0) < weak.effort_limit)
     _, said = recorded_motion(found, replace(strong, effort_limit=0.5 * standing), 0.005)
-    assert "joint 2 'roll' needs" in " ".join(said) and "until <effort> is raised" in said[0]
+    assert "joint 2 'roll' needs" in " ".join(said) and "raise <effort>" in said[0]

@@ -164,10 +164,10 @@ def test_means_between_samples_tell_what_samples_do_not(robot):
     signals = {"q": q[::fine], "tau": 0.8 * tau[::fine], "tau_mean": mean}
     (found,), notes = stretches(Recorded(Path("held.csv"), time[::fine], signals))
     np.testing.assert_allclose(found.tau, tau[::fine], rtol=0, atol=1e-5 * np.abs(tau).max())
-    assert notes == ["torques are the recorded means between samples (tau_mean)"]
+    assert notes == ["torques are the recorded means over sample periods (tau_mean)"]
     ends = {"q": signals["q"], "tau": signals["tau"]}
     _, notes = stretches(Recorded(Path("held.csv"), time[::fine], ends, of_links=True))
-    assert "simulated again, it has their means" in notes[0]
+    assert "simulate again to record the means" in notes[0]
     _, notes = stretches(Recorded(Path("held.csv"), time[::fine], ends))  # of a robot
     assert notes == []
 
@@ -227,7 +227,7 @@ def test_payload_alone(robot):
     was, centre, _ = link.inertial(link.pseudo)
     assert abs(mass - was - 18) < 1
     assert np.linalg.norm(com - centre - PILOT.payload_offset) < 0.01
-    with pytest.raises(InputError, match="no link 'pilot' that moves, expected one of arm; roll"):
+    with pytest.raises(InputError, match="no moving link 'pilot', expected one of arm; roll"):
         identify(robot, [recorded_of(robot)], only="payload", payload="pilot")
 
 

@@ -22,7 +22,7 @@ def test_columns_in_blocks_are_those_of_all(robot, monkeypatch):
     (stretch,), _ = stretches(recorded_of(true_robot(robot)))
     arguments = robot, Unknown.everything(robot), [(0, 12.0, stretch)], 4.0
     whole = equations(*arguments)
-    monkeypatch.setattr(module, "_BLOCK", 900)
+    monkeypatch.setattr(module, "_BLOCK_SAMPLES", 900)
     parts = equations(*arguments)
     assert len(parts.time) == len(whole.time) and np.all(parts.part == 0)
     for name in ("time", "q", "tau", "known", "nominal", "rigid", "friction"):
@@ -51,10 +51,10 @@ def test_windows_are_spread_over_all_of_a_recording():
 def test_parts_of_a_long_recording_tell_what_all_of_it_does(robot, monkeypatch):
     recorded = recorded_of(true_robot(robot), seconds=120.0)
     whole = identify(robot, [recorded], cutoff=3.0)
-    assert not any("parts evenly" in note for note in whole.notes)
-    monkeypatch.setattr(procedure, "MOST_ROWS", 600)
+    assert not any("evenly spread" in note for note in whole.notes)
+    monkeypatch.setattr(procedure, "MAX_ROWS", 600)
     some = identify(robot, [recorded], cutoff=3.0)
-    assert "long: compared are 50 s of 120 s, in 3 parts evenly over it" in some.notes
+    assert "50 s of 120 s are compared, in 3 evenly spread parts" in some.notes
     assert len(some.equations.time) < 0.6 * len(whole.equations.time)
     size = np.sqrt(np.diagonal(some.estimate.covariance))[: len(some.estimate.beta)]
     assert np.all(np.abs(some.estimate.beta - whole.estimate.beta) < 4 * size)

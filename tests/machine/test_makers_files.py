@@ -89,7 +89,7 @@ def test_standstill_at_both_ends_is_left_out(arm):
     time = np.arange(len(q)) / 100
     signals = {"q": q + 1e-5 * noise[0], "tau": tau + 0.01 * noise[1]}
     found = identify(nominal, [Recorded(Path("stood.csv"), time, signals)])
-    assert "left out, as no joint moves: all before 28" in " / ".join(found.notes)
+    assert "no joint moves before 28" in " / ".join(found.notes)
     held_out = found.equations.time[~found.equations.fit]
     assert 48 < held_out[0] < 51  # two thirds of the motion are fitted, not of the file
     assert np.all(found.left(found.predicted, held_out=True) < 0.05)

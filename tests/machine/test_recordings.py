@@ -86,9 +86,12 @@ BAD = [
     ({"row": (2, 0, 0.01)}, r"line 4: time goes from 0.01 to 0.01, expected a growing time"),
     ({"row": (3, 6, np.nan)}, r"line 5: tau_2 is nan, expected a finite number"),
     ({"delimiter": ";"}, r"line 2: 1 value\(s\), expected 9"),
-    ({"header": HEADER.replace("tau_1", "q_1")}, r"2 columns 'q_1', expected one; a mapping file"),
-    ({"columns": Columns(q=["2", "3", "2", "5"])}, r"q: 2 and 2 are one column, expected one for"),
-    ({"columns": Columns(q=["q_1", "q_2", "q_3", "4"])}, r"q: q_3 and 4 are one column"),
+    ({"header": HEADER.replace("tau_1", "q_1")}, r"2 columns 'q_1', expected one; give its number"),
+    (
+        {"columns": Columns(q=["2", "3", "2", "5"])},
+        r"q: 2 and 2 are the same column, expected one for",
+    ),
+    ({"columns": Columns(q=["q_1", "q_2", "q_3", "4"])}, r"q: q_3 and 4 are the same column"),
     (
         {"columns": Columns(q_ref=["wish_{k}"])},
         r"no column 'wish_1' \(q_ref\), there are time, q_1",
@@ -202,7 +205,7 @@ def test_a_spreadsheet_of_elsewhere_is_read_by_what_its_refusal_proposes(
     with pytest.raises(InputError) as error:
         read_recording(path, robot)
     (line,) = error.value.lines
-    assert "q_1 is probably 'Achse1.Ist_deg': degrees, tau_1 is probably 'Achse1.Motor" in line
+    assert "q_1 is probably 'Achse1.Ist_deg' in degrees, tau_1 is probably 'Achse1.Motor" in line
     mapping = tmp_path / "columns.yaml"
     mapping.write_text(line.partition("as a mapping file (--columns): ")[2], encoding="utf-8")
     columns = load_columns(mapping)

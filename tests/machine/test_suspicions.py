@@ -57,7 +57,7 @@ def test_a_fault_is_named_with_what_to_write(fault):
 
 def test_a_fault_is_named_on_six_joints():
     (line,) = said(*recording("cobot", "ceiling", 3))
-    assert EXPECTED["ceiling"] in line and "links of the file leave " in line
+    assert EXPECTED["ceiling"] in line and "with the file's links" in line
 
 
 @pytest.mark.parametrize("name", ["sdt", "arm3"])
@@ -72,15 +72,15 @@ def test_a_delay_is_told_with_its_interval():
     assert 0 < delay.error < 5e-4 and np.all(np.abs(delay.each - 0.012) < 5 * delay.errors)
     robot, recorded = recording("arm3", "", 1)
     clean = delay_of(identify(robot, [recorded], cutoff=CUTOFF).equations, CUTOFF)
-    assert abs(clean.common) < 5e-4 and not clean.is_told
+    assert abs(clean.common) < 5e-4 and not clean.is_significant
 
 
 def test_another_payload_where_it_is_judged_is_told():
     robot = simulated.file_robot("arm3")
     first, other = (simulated.truth("arm3", seed).recorded for seed in (1, 6))
     lines = identify(robot, [first], validate=[other], cutoff=CUTOFF).warnings
-    (line,) = [line for line in lines if line.startswith("held out ")]
-    assert "is left" in line and "where it was fitted" in line
+    (line,) = [line for line in lines if line.startswith("held-out data: ")]
+    assert "% in fitted data" in line
 
 
 @needs_data
@@ -92,4 +92,4 @@ def test_real_recordings_raise_no_false_suspicion(tmp_path):
     for name in "AB":
         path = DATA / f"kuka_kr300/recording_{name}.csv"
         (line,) = said(robot, read_recording(path, robot, columns))  # 10 s excite little
-        assert line.startswith("held out ") and "drift, wear or another payload" in line
+        assert line.startswith("held-out data: ") and "drift, wear or another payload" in line

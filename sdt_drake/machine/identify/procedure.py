@@ -251,7 +251,7 @@ def _check_alive(recorded: Recorded) -> None:
     dead = np.flatnonzero(np.ptp(tau, axis=0) == 0)
     if len(dead):
         raise InputError(
-            f"{recorded.path}: tau_{dead[0] + 1}: {tau[0, dead[0]]:g} N m in all samples, expected "
+            f"{recorded.path}: tau_{dead[0] + 1}: {tau[0, dead[0]] + 0.0:g} N m in all samples, expected "
             "measured torques"
         )
     if np.all(np.ptp(q, axis=0) < 1e-6):

@@ -79,8 +79,9 @@ def regressor(robot: Robot, q: Array, v: Array, vd: Array, gravity: Array | None
         >>> from sdt_drake.robot.robot import load_robot
         >>> robot, still = load_robot("sdt"), np.zeros((1, 4))
         >>> phi = Bodies.of(robot).parameters.ravel()
-        >>> regressor(robot, np.array([[0, 0.5, 0, 0]]), still, still) @ phi  # gravity [N m]
-        array([[...]])
+        >>> gravity = regressor(robot, np.array([[0, 0.5, 0, 0]]), still, still) @ phi
+        >>> gravity.round(1)[0, 1:3].tolist()  # torque at standstill [N m]
+        [872.8, 0.0]
 
     Args:
         robot: The robot with its kinematics and gravity; its masses have no effect.

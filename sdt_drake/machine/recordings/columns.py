@@ -76,9 +76,6 @@ class Columns(Layout):
     A signal is a list of columns, one for each joint from base to tip. Columns are given by name,
     or by number from 1. One text with {k} for the number of the joint, from 1, stands for the
     whole list: `q: Axis{k}.Position`. An empty list, [], is a signal that the file does not have.
-
-        >>> Columns(q=["Axis{k}.Position"], angle="deg").q
-        ['Axis{k}.Position']
     """
 
     q: SomeNames = setting(["q_{k}"])

@@ -33,11 +33,15 @@ def read_recording(
 ) -> Recorded:
     """Read a recording of a robot.
 
+        >>> import tempfile
         >>> from sdt_drake.robot.robot import load_robot
-        >>> robot = load_robot("sdt")
-        >>> read_recording("run.csv", robot, Columns(angle="deg"))
-        Traceback (most recent call last):
-        sdt_drake.io.errors.InputError: run.csv: no such file
+        >>> lines = ["time,q_1,q_2,q_3,q_4,tau_1,tau_2,tau_3,tau_4", "0,90,0,0,0,1,2,3,4"]
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = Path(folder, "run.csv")
+        ...     _ = path.write_text("\\n".join([*lines, "0.01,45,0,0,0,1,2,3,4"]))
+        ...     recorded = read_recording(path, load_robot("sdt"), Columns(angle="deg"))
+        >>> recorded.signals["q"][:, 0].round(4).tolist()  # rad
+        [1.5708, 0.7854]
 
     Args:
         path: Path of the file.

@@ -85,7 +85,7 @@ def friction_table(found: Identified, files: PlantFriction) -> doc.Table:
         )
     return doc.Table(
         ("joint", "law", "Coulomb [N m]", "viscous [N m s/rad]", "breakaway [N m]",
-         "offset [N m]", "left of the law [%]"),
+         "offset [N m]", "not in a scenario [%]"),
         rows,
     )  # fmt: skip
 
