@@ -149,7 +149,7 @@ def identify(
     robot = robot if isinstance(robot, Robot) else load_robot(robot)
     named = _columns(columns)
     fitted, judged = (
-        [_recorded(one, name, robot, named, ("q", "tau"), side) for one in _each(given)]
+        [_recorded(one, name, robot, named, ("q", "tau"), side) for one in _each(given, name)]
         for name, given in (("recordings", recordings), ("validate", validate))
     )
     if not fitted:
@@ -316,10 +316,14 @@ def export(
 
 
 def _each(
-    given: Sequence[str | Path | Recorded] | str | Path | Recorded,
+    given: Sequence[str | Path | Recorded] | str | Path | Recorded, name: str
 ) -> Sequence[str | Path | Recorded]:
     """Return one or several recordings as a list."""
-    return [given] if isinstance(given, str | Path | Recorded) else given
+    if isinstance(given, str | Path | Recorded):
+        return [given]
+    if not isinstance(given, Sequence):
+        raise InputError(f"{name}: a {type(given).__name__}, expected a path or a list of paths")
+    return given
 
 
 def _columns(columns: str | Path | Columns | None) -> Columns | None:
