@@ -72,7 +72,7 @@ def test_a_loop_has_the_blocks_that_its_scenario_asks_for(designed, name, fields
 @OF_EACH
 def test_no_python_in_the_derivatives(designed, name, fields):
     """Every system inside is Drake's own; but for the torques of the reference on line, which are
-    called once per sample (test_reference_torque)."""
+    called once per sample (test_online_torque)."""
     own = {
         system.get_name()
         for system in blocks_of(make_loop(designed(name, fields, end=0.1)))

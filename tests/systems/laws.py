@@ -1,59 +1,59 @@
-"""The law of every block without Python in it, by hand in numpy: CASES."""
+"""The law of every block, by hand in numpy: CASES."""
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
 from typing import NamedTuple
 
+import alone
 import numpy as np
 import pydrake.symbolic as sym
-from alone import (
-    ENVELOPE,
-    ERROR,
-    FEELING,
-    FRICTION,
-    GAINS,
-    GEAR,
-    I_EFF,
-    LIMIT,
-    N0,
-    N1,
-    PERIOD,
-    RESOLVED,
-    ROTORS,
-    SPRINGS,
-    N,
-)
+from alone import ERROR, FEELING, FRICTION, GAINS, GEAR, LIMIT, PERIOD, N
 
+from sdt_drake.robot.deviation import Deviation, deviated
 from sdt_drake.robot.device import OVERFLOW_RATE, PRESLIDING_DAMPING_TIME, Springs
+from sdt_drake.robot.dynamics import decouple
+from sdt_drake.robot.robot import Robot, load_robot
 from sdt_drake.systems import SymbolicLaw
+from sdt_drake.systems.gains import feedforward_torque
 
 TIME = 0.3  # s
 
 
 class Case(NamedTuple):
-    """A block with its law: from state and inputs to outputs, and to rates and next samples.
+    """A block and its law: from state and inputs to outputs, and to rates and next samples.
 
-    `scales` are the sizes of what it is tried with, 1 unless given; "x" is the state.
+    None stands for rates and samples of 0.
     """
 
     block: str
     title: str
     changes: dict
-    law: object
+    law: Callable
     scales: dict
+    """Sizes of the random inputs, 1 by default; "x" is the state."""
+    tolerance: float
+    """Relative error of outputs and rates."""
+    feedthrough: set[str] | None
+    """Each input and output between which it acts at once; None for all."""
 
 
-CASES = []
+CASES: list[Case] = []
 
 
-def case(block, *, scales=None, title="", **changes):
+def case(block, title="", *, scales=None, tolerance=1e-12, feedthrough=None, **changes):
     """Register the law that follows."""
 
     def register(law):
-        CASES.append(Case(block, f"{block} {title}".strip(), changes, law, scales or {}))
+        title_ = f"{block} {title}".strip()
+        CASES.append(Case(block, title_, changes, law, scales or {}, tolerance, feedthrough))
         return law
 
     return register
+
+
+# --- controllers and motors ------------------------------------------------------------------
 
 
 def pi_law(structure, anti_windup, period):
@@ -68,77 +68,82 @@ def pi_law(structure, anti_windup, period):
     return law
 
 
-for anti_windup in (False, True):
-    for period in (None, PERIOD / 4):
-        for changes in ({"structure": "pi"}, {}):
-            words = [*changes.values(), "anti-windup" * anti_windup, "sampled" * bool(period)]
-            case(
-                "PiSpeedController",
-                title=" ".join(filter(None, words)),
-                anti_windup=anti_windup,
-                period=period,
-                **changes,
-            )(pi_law(changes.get("structure"), anti_windup, period))
+for structure, anti_windup, period in itertools.product(
+    ("pi", "p_in_feedback"), (False, True), (None, PERIOD / 4)
+):
+    options = {"structure": structure, "anti_windup": anti_windup, "period": period}
+    at_once = {"state tau_fb"} | ({"reference tau_fb"} if structure == "pi" else set())
+    case("PiSpeedController", str([*options.values()]), feedthrough=at_once, **options)(
+        pi_law(**options)
+    )
 
 
 @case("CtcFeedforward")
 def feedforward(x, tau_fb, tau_ff):
-    return {"tau_cmd": tau_fb + tau_ff}, []
+    return {"tau_cmd": tau_fb + tau_ff}, None
 
 
 @case("Disturbance")
 def disturbance(x, load_torque):
-    return {"disturbance": 0.05 * np.sin(7.0 * TIME) * load_torque}, [0.0]
+    return {"disturbance": 0.05 * np.sin(7.0 * TIME) * load_torque}, None
 
 
-@case("DynamicSaturation", scales={"tau_cmd": 150.0, "alleviating_torque": 30.0})
-def saturation(x, tau_cmd, alleviating_torque):
-    lower, upper = np.minimum(alleviating_torque, 0), np.maximum(alleviating_torque, 0)
-    return {"tau": np.clip(tau_cmd, lower - 100, upper + 100)}, [0.0]
+@case("PositionLoop")
+def position_loop(x, reference, sampled_state):
+    q_ref, v_ref, vd_ref = np.split(reference, 3)
+    v_ref = v_ref + np.array([2.0, 3.0, 5.0]) * (q_ref - sampled_state[:N])
+    return {"speed_reference": np.concatenate([q_ref, v_ref, vd_ref])}, None
 
 
-@case(
-    "DynamicSaturation",
-    title="not widened",
-    motor_torque_limit=LIMIT,
-    widened=False,
-    scales={"tau_cmd": 1.5 * LIMIT},
-)
-def constant_limits(x, tau_cmd):
-    return {"tau": np.clip(tau_cmd, -LIMIT, LIMIT)}, []
+PAIRS = {f"{i} weighted_{o}" for o in ("reference", "state") for i in (o, "inertia_share")}
 
 
-AT_SPEED = np.repeat([N0 / GEAR], 2, axis=0).ravel()
+@case("GainSchedule", feedthrough=PAIRS)
+def gain_schedule(x, reference, state, inertia_share):
+    q_ref, v_ref, vd_ref = np.split(reference, 3)
+    q, v = np.split(state, 2)
+    return {
+        "weighted_reference": np.concatenate([q_ref, inertia_share * v_ref, vd_ref]),
+        "weighted_state": np.concatenate([q, inertia_share * v]),
+    }, None
 
 
-def within_envelope(x, tau_cmd, alleviating_torque, state):
+def saturation(x, tau_cmd, alleviating_torque=0.0, state=None):
     """All of the limit up to n1, none from n0 on, in the direction of the motion alone."""
-    speeds = GEAR * state[N:]
-    ends = list(zip(N1, N0, strict=True))
-    forward, backward = (
-        LIMIT * [np.interp(w, n, [1, 0]) for w, n in zip(way * speeds, ends, strict=True)]
-        for way in (1, -1)
-    )
+    speed = np.zeros(N) if state is None else GEAR * state[N:]
+    n1, n0 = (alone.ENVELOPE[name] for name in ("n1", "n0"))
+    forward, backward = (LIMIT * np.clip((n0 - w) / (n0 - n1), 0, 1) for w in (speed, -speed))
     lower = np.minimum(alleviating_torque, 0) - backward
     upper = np.maximum(alleviating_torque, 0) + forward
-    return {"tau": np.minimum(np.maximum(tau_cmd, lower), upper)}, [0.0]
+    return {"tau": np.clip(tau_cmd, lower, upper)}, None
 
 
-WITHIN = {"motor_torque_limit": LIMIT, **ENVELOPE}
-SIZES = {"tau_cmd": LIMIT, "alleviating_torque": 0.2 * LIMIT, "state": AT_SPEED}
-case("DynamicSaturation", title="with envelope", **WITHIN, scales=SIZES)(within_envelope)
+SIZES = {"tau_cmd": 1.5 * LIMIT, "alleviating_torque": 0.3 * LIMIT}
+SIZES |= {"state": np.tile(alone.N0 / GEAR, 2)}
+for envelope, widened in itertools.product(({}, alone.ENVELOPE), (True, False)):
+    options = {"motor_torque_limit": LIMIT, "widened": widened, **envelope}
+    case("DynamicSaturation", f"{len(envelope)} {widened}", scales=SIZES, **options)(saturation)
 
 
-@case(
-    "DynamicSaturation", title="with envelope, not widened", widened=False, **WITHIN, scales=SIZES
-)
-def envelope_alone(x, tau_cmd, state):
-    return within_envelope(x, tau_cmd, np.zeros(N), state)
+def torque_loop(x, tau_limited):
+    given = tau_limited * (1 + np.array([0.05, -0.1, 0.0]))
+    if not len(x):
+        return {"tau": given}, None
+    tau = 100 * LIMIT * x
+    return {"tau": tau}, 2 * np.pi * 300 * (given - tau) / LIMIT / 100
 
 
-@case("AxisProcess")
+case("TorqueLoop")(lambda x, tau_limited: ({"tau": tau_limited}, None))
+case("TorqueLoop", "with error", error=ERROR)(torque_loop)
+case("TorqueLoop", "with lag", bandwidth=300.0, error=ERROR, feedthrough=set())(torque_loop)
+
+
+# --- plants ----------------------------------------------------------------------------------
+
+
+@case("AxisProcess", feedthrough=set())
 def axis_process(x, tau, load_torque):
-    return {"state": x}, [*x[N:], *((tau - load_torque) / I_EFF / GEAR)]
+    return {"state": x}, [*x[N:], *((tau - load_torque) / alone.I_EFF / GEAR)]
 
 
 # Sticking, sliding, and both sides of the Stribeck peak.
@@ -160,77 +165,131 @@ def friction(x, state):
     return {"friction": force / GEAR}, rate / 100
 
 
-@case("TorqueLoop")
-def ideal_torque_loop(x, tau_limited):
-    return {"tau": tau_limited}, []
-
-
-@case("TorqueLoop", title="with error", error=ERROR)
-def torque_loop_with_error(x, tau_limited):
-    return {"tau": tau_limited * [1.05, 0.9, 1.0]}, []
-
-
-@case("TorqueLoop", title="with lag", bandwidth=300.0, error=ERROR)
-def torque_loop_with_lag(x, tau_limited):
-    tau = 100 * LIMIT * x
-    rate = 2 * np.pi * 300 * (tau_limited * [1.05, 0.9, 1.0] - tau)
-    return {"tau": tau}, rate / LIMIT / 100
-
-
-@case("ElasticJoints")
-def springs_of(x, tau, state):
-    q, v = np.split(state, 2)
-    theta, w = q.copy(), v.copy()
-    theta[[0, 2]], w[[0, 2]] = x[:2], x[2:]
-    spring = (SPRINGS.stiffness * (theta - q) + SPRINGS.damping * (w - v)) / GEAR
-    tau_link = np.where(SPRINGS.elastic, spring, tau)
-    wd = ((tau - tau_link) / ROTORS / GEAR)[[0, 2]]
-    return {"tau_link": tau_link, "motor_state": np.concatenate([theta, w])}, [*x[2:], *wd]
-
-
 ALL = Springs(np.full(N, True), np.array([9e5, 8.0, 4e3]), np.array([700.0, 0.0, 5.0]))
 
 
-@case("ElasticJoints", title="all of them", springs=ALL)
-def all_springs_of(x, tau, state):
-    (theta, w), (q, v) = np.split(x, 2), np.split(state, 2)
-    tau_link = (ALL.stiffness * (theta - q) + ALL.damping * (w - v)) / GEAR
-    return {"tau_link": tau_link, "motor_state": x}, [*w, *((tau - tau_link) / ROTORS / GEAR)]
+def springs_law(springs):
+    def law(x, tau, state):
+        elastic = springs.elastic
+        q, v = np.split(state, 2)
+        theta, w = q.copy(), v.copy()
+        theta[elastic], w[elastic] = np.split(x, 2)
+        spring = (springs.stiffness * (theta - q) + springs.damping * (w - v)) / GEAR
+        tau_link = np.where(elastic, spring, tau)
+        wd = ((tau - tau_link) / alone.ROTORS / GEAR)[elastic]
+        outputs = {"tau_link": tau_link, "motor_state": np.concatenate([theta, w])}
+        return outputs, [*w[elastic], *wd]
+
+    return law
 
 
-@case("PositionLoop")
-def position_loop(x, reference, sampled_state):
-    q_ref, v_ref, vd_ref = np.split(reference, 3)
-    v_ref = v_ref + np.array([2.0, 3.0, 5.0]) * (q_ref - sampled_state[:N])
-    return {"speed_reference": np.concatenate([q_ref, v_ref, vd_ref])}, []
+AT_ONCE = {"tau tau_link", "state tau_link", "state motor_state"}
+case("ElasticJoints", feedthrough=AT_ONCE)(springs_law(alone.SPRINGS))
+case("ElasticJoints", "all of them", springs=ALL, feedthrough=AT_ONCE)(springs_law(ALL))
+
+DEVICE = load_robot()
+RATIO = np.array([67.2, 1, 1, 1])
+ROTOR = RATIO**2 * [0.1291, 1.73, 0.531, 0.531]  # kg m², joint side, as published
 
 
-@case("GainSchedule")
-def gain_schedule(x, reference, state, inertia_share):
-    q_ref, v_ref, vd_ref = np.split(reference, 3)
-    q, v = np.split(state, 2)
-    return {
-        "weighted_reference": np.concatenate([q_ref, inertia_share * v_ref, vd_ref]),
-        "weighted_state": np.concatenate([q, inertia_share * v]),
-    }, [0.0, 0.0]
+def rigid_body(robot: Robot, q, v):
+    """Mass matrix without rotors, and the torque of velocities and gravity."""
+    context = robot.plant.CreateDefaultContext()
+    robot.plant.SetPositionsAndVelocities(context, np.concatenate([q, v]))
+    M = robot.plant.CalcMassMatrix(context) - np.diag(ROTOR)
+    gravity = robot.plant.CalcGravityGeneralizedForces(context)
+    return M, robot.plant.CalcBiasTerm(context) - gravity
 
 
-@case("Encoder")
+def plant_law(rotors):
+    """M vd = r (tau - load_torque) - C + gravity, with the rotors that are not apart."""
+
+    def law(x, tau, load_torque):
+        q, v = np.split(x, 2)
+        M, bias = rigid_body(DEVICE, q, v)
+        torque = RATIO * (tau - load_torque)
+        return {"state": x}, [*v, *np.linalg.solve(M + np.diag(rotors), torque - bias)]
+
+    return law
+
+
+STRONG = {"tau": 10 * DEVICE.motor_torque_limit, "load_torque": 100.0}  # not limited
+for apart in ([0, 0, 0, 0], [1, 0, 1, 0], [0, 1, 0, 1]):
+    apart, options = np.array(apart, dtype=bool), {"tolerance": 1e-9, "feedthrough": set()}
+    case("RobotPlant", str(apart), without_rotor=apart, scales=STRONG, **options)(
+        plant_law(ROTOR * ~apart)
+    )
+
+
+# --- torques of a model ----------------------------------------------------------------------
+
+
+def computed_torque(model):
+    """Without an integral: Drake's controller has one, of the gain 0."""
+
+    def law(x, reference, sampled_state):
+        q_ref, v_ref, vd_ref = np.split(reference, 3)
+        q, v = np.split(sampled_state, 2)
+        vd = vd_ref + 2 * alone.ZETA * alone.OMEGA_N * (v_ref - v) + alone.OMEGA_N**2 * (q_ref - q)
+        M, bias = rigid_body(model, q, v)
+        return {"tau_fb": ((M + np.diag(ROTOR)) @ vd + bias) / RATIO}, q_ref - q
+
+    return law
+
+
+WRONG = deviated(DEVICE, Deviation(payload_mass=100.0))
+for model in (DEVICE, WRONG):
+    case("InverseDynamicsController", "wrong" * (model is WRONG), model=model, tolerance=1e-9)(
+        computed_torque(model)
+    )
+
+
+def algorithm_1(sign):
+    """Links alone, without rotors."""
+
+    def law(x, reference):
+        q, v, vd = np.split(reference, 3)
+        M, bias = rigid_body(DEVICE, q, v)
+        own = M.diagonal() * vd
+        return decouple(own, M @ vd + bias - own, RATIO, sign)._asdict(), None
+
+    return law
+
+
+# Accelerations of all sizes: every branch of Algorithm 1.
+BRANCHES = {"reference": np.concatenate([np.ones(8), [0.01, 0.3, 3, 30]])}
+for sign in ("consistent", "printed"):
+    case("LoadTorque", sign, algorithm=sign, tolerance=1e-9, scales=BRANCHES)(algorithm_1(sign))
+
+
+@case(
+    "ReferenceTorque",
+    outputs=("tau_ff", "v_ref"),
+    tolerance=1e-9,
+    law=lambda groups, v, vd: [feedforward_torque("id", DEVICE, groups, vd, "consistent"), v],
+)
+def inverse_dynamics(x, reference):
+    q, v, vd = np.split(reference, 3)
+    M, bias = rigid_body(DEVICE, q, v)
+    return {"tau_ff": ((M + np.diag(ROTOR)) @ vd + bias) / RATIO, "v_ref": v}, None
+
+
+# --- encoders, symbols, perception -----------------------------------------------------------
+
+
+@case("Encoder", feedthrough=set())
 def ideal_encoder(x, state):
     return {"measured": x}, state
 
 
-@case("Encoder", title="with resolution", **RESOLVED)
+@case("Encoder", "with resolution", **alone.RESOLVED, feedthrough=set())
 def encoder(x, state):
     now, before = np.split(x[1:], 2)
     increments = np.array([50.0, 60.0, 70.0]) * GEAR  # per revolution of the joint
     count = np.floor(state[:N] * increments / (2 * np.pi))
     speed = (now - before) / PERIOD
-    return {"measured": np.concatenate([now, speed])}, [
-        0.0,
-        *(count * 2 * np.pi / increments),
-        *now,
-    ]
+    next_sample = [0.0, *(count * 2 * np.pi / increments), *now]
+    return {"measured": np.concatenate([now, speed])}, next_sample
 
 
 @case(
@@ -252,7 +311,10 @@ K_W, K_FW, K_FG, K_A, TAU, TAU_A = (
 LAG = 2 * np.pi * 1.5
 
 
-@case("InternalModel")
+FELT = {f"otoliths {o}" for o in ("gravity", "rate", "acceleration")}
+
+
+@case("InternalModel", feedthrough=FELT | {"canals gravity", "canals rate"})
 def internal_model(x, otoliths, canals):
     expected, unused, gravity, low_pass, cupula = np.split(x, [3, 4, 7, 10])
     axis = np.cross(otoliths, expected)
@@ -272,7 +334,7 @@ def internal_model(x, otoliths, canals):
     return {"gravity": gravity, "rate": rate, "acceleration": 9.81 * felt}, np.concatenate(change)
 
 
-@case("OrientationObserver", scales={"specific_force": 9.81})
+@case("OrientationObserver", scales={"specific_force": 9.81}, feedthrough=set())
 def orientation_observer(x, specific_force, angular_rate):
     otoliths, low_pass, cupula, nerve, inside = np.split(x, [3, 6, 9, 12])
     outputs, change = internal_model(inside, otoliths, low_pass - cupula - nerve)

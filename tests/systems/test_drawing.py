@@ -1,0 +1,104 @@
+"""Robots as they are drawn: shapes at their links; without shapes, rods, rings and arrows."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import pytest
+from alone import Alone
+from owners import RATE_TABLE, SEVEN, SIX
+from robots import ARM
+
+from sdt_drake.robot.robot import load_robot
+from sdt_drake.systems import RobotDrawing
+from sdt_drake.systems.skeleton import bones, skeleton
+
+
+@pytest.fixture
+def own(tmp_path):
+    def load(text: str):
+        path = tmp_path / ("own.sdf" if "<sdf" in text else "own.urdf")
+        path.write_text(text, encoding="utf-8")
+        return load_robot(path)
+
+    return load
+
+
+@pytest.fixture
+def parts(own):
+    def drawn(text: str):
+        robot = own(text)
+        poses = dict(zip(bones(robot).links, bones(robot).poses, strict=True))
+        found = list(skeleton(robot))
+        at = {p.name: poses[p.link] @ p.pose if p.link else p.pose for p in found}
+        return robot, {p.name: p for p in found}, at
+
+    return drawn
+
+
+def test_meshcat_shows_the_links_where_they_are(robot, meshcat):
+    block = Alone("RobotDrawing", robot, meshcat=meshcat)
+    context = robot.plant.CreateDefaultContext()
+    state = np.arange(1.0, 9.0)
+    block.give(state=state)
+    block.system.ForcedPublish(block.context)
+    robot.plant.SetPositionsAndVelocities(context, state)
+    for name in ("arm", "gondola", "payload"):
+        packed = meshcat._GetPackedTransform(f"/robot/sdt/{name}")[-16 * 9 :]
+        drawn = [struct.unpack(">d", packed[9 * i + 1 : 9 * i + 9])[0] for i in range(16)]
+        body = robot.plant.GetBodyByName(name)
+        pose = robot.plant.EvalBodyPoseInWorld(context, body).GetAsMatrix4()
+        np.testing.assert_allclose(np.reshape(drawn, (4, 4)).T, pose, atol=1e-12)
+
+
+def test_a_robot_without_shapes_is_drawn_as_its_skeleton(own, meshcat):
+    drawing = RobotDrawing(robot=own(ARM), meshcat=meshcat)
+    inspector = drawing.scene_graph.model_inspector()
+    middles = {
+        inspector.GetName(part).rpartition("::")[2]: inspector.GetPoseInFrame(part).translation()
+        for part in inspector.GetAllGeometryIds()
+    }
+    assert middles.keys() == {f"{x}_{k}" for x in ("joint", "rod", "axis", "tip") for k in (0, 1)}
+    np.testing.assert_allclose(middles["rod_0"], [0.4, 0, 0], atol=1e-12)  # of 0.8 m
+    np.testing.assert_allclose(middles["rod_1"], [0.15, 0, 0], atol=1e-12)  # to its centre of mass
+
+
+def test_axes_that_meet_are_rings_within_each_other(parts):
+    """As large as the radii of gyration: sqrt(34 / 180), sqrt(9 / 85) and sqrt(3 / 60) m."""
+    robot, found, at = parts(RATE_TABLE)
+    radii = np.sqrt([34 / 180, 9 / 85, 3 / 60])
+    for k in (0, 1):
+        text = found[f"ring_{k}"].shape.source().in_memory().mesh_file.contents().decode()
+        rows = [line.split()[1:3] for line in text.splitlines() if line.startswith("v ")]
+        far = np.hypot(*np.array(rows, dtype=float).T)
+        assert (far.min() + far.max()) / 2 == pytest.approx(radii[k], abs=1e-5)
+        np.testing.assert_allclose(at[f"ring_{k}"].translation(), [0, 0, 1.2], atol=1e-12)
+        # A ring lies in the plane of its own axis and the next one.
+        axes = [robot.joint_at_zero(name)[0] for name in robot.joint_names[k : k + 2]]
+        np.testing.assert_allclose(axes @ at[f"ring_{k}"].rotation().matrix()[:, 2], 0, atol=1e-12)
+    assert found["plate_2"].shape.radius() == pytest.approx(radii[2])
+    assert found["post"].shape.length() == pytest.approx(1.2 - radii[0])
+    assert found["joint_1"].shape.length() == pytest.approx(radii[0] - radii[1])
+
+
+@pytest.mark.parametrize("text", [RATE_TABLE, SIX, SEVEN], ids=["3", "6", "7"])
+def test_arrows_point_along_the_axes_and_rods_go_from_joint_to_joint(parts, text):
+    robot, found, at = parts(text)
+    places = [robot.joint_at_zero(name) for name in robot.joint_names]
+    for k, (axis, origin) in enumerate(places):
+        ahead = (at[f"tip_{k}"].translation() - origin) @ axis
+        assert ahead > 0
+        np.testing.assert_allclose(at[f"tip_{k}"].translation(), origin + ahead * axis, atol=1e-9)
+        np.testing.assert_allclose(at[f"axis_{k}"].rotation().matrix()[:, 2], axis, atol=1e-9)
+    if text == SIX:
+        half = np.array([0, 0, found["rod_2"].shape.length() / 2])
+        np.testing.assert_allclose(at["rod_2"] @ -half, places[2][1], atol=1e-9)
+        np.testing.assert_allclose(at["rod_2"] @ half, places[3][1], atol=1e-9)
+
+
+def test_rings_on_an_arm_are_smaller_than_its_rods(parts):
+    """Published inertias of light wrists may have any radius of gyration."""
+    heavy = SIX.replace('ixx="0.00033" iyy="0.00033" izz="0.00033"', 'ixx="1" iyy="1" izz="1"')
+    assert heavy != SIX
+    assert parts(heavy)[1]["plate_5"].shape.radius() == pytest.approx(0.425 / 4)

@@ -1,0 +1,134 @@
+"""Torques of the reference online: feedforward of a design, and when they are evaluated."""
+
+import dataclasses
+import gc
+
+import numpy as np
+import pytest
+from alone import Alone
+
+from sdt_drake.robot.deviation import Deviation
+from sdt_drake.robot.device import Friction
+from sdt_drake.robot.robot import load_robot
+from sdt_drake.run.loop import make_loop
+from sdt_drake.run.simulate import make_simulator, simulate
+from sdt_drake.systems import load_torque as module
+from sdt_drake.systems.gains import feedforward_torque
+
+RNG = np.random.default_rng(6)
+PORTS = ("load_torque", "alleviating_torque")
+
+
+def torques(block, reference, ports=PORTS):
+    block.give(reference=reference)
+    return [block.output(name) for name in ports]
+
+
+def feedforward(model, law):
+    return Alone("ReferenceTorque", model, outputs=("tau_ff",), law=lambda *x: [law(*x)])
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """The references that inverse dynamics was computed for."""
+    seen, real = [], module.groups_of_sample
+
+    def counted(robot, context, q_and_v, vd):
+        seen.append(np.concatenate([q_and_v, vd]))
+        return real(robot, context, q_and_v, vd)
+
+    monkeypatch.setattr(module, "groups_of_sample", counted)
+    return seen
+
+
+@pytest.mark.parametrize("sign", ["consistent", "printed"])
+@pytest.mark.parametrize("kind", ["none", "ctc", "id"])
+def test_a_design_weights_the_torque_of_its_model_and_not_its_friction(designed, kind, sign):
+    gain = np.array([0.9, 1.1, 0.0, -1.0])
+    fields = {
+        "algorithm": sign,
+        "plant.friction": Friction([300.0] * 4, [20.0] * 4),
+        "controller.kind": "p_pi",
+        "controller.feedforward": kind,
+        "controller.friction_compensation": True,
+        "controller.feedforward_gain": None if kind == "none" else gain.tolist(),
+        "controller.model": Deviation(inertia_scale=1.2),
+    }
+    design = designed("coupled_pi", fields, end=0.1)
+    model = design.model
+    block = feedforward(model, design.feedforward)
+    plain = feedforward(
+        model, lambda groups, v, vd: feedforward_torque(kind, model, groups, vd, sign)
+    )
+    for reference in RNG.normal(size=(5, 12)):
+        v = reference[4:8]
+        of_friction = (300 * np.sign(v) + 20 * v) / model.gear_ratio
+        expected = gain * torques(plain, reference, ["tau_ff"])[0] + of_friction
+        tau_ff = torques(block, reference, ["tau_ff"])[0]
+        np.testing.assert_allclose(tau_ff, expected, rtol=1e-12, atol=1e-9)
+
+
+def test_torques_are_evaluated_for_a_new_reference_and_for_nothing_else(robot, calls):
+    block = Alone("LoadTorque", robot)
+    first, second = RNG.normal(size=(2, 12))
+    block.give(reference=first)
+    for time in (0.0, 1.7):
+        for name in PORTS:
+            block.output(name)
+            block.context.SetTime(time + 1)
+            block.context.SetAccuracy(1e-3 / (1 + time))
+    assert len(calls) == 1
+    torques(block, second)
+    np.testing.assert_array_equal(calls, [first, second])
+
+
+@pytest.mark.parametrize(
+    ("scenario", "kind", "blocks"),
+    [("axis_pi_ctc", "pi_ctc", 1), ("coupled_pi_ctc", "pi_id", 2)],
+)
+def test_torques_are_evaluated_once_per_sample_in_a_run(designed, scenario, kind, blocks, calls):
+    fields = {"inverse_dynamics": "online", "controller.kind": kind}
+    # With a disturbance the loop depends on time.
+    design = designed(scenario, fields | {"disturbance.amplitude": 0.05}, start=2.1, end=2.4)
+    motion = design.motion
+    calls.clear()
+    simulate(design)
+    references = np.hstack([motion.q, motion.v, motion.vd])
+    counts = [np.sum((calls == reference).all(axis=1)) for reference in references]
+    assert len(calls) == sum(counts)
+    # The start takes the first sample, too; the last acts after the end.
+    assert counts[1:] == [blocks] * (len(counts) - 2) + [0]
+    assert blocks <= counts[0] <= 2 * blocks
+
+
+def test_contexts_do_not_disturb_each_other(robot):
+    references = RNG.normal(size=(3, 12))
+    alone = [torques(Alone("LoadTorque", robot), reference) for reference in references]
+    blocks = [Alone("LoadTorque", robot) for _ in range(3)]
+    system = blocks[0].system
+    blocks[1].system, blocks[1].context = system, system.CreateDefaultContext()
+    torques(blocks[0], references[0])
+    blocks[2].system, blocks[2].context = system, blocks[0].context.Clone()  # as computed
+    for block, reference in zip(blocks, references, strict=True):
+        block.give(reference=reference)
+    for k, name in enumerate(PORTS):  # by port, so that the contexts take turns
+        for block, expected in zip(blocks, alone, strict=True):
+            np.testing.assert_array_equal(block.output(name), expected[k], err_msg=name)
+
+
+def test_blocks_and_simulators_outlive_their_robot_and_design(robot, designed):
+    reference = RNG.normal(size=12)
+
+    def simulator():
+        online = designed("coupled_pi_ctc", {"inverse_dynamics": "online"}, end=0.2)
+        design = dataclasses.replace(online, nominal=load_robot())
+        return make_simulator(make_loop(design), period=design.motion.period, accuracy=1e-4)
+
+    found = []
+    for own in (robot, None):
+        load, alone = Alone("LoadTorque", own or load_robot()), simulator()
+        gc.collect()
+        alone.AdvanceTo(0.1)
+        speeds = alone.get_context().get_continuous_state_vector().CopyToVector()
+        found.append(np.concatenate([*torques(load, reference), speeds]))
+    np.testing.assert_array_equal(*found)

@@ -1,0 +1,155 @@
+"""References, tables and holds, late or not; wiring by name, logs, and the meter."""
+
+import numpy as np
+import pytest
+from alone import LIMIT, LOADS, MOTION, PERIOD, Alone, N, exact, made, outputs_of
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import (
+    Adder,
+    ConstantVectorSource,
+    Gain,
+    LogVectorOutput,
+    PassThrough,
+    Sine,
+)
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.run.simulate import make_simulator
+from sdt_drake.systems import add_meter, connect_by_name, hold_of, mean_torque
+from sdt_drake.systems.wiring import add_logs
+
+ROWS = np.hstack([MOTION.q, MOTION.v, MOTION.vd])
+SIGNALS = {**LOADS._asdict(), "inertia_share": MOTION.v}
+
+
+def near(actual, expected, tolerance=1e-9):
+    np.testing.assert_allclose(actual, expected, rtol=0, atol=tolerance)
+
+
+def test_a_reference_is_exact_at_its_samples_and_linear_between():
+    block = Alone("ReferenceSource")
+    for i, share in [*((i, 0) for i in range(3000)), (0, 0.5), (7, 0.25), (2999, 0.9)]:
+        block.context.SetTime((i + share) * PERIOD)
+        expected = (1 - share) * ROWS[i] + share * ROWS[i + 1]
+        near(block.output("reference"), expected, 1e-8 * share)
+
+
+# Offsets of the samples are the delay without its whole periods.
+@pytest.mark.parametrize(
+    ("delay", "offset"),
+    [
+        (0.0, 0.0),
+        (3 * PERIOD, 0.0),
+        (0.035, 0.0),  # 7 periods, but for the last bit
+        (0.3 * PERIOD, 0.3 * PERIOD),
+        (0.0499, 0.0049),
+    ],
+)
+def test_samples_are_in_force_from_their_arrival_on(delay, offset):
+    builder = DiagramBuilder()
+    source = builder.AddNamedSystem("source", made("ReferenceSource", delay=delay))
+    hold = builder.AddNamedSystem("hold", hold_of(MOTION, 3 * N, delay=delay))
+    table = builder.AddNamedSystem("table", made("SignalTable", signals=SIGNALS, delay=delay))
+    assert list(outputs_of(table)) == list(SIGNALS) and not hold.HasAnyDirectFeedthrough()
+    builder.Connect(source.get_output_port(), hold.get_input_port())
+    builder.ExportOutput(source.get_output_port(), "source")
+    builder.ExportOutput(hold.get_output_port(), "reference")
+    for name in SIGNALS:
+        builder.ExportOutput(table.GetOutputPort(name), name)
+    rows = {"reference": ROWS, **SIGNALS}
+    both = Alone(builder.Build())
+    assert both.timing == pytest.approx((offset, PERIOD), rel=1e-12, abs=0)
+    table.rest(table.GetMyMutableContextFromRoot(both.context))
+    for name, samples in SIGNALS.items():
+        exact(both.output(name), samples[0])
+    exact(both.output("reference"), np.zeros(3 * N))  # a hold alone starts with nothing
+    late = round((delay - offset) / PERIOD)  # samples before row 0 arrives
+    for k in [*range(-late, 4), 1234, 2998]:
+        instant = offset + (k + late) * PERIOD
+        both.context.SetTime(instant)
+        near(both.output("source"), ROWS[max(k, 0)])
+        both.sample(instant)
+        both.context.SetTime(instant + 0.99 * PERIOD)
+        for name, samples in rows.items():
+            near(both.output(name), samples[max(k, 0)])
+
+
+# --- wiring by name --------------------------------------------------------------------------
+
+
+def with_parts(**parts):
+    builder = DiagramBuilder()
+    for name, system in parts.items():
+        builder.AddNamedSystem(name, system)
+    return builder
+
+
+def test_signals_go_to_all_inputs_of_their_name_and_others_come_from_outside():
+    builder = with_parts(
+        one=Gain(2.0, 1), other=Gain(3.0, 1), sum=Adder(3, 1), wired=PassThrough(1)
+    )
+    one, wired = (builder.GetSubsystemByName(name) for name in ("one", "wired"))
+    builder.Connect(one.get_output_port(), wired.get_input_port())  # no input is connected twice
+    aliases = {("one", "y0"): "a", ("other", "y0"): "b", ("other", "u0"): "a"}
+    aliases |= {("one", "u0"): "x", ("sum", "u0"): "a", ("sum", "u1"): "b", ("sum", "u2"): "x"}
+    outputs = connect_by_name(builder, aliases)
+    assert outputs.keys() == {"a", "b", "sum", "y"}
+    builder.ExportOutput(outputs["sum"], "sum")
+    both = Alone(builder.Build())
+    both.give(x=[1.0])
+    exact(both.output("sum"), [2 + 6 + 1])
+
+
+@pytest.mark.parametrize(
+    ("other", "aliases", "message"),
+    [
+        (Gain(3.0, 1), {}, "'y0': .* one and of other"),
+        (PassThrough(1), {("other", "y"): "y0"}, "'y0': .* one and of other"),
+        (PassThrough(3), {("other", "u"): "y0"}, "other: input 'u' .* 3, expected 1"),
+    ],
+    ids=["same name", "same alias", "length"],
+)
+def test_ambiguous_signals_are_refused(other, aliases, message):
+    with pytest.raises(InputError, match=message):
+        connect_by_name(with_parts(one=Gain(2.0, 1), other=other), aliases)
+
+
+def test_logs_have_the_names_and_periods_they_are_given():
+    builder = DiagramBuilder()
+    port = builder.AddNamedSystem("constant", ConstantVectorSource([1.0, 2.0])).get_output_port()
+    sinks = add_logs(builder, {"a": port, "b": port}, 0.25)
+    diagram = builder.Build()
+    assert sinks["a"] is sinks["b"] is diagram.GetSubsystemByName("log.a")
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(1.0)
+    log = sinks["a"].FindLog(simulator.get_context())
+    exact(log.sample_times(), [0, 0.25, 0.5, 0.75, 1])
+    exact(log.data()[:, -1], [1, 2])
+
+
+# --- meter -----------------------------------------------------------------------------------
+
+
+def test_the_meter_reads_the_mean_of_a_sine_and_leaves_the_integrator_its_steps():
+    """0 over whole periods, 2 A / pi over half of one."""
+    builder = DiagramBuilder()
+    sine = Sine(np.array([80.0, -10.0, 0.0]), 2 * np.pi * np.array([10.0, 5.0, 1.0]), np.zeros(3))
+    blocks = {
+        "tau_cmd": ConstantVectorSource(3 * LIMIT),
+        "tau_limited": ConstantVectorSource(LIMIT),
+        "tau": sine,
+    }
+    ports = {name: builder.AddSystem(x).get_output_port(0) for name, x in blocks.items()}
+    signals = add_meter(builder, motor_torque_limit=LIMIT, **ports)
+    log = LogVectorOutput(signals, builder, publish_period=0.1)
+    simulator = make_simulator(builder.Build(), period=0.001, accuracy=1e-12)
+    simulator.Initialize()
+    simulator.AdvanceTo(0.2)
+    commanded, limited, _, metered = np.hsplit(log.FindLog(simulator.get_context()).data().T, 4)
+    exact(commanded, [3 * LIMIT] * 3)
+    exact(limited, [LIMIT] * 3)
+    mean = mean_torque(np.array([metered[:-1], metered[1:]]), LIMIT, np.full((2, 1), 0.1))
+    half = 2 * 10 / np.pi
+    np.testing.assert_allclose(mean, [[0, -half, 0], [0, half, 0]], atol=1e-6 * LIMIT.max())
+    assert simulator.get_integrator().get_num_steps_taken() <= 201  # of 1 ms
