@@ -9,7 +9,9 @@ import numpy as np
 from hypothesis import strategies as st
 from robots import chain_names, chain_sdf, loaded
 
-from sdt_drake.motion import Motion
+from sdt_drake.motion import Motion, MotionProfile
+from sdt_drake.motion.profile import Track
+from sdt_drake.motion.segments import Fourier, Hold, Oscillation, Ramp, Segment, Turn
 from sdt_drake.robot.motors import Motor
 from sdt_drake.robot.robot import Robot
 
@@ -83,3 +85,30 @@ def motors(draw) -> Motor:
         thermal_time_constant=constant, gear_ratio=1.0 if kind == "torque motor" else ratio,
         n1_rpm=n1, n0_rpm=None if n1 is None else n1 + beyond,
     )  # fmt: skip
+
+
+@st.composite
+def profiles(draw, robot: Robot, *, duration: float = 3.0) -> MotionProfile:
+    """Motion profiles from rest to rest, with all kinds of segments, up to about 1 rad/s."""
+    rng = draw(GENERATORS)
+
+    def segments() -> list[Segment]:
+        blend = str(rng.choice(["cosine", "linear"]))
+        a, b, c = rng.uniform(-1, 1, 3)
+        kinds = [
+            [Turn(by_deg=15 * a, duration=1, blend=blend)],
+            [Turn(to_deg=20 * a, duration=1.0, blend=blend)],
+            [Ramp(to_deg_s=40 * a, duration=0.5, blend=blend), Hold(duration=0.3),
+             Ramp(to_deg_s=0, acceleration_deg_s2=120 + 60 * b, blend=blend)],
+            [Oscillation(amplitude=0.05 * a, period=0.8 + 0.3 * b, fade=0.3, end=1)],
+            [Fourier(period=1, sine=[0.04 * a, -0.02 * a], cosine=[0.04 * b, 0.02 * c], end=1)],
+        ]  # fmt: skip
+        return kinds[rng.integers(len(kinds))]
+
+    names = draw(st.lists(st.sampled_from(robot.joint_names), min_size=1, unique=True))
+    tracks = [
+        Track(joint=name, segments=[Hold(duration=rng.uniform(0.1, 0.4)), *segments(), *segments()])
+        for name in names
+    ]
+    start = rng.uniform(-20, 20, robot.n).tolist()
+    return MotionProfile(name="any", duration=duration, start_deg=start, tracks=tracks)

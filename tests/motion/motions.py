@@ -5,10 +5,13 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from test_robot import ARM
+from scipy.optimize import linprog
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
 
 from sdt_drake.motion import Command, Course, Motion, load_command
 from sdt_drake.robot.device import Drive
+from sdt_drake.robot.dynamics import inverse_dynamics
 from sdt_drake.robot.motors import as_driven
 from sdt_drake.robot.robot import Robot, load_robot
 
@@ -76,30 +79,54 @@ def falling(robot: Robot, n1: float, n0: float) -> Robot:
     return as_driven(robot, Drive(n1=n1_, n0=n0_))
 
 
-def tough_swing(folder) -> tuple[Robot, Command]:
-    """A textbook arm of much friction and weak motors, and a swing of its first joint."""
-    changes = ("<damping>0.7", "<damping>20"), ("<effort>90", "<effort>45")
-    swing = knots([0, 0], [0.1, 1], [0.6, 1], [1, 0])
-    swing = command(swing, knots([0, 0], [1, 0]), q0=[-1.5, 0.2])
-    return write_robot(folder, ARM, *changes), swing
-
-
 def sampled(whole: Command, period: float = PERIOD) -> Motion:
     """The motion that a command is, whatever the robot can do."""
     time = np.arange(round(whole.duration / period) + 1) * period
     return Motion.from_speeds(period, whole.q0, whole.speeds(time))
 
 
-# Texts of profiles: what moves, and a way back from a wanted G.
-SPIN = "resultant: {spin: planetary}"
-ALIGNED = "resultant: {spin: planetary, align: roll}"
-ROLL, YAW, PLANETARY = "joint: roll", "joint: yaw", "joint: planetary"
-BACK = "!Ramp {at: 12, to_g: 1, duration: 6}"
+def distance(points: np.ndarray, path: np.ndarray) -> float:
+    """Largest distance of points to the nearest one of a path [rad]."""
+    return float(cKDTree(path).query(points)[0].max())
 
 
-def profile_text(*tracks, duration=20, more=""):
-    """YAML of a profile with `tracks`, each what moves and its segments."""
-    text = f"name: test\nduration: {duration}\n{more}\ntracks:\n"
-    for what, *segments in tracks:
-        text += f"  - {what}\n    segments:\n" + "".join(f"      - {s}\n" for s in segments)
-    return text
+def least_time(robot: Robot, motion: Motion) -> float:
+    """Least duration along a path from rest to rest, without friction: one linear program.
+
+    Unknowns are x = s'^2 at all samples. Of two x within the limits, so is the larger at each
+    sample: the fastest has the largest sum. In a cell s'' = (x[i+1] - x[i]) / (2 h); torques and
+    accelerations are limited at both its ends.
+    """
+    h, count, n = motion.period, len(motion.q) - 1, robot.n
+    rest = np.zeros_like(motion.q[1:])
+    blocks, most = [], []
+    for j in (0, 1):  # ends of the cells
+        q, v, vd = motion.q[j : count + j], motion.v[j : count + j], motion.vd[:-1]
+        gravity = inverse_dynamics(robot, q, rest, rest)
+        inertia = (inverse_dynamics(robot, q, rest, v) - gravity) / (2 * h)
+        velocity = inverse_dynamics(robot, q, v, vd) - gravity - robot.damping * v
+        of_s2, of_x = np.hstack([inertia, v / (2 * h)]), np.hstack([velocity, vd])
+        limit = np.concatenate([robot.effort_limit, np.minimum(robot.acceleration_limit, 1e9)])
+        fixed = np.hstack([gravity, rest])
+        of_ends = [of_x - of_s2, of_s2] if j == 0 else [-of_s2, of_x + of_s2]
+        for sign in (1, -1):
+            blocks.append([sign * x for x in of_ends])
+            most.append(limit - sign * fixed)
+    of_start, of_end = (np.array([block[k] for block in blocks]) for k in (0, 1))
+    shape = of_start.shape  # (4, count, 2 n)
+    rows = np.arange(of_start.size).reshape(shape)
+    cells = np.broadcast_to(np.arange(count)[:, None], shape)
+    A = csr_array(
+        (
+            np.concatenate([of_start.ravel(), of_end.ravel()]),
+            (np.tile(rows.ravel(), 2), np.concatenate([cells.ravel(), cells.ravel() + 1])),
+        ),
+        shape=(of_start.size, count + 1),
+    )
+    speed = np.max(np.abs(motion.v) / np.broadcast_to(robot.velocity_limit, (n,)), axis=1)
+    top = 1 / np.maximum(speed, 1) ** 2
+    top[[0, -1]] = 0
+    bounds = np.column_stack([np.zeros(count + 1), top])
+    x = linprog(-np.ones(count + 1), A_ub=A, b_ub=np.ravel(most), bounds=bounds).x
+    speed = np.sqrt(np.maximum(x, 0))
+    return float(np.sum(2 * h / (speed[1:] + speed[:-1])))

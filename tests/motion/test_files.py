@@ -1,0 +1,238 @@
+"""Motions, their files, and what resampling loses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from motions import PERIOD, SHORT, sampled
+from pydrake.trajectories import PiecewisePolynomial
+from strategies import motions
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.io.resources import models_dir
+from sdt_drake.io.tables import write_table
+from sdt_drake.io.yaml_files import write_yaml
+from sdt_drake.motion import LearnedReference, Motion, import_motion, load_plan, load_profile
+from sdt_drake.motion import trajectory as module
+
+ANY_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def same(one: Motion, other: Motion) -> None:
+    assert one.period == other.period
+    for name in ("q", "v", "vd", "time"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+
+
+# --- motions ---------------------------------------------------------------------------------
+
+
+def test_integrals_of_a_motion_are_those_computed_by_hand():
+    motion = Motion.from_speeds(0.5, np.array([1.0]), np.array([[0.0], [2.0], [2.0], [-2.0]]))
+    np.testing.assert_allclose(motion.vd, [[4], [0], [-8], [0]], atol=1e-15)
+    np.testing.assert_allclose(motion.q, [[1], [1.5], [2.5], [2.5]], atol=1e-15)
+    assert (motion.n, motion.duration) == (1, 1.5)
+
+
+@settings(max_examples=5)
+@given(motion=motions(3, period=0.01), share=st.floats(0, 0.99))
+def test_the_drake_trajectory_has_the_same_positions_speeds_and_accelerations(motion, share):
+    dt = share * motion.period
+    time, q, v, vd = (x[:-1] for x in (motion.time + dt, motion.q, motion.v, motion.vd))
+    expected = q + v * dt + vd * dt**2 / 2, v + vd * dt, vd
+    for order, (right, tolerance) in enumerate(zip(expected, (1e-12, 1e-9, 1e-6), strict=True)):
+        values = motion.trajectory.derivative(order).vector_values(time).T
+        np.testing.assert_allclose(values, right, atol=tolerance)
+    assert motion.trajectory.end_time() == motion.duration
+
+
+@ANY_FILE
+@given(motion=motions(2), period=st.sampled_from([0.005, 0.1, 1 / 3, 1 / 300]))
+def test_a_motion_and_a_learned_reference_come_back_bit_by_bit(tmp_path, motion, period):
+    motion = Motion.from_speeds(period, motion.q[0], motion.v)
+    motion.to_csv(tmp_path / "motion.csv")
+    same(Motion.from_csv(tmp_path / "motion.csv"), motion)
+    same(import_motion(tmp_path / "motion.csv", period)[0], motion)
+    LearnedReference(motion, motion.v).to_csv(tmp_path / "learned.csv", motion)
+    learned = LearnedReference.from_csv(tmp_path / "learned.csv")
+    same(learned.motion, motion)
+    np.testing.assert_array_equal([learned.torque, learned.planned], [motion.v, motion.q])
+
+
+# --- files -----------------------------------------------------------------------------------
+
+# 0.5 s steps: q = t² / 2 up to 1 s, then constant speed. Further columns are ignored.
+CSV = """time,q_ref_1,v_ref_1,vd_ref_1,tau_1
+0.0,0,0,1,9
+0.5,0.125,0.5,1,8
+1.0,0.5,1,0,7
+1.5,1.0,1,0,6
+"""
+LEANS = (models_dir() / "motions/leans.yaml").read_text(encoding="utf-8")
+
+
+@st.composite
+def changed(draw, text: str) -> bytes:
+    """A file with some other bytes in it."""
+    content = text.encode()
+    for _ in range(draw(st.integers(0, 2))):
+        at, gone = draw(st.integers(0, len(content))), draw(st.integers(0, 5))
+        new = draw(st.sampled_from([b"", b"-", b"0", b"nan", b"1e999", b",", b"\n", b"\xff", b"{"]))
+        content = content[:at] + new + content[at + gone :]
+    return content
+
+
+@ANY_FILE
+@given(csv=changed(CSV), yaml=changed(LEANS))
+def test_any_bytes_are_refused_in_lines_or_round_trip(tmp_path, csv, yaml):
+    path, again = tmp_path / "any.csv", tmp_path / "again.csv"
+    path.write_bytes(csv)
+    try:
+        motion = import_motion(path, 0.5)[0]
+    except InputError as error:
+        assert str(error).startswith(str(path))
+    else:
+        motion.to_csv(again)
+        same(Motion.from_csv(again), motion)
+    path, again = tmp_path / "any.yaml", tmp_path / "again.yaml"
+    path.write_bytes(yaml)
+    try:
+        profile = load_profile(path)
+    except InputError as error:
+        assert all(line.startswith(str(path)) for line in str(error).splitlines())
+    else:
+        write_yaml(again, profile)
+        assert load_profile(again) == profile
+
+
+BAD = [
+    (CSV.replace(",v_ref", ",speed"), ": no column v_ref_1"),
+    (CSV.replace("vd_ref", "x"), ": no column vd_ref_1"),
+    (CSV.replace("tau_1", "q_ref_2"), "number of joints"),
+    (CSV.replace("0.5,0.125", "0.7,0.125"), ", line 4: time goes from"),
+    ("time,q_ref_1,v_ref_1,vd_ref_1\n0.5,0,0,0\n1.0,0,0,0\n", ", line 2: time starts at 0.5 s"),
+    (CSV.replace("0.5,1,8", "0.5,0.9,8"), ", line 3: vd_ref_1 does not fit v_ref_1: 0.9"),
+    (CSV.replace("1.5,1.0", "1.5,1.1"), ", line 5: q_ref_1 does not fit v_ref_1: 1.1"),
+    # The last acceleration is held beyond the motion.
+    (CSV.replace("1.0,1,0,6", "1.0,1,7,6"), ", line 5: vd_ref_1"),
+]
+
+
+@pytest.mark.parametrize("text, message", BAD, ids=[case[-1] for case in BAD])
+def test_a_csv_that_is_no_motion_is_refused_with_its_line(tmp_path, text, message):
+    assert text != CSV
+    (tmp_path / "motion.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=f"motion.csv.*{message}"):
+        Motion.from_csv(tmp_path / "motion.csv")
+
+
+def test_positions_that_stand_still_at_a_small_speed_are_refused(tmp_path):
+    # 1e-4 rad/s over 60 s are 6 mrad, but only 5e-7 rad in each period.
+    moving = Motion.from_speeds(0.005, np.zeros(1), np.full((12001, 1), 1e-4))
+    Motion(0.005, np.zeros_like(moving.q), moving.v, moving.vd).to_csv(tmp_path / "motion.csv")
+    with pytest.raises(InputError, match="q_ref_1"):
+        Motion.from_csv(tmp_path / "motion.csv")
+
+
+# --- resampling ------------------------------------------------------------------------------
+
+
+def swing(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Angles and speeds of two joints that swing up and down, from rest to rest in 4 s."""
+    w = np.pi / 2
+    q = np.stack([1 - np.cos(w * time), 0.3 * (1 - np.cos(2 * w * time))], axis=1)
+    v = np.stack([w * np.sin(w * time), 0.6 * w * np.sin(2 * w * time)], axis=1)
+    return q, v
+
+
+@settings(ANY_FILE, max_examples=10)
+@given(
+    gaps=st.lists(st.floats(0.001, 0.013), min_size=1, max_size=9),
+    start=st.floats(-9, 9),
+    given_=st.sampled_from([("v_ref",), ("q_ref",), ("q_ref", "v_ref", "tau")]),
+)
+def test_any_samples_become_the_interpolation_period(tmp_path, gaps, start, given_):
+    time = np.concatenate([[0], np.cumsum(np.resize(gaps, 4000))])
+    time = np.append(time[time < 3.999], 4.0)
+    q, v = swing(time)
+    columns = {"q_ref": q, "v_ref": v, "tau": v}
+    path = tmp_path / "in.csv"
+    write_table(path, time + start, {name: columns[name] for name in given_})
+    motion, loss = import_motion(path, PERIOD)
+    assert motion.period == PERIOD and motion.duration == pytest.approx(4.0)
+    right_q, right_v = swing(motion.time)
+    np.testing.assert_allclose(motion.v, right_v, atol=2e-3)
+    np.testing.assert_allclose(motion.q, right_q, atol=1e-3)
+    if "v_ref" in given_:  # the loss is that at the samples of the file
+        off = np.abs(np.stack([np.interp(time, motion.time, x) for x in motion.v.T], axis=1) - v)
+        np.testing.assert_allclose(loss.speed, off.max(axis=0), atol=1e-9)
+    assert np.all(loss.position < 1e-3)
+
+
+def test_positions_alone_do_not_drift_and_the_end_is_rounded_up(tmp_path):
+    time = 0.001 * np.arange(20003)
+    q = np.stack([np.sin(time) ** 2, np.cos(3 * time)], axis=1)
+    write_table(tmp_path / "in.csv", time, {"q_ref": q})
+    motion, loss = import_motion(tmp_path / "in.csv", PERIOD)
+    assert loss.position.max() < 9.0 * PERIOD**2 / 4 * 1.6  # a h² / 4, and a h² / 8 between samples
+    assert motion.duration == pytest.approx(20.005) and loss.longer == pytest.approx(0.003)
+
+
+V = np.sin(2 * np.pi * np.outer(0.001 * np.arange(2001), [1, 24]))
+
+
+@pytest.mark.parametrize(
+    "time, columns, message",
+    [
+        (0.001 * np.arange(2001), {"v_ref": V}, r"0\.005 s joint 2 loses .* 0\.021 rad/s"),
+        ([0, 0.1], {"v": np.zeros((2, 1))}, "neither v_ref_1 nor q_ref_1"),
+        ([0, 1], {"v_ref": V[:2, :1], "q_ref": V[:2]}, "2 .* q_ref_k and 1 v_ref_k"),
+        ([0, 1e9], {"v_ref": V[:2]}, "1000000th"),
+    ],
+)
+def test_a_motion_that_cannot_be_resampled_is_refused(tmp_path, time, columns, message):
+    path = tmp_path / "in.csv"
+    write_table(path, np.array(time, dtype=float), columns)
+    with pytest.raises(InputError, match=rf"in\.csv: .*{message}"):
+        import_motion(path, PERIOD)
+
+
+def test_a_spline_in_blocks_is_the_spline_of_all(monkeypatch):
+    """Blocks keep memory small; samples beyond their overlap have no influence."""
+    rng = np.random.default_rng(1)
+    time, values = np.cumsum(rng.uniform(0.05, 1.0, 700)), rng.normal(size=(700, 2))
+    at = np.sort(np.append(rng.uniform(time[0], time[-1], 3000), time[[0, 100, 200, -1]]))
+    whole = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(time, values.T)
+    monkeypatch.setattr(module, "_BLOCK", 100)
+    for order in (0, 1):
+        right = whole.derivative(order).vector_values(at).T
+        parts = module.splined(at, time, values, order)
+        np.testing.assert_allclose(parts, right, rtol=0, atol=1e-10)
+
+
+# --- load_plan -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("planner", ["limiter", "retiming"])
+def test_a_csv_at_another_period_is_resampled_and_planned(robot, tmp_path, planner):
+    time, path = 0.0125 * np.arange(321), tmp_path / "in.csv"
+    write_table(path, time, {"v_ref": SHORT.speeds(time)})
+    plan = load_plan(path, robot, period=PERIOD, planner=planner)
+    np.testing.assert_allclose(plan.motion.v, SHORT.speeds(plan.motion.time), atol=0.02)
+    assert 0 < plan.loss.speed.max() < 0.02
+    with pytest.raises(InputError, match=r"in\.csv: .*joint 2"):
+        load_plan(path, robot, period=PERIOD, torque_margin=0.1, planner=planner)
+
+
+def test_the_limiter_only_checks_a_motion_that_retiming_slows_down(robot, tmp_path):
+    path = tmp_path / "m.csv"
+    sampled(SHORT).to_csv(path)
+    margin = 0.9 * load_plan(path, robot, period=PERIOD).peak_use(robot).max()
+    with pytest.raises(InputError, match=r"m\.csv: joint \d .* at .* needs torque"):
+        load_plan(path, robot, period=PERIOD, torque_margin=margin)
+    plan = load_plan(path, robot, period=PERIOD, torque_margin=margin, planner="retiming")
+    assert plan.longer > 0 and plan.loss is None
+    with pytest.raises(InputError, match="planner: 'fast', expected one of limiter, retiming"):
+        load_plan(path, robot, period=PERIOD, planner="fast")

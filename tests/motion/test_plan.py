@@ -1,0 +1,222 @@
+"""Checks that all planners share, and margins against numbers by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from motions import LIMITS, PERIOD, alone, knots, reference, sampled
+
+from sdt_drake.io.errors import InputError
+from sdt_drake.motion import (
+    Motion,
+    checked_torque,
+    commanded_motion,
+    ends_in_motion,
+    margins,
+    plan_motion,
+    retime,
+)
+from sdt_drake.motion.command import Course
+from sdt_drake.motion.segments import Oscillation
+from sdt_drake.motion.spin import spin_geometry
+from sdt_drake.robot.device import Drive
+from sdt_drake.robot.motors import as_driven
+
+
+@pytest.fixture(scope="module")
+def motion(robot):
+    return sampled(reference(robot))
+
+
+# --- limits ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "field, limits, message",
+    [
+        # Joint 2 goes from 0 at 2 s to 1.5 rad/s at 2.5 s: 1.4 at 2.4667 s.
+        ("velocity_limit", [9, 1.4, 9, 9], "2.470 s: .* speed 1.41 rad/s, .* -1.4 to 1.4 rad/s"),
+        ("acceleration_limit", [9, 2.0, 9, 9], "2.000 s: .* acceleration 3 rad/s², .* -2 to 2 "),
+        ("effort_limit", [2e4, 3600, 2e4, 2e4], "9.000 s: .* torque .* -3600 to 3600 N m"),
+    ],
+)
+def test_each_limit_of_the_robot_is_checked(robot, motion, field, limits, message):
+    limited = dataclasses.replace(robot, **{field: np.array(limits)})
+    with pytest.raises(InputError, match=f"joint 2 'roll' at {message}"):
+        checked_torque(limited, motion)
+
+
+@pytest.mark.parametrize("side, limit", [("lower", -0.1), ("upper", 0.02)])
+def test_position_limits_are_checked(robot, motion, side, limit):
+    limits = np.full(4, -99.0 if side == "lower" else 99.0)
+    limits[2] = limit
+    limited = dataclasses.replace(robot, **{f"position_{side}": limits})
+    q = motion.q[:, 2]
+    i = np.flatnonzero(q < limit if side == "lower" else q > limit)[0]
+    with pytest.raises(
+        InputError, match=rf"joint 3 'pitch' at {i * PERIOD:.3f} s: .* position {q[i]:.6g} rad"
+    ):
+        checked_torque(limited, motion)
+
+
+def test_torques_are_checked_with_the_margin(robot, motion):
+    torque = checked_torque(robot, motion)
+    i = np.flatnonzero(np.abs(torque[:, 1]) > 0.9 * 3950)[0]
+    with pytest.raises(
+        InputError,
+        match=rf"joint 2 'roll' at {i * PERIOD:.3f} s: .* {torque[i, 1]:.6g} N m, .* 3555 N m",
+    ):
+        checked_torque(robot, motion, torque_margin=0.9)
+
+
+@pytest.mark.parametrize("use", [checked_torque, margins, plan_motion, retime])
+def test_another_number_of_joints_is_refused_and_does_not_end_the_process(robot, use):
+    other = alone(knots([0, 0], [1, 0]), joints=3)
+    with pytest.raises(InputError, match="3 joints, robot 'sdt' has 4"):
+        use(robot, sampled(other) if use in (checked_torque, margins) else other)
+
+
+def test_a_joint_that_starts_or_ends_in_motion_is_named_with_its_speed(robot):
+    motion = sampled(alone(knots([0, 0.5], [1, 0], [2, -0.25])))
+    assert [text.split("'")[2] for text in ends_in_motion(robot, motion)] == [
+        " starts at 0.5 rad/s",
+        " ends at -0.25 rad/s",
+    ]
+
+
+# --- what a period can show ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("period", [0.007, 31.0, -0.005, 0.0, np.nan, np.inf, 1e-310])
+def test_a_period_that_does_not_divide_the_duration_is_refused(robot, period):
+    with pytest.raises(InputError, match=rf"'reference': duration: .*{period:g} s"):
+        commanded_motion(robot, reference(robot), period)
+
+
+def swing(amplitude, period):
+    """10 s of it."""
+    oscillation = Oscillation(amplitude=amplitude, period=period, fade=1, end=9)
+    return dataclasses.replace(knots([0, 0], [10, 0]), swings=((0.0, oscillation),))
+
+
+NOISE = [0.0, *([1.0, 0, 0, 0, 0] * 1999), *[0.0] * 5]
+
+
+@pytest.mark.parametrize(
+    "joint, lost",
+    [
+        # Up to 20 rad/s and back within a period: an area of 0.02 rad.
+        (knots([0, 0], [1.001, 0], [1.002, 20], [1.003, 0], [10, 0]), 0.02),
+        # At every sample the same phase of the swing: the samples are of a steady speed.
+        (swing(1e-4, PERIOD), 1e-4 * 2 * np.pi / PERIOD * 8),
+        # Four samples of each swing see a triangle of the same speed.
+        (swing(0.01, 4 * PERIOD), 0.01 * (1 - np.pi / 4)),
+        # A millisecond of noise, of which every fifth value is taken.
+        (Course.linear(1e-3 * np.arange(10001), NOISE), 1999 * 0.001),
+    ],
+    ids=["short", "fast swing", "swing of few samples", "fine samples"],
+)
+def test_a_command_too_fast_for_the_period_is_refused_with_the_lost_angle(robot, joint, lost):
+    with pytest.raises(InputError, match=r"'alone': joint 2 'roll' at .* 0\.005 s loses") as error:
+        commanded_motion(robot, alone(joint, 2), PERIOD)
+    reported = float(str(error.value).partition("loses ")[2].split()[0])
+    assert reported == pytest.approx(np.degrees(lost), rel=0.02)
+
+
+def test_a_short_alignment_is_refused_though_its_speed_is_0_at_both_ends(robot):
+    ramp = Course(np.array([0, 1.001, 1.004, 2]), np.array([0, 0, 1.0, 1.0]), np.array([True] * 3))
+    geometry = spin_geometry(robot, "planetary", "roll", "here")
+    with pytest.raises(InputError, match=r"joint 2 'roll' .* loses"):
+        whole = dataclasses.replace(alone(ramp), alignment=(1, ramp, geometry))
+        commanded_motion(robot, whole, PERIOD)
+
+
+@pytest.mark.parametrize(
+    "joint, message",
+    [
+        (knots([0, 0], [5, 1e300], [10, 0]), r"e\+297 rad/s, .* 10000 rad/s"),
+        (knots([0, 0], [5, 0], [5.005, 9e3], [10, 0]), r"1.8e\+06 rad/s², .* 1e\+06"),
+        (knots([0, 9e3], [200, 9e3]), r"1e\+06 rad, .* 1e\+06 rad"),
+        (swing(1e308, 0.001), "nan rad/s"),
+    ],
+    ids=["speed", "acceleration", "angle", "no number"],
+)
+def test_an_implausible_command_is_refused(robot, joint, message):
+    with pytest.raises(InputError, match=rf"'alone': joint 2 'roll' at .* commanded .*{message}"):
+        commanded_motion(robot, alone(joint, 2), PERIOD)
+
+
+# --- margins ---------------------------------------------------------------------------------
+
+
+def test_peak_rms_and_the_tightest_place_of_the_reference_motion(robot, motion):
+    report = margins(robot, motion)
+    share = report.peak_torque / LIMITS
+    np.testing.assert_array_equal(np.round(share, 2), [0.82, 0.93, 0.30, 0.23])
+    # The integral of a motion that ends at rest, of the same samples.
+    power = np.sum(report.torque[:-1] ** 2, axis=0) * motion.period / motion.duration
+    np.testing.assert_allclose(report.rms_torque**2, power, rtol=1e-12)
+    place = report.smallest
+    assert (place.joint, place.quantity, place.time) == (1, "torque", 9)
+    assert place.share == share[1] and place.left == 1 - place.share
+    np.testing.assert_array_equal(report.to_stop, np.inf)
+    assert set(report.share) == {"torque", "speed"}
+
+
+def test_a_limit_of_speed_or_acceleration_can_be_the_tightest(robot, motion):
+    limited = dataclasses.replace(
+        robot,
+        velocity_limit=np.array([2.5, np.inf, np.inf, np.inf]),
+        acceleration_limit=np.array([np.inf, 3.1, np.inf, np.inf]),
+    )
+    speed, acceleration = (margins(limited, motion).tightest(k) for k in (0, 1))
+    assert (speed.quantity, acceleration.quantity) == ("speed", "acceleration")
+    assert (speed.share, acceleration.share) == pytest.approx((2.4 / 2.5, 3 / 3.1))
+    assert 5.833 <= speed.time <= 20
+
+
+def test_positions_are_measured_to_both_limits_or_a_single_one(robot, motion):
+    degrees = np.degrees(motion.q)
+    lower, upper = np.full((2, 4), np.inf) * [[-1], [1]]
+    lower[2], upper[2] = np.radians([-12, 4])  # the middle is -4, 8 deg to either side
+    upper[3] = np.radians(20)  # from the start, at 0
+    limited = dataclasses.replace(robot, position_lower=lower, position_upper=upper)
+    report = margins(limited, motion)
+    farthest = max(-4 - degrees[:, 2].min(), degrees[:, 2].max() + 4) / 8
+    expected = [0, 0, farthest, degrees[:, 3].max() / 20]
+    np.testing.assert_allclose(report.share["position"].max(axis=0), expected, rtol=1e-9)
+    to_stop = min(degrees[:, 2].min() + 12, 4 - degrees[:, 2].max())
+    np.testing.assert_allclose(np.degrees(report.to_stop[2:]), [to_stop, 20 - degrees[:, 3].max()])
+    lower[3], upper[3] = np.radians(-20), np.inf  # that alone, from the start
+    share = margins(limited, motion).share["position"][:, 3].max()
+    assert share == pytest.approx(-degrees[:, 3].min() / 20, rel=1e-9)
+    lower[3] = motion.q[0, 3]  # it starts at the limit: no margin
+    below = margins(limited, motion)
+    assert below.share["position"][0, 3] == 1 and below.smallest.left <= 0
+
+
+def test_an_envelope_takes_torque_from_driving_but_not_from_braking(robot):
+    motion = sampled(alone(knots([0, 0], [2, 1], [4, 1], [6, 0])))
+    drive = Drive(n1=[33.6, 9, 9, 9], n0=[100.8, 99, 99, 99])  # joint 1: 0.5 and 1.5 rad/s
+    report = margins(as_driven(robot, drive), motion)
+    left = np.clip((1.5 - motion.v[:, 0]) / 1.0, 0, 1)
+    np.testing.assert_allclose(report.highest[:, 0], 13655.04 * left)
+    np.testing.assert_allclose(report.lowest[:, 0], -13655.04)
+    share, plain = (report.share[name][:, 0] for name in ("torque at speed", "torque"))
+    driving = report.torque[:, 0] > 0
+    np.testing.assert_allclose(share[driving], (plain / left)[driving])
+    np.testing.assert_array_equal(share[~driving], plain[~driving])
+    place = report.tightest(0)
+    assert place.quantity == "torque at speed" and place.time == pytest.approx(1.995)
+
+
+def test_torque_grows_between_samples_where_gravity_does(robot):
+    # Joint 2 turns at constant speed from hanging: gravity grows within each period.
+    v = np.zeros((11, 4))
+    v[:, 1] = 1.0
+    report = margins(robot, Motion.from_speeds(0.005, np.zeros(4), v))
+    assert report.growth[1] == 0 and abs(report.torque[-1, 1]) == report.peak_torque[1]
+    v[-1, 1] = 1.1  # now the last period accelerates, and the last sample does not
+    assert margins(robot, Motion.from_speeds(0.005, np.zeros(4), v)).growth[1] > 0
